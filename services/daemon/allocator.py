@@ -1,8 +1,8 @@
-"""What glibc's allocator is told in a process that runs for months with dozens of threads.
+"""Settings of glibc's allocator for a process that runs for months with dozens of threads.
 
-By default each thread gets an arena of its own, and blocks as large as any that was ever freed come
-out of it: what many clients ask at once then stays in pieces that nobody else can use. Of 24
-attackers memory grew by a quarter within ten minutes, though never more was in use at a time.
+By default each thread gets a separate arena, and blocks as large as any that was ever freed are
+taken from it: the memory of many simultaneous requests then remains in pieces that no other thread
+can use. With 24 attackers memory grew by a quarter within ten minutes at constant use.
 """
 
 from __future__ import annotations
@@ -14,17 +14,19 @@ _ARENA_MAX = -8
 """Numbers of parameters in glibc's malloc.h."""
 
 _ARENAS = 2
-_LARGE = 1 << 20
-"""Larger blocks go back to the system as soon as they are freed [bytes]."""
+"""One for the planner's threads, one for zenoh's."""
+
+_MAX_ARENA_BLOCK = 1 << 20
+"""Larger blocks return to the system as soon as they are freed [bytes]: requests are smaller."""
 
 
-def keep_compact() -> bool:
-    """Few arenas, large blocks of their own; False where the C library knows no such settings.
+def limit_malloc_arenas() -> bool:
+    """Use few arenas and separate large blocks; False if the C library has no such settings.
 
-    Threads that have an arena keep it, so this comes before they are started.
+    Threads that have an arena keep it: call it before any are started.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is None:
         return False
-    told = mallopt(_ARENA_MAX, _ARENAS), mallopt(_MMAP_THRESHOLD, _LARGE)
-    return all(told)
+    results = mallopt(_ARENA_MAX, _ARENAS), mallopt(_MMAP_THRESHOLD, _MAX_ARENA_BLOCK)
+    return all(results)

@@ -1,8 +1,8 @@
-"""The zenoh service: what it is made of, how it begins and ends, what it tells of itself.
+"""The zenoh service: its components, start, end and status.
 
-Questions for plans come to :mod:`slopewise.services.planning.plan_endpoint`, maps to
-:mod:`slopewise.services.planning.map_endpoint`, parameters and observations to
-:mod:`slopewise.services.parameters.endpoint`. Zenoh's own threads only put things into their
+Plan requests arrive at :mod:`slopewise.services.planning.plan_endpoint`, maps at
+:mod:`slopewise.services.planning.map_endpoint`, parameter requests and observations at
+:mod:`slopewise.services.parameters.endpoint`. Zenoh's own threads only put messages into their
 bounded queues.
 """
 
@@ -24,104 +24,130 @@ from uuid import uuid4
 import zenoh
 
 from slopewise.models.errors import InputError
-from slopewise.services.daemon import allocator, systemd, warm_up
-from slopewise.services.daemon.quiet_log import NowAndThen
-from slopewise.services.dashboard.board import Board
-from slopewise.services.dashboard.parameter_board import ParameterBoard
-from slopewise.services.io.access import read_text
-from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.daemon import allocator, systemd, warm_up_requests
+from slopewise.services.daemon.log_rate_limit import RateLimitFilter
+from slopewise.services.dashboard.live_state import LiveState
+from slopewise.services.dashboard.parameter_state import ParameterFeed
+from slopewise.services.io.files import read_text
+from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.parameters.active_parameters import ActiveParameters, with_max_speed
 from slopewise.services.parameters.endpoint import ParameterEndpoint
-from slopewise.services.parameters.in_use import ParametersInUse, slowed
-from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.planning.cold_start import compile_first
 from slopewise.services.planning.map_endpoint import MapEndpoint
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.planning.plan_endpoint import PlanEndpoint
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.connect import words_of
-from slopewise.services.wire.messages import ServiceStatus
-from slopewise.services.wire.neighbours import Neighbours, peer_flags
+from slopewise.services.wire.connect import error_text
+from slopewise.services.wire.peer_status import PeerStatus, router_warnings
+from slopewise.services.wire.plan_messages import ServiceStatus
 
 _log = logging.getLogger("slopewise")
 
-_TURN = 0.001
-_LARGEST_STATUS = 1_000_000
-_HANGS_AFTER = 10.0
-_TWIN = "another service has this id"
-_PATIENCE = 2.0
+_SWITCH_INTERVAL = 0.001
+"""Longest wait of planning for a thread that learns or draws [s]: well below a cycle."""
+
+_MAX_STATUS_BYTES = 1_000_000
+"""Largest status of another service that is decoded [bytes]."""
+
+_LEARNING_TIMEOUT = 10.0
+"""Time without a sign of the learning thread from which plans are slowed [s]."""
+
+_DISCOVERY_TIMEOUT = 0.5
+"""Time in which another service with this id answers at the start [s]."""
+
+_STOP_TIMEOUT = 2.0
+"""Longest wait for the status thread to end [s]."""
+
+_DUPLICATE_ID = "another service has this id"
 
 
 class Service:
     """A running service; a context manager."""
 
     def __init__(self, config: ServiceConfig) -> None:
-        """Read model and map, plan once so that the first question finds everything compiled.
+        """Read model and map, and plan once, so that the first request finds all code compiled.
 
         Raises:
-            InputError: a file named in the settings cannot be used.
+            InputError: a file named in the settings is not usable.
         """
         self.config = config
-        self.maps = MapStore(
-            read_map(Path(config.map)) if config.map else None, Path(config.map).name
-        )
+        initial = read_map(Path(config.map)) if config.map else None
+        self.maps = MapStore(initial, Path(config.map).name)
         prior = read_model(find_model(config.model))
-        self.plans = PlanService(config, ParametersInUse(prior))
+        self.plans = PlanService(config, ActiveParameters(prior))
         self.parameters = ParameterService(
-            config, prior, self._map_names_surfaces, self.plans.learn, self._surfaces_on_the_map
+            config, prior, self._map_has_surfaces, self.plans.learn, self._surfaces_of_map
         )
         self.counters: Counter[str] = Counter()
-        self.board = Board()
-        self._neighbours = Neighbours()
-        self._questions = PlanEndpoint(
-            config, self.plans, self.maps, self.counters, self.board.planned
+        self.board = LiveState()
+        self._peers = PeerStatus()
+        self._plan_endpoint = PlanEndpoint(
+            config, self.plans, self.maps, self.counters, self.board.set_plan
         )
-        self._updates = MapEndpoint(config, self.maps, self.counters)
+        self._map_endpoint = MapEndpoint(config, self.maps, self.counters)
         self._stopped = threading.Event()
-        self._teller = threading.Thread(target=self._tell, name="status", daemon=True)
-        self._begun = time.monotonic()
+        self._reporter = threading.Thread(target=self._report, name="status", daemon=True)
+        self._started = time.monotonic()
         self._instance = uuid4().hex
-        self._flags: list[str] = []
-        warm_up.run(self.plans)
+        self._warnings: list[str] = []
+        self._running = contextlib.ExitStack()
+        warm_up_requests.run(self.plans)
 
     def __enter__(self) -> Service:
-        """Open the session and begin to answer."""
+        """Open the session and start to answer; what was started is ended if that fails."""
+        with contextlib.ExitStack() as started:
+            try:
+                self._start(started)
+            except BaseException:
+                self._stopped.set()
+                raise
+            self._running = started.pop_all()
+        return self
+
+    def _start(self, started: contextlib.ExitStack) -> None:
+        """Start all components; ``started`` ends them in reverse order."""
         config = self.config
         try:
             self._session = zenoh.open(zenoh_config(config.zenoh, config.sizes))
         except zenoh.ZError as error:
             where = ", ".join(config.zenoh.listen)
             raise InputError(
-                "zenoh", "listen", f"expected free endpoints, {where}: {words_of(error)}"
+                "zenoh", "listen", f"expected free endpoints, {where}: {error_text(error)}"
             ) from None
-        self._look_for_twin()
-        self._warn(peer_flags(self._session, config.zenoh.mode))
-        # The status tells of it, so it is there before anybody asks.
+        started.callback(self._session.close)
+        self._check_duplicate_id()
+        self._warn(router_warnings(self._session, config.zenoh.mode))
+        # The status reports it, so it exists before the first request.
+        board = ParameterFeed(self.parameters, self.board, config)
         self._learning = ParameterEndpoint(
-            self._session,
-            config,
-            self.parameters,
-            self.counters,
-            ParameterBoard(self.parameters, self.board, config),
+            self._session, config, self.parameters, self.counters, board
         )
-        self._page = self._open_page()
-        self._questions.open()
-        self._updates.open()
-        self._teller.start()
-        self._declared = [
-            self._questions.declare(self._session),
-            self._updates.declare(self._session),
-            self._neighbours.declare(self._session, config.namespace),
+        started.callback(self._learning.close)
+        for component in (self._map_endpoint, self._plan_endpoint):
+            component.open()
+            started.callback(component.close)
+        self._reporter.start()
+        started.callback(self._reporter.join, _STOP_TIMEOUT)
+        declared = [
+            *self._plan_endpoint.declare(self._session),
+            self._map_endpoint.declare(self._session),
+            self._peers.declare(self._session, config.namespace),
             self._session.liveliness().declare_token(config.key(f"alive/{config.id}")),
             self._session.declare_subscriber(
                 config.key("status"), self._on_status, allowed_origin=zenoh.Locality.REMOTE
             ),
         ]
-        return self
+        for declaration in reversed(declared):
+            started.callback(declaration.undeclare)
+        page = self._open_page()
+        if page is not None:
+            started.callback(page.close)
 
     def __exit__(
         self,
@@ -129,63 +155,55 @@ class Service:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Tell whoever waits that nothing will come, and leave."""
+        """Reply to all waiting requests that no answer will come, and leave."""
         self._stopped.set()
-        if self._page is not None:
-            self._page.close()
-        for declared in self._declared:
-            declared.undeclare()
-        self._learning.close()
-        self._questions.close()
-        self._updates.close()
-        self._teller.join(_PATIENCE)
-        self._session.close()
+        self._running.close()
 
     def wait(self, seconds: float | None = None) -> None:
-        """Until :meth:`stop`, or for so long."""
+        """Block until :meth:`stop`, or for a duration [s]."""
         self._stopped.wait(seconds)
 
     def stop(self) -> None:
-        """Let :meth:`wait` return; may be called from anywhere."""
+        """Let :meth:`wait` return; may be called from any thread."""
         self._stopped.set()
 
     def status(self) -> ServiceStatus:
-        """How the service is."""
-        ground = self.maps.ground
+        """State of the service."""
+        snapshot = self.maps.snapshot
         return ServiceStatus(
             service=self.config.id,
-            uptime=time.monotonic() - self._begun,
+            uptime=time.monotonic() - self._started,
             parameters=self.plans.parameters.message(),
-            map_version=0 if ground is None else ground.version,
-            map_age=None if ground is None else ground.age(),
+            map_version=0 if snapshot is None else snapshot.version,
+            map_age=None if snapshot is None else snapshot.age(),
             flags=[
-                *self._flags,
+                *self._warnings,
                 *self.plans.parameters.flags,
                 *self._learning.flags(),
-                *self.plans.flags(ground),
-                *(self.maps.flags() if ground is None else ()),
-                *self._neighbours.flags(),
+                *self.plans.warnings(snapshot),
+                *(self.maps.warnings() if snapshot is None else ()),
+                *self._peers.warnings(),
             ],
-            degraded=[*self.parameters.degraded(), *self.plans.degraded(ground)],
+            degraded=[*self.parameters.degraded(), *self.plans.degraded(snapshot)],
             instance=self._instance,
-            counters=dict(self.counters + self.parameters.told()),
-            seconds=self._questions.seconds(),
+            counters=dict(self.counters + self.parameters.all_counters()),
+            seconds=self._plan_endpoint.seconds(),
         )
 
     # ------------------------------------------------------------------ zenoh's threads
 
     def _on_status(self, sample: zenoh.Sample) -> None:
-        """Another service with this id tells of itself here, too; anything else is none of ours."""
+        """Detect another service with this id by its status; other statuses are ignored."""
         with contextlib.suppress(InputError):
-            other = codec.decode(
-                ServiceStatus, sample.payload, str(sample.encoding), "status", _LARGEST_STATUS
+            status = codec.decode(
+                ServiceStatus, sample.payload, str(sample.encoding), "status", _MAX_STATUS_BYTES
             )
-            if other.service == self.config.id and other.instance != self._instance:
-                self._has_twin()
+            if status.service == self.config.id and status.instance != self._instance:
+                self._note_duplicate_id()
 
     # ------------------------------------------------------------------ own threads
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         key = self.config.key("status")
         publisher = self._session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP
@@ -194,81 +212,83 @@ class Service:
         while not self._stopped.wait(self.config.status.period):
             publisher.put(codec.encode(self.status(), Format.JSON), encoding=encoding)
             self._watch_learning()
-            if self._questions.well():
-                systemd.tell(systemd.ALIVE)
+            if self._plan_endpoint.is_alive():
+                systemd.notify_systemd(systemd.ALIVE)
 
-    # ------------------------------------------------------------------ beginning
+    def _watch_learning(self) -> None:
+        """Slow plans while the learning thread hangs: parameters would age unnoticed."""
+        if time.monotonic() - self._learning.beat < _LEARNING_TIMEOUT:
+            return
+        reason = "learning hangs"
+        if f"degraded: {reason}" not in self.plans.parameters.flags:
+            speed = self.config.learning.degraded_speed
+            self.plans.learn(with_max_speed(self.plans.parameters, speed, reason))
+
+    # ------------------------------------------------------------------ start
 
     def _open_page(self) -> Any:
-        """The live page, if it is wanted; planning goes on without it."""
+        """The live page, if it is enabled; planning continues without it."""
         if not self.config.page.enabled:
             return None
         from slopewise.services.dashboard import server, site
 
-        source = site.Source(status=self.status, ground=lambda: self.maps.ground, board=self.board)
+        source = site.Source(
+            status=self.status, ground=lambda: self.maps.snapshot, board=self.board
+        )
         try:
             hosts = server.own_names(self.config.page.host)
             token = self.config.page.token and read_text(Path(self.config.page.token)).strip()
             return server.PageServer(self.config.page, site.Site(source, hosts, token))
         except InputError as error:
-            self._flags.append("the live page cannot be served")
+            self._warnings.append("the live page cannot be served")
             _log.warning("%s", error)
             return None
 
-    def _look_for_twin(self) -> None:
+    def _check_duplicate_id(self) -> None:
         alive = self.config.key(f"alive/{self.config.id}")
-        if any(reply.ok for reply in self._session.liveliness().get(alive, timeout=0.5)):
-            self._has_twin()
+        replies = self._session.liveliness().get(alive, timeout=_DISCOVERY_TIMEOUT)
+        if any(reply.ok for reply in replies):
+            self._note_duplicate_id()
 
-    def _warn(self, words: list[str]) -> None:
-        self._flags.extend(words)
-        for line in words:
-            _log.warning("%s", line)
+    def _note_duplicate_id(self) -> None:
+        if _DUPLICATE_ID not in self._warnings:
+            self._warnings.append(_DUPLICATE_ID)
+            advice = "give each service its own id"
+            _log.warning('duplicate service id "%s" in this namespace; %s', self.config.id, advice)
 
-    def _has_twin(self) -> None:
-        if _TWIN not in self._flags:
-            self._flags.append(_TWIN)
-            _log.warning("another service is called %s", self.config.id)
+    def _warn(self, warnings: list[str]) -> None:
+        self._warnings.extend(warnings)
+        for text in warnings:
+            _log.warning("%s", text)
 
-    def _map_names_surfaces(self) -> bool:
-        ground = self.maps.ground
-        return ground is not None and any(ground.elevation_map.class_names)
+    def _map_has_surfaces(self) -> bool:
+        return any(self._surfaces_of_map())
 
-    def _surfaces_on_the_map(self) -> tuple[str, ...]:
-        ground = self.maps.ground
-        return () if ground is None else ground.elevation_map.class_names
-
-    def _watch_learning(self) -> None:
-        """Parameters that nobody looks after grow old unseen: plans are slower until then."""
-        if time.monotonic() - self._learning.beat < _HANGS_AFTER:
-            return
-        words = "learning hangs"
-        if f"degraded: {words}" not in self.plans.parameters.flags:
-            speed = self.config.learning.degraded_speed
-            self.plans.learn(slowed(self.plans.parameters, speed, words))
+    def _surfaces_of_map(self) -> tuple[str, ...]:
+        snapshot = self.maps.snapshot
+        return () if snapshot is None else snapshot.elevation_map.class_names
 
 
 def serve(
     config: ServiceConfig, seconds: float | None, ready: Callable[[str, dict[str, object]], None]
 ) -> None:
-    """Run until a signal asks to stop, or for so long; once it answers, `ready` is told."""
+    """Run until a signal, or for a duration [s]; ``ready`` is called once requests are answered."""
     import signal
 
-    _log.addFilter(NowAndThen())
-    allocator.keep_compact()
-    compile_first("nobody is answered until that is done (slopewise warm-up does it ahead)")
-    service: Any = Service(config)
-    # What was built up to now stays: the collector need not look at it again between questions.
+    _log.addFilter(RateLimitFilter())
+    allocator.limit_malloc_arenas()
+    compile_first("no request is answered until that is done (slopewise warm-up does it ahead)")
+    service = Service(config)
+    # Objects created up to now stay: the collector need not check them again between requests.
     gc.collect()
     gc.freeze()
-    # Planning waits no longer than that for whoever learns or draws meanwhile.
-    sys.setswitchinterval(_TURN)
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: service.stop())
     with service:
         listens = config.zenoh.listen if config.zenoh.mode != "client" else ("a router",)
         plan = config.key("plan")
         ready(f"{plan} answers at {', '.join(listens)}", {"plan": plan, "listens": [*listens]})
-        systemd.tell(systemd.READY)
+        systemd.notify_systemd(systemd.READY)
         service.wait(seconds)
-        systemd.tell(systemd.STOPPING)
+        systemd.notify_systemd(systemd.STOPPING)

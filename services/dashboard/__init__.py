@@ -1,1 +1,1 @@
-"""What people and monitors see of a running service: a live page, health and metrics over HTTP."""
+"""The live page, health and metrics of a running service over HTTP."""

@@ -1,4 +1,4 @@
-"""The HTTP server of a service: a few threads, few connections, nobody waited for."""
+"""The HTTP server of a service: few threads, few connections, none of them waited for."""
 
 from __future__ import annotations
 
@@ -7,24 +7,25 @@ import threading
 from typing import Any
 
 from slopewise.models.errors import InputError
-from slopewise.services.settings.service import PageSettings
+from slopewise.services.settings.service_settings import PageSettings
 
 _THREADS = 2
-_MOST_CONNECTIONS = 200
-_PATIENCE = 2
-_LOOKS = 1
-"""Connections on which nothing is asked for so long are closed, looked at so often [s]: however
-many somebody holds open, whoever asks for `/health` is heard."""
+"""Threads that answer [1]; planning needs the processors."""
 
-_LARGEST_BODY = 1000
-_LARGEST_HEADER = 16_000
+_MAX_CONNECTIONS = 200
+_IDLE_TIMEOUT, _CLEANUP_INTERVAL = 2, 1
+"""Idle connections are closed after that time, checked at that interval [s]: `/health` is answered
+however many a client holds open."""
+
+_MAX_BODY, _MAX_HEADER = 1000, 16_000
+"""Largest request [B]: the page sends no bodies, and browsers send less than 16 kB of headers."""
 
 
 class PageServer:
     """Serves an application until it is closed.
 
     Raises:
-        InputError: the address cannot be had, or what serves it is not installed.
+        InputError: the address is in use, or the server is not installed.
     """
 
     def __init__(self, settings: PageSettings, application: Any) -> None:
@@ -37,26 +38,26 @@ class PageServer:
                 host=settings.host,
                 port=settings.port,
                 threads=_THREADS,
-                connection_limit=_MOST_CONNECTIONS,
-                channel_timeout=_PATIENCE,
-                cleanup_interval=_LOOKS,
-                max_request_body_size=_LARGEST_BODY,
-                max_request_header_size=_LARGEST_HEADER,
+                connection_limit=_MAX_CONNECTIONS,
+                channel_timeout=_IDLE_TIMEOUT,
+                cleanup_interval=_CLEANUP_INTERVAL,
+                max_request_body_size=_MAX_BODY,
+                max_request_header_size=_MAX_HEADER,
                 ident=None,
             )
         except (OSError, ValueError) as error:
-            words = f"expected a free address, got {settings.host}:{settings.port}: {error}"
-            raise InputError("page", "port", words) from None
+            expected = f"expected a free address, got {settings.host}:{settings.port}: {error}"
+            raise InputError("page", "port", expected) from None
         threading.Thread(target=self._server.run, name="page", daemon=True).start()
 
     def close(self) -> None:
-        """Stop listening; whoever is being answered still is."""
-        # In the server's own thread: nobody closes what it is waiting on.
+        """Stop listening; requests being answered are completed."""
+        # In the server's thread, which waits on these sockets.
         self._server.trigger.pull_trigger(self._server.close)
 
 
 def own_names(host: str) -> frozenset[str]:
-    """Names under which a server on the loopback may be asked; none for one that is open to all."""
+    """Host names accepted by a server on the loopback; empty for one that is open to all."""
     try:
         loopback = ipaddress.ip_address(host).is_loopback
     except ValueError:

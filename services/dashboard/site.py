@@ -1,6 +1,6 @@
-"""The pages and figures of a service as a web application; everything may only be read.
+"""The pages and figures of a service as a read-only web application.
 
-``/`` the live page · ``/state``, ``/learned``, ``/map`` what it draws · ``/health`` 200 while plans
+``/`` the live page · ``/state``, ``/learned``, ``/map`` its content · ``/health`` 200 while plans
 can be made · ``/metrics`` for Prometheus.
 """
 
@@ -15,15 +15,15 @@ from typing import Any
 
 from prometheus_client import make_wsgi_app
 
-from slopewise.services.dashboard import metrics, view
-from slopewise.services.dashboard.board import Board
-from slopewise.services.dashboard.token import cookie, knows
-from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.dashboard import prometheus_metrics, view
+from slopewise.services.dashboard.live_state import LiveState
+from slopewise.services.dashboard.token import cookie, has_valid_token
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.report.limit_colours import limit_colours
 from slopewise.services.report.page import asset, page
 from slopewise.services.report.plan_data import relief
 from slopewise.services.report.png import data_uri
-from slopewise.services.wire.messages import ServiceStatus
+from slopewise.services.wire.plan_messages import ServiceStatus
 
 _SCRIPTS = (
     "helpers.js",
@@ -42,70 +42,75 @@ _HEADERS = [
     ("Cross-Origin-Resource-Policy", "same-origin"),
 ]
 
-_MOST_CELLS = 400
-_SHARE = 0.05
-"""Of a processor, for drawing maps."""
+_MAX_CELLS = 400
+"""Cells of the map's picture along its longer side [1], as many as the page has pixels for."""
+
+_DRAWING_SHARE = 0.05
+"""Share of a processor for drawing maps [1]; planning needs the rest."""
 
 Start = Callable[[str, list[tuple[str, str]]], Any]
+Answer = tuple[str, str, bytes]
+"""Status, content type and body."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
-    """Where the site takes things from; all may be asked from any thread."""
+    """Content of the site; all may be called from any thread."""
 
     status: Callable[[], ServiceStatus]
-    ground: Callable[[], KnownGround | None]
-    board: Board
+    ground: Callable[[], MapSnapshot | None]
+    board: LiveState
 
 
 class Site:
     """A WSGI application.
 
     Args:
-        source: what to show. hosts: names under which it may be asked, so that no page of somebody
-            else reaches it through the browser of a visitor; none: under any.
-        token: that everybody who asks has to know; "" for none.
+        source: content. hosts: accepted host names, so that pages of other sites do not reach it
+            through a visitor's browser; empty: any.
+        token: token that every request has to show; "" for none.
     """
 
     def __init__(
         self, source: Source, hosts: frozenset[str] = frozenset(), token: str = ""
     ) -> None:
         self._source, self._hosts, self._token = source, hosts, token
-        self._metrics = make_wsgi_app(metrics.registry(source.status))
+        self._metrics = make_wsgi_app(prometheus_metrics.registry(source.status))
         self._page = self._html().encode()
         self._lock = Lock()
-        self._drawn: tuple[int, bytes] = (-1, b"null")
-        self._again = 0.0
-        self._answers: dict[str, Callable[[], tuple[str, str, bytes]]] = {
+        self._relief: tuple[int, bytes] = (-1, b"null")
+        self._next_drawing = 0.0
+        self._answers: dict[str, Callable[[], Answer]] = {
             "/": lambda: ("200 OK", "text/html; charset=utf-8", self._page),
             "/state": lambda: _json(view.state(source.status(), source.board)),
             "/learned": lambda: _json(view.learned(source.board)),
-            "/map": lambda: ("200 OK", "application/json", self._relief()),
+            "/map": lambda: ("200 OK", "application/json", self._map()),
             "/health": self._health,
         }
 
     def __call__(self, environ: dict[str, Any], start: Start) -> Iterable[bytes]:
         """Answer one request."""
         path = environ.get("PATH_INFO", "/")
-        name = environ.get("HTTP_HOST", "").rpartition(":")[0] or environ.get("HTTP_HOST", "")
-        if self._hosts and name not in self._hosts:
-            status, kind, body = _text("403 Forbidden", "asked under a name that is not ours")
-        elif self._token and not knows(environ, self._token):
-            status, kind, body = _text("401 Unauthorized", "expected the token of this page")
-        elif environ["REQUEST_METHOD"] not in ("GET", "HEAD"):
-            status, kind, body = _text("405 Method Not Allowed", "may only be read")
-        elif path == "/metrics":
-            found: Iterable[bytes] = self._metrics(environ, start)
-            return found
-        elif (answer := self._answers.get(path)) is None:
-            status, kind, body = _text("404 Not Found", "not here")
-        else:
-            status, kind, body = answer()
+        refusal = self._refusal(environ)
+        if refusal is None and path == "/metrics":
+            metrics: Iterable[bytes] = self._metrics(environ, start)
+            return metrics
+        status, kind, body = refusal or self._answers.get(path, _not_found)()
         headers = [("Content-Type", kind), ("Content-Length", str(len(body))), *_HEADERS]
         if self._token and path == "/" and status.startswith("200"):
             headers.append(("Set-Cookie", cookie(self._token)))
         start(status, headers)
         return [] if environ["REQUEST_METHOD"] == "HEAD" else [body]
+
+    def _refusal(self, environ: dict[str, Any]) -> Answer | None:
+        name = environ.get("HTTP_HOST", "").rpartition(":")[0] or environ.get("HTTP_HOST", "")
+        if self._hosts and name not in self._hosts:
+            return _text("403 Forbidden", "expected a host name of this service")
+        if self._token and not has_valid_token(environ, self._token):
+            return _text("401 Unauthorized", "expected the token of this page")
+        if environ["REQUEST_METHOD"] not in ("GET", "HEAD"):
+            return _text("405 Method Not Allowed", "read-only: expected GET or HEAD")
+        return None
 
     def _html(self) -> str:
         return page(
@@ -119,35 +124,40 @@ class Site:
             own_server=True,
         )
 
-    def _health(self) -> tuple[str, str, bytes]:
+    def _health(self) -> Answer:
         status = self._source.status()
-        # Without ground there is nothing to plan on, and robots are told to brake.
+        # Without a map there are no plans, and robots brake.
         able = status.map_version > 0
         body = {"able": able, "flags": status.flags, "uptime": status.uptime}
         return _json(body, "200 OK" if able else "503 Service Unavailable")
 
-    def _relief(self) -> bytes:
-        """Description and picture of the ground as JSON, drawn once a version.
+    def _map(self) -> bytes:
+        """Description and picture of the map as JSON, drawn once per version.
 
-        Drawing takes the processor from planning, so it may have a small share of it only: where
-        the map changes quicker than that, an older picture is shown.
+        Drawing has a small share of the processor only: where the map changes faster than that,
+        an older picture is shown.
         """
         ground = self._source.ground()
         with self._lock:
             if ground is None:
                 return b"null"
             begun = time.thread_time()
-            if self._drawn[0] != ground.version and time.monotonic() >= self._again:
-                picture, table = relief(ground.elevation_map, _MOST_CELLS)
-                told = {"version": ground.version, "picture": data_uri(picture), **table}
-                self._drawn = ground.version, json.dumps(told, allow_nan=False).encode()
-                self._again = time.monotonic() + (time.thread_time() - begun) / _SHARE
-            return self._drawn[1]
+            if self._relief[0] != ground.version and time.monotonic() >= self._next_drawing:
+                picture, table = relief(ground.elevation_map, _MAX_CELLS)
+                content = {"version": ground.version, "picture": data_uri(picture), **table}
+                self._relief = ground.version, json.dumps(content, allow_nan=False).encode()
+                duration = time.thread_time() - begun
+                self._next_drawing = time.monotonic() + duration / _DRAWING_SHARE
+            return self._relief[1]
 
 
-def _json(value: Any, status: str = "200 OK") -> tuple[str, str, bytes]:
+def _json(value: Any, status: str = "200 OK") -> Answer:
     return status, "application/json", json.dumps(value, allow_nan=False).encode()
 
 
-def _text(status: str, words: str) -> tuple[str, str, bytes]:
-    return status, "text/plain; charset=utf-8", f"{words}\n".encode()
+def _text(status: str, message: str) -> Answer:
+    return status, "text/plain; charset=utf-8", f"{message}\n".encode()
+
+
+def _not_found() -> Answer:
+    return _text("404 Not Found", "no page at this address")

@@ -1,5 +1,5 @@
-"""A word that everybody who looks at the page has to know: in a header, once in the address, then
-in a cookie that only this page is sent.
+"""Token that every request for the page has to show: in a header, once in the address, then in a
+cookie.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from urllib.parse import parse_qs
 _NAME = "slopewise"
 
 
-def knows(environ: dict[str, Any], token: str) -> bool:
-    """Whether a request shows the token."""
-    kind, _, word = environ.get("HTTP_AUTHORIZATION", "").partition(" ")
-    shown = [word] if kind.lower() == "bearer" else []
+def has_valid_token(environ: dict[str, Any], token: str) -> bool:
+    """Return True if a request shows the token."""
+    kind, _, credential = environ.get("HTTP_AUTHORIZATION", "").partition(" ")
+    shown = [credential] if kind.lower() == "bearer" else []
     shown += parse_qs(environ.get("QUERY_STRING", "")).get("token", [])
     try:
-        kept = SimpleCookie(environ.get("HTTP_COOKIE", "")).get(_NAME)
+        cookies = SimpleCookie(environ.get("HTTP_COOKIE", ""))
     except CookieError:
-        kept = None
-    if kept is not None and _same(kept.value, _digest(token)):
+        cookies = SimpleCookie()
+    if _NAME in cookies and _equal(cookies[_NAME].value, _digest(token)):
         return True
-    return any(_same(one, token) for one in shown)
+    return any(_equal(value, token) for value in shown)
 
 
 def cookie(token: str) -> str:
-    """The header that lets a browser go on without the token in its address."""
+    """Cookie that replaces the token in the address of later requests."""
     return f"{_NAME}={_digest(token)}; HttpOnly; SameSite=Strict; Path=/"
 
 
@@ -36,5 +36,5 @@ def _digest(token: str) -> str:
     return hashlib.sha256(f"page {token}".encode()).hexdigest()
 
 
-def _same(one: str, other: str) -> bool:
-    return hmac.compare_digest(one.encode(), other.encode())
+def _equal(a: str, b: str) -> bool:
+    return hmac.compare_digest(a.encode(), b.encode())

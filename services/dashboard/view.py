@@ -1,182 +1,169 @@
-"""What the script of the live page draws, as JSON holds it. Positions are the map's."""
+"""Messages thinned to what the scripts of the live page draw. Positions are the map's."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.services.dashboard.board import Board, FindingSeen, GroupSeen, PlanSeen
-from slopewise.services.wire.messages import Met, Plan, ServiceStatus
+from slopewise.services.dashboard.live_state import LiveState, ProposalEntry
+from slopewise.services.wire.parameter_messages import HistoryEntry
+from slopewise.services.wire.plan_messages import Plan, PlanReply, PlanRequest, ServiceStatus
 
-_MOST_STATIONS = 240
-_MOST_OTHERS = 60
-_OTHER_POINTS = 24
+_MAX_STATIONS = 240
+"""Stations of the chosen plan [1], two per pixel of a small screen's chart."""
+
+_MAX_OTHER_PLANS, _OTHER_POINTS = 60, 24
+"""Other candidates on the map, and points of each [1]: lines that a browser draws quickly."""
+
 _COLUMNS = ("station", "x", "y", "speed", "speed_bound", "stop_distance")
-_DECIMALS = 3
+_DECIMALS, _PARAMETER_DECIMALS = 3, 5
 
 
-def state(status: ServiceStatus, board: Board) -> dict[str, Any]:
-    """What changes all the time: status, and the last plan."""
-    seen = board.plan
+def state(status: ServiceStatus, page: LiveState) -> dict[str, Any]:
+    """Status and last plan, which change all the time."""
     return {
         "status": msgspec.to_builtins(status),
-        "changes": board.changes,
-        "plan": None if seen is None else _answer(seen),
+        "changes": page.changes,
+        "plan": None if page.plan is None else _plan(*page.plan),
     }
 
 
-def _answer(seen: PlanSeen) -> dict[str, Any]:
-    request, reply = seen.request, seen.reply
+def _plan(request: PlanRequest, reply: PlanReply, at: float) -> dict[str, Any]:
     plans = {plan.candidate: plan for plan in reply.plans}
     chosen = plans.get(reply.chosen or "")
-    others = [plan for plan in reply.plans if plan is not chosen][:_MOST_OTHERS]
-    command = reply.command
+    unchosen = [plan for plan in reply.plans if plan is not chosen][:_MAX_OTHER_PLANS]
     return {
-        "age": time.monotonic() - seen.at,
+        "age": time.monotonic() - at,
         "client": request.client,
-        "speed": _number(request.speed),
-        "pose": None if request.pose is None else [_number(v) for v in request.pose],
+        "speed": _rounded(request.speed),
+        "pose": None if request.pose is None else _rounded(list(request.pose)),
         "status": reply.status,
         "reason": reply.reason,
         "kept": reply.kept,
         "candidates": len(reply.ranking),
         "refused": sum(not candidate.usable for candidate in reply.ranking),
-        "command": None if command is None else msgspec.to_builtins(command),
-        "planner": _number(reply.seconds.get("planner", math.nan)),
-        "chosen": None if chosen is None else _driven(chosen),
-        "others": [_other(plan) for plan in others],
+        "command": None if reply.command is None else msgspec.to_builtins(reply.command),
+        "planner": _rounded(reply.seconds.get("planner", math.nan)),
+        "chosen": None if chosen is None else _chosen_plan(chosen),
+        "others": [_path(plan, ("x", "y"), _OTHER_POINTS) for plan in unchosen],
     }
 
 
-def _driven(plan: Plan) -> dict[str, Any]:
-    count = plan.values.shape[1]
-    kept = _spread(count, _MOST_STATIONS)
+def _chosen_plan(plan: Plan) -> dict[str, Any]:
+    stations = _spread(plan.values.shape[1], _MAX_STATIONS)
     names = [limit.name for limit in plan.limits]
     firsts = np.array([limit.first for limit in plan.limits])
-    codes = np.searchsorted(firsts, kept, side="right") - 1
+    codes = np.searchsorted(firsts, stations, side="right") - 1
     return {
-        "name": plan.candidate,
-        "status": plan.status,
         "reason": plan.reason,
-        "travel_time": _number(plan.travel_time),
-        "progress": _number(plan.progress),
-        "length": _number(float(plan.column("station")[-1])),
-        "clear": _number(plan.clear_distance),
-        "least_margin": None if plan.least_margin is None else _number(plan.least_margin),
-        "least_rear_load": _number(plan.least_rear_load),
+        "travel_time": _rounded(plan.travel_time),
+        "progress": _rounded(plan.progress),
+        "length": _rounded(float(plan.column("station")[-1])),
+        "clear": _rounded(plan.clear_distance),
+        "least_margin": _rounded(plan.least_margin),
+        "least_rear_load": _rounded(plan.least_rear_load),
         "limiting": [names[code] for code in codes],
-        "obstacle": _met(plan.obstacle),
-        **{name: _numbers(plan.column(name)[kept]) for name in _COLUMNS},
+        **_path(plan, _COLUMNS, _MAX_STATIONS),
     }
 
 
-def _met(obstacle: Met | None) -> dict[str, Any] | None:
-    if obstacle is None:
-        return None
-    return {"x": _number(obstacle.x), "y": _number(obstacle.y), "bound": obstacle.bound}
-
-
-def _other(plan: Plan) -> dict[str, Any]:
-    kept = _spread(plan.values.shape[1], _OTHER_POINTS)
-    places = {name: _numbers(plan.column(name)[kept]) for name in ("x", "y")}
+def _path(plan: Plan, columns: Sequence[str], count: int) -> dict[str, Any]:
+    stations, met = _spread(plan.values.shape[1], count), plan.obstacle
     return {
         "name": plan.candidate,
         "status": plan.status,
-        "obstacle": _met(plan.obstacle),
-        **places,
+        "obstacle": None
+        if met is None
+        else {"x": _rounded(met.x), "y": _rounded(met.y), "bound": met.bound},
+        **{name: _rounded(plan.column(name)[stations].tolist()) for name in columns},
     }
 
 
-def learned(board: Board) -> dict[str, Any]:
-    """What changes now and then: parameters with their history, ground, stops, the finding."""
-    ground = board.ground
+def learned(page: LiveState) -> dict[str, Any]:
+    """Parameters with their past, terrain, stops and finding, which change now and then."""
+    keys = ("name", "probability", "at")
+    ground = None if page.ground is None else dict(zip(keys, page.ground, strict=True))
+    if ground is not None:
+        ground["probability"] = _rounded(ground["probability"])
+    stops = [
+        {
+            **{name: _rounded(getattr(stop, name)) for name in _STOP_NUMBERS},
+            "surface": stop.surface,
+            "outcome": stop.outcome,
+            "version": version,
+            "at": at,
+        }
+        for stop, version, at in page.stops()
+    ]
     return {
-        "changes": board.changes,
-        "groups": [_group(seen) for seen in board.groups().values()],
-        "ground": None
-        if ground is None
-        else {"name": ground.name, "probability": _number(ground.probability), "at": ground.at},
-        "stops": [
-            {
-                "speed": _number(stop.speed),
-                "grade": _number(stop.grade),
-                "predicted": _number(stop.predicted),
-                "actual": _number(stop.actual),
-                "surface": stop.surface,
-                "outcome": stop.outcome,
-                "version": stop.version,
-                "at": stop.at,
-            }
-            for stop in board.stops()
-        ],
-        "finding": None if board.finding is None else _found(board.finding),
+        "changes": page.changes,
+        "groups": [_group(changes) for changes in page.groups()],
+        "ground": ground,
+        "stops": stops,
+        "finding": None if page.proposal is None else _finding(page.proposal),
     }
 
 
-def _found(seen: FindingSeen) -> dict[str, Any]:
-    offer, told = seen.offer, seen.offer.told()
-    gap = told.stop_distance
+_STOP_NUMBERS = ("speed", "grade", "predicted", "actual")
+
+
+def _finding(entry: ProposalEntry) -> dict[str, Any]:
+    offer, numbers = entry.offer, entry.offer.numbers()
+    gap = numbers.stop_distance
     return {
-        "state": seen.state,
-        "words": seen.words,
-        "purpose": seen.purpose,
-        "command": seen.command,
-        "id": offer.id,
-        "verdict": offer.verdict,
-        "summary": offer.summary,
-        "effects": [
-            {"name": effect.name, "parameters": msgspec.to_builtins(effect.parameters)}
-            for effect in told.effects
-        ],
+        "state": entry.state,
+        "words": entry.message,
+        "purpose": entry.purpose,
+        "command": entry.command,
+        "effects": [msgspec.to_builtins(effect) for effect in numbers.effects],
         "before": gap.before,
         "after": gap.after,
         "floor": gap.noise_floor,
-        "longer": [_number(offer.beside_file.least), _number(offer.beside_file.most)],
-        "at": offer.at,
-        "stops": offer.stops,
-        "cause": offer.cause,
-        "notes": offer.notes,
+        "longer": _rounded([offer.beside_file.least, offer.beside_file.most]),
+        **{name: getattr(offer, name) for name in _OFFER_FIELDS},
     }
 
 
-def _group(seen: Sequence[GroupSeen]) -> dict[str, Any]:
-    last = seen[-1]
-    # By name: in the past a group may have had others.
-    values = [dict(zip(one.names, one.value, strict=True)) for one in seen]
-    stds = [dict(zip(one.names, one.std, strict=True)) for one in seen]
+_OFFER_FIELDS = ("id", "verdict", "summary", "at", "stops", "cause", "notes")
+
+
+def _group(changes: Sequence[HistoryEntry]) -> dict[str, Any]:
+    last = changes[-1]
+    names = list(last.values)
+
+    def rows(tables: Sequence[dict[str, float]]) -> Any:
+        # By name: in the past a group may have had other parameters.
+        return [
+            _rounded([table.get(name) for name in names], _PARAMETER_DECIMALS) for table in tables
+        ]
+
     return {
         "group": last.group,
-        "names": list(last.names),
+        "names": names,
         "valid": last.valid,
         "version": last.version,
         "cause": last.cause,
-        "at": [one.at for one in seen],
-        "value": [[_known(row, name) for name in last.names] for row in values],
-        "std": [[_known(row, name) for name in last.names] for row in stds],
+        "at": [change.at for change in changes],
+        "value": rows([change.values for change in changes]),
+        "std": rows([change.stds for change in changes]),
     }
 
 
-def _known(row: Mapping[str, float | None], name: str) -> float | None:
-    value = row.get(name)
-    return None if value is None else _number(value, 5)
-
-
-def _spread(count: int, most: int) -> NDArray[np.int64]:
-    """Indices from the first to the last, evenly, at most so many."""
-    if count <= most:
+def _spread(count: int, max_count: int) -> NDArray[np.int64]:
+    """Uniform indices from first to last, at most ``max_count``."""
+    if count <= max_count:
         return np.arange(count)
-    return np.unique(np.linspace(0, count - 1, most).round().astype(np.int64))
+    return np.unique(np.linspace(0, count - 1, max_count).round().astype(np.int64))
 
 
-def _number(value: float, decimals: int = _DECIMALS) -> float | None:
-    return round(float(value), decimals) if math.isfinite(value) else None
-
-
-def _numbers(values: NDArray[np.float64]) -> list[float | None]:
-    return [_number(value) for value in values.tolist()]
+def _rounded(value: Any, decimals: int = _DECIMALS) -> Any:
+    """A number or list as JSON holds it: rounded, None where it is not finite."""
+    if isinstance(value, list):
+        return [_rounded(item, decimals) for item in value]
+    return round(float(value), decimals) if value is not None and math.isfinite(value) else None

@@ -1,1 +1,1 @@
-"""The discrepancy workflow inside the service: stops kept, looked at, found."""
+"""The discrepancy workflow inside the service: stops are stored, examined, and effects proposed."""

@@ -1,6 +1,6 @@
-"""Keeps stops, begins looks at them in a process of their own, and gathers what they come to.
+"""Stores stops, starts investigations in a separate process, and collects their results.
 
-Whoever learns calls it and goes on: nothing here waits for the other process.
+Called by the learning thread; never blocks on the investigation process.
 """
 
 from __future__ import annotations
@@ -23,54 +23,54 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
-from slopewise.services.discovery.finding import InvestigationOutcome
-from slopewise.services.discovery.investigate import (
-    BASE,
+from slopewise.services.discovery.investigation_process import (
+    ACTIVE,
+    BASIS,
     FILE,
-    IN_USE,
     JOB,
     OUTCOME,
     InvestigationJob,
 )
-from slopewise.services.discovery.stop_cutter import StopCutter
+from slopewise.services.discovery.proposal_builder import InvestigationOutcome
+from slopewise.services.discovery.stop_extractor import StopExtractor
 from slopewise.services.discovery.stop_store import StopStore, StoredStop
-from slopewise.services.io.access import reason
+from slopewise.services.io.files import reason
 from slopewise.services.io.model_file import write_model
-from slopewise.services.settings.investigation import Investigation
+from slopewise.services.settings.investigation_settings import Investigation
 
 _log = logging.getLogger("slopewise")
 
-_GRACE = 5.0  # [s] that a process gets beyond its limit to end itself
-_FEWEST = 12  # stops from whose scatter something can be told
-_SAID, _MOST_SAID = "said.txt", 2000
-BY_ITSELF = "by schedule"
+_GRACE = 5.0
+"""Time beyond its limit in which a process may end normally [s]."""
+
+_MIN_STOP_COUNT = 12
+"""Stops from which their scatter can be estimated [1], as the workflow requires."""
+
+_ERRORS, _MAX_LOGGED = "errors.txt", 2000
+SCHEDULED = "by schedule"
 
 
 class Investigator:
-    """Stops and looks at them; one thread.
+    """Stored stops and their investigations; one thread.
 
     Attributes:
-        counters: stops kept, lost and damaged; looks begun, done and failed.
-        last: what became of the last look, in words.
+        counters: stops lost; investigations started and failed.
+        last: result of the last investigation as text.
     """
 
     def __init__(self, settings: Investigation, vehicle: str) -> None:
-        """Open the store of the stops, if there is to be one.
-
-        Args:
-            settings: what to keep, when to look. vehicle: its fingerprint.
-        """
+        """Open the store of the stops, if the settings name one; ``vehicle``: fingerprint."""
         self._settings, self._vehicle = settings, vehicle
         self._store: StopStore | None = None
         self._fault = ""
         self.counters: Counter[str] = Counter()
         self.last = ""
-        self._cutter = StopCutter()
+        self._extractor = StopExtractor()
         self._process: subprocess.Popen[bytes] | None = None
         self._folder: Path | None = None
         self._cause = ""
-        self._begun = time.monotonic()
-        self._fresh = 0
+        self._started = time.monotonic()
+        self._new_stops = 0
         if settings.samples:
             try:
                 self._store = StopStore(Path(settings.samples), int(1e6 * settings.megabytes))
@@ -80,24 +80,26 @@ class Investigator:
 
     # ------------------------------------------------------------------ stops
 
-    def hear(self, source: str, columns: Mapping[str, Floats], surface: str, model: str) -> None:
-        """Samples of a drive; what is a stop in them is kept.
+    def add_samples(
+        self, source: str, columns: Mapping[str, Floats], surface: str, model: str
+    ) -> None:
+        """Store the stops that end in these samples of a drive.
 
         Args:
-            source: who drove. columns: (n,) by name. surface: of the ground, "" unknown.
-            model: fingerprint of what is planned with.
+            source: sender. columns: (n,) by name. surface: name of the terrain, "" unknown.
+            model: fingerprint of the model planned with.
         """
         if self._store is None:
             return
-        for cut in self._cutter.take(source, columns, surface):
+        for extracted in self._extractor.add_samples(source, columns, surface):
             stop = StoredStop(
-                source=cut.source,
-                surface=cut.surface,
+                source=extracted.source,
+                surface=extracted.surface,
                 at=time.time(),
                 vehicle=self._vehicle,
                 model=model,
-                columns=list(cut.columns),
-                values=np.stack(list(cut.columns.values())),
+                columns=list(extracted.columns),
+                values=np.stack(list(extracted.columns.values())),
             )
             try:
                 self._store.put(stop)
@@ -108,40 +110,41 @@ class Investigator:
                 self._fault = f"stops are not kept: {error.expected}"
                 continue
             self._fault = ""
-            self._fresh += 1
+            self._new_stops += 1
 
-    # ------------------------------------------------------------------ looks
+    # ------------------------------------------------------------------ investigations
 
     @property
     def running(self) -> bool:
-        """A look is going on."""
+        """True while an investigation is running."""
         return self._process is not None
 
-    def due(self) -> bool:
-        """Whether it is time to look by itself."""
+    def is_due(self) -> bool:
+        """Return True if a scheduled investigation should start."""
         s = self._settings
-        late = time.monotonic() - self._begun >= s.every > 0.0
-        return late and self._store is not None and self._fresh >= s.fresh and not self.running
+        late = time.monotonic() - self._started >= s.every > 0.0
+        enough = self._store is not None and self._new_stops >= s.fresh
+        return late and enough and not self.running
 
-    def begin(self, file: Model, base: Model, in_use: Model, cause: str) -> None:
-        """Begin to look.
+    def begin(self, file: Model, basis: Model, active: Model, cause: str) -> None:
+        """Start an investigation.
 
         Args:
-            file: the model file's. base: to hold the stops against. in_use: planned with now.
-            cause: who asked, in words.
+            file: model of the model file. basis: model to compare the stops with.
+            active: model planned with now. cause: operator or schedule.
 
         Raises:
-            ParameterError: it cannot be begun.
+            ParameterError: it cannot be started.
         """
         if self.running:
-            raise ParameterError("start", "no look going on, one is")
+            raise ParameterError("start", "no running investigation, got one")
         if self._store is None:
-            words = self._fault or "[discrepancy] samples in the settings, got none"
-            raise ParameterError("start", words)
-        if len(self._store) < _FEWEST:
-            words = f"at least {_FEWEST} stored stops, got {len(self._store)}"
-            raise ParameterError("start", words)
-        self._begun = time.monotonic()
+            expected = self._fault or "[discrepancy] samples in the settings, got none"
+            raise ParameterError("start", expected)
+        if len(self._store) < _MIN_STOP_COUNT:
+            expected = f"at least {_MIN_STOP_COUNT} stored stops, got {len(self._store)}"
+            raise ParameterError("start", expected)
+        self._started = time.monotonic()
         folder = Path(tempfile.mkdtemp(prefix="slopewise-look-"))
         job = InvestigationJob(
             store=str(Path(self._settings.samples).resolve()),
@@ -150,85 +153,94 @@ class Investigator:
             names=self._store.latest(int(self._settings.stops)),
             limit=self._settings.limit,
         )
+        models = {FILE: file, BASIS: basis, ACTIVE: _without_learned_surfaces(active, file)}
         try:
-            # Surfaces that were only learned are in none of the others.
-            on = in_use.braking
-            known = {name: on.terrain[name] for name in file.braking.terrain if name in on.terrain}
-            in_use = dataclasses.replace(in_use, braking=dataclasses.replace(on, terrain=known))
-            for name, model in ((FILE, file), (BASE, base), (IN_USE, in_use)):
+            for name, model in models.items():
                 write_model(model, folder / name)
             (folder / JOB).write_bytes(msgspec.json.encode(job))
-            with (folder / _SAID).open("wb") as said:
-                self._process = subprocess.Popen(
-                    [sys.executable, "-m", "slopewise.services.discovery.investigate", str(folder)],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.DEVNULL,
-                    stderr=said,
-                    start_new_session=True,
-                    env=os.environ | {"OMP_NUM_THREADS": "1"},
-                )
+            self._process = _start_process(folder)
         except (OSError, InputError) as error:
             shutil.rmtree(folder, ignore_errors=True)
-            raise ParameterError("start", f"a process to look with: {reason(error)}") from None
-        self._folder, self._cause, self._fresh = folder, cause, 0
+            expected = f"a process for the investigation: {reason(error)}"
+            raise ParameterError("start", expected) from None
+        self._folder, self._cause, self._new_stops = folder, cause, 0
         self.counters["looks"] += 1
-        self.last = f"looking at {len(job.names)} stops, {cause}"
+        self.last = f"investigating {len(job.names)} stops, {cause}"
 
     def poll(self) -> InvestigationOutcome | None:
-        """What a look came to that has ended since; a failed one has no offer."""
+        """Result of an investigation that ended since the last call; a failed one has no offer."""
         process, folder = self._process, self._folder
         if process is None or folder is None:
             return None
-        over = time.monotonic() - self._begun > self._settings.limit + _GRACE
+        over = time.monotonic() - self._started > self._settings.limit + _GRACE
         if process.poll() is None and not over:
             return None
-        outcome = self._ended(process, folder)
+        outcome = self._collect(process, folder)
         if self._store is not None:
-            self._store.put_aside(outcome.damaged)
+            self._store.quarantine(outcome.damaged)
         if outcome.offer is None:
             self.counters["looks_failed"] += 1
-            self.last = f"nothing found, {self._cause}: {outcome.reason}"
+            self.last = f"no result, {self._cause}: {outcome.reason}"
             _log.warning("%s", self.last)
         else:
-            self.last = f"done, {self._cause}: {outcome.offer.words()}"
+            self.last = f"done, {self._cause}: {outcome.offer.text()}"
         return outcome
 
-    def _ended(self, process: subprocess.Popen[bytes], folder: Path) -> InvestigationOutcome:
+    def _collect(self, process: subprocess.Popen[bytes], folder: Path) -> InvestigationOutcome:
         if process.poll() is None:
             process.kill()
-        # Closes what it listens to, and waits for the little that is left.
+        # Closes its input, and waits until it has exited.
         process.communicate()
         self._process = self._folder = None
         try:
             if process.returncode == 0:
-                return msgspec.json.decode(
-                    (folder / OUTCOME).read_bytes(), type=InvestigationOutcome
-                )
-            if time.monotonic() - self._begun >= self._settings.limit:
-                words = f"expected an end within {self._settings.limit:g} s"
+                content = (folder / OUTCOME).read_bytes()
+                return msgspec.json.decode(content, type=InvestigationOutcome)
+            if time.monotonic() - self._started >= self._settings.limit:
+                failure = f"expected an end within {self._settings.limit:g} s"
             else:
-                said = (folder / _SAID).read_text(errors="replace")
-                _log.error("%s", said[-_MOST_SAID:])
-                words = f"the process ended with status {process.returncode}"
+                errors = (folder / _ERRORS).read_text(errors="replace")
+                _log.error("%s", errors[-_MAX_LOGGED:])
+                failure = f"the process ended with status {process.returncode}"
         except (OSError, msgspec.DecodeError) as error:
-            words = f"its outcome cannot be read: {error}"
+            failure = f"its outcome cannot be read: {error}"
         finally:
             shutil.rmtree(folder, ignore_errors=True)
-        return InvestigationOutcome(reason=words, damaged=[])
+        return InvestigationOutcome(reason=failure, damaged=[])
 
-    # ------------------------------------------------------------------ telling
+    # ------------------------------------------------------------------ reports
 
     def flags(self) -> list[str]:
-        """What is not as it should be."""
+        """Warnings about the stored stops."""
         return [self._fault] if self._fault else []
 
-    def told(self) -> Counter[str]:
+    def all_counters(self) -> Counter[str]:
         """Counters for the status."""
         store = Counter[str]() if self._store is None else self._store.counters
         return self.counters + store
 
     def close(self) -> None:
-        """End what is going on."""
+        """End a running investigation."""
         if self._process is not None and self._folder is not None:
             self._process.kill()
-            self._ended(self._process, self._folder)
+            self._collect(self._process, self._folder)
+
+
+def _without_learned_surfaces(active: Model, file: Model) -> Model:
+    """The active model with the surfaces of the file only: no other model has learned ones."""
+    known = active.braking.terrain
+    tables = {name: known[name] for name in file.braking.terrain if name in known}
+    return dataclasses.replace(active, braking=dataclasses.replace(active.braking, terrain=tables))
+
+
+def _start_process(folder: Path) -> subprocess.Popen[bytes]:
+    module = "slopewise.services.discovery.investigation_process"
+    with (folder / _ERRORS).open("wb") as errors:
+        return subprocess.Popen(
+            [sys.executable, "-m", module, str(folder)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+            start_new_session=True,
+            env=os.environ | {"OMP_NUM_THREADS": "1"},
+        )

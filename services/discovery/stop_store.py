@@ -1,7 +1,7 @@
-"""Samples of the last stops on disk: a file a stop, the oldest out, damaged ones put aside.
+"""Samples of the last stops on disk: one file per stop; damaged files are quarantined.
 
 A file is a checksum and a message in MessagePack, written all or nothing. Its number grows from
-stop to stop, whatever clocks do.
+stop to stop, with any setting of the clock.
 """
 
 from __future__ import annotations
@@ -19,23 +19,28 @@ import numpy as np
 from msgspec import Meta
 
 from slopewise.models.errors import InputError
-from slopewise.services.io.access import fault, reason, write_atomic
+from slopewise.services.io.files import fault, reason, write_atomic
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import Message, Text
+from slopewise.services.wire.plan_messages import Message, Text
 
 _NAME = re.compile(r"(\d{12})\.stop")
-_ASIDE = ".damaged"
-_KEPT_ASIDE = 3
-_LARGEST = 64_000_000
-_CHECK = 4  # bytes of the checksum in front
+_QUARANTINED = ".damaged"
+_MAX_QUARANTINED = 3
+"""Damaged files that stay for an operator to inspect [1]."""
+
+_MAX_BYTES = 64_000_000
+"""Largest file that is decoded [B], far above any stop."""
+
+_CHECK = 4
+"""Size of the checksum at the beginning [B]."""
 
 
 class StoredStop(Message, frozen=True):
     """One stop with its samples.
 
     Attributes:
-        source: who drove. surface: what on, empty where nobody knows. at: clock of the day [s].
+        source: sender. surface: its terrain, empty where unknown. at: wall clock [s].
         vehicle, model: fingerprints of the vehicle and of the model planned with then.
         columns: names of the rows. values: (rows, n).
     """
@@ -50,19 +55,19 @@ class StoredStop(Message, frozen=True):
 
 
 class StopStore:
-    """A folder of stops; one process writes to it.
+    """Folder of stops; one process writes to it.
 
     Attributes:
         counters: stops kept, lost, damaged.
     """
 
-    def __init__(self, folder: Path, most_bytes: int) -> None:
-        """Open it, and create it where it is missing.
+    def __init__(self, folder: Path, max_bytes: int) -> None:
+        """Open it, or create it.
 
         Raises:
             InputError: the folder cannot be used.
         """
-        self.folder, self._most_bytes = folder, most_bytes
+        self.folder, self._max_bytes = folder, max_bytes
         self.counters: Counter[str] = Counter()
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -70,16 +75,16 @@ class StopStore:
         except OSError as error:
             raise fault(folder, "", f"expected a folder to write to: {reason(error)}") from None
         self._next = 1 + max((int(name[:12]) for name in self._sizes), default=0)
-        self._make_room()
+        self._evict()
 
     def __len__(self) -> int:
         return len(self._sizes)
 
     def put(self, stop: StoredStop) -> None:
-        """Keep a stop; the oldest make room.
+        """Store a stop; the oldest are deleted at the limit.
 
         Raises:
-            InputError: it cannot be written; what is there stays as it is.
+            InputError: it cannot be written; the stored stops are unchanged.
         """
         content = codec.encode(stop, Format.MESSAGEPACK)
         content = zlib.crc32(content).to_bytes(_CHECK, "little") + content
@@ -88,37 +93,37 @@ class StopStore:
         self._next += 1
         self._sizes[name] = len(content)
         self.counters["stops_kept"] += 1
-        self._make_room()
+        self._evict()
 
-    def latest(self, most: int) -> list[str]:
+    def latest(self, count: int) -> list[str]:
         """Names of the last stops, oldest first."""
-        return sorted(self._sizes)[-most:]
+        return sorted(self._sizes)[-count:]
 
-    def put_aside(self, names: Sequence[str]) -> None:
-        """Take damaged files out of the way; a few are kept to be looked at."""
+    def quarantine(self, names: Sequence[str]) -> None:
+        """Rename damaged files; the last few stay to be inspected."""
         for name in names:
             if self._sizes.pop(name, None) is None:
                 continue
             self.counters["stops_damaged"] += 1
             with contextlib.suppress(OSError):
-                (self.folder / name).replace(self.folder / f"{name}{_ASIDE}")
-        aside = sorted(self.folder.glob(f"*{_ASIDE}"))
-        for path in aside[:-_KEPT_ASIDE]:
+                (self.folder / name).replace(self.folder / f"{name}{_QUARANTINED}")
+        quarantined = sorted(self.folder.glob(f"*{_QUARANTINED}"))
+        for path in quarantined[:-_MAX_QUARANTINED]:
             with contextlib.suppress(OSError):
                 path.unlink()
 
-    def _make_room(self) -> None:
+    def _evict(self) -> None:
         for name in sorted(self._sizes):
-            if sum(self._sizes.values()) <= self._most_bytes:
+            if sum(self._sizes.values()) <= self._max_bytes:
                 return
             with contextlib.suppress(OSError):
                 (self.folder / name).unlink(missing_ok=True)
-            # One that cannot be deleted is not counted twice: the next start finds it again.
+            # One that cannot be deleted is found again by the next start.
             del self._sizes[name]
 
 
 def read_stop(path: Path) -> StoredStop:
-    """A stop that was kept.
+    """A stored stop.
 
     Raises:
         InputError: damaged, or it cannot be read.
@@ -131,17 +136,14 @@ def read_stop(path: Path) -> StoredStop:
     if len(check) < _CHECK or zlib.crc32(payload) != int.from_bytes(check, "little"):
         raise fault(path.name, "", "expected a whole file, its checksum does not fit")
     encoding = codec.encoding_of(StoredStop, Format.MESSAGEPACK)
-    stop = codec.decode(StoredStop, payload, encoding, path.name, _LARGEST)
+    stop = codec.decode(StoredStop, payload, encoding, path.name, _MAX_BYTES)
     if stop.values.ndim != 2 or len(stop.values) != len(stop.columns):
         raise fault(path.name, "values", f"expected {len(stop.columns)} rows of samples")
     return stop
 
 
 def read_stops(folder: Path, names: Sequence[str]) -> tuple[list[StoredStop], list[str], str]:
-    """Stops, names of damaged ones, and a fingerprint of those read.
-
-    Files that are gone by now made room for others: they are left out.
-    """
+    """Stops, names of damaged ones, and a fingerprint of those read; deleted ones are skipped."""
     stops: list[StoredStop] = []
     damaged: list[str] = []
     digest = hashlib.sha256()

@@ -9,9 +9,8 @@ from typing import Any
 
 from slopewise.models.errors import InputError
 from slopewise.services.doctor.robot_facts import ObservedTraffic, TopicTraffic
-from slopewise.services.io.access import fault
-from slopewise.services.io.bags.recording import opened
-from slopewise.services.io.bags.ros_types import GRID_MAP, PATH, SPEED_LIMIT, read_cdr
+from slopewise.services.io.bags import GRID_MAP, PATH, SPEED_LIMIT, opened, read_cdr
+from slopewise.services.io.files import fault
 from slopewise.services.ros.conversions import BOOL, ODOMETRY, TRANSFORMS
 from slopewise.services.ros.settings import EdgeSettings
 
@@ -91,8 +90,8 @@ def live_traffic(edge: EdgeSettings, seconds: float) -> ObservedTraffic:
 
     from slopewise.services.ros.inbox import decoded
     from slopewise.services.ros.node import Node
-    from slopewise.services.settings.service import ZenohSettings
-    from slopewise.services.settings.session import zenoh_config
+    from slopewise.services.settings.service_settings import ZenohSettings
+    from slopewise.services.settings.zenoh_session import zenoh_config
 
     ours, topics, collector = edge.ros, edge.topics, MessageCollector()
     place = ZenohSettings(mode="client", connect=ours.connect, config=ours.config)

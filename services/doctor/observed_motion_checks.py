@@ -8,7 +8,7 @@ import numpy as np
 
 from slopewise.services.doctor.robot_facts import ConfigIssue, ObservedTraffic, RobotFacts, error
 from slopewise.services.guard.overspeed_monitor import OverspeedMonitor
-from slopewise.services.io.bags.ros_types import GRID_MAP, PATH
+from slopewise.services.io.bags import GRID_MAP, PATH
 from slopewise.services.ros.conversions import ODOMETRY
 
 _OVERSPEED_TOLERANCE = 0.25

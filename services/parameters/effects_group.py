@@ -1,62 +1,127 @@
-"""The finding that is offered, and the one that is adopted: a braking model with its effects.
+"""The proposal that was found, and the finding that is adopted: a braking model with its effects.
 
-Vehicle, terrain and limits stay those of the model file whatever is adopted.
+Vehicle, terrain and limits stay those of the model file with any finding.
 """
 
 from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import msgspec
 
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.services.discovery.finding import model_of
-from slopewise.services.discovery.stops_compared import cautious
-from slopewise.services.parameters.group import Description, ParameterGroups, State
-from slopewise.services.wire.offer import Offer
+from slopewise.services.discovery.model_comparison import cautious
+from slopewise.services.discovery.proposal_builder import model_of
+from slopewise.services.parameters.parameter_group import GroupDescription, ParameterGroups, State
+from slopewise.services.wire.model_proposal import ModelProposal
 
 EFFECTS = "effects"
 
 
+@dataclass(frozen=True, slots=True)
 class EffectsGroup(ParameterGroups):
-    """At most one offer, and at most one finding in use.
+    """At most one proposal, and at most one finding in use; every change is a new one.
 
     Attributes:
-        offer: the last finding; None before there was one. adopted: id of the one in use, or "".
+        file: model of the model file. proposal: the last finding; None before there was one.
+        adopted: id of the finding in use, or "". tables: its model; None: the model file's.
+        may_be_faster: an operator accepted stops shorter than by the model file.
+        parked: base force learned on the model file, while the finding contains it.
+        since: monotonic clock at the last change of the finding in use [s].
     """
 
     of_operators = True
 
-    def __init__(
-        self, file: Model, take_up: Callable[[Model | None, State | None], State | None]
-    ) -> None:
-        """Begin with the model file.
+    file: Model
+    proposal: ModelProposal | None = None
+    adopted: str = ""
+    tables: State | None = None
+    may_be_faster: bool = False
+    parked: State | None = None
+    since: float = field(default_factory=lambda: time.monotonic())
+
+    def model(self) -> Model:
+        """The model that braking is learned on top of."""
+        if self.tables is None:
+            return self.file
+        finding = model_of(self.tables, self.file)
+        return finding if self.may_be_faster else cautious(finding, self.file)
+
+    def adopt(self, proposal_id: str, *, faster: bool) -> EffectsGroup:
+        """With the proposed finding in use.
 
         Args:
-            file: its model.
-            take_up: plans and learns on top of a model, or of the file again; given and giving back
-                what stops taught of the base before, where the new model leaves no room for it.
-        """
-        self._file, self._take_up = file, take_up
-        self._digest = hashlib.sha256(repr(file).encode()).hexdigest()[:16]
-        self.offer: Offer | None = None
-        self.adopted = ""
-        self._tables: State | None = None
-        self._faster = False
-        self._before: State | None = None
-        self._since = time.monotonic()
+            proposal_id: finding to adopt. faster: stops may become shorter than by the model file.
 
-    def offered(self, offer: Offer) -> None:
-        """The last finding takes the place of the one before."""
-        self.offer = offer
+        Raises:
+            ParameterError: another finding is proposed, or it may not be adopted.
+        """
+        offer = self.proposal
+        if offer is None or offer.id != proposal_id:
+            there = "none" if offer is None else offer.id
+            raise ParameterError("offer", f"the one that there is, {there}, got {proposal_id}")
+        if not offer.changes:
+            raise ParameterError("offer", f"something to adopt, the finding is {offer.verdict}")
+        if offer.id == self.adopted and faster == self.may_be_faster:
+            raise ParameterError("offer", f"one that is not adopted yet, {offer.id} is")
+        if not faster and not offer.slower:
+            by = offer.beside_file
+            expected = f"`faster` to be set: stops {-by.least:.2f} m shorter at {by.where}"
+            raise ParameterError("faster", expected)
+        if faster and not offer.valid:
+            expected = "a valid finding, as only those may make plans faster"
+            raise ParameterError("offer", f"{expected}, got {offer.verdict} without a closed gap")
+        return self._with_tables(offer.model, faster=faster, adopted=offer.id)
+
+    def _with_tables(self, tables: State | None, *, faster: bool, adopted: str) -> EffectsGroup:
+        since = time.monotonic()
+        return replace(self, tables=tables, may_be_faster=faster, adopted=adopted, since=since)
+
+    def load(self, state: State | None, age: float) -> EffectsGroup:
+        """As a state of ``age`` seconds ago; one that fits what is in use keeps its parked force.
+
+        Raises:
+            ValueError, KeyError, TypeError: a state that there cannot have been.
+        """
+        proposal, adopted = self.read(state)
+        if state is None:
+            reverted = (
+                self if self.tables is None else self._with_tables(None, faster=False, adopted="")
+            )
+            return replace(reverted, proposal=None)
+        after = self
+        if state["model"] != self.tables or bool(state["faster"]) != self.may_be_faster:
+            after = self._with_tables(state["model"], faster=bool(state["faster"]), adopted="")
+            parked = state["before"] if state["before"] is not None else self.parked
+            after = replace(after, parked=parked)
+        return replace(after, proposal=proposal, adopted=adopted, since=time.monotonic() - age)
+
+    def read(self, state: State | None) -> tuple[ModelProposal | None, str]:
+        """The proposal in a stored state, and the id of the finding in use.
+
+        Raises:
+            ValueError, KeyError, TypeError: a state that there cannot have been.
+        """
+        if state is None:
+            return None, ""
+        if state["file"] != self._digest():
+            raise ParameterError(EFFECTS, "a finding for this model file, got another's")
+        proposal = (
+            None if state["offer"] is None else msgspec.convert(state["offer"], ModelProposal)
+        )
+        return proposal, "" if state["model"] is None else str(state["adopted"])
+
+    def _digest(self) -> str:
+        return hashlib.sha256(repr(self.file).encode()).hexdigest()[:16]
 
     def flags(self) -> list[str]:
-        """Brakes that are surely weaker somewhere than is planned with, and nobody adopted it."""
-        offer = self.offer
+        """Warning of brakes that are weaker than planned by a valid finding that is not adopted."""
+        offer = self.proposal
         if offer is None or offer.id == self.adopted or not (offer.changes and offer.valid):
             return []
         if offer.beside_use.most <= 0.0:
@@ -64,81 +129,37 @@ class EffectsGroup(ParameterGroups):
         by = f"up to {offer.beside_use.most:.2f} m longer stops"
         return [f"offer {offer.id} is not adopted: {offer.verdict}, {by}"]
 
-    def adopt(self, wanted: str, *, faster: bool) -> str:
-        """Plan with the finding that is offered.
-
-        Args:
-            wanted: its id. faster: stops may become shorter than by the model file.
-
-        Returns:
-            What it is, in words.
-
-        Raises:
-            ParameterError: it is not what is offered, or may not be adopted.
-        """
-        offer = self.offer
-        if offer is None or offer.id != wanted:
-            there = "none" if offer is None else offer.id
-            raise ParameterError("offer", f"the one that there is, {there}, got {wanted}")
-        if not offer.changes:
-            raise ParameterError("offer", f"something to adopt, the finding is {offer.verdict}")
-        if offer.id == self.adopted and faster == self._faster:
-            raise ParameterError("offer", f"one that is not adopted yet, {offer.id} is")
-        if not faster and not offer.slower:
-            by = offer.beside_file
-            words = f"faster to be said: stops {-by.least:.2f} m shorter at {by.where}"
-            raise ParameterError("faster", words)
-        if faster and not offer.valid:
-            words = f"a finding sure enough to make plans faster, got {offer.verdict}"
-            raise ParameterError("offer", f"{words} without a closed gap")
-        self._use(offer.model, faster=faster, before=None)
-        self.adopted = offer.id
-        return offer.words()
-
-    def _use(self, tables: State | None, *, faster: bool, before: State | None) -> None:
-        model = None
-        if tables is not None:
-            found = model_of(tables, self._file)
-            model = found if faster else cautious(found, self._file)
-        # From one finding to the next, what stood before the first is kept.
-        held = before if before is not None else self._before
-        given = self._take_up(model, held if model is None else None)
-        self._before = None if model is None else given or held
-        self._tables, self._faster, self._since = tables, faster, time.monotonic()
-        if tables is None:
-            self.adopted = ""
-
     # ------------------------------------------------------------------ groups
 
     def apply(self, model: Model) -> Model:
-        """As it is: brakes are learned on top of the finding that was adopted."""
+        """The same model: brakes are learned on top of the adopted finding."""
         return model
 
     def names(self) -> list[str]:
-        """The one."""
+        """The one group."""
         return [EFFECTS]
 
-    def describe(self, group: str) -> Description:
-        """Parameters of the adopted effects, and which finding they are of."""
+    def describe(self, group: str) -> GroupDescription:
+        """Parameters of the adopted effects, and the finding that they are of."""
         values, stds, units = self._values()
         notes: dict[str, str | float] = {}
         if self.adopted:
             notes["adopted"] = self.adopted
-            notes["may be faster than the model file"] = float(self._faster)
-        return Description(
+            notes["may be faster than the model file"] = float(self.may_be_faster)
+        return GroupDescription(
             values=values,
             stds=stds,
             unit=units,
             valid=bool(self.adopted),
             notes=notes,
-            age=time.monotonic() - self._since if self.adopted else 0.0,
+            age=time.monotonic() - self.since if self.adopted else 0.0,
         )
 
     def _values(self) -> tuple[dict[str, float], dict[str, float], dict[str, str]]:
         values, stds, units = {}, {}, {}
-        if self._tables is not None:
-            known = len(self._file.effect)
-            for effect in model_of(self._tables, self._file).effect[known:]:
+        if self.tables is not None:
+            known = len(self.file.effect)
+            for effect in model_of(self.tables, self.file).effect[known:]:
                 for i, (name, value) in enumerate(effect.parameters.items()):
                     key = f"{effect.name}.{name}"
                     values[key], units[key] = value, LAWS[effect.name].parameters[name].unit
@@ -147,44 +168,25 @@ class EffectsGroup(ParameterGroups):
         return values, stds, units
 
     def state(self, group: str) -> State | None:
-        """What a restart needs."""
-        if self.offer is None and self._tables is None:
+        """State for a restart."""
+        if self.proposal is None and self.tables is None:
             return None
         values, stds, _ = self._values()
         return {
-            "file": self._digest,
+            "file": self._digest(),
             "values": values,
             "stds": stds,
             "adopted": self.adopted,
-            "model": self._tables,
-            "faster": self._faster,
-            "before": self._before,
-            "offer": None if self.offer is None else msgspec.to_builtins(self.offer),
+            "model": self.tables,
+            "faster": self.may_be_faster,
+            "before": self.parked,
+            "offer": None if self.proposal is None else msgspec.to_builtins(self.proposal),
         }
 
-    def read(self, state: State | None) -> tuple[Offer | None, str]:
-        """The offer of a kept state, and the id of the finding in use; as :meth:`restore` fails."""
-        if state is None:
-            return None, ""
-        if state["file"] != self._digest:
-            raise ParameterError(EFFECTS, "a finding beside this model file, got another's")
-        offer, in_use = state["offer"], state["model"] is not None
-        known = None if offer is None else msgspec.convert(offer, Offer)
-        return known, str(state["adopted"]) if in_use else ""
-
     def restore(self, group: str, state: State | None, age: float) -> None:
-        """As it was ``age`` seconds ago; ValueError or KeyError if it cannot be."""
-        known, adopted = self.read(state)
-        if state is None:
-            self.offer = None
-            if self._tables is not None:
-                self._use(None, faster=False, before=None)
-            return
-        if state["model"] != self._tables or bool(state["faster"]) != self._faster:
-            self._use(state["model"], faster=bool(state["faster"]), before=state["before"])
-        self.offer, self.adopted = known, adopted
-        self._since = time.monotonic() - age
+        """Not done in place: another finding replaces the braking groups, too."""
+        raise TypeError("findings are restored by LearnerState.load")
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
-        """Effects come out of findings."""
+        """Reject: effects come from findings only."""
         raise ParameterError("group", "a finding to adopt: effects are not set one by one")

@@ -11,21 +11,25 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import Counter, deque
-from typing import Any, Protocol
+from collections import Counter
+from collections.abc import Callable
+from contextlib import nullcontext
+from typing import Any, NamedTuple, Protocol
 
 import msgspec
 import zenoh
 
-from slopewise.models.errors import InputError
 from slopewise.services.parameters import replies
-from slopewise.services.parameters.service import REFUSED, ParameterService
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.parameters.parameter_service import REFUSED, ParameterService
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
+from slopewise.services.wire.endpoint import Endpoint, Handler
+from slopewise.services.wire.fair_queue import FairQueue, Waiting
+from slopewise.services.wire.message_header import read_source
 from slopewise.services.wire.observations import (
     DriveSamples,
-    Receipt,
+    ObservationAck,
     StopObservation,
     TerrainLabel,
 )
@@ -59,6 +63,13 @@ _REST = 2.0
 _LONGEST_REST = 0.05
 
 
+class _Received(NamedTuple):
+    """A message that waits; ``kind``: of :data:`KINDS`, PARAMS or DISCREPANCY."""
+
+    kind: str
+    message: Any
+
+
 class Audience(Protocol):
     """Whoever is shown what is learned; called by the thread that learns."""
 
@@ -87,10 +98,11 @@ class ParameterEndpoint:
         self._session, self._config, self._service = session, config, service
         self._counters = counters
         self._audience = audience
-        self._waiting: deque[tuple[str, float, Any]] = deque()
+        most = int(config.learning.observation_bytes)
+        self._endpoint = Endpoint(counters, most, self._report_fault)
+        self._queue = FairQueue[_Received](config.learning.queue)
         self._alive: dict[str, bool] = {}
-        self._news = threading.Condition()
-        self._closed = False
+        self._alive_lock = threading.Lock()
         self._lost_at = -float("inf")
         self.beat = time.monotonic()
         self._thread = threading.Thread(target=self._work, name="parameters", daemon=True)
@@ -114,11 +126,11 @@ class ParameterEndpoint:
         """Let zenoh go, then the store."""
         for declared in self._declared:
             declared.undeclare()
-        with self._news:
-            self._closed = True
-            self._news.notify()
+        unanswered = self._queue.close()
         self._thread.join(_PATIENCE)
         if not self._thread.is_alive():
+            for waiting in unanswered:
+                self._reject(waiting.item, "the service is stopping")
             self._service.close()
 
     def flags(self) -> list[str]:
@@ -130,42 +142,55 @@ class ParameterEndpoint:
 
     def _putter(self, kind: str) -> Any:
         def put(item: Any) -> None:
-            with self._news:
-                if len(self._waiting) < self._config.learning.queue:
-                    self._waiting.append((kind, time.monotonic(), item))
-                    self._news.notify()
-                    return
-            self._counters["observations_lost"] += 1
-            self._lost_at = time.monotonic()
+            is_observation = kind in KINDS
+            name = str(item.key_expr).rpartition("/")[2]
+            payload = item.payload or b""
+            waiting = Waiting(
+                _Received(kind, item),
+                sender=read_source(payload, str(item.encoding or "")) if is_observation else kind,
+                # Access to these keys is given to operators only.
+                outranks=kind == PARAMS and name in CHANGES,
+            )
+            displaced = self._queue.put(waiting)
+            if displaced is None:
+                return
+            if displaced.item.kind in KINDS:
+                self._counters["observations_lost"] += 1
+                self._lost_at = time.monotonic()
+            if isinstance(displaced.item.message, zenoh.Query):
+                self._queue.reject(displaced)
+                self._queue.interrupt()
 
         return put
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr).rpartition("/")[2]
-        with self._news:
-            # Whether an estimator lives is never lost, and the last word counts.
+        with self._alive_lock:
+            # Whether an estimator lives is never lost, and the last state is used.
             self._alive[name] = sample.kind == zenoh.SampleKind.PUT
-            self._news.notify()
+        self._queue.interrupt()
 
     # ------------------------------------------------------------------ own thread
 
     def _work(self) -> None:
         self._audience.recall()
         while True:
-            with self._news:
-                if not self._waiting and not self._alive and not self._closed:
-                    self._news.wait(_TICK)
-                if self._closed:
-                    return
-                item = self._waiting.popleft() if self._waiting else None
+            waiting = self._queue.take(timeout=_TICK)
+            rejected = self._queue.overdue(block=False)
+            if rejected is None:
+                return
+            with self._alive_lock:
                 alive, self._alive = self._alive, {}
             self.beat = time.monotonic()
             begun = time.thread_time()
             try:
                 for name, is_alive in alive.items():
                     self._service.alive(name, is_alive=is_alive)
-                if item is not None:
-                    self._take(*item)
+                for entry in rejected:
+                    self._reject(entry.item, "too many requests wait, ask again later")
+                if waiting is not None and self._queue.claim(waiting):
+                    self._take(waiting.item.kind, waiting.arrived, waiting.item.message)
+                    self._queue.shares.note_answer(waiting.sender)
                 self._service.tick()
                 self._publish()
                 self._audience.show()
@@ -173,24 +198,38 @@ class ParameterEndpoint:
                 self._counters["faults"] += 1
                 _log.exception("parameters were not looked after as they should be")
                 self._service.fault("learning does not work as it should")
-            if self._waiting:
-                # Whoever sends more than can be learned from does not take the time to plan.
-                time.sleep(min(_REST * (time.thread_time() - begun), _LONGEST_REST))
+            used = time.thread_time() - begun
+            if waiting is not None:
+                self._queue.shares.charge(waiting.sender, used)
+            if len(self._queue):
+                # Senders of more than can be learned from do not take the time to plan.
+                time.sleep(min(_REST * used, _LONGEST_REST))
 
     def _take(self, kind: str, arrived: float, item: Any) -> None:
         if kind in KINDS:
             self._observe(kind, arrived, item)
             return
         with item:
-            try:
-                (self._answer if kind == PARAMS else self._findings)(item)
-            except Exception:  # noqa: BLE001 - logged, counted, flagged, answered
-                asked = str(item.key_expr)
-                reply = self._error(self._note_fault(f"a request on {asked}"))
-                key = asked if "*" not in asked else self._config.key(kind)
-                self._reply(item, key, reply, _written(str(item.encoding or "")))
+            (self._answer if kind == PARAMS else self._findings)(item)
 
-    def _note_fault(self, what: str) -> str:
+    def _reject(self, received: _Received, reason: str) -> None:
+        """Reply to a request that was not handled."""
+        query, kind = received.message, received.kind
+        if not isinstance(query, zenoh.Query):
+            return
+        asked = str(query.key_expr)
+        base = self._config.key(kind if kind in (PARAMS, DISCREPANCY) else f"obs/{kind}")
+        is_observation = kind in KINDS
+        reply = self._failed(reason) if is_observation else self._error(reason)
+        default = Format.MESSAGEPACK if is_observation else Format.JSON
+        written = codec.format_of(str(query.encoding or ""), default)
+        with query:
+            self._endpoint.send(query, base if "*" in asked else asked, reply, written)
+
+    def _error(self, reason: str) -> ParameterReply:
+        return replies.reply_of(self._service, self._config.id, "error", reason)
+
+    def _report_fault(self, what: str) -> str:
         """Count and flag a fault of the service with one message; the reason for its sender."""
         self._counters["faults"] += 1
         _log.exception("%s could not be treated", what)
@@ -199,97 +238,64 @@ class ParameterEndpoint:
 
     def _observe(self, kind: str, arrived: float, item: Any) -> None:
         key = self._config.key(f"obs/{kind}")
-        encoding = str(item.encoding or "")
-        most = int(self._config.learning.observation_bytes)
-        what = f"an observation on obs/{kind}"
-        try:
-            one = codec.decode(KINDS[kind], item.payload or b"", encoding, key, most)
-            what = f"{kind} {one.sequence} of {one.source}"
-            receipt = self._service.observe(kind, one, key, arrived)
-        except InputError as error:
-            self._counters[f"{kind}_malformed"] += 1
-            receipt = self._failed(str(error))
-        except Exception:  # noqa: BLE001 - logged, counted, flagged, answered
-            receipt = self._failed(self._note_fault(what))
+        observation = Handler(
+            KINDS[kind],
+            handle=lambda one: self._service.observe(kind, one, key, arrived),
+            failure=self._failed,
+            name=kind,
+            describe=lambda one: f"{kind} {one.sequence} of {one.source}",
+        )
+        with item if isinstance(item, zenoh.Query) else nullcontext():
+            receipt = self._endpoint.answer(item, key, observation)
         if receipt.status in (REFUSED, "error"):
             _log.info("%s: %s", key, receipt.reason)
-        if isinstance(item, zenoh.Query):
-            with item:
-                self._reply(item, key, receipt, codec.format_of(encoding))
 
-    def _failed(self, reason: str) -> Receipt:
-        log = self._service.log
-        return Receipt(status="error", reason=reason, version=log.version, durable=log.durable)
+    def _failed(self, reason: str) -> ObservationAck:
+        log = self._service.history
+        return ObservationAck(
+            status="error", reason=reason, version=log.version, durable=log.durable
+        )
 
     def _findings(self, query: zenoh.Query) -> None:
-        key, encoding = self._config.key(DISCREPANCY), str(query.encoding or "")
-        question = DiscrepancyQuestion()
-        try:
-            if query.payload is not None and len(query.payload):
-                most = int(self._config.learning.observation_bytes)
-                question = codec.decode(DiscrepancyQuestion, query.payload, encoding, key, most)
-        except InputError as error:
-            self._counters["params_malformed"] += 1
-            self._reply(query, key, self._error(str(error)), _written(encoding))
-            return
-        reply = replies.findings(self._service, question, self._config.id)
-        self._reply(query, key, reply, _written(encoding))
+        request = self._handler(DiscrepancyQuestion, replies.findings, DiscrepancyQuestion())
+        self._endpoint.answer(query, self._config.key(DISCREPANCY), request)
 
     def _answer(self, query: zenoh.Query) -> None:
         asked, base = str(query.key_expr), self._config.key(PARAMS)
-        encoding = str(query.encoding or "")
-        written = _written(encoding)
         name = asked[len(base) + 1 :] if asked.startswith(f"{base}/") else ""
         if name in CHANGES:
-            self._reply(query, asked, self._change(query, name, encoding, asked), written)
+            change = self._handler(CHANGES[name], replies.change)
+            self._endpoint.answer(query, asked, change)
         elif "*" not in asked:
-            self._reply(query, asked, self._read(query, name, encoding, asked), written)
+            self._read(query, name, asked)
         elif query.key_expr.intersects(base):
-            self._reply(query, base, self._read(query, "", encoding, base), written)
+            self._read(query, "", base)
         else:
             # A pattern of groups: each answers with its own key.
-            for group in self._service.learner.names():
+            for group in self._service.learner.state.names():
                 if query.key_expr.intersects(f"{base}/{group}"):
-                    reply = self._read(query, group, encoding, asked)
-                    self._reply(query, f"{base}/{group}", reply, written)
+                    self._read(query, group, f"{base}/{group}")
 
-    def _read(self, query: zenoh.Query, group: str, encoding: str, key: str) -> ParameterReply:
-        question = ParameterQuestion(group=group)
-        try:
-            if query.payload is not None and len(query.payload):
-                most = int(self._config.learning.observation_bytes)
-                question = codec.decode(ParameterQuestion, query.payload, encoding, key, most)
-                if group:
-                    question = msgspec.structs.replace(question, group=group)
-        except InputError as error:
-            self._counters["params_malformed"] += 1
-            return self._error(str(error))
-        return replies.read(self._service, question, self._config.id)
+    def _read(self, query: zenoh.Query, group: str, key: str) -> None:
+        def read(service: ParameterService, question: ParameterQuestion, name: str) -> Any:
+            chosen = msgspec.structs.replace(question, group=group or question.group)
+            return replies.read(service, chosen, name)
 
-    def _change(self, query: zenoh.Query, name: str, encoding: str, key: str) -> ParameterReply:
-        most = int(self._config.learning.observation_bytes)
-        try:
-            request = codec.decode(CHANGES[name], query.payload or b"", encoding, key, most)
-        except InputError as error:
-            self._counters["params_malformed"] += 1
-            return self._error(str(error))
-        return replies.change(self._service, request, self._config.id)
+        request = self._handler(ParameterQuestion, read, ParameterQuestion())
+        self._endpoint.answer(query, key, request)
 
-    def _error(self, reason: str) -> ParameterReply:
-        return replies.reply_of(self._service, self._config.id, "error", reason)
-
-    def _reply(
-        self, query: zenoh.Query, key: str, message: msgspec.Struct, written: Format
-    ) -> None:
-        try:
-            query.reply(
-                key,
-                codec.encode(message, written),
-                encoding=codec.encoding_of(type(message), written),
-            )
-        except zenoh.ZError as error:
-            self._counters["replies_lost"] += 1
-            _log.warning("a reply could not be sent: %s", error)
+    def _handler(
+        self, kind: type[Any], handle: Callable[..., ParameterReply], default: Any = None
+    ) -> Handler[Any, ParameterReply]:
+        """A request about parameters; who names no format is answered in JSON."""
+        return Handler(
+            kind,
+            handle=lambda request: handle(self._service, request, self._config.id),
+            failure=self._error,
+            name=PARAMS,
+            default=default,
+            reply_format=Format.JSON,
+        )
 
     def _publish(self) -> None:
         """Tell each group that changed, then all; whoever is too slow misses it and may ask."""
@@ -310,9 +316,3 @@ class ParameterEndpoint:
             encoding=codec.encoding_of(type(message), Format.JSON),
             congestion_control=zenoh.CongestionControl.DROP,
         )
-
-
-def _written(encoding: str) -> Format:
-    """How to answer: as a machine only to one that said it is."""
-    machine = encoding.startswith(Format.MESSAGEPACK.value)
-    return Format.MESSAGEPACK if machine else Format.JSON

@@ -1,288 +1,228 @@
-"""All groups of one vehicle's parameters, and what observations do to them.
+"""Learning from observations: what stops, drive samples and terrain labels change.
 
-Knows neither versions nor disk: what it says has changed, others keep.
+Knows neither versions nor disk: it returns the names of groups that changed, others store them.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections import deque
-from collections.abc import Callable, Collection
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 
-from slopewise.models.calibration.published import PublishSettings
-from slopewise.models.errors import ParameterError
 from slopewise.models.laws import braking
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_logs.stop_stream import StreamedStop
-from slopewise.services.parameters.braking_groups import BASE, BrakingGroups
-from slopewise.services.parameters.effects_group import EffectsGroup
-from slopewise.services.parameters.ground_now import GroundNow, monitor_maker
-from slopewise.services.parameters.group import DriveNews, ParameterGroups, State
-from slopewise.services.parameters.intake import columns_of
-from slopewise.services.parameters.learnable import StopTaught, may_add, unable
-from slopewise.services.parameters.plausible_stops import MIN_DECELERATION, StopPace, contradiction
-from slopewise.services.parameters.registry import GROUPS
+from slopewise.services.parameters.braking_groups import BASE, group_of
+from slopewise.services.parameters.current_terrain import CurrentTerrain, monitor_maker
+from slopewise.services.parameters.learned_stop import LearnedStop
+from slopewise.services.parameters.learner_state import LearnerState
+from slopewise.services.parameters.observation_filter import columns_of
+from slopewise.services.parameters.parameter_group import DriveUpdate, State
+from slopewise.services.parameters.stop_plausibility import (
+    StopRateLimiter,
+    contradiction,
+    implausible,
+)
 from slopewise.services.parameters.stop_streams import StopStreams
-from slopewise.services.settings.learning import Learning
-from slopewise.services.wire.notices import Notices
+from slopewise.services.settings.learning_settings import Learning
+from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.observations import (
     DriveSamples,
     RobotObservation,
     StopObservation,
     TerrainLabel,
 )
+from slopewise.services.wire.recent_warnings import RecentWarnings
 
-_STRONGEST = PublishSettings().most
-_MOST_STOPS = 200
+_REMEMBERED_STOPS = 200
+"""Last stops that are compared with their predictions [1]; the live page shows 400."""
+
 NOT_LEARNED = "not learned from: "
 
 
 class Learner:
-    """Follows brakes and ground of one vehicle; one thread.
+    """Learns braking and terrain of one vehicle; one thread.
 
     Attributes:
-        ground: what is driven on now. unable: why braking is not learned; empty if it is.
-        effects: the finding that is offered, and the one in use.
-        stops: the last ones, beside what was predicted. stop_count: all there were.
-        implausible, contradictory, too_many: stops that were not learned from: no brakes make
-            them, their numbers do not fit each other, there was no time for so many.
+        state: everything learned, set and adopted.
+        ground: terrain driven on now.
+        stops: the last ones with their predictions.
+        counters: stops learned from, and stops rejected by reason.
     """
 
     def __init__(
         self,
-        prior: Model,
+        file: Model,
         settings: Learning,
         names_surfaces: Callable[[], bool] = bool,
-        on_the_map: Callable[[], Collection[str]] = tuple,
+        map_surfaces: Callable[[], Collection[str]] = tuple,
     ) -> None:
         """Begin with a model file.
 
         Args:
-            prior: its model.
-            settings: of learning.
-            names_surfaces: whether the map in use tells surfaces apart.
-            on_the_map: names of the surfaces that it tells apart.
+            file: its model. settings: how to learn.
+            names_surfaces: returns True while the map in use distinguishes surfaces.
+            map_surfaces: returns the names of the surfaces on the map.
         """
-        self._file = self._prior = prior
         self._settings, self._names_surfaces = settings, names_surfaces
-        self._on_the_map = on_the_map
-        self._braking = BrakingGroups(prior, settings, on_the_map)
-        self._groups = [maker(prior, settings) for maker in GROUPS]
-        self.effects = EffectsGroup(prior, self._take_up)
-        self.ground = GroundNow(
-            prior, monitor_maker(settings.terrains), settings.label_for, settings.sure
+        self.state = LearnerState.of_file(file, settings, map_surfaces)
+        self.ground = CurrentTerrain(
+            file, monitor_maker(settings.terrains), settings.label_for, settings.sure
         )
-        self.unable = self._unable(prior)
-        self.stops: deque[StopTaught] = deque(maxlen=_MOST_STOPS)
-        self.stop_count = self.implausible = self.contradictory = self.too_many = 0
-        self._pace = StopPace(prior.vehicle, settings.stops_at_once)
-        self._notices = Notices()
+        self.stops: deque[LearnedStop] = deque(maxlen=_REMEMBERED_STOPS)
+        self.counters: Counter[str] = Counter()
+        self._rate = StopRateLimiter(file.vehicle, settings.stops_at_once)
+        self._warnings = RecentWarnings()
         self._streams = StopStreams(settings)
         self._last_surface = ""
-        self._arrived = time.monotonic()
 
     # ------------------------------------------------------------------ observations
 
-    def learn(
-        self, one: RobotObservation, key: str, arrived: float | None = None
+    def observe(
+        self, observation: RobotObservation, key: str, arrived: float | None = None
     ) -> tuple[set[str], str]:
-        """Groups that changed, and what became of it.
+        """Learn from an observation; the groups that changed, and the outcome as text.
 
         Args:
-            one: as it was decoded. key: it came on, for errors.
-            arrived: monotonic clock at its arrival, if that is not now [s].
+            observation: decoded message. key: where it arrived, for errors.
+            arrived: monotonic clock at its arrival, if not now [s].
 
         Raises:
             InputError, ParameterError: it cannot be used.
         """
         now = time.monotonic()
-        self._arrived = now if arrived is None else arrived
         if not self._settings.enabled:
-            return set(), self.unable
-        if isinstance(one, TerrainLabel):
-            self.ground.label(one, now)
-            return self.on_surface(now), f"ground is {one.surface}"
-        if isinstance(one, DriveSamples):
-            return self._drive(one, key, now)
-        assert isinstance(one, StopObservation)
-        if words := contradiction(one):
-            self.contradictory += 1
-            self._notices.say(f"stops of {one.source} contradict themselves")
-            return set(), NOT_LEARNED + words
-        force = float(braking.force_ratio_of_deceleration(one.deceleration, one.grade))
-        dead_time = math.nan if one.dead_time is None else one.dead_time
-        stop = StreamedStop(
-            now, one.speed, one.grade, force, one.deceleration_std / GRAVITY, dead_time
-        )
-        changed = self.on_surface(now)
-        return self._stop(stop, one.surface or self.ground.surface(now), one, one.distance, changed)
+            return set(), self.state.unsupported_reason
+        if isinstance(observation, TerrainLabel):
+            self.ground.label(observation, now)
+            return self.follow_terrain(now), f"ground is {observation.surface}"
+        arrived = now if arrived is None else arrived
+        if isinstance(observation, DriveSamples):
+            return self._observe_drive(observation, key, now, arrived)
+        assert isinstance(observation, StopObservation)
+        return self._observe_stop(observation, now, arrived)
 
-    def _drive(self, one: DriveSamples, key: str, now: float) -> tuple[set[str], str]:
-        columns = columns_of(one, key)
-        ground = self.ground.drive(one.source, columns)
-        samples = DriveNews(one.source, columns, ground)
-        changed = {group for groups in self._all() for group in groups.drive(samples)}
-        if ground.changed and self._braking.ground_changed("", self._last_surface):
+    def _observe_stop(
+        self, stop: StopObservation, now: float, arrived: float
+    ) -> tuple[set[str], str]:
+        if reason := contradiction(stop):
+            self.counters["stops_contradictory"] += 1
+            self._warnings.add(f"stops of {stop.source} contradict themselves")
+            return set(), NOT_LEARNED + reason
+        measured = StreamedStop(
+            now,
+            stop.speed,
+            stop.grade,
+            float(braking.force_ratio_of_deceleration(stop.deceleration, stop.grade)),
+            stop.deceleration_std / GRAVITY,
+            math.nan if stop.dead_time is None else stop.dead_time,
+        )
+        changed = self.follow_terrain(now)
+        surface = stop.surface or self.ground.surface(now)
+        more, reason = self._learn(measured, surface, stop.source, stop.distance, arrived)
+        return changed | more, reason
+
+    def _observe_drive(
+        self, samples: DriveSamples, key: str, now: float, arrived: float
+    ) -> tuple[set[str], str]:
+        columns = columns_of(samples, key)
+        ground = self.ground.drive(samples.source, columns)
+        update = DriveUpdate(samples.source, columns, ground)
+        changed = {name for kind in self.state.kinds() for name in kind.drive(update)}
+        forces = self.state.braking.forces
+        if ground.changed and forces.lower_base("", self._last_surface):
             changed.add(BASE)
-        changed |= self.on_surface(now)
+        changed |= self.follow_terrain(now)
         reason = "the ground changed" if ground.changed else "samples"
-        surface = one.surface or self.ground.surface(now)
-        for stop in self._streams.feed(one.source, columns, self._braking.dead_time()):
-            changed, reason = self._stop(stop, surface, one, None, changed)
+        surface = samples.surface or self.ground.surface(now)
+        for stop in self._streams.feed(samples.source, columns, forces.dead_time()):
+            more, reason = self._learn(stop, surface, samples.source, None, arrived)
+            changed |= more
         return changed, reason
 
-    def _stop(
+    def _learn(
         self,
         stop: StreamedStop,
         surface: str,
-        one: RobotObservation,
+        source: str,
         distance: float | None,
-        changed: set[str],
+        arrived: float,
     ) -> tuple[set[str], str]:
-        if self.unable:
-            return changed, self.unable
-        # Wheels that lock stand at once, and a push downhill is no brake: neither tells of brakes.
-        if not 0.0 < stop.force_ratio <= _STRONGEST:
-            self.implausible += 1
-            words = f"F_b/W above 0 and at most {_STRONGEST:g}, got {stop.force_ratio:.3g}"
-            return changed, f"{NOT_LEARNED}expected {words}"
-        slowing = GRAVITY * (stop.force_ratio + math.sin(stop.grade))
-        if not slowing >= MIN_DECELERATION:
-            self.implausible += 1
-            words = f"a deceleration of at least {MIN_DECELERATION:g} m/s², got {slowing:.3g}"
-            return changed, f"{NOT_LEARNED}expected {words}"
-        takes = self._pace.takes(stop.onset_speed, max(slowing, 0.1), stop.dead_time)
-        # Bad news is heard at any rate: it makes plans slower only.
-        room = self._pace.room(takes, self._arrived)
-        expected = 0.0 if room else self._braking.expected(surface, stop.onset_speed, stop.grade)
-        if not room and stop.force_ratio >= expected:
-            self.too_many += 1
-            self._notices.say("more stops came than the vehicle can make")
-            return changed, f"{NOT_LEARNED}more stops than the vehicle can make"
-        done = self._braking.take(stop, surface, one.source, distance)
-        self.stops.append(done)
-        self.stop_count += 1
-        changed = changed | {f"{BASE}.{surface}" if surface else BASE}
-        # Where the map names no surfaces, the base stands for the ground there is.
+        """Learn from a measured stop, if it is plausible."""
+        if self.state.unsupported_reason:
+            return set(), self.state.unsupported_reason
+        if expected := implausible(stop):
+            self.counters["stops_implausible"] += 1
+            return set(), f"{NOT_LEARNED}expected {expected}"
+        forces = self.state.braking.forces
+        # Weaker stops are always learned from: they only make plans slower.
+        if not self._rate.accepts(stop, arrived) and stop.force_ratio >= forces.planned_force(
+            surface, stop.onset_speed, stop.grade
+        ):
+            self.counters["stops_too_many"] += 1
+            self._warnings.add("more stops came than the vehicle can make")
+            return set(), f"{NOT_LEARNED}more stops than the vehicle can make"
+        learned = forces.learn(stop, surface, source, distance)
+        self.stops.append(learned)
+        self.counters["stops"] += 1
+        changed = {group_of(surface)}
+        # Where the map names no surfaces, the base represents all terrain.
         if surface and not self._names_surfaces():
-            self._braking.take(stop, "", one.source, distance)
+            forces.learn(stop, "", source, distance)
             changed.add(BASE)
-        return changed, done.outcome
+        return changed, learned.outcome
 
-    def on_surface(self, now: float) -> set[str]:
-        """Groups that change because the robot came onto other ground."""
+    def follow_terrain(self, now: float) -> set[str]:
+        """Groups that change because the robot reached other terrain."""
         surface, before = self.ground.surface(now), self._last_surface
         if surface == before:
             return set()
         self._last_surface = surface
-        if self.unable or not self._braking.ground_changed(surface, before):
+        if self.state.unsupported_reason:
             return set()
-        return {BASE}
+        return {BASE} if self.state.braking.forces.lower_base(surface, before) else set()
 
-    # ------------------------------------------------------------------ groups
+    # ------------------------------------------------------------------ changes of the whole
 
-    def _all(self) -> list[ParameterGroups]:
-        return [self._braking, *self._groups, self.effects]
+    def propose(self, proposal: ModelProposal) -> None:
+        """Replace the proposal that waits for an operator."""
+        self.state = self.state.propose(replace(self.state.effects, proposal=proposal))
 
-    def names(self) -> list[str]:
-        """All groups."""
-        return [name for groups in self._all() for name in groups.names()]
+    def adopt(self, proposal_id: str, *, faster: bool) -> str:
+        """Plan and learn on top of the proposal, see :meth:`LearnerState.adopt`; what it is."""
+        self.state = self.state.adopt(proposal_id, faster=faster)
+        proposal = self.state.effects.proposal
+        return "" if proposal is None else proposal.text()
 
-    def group(self, name: str) -> ParameterGroups:
-        """Who looks after a group, whether there is anything in it yet or not."""
-        for groups in self._all():
-            if groups.owns(name):
-                return groups
-        raise ParameterError("group", f"one of {', '.join(self.names())}, got {name[:80]}")
+    def load(self, states: Mapping[str, tuple[State | None, float]]) -> None:
+        """Replace groups by stored states with their ages [s], all or none."""
+        self.state = self.state.load(states)
 
-    def may_restore(self, name: str) -> bool:
-        """Whether what was learned before of a group still has a say."""
-        if any(groups.of_operators and groups.owns(name) for groups in self._all()):
-            return True
-        if not self._settings.enabled:
-            return False
-        if not (name.startswith(BASE) and bool(self.unable)):
-            return True
-        # What stops taught of the base is in an adopted finding already; of other ground it is not.
-        adopted = self._prior is not self._file
-        return adopted and name != BASE and not _counts_twice(self._prior)
+    def restrict_to_file(self) -> set[str]:
+        """Plan nowhere faster than the model file until stops arrive; the groups that changed."""
+        return {name for kind in self.state.kinds() for name in kind.restrict_to_file()}
 
-    def distrust(self) -> set[str]:
-        """Plan with the weaker of model file and what is known, until stops confirm it.
+    def assume_untrained(self) -> set[str]:
+        """Plan as on ground without stops where nothing is known; the groups that changed."""
+        return set() if self.state.unsupported_reason else self.state.braking.assume_untrained()
 
-        Returns:
-            Groups that changed.
-        """
-        changed = self._braking.distrust()
-        return changed | {name for groups in self._groups for name in groups.distrust()}
-
-    def lose(self) -> set[str]:
-        """Forget all stops, see :meth:`BrakingGroups.lose`; the groups that changed."""
-        return set() if self.unable else self._braking.lose()
-
-    # ------------------------------------------------------------------ findings
-
-    @property
-    def base(self) -> Model:
-        """What is learned on top of: the model file, or the finding that was adopted."""
-        return self._prior
-
-    def _unable(self, model: Model) -> str:
-        if not self._settings.enabled:
-            return "nothing is learned: it is off"
-        return unable(model, "the model file" if model is self._file else "the adopted finding")
-
-    def _take_up(self, model: Model | None, before: State | None) -> State | None:
-        """Learn on top of a finding, or of the model file again.
-
-        What stops taught counts below it from now on. Where braking cannot be learned on top of it,
-        what they taught of the base is given back: the finding is made of the same stops.
-
-        Raises:
-            ParameterError: a surface's own force would be counted twice.
-        """
-        now, known = time.monotonic(), self._braking
-        wanted = self._file if model is None else model
-        learned = {name: known.state(name) for name in known.names()}
-        learned = {name: state for name, state in learned.items() if state is not None}
-        surfaces = sorted(set(learned) - {BASE})
-        if surfaces and model is not None and _counts_twice(model):
-            words = "no learned surfaces beside effects that add force, they"
-            raise ParameterError("effects", f"{words} would count twice: {', '.join(surfaces)}")
-        learns = self._unable(wanted) == ""
-        given = None if model is None or learns else learned.pop(BASE, None)
-        if before is not None and BASE not in learned and learns:
-            learned[BASE] = before
-        ages = known.ages(now)
-        braking = BrakingGroups(wanted, self._settings, self._on_the_map)
-        for name, state in learned.items():
-            age = ages.get(name[len(BASE) + 1 :], self._settings.oldest)
-            braking.restore(name, state, age)
-        # Only what could be taken up whole is.
-        self._prior, self._braking, self.unable = wanted, braking, self._unable(wanted)
-        return given
-
-    # ------------------------------------------------------------------ bringing out
-
-    def flags(self) -> list[str]:
-        """What people should know of what was learned, and of those who taught it."""
-        return [*self._braking.flags(), *self._notices.told()]
+    # ------------------------------------------------------------------ planning
 
     def age(self) -> None:
-        """Let what was learned grow older by the time since the last call."""
-        self._braking.age()
+        """Age what was learned by the time since the last call."""
+        self.state.braking.forces.age()
 
-    def in_use(self) -> tuple[Model, float, float]:
-        """The model to plan with, the age that all of it has, and the oldest of all [s]."""
-        model = self._prior
-        for groups in self._all():
-            model = groups.apply(model)
-        ages = self._braking.ages(time.monotonic())
-        return model, self._braking.common_age(ages), max(ages.values(), default=0.0)
+    def flags(self) -> list[str]:
+        """Warnings about learned parameters and about the senders of stops."""
+        return [*self.state.braking.forces.flags(), *self._warnings.active()]
 
-
-def _counts_twice(model: Model) -> bool:
-    """Whether what stops teach holds force already that the model's effects add."""
-    return bool(unable(model)) and any(may_add(effect) for effect in model.effect)
+    def active(self) -> tuple[Model, float, float]:
+        """The model to plan with, the age common to all of it, and the greatest age [s]."""
+        model = self.state.basis
+        for kind in self.state.kinds():
+            model = kind.apply(model)
+        ages = self.state.braking.forces.ages(time.monotonic())
+        return model, self.state.braking.common_age(ages), max(ages.values(), default=0.0)

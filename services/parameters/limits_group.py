@@ -8,8 +8,8 @@ from collections.abc import Mapping
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Limits, Model
-from slopewise.services.parameters.group import Description, ParameterGroups, State
-from slopewise.services.settings.learning import Learning
+from slopewise.services.parameters.parameter_group import GroupDescription, ParameterGroups, State
+from slopewise.services.settings.learning_settings import Learning
 
 LIMITS = "limits"
 _UNITS = {
@@ -32,7 +32,7 @@ _MAX_LOAD = 0.9
 
 
 class LimitsGroup(ParameterGroups):
-    """What an operator allows."""
+    """Limits that an operator set."""
 
     of_operators = True
 
@@ -44,30 +44,30 @@ class LimitsGroup(ParameterGroups):
         self._set = time.monotonic()
 
     def apply(self, model: Model) -> Model:
-        """To plan with."""
-        return dataclasses.replace(model, limits=self._in_use())
+        """With the limits to plan with."""
+        return dataclasses.replace(model, limits=self._active())
 
-    def _in_use(self) -> Limits:
+    def _active(self) -> Limits:
         return dataclasses.replace(self._prior, **self._values)
 
     def names(self) -> list[str]:
-        """The one."""
+        """The one group."""
         return [LIMITS]
 
-    def describe(self, group: str) -> Description:
-        """As planned with."""
+    def describe(self, group: str) -> GroupDescription:
+        """Planning values."""
         age = time.monotonic() - self._set if self._values else 0.0
         values = {"max_path_deviation": self._path_deviation}
-        known = dataclasses.asdict(self._in_use())
+        known = dataclasses.asdict(self._active())
         values |= {name: value for name, value in known.items() if value is not None}
-        return Description(values=values, valid=True, age=age, unit=dict(_UNITS))
+        return GroupDescription(values=values, valid=True, age=age, unit=dict(_UNITS))
 
     def state(self, group: str) -> State | None:
-        """What a restart needs."""
+        """State for a restart."""
         return {"values": self._values} if self._values else None
 
     def restore(self, group: str, state: State | None, age: float) -> None:
-        """As it was. Where the model file is tighter by now, it holds."""
+        """Restore values; where the model file is tighter by now, it holds."""
         values: dict[str, float] = {} if state is None else dict(state["values"])
         unknown = [name for name in values if name not in _UNITS]
         if unknown:
@@ -79,7 +79,7 @@ class LimitsGroup(ParameterGroups):
         self._values, self._set = values, time.monotonic() - age
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
-        """An operator's values."""
+        """Apply an operator's values."""
         for name, value in values.items():
             if name not in _UNITS:
                 raise ParameterError(name, f"one of {', '.join(_UNITS)}")
@@ -93,7 +93,7 @@ class LimitsGroup(ParameterGroups):
         self._values, self._set = changed, time.monotonic()
 
     def _range(self, name: str) -> tuple[float, float]:
-        """Least and largest value that may be set: nowhere wider than the model file."""
+        """Smallest and largest value that may be set: nowhere wider than the model file."""
         value = getattr(self._prior, name)
         known = float(self._path_deviation if value is None else value)
         if name == "min_load":

@@ -9,12 +9,11 @@ import msgspec
 
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.errors import ParameterError, SlopewiseError
-from slopewise.services.parameters.change import StoredChange
-from slopewise.services.parameters.group import ParameterGroups
-from slopewise.services.parameters.in_use import fingerprint
-from slopewise.services.parameters.log import Last
-from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.active_parameters import fingerprint
+from slopewise.services.parameters.parameter_history import LastChange
+from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.parameters.store import StoreError
+from slopewise.services.parameters.stored_change import StoredChange
 from slopewise.services.wire.parameter_messages import (
     AdoptOffer,
     DiscrepancyQuestion,
@@ -26,19 +25,23 @@ from slopewise.services.wire.parameter_messages import (
     SetParameters,
 )
 
-_FROM_FILE = Last(1, "model file", "")
+_FROM_FILE = LastChange(1, "model file", "")
 
 
 def group_message(service: ParameterService, group: str) -> ParameterGroup:
-    """A group as it is now; ParameterError if there is none of that name."""
-    known = _named(service, group).describe(group)
-    last = service.log.last.get(group, _FROM_FILE)
+    """Message of a group; ParameterError names the groups that there are."""
+    state = service.learner.state
+    names = state.names()
+    if group not in names:
+        raise ParameterError("group", f"one of {', '.join(names)}, got {group[:80]}")
+    known = state.group(group).describe(group)
+    last = service.history.last.get(group, _FROM_FILE)
     return ParameterGroup(
         group=group,
         version=last.version,
         valid=known.valid,
         age=known.age,
-        fingerprint=fingerprint(service.in_use.model),
+        fingerprint=fingerprint(service.active.model),
         cause=last.cause,
         who=last.who,
         values={name: float(value) for name, value in known.values.items()},
@@ -49,21 +52,14 @@ def group_message(service: ParameterService, group: str) -> ParameterGroup:
     )
 
 
-def _named(service: ParameterService, group: str) -> ParameterGroups:
-    names = service.learner.names()
-    if group not in names:
-        raise ParameterError("group", f"one of {', '.join(names)}, got {group[:80]}")
-    return service.learner.group(group)
-
-
-def read(service: ParameterService, question: ParameterQuestion, name: str) -> ParameterReply:
-    """The answer to a question; ``name`` is that of the service."""
+def read(service: ParameterService, request: ParameterQuestion, name: str) -> ParameterReply:
+    """Reply to a request for parameters; ``name``: id of the service."""
     try:
-        names = [question.group] if question.group else service.learner.names()
+        names = [request.group] if request.group else service.learner.state.names()
         groups = [group_message(service, group) for group in names]
         history: list[HistoryEntry] = []
-        if question.history:
-            changes = service.log.history(question.group, question.history)
+        if request.history:
+            changes = service.history.entries(request.group, request.history)
             history = [entry for entry in map(_entry, changes) if entry is not None]
     except (ParameterError, StoreError) as error:
         return reply_of(service, name, "error", str(error))
@@ -73,7 +69,7 @@ def read(service: ParameterService, question: ParameterQuestion, name: str) -> P
 def change(
     service: ParameterService, request: SetParameters | RollBack | AdoptOffer, name: str
 ) -> ParameterReply:
-    """The answer to an operator's change, which is made if it can be."""
+    """Apply an operator's change, and report the result."""
     try:
         if isinstance(request, SetParameters):
             service.set_values(request.group, request.values, request.who)
@@ -85,20 +81,20 @@ def change(
         service.counters["changes_refused"] += 1
         return reply_of(service, name, "refused", str(error))
     service.counters["changes_by_operators"] += 1
-    groups = [group_message(service, g) for g in service.learner.names()]
+    groups = [group_message(service, g) for g in service.learner.state.names()]
     return reply_of(service, name, "ok", "", groups)
 
 
-def findings(service: ParameterService, question: DiscrepancyQuestion, name: str) -> ParameterReply:
-    """The answer about findings: the last one whole, after a new look was begun if wanted."""
+def findings(service: ParameterService, request: DiscrepancyQuestion, name: str) -> ParameterReply:
+    """Reply about findings: the last one whole, after a new investigation was requested."""
     status, reason = "ok", ""
-    if question.start:
+    if request.start:
         try:
-            service.investigate(question.who)
+            service.investigate(request.who)
         except ParameterError as error:
             status, reason = "refused", str(error)
     reply = reply_of(service, name, status, reason)
-    return msgspec.structs.replace(reply, offer=service.learner.effects.offer)
+    return msgspec.structs.replace(reply, offer=service.learner.state.effects.proposal)
 
 
 def reply_of(
@@ -109,25 +105,25 @@ def reply_of(
     groups: list[ParameterGroup] | None = None,
     history: list[HistoryEntry] | None = None,
 ) -> ParameterReply:
-    """An answer of any kind."""
-    offer = service.learner.effects.offer
+    """Reply of any kind."""
+    proposal = service.learner.state.effects.proposal
     return ParameterReply(
         status=status,  # type: ignore[arg-type]
         reason=reason,
         service=name,
-        version=service.log.version,
-        durable=service.log.durable,
+        version=service.history.version,
+        durable=service.history.durable,
         groups=groups or [],
         history=history or [],
         flags=service.flags(),
-        offer=None if offer is None else msgspec.structs.replace(offer, model={}),
+        offer=None if proposal is None else msgspec.structs.replace(proposal, model={}),
         investigation=service.investigator.last,
         investigating=service.investigator.running,
     )
 
 
 def _entry(change: StoredChange) -> HistoryEntry | None:
-    """A change with the values that its state holds; None if nobody can read it any more."""
+    """Entry of a change with the values in its state; None if the state cannot be read."""
     values: dict[str, float] = {}
     stds: dict[str, float] = {}
     valid = False

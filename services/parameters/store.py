@@ -1,7 +1,7 @@
-"""The durable store of parameters: every change, what caused it, and what it led to.
+"""The durable store of parameters: every change with its cause and the state after it.
 
-SQLite in WAL mode with full synchronisation: a change is on disk before anybody is told of it, and
-a process or machine that dies while it writes leaves the change before. One process at a time: the
+SQLite in WAL mode with full synchronisation: a change is on disk before it is published, and a
+process or machine that dies while it writes leaves the change before. One process at a time: the
 file stays locked, so that a second service cannot write between. Each row carries a checksum.
 """
 
@@ -14,17 +14,28 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from slopewise.services.parameters.change import Moment, StoredChange
+from slopewise.services.parameters.stored_change import BootTime, StoredChange
 
 _SCHEMA_VERSION = 1
 _PAGE = 4096
-_HEADER = 100  # [B] of a file of SQLite
-_FULL = 0.8
-"""Share of the size limit from which on the oldest changes make room."""
+_HEADER = 100
+"""Size of the header of an SQLite file [B]."""
 
-_CORRUPT_KEPT = 3
-_MOST_SOURCES = 1000
-_BUSY = 0.5  # [s] that another process's lock is waited for
+_FULL_SHARE = 0.8
+"""Share of the size limit beyond which the oldest changes are deleted [1]: the rest is free for
+indices and for the change that is written meanwhile."""
+
+_MAX_CORRUPT_FILES = 3
+"""Unreadable files that are quarantined [1]."""
+
+_MAX_SOURCES = 1000
+"""Sources whose last numbers are stored [1], as many as the filter remembers."""
+
+_LOCK_TIMEOUT = 0.5
+"""Wait for another process's lock [s]: longer than one write takes."""
+
+_NO_LIMIT = 2**62
+"""Above all versions [1]."""
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS change (
@@ -41,47 +52,47 @@ CREATE TABLE IF NOT EXISTS source (
 
 
 class StoreError(Exception):
-    """The store cannot be used just now; the message says why, in a few words."""
+    """The store cannot be used now; the message is the short reason."""
 
 
 class Store:
     """An open store; every method raises :class:`StoreError` if it cannot do its work."""
 
-    def __init__(self, path: Path, *, most_bytes: int = 64_000_000, most_changes: int = 20_000):
+    def __init__(self, path: Path, *, max_bytes: int = 64_000_000, max_changes: int = 20_000):
         """Open, check, and create what is missing.
 
         Args:
-            path: of the file; its folder is created.
-            most_bytes: of the file. most_changes: that are kept of one group.
+            path: file of the store; its folder is created.
+            max_bytes: largest size of the file. max_changes: stored changes per group.
 
         Attributes:
-            lost: reason why nothing is in it that was stored before; "" where it was found whole,
-                or there never was one.
+            lost: reason why it is empty although changes were stored before; "" where it was
+                read whole, or is new.
             damaged: groups of which a change cannot be read any more.
         """
         self.path = path
         self.lost = ""
         self.damaged: set[str] = set()
-        self._most_changes = most_changes
-        self._most_pages = max(most_bytes // _PAGE, 64)
+        self._max_changes = max_changes
+        self._max_pages = max(max_bytes // _PAGE, 64)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
-                # SQLite takes what has no header for a new store, and throws its log away.
+                # SQLite takes a file without header for a new store, and deletes its log.
                 if path.exists() and path.stat().st_size < _HEADER:
                     raise sqlite3.DatabaseError("the file is empty, or cut off")
                 self._open()
             except sqlite3.DatabaseError as error:
                 if isinstance(error, sqlite3.OperationalError) or not path.exists():
                     raise
-                self._set_aside(str(error))
+                self._quarantine(str(error))
                 self._open()
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"{path.name} cannot be opened: {error}") from None
 
     def _open(self) -> None:
         connection = sqlite3.connect(
-            self.path, timeout=_BUSY, isolation_level=None, check_same_thread=False
+            self.path, timeout=_LOCK_TIMEOUT, isolation_level=None, check_same_thread=False
         )
         try:
             for pragma in (
@@ -89,7 +100,7 @@ class Store:
                 "locking_mode = EXCLUSIVE",
                 "journal_mode = WAL",
                 "synchronous = FULL",
-                f"max_page_count = {self._most_pages}",
+                f"max_page_count = {self._max_pages}",
                 f"journal_size_limit = {1024 * _PAGE}",
             ):
                 connection.execute(f"PRAGMA {pragma}").fetchall()
@@ -109,22 +120,22 @@ class Store:
             raise
         self._connection = connection
 
-    def _set_aside(self, reason: str) -> None:
-        """Keep a file that is none beside the new one, a few of them at most."""
+    def _quarantine(self, reason: str) -> None:
+        """Rename an unreadable file, the last few of which stay next to the store."""
         stem = self.path.name + ".corrupt-"
-        names = [self.path.with_name(f"{stem}{n}") for n in range(1, _CORRUPT_KEPT + 1)]
-        # On a full disk every attempt leaves an empty file: it must not push out one with data.
-        kept = min(names, key=_worth)
-        self.path.replace(kept)
-        log, quarantined = (file.with_name(file.name + "-wal") for file in (self.path, kept))
+        names = [self.path.with_name(f"{stem}{n}") for n in range(1, _MAX_CORRUPT_FILES + 1)]
+        # On a full disk every attempt leaves an empty file: it must not replace one with data.
+        target = min(names, key=_content_order)
+        self.path.replace(target)
+        log, quarantined = (file.with_name(file.name + "-wal") for file in (self.path, target))
         quarantined.unlink(missing_ok=True)
         if log.exists():
             log.replace(quarantined)
         self.path.with_name(self.path.name + "-shm").unlink(missing_ok=True)
-        self.lost = f"the stored parameters could not be read and are in {kept.name}: {reason}"
+        self.lost = f"the stored parameters could not be read and are in {target.name}: {reason}"
 
     def close(self) -> None:
-        """Let the file go."""
+        """Close the file and release its lock."""
         try:
             self._connection.close()
         except sqlite3.Error as error:
@@ -133,7 +144,7 @@ class Store:
     # ------------------------------------------------------------------ writing
 
     def write(self, changes: Sequence[StoredChange], seen: Mapping[str, int] | None = None) -> None:
-        """Keep changes, and up to which sequence sources were heard: all of it or nothing."""
+        """Write changes and sequence numbers of sources: all of it or nothing."""
         rows = [
             (
                 c.version,
@@ -151,11 +162,11 @@ class Store:
             for c in changes
         ]
         version = max((c.version for c in changes), default=0)
-        heard = [(name, sequence, version) for name, sequence in (seen or {}).items()]
-        self._transaction(rows, heard)
-        self._make_room({c.group for c in changes})
+        sources = [(name, sequence, version) for name, sequence in (seen or {}).items()]
+        self._transaction(rows, sources)
+        self._evict({c.group for c in changes})
 
-    def _transaction(self, rows: list[tuple[Any, ...]], heard: list[tuple[Any, ...]]) -> None:
+    def _transaction(self, rows: list[tuple[Any, ...]], sources: list[tuple[Any, ...]]) -> None:
         connection = self._connection
         try:
             connection.execute("BEGIN IMMEDIATE")
@@ -163,7 +174,7 @@ class Store:
                 connection.executemany(
                     "INSERT INTO change VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", rows
                 )
-                connection.executemany("INSERT OR REPLACE INTO source VALUES (?, ?, ?)", heard)
+                connection.executemany("INSERT OR REPLACE INTO source VALUES (?, ?, ?)", sources)
                 connection.execute("COMMIT")
             except BaseException:
                 if connection.in_transaction:
@@ -172,27 +183,27 @@ class Store:
         except sqlite3.Error as error:
             raise StoreError(f"{self.path.name} cannot be written: {error}") from None
 
-    def _make_room(self, groups: set[str]) -> None:
-        """Forget the oldest that came by itself; the latest of every group and vehicle stays."""
+    def _evict(self, groups: set[str]) -> None:
+        """Delete the oldest learned changes; the latest of every group and vehicle stays."""
         try:
             pages = self._number("PRAGMA page_count") - self._number("PRAGMA freelist_count")
-            full = pages > _FULL * self._most_pages
+            full = pages > _FULL_SHARE * self._max_pages
             if full:
                 with self._reading("SELECT DISTINCT grp FROM change") as rows:
                     groups = {str(name) for (name,) in rows}
             for group in groups:
                 count = self._number("SELECT count(*) FROM change WHERE grp = ?", group)
-                if full or count > self._most_changes:
-                    self._forget(group, max(count // 4, 1))
+                if full or count > self._max_changes:
+                    self._delete_oldest(group, max(count // 4, 1))
             self._connection.execute(
                 "DELETE FROM source WHERE name NOT IN"
                 " (SELECT name FROM source ORDER BY version DESC LIMIT ?)",
-                (_MOST_SOURCES,),
+                (_MAX_SOURCES,),
             )
         except sqlite3.Error as error:
-            raise StoreError(f"{self.path.name} has no room: {error}") from None
+            raise StoreError(f"{self.path.name} has no free space: {error}") from None
 
-    def _forget(self, group: str, count: int) -> None:
+    def _delete_oldest(self, group: str, count: int) -> None:
         self._connection.execute(
             "DELETE FROM change WHERE rowid IN (SELECT rowid FROM change WHERE grp = ?1"
             " AND version NOT IN"
@@ -204,16 +215,16 @@ class Store:
     # ------------------------------------------------------------------ reading
 
     def last_version(self) -> int:
-        """Highest version of all, 0 if there is none."""
+        """Highest version of all, 0 for an empty store."""
         return self._number("SELECT coalesce(max(version), 0) FROM change")
 
     def seen(self) -> dict[str, int]:
-        """Up to which sequence each source was heard."""
+        """Last sequence number of each source."""
         with self._reading("SELECT name, sequence FROM source") as rows:
             return {str(name): int(sequence) for name, sequence in rows}
 
     def groups(self, fingerprint: str) -> list[str]:
-        """Groups that there are changes of, of a vehicle."""
+        """Groups of a vehicle with changes."""
         query = "SELECT DISTINCT grp FROM change WHERE fingerprint = ? ORDER BY grp"
         with self._reading(query, (fingerprint,)) as rows:
             return [str(name) for (name,) in rows]
@@ -221,28 +232,28 @@ class Store:
     def newest(
         self, fingerprint: str, group: str, up_to: int | None = None
     ) -> Iterator[StoredChange]:
-        """Changes of a group of a vehicle's parameters, from the newest or a version back.
+        """Changes of a group of a vehicle, from the newest or a version back.
 
-        Rows whose checksum does not fit are left out.
+        Rows whose checksum does not fit are skipped.
         """
         yield from self._changes(
             "WHERE fingerprint = ? AND grp = ? AND version <= ? ORDER BY version DESC",
-            (fingerprint, group, 2**62 if up_to is None else up_to),
+            (fingerprint, group, _NO_LIMIT if up_to is None else up_to),
         )
 
     def has(self, fingerprint: str, version: int) -> bool:
-        """Whether a vehicle's parameters changed with that version."""
+        """Return True if a vehicle's parameters changed with that version."""
         query = "SELECT count(*) FROM change WHERE fingerprint = ? AND version = ?"
         return self._number(query, fingerprint, version) > 0
 
-    def history(self, group: str = "", most: int = 100) -> list[StoredChange]:
-        """The last changes of a group, newest first; of all groups and vehicles without a name."""
+    def history(self, group: str = "", count: int = 100) -> list[StoredChange]:
+        """Last changes of a group, newest first; of all groups and vehicles without a name."""
         where = "WHERE grp = ? " if group else ""
-        given = (group, most) if group else (most,)
+        given = (group, count) if group else (count,)
         return list(self._changes(f"{where}ORDER BY version DESC LIMIT ?", given))
 
     def fingerprints(self) -> set[str]:
-        """Vehicles that there are parameters of."""
+        """Vehicles with changes."""
         with self._reading("SELECT DISTINCT fingerprint FROM change") as rows:
             return {str(name) for (name,) in rows}
 
@@ -261,7 +272,7 @@ class Store:
                 if zlib.crc32(state) != crc:
                     self.damaged.add(grp)
                     continue
-                moment = Moment(at, boot, uptime)
+                moment = BootTime(at, boot, uptime)
                 yield StoredChange(version, grp, vehicle, cause, who, moment, state, bool(learned))
 
     def _number(self, query: str, *given: object) -> int:
@@ -280,8 +291,8 @@ class Store:
             raise StoreError(f"{self.path.name} cannot be read: {error}") from None
 
 
-def _worth(file: Path) -> tuple[bool, bool, float]:
-    """Order in which files make room: those that are not there, empty ones, then the oldest."""
+def _content_order(file: Path) -> tuple[bool, bool, float]:
+    """Order in which quarantined files are replaced: missing, empty, then the oldest."""
     if not file.exists():
         return False, False, 0.0
     log = file.with_name(file.name + "-wal")

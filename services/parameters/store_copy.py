@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from slopewise.services.parameters.change import StoredChange
+from slopewise.services.parameters.stored_change import StoredChange
 
 
 class StoreCopy(msgspec.Struct, frozen=True):

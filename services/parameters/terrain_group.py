@@ -1,8 +1,8 @@
 """Terrain parameters of the ground driven now: f_r, μ_t, B_s. Source: Slip, Sec. 3.2.
 
-Each is rounded towards slower by its standard deviation. Towards slower a new estimate counts at
-once, towards faster by a share of the way, and with age they go back to the model file's where
-those are slower.
+Each is rounded towards slower by its standard deviation. A slower estimate is used immediately, a
+faster one by a share of the difference, and with age they return to the model file's where those
+are slower.
 """
 
 from __future__ import annotations
@@ -14,46 +14,54 @@ from collections.abc import Mapping
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.services.parameters.group import Description, DriveNews, ParameterGroups, State
-from slopewise.services.settings.learning import Learning
+from slopewise.services.parameters.parameter_group import (
+    DriveUpdate,
+    GroupDescription,
+    ParameterGroups,
+    State,
+)
+from slopewise.services.settings.learning_settings import Learning
 
 TERRAIN = "terrain"
 NAMES = ("motion_resistance", "lateral_resistance", "slip_track")
 _UNITS = ("1", "1", "m")
-_FASTER = 0.2
+_FASTER_SHARE = 0.2
+"""Part of the difference to a faster estimate that one update follows [1]: the mean of about five
+estimates, as one alone may be of a patch."""
+
 _SMALLEST = (0.001, 0.01, 1.0)
 _LARGEST = (1.5, 3.0, 20.0)
-"""What is beyond is a gross error: [1], [1], track widths. Steel wheels on rails roll at f_r 0.001,
+"""Values beyond are gross errors: [1], [1], track widths. Steel wheels on rails roll at f_r 0.001,
 and wet ice is far above μ_t 0.01."""
 
-_NEWS = 0.01
-"""Changes by a smaller share are none worth keeping."""
+_MIN_CHANGE = 0.01
+"""Smaller changes are not stored, as a share of the value [1]: estimates scatter by more."""
 
 
 class TerrainGroup(ParameterGroups):
-    """What driving teaches of the ground; one thread."""
+    """Terrain parameters estimated while driving; one thread."""
 
     def __init__(self, prior: Model, settings: Learning) -> None:
         """Begin with the model file's terrain."""
         self._prior, self._settings = prior, settings
         self._values: dict[str, float] = {}
         self._stds: dict[str, float] = {}
-        self._taught = time.monotonic()
+        self._updated = time.monotonic()
 
-    def drive(self, samples: DriveNews) -> set[str]:
-        """Learn from what samples told of the ground."""
+    def drive(self, samples: DriveUpdate) -> set[str]:
+        """Learn from the terrain estimate after samples."""
         ground = samples.ground
-        changed = ground.changed and self._ground_changed()
-        news = ground.features is not None and self.take(ground.features, valid=ground.valid)
-        return {TERRAIN} if changed or news else set()
+        changed = ground.changed and self.forget_faster()
+        learned = ground.features is not None and self.learn(ground.features, valid=ground.valid)
+        return {TERRAIN} if changed or learned else set()
 
-    def take(self, features: tuple[tuple[float, float], ...], *, valid: bool = True) -> bool:
-        """Learn (value, standard deviation) of each parameter, NaN where not known; any news?
+    def learn(self, features: tuple[tuple[float, float], ...], *, valid: bool = True) -> bool:
+        """Learn (value, standard deviation) of each parameter, NaN unknown; True if one changed.
 
-        Ground that is not surely of a known class, not ``valid``, teaches slower values only.
+        On terrain of no known class, not ``valid``, only slower values are learned.
         """
         track = self._prior.vehicle.track_width
-        news = False
+        changed = False
         for name, smallest, largest, (value, std) in zip(
             NAMES, _SMALLEST, _LARGEST, features, strict=True
         ):
@@ -64,30 +72,30 @@ class TerrainGroup(ParameterGroups):
             if name == "motion_resistance" and self._prior.braking.level < 1.0:
                 # Part of the braking then is this resistance: more of it would count as brakes.
                 continue
-            old = self._now()[name]
+            old = self._current()[name]
             if slow < old and not valid:
                 continue
-            new = slow if slow >= old else old + _FASTER * (slow - old)
+            new = slow if slow >= old else old + _FASTER_SHARE * (slow - old)
             self._stds[name] = std
-            if abs(new - old) > _NEWS * max(abs(old), 1e-3):
-                self._values[name], news = new, True
-        if news:
-            self._taught = time.monotonic()
-        return news
+            if abs(new - old) > _MIN_CHANGE * max(abs(old), 1e-3):
+                self._values[name], changed = new, True
+        if changed:
+            self._updated = time.monotonic()
+        return changed
 
-    def distrust(self) -> set[str]:
-        """Nowhere below the model file."""
-        return {TERRAIN} if self._ground_changed() else set()
+    def restrict_to_file(self) -> set[str]:
+        """Use no value below the model file's."""
+        return {TERRAIN} if self.forget_faster() else set()
 
-    def _ground_changed(self) -> bool:
-        """What was known may hold no longer; did anything change with it?"""
+    def forget_faster(self) -> bool:
+        """Return to the model file where it is slower, as on other terrain; True if one changed."""
         slower = {n: max(v, getattr(self._prior.terrain, n)) for n, v in self._values.items()}
         changed = slower != self._values
         self._values = slower
         return changed
 
-    def _now(self) -> dict[str, float]:
-        age = time.monotonic() - self._taught
+    def _current(self) -> dict[str, float]:
+        age = time.monotonic() - self._updated
         share = -math.expm1(-age / self._settings.grows_old)
         known = {name: float(getattr(self._prior.terrain, name)) for name in NAMES}
         for name, value in self._values.items():
@@ -96,39 +104,41 @@ class TerrainGroup(ParameterGroups):
         return known
 
     def apply(self, model: Model) -> Model:
-        """To plan with."""
-        return dataclasses.replace(model, terrain=dataclasses.replace(model.terrain, **self._now()))
+        """With the terrain parameters to plan with."""
+        return dataclasses.replace(
+            model, terrain=dataclasses.replace(model.terrain, **self._current())
+        )
 
     def names(self) -> list[str]:
-        """The one."""
+        """The one group."""
         return [TERRAIN]
 
-    def describe(self, group: str) -> Description:
-        """As planned with."""
-        return Description(
-            values=self._now(),
+    def describe(self, group: str) -> GroupDescription:
+        """Planning values."""
+        return GroupDescription(
+            values=self._current(),
             stds=dict(self._stds),
             valid=bool(self._values),
-            age=time.monotonic() - self._taught if self._values else 0.0,
+            age=time.monotonic() - self._updated if self._values else 0.0,
             unit=dict(zip(NAMES, _UNITS, strict=True)),
         )
 
     def state(self, group: str) -> State | None:
-        """What a restart needs."""
+        """State for a restart."""
         return {"values": self._values, "stds": self._stds} if self._values else None
 
     def restore(self, group: str, state: State | None, age: float) -> None:
-        """As it was ``age`` seconds ago."""
+        """Restore values of ``age`` seconds ago."""
         values: dict[str, float] = {} if state is None else dict(state["values"])
         stds = {} if state is None else {n: float(s) for n, s in state["stds"].items()}
         self._check(values)
-        self._values, self._stds, self._taught = values, stds, time.monotonic() - age
+        self._values, self._stds, self._updated = values, stds, time.monotonic() - age
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
-        """An operator's values."""
+        """Apply an operator's values."""
         self._check(values)
         self._values = {**self._values, **values}
-        self._taught = time.monotonic()
+        self._updated = time.monotonic()
 
     def _check(self, values: Mapping[str, float]) -> None:
         track = self._prior.vehicle.track_width

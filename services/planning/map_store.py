@@ -1,9 +1,7 @@
-"""The ground as the service knows it: whole maps and patches, put together in the order sent."""
+"""The map in use, assembled from whole maps and patches in the order in which they were sent."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import threading
 import time
 import zlib
@@ -12,39 +10,43 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.io.maps import height_error, no_data
-from slopewise.services.io.maps.grid import check_physical
-from slopewise.services.wire.counting import Count, MessageOrder
-from slopewise.services.wire.messages import MapUpdate
-from slopewise.services.wire.notices import Notices
-from slopewise.services.wire.sender_clock import SenderClock
+from slopewise.services.planning.map_message import digest, patched_map, update_id, whole_map
+from slopewise.services.wire.arrival import (
+    MessageOrder,
+    SenderTable,
+    SequenceTracker,
+    StampCheck,
+    StampVerdict,
+    warn_of_order,
+)
+from slopewise.services.wire.plan_messages import MapUpdate
+from slopewise.services.wire.recent_warnings import RecentWarnings
 
-_MAX_STD = 10.0
-"""Heights that are farther off than that are not measured [m]."""
+_MAX_SOURCES = 64
+"""Sources that are remembered [1]; bounds memory."""
 
-_OFF_GRID = 1e-3
-"""Cells of a patch lie on those of the map, within this share of a cell."""
+_WARNING_DURATION = 60.0
+"""Time for which warnings about maps stay active [s]: some updates of a slow mapper."""
 
-_MOST_SOURCES = 64
-_TOLD_FOR = 60.0
-_EARLY = 2.0
+_MAX_EARLY = 2.0
+"""Time by which a source's clock may run ahead of the time that passed [s]."""
 
 
 @dataclass(frozen=True, slots=True)
-class KnownGround:
-    """A map in use.
+class MapSnapshot:
+    """Map in use at one moment.
 
     Attributes:
-        elevation_map: ground. version: grows with every change. at: monotonic clock [s].
-        incomplete: an update got lost since the last whole map.
-        fixed: a map to begin with, and no update came since: its age does not count.
-        delay: how much longer than the quickest one its last update was on its way [s].
-        notices: sources that count otherwise than they did, or whose clock is not to be believed.
-        id: who told of it last, with the number of the update. digest: SHA-256 of the cells; with
-            each patch of the digest so far and the cells of the patch.
+        elevation_map: terrain. version: increases with every change.
+        at: arrival of the last update, monotonic clock [s].
+        incomplete: an update was lost since the last whole map.
+        delay: time by which the last update took longer than the quickest one [s].
+        warnings: about the count or the clock of sources.
+        id: source and number of the last update. digest: SHA-256 of the cells; with each patch,
+            of the digest before it and the cells of the patch.
+        fixed: initial map without any update since: its age is ignored.
     """
 
     elevation_map: ElevationMap
@@ -52,249 +54,168 @@ class KnownGround:
     at: float
     incomplete: bool = False
     delay: float = 0.0
-    notices: Notices = field(default_factory=Notices)
+    warnings: RecentWarnings = field(default_factory=RecentWarnings)
     id: str = ""
     digest: str = ""
     fixed: bool = False
 
     def age(self) -> float:
-        """Since the ground was seen, as far as clocks here and there can tell [s]."""
+        """Time since the terrain was measured, as far as the clocks show [s]."""
         return time.monotonic() - self.at + self.delay
-
-    def flags(self) -> list[str]:
-        """What is not as it should be with those who tell of the ground."""
-        return self.notices.told()
 
 
 class _Source:
-    """One that sends maps: its count and its clock; whether it was known by another instance."""
+    """Count and clock of one instance of a source.
 
-    def __init__(self, *, anew: bool) -> None:
-        self.anew = anew
-        self.count = Count()
-        self.clock = SenderClock()
+    Attributes:
+        follows_another: another instance of the source was known before this one.
+    """
+
+    def __init__(self) -> None:
+        self.follows_another = False
+        self.sequence = SequenceTracker()
+        self.stamps = StampCheck()
 
 
 class MapStore:
-    """Takes updates from one thread; any thread may read :attr:`ground`.
+    """Applies updates from one thread; any thread may read :attr:`snapshot`.
 
     Attributes:
-        ground: as it is known now; None before the first map.
-        restarts: sources that began to count anew.
+        snapshot: map in use; None before the first map.
+        restarts: number of restarted sources.
     """
 
     def __init__(self, elevation_map: ElevationMap | None = None, name: str = "") -> None:
-        """Begin with a map of that name, or with none."""
-        self.ground: KnownGround | None = None
+        """Begin with a map of that name, or without one."""
+        self.snapshot: MapSnapshot | None = None
         self.restarts = 0
-        self._notices = Notices(_TOLD_FOR)
-        self._unread: OrderedDict[str, str] = OrderedDict()
-        self._sources: OrderedDict[tuple[str, str], _Source] = OrderedDict()
+        self._warnings = RecentWarnings(_WARNING_DURATION)
+        self._rejections: OrderedDict[str, str] = OrderedDict()
+        self._sources = SenderTable[tuple[str, str], _Source](_Source, _MAX_SOURCES)
         self._lock = threading.Lock()
         if elevation_map is not None:
-            self.ground = KnownGround(
+            self.snapshot = MapSnapshot(
                 elevation_map,
                 1,
                 time.monotonic(),
-                notices=self._notices,
+                warnings=self._warnings,
                 id=name,
-                digest=_digest(elevation_map),
+                digest=digest(elevation_map),
                 fixed=True,
             )
-            self._say_assumed(elevation_map)
+            self._warn_assumed(elevation_map)
 
-    def take(self, update: MapUpdate, source: str, arrived: float | None = None) -> bool:
-        """Take up an update; False if it is one that was seen already, or older.
+    def apply(self, update: MapUpdate, key: str, arrived: float | None = None) -> bool:
+        """Apply an update; False if it is a duplicate or out of order.
 
         Args:
-            update: whole map or patch.
-            source: key it came on, for errors.
-            arrived: monotonic clock at its arrival, if that is not now [s].
+            update: whole map or patch. key: it came on, for errors.
+            arrived: monotonic clock at its arrival, now if omitted [s].
 
         Raises:
-            InputError: it is no ground, or does not fit; what is known stays as it is.
+            InputError: it is not a map, or does not fit; the map in use remains.
         """
         at = time.monotonic() if arrived is None else arrived
         content = zlib.crc32(np.ascontiguousarray(update.elevation).data)
+        lead = 0.0 if update.time is None else update.time - at
+        what = f"maps of {update.source}"
         with self._lock:
-            one = self._source(update)
-            lead = 0.0 if update.time is None else update.time - at
-            order = one.count.judge(update.sequence, content, lead)
-            backwards = f"maps of {update.source} count backwards: not taken up"
-            if not order.taken:
-                if order is MessageOrder.OLDER:
-                    self._notices.say(backwards)
+            source = self._source(update)
+            order = source.sequence.classify(update.sequence, content, lead)
+            if not order.is_accepted:
+                warn_of_order(self._warnings, what, order, is_used=False)
                 return False
-            last = one.count.last
-            begins = order is not MessageOrder.NEW or (last < 0 and one.anew)
-            lost = begins or 0 <= last < update.sequence - 1
+            last = source.sequence.last
+            is_first = last < 0 and source.follows_another
+            has_begun = order is not MessageOrder.NEW or is_first
             try:
-                elevation_map = self._patched(update) if update.patch else _whole(update)
+                elevation_map = self._map_of(update)
             except ParameterError as error:
-                raise InputError(source, error.field, f"expected {error.expected}") from None
-            known = self.ground
-            incomplete = update.patch and (lost or (known is not None and known.incomplete))
-            version = 1 if known is None else known.version + 1
-            delay = 0.0 if update.time is None else self._delay(one, update.source, lead)
-            before = known.digest if known is not None and update.patch else ""
-            self.ground = KnownGround(
-                elevation_map,
-                version,
-                at,
-                incomplete,
-                delay,
-                self._notices,
-                _id_of(update),
-                _digest(update if update.patch else elevation_map, before),
-            )
-            if not update.patch:
-                self._notices.take_back(self._unread.pop(update.source, ""))
-            one.count.take(update.sequence, content)
-            self._say_assumed(elevation_map)
-            if order is not MessageOrder.NEW:
-                self.restarts += 1
-                self._notices.take_back(backwards)
-                self._notices.say(f"maps of {update.source}: the source {order.value}")
+                raise InputError(key, error.field, f"expected {error.expected}") from None
+            delay = 0.0 if update.time is None else self._delay(source, update.source, lead)
+            is_gap = has_begun or 0 <= last < update.sequence - 1
+            self._replace(elevation_map, update, at, delay, is_gap=is_gap)
+            source.sequence.accept(update.sequence, content)
+            self.restarts += order is not MessageOrder.NEW
+            warn_of_order(self._warnings, what, order, is_used=True)
             return True
 
     def _source(self, update: MapUpdate) -> _Source:
-        """Who sent it; of many, those who were heard the longest ago are forgotten."""
         name = update.source, update.instance
-        one = self._sources.pop(name, None)
-        if one is None:
-            one = _Source(anew=any(source == update.source for source, _ in self._sources))
-            if one.anew:
-                self.restarts += 1
-                self._notices.say(f"maps of {update.source}: the source was started anew")
-        self._sources[name] = one
-        while len(self._sources) > _MOST_SOURCES:
-            self._sources.popitem(last=False)
-        return one
+        is_known = name in self._sources
+        has_other = any(source == update.source for source, _ in self._sources)
+        source = self._sources.of(name)
+        if has_other and not is_known:
+            source.follows_another = True
+            self.restarts += 1
+            self._warnings.add(f"maps of {update.source}: the source was restarted")
+        return source
 
-    def _delay(self, one: _Source, name: str, lead: float) -> float:
-        """How long a map with a time stamp was on its way, beyond the quickest [s]."""
-        judged = one.clock.judge(lead, _EARLY)
-        if judged in ("future", "jumped"):
-            self._notices.say(f"the clock of {name} was set")
-        return one.clock.delay(lead)
+    def _map_of(self, update: MapUpdate) -> ElevationMap:
+        if not update.patch:
+            return whole_map(update)
+        if self.snapshot is None:
+            raise ParameterError("patch", "a whole map first, there is none yet")  # words: ok
+        return patched_map(update, self.snapshot.elevation_map)
 
-    def _say_assumed(self, elevation_map: ElevationMap) -> None:
+    def _delay(self, source: _Source, name: str, lead: float) -> float:
+        """Time by which a map with a time stamp took longer than the quickest one [s]."""
+        verdict = source.stamps.check(lead, _MAX_EARLY)
+        if verdict in (StampVerdict.FUTURE, StampVerdict.CLOCK_SET):
+            self._warnings.add(f"the clock of {name} was set")
+        return source.stamps.delay(lead)
+
+    def _replace(
+        self,
+        elevation_map: ElevationMap,
+        update: MapUpdate,
+        at: float,
+        delay: float,
+        *,
+        is_gap: bool,
+    ) -> None:
+        """Replace the snapshot; ``is_gap``: updates before this one may be missing."""
+        known = self.snapshot
+        was_incomplete = known is not None and known.incomplete
+        before = known.digest if known is not None and update.patch else ""
+        self.snapshot = MapSnapshot(
+            elevation_map,
+            version=1 if known is None else known.version + 1,
+            at=at,
+            incomplete=update.patch and (is_gap or was_incomplete),
+            delay=delay,
+            warnings=self._warnings,
+            id=update_id(update),
+            digest=digest(update if update.patch else elevation_map, before),
+        )
+        if not update.patch:
+            self._warnings.clear(self._rejections.pop(update.source, ""))
+        self._warn_assumed(elevation_map)
+
+    def _warn_assumed(self, elevation_map: ElevationMap) -> None:
         for assumption in elevation_map.assumed:
-            self._notices.say(f"map: {assumption}")
+            self._warnings.add(f"map: {assumption}")
 
-    def flags(self) -> list[str]:
-        """As :meth:`KnownGround.flags`, also before any ground is known."""
-        return self._notices.told()
+    def warnings(self) -> list[str]:
+        """Active warnings, also before the first map."""
+        return self._warnings.active()
 
-    def refuse(self, source: str, reason: str) -> None:
-        """Flag a map that could not be used: the one before stays, and ages.
+    def note_rejection(self, source: str, reason: str) -> None:
+        """Warn about a map that could not be used: the one before remains, and ages.
 
         Args:
             source: sender, "" if it cannot be read. reason: one sentence.
         """
-        flag = f"a map of {source or 'a sender without a name'} could not be used: {reason[:200]}"
+        text = f"a map of {source or 'a sender without a name'} could not be used: {reason[:200]}"
         with self._lock:
-            self._notices.take_back(self._unread.pop(source, ""))
-            self._notices.say(flag)
-            self._unread[source] = flag
-            while len(self._unread) > _MOST_SOURCES:
-                self._unread.popitem(last=False)
+            self._warnings.clear(self._rejections.pop(source, ""))
+            self._warnings.add(text)
+            self._rejections[source] = text
+            while len(self._rejections) > _MAX_SOURCES:
+                self._rejections.popitem(last=False)
 
-    def lose(self) -> None:
-        """Say that an update got lost: what is known may be out of date."""
+    def note_loss(self) -> None:
+        """Mark the map as incomplete: an update was lost."""
         with self._lock:
-            if self.ground is not None:
-                self.ground = replace(self.ground, incomplete=True)
-
-    def _patched(self, update: MapUpdate) -> ElevationMap:
-        if self.ground is None:
-            raise ParameterError("patch", "a whole map first, there is none yet")
-        known = self.ground.elevation_map
-        if abs(update.resolution - known.resolution) > 1e-6 * known.resolution:
-            words = f"{known.resolution:g} m as the whole map, got {update.resolution:g}"
-            raise ParameterError("resolution", words)
-        heights, assumed = _heights(update, known.elevation)
-        offset = (np.array(update.origin) - known.origin) / known.resolution
-        if not np.all(np.abs(offset - np.round(offset)) <= _OFF_GRID):
-            raise ParameterError("origin", f"a cell of the whole map, got {update.origin}")
-        column, row = (int(n) for n in np.round(offset))
-        rows, columns = known.elevation.shape
-        if min(row, column) < 0 or row + len(heights) > rows or column + heights.shape[1] > columns:
-            words = f"cells within the {rows} x {columns} of the whole map"
-            raise ParameterError("patch", f"{words}, got row {row}, column {column} on")
-        cells = slice(row, row + heights.shape[0]), slice(column, column + heights.shape[1])
-        elevation = known.elevation.copy()
-        elevation[cells] = heights
-        classes = known.terrain_class
-        if update.terrain_class is not None:
-            if update.class_names is not None and tuple(update.class_names) != known.class_names:
-                raise ParameterError("class_names", "those of the whole map")
-            classes = np.zeros(elevation.shape, np.int64) if classes is None else classes.copy()
-            classes[cells] = _classes(update)
-        std = max(known.height_std, update.height_std or 0.0)
-        return replace(
-            known, elevation=elevation, terrain_class=classes, height_std=std, assumed=assumed
-        )
-
-
-def _id_of(update: MapUpdate) -> str:
-    start = f"/{update.instance}" if update.instance else ""
-    return f"{update.source}{start}#{update.sequence}"
-
-
-def _digest(cells: ElevationMap | MapUpdate, before: str = "") -> str:
-    """SHA-256 of cells, and of what was known before where they are a patch."""
-    names = list(cells.class_names or ())
-    head = (
-        before,
-        cells.elevation.shape,
-        cells.resolution,
-        list(cells.origin),
-        names,
-        cells.height_std,
-    )
-    digest = hashlib.sha256(json.dumps(head).encode())
-    digest.update(np.ascontiguousarray(cells.elevation, np.float64).data)
-    if cells.terrain_class is not None:
-        digest.update(np.ascontiguousarray(cells.terrain_class, np.int64).data)
-    return digest.hexdigest()
-
-
-def _whole(update: MapUpdate) -> ElevationMap:
-    classes = None if update.terrain_class is None else _classes(update)
-    std = update.height_std
-    heights, assumed = _heights(update)
-    return ElevationMap(
-        elevation=heights,
-        resolution=update.resolution,
-        origin=update.origin,
-        terrain_class=classes,
-        class_names=tuple(update.class_names or ("",)),
-        height_std=height_error.assumed(update.resolution) if std is None else std,
-        assumed=assumed,
-    )
-
-
-def _heights(update: MapUpdate, *around: Floats) -> tuple[Floats, tuple[str, ...]]:
-    """Heights, NaN where unknown, and assumptions made of them; `around`: the map they change."""
-    heights = update.elevation
-    if not (update.height_std or 0.0) <= _MAX_STD:
-        expected = f"a number of 0 … {_MAX_STD:g} m, got {update.height_std:g}"
-        raise ParameterError("height_std", expected)
-    if heights.ndim != 2 or heights.size == 0:
-        raise ParameterError("elevation", f"cells (rows, columns), got shape {heights.shape}")
-    check_physical(update.resolution, update.origin, heights.shape)
-    known, markers = no_data.known_heights(heights, None, around)
-    return known, no_data.describe(markers, remedy="")
-
-
-def _classes(update: MapUpdate) -> np.ndarray:
-    classes = update.terrain_class
-    assert classes is not None
-    if classes.shape != update.elevation.shape:
-        words = f"the shape of elevation {update.elevation.shape}, got {classes.shape}"
-        raise ParameterError("terrain_class", words)
-    most = len(update.class_names or ("",)) if not update.patch else 1 << 20
-    if not np.all((classes >= 0) & (classes < most) & (classes == np.round(classes))):
-        raise ParameterError("terrain_class", f"whole numbers 0 … {most - 1}")
-    return classes.astype(np.int64)
+            if self.snapshot is not None:
+                self.snapshot = replace(self.snapshot, incomplete=True)

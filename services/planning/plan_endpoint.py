@@ -1,9 +1,9 @@
-"""Questions for plans over zenoh: bounded queues, threads that answer, one that tells the rest.
+"""Plan requests over zenoh: a fair queue, threads that answer, and one that replies "busy".
 
-Clients that drive have a thread of their own: it answers those that were answered several times
-just lately, and whatever comes on the key `plan/drive`, which access can be given to apart. Zenoh's
-own threads only put questions in; decoding, planning and replies are done by threads of this file.
-What is answered is made in :mod:`slopewise.services.planning.plan_service`.
+Zenoh's own threads only put requests into the queue; decoding, planning and replies are done by
+threads of this module. One of them is reserved for clients that drive: those that were answered
+several times recently, and those on the key `plan/drive`, to which access can be restricted.
+Answers are made in :mod:`slopewise.services.planning.plan_service`.
 """
 
 from __future__ import annotations
@@ -20,26 +20,34 @@ import numpy as np
 import zenoh
 
 from slopewise.models.errors import InputError
-from slopewise.services.planning import glance
-from slopewise.services.planning.admission import Admission, Lane, PendingQuery
+from slopewise.services.planning.deadline_check import DeadlineError
 from slopewise.services.planning.map_store import MapStore
-from slopewise.services.planning.meter import Meter
-from slopewise.services.planning.pace import TOO_MANY, TooLateError
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.wire import codec, messages
-from slopewise.services.wire.messages import PlanReply, PlanRequest
+from slopewise.services.planning.usage_meter import UsageMeter
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire import codec, plan_messages
+from slopewise.services.wire.endpoint import Endpoint
+from slopewise.services.wire.fair_queue import FULL, FairQueue, Waiting
+from slopewise.services.wire.message_header import read_deadline, read_header
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 
 _log = logging.getLogger("slopewise")
 
-_REMEMBERED = 1000
-_PATIENCE = 2.0
-_MOST_WHILE_DRIVING = 200
-"""Questions with more candidates are not what a robot asks while it drives."""
+_REMEMBERED_COUNT = 1000
+"""Answers over which the status reports the time [1]: a minute of one client."""
+
+_STOP_TIMEOUT = 2.0
+"""Longest wait for a thread to end, and for a late worker to finish [s]."""
+
+_MAX_DRIVING_CANDIDATES = 200
+"""Candidates up to which the reserved thread answers [1]: more take longer than a cycle."""
+
+PlanQueue = FairQueue[zenoh.Query]
+PlanEntry = Waiting[zenoh.Query]
 
 
 class PlanEndpoint:
-    """Answers each question before its deadline, if only by "busy"."""
+    """Answers each request before its deadline, with "busy" if necessary."""
 
     def __init__(
         self,
@@ -47,183 +55,165 @@ class PlanEndpoint:
         plans: PlanService,
         maps: MapStore,
         counters: Counter[str],
-        planned: Callable[[PlanRequest, PlanReply], None],
+        on_planned: Callable[[PlanRequest, PlanReply], None],
     ) -> None:
-        """Answer with these plans on these maps; `planned` is called after each answer."""
+        """Answer with these plans on these maps; ``on_planned`` is called after each answer."""
         self._config, self._plans, self._maps = config, plans, maps
-        self._counters, self._planned = counters, planned
-        self._admission = Admission(config.planning.queue)
-        self._shares = self._admission.shares
-        self._seconds: deque[float] = deque(maxlen=_REMEMBERED)
-        self._working: dict[str, float] = {}
+        self._counters, self._on_planned = counters, on_planned
+        self._queue = PlanQueue(config.planning.queue, newest_only=True)
+        self._endpoint = Endpoint(counters, config.sizes.request_bytes)
+        self._seconds: deque[float] = deque(maxlen=_REMEMBERED_COUNT)
+        self._working_since: dict[str, float] = {}
         self._key = config.key("plan")
         self._threads: list[threading.Thread] = []
 
     def open(self) -> None:
-        """Begin to work."""
-        lanes = [Lane.DRIVE, *[Lane.REST] * self._config.planning.workers]
-        loops: list[Callable[[], None]] = [partial(self._work, lane) for lane in lanes]
-        for n, loop in enumerate([*loops, self._turn_away]):
+        """Start to work."""
+        workers = [True] + [False] * self._config.planning.workers
+        loops: list[Callable[[], None]] = [partial(self._work, driving) for driving in workers]
+        for n, loop in enumerate([*loops, self._reply_busy]):
             thread = threading.Thread(target=loop, name=f"plans-{n}", daemon=True)
             thread.start()
             self._threads.append(thread)
 
-    def declare(self, session: zenoh.Session) -> Any:
-        """Let questions in; what has to be undeclared in the end."""
-        reserved = partial(self._on_query, reserved=True)
-        return _Several(
+    def declare(self, session: zenoh.Session) -> list[Any]:
+        """Declare the keys; returns the declarations."""
+        outranks = partial(self._on_query, outranks=True)
+        return [
             session.declare_queryable(self._key, self._on_query, complete=True),
-            session.declare_queryable(self._config.key("plan/drive"), reserved, complete=True),
-        )
+            session.declare_queryable(self._config.key("plan/drive"), outranks, complete=True),
+        ]
 
     def close(self) -> None:
-        """Tell whoever waits that nothing will come."""
-        for question in self._admission.close():
-            self._say(question, messages.BUSY, "the service is stopping")
+        """Reply "busy" to all requests that wait, and end the threads."""
+        for entry in self._queue.close():
+            self._reply_without_plans(entry, plan_messages.BUSY, "the service is stopping")
         for thread in self._threads:
-            thread.join(_PATIENCE)
+            thread.join(_STOP_TIMEOUT)
 
-    def well(self) -> bool:
-        """Whether every worker gets on: none is still at a question long since told busy."""
-        latest = time.monotonic() - self._config.planning.longest_deadline - _PATIENCE
-        return all(began > latest for began in [*self._working.values()])
+    def is_alive(self) -> bool:
+        """Return True unless a worker is still busy with a request long after its deadline."""
+        latest = time.monotonic() - self._config.planning.longest_deadline - _STOP_TIMEOUT
+        return all(since > latest for since in [*self._working_since.values()])
 
     def seconds(self) -> dict[str, float]:
-        """How long the last answers took."""
-        took = np.array(self._seconds or [0.0])
-        return {"median": float(np.median(took)), "p99": float(np.percentile(took, 99))}
+        """Median and 99th percentile of the last answers' times [s]."""
+        times = np.array(self._seconds or [0.0])
+        return {"median": float(np.median(times)), "p99": float(np.percentile(times, 99))}
 
-    def _on_query(self, query: zenoh.Query, *, reserved: bool = False) -> None:
-        """In zenoh's threads."""
+    def _on_query(self, query: zenoh.Query, *, outranks: bool = False) -> None:
+        """Called by zenoh's threads."""
         planning = self._config.planning
         self._counters["queries"] += 1
-        client, size = glance.asking(query)
+        header = read_header(query)
+        entry = PlanEntry(query, header.client, header.size, outranks=outranks)
+        is_short = 0 < header.candidates <= _MAX_DRIVING_CANDIDATES
+        entry.is_driving = is_short and (outranks or self._queue.shares.is_driving(header.client))
         try:
-            wait = glance.deadline(query, self._key)
+            limit = read_deadline(query, self._key)
         except InputError as error:
-            question = PendingQuery(query, planning.early, client, size)
-            question.refusal = str(error)
-            self._admission.turn_away(question)
+            entry.reason, entry.is_invalid = str(error), True
+            self._reject(entry)
             return
-        wait = min(planning.deadline if wait is None else wait, planning.longest_deadline)
-        early = min(planning.early, 0.5 * wait)
-        question = PendingQuery(query, wait - early, client, size)
-        if not self._admission.offer(question, reserved=reserved):
+        limit = min(planning.deadline if limit is None else limit, planning.longest_deadline)
+        entry.time_limit = limit - min(planning.early, 0.5 * limit)
+        displaced = self._queue.put(entry)
+        if displaced is not None:
+            self._reject(displaced)
+
+    def _reject(self, entry: PlanEntry) -> None:
+        if not self._queue.reject(entry):
             self._counters["queries_lost"] += 1
 
-    def _work(self, lane: Lane) -> None:
+    def _work(self, only_driving: bool) -> None:
         name = threading.current_thread().name
-        while (question := self._admission.take(lane)) is not None:
-            self._working[name] = time.monotonic()
+        while (entry := self._queue.take(only_driving=only_driving)) is not None:
+            self._working_since[name] = time.monotonic()
             try:
-                self._attend(question, lane)
+                self._attend(entry)
             finally:
-                self._working.pop(name, None)
-                self._admission.done(lane)
+                self._working_since.pop(name, None)
+                if only_driving:
+                    self._queue.done()
 
-    def _attend(self, question: PendingQuery, lane: Lane, *, between: bool = False) -> None:
-        """Answer, or say why not; ``between``: while a longer question waits."""
-
-        def smaller(other: PendingQuery) -> None:
-            self._attend(other, lane, between=True)
-
-        meter = Meter(self._admission, question, None if between else smaller)
+    def _attend(self, entry: PlanEntry, *, is_between: bool = False) -> None:
+        """Answer a request; ``is_between``: between the candidates of a longer one."""
+        between = None if is_between else partial(self._attend, is_between=True)
         try:
-            self._answer(question, meter)
-        except TooLateError as late:
+            self._answer(entry, UsageMeter(self._queue, entry, between))
+        except DeadlineError as late:
             self._counters["given_up"] += 1
-            self._give_up(question, messages.BUSY, str(late))
+            self._give_up(entry, plan_messages.BUSY, str(late))
         except InputError as error:
             self._counters["refused"] += 1
-            self._give_up(question, messages.ERROR, str(error))
+            self._give_up(entry, plan_messages.ERROR, str(error))
         except Exception as error:  # noqa: BLE001 - logged and counted; the process has to live
-            if question.taken and isinstance(error, zenoh.ZError):
-                return  # It was told busy between two lines of this, and is closed since.
+            if entry.is_claimed and isinstance(error, zenoh.ZError):
+                return  # Closed by the "busy" that was sent while it was decoded.
             self._counters["faults"] += 1
-            _log.exception("a question was not answered as it should be")
-            self._give_up(question, messages.ERROR, "fault of the service")
+            _log.exception("plan request rejected: internal error")
+            self._give_up(entry, plan_messages.ERROR, "fault of the service")
 
-    def _give_up(self, question: PendingQuery, status: str, reason: str) -> None:
-        if self._admission.claim(question):
-            self._counters["busy"] += status == messages.BUSY
-            self._say(question, status, reason)
-
-    def _answer(self, question: PendingQuery, meter: Meter) -> None:
-        begun = time.monotonic()
-        query = question.query
+    def _answer(self, entry: PlanEntry, meter: UsageMeter) -> None:
+        started = time.monotonic()
+        query = entry.item
         encoding = str(query.encoding or "")
-        if question.request is None:
-            question.request = codec.decode(
-                PlanRequest,
-                query.payload or b"",
-                encoding,
-                self._key,
-                self._config.sizes.request_bytes,
-            )
-        request: PlanRequest = question.request
-        question.client = request.client
+        written = codec.format_of(encoding)
+        request = self._endpoint.decode(PlanRequest, query, self._key)
+        entry.sender = request.client
         decoded = time.monotonic()
-        if question.lane is Lane.DRIVE and len(request.paths) > _MOST_WHILE_DRIVING:
-            self._admission.move(question)
-            return
         try:
             reply = self._plans.answer(
-                request, self._maps.ground, self._key, pace=meter, left=question.due - decoded
+                request,
+                self._maps.snapshot,
+                self._key,
+                check_deadline=meter,
+                remaining=entry.due - decoded,
             )
-            written = codec.format_of(encoding)
-            reply.seconds.update(queued=begun - question.arrived, decode=decoded - begun)
+            reply.seconds.update(queued=started - entry.arrived, decode=decoded - started)
             payload = codec.encode(reply, written)
-        except TooLateError:
-            if request.client:
-                self._plans.forget(request.client)
+        except DeadlineError:
+            self._plans.forget(request.client)
             raise
         finally:
             meter.charge()
-        if not self._admission.claim(question):
-            # It was told busy meanwhile, so it does not drive this.
-            if request.client:
-                self._plans.forget(request.client)
+        if not self._queue.claim(entry):
+            # Its client received "busy", and will not drive this plan.
+            self._plans.forget(request.client)
             return
+        reply_encoding = codec.encoding_of(PlanReply, written)
         with query:
-            query.reply(query.key_expr, payload, encoding=codec.encoding_of(PlanReply, written))
-        self._shares.answered(request.client)
-        self._seconds.append(time.monotonic() - question.arrived)
+            is_sent = self._endpoint.send_encoded(
+                query, str(query.key_expr), payload, reply_encoding
+            )
+        if not is_sent:
+            self._plans.forget(request.client)
+            return
+        self._queue.shares.note_answer(request.client)
+        self._seconds.append(time.monotonic() - entry.arrived)
         self._counters["answered"] += 1
-        self._planned(request, reply)
+        self._on_planned(request, reply)
         self._counters["candidates_refused"] += sum(not c.usable for c in reply.ranking)
 
-    def _turn_away(self) -> None:
-        while (late := self._admission.late()) is not None:
-            for question in late:
-                if question.refusal:
+    def _give_up(self, entry: PlanEntry, status: str, reason: str) -> None:
+        if self._queue.claim(entry):
+            self._counters["busy"] += status == plan_messages.BUSY
+            self._reply_without_plans(entry, status, reason)
+
+    def _reply_busy(self) -> None:
+        while (overdue := self._queue.overdue()) is not None:
+            for entry in overdue:
+                if entry.is_invalid:
                     self._counters["refused"] += 1
-                    self._say(question, messages.ERROR, question.refusal)
+                    self._reply_without_plans(entry, plan_messages.ERROR, entry.reason)
                 else:
                     self._counters["busy"] += 1
-                    self._say(question, messages.BUSY, TOO_MANY)
+                    self._reply_without_plans(entry, plan_messages.BUSY, entry.reason or FULL)
 
-    def _say(self, question: PendingQuery, status: str, reason: str) -> None:
-        """An answer without plans, to a question that was claimed."""
-        written = codec.format_of(str(question.query.encoding or ""))
+    def _reply_without_plans(self, entry: PlanEntry, status: str, reason: str) -> None:
+        """Reply to a claimed request."""
+        query = entry.item
+        written = codec.format_of(str(query.encoding or ""))
         reply = PlanReply(status=status, reason=reason, service=self._config.id)
-        try:
-            with question.query as query:
-                query.reply(
-                    query.key_expr,
-                    codec.encode(reply, written),
-                    encoding=codec.encoding_of(PlanReply, written),
-                )
-        except zenoh.ZError as error:
-            self._counters["replies_lost"] += 1
-            _log.warning("a reply could not be sent: %s", error)
-
-
-class _Several:
-    """Declarations that are undeclared together."""
-
-    def __init__(self, *declared: Any) -> None:
-        self._declared = declared
-
-    def undeclare(self) -> None:
-        for one in self._declared:
-            one.undeclare()
+        with query:
+            self._endpoint.send(query, str(query.key_expr), reply, written)

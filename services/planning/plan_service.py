@@ -1,7 +1,7 @@
-"""Answers questions for plans; knows nothing of the wire they came on.
+"""Answers to plan requests; independent of the wire on which they arrive.
 
-A named client has a moving horizon of its own; a question without a name stands alone. One
-candidate that cannot be used is refused with a reason, the others are planned.
+A named client has its own moving horizon; a request without a name is planned once. One candidate
+that is not usable is rejected with a reason, and the remaining ones are planned.
 """
 
 from __future__ import annotations
@@ -9,78 +9,92 @@ from __future__ import annotations
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from msgspec import structs
 
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.horizon.answer import FULL_STOP, PlanarState, SpeedCommand, command_of
+from slopewise.planner.horizon.answer import PlanarState
 from slopewise.planner.horizon.horizon import Horizon
-from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner
-from slopewise.planner.pipeline.ranking import rank, ranking_cost
-from slopewise.planner.plan import Obstacle, SpeedPlan, Status
-from slopewise.services.parameters.in_use import ParametersInUse
-from slopewise.services.planning.map_store import KnownGround
-from slopewise.services.planning.pace import Costs, Pace, unhurried
-from slopewise.services.planning.plan_questions import (
-    Usable,
-    at_the_vehicle,
-    check,
-    resampled,
-    usable_of,
+from slopewise.planner.pipeline.ranking import rank
+from slopewise.planner.plan import SpeedPlan
+from slopewise.services.parameters.active_parameters import ActiveParameters
+from slopewise.services.planning.deadline_check import (
+    CostEstimator,
+    DeadlineCheck,
+    no_deadline,
 )
-from slopewise.services.planning.stale_map import MapAge
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.wire import messages
-from slopewise.services.wire.messages import (
-    Deviation,
-    Limit,
-    Met,
-    Plan,
+from slopewise.services.planning.map_age import MapAge
+from slopewise.services.planning.map_store import MapSnapshot
+from slopewise.services.planning.plan_reply import cycle_reply, full_stop, ranked_reply
+from slopewise.services.planning.request_validation import (
+    PlanCandidate,
+    resample_all,
+    select_at_vehicle,
+    validate_candidates,
+    validate_request,
+)
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire.plan_messages import (
     PlanReply,
     PlanRequest,
     RankedCandidate,
-    WireCommand,
 )
 
-_AT_ONCE = 64
-"""Candidates between which a question can be left no more than a few milliseconds apart."""
+_BATCH_SIZE = 64
+"""Candidates planned together [1]; a request can be interrupted between batches only."""
 
-_GONE_AFTER = 10.0
+_INACTIVE_AFTER = 10.0
+"""Time without a request after which a client may be dropped for a new one [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """A request, with the parameters and the map that were in use when its turn came."""
+
+    request: PlanRequest
+    parameters: ActiveParameters
+    snapshot: MapSnapshot
+
+    @property
+    def conditions(self) -> GroundConditions:
+        request = self.request
+        return GroundConditions(session_time=request.session_time, brake_heat=request.brake_heat)
 
 
 class _Client:
-    """A client's horizon; one question at a time."""
+    """A client's horizon; one request at a time."""
 
-    def __init__(self, horizon: Horizon, parameters: ParametersInUse) -> None:
+    def __init__(self, horizon: Horizon, parameters: ActiveParameters) -> None:
         self.lock = threading.Lock()
-        self.asked, self.heard = 0, time.monotonic()
+        self.request_count, self.last_request = 0, time.monotonic()
         self.horizon = horizon
         self.identity = parameters.identity
 
 
 class PlanService:
-    """Plans for many clients with one model; may be asked from several threads."""
+    """Plans for many clients with one model; may be called from several threads."""
 
-    def __init__(self, config: ServiceConfig, parameters: ParametersInUse) -> None:
-        """Plan with these parameters until :meth:`learn` brings others."""
+    def __init__(self, config: ServiceConfig, parameters: ActiveParameters) -> None:
+        """Plan with these parameters until :meth:`learn` replaces them."""
         self.config = config
         self.parameters = parameters
         self._uncertainty = config.planning.uncertainty()
         self._clients: OrderedDict[str, _Client] = OrderedDict()
         self._lock = threading.Lock()
-        self._costs = Costs()
+        self._costs = CostEstimator()
         self._newest: tuple[tuple[int, int], CandidatePlanner] | None = None
 
-    def learn(self, parameters: ParametersInUse) -> None:
-        """Plan with other parameters from the next question on."""
+    def learn(self, parameters: ActiveParameters) -> None:
+        """Plan with other parameters from the next request on."""
         self.parameters = parameters
 
     def forget(self, client: str) -> None:
-        """A client did not get its answer: it does not drive what was planned for it."""
+        """Forget the plan of a client that did not receive it."""
         with self._lock:
             known = self._clients.get(client)
         if known is not None:
@@ -88,299 +102,194 @@ class PlanService:
                 known.horizon.forget()
 
     def drop(self, client: str) -> None:
-        """Know nothing of a client any more."""
+        """Remove a client."""
         with self._lock:
             self._clients.pop(client, None)
 
     def answer(
         self,
         request: PlanRequest,
-        ground: KnownGround | None,
-        source: str,
+        snapshot: MapSnapshot | None,
+        key: str,
         *,
-        pace: Pace = unhurried,
-        left: float = np.inf,
+        check_deadline: DeadlineCheck = no_deadline,
+        remaining: float = np.inf,
     ) -> PlanReply:
-        """The answer to one question.
+        """Reply to one request.
 
         Args:
-            request: as it came. ground: as it is known now. source: key, for errors.
-            pace: called between candidates. left: time to the deadline [s].
+            snapshot: map in use. key: on which the request came, for errors.
+            check_deadline: called between candidates. remaining: time to the deadline [s].
 
         Raises:
-            InputError: the question as a whole cannot be used.
-            TooLateError: it cannot be answered in time.
+            InputError: the request as a whole is not usable.
+            DeadlineError: it cannot be answered in time.
         """
-        begun = time.perf_counter()
-        check(request, self.config.sizes, source)
+        started = time.perf_counter()
+        validate_request(request, self.config.sizes, key)
         parameters = self.parameters
-        if ground is None:
-            return self._reply(request, parameters, None, "no map has come yet: full braking")
-        map_age = self._map_age(ground)
-        if map_age.ends:
-            # What is driven was planned on this map as well.
+        if snapshot is None:
+            result = full_stop("no map has come yet: full braking")
+            return self._reply(request, parameters, None, result)
+        map_age = self._map_age(snapshot)
+        if map_age.is_too_old:
+            # The plan being driven was made on this map as well.
             self.forget(request.client)
-            reason = f"{map_age.reasons()[0]}: full braking"
-            return self._reply(request, parameters, ground, reason)
-        spacing = self.config.planning.planner().spacing_on(ground.elevation_map.resolution)
-        usable, refused = usable_of(request, self.config.sizes, spacing, source)
+            result = full_stop(f"{map_age.reasons()[0]}: full braking")
+            return self._reply(request, parameters, snapshot, result)
+        job = _Job(request, parameters, snapshot)
+        spacing = self.config.planning.planner().spacing_on(snapshot.elevation_map.resolution)
+        valid = validate_candidates(request, self.config.sizes, spacing, key)
         checked = time.perf_counter()
-        named = bool(request.client)
-        self._costs.check(len(usable), left, named=named)
-        even, flawed = resampled(usable, spacing, parameters.model.max_path_deviation, pace)
-        even = map_age.slowed(even)
-        try:
-            if named:
-                reply = self._go_on(request, parameters, ground, even)
-            else:
-                reply = self._stand_alone(request, parameters, ground, even, pace)
-        except ParameterError as error:
-            raise InputError(source, error.field, f"expected {error.expected}") from None
-        refused += flawed
-        self._costs.learn(len(usable), time.perf_counter() - checked, named=named)
-        seconds = {
-            **reply.seconds,
-            "check": checked - begun,
-            "planner": time.perf_counter() - checked,
-        }
-        return _with(reply, ranking=[*reply.ranking, *refused], seconds=seconds)
+        count, is_named = len(valid.candidates), bool(request.client)
+        self._costs.check(count, remaining, named=is_named)
+        deviation = parameters.model.max_path_deviation
+        even = resample_all(valid.candidates, spacing, deviation, check_deadline)
+        result = self._plan(job, map_age.limit_speed(even.candidates), key, check_deadline)
+        duration = time.perf_counter() - checked
+        self._costs.record(count, duration, named=is_named)
+        rejected = [*valid.rejected, *even.rejected]
+        seconds = {"check": checked - started, "planner": duration}
+        return self._reply(request, parameters, snapshot, result, rejected, seconds)
 
     # ------------------------------------------------------------------ planning
 
-    def _go_on(
-        self,
-        request: PlanRequest,
-        parameters: ParametersInUse,
-        ground: KnownGround,
-        usable: list[Usable],
+    def _plan(
+        self, job: _Job, candidates: list[PlanCandidate], key: str, check_deadline: DeadlineCheck
     ) -> PlanReply:
+        try:
+            if job.request.client:
+                return self._plan_for_client(job, candidates)
+            return self._plan_once(job, candidates, check_deadline)
+        except ParameterError as error:
+            raise InputError(key, error.field, f"expected {error.expected}") from None
+
+    def _plan_for_client(self, job: _Job, candidates: list[PlanCandidate]) -> PlanReply:
+        request, parameters = job.request, job.parameters
         assert request.pose is not None
         x, y, heading = request.pose
-        state = PlanarState(x=x, y=y, heading=heading, speed=request.speed)
         client = self._client(request.client, parameters)
         with client.lock:
             if client.identity != parameters.identity:
-                client.horizon.learn(parameters.model, self._survives(parameters))
+                client.horizon.learn(parameters.model, self._margins(parameters))
                 client.identity = parameters.identity
             answer = client.horizon.step(
-                state,
-                [u.path for u in usable],
-                ground.elevation_map,
-                clear=np.array([u.clear for u in usable]) if usable else np.inf,
-                conditions=_conditions(request),
+                PlanarState(x=x, y=y, heading=heading, speed=request.speed),
+                [c.path for c in candidates],
+                job.snapshot.elevation_map,
+                clear=np.array([c.clear for c in candidates]) if candidates else np.inf,
+                conditions=job.conditions,
             )
-        ranking = [
-            RankedCandidate(name=r.candidate, usable=r.valid, reason=r.reason, cost=_finite(r.cost))
-            for r in answer.ranking
-        ]
-        reply = self._reply(
-            request,
-            parameters,
-            ground,
-            answer.reason,
-            answer.status,
-            answer.command,
-            answer.chosen,
-            answer.plans,
-        )
-        stages = {f"planner.{stage}": s for stage, s in answer.seconds.items()}
-        return _with(reply, ranking=ranking, kept=answer.kept, seconds=stages)
+        return cycle_reply(answer)
 
-    def _client(self, name: str, parameters: ParametersInUse) -> _Client:
+    def _client(self, name: str, parameters: ActiveParameters) -> _Client:
         with self._lock:
-            known = self._clients.pop(name, None)
-            if known is None:
+            client = self._clients.pop(name, None)
+            if client is None:
                 planning = self.config.planning
                 horizon = Horizon(
                     parameters.model,
                     planning.horizon(),
                     planning.planner(),
-                    self._survives(parameters),
+                    self._margins(parameters),
                 )
-                known = _Client(horizon, parameters)
-            known.asked, known.heard = known.asked + 1, time.monotonic()
-            self._clients[name] = known
+                client = _Client(horizon, parameters)
+            client.request_count, client.last_request = client.request_count + 1, time.monotonic()
+            self._clients[name] = client
             while len(self._clients) > self.config.planning.clients:
-                self._clients.pop(self._least_missed())
-            return known
+                self._clients.pop(self._client_to_evict())
+            return client
 
-    def _least_missed(self) -> str:
-        """Who makes room: who was not heard for long, else who asked the least.
+    def _client_to_evict(self) -> str:
+        """An inactive client, else the one with the fewest requests.
 
-        Names that are invented for one question do not drive out a client that drives.
+        Names that are used for one request do not displace a client that drives.
         """
         oldest, client = next(iter(self._clients.items()))
-        if time.monotonic() - client.heard > _GONE_AFTER:
+        if time.monotonic() - client.last_request > _INACTIVE_AFTER:
             return oldest
-        return min(self._clients, key=lambda name: self._clients[name].asked)
+        return min(self._clients, key=lambda name: self._clients[name].request_count)
 
-    def _stand_alone(
-        self,
-        request: PlanRequest,
-        parameters: ParametersInUse,
-        ground: KnownGround,
-        usable: list[Usable],
-        pace: Pace,
+    def _plan_once(
+        self, job: _Job, candidates: list[PlanCandidate], check_deadline: DeadlineCheck
     ) -> PlanReply:
-        track = parameters.model.vehicle.track_width
-        reach = self.config.planning.horizon().for_track(track)
-        usable, refused = at_the_vehicle(request, usable, reach)
-        if not usable:
-            detail = f": {refused[0].reason}" if refused else ""
-            reason = f"no candidate is usable{detail}: full braking"
-            return _with(self._reply(request, parameters, ground, reason), ranking=refused)
-        planner = self._planner(parameters)
-        # Of plans as good as each other the one with the shorter clear distance comes first.
-        usable = sorted(usable, key=lambda one: one.clear)
+        planning, model = self.config.planning, job.parameters.model
+        limits = planning.horizon().for_track(model.vehicle.track_width)
+        at_vehicle = select_at_vehicle(job.request, candidates, limits)
+        rejected = at_vehicle.rejected
+        if not at_vehicle.candidates:
+            detail = f": {rejected[0].reason}" if rejected else ""
+            return full_stop(f"no candidate is usable{detail}: full braking", rejected)
+        planner = self._planner(job.parameters)
         plans: list[SpeedPlan] = []
-        for first in range(0, len(usable), _AT_ONCE):
-            part = usable[first : first + _AT_ONCE]
+        # Of plans with equal cost the one with the shorter clear distance comes first.
+        ordered = sorted(at_vehicle.candidates, key=lambda c: c.clear)
+        for first in range(0, len(ordered), _BATCH_SIZE):
+            part = ordered[first : first + _BATCH_SIZE]
             plans += planner.plan(
-                ground.elevation_map,
-                [u.path for u in part],
-                start_speed=request.speed,
-                clear=np.array([u.clear for u in part]),
-                conditions=_conditions(request),
-                progress=lambda _: pace(),
+                job.snapshot.elevation_map,
+                [c.path for c in part],
+                start_speed=job.request.speed,
+                clear=np.array([c.clear for c in part]),
+                conditions=job.conditions,
+                progress=lambda _: check_deadline(),
             )
-        settings = self.config.planning.planner()
-        plans = rank(plans, settings)
-        best = plans[0]
-        ranking = [
-            RankedCandidate(
-                name=p.candidate,
-                usable=p.status is not Status.INFEASIBLE,
-                reason=p.reason,
-                cost=ranking_cost(p, settings),
-            )
-            for p in plans
-        ]
-        command = FULL_STOP
-        if best.status is not Status.INFEASIBLE:
-            command = command_of(best, 0.0, 0.0, self.config.planning.period)
-        reply = self._reply(
-            request, parameters, ground, best.reason, best.status, command, best, plans
-        )
-        return _with(reply, ranking=[*ranking, *refused])
+        settings = planning.planner()
+        return ranked_reply(rank(plans, settings), settings, planning.period, rejected)
 
-    def _planner(self, parameters: ParametersInUse) -> CandidatePlanner:
-        """The planner with these parameters; replaced as a whole, so that threads need no lock."""
+    def _planner(self, parameters: ActiveParameters) -> CandidatePlanner:
+        """Planner with these parameters; replaced as a whole, so that threads need no lock."""
         newest = self._newest
         if newest is None or newest[0] != parameters.identity:
-            settings, survives = self.config.planning.planner(), self._survives(parameters)
-            planner = CandidatePlanner(parameters.model, settings, survives)
+            settings, margins = self.config.planning.planner(), self._margins(parameters)
+            planner = CandidatePlanner(parameters.model, settings, margins)
             newest = self._newest = (parameters.identity, planner)
         return newest[1]
 
-    def _survives(self, parameters: ParametersInUse) -> Uncertainty:
+    def _margins(self, parameters: ActiveParameters) -> Uncertainty:
         return parameters.uncertainty or self._uncertainty
 
-    # ------------------------------------------------------------------ answers
+    # ------------------------------------------------------------------ replies
 
     def _reply(
         self,
         request: PlanRequest,
-        parameters: ParametersInUse,
-        ground: KnownGround | None,
-        reason: str,
-        status: Status = Status.DEGRADED,
-        command: SpeedCommand = FULL_STOP,
-        chosen: SpeedPlan | None = None,
-        plans: Sequence[SpeedPlan] = (),
+        parameters: ActiveParameters,
+        snapshot: MapSnapshot | None,
+        result: PlanReply,
+        rejected: list[RankedCandidate] | None = None,
+        seconds: dict[str, float] | None = None,
     ) -> PlanReply:
-        return PlanReply(
-            status=status.value,
-            reason=reason,
+        return structs.replace(
+            result,
             service=self.config.id,
             sequence=request.sequence,
             parameters=parameters.message(),
-            map_version=0 if ground is None else ground.version,
-            map_age=None if ground is None else ground.age(),
-            map_id="" if ground is None else ground.id,
-            map_hash="" if ground is None else ground.digest,
-            command=WireCommand(
-                speed=command.speed,
-                accel=command.accel,
-                stop=command.stop,
-                valid_for=command.valid_for,
-            ),
-            chosen=None if chosen is None else chosen.candidate,
-            plans=[_plan(plan) for plan in plans],
-            flags=[*parameters.flags, *self.flags(ground)],
+            map_version=0 if snapshot is None else snapshot.version,
+            map_age=None if snapshot is None else snapshot.age(),
+            map_id="" if snapshot is None else snapshot.id,
+            map_hash="" if snapshot is None else snapshot.digest,
+            ranking=[*result.ranking, *(rejected or [])],
+            flags=[*parameters.flags, *self.warnings(snapshot)],
+            seconds=result.seconds | (seconds or {}),
         )
 
-    def flags(self, ground: KnownGround | None) -> list[str]:
-        """What is not as it should be."""
-        if ground is None:
+    def warnings(self, snapshot: MapSnapshot | None) -> list[str]:
+        """Warnings about the map in use."""
+        if snapshot is None:
             return ["no map"]
-        old = ground.age() > self.config.status.map_age
-        late = [f"degraded: {reason}" for reason in self.degraded(ground)]
-        flags = ["map is old"] if old else []
-        flags += ["map updates were lost"] if ground.incomplete else []
-        return [*late, *flags, *ground.flags()]
+        is_old = snapshot.age() > self.config.status.map_age
+        return [
+            *(f"degraded: {reason}" for reason in self.degraded(snapshot)),
+            *(["map is old"] if is_old else []),
+            *(["map updates were lost"] if snapshot.incomplete else []),
+            *snapshot.warnings.active(),
+        ]
 
-    def degraded(self, ground: KnownGround | None) -> list[str]:
+    def degraded(self, snapshot: MapSnapshot | None) -> list[str]:
         """Reasons in the map for slower plans."""
-        return [] if ground is None else self._map_age(ground).reasons()
+        return [] if snapshot is None else self._map_age(snapshot).reasons()
 
-    def _map_age(self, ground: KnownGround) -> MapAge:
+    def _map_age(self, snapshot: MapSnapshot) -> MapAge:
         limit = self.parameters.model.limits.speed
-        return MapAge.of(ground, self.config.planning.max_map_age, limit)
-
-
-def _conditions(request: PlanRequest) -> GroundConditions:
-    return GroundConditions(session_time=request.session_time, brake_heat=request.brake_heat)
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _plan(plan: SpeedPlan) -> Plan:
-    changes = np.flatnonzero(np.diff(plan.limiting)) + 1
-    firsts = [0, *(int(i) for i in changes)]
-    return Plan(
-        candidate=plan.candidate,
-        status=plan.status.value,
-        reason=plan.reason,
-        travel_time=plan.travel_time,
-        progress=plan.progress,
-        clear_distance=float(plan.clear_distance),
-        least_margin=_finite(plan.least_margin),
-        least_rear_load=float(plan.rear_load.min()),
-        limits=[Limit(first=i, name=Limiting(int(plan.limiting[i])).label) for i in firsts],
-        columns=list(messages.PLAN_COLUMNS),
-        values=np.stack([getattr(plan, name) for name in messages.PLAN_COLUMNS]),
-        obstacle=_met(plan.obstacle),
-        path_deviation=_deviation(plan),
-    )
-
-
-def _deviation(plan: SpeedPlan) -> Deviation | None:
-    deviation = plan.path_deviation
-    if deviation is None:
-        return None
-    return Deviation(
-        largest=deviation.largest,
-        station=deviation.station,
-        x=deviation.x,
-        y=deviation.y,
-        limit=deviation.limit,
-    )
-
-
-def _met(obstacle: Obstacle | None) -> Met | None:
-    if obstacle is None:
-        return None
-    return Met(
-        bound=obstacle.bound.label,
-        x=float(obstacle.x),
-        y=float(obstacle.y),
-        height=float(obstacle.height),
-        words=obstacle.words,
-    )
-
-
-def _with(reply: PlanReply, **changes: object) -> PlanReply:
-    fields = {name: getattr(reply, name) for name in reply.__struct_fields__}
-    return PlanReply(**(fields | changes))
+        return MapAge.of(snapshot, self.config.planning.max_map_age, limit)

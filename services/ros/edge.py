@@ -18,9 +18,9 @@ import zenoh
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.client import ClientAnswer, PlanClient
-from slopewise.services.io.bags.ros_types import GRID_MAP, PATH, SPEED_LIMIT
-from slopewise.services.io.maps.bag_map import other_frame
-from slopewise.services.io.maps.grid_map_message import elevation_map_of
+from slopewise.services.io.bag_paths import other_frame
+from slopewise.services.io.bags import GRID_MAP, PATH, SPEED_LIMIT
+from slopewise.services.io.grid_map import elevation_map_of
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros import speed_limit
 from slopewise.services.ros.conversions import Condition, OdometrySample
@@ -30,7 +30,7 @@ from slopewise.services.ros.settings import EdgeSettings
 from slopewise.services.ros.speed_limit import SpeedAdvice
 from slopewise.services.ros.topic_matching import ConnectionWatch
 from slopewise.services.ros.vehicle_state import VehicleState
-from slopewise.services.wire.messages import MapUpdate, Path, Plan, PlanReply
+from slopewise.services.wire.plan_messages import MapUpdate, Path, Plan, PlanReply
 
 _log = logging.getLogger("slopewise")
 

@@ -12,7 +12,7 @@ from typing import Any
 import zenoh
 
 from slopewise.models.errors import InputError
-from slopewise.services.io.bags.ros_types import read_cdr
+from slopewise.services.io.bags import read_cdr
 
 _MAX_BYTES = 64_000_000
 """Size of a message: a grid map of 16 million cells [bytes]."""

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import zenoh
 
-from slopewise.services.io.bags.ros_types import type_hashes
+from slopewise.services.io.bags import type_hashes
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.conversions import Condition
 from slopewise.services.ros.graph import Endpoint, Graph, KeyScheme, other_domains
 from slopewise.services.ros.naming import NO_HASH, NULL_HASH, PUBLISHER, SUBSCRIPTION
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.neighbours import Connections
+from slopewise.services.wire.peer_status import Connections
 
 _log = logging.getLogger("slopewise")
 

@@ -1,7 +1,7 @@
-"""Certificates and keys that zenoh's own settings name: looked for beside the file that names them.
+"""Certificates and keys named in zenoh's settings: found relative to the file that names them.
 
-Zenoh takes them relative to wherever it was started, and of a file that is not there it tells only
-that no endpoint is free.
+Zenoh takes them relative to the working directory, and reports a missing one only as an endpoint
+that is not free.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from slopewise.services.io.access import fault
+from slopewise.services.io.files import fault
 
 if TYPE_CHECKING:
     import zenoh
@@ -29,16 +29,16 @@ _ENCRYPTED = ("tls/", "quic/")
 
 
 def settle(config: zenoh.Config, source: Path, endpoints: Sequence[str]) -> None:
-    """Make certificates absolute, and refuse what would not protect as it says.
+    """Make certificates absolute, and reject settings that would not protect as stated.
 
     Args:
-        config: read from ``source``; changed in place.
-        source: the file.
-        endpoints: that the session listens on or connects to.
+        config: configuration read from ``source``; changed in place.
+        source: file of zenoh's settings.
+        endpoints: endpoints that the session listens on or connects to.
 
     Raises:
-        InputError: a certificate or key is not there, or certificates decide who may do what on an
-            endpoint that asks for none.
+        InputError: a certificate or key is missing, or access control by certificates on an
+            endpoint that requires none.
     """
     tls = json.loads(config.get_json(_TLS))
     for key in _FILES:
@@ -53,9 +53,11 @@ def settle(config: zenoh.Config, source: Path, endpoints: Sequence[str]) -> None
     guarded = json.loads(config.get_json("access_control"))
     by_name = any(subject.get("cert_common_names") for subject in guarded.get("subjects") or [])
     if guarded.get("enabled") and by_name and not tls["enable_mtls"]:
-        words = "expected true, as access control goes by the names in certificates"
-        raise fault(source, f"{_TLS}/enable_mtls".replace("/", "."), words)
+        expected = "expected true, as access control uses the names in certificates"
+        raise fault(source, f"{_TLS}/enable_mtls".replace("/", "."), expected)
     open_ones = [e for e in endpoints if not e.startswith(_ENCRYPTED)]
     if open_ones and (by_name or tls["listen_certificate"] or tls["root_ca_certificate"]):
-        words = f"expected {' or '.join(_ENCRYPTED)}… as certificates are named, got {open_ones[0]}"
-        raise fault(source, "listen or connect", words)
+        expected = (
+            f"expected {' or '.join(_ENCRYPTED)}… as certificates are named, got {open_ones[0]}"
+        )
+        raise fault(source, "listen or connect", expected)

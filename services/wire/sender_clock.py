@@ -1,15 +1,8 @@
-"""A sender's clock beside the time that passes here; where it begins is all the same."""
+"""Lateness of messages by their sender's clock, whose zero is arbitrary."""
 
 from __future__ import annotations
 
 import math
-
-LATE = 60.0
-"""So much longer on its way than the quickest one, a message is of a clock set back [s]."""
-
-_JUMPED = 5
-"""So many messages in a row that agree with each other are right about a clock."""
-
 
 DRIFT = 1e-4
 """Rate at which two clocks drift apart: crystals stay within 100 ppm [s/s].
@@ -33,7 +26,7 @@ class SenderClock:
     """One sender's.
 
     Attributes:
-        lead: of the quickest message: how far the sender's clock is ahead of the one here [s].
+        lead: how far the sender's clock is ahead of the one here, by the quickest message [s].
         stamp: stamp of the newest message, on the sender's clock [s]. steps: how often it was set.
     """
 
@@ -41,7 +34,6 @@ class SenderClock:
         """Begin; ``late``: lateness of the sender before this one, given up as after a step [s]."""
         self.lead = self.stamp = -math.inf
         self.steps = 0
-        self._doubtful: list[float] = []
         self._at, self._late = 0.0, late
         self._uncertain = self._recovers = self._interval = 0.0
         self._measured = 0
@@ -99,26 +91,3 @@ class SenderClock:
         # A delay that falls brings as many messages; one that skips ahead alone was set ahead.
         ahead = stamp - self.stamp - max(passed, _IRREGULAR * sent * self._interval)
         return regular and sent > 0 and self._late > STEP and ahead > STEP
-
-    def judge(self, lead: float, early: float) -> str:
-        """Why a message cannot be of now; empty if it can, "jumped" if the clock was set.
-
-        Args:
-            lead: its time stamp less the time of its arrival [s].
-            early: how far the clock may run ahead of the time that passed [s].
-        """
-        if self.lead == -math.inf or self.lead - LATE <= lead <= self.lead + early:
-            self.lead = max(self.lead, lead)
-            self._doubtful = []
-            return ""
-        if self._doubtful and abs(lead - self._doubtful[-1]) > early:
-            self._doubtful = []
-        self._doubtful.append(lead)
-        if len(self._doubtful) >= _JUMPED:
-            self.lead, self._doubtful = lead, []
-            return "jumped"
-        return "future" if lead > self.lead else "late"
-
-    def delay(self, lead: float) -> float:
-        """How much longer a message was on its way than the quickest one [s]."""
-        return max(self.lead - lead, 0.0) if math.isfinite(self.lead) else 0.0

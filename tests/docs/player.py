@@ -18,8 +18,8 @@ from pathlib import Path
 
 import zenoh
 
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.docs.shown import ROOT, Shown, environment, hidden, sizes
 from tests.services.service_process import free_port
 from tests.services.warm_process import WarmProcess

@@ -26,8 +26,8 @@ from examples.mock_navigation import (
 from slopewise import PlanClient
 from slopewise.services.daemon.daemon import Service
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.settings.service import ServiceConfig, ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ServiceConfig, ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.service_process import free_port, running
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "mock_navigation.py"

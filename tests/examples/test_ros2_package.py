@@ -19,8 +19,8 @@ import pytest
 import zenoh
 
 from slopewise.services.ros.settings import EdgeSettings, read_settings
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.examples import ros_fakes
 from tests.examples.ros_fakes import Answer
 from tests.services.service_process import free_port

@@ -8,8 +8,8 @@ from pathlib import Path
 import trustme
 import zenoh
 
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 
 SHIPPED = Path(__file__).parents[2] / "configs" / "zenoh"
 ROLES = ("service", "navigation", "mapping", "estimator", "operator", "stranger")

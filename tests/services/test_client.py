@@ -12,10 +12,10 @@ import zenoh
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.client import ClientAnswer, PlanClient
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.path_file import write_paths_csv
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.planner import scenes
 from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.service_process import Running, fan, flat, free_port, running

@@ -24,8 +24,8 @@ def run(config_file: Path, seconds: float | None = None, as_json: bool = False) 
 
     from slopewise.services.ros.edge import RosEdge
     from slopewise.services.ros.settings import read_settings
-    from slopewise.services.settings.service import ZenohSettings
-    from slopewise.services.settings.session import zenoh_config
+    from slopewise.services.settings.service_settings import ZenohSettings
+    from slopewise.services.settings.zenoh_session import zenoh_config
 
     settings = read_settings(config_file)
     meets = ZenohSettings(mode="client", connect=settings.ros.connect, config=settings.ros.config)

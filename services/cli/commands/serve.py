@@ -8,7 +8,7 @@ from pathlib import Path
 
 from slopewise.models.errors import InputError
 from slopewise.services.cli.screen import say_ready
-from slopewise.services.settings.service import read_config
+from slopewise.services.settings.service_settings import read_config
 
 
 def run(config_file: Path, seconds: float | None = None, as_json: bool = False) -> None:

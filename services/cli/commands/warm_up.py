@@ -20,19 +20,19 @@ class WarmUpResult:
 def run() -> WarmUpResult:
     """Plan on all kinds of ground, then once more to see how long that takes."""
     begun = time.perf_counter()
-    from slopewise.services.daemon import warm_up
+    from slopewise.services.daemon import warm_up_requests
     from slopewise.services.io.model_file import find_model, read_model
-    from slopewise.services.parameters.in_use import ParametersInUse
+    from slopewise.services.parameters.active_parameters import ActiveParameters
     from slopewise.services.planning.cold_start import compile_first
     from slopewise.services.planning.plan_service import PlanService
-    from slopewise.services.settings.service import ServiceConfig
+    from slopewise.services.settings.service_settings import ServiceConfig
 
     compile_first("on all cores")
-    plans = PlanService(ServiceConfig(model="atv"), ParametersInUse(read_model(find_model("atv"))))
-    warm_up.run(plans)
+    plans = PlanService(ServiceConfig(model="atv"), ActiveParameters(read_model(find_model("atv"))))
+    warm_up_requests.run(plans)
     compiled = time.perf_counter()
-    ground, request = next(warm_up.questions())
-    plans.answer(request, ground, warm_up.CLIENT)
+    ground, request = next(warm_up_requests.requests())
+    plans.answer(request, ground, warm_up_requests.CLIENT)
     return WarmUpResult(compiled - begun, time.perf_counter() - compiled)
 
 

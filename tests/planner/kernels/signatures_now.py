@@ -17,11 +17,11 @@ from numba.core.dispatcher import Dispatcher
 
 from slopewise.planner.kernels.ahead import described
 from slopewise.planner.kernels.borrowing import Borrowing
-from slopewise.services.daemon import warm_up
+from slopewise.services.daemon import warm_up_requests
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.in_use import ParametersInUse
+from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.settings.service_settings import ServiceConfig
 
 
 class Seconds(event.Listener):
@@ -57,8 +57,8 @@ def signatures_now() -> dict[str, list[Any]]:
     """Of a process that has planned nothing yet."""
     seconds = Seconds()
     event.register("numba:compile", seconds)
-    parameters = ParametersInUse(read_model(find_model("atv")))
-    warm_up.run(PlanService(ServiceConfig(model="atv"), parameters))
+    parameters = ActiveParameters(read_model(find_model("atv")))
+    warm_up_requests.run(PlanService(ServiceConfig(model="atv"), parameters))
     found = {
         name_of(kernel): _each_once(
             [described(kind) for kind in kinds] for kinds in kernel.overloads

@@ -19,17 +19,17 @@ from slopewise.models.errors import InputError
 from slopewise.services.client import PlanClient
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters import replies
-from slopewise.services.parameters.in_use import ParametersInUse
-from slopewise.services.parameters.service import ParameterService
-from slopewise.services.planning.map_store import KnownGround, MapStore
+from slopewise.services.parameters.active_parameters import ActiveParameters
+from slopewise.services.parameters.parameter_service import ParameterService
+from slopewise.services.planning.map_store import MapSnapshot, MapStore
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.learning import StoreSettings
-from slopewise.services.settings.service import Planning, ServiceConfig, Sizes
+from slopewise.services.settings.learning_settings import StoreSettings
+from slopewise.services.settings.service_settings import Planning, ServiceConfig, SizeLimits
 from slopewise.services.wire import codec
-from slopewise.services.wire.messages import Path as Candidate
-from slopewise.services.wire.messages import PlanRequest, ServiceStatus
 from slopewise.services.wire.observations import DriveSamples, StopObservation, TerrainLabel
 from slopewise.services.wire.parameter_messages import ParameterQuestion, RollBack, SetParameters
+from slopewise.services.wire.plan_messages import Path as Candidate
+from slopewise.services.wire.plan_messages import PlanRequest, ServiceStatus
 from tests.services.malformed import Malformed
 from tests.services.service_process import fan, flat, running
 
@@ -102,14 +102,14 @@ class Desk:
         config = ServiceConfig(
             model="atv",
             planning=Planning(smooth=False),
-            sizes=Sizes(stations=1000, points=100),
+            sizes=SizeLimits(stations=1000, points=100),
             store=StoreSettings(path=str(folder / "parameters.db"), changes=100),
         )
         prior = read_model(find_model("atv"))
-        self.plans = PlanService(config, ParametersInUse(prior))
+        self.plans = PlanService(config, ActiveParameters(prior))
         self.parameters = ParameterService(config, prior, apply=self.plans.learn)
         heights = np.zeros((12, 16))
-        self.ground = KnownGround(
+        self.ground = MapSnapshot(
             ElevationMap(elevation=heights, resolution=0.5, origin=(-3.0, -3.0)),
             1,
             time.monotonic(),
@@ -134,7 +134,7 @@ class Desk:
             assert all(np.isfinite(plan.column("speed")).all() for plan in reply.plans)
             return reply.status
         if key == "map":
-            return "taken" if self.maps.take(message, key) else "ignored"
+            return "taken" if self.maps.apply(message, key) else "ignored"
         if key.startswith("obs/"):
             kind = key.removeprefix("obs/")
             return self.parameters.observe(kind, message, key, time.monotonic()).status
@@ -159,15 +159,15 @@ def fuzz(key: str, seed: int, count: int, desk: Desk) -> Counter[str]:
     supply = Malformed(messages_of[key], seed)
     became: Counter[str] = Counter()
     known, ground = desk.known(), desk.maps.ground
-    version = desk.parameters.in_use.version
+    version = desk.parameters.active.version
     for n in range(count):
         payload, encoding = supply.one()
         status = desk.handle(key, payload, encoding)
         became[status] += 1
         if status in _ACCEPTED:
             known, ground = desk.known(), desk.maps.ground
-            version = desk.parameters.in_use.version
-        assert desk.parameters.in_use.version == version, payload
+            version = desk.parameters.active.version
+        assert desk.parameters.active.version == version, payload
         assert desk.maps.ground is ground, payload
         if n % _LOOKED_AT == 0 or n == count - 1:
             assert desk.known() == known, payload
@@ -178,7 +178,7 @@ def limits_hold(desk: Desk) -> None:
     """Whatever was believed: plans are made with a model that is one, no faster than limits say."""
     request = PlanRequest(speed=0.0, paths=[Candidate(name="a", points=_POINTS)])
     reply = desk.plans.answer(request, desk.ground, "plan")
-    most = desk.parameters.in_use.model.limits.speed
+    most = desk.parameters.active.model.limits.speed
     assert reply.plans[0].column("speed").max() <= most + 1e-9
 
 

@@ -17,10 +17,10 @@ import pytest
 import zenoh
 
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.service import ParameterService
-from slopewise.services.settings.learning import StoreSettings
-from slopewise.services.settings.service import ServiceConfig, ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.parameters.parameter_service import ParameterService
+from slopewise.services.settings.learning_settings import StoreSettings
+from slopewise.services.settings.service_settings import ServiceConfig, ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire.observations import StopObservation
 from tests.services.parameter_client import Robot, block, send_ground, speeds_of
 from tests.services.service_process import Running, free_port, running
@@ -289,7 +289,7 @@ def test_learning_that_hangs_makes_plans_slower(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from slopewise.services.daemon import daemon
-    from slopewise.services.settings.service import read_config
+    from slopewise.services.settings.service_settings import read_config
 
     port = free_port()
     file = tmp_path / "service.toml"

@@ -15,8 +15,8 @@ import zenoh
 from slopewise.services.daemon.daemon import Service
 from slopewise.services.parameters import replies
 from slopewise.services.parameters.learner import Learner
-from slopewise.services.settings.service import Planning, ServiceConfig, ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import Planning, ServiceConfig, ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import Running, free_port, running
 
@@ -59,7 +59,7 @@ def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for
         planning=Planning(deadline=5.0),
         zenoh=ZenohSettings(listen=(f"tcp/127.0.0.1:{port}",)),
     )
-    learn, read = Learner.learn, replies.read
+    learn, read = Learner.observe, replies.read
 
     def breaks(self: Learner, message: Any, *rest: Any) -> Any:
         if message.source == "evil":
@@ -71,7 +71,7 @@ def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for
             raise ZeroDivisionError("another")
         return read(service, question, name)
 
-    monkeypatch.setattr(Learner, "learn", breaks)
+    monkeypatch.setattr(Learner, "observe", breaks)
     monkeypatch.setattr(replies, "read", breaks_too)
     settings = ZenohSettings(mode="client", connect=(f"tcp/127.0.0.1:{port}",))
     with Service(config) as service, zenoh.open(zenoh_config(settings)) as session:
@@ -89,7 +89,7 @@ def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for
         assert status["counters"]["faults"] == 2
         assert any(flag.startswith("stop 1 of evil") for flag in status["flags"])
         assert robot.stop(0.42 * G)["status"] == "taken"
-        service.parameters.notices._seconds = 0.0
+        service.parameters.notices._duration = 0.0
         assert not any("evil" in flag for flag in robot.status()["flags"])
 
 

@@ -1,48 +1,35 @@
-"""The live page, health and metrics: true to the service, and nothing but to be read."""
+"""The live page, health and metrics of a running service show what it replied and learned."""
 
 from __future__ import annotations
 
 import json
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.client import PlanClient
-from slopewise.services.dashboard.board import Board, GroundSeen, GroupSeen, StopSeen
-from slopewise.services.dashboard.server import PageServer, own_names
-from slopewise.services.dashboard.site import Site, Source
-from slopewise.services.planning.map_store import KnownGround
-from slopewise.services.settings.service import PageSettings
+from slopewise.services.dashboard.live_state import LiveState
+from slopewise.services.parameters.learned_stop import LearnedStop
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import Parameters, ServiceStatus
-from slopewise.services.wire.messages import Path as Candidate
-from slopewise.services.wire.observations import Receipt, StopObservation
+from slopewise.services.wire.observations import ObservationAck, StopObservation
+from slopewise.services.wire.parameter_messages import HistoryEntry
+from slopewise.services.wire.plan_messages import Path as Candidate
 from tests.services import browser
+from tests.services.dashboard.page_fixtures import HOSTILE, get, served
 from tests.services.service_process import Running, fan, flat, free_port, running
-
-EVIL = "<img src=x onerror=alert(1)>"
-
-
-def get(url: str, **headers: str) -> tuple[int, str]:
-    request = urllib.request.Request(url, headers=headers)
-    try:
-        with urllib.request.urlopen(request, timeout=5.0) as answer:
-            return answer.status, answer.read().decode()
-    except urllib.error.HTTPError as error:
-        return error.code, error.read().decode()
 
 
 def shows_a_plan(url: str) -> bool:
-    plan = json.loads(get(f"{url}/state")[1])["plan"]
+    plan = json.loads(get(f"{url}/state")[2])["plan"]
     return plan is not None and plan["chosen"] is not None
 
 
@@ -54,12 +41,12 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Running, s
 
 
 @pytest.fixture(scope="module")
-def asked(pages: tuple[Running, str]) -> str:
-    """The page after somebody brought ground and asked for plans."""
+def planned(pages: tuple[Running, str]) -> str:
+    """The page after a map arrived and a plan was requested."""
     service, url = pages
     assert get(f"{url}/health")[0] == 503
     assert "robots are told to brake" in browser.text_of(url)
-    odd = Candidate(name=EVIL, points=fan(1)[0].points)
+    odd = Candidate(name=HOSTILE, points=fan(1)[0].points)
     with (
         service.session() as session,
         PlanClient(session, namespace=service.namespace, timeout=5.0, name="robot") as client,
@@ -69,21 +56,21 @@ def asked(pages: tuple[Running, str]) -> str:
         while time.monotonic() < until:
             reply = client.plan(1.0, [odd, *fan(4)], pose=(0.0, 0.0, 0.0), clear=20.0).reply
             assert reply is not None
-            # The page learns of an answer after it was given.
+            # The page is updated after the reply was sent.
             if reply.plans and shows_a_plan(url):
                 return url
             time.sleep(0.02)
     raise AssertionError("no plan in time")
 
 
-def test_health_says_whether_plans_can_be_made(asked: str) -> None:
-    status, body = get(f"{asked}/health")
+def test_health_reports_that_plans_can_be_made(planned: str) -> None:
+    status, _, body = get(f"{planned}/health")
     assert status == 200
     assert json.loads(body)["able"]
 
 
-def test_state_is_what_was_answered(asked: str) -> None:
-    state = json.loads(get(f"{asked}/state")[1])
+def test_state_is_the_last_reply(planned: str) -> None:
+    state = json.loads(get(f"{planned}/state")[2])
     chosen = state["plan"]["chosen"]
     assert state["plan"]["client"] == "robot"
     assert state["plan"]["candidates"] == 5
@@ -94,17 +81,17 @@ def test_state_is_what_was_answered(asked: str) -> None:
     assert all(v <= b + 1e-3 for v, b in zip(chosen["speed"], chosen["speed_bound"], strict=True))
 
 
-def test_the_map_comes_with_its_picture(asked: str) -> None:
-    told = json.loads(get(f"{asked}/map")[1])
-    assert told["version"] >= 1
-    assert told["cell"] == 0.25
-    assert told["picture"].startswith("data:image/png;base64,")
-    left, right, bottom, top = told["bounds"]
+def test_the_map_comes_with_its_picture(planned: str) -> None:
+    relief = json.loads(get(f"{planned}/map")[2])
+    assert relief["version"] >= 1
+    assert relief["cell"] == 0.25
+    assert relief["picture"].startswith("data:image/png;base64,")
+    left, right, bottom, top = relief["bounds"]
     assert (right - left, top - bottom) == (193 * 0.25, 49 * 0.25)
 
 
-def test_metrics_are_read_by_prometheus(asked: str) -> None:
-    status, text = get(f"{asked}/metrics")
+def test_metrics_are_read_by_prometheus(planned: str) -> None:
+    status, _, text = get(f"{planned}/metrics")
     assert status == 200
     samples = {
         (sample.name, *sample.labels.values()): sample.value
@@ -119,29 +106,15 @@ def test_metrics_are_read_by_prometheus(asked: str) -> None:
     assert samples["process_resident_memory_bytes",] > 1e7
 
 
-def test_nothing_can_be_changed(asked: str) -> None:
-    for method in ("POST", "PUT", "DELETE"):
-        request = urllib.request.Request(f"{asked}/state", data=b"{}", method=method)
-        with pytest.raises(urllib.error.HTTPError) as refused:
-            urllib.request.urlopen(request, timeout=5.0)
-        assert refused.value.code == 405
-    assert get(f"{asked}/../../etc/passwd")[0] == 404
-
-
-def test_pages_of_others_cannot_ask_through_a_browser(asked: str) -> None:
-    assert get(f"{asked}/state", Host="evil.example:8177")[0] == 403
-    assert get(f"{asked}/state", Host="localhost:8177")[0] == 200
-
-
-def test_the_page_shows_the_plan(asked: str) -> None:
-    shown = browser.text_of(asked)
+def test_the_page_shows_the_plan(planned: str) -> None:
+    shown = browser.text_of(planned)
     assert "Answers questions for plans." in shown
     assert "asked by robot" in shown
     assert "limited now by" in shown
     assert "version 1 of" in shown
 
 
-def test_a_page_that_cannot_be_served_stops_nobody(
+def test_a_service_plans_without_a_page_that_cannot_be_served(
     pages: tuple[Running, str], tmp_path: Path
 ) -> None:
     taken = pages[1].rpartition(":")[2]
@@ -154,7 +127,7 @@ def test_a_page_that_cannot_be_served_stops_nobody(
 
 
 def learned(url: str) -> dict[str, Any]:
-    return json.loads(get(f"{url}/learned")[1])
+    return json.loads(get(f"{url}/learned")[2])
 
 
 def braking(url: str, version: int) -> dict[str, Any]:
@@ -168,7 +141,7 @@ def braking(url: str, version: int) -> dict[str, Any]:
     raise AssertionError(learned(url))
 
 
-def test_stops_come_and_what_they_taught_outlives_a_restart(tmp_path: Path) -> None:
+def test_stops_and_learned_parameters_are_shown_after_a_restart(tmp_path: Path) -> None:
     port = free_port()
     url, page = f"http://127.0.0.1:{port}", f"enabled = true\nport = {port}"
     store = '[store]\npath = "parameters.db"\n'
@@ -191,8 +164,8 @@ def test_stops_come_and_what_they_taught_outlives_a_restart(tmp_path: Path) -> N
                 timeout=5.0,
             )
         assert reply.ok is not None
-        told = str(reply.ok.encoding)
-        version = codec.decode(Receipt, reply.ok.payload, told, "receipt", 10**6).version
+        encoding = str(reply.ok.encoding)
+        version = codec.decode(ObservationAck, reply.ok.payload, encoding, "receipt", 10**6).version
         before = braking(url, version)
         stops = learned(url)["stops"]
         shown = browser.text_of(url)
@@ -211,79 +184,68 @@ def test_stops_come_and_what_they_taught_outlives_a_restart(tmp_path: Path) -> N
 
 
 @pytest.fixture
-def board() -> Board:
-    made = Board()
+def page() -> LiveState:
+    page = LiveState()
     for k in range(30):
-        made.learned(
-            GroupSeen(
-                group="braking sand",
-                names=["m_m", EVIL],
-                value=[-0.03 + 0.001 * k, 0.4],
-                std=[0.05 / (1 + k), None],
-                valid=k > 5,
+        page.add_change(
+            HistoryEntry(
                 version=k + 1,
+                group="braking sand",
+                at=1e9 + k,
                 cause=f"stop {k}",
-                at=1e9 + k,
+                who="robot",
+                values={"m_m": -0.03 + 0.001 * k, HOSTILE: 0.4},
+                stds={"m_m": 0.05 / (1 + k)},
+                valid=k > 5,
             )
         )
-        made.stopped(
-            StopSeen(
-                speed=2.0,
-                grade=0.05,
-                predicted=2.0 + 0.02 * k,
-                actual=1.8 + 0.03 * k,
-                surface="sand",
-                outcome="accepted",
-                version=k,
-                at=1e9 + k,
-            )
-        )
-    made.classified(GroundSeen(name="sand", probability=0.93, at=1e9))
-    return made
+        page.add_stop(stop_of(2.0 + 0.02 * k, 1.8 + 0.03 * k), k)
+    page.set_ground("sand", 0.93)
+    return page
 
 
-def test_what_was_learned_is_shown(board: Board) -> None:
-    status = ServiceStatus(
-        service=EVIL,
-        uptime=1.0,
-        map_version=1,
-        map_age=0.5,
-        flags=[EVIL],
-        counters={},
-        parameters=Parameters(version=30, name="atv", fingerprint="f", age=1.0),
-        seconds={"median": 0.0, "p99": 0.0},
+def stop_of(predicted: float, actual: float) -> LearnedStop:
+    return LearnedStop(
+        at=0.0,
+        source="robot",
+        surface="sand",
+        speed=2.0,
+        grade=0.05,
+        predicted=predicted,
+        actual=actual,
+        outcome="accepted",
     )
+
+
+def test_parameters_stops_and_terrain_are_shown(page: LiveState) -> None:
     ground = ElevationMap(elevation=np.zeros((8, 9)), resolution=0.5, origin=(0.0, 0.0))
-    site = Site(
-        Source(
-            status=lambda: status,
-            ground=lambda: KnownGround(ground, 1, time.monotonic()),
-            board=board,
-        ),
-        own_names("127.0.0.1"),
-    )
-    port = free_port()
-    server = PageServer(PageSettings(enabled=True, port=port), site)
-    try:
-        shown = browser.text_of(f"http://127.0.0.1:{port}")
-    finally:
-        server.close()
+    known = MapSnapshot(ground, 1, time.monotonic())
+    with served(page, known, service=HOSTILE, flags=[HOSTILE], map_version=1, map_age=0.5) as url:
+        shown = browser.text_of(url)
+        stops = json.loads(get(f"{url}/learned")[2])["stops"]
+    assert stops[3] | {"at": 0} == {
+        "speed": 2.0,
+        "grade": 0.05,
+        "predicted": 2.06,
+        "actual": 1.89,
+        "surface": "sand",
+        "outcome": "accepted",
+        "version": 3,
+        "at": 0,
+    }
     assert "braking sand" in shown
     assert "version 30, stop 29" in shown
     assert "-0.0010 ± 0.0017".replace("-", "−") in shown
     assert shown.count('class="stop') == 30
     assert "Ground: <b>sand</b> 93%" in shown
-    assert EVIL not in shown
-    assert EVIL.replace("<", "&lt;").replace(">", "&gt;") in shown
+    assert HOSTILE not in shown
+    assert HOSTILE.replace("<", "&lt;").replace(">", "&gt;") in shown
 
 
-def test_the_board_does_not_grow_without_end(board: Board) -> None:
+def test_memory_of_the_page_is_bounded(page: LiveState) -> None:
+    entry = HistoryEntry(version=1, group="", at=0.0, cause="", who="", values={"a": 1.0})
     for k in range(2000):
-        board.stopped(StopSeen(speed=1.0, grade=0.0, predicted=1.0, actual=1.0))
-        board.learned(
-            GroupSeen(
-                group=f"g{k}", names=["a"], value=[1.0], std=[None], valid=True, version=k, cause=""
-            )
-        )
-    assert len(board.stops()) == 400
-    assert len(board.groups()) == 64
+        page.add_stop(stop_of(1.0, 1.0), k)
+        page.add_change(msgspec.structs.replace(entry, group=f"g{k}"))
+    assert len(page.stops()) == 400
+    assert len(page.groups()) == 64

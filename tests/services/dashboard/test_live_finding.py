@@ -8,47 +8,20 @@ import re
 import shlex
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from slopewise.services.dashboard.board import Board, FindingSeen
-from slopewise.services.dashboard.server import PageServer, own_names
-from slopewise.services.dashboard.site import Site, Source
-from slopewise.services.settings.service import PageSettings
-from slopewise.services.wire.messages import Parameters, ServiceStatus
+from slopewise.services.dashboard.live_state import LiveState, ProposalEntry
 from tests.services import browser
 from tests.services.command_line import slopewise
 from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, look
-from tests.services.dashboard.test_finding_board import made
+from tests.services.dashboard.page_fixtures import HOSTILE, served
+from tests.services.dashboard.test_proposal_state import made
 from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import free_port, running
-
-EVIL = "<img src=x onerror=alert(1)>"
-
-
-@contextmanager
-def page_of(board: Board) -> Iterator[str]:
-    status = ServiceStatus(
-        service="robot",
-        uptime=1.0,
-        map_version=0,
-        map_age=None,
-        flags=[],
-        counters={},
-        parameters=Parameters(version=30, name="atv", fingerprint="f", age=1.0),
-        seconds={"median": 0.0, "p99": 0.0},
-    )
-    port = free_port()
-    source = Source(status=lambda: status, ground=lambda: None, board=board)
-    server = PageServer(PageSettings(enabled=True, port=port), Site(source, own_names("127.0.0.1")))
-    try:
-        yield f"http://127.0.0.1:{port}"
-    finally:
-        server.close()
 
 
 def panel(shown: str) -> str:
@@ -65,27 +38,38 @@ def text(shown: str) -> str:
 
 
 def test_before_there_is_one_a_quiet_line_says_so() -> None:
-    with page_of(Board()) as url:
+    with served(LiveState()) as url:
         shown = browser.text_of(url)
     assert text(shown).strip("|\n ") == "Nothing has been found on stored stops."
 
 
 def test_numbers_are_shown_and_words_of_others_stay_words() -> None:
-    board = Board()
-    parameters = {EVIL: {"value": -0.25, "std": 0.0331, "unit": EVIL}}
+    board = LiveState()
+    parameters = {HOSTILE: {"value": -0.25, "std": 0.0331, "unit": HOSTILE}}
     findings = made().findings
     parameters["k"] = {"value": 0.0, "std": 1e-200, "unit": "1"}
-    findings["effects"].append({"name": EVIL, "parameters": parameters})
+    findings["effects"].append({"name": HOSTILE, "parameters": parameters})
     findings["stop_distance"]["after"] = None
-    offer = made(findings=findings, summary=EVIL, cause=EVIL, notes=[EVIL], verdict=EVIL, id=EVIL)
-    board.found(FindingSeen(offer=offer, state="refused", words=EVIL, purpose=EVIL, command=EVIL))
-    with page_of(board) as url:
+    offer = made(
+        findings=findings,
+        summary=HOSTILE,
+        cause=HOSTILE,
+        notes=[HOSTILE],
+        verdict=HOSTILE,
+        id=HOSTILE,
+    )
+    board.set_proposal(
+        ProposalEntry(
+            offer=offer, state="refused", message=HOSTILE, purpose=HOSTILE, command=HOSTILE
+        )
+    )
+    with served(board) as url:
         shown = browser.text_of(url, width=390)
-    assert EVIL not in shown
+    assert HOSTILE not in shown
     told = text(shown)
-    assert told.count(EVIL) == 12
+    assert told.count(HOSTILE) == 12
     assert "|brake lag, tau|0.298 ± 0.012 s|" in told
-    assert f"−0.250 ± 0.033 {EVIL}|" in told
+    assert f"−0.250 ± 0.033 {HOSTILE}|" in told
     assert "|as configured|0.412 m|floor|0.049 m|" in told
     assert "stops change by +0.11 … +0.93 m" in told
     assert "|on|26 stops|" in told
@@ -95,10 +79,10 @@ def test_numbers_are_shown_and_words_of_others_stay_words() -> None:
 
 
 def test_findings_of_another_release_have_no_numbers_and_stop_nobody() -> None:
-    board = Board()
+    board = LiveState()
     offer = made(findings={"effects": "none", "stop_distance": 3})
-    board.found(FindingSeen(offer=offer, state="offered", words=""))
-    with page_of(board) as url:
+    board.set_proposal(ProposalEntry(offer=offer, state="offered", message=""))
+    with served(board) as url:
         shown = browser.text_of(url)
     assert "brakes that answer late" in text(shown)
     assert "as configured" not in text(shown)

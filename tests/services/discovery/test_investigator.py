@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from slopewise.models.errors import ParameterError
-from slopewise.services.discovery import investigate, investigator
-from slopewise.services.discovery.finding import InvestigationOutcome
-from slopewise.services.discovery.investigate import as_log
+from slopewise.services.discovery import investigation_process, investigator
+from slopewise.services.discovery.investigation_process import as_log
 from slopewise.services.discovery.investigator import Investigator
+from slopewise.services.discovery.proposal_builder import InvestigationOutcome
 from slopewise.services.discovery.stop_store import StoredStop
 from slopewise.services.io.model_file import find_model, read_model, write_model
-from slopewise.services.settings.investigation import Investigation
+from slopewise.services.settings.investigation_settings import Investigation
 from tests.services.robot_plant import ASPHALT, Vehicle
 
 FILE = read_model(find_model("atv"))
@@ -34,7 +34,7 @@ def filled(folder: Path, stops: int = 13, **settings: float) -> Investigator:
     vehicle = Vehicle(seed=3)
     for _ in range(stops + 1):
         _, samples = vehicle.stop(ASPHALT, 2.0)
-        made.hear("robot", samples, "", "model")
+        made.add_samples("robot", samples, "", "model")
     assert made.counters["stops_lost"] == 0
     return made
 
@@ -74,14 +74,14 @@ def test_one_that_takes_too_long_is_ended(tmp_path: Path, monkeypatch: pytest.Mo
     # A process that never ends by itself, in place of the one that looks.
     monkeypatch.setattr(sys, "executable", _script(tmp_path, "while true; do sleep 0.1; done"))
     made.begin(FILE, FILE, FILE, "ann")
-    with pytest.raises(ParameterError, match="one is"):
+    with pytest.raises(ParameterError, match="got one"):
         made.begin(FILE, FILE, FILE, "bob")
     outcome = outcome_of(made)
     assert outcome.offer is None
     assert "within 1 s" in outcome.reason
     assert time.monotonic() - begun < 5.0
     assert not made.running
-    assert made.told()["looks_failed"] == 1
+    assert made.all_counters()["looks_failed"] == 1
 
 
 def test_one_that_breaks_is_said_and_the_next_may_begin(
@@ -93,12 +93,12 @@ def test_one_that_breaks_is_said_and_the_next_may_begin(
         made.begin(FILE, FILE, FILE, "ann")
         assert "status 3" in outcome_of(made).reason
     monkeypatch.setattr(sys, "executable", str(tmp_path / "nowhere"))
-    with pytest.raises(ParameterError, match="a process to look with"):
+    with pytest.raises(ParameterError, match="a process for the investigation"):
         made.begin(FILE, FILE, FILE, "ann")
     assert not made.running
 
 
-def test_damaged_stops_are_left_out_put_aside_and_counted(tmp_path: Path) -> None:
+def test_damaged_stops_are_left_out_quarantine_and_counted(tmp_path: Path) -> None:
     made = filled(tmp_path / "stops", 12)
     victim = sorted((tmp_path / "stops").iterdir())[4]
     victim.write_bytes(victim.read_bytes()[:-8])
@@ -106,7 +106,7 @@ def test_damaged_stops_are_left_out_put_aside_and_counted(tmp_path: Path) -> Non
     outcome = outcome_of(made, 60.0)
     assert outcome.damaged == [victim.name]
     assert "at least 12 usable stops, got 11" in outcome.reason
-    assert made.told()["stops_damaged"] == 1
+    assert made.all_counters()["stops_damaged"] == 1
     assert not victim.exists()
     with pytest.raises(ParameterError, match="at least 12 stored stops, got 11"):
         made.begin(FILE, FILE, FILE, "ann")
@@ -120,8 +120,8 @@ def test_stops_that_cannot_be_written_are_counted_and_flagged(tmp_path: Path) ->
     vehicle = Vehicle(seed=4)
     for _ in range(3):
         _, samples = vehicle.stop(ASPHALT, 2.0)
-        made.hear("other", samples, "", "model")
-    assert made.told()["stops_lost"] == 2
+        made.add_samples("other", samples, "", "model")
+    assert made.all_counters()["stops_lost"] == 2
     assert any("stops are not kept" in flag for flag in made.flags())
 
 
@@ -134,29 +134,33 @@ def test_closing_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_it_looks_by_itself_only_when_it_may_and_there_is_news(tmp_path: Path) -> None:
-    assert not filled(tmp_path / "a", fresh=5).due()
+    assert not filled(tmp_path / "a", fresh=5).is_due()
     made = filled(tmp_path / "b", fresh=5, every=0.3)
-    assert not made.due()
+    assert not made.is_due()
     time.sleep(0.35)
-    assert made.due()
+    assert made.is_due()
     few = filled(tmp_path / "c", fresh=500, every=0.01)
     time.sleep(0.05)
-    assert not few.due()
+    assert not few.is_due()
 
 
 def test_the_process_is_humble_and_leaves_with_the_service(tmp_path: Path) -> None:
     folder = tmp_path / "job"
     folder.mkdir()
-    for name in (investigate.FILE, investigate.BASE, investigate.IN_USE):
+    for name in (
+        investigation_process.FILE,
+        investigation_process.BASIS,
+        investigation_process.ACTIVE,
+    ):
         write_model(FILE, folder / name)
-    job = investigate.InvestigationJob(
+    job = investigation_process.InvestigationJob(
         store=str(tmp_path), names=[], vehicle="v", cause="test", limit=20.0
     )
-    (folder / investigate.JOB).write_bytes(msgspec.json.encode(job))
+    (folder / investigation_process.JOB).write_bytes(msgspec.json.encode(job))
     waits = (
         "import sys, time; from pathlib import Path\n"
-        "from slopewise.services.discovery import investigate as i\n"
-        "i._look = lambda *_: (print('here', flush=True), time.sleep(20))\n"
+        "from slopewise.services.discovery import investigation_process as i\n"
+        "i._investigate = lambda *_: (print('here', flush=True), time.sleep(20))\n"
         f"i.main(Path({str(folder)!r}))"
     )
     process = subprocess.Popen(

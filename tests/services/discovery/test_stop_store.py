@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.errors import InputError
-from slopewise.services.discovery.stop_cutter import CutStop, StopCutter
+from slopewise.services.discovery.stop_extractor import ExtractedStop, StopExtractor
 from slopewise.services.discovery.stop_store import StopStore, StoredStop, read_stop, read_stops
 from tests.services.robot_plant import ASPHALT, Vehicle
 
@@ -47,10 +47,10 @@ def drives(count: int = 3) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("size", [1, 7, 60, 10_000])
 def test_every_stop_comes_out_once_however_samples_are_told(size: int) -> None:
-    cutter, found = StopCutter(), list[CutStop]()
+    cutter, found = StopExtractor(), list[ExtractedStop]()
     whole = drives()
     for piece in in_pieces(whole, size):
-        found += cutter.take("robot", piece, "sand")
+        found += cutter.add_samples("robot", piece, "sand")
     assert len(found) == 3
     for cut in found:
         t, v, told = (cut.columns[n] for n in ("t", "v", "v_cmd"))
@@ -72,21 +72,21 @@ def test_what_is_no_whole_stop_is_left_out_and_what_follows_is_not() -> None:
     aborted = {**samples, "v_cmd": np.where(t > middle, 2.0, samples["v_cmd"])}
     slow = {**samples, "v": 0.1 * samples["v"]}
     for bad in (gap, aborted, slow):
-        cutter = StopCutter()
-        assert cutter.take("robot", bad, "") == []
+        cutter = StopExtractor()
+        assert cutter.add_samples("robot", bad, "") == []
         later = {**samples, "t": t + 60.0}
-        assert len(cutter.take("robot", later, "")) == 1
+        assert len(cutter.add_samples("robot", later, "")) == 1
 
 
 def test_a_clock_that_begins_anew_and_other_columns_begin_another_stream() -> None:
     samples = drives(1)
     first, second = in_pieces(samples, len(samples["t"]) // 2 + 1)
-    cutter = StopCutter()
-    assert cutter.take("robot", second, "") == []
-    assert cutter.take("robot", {**first, "roll": 0.0 * first["t"]}, "") == []
-    assert cutter.take("robot", second, "") == []
-    assert cutter.take("other", first, "") == []
-    assert len(cutter.take("other", second, "")) == 1
+    cutter = StopExtractor()
+    assert cutter.add_samples("robot", second, "") == []
+    assert cutter.add_samples("robot", {**first, "roll": 0.0 * first["t"]}, "") == []
+    assert cutter.add_samples("robot", second, "") == []
+    assert cutter.add_samples("other", first, "") == []
+    assert len(cutter.add_samples("other", second, "")) == 1
 
 
 def test_a_stop_comes_back_as_it_was(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_the_oldest_make_room_and_numbers_go_on(tmp_path: Path) -> None:
     assert read_stop(tmp_path / again.latest(1)[0]).at == 130.0
 
 
-def test_damaged_files_are_put_aside_and_counted_and_others_read(tmp_path: Path) -> None:
+def test_damaged_files_are_quarantine_and_counted_and_others_read(tmp_path: Path) -> None:
     room = StopStore(tmp_path, 1_000_000)
     for seed in range(8):
         room.put(stored(seed))
@@ -132,7 +132,7 @@ def test_damaged_files_are_put_aside_and_counted_and_others_read(tmp_path: Path)
     assert [s.at for s in stops] == [100.0, 101.0, 103.0]
     assert data == read_stops(tmp_path, [names[i] for i in (0, 1, 3)])[2]
     assert data != read_stops(tmp_path, names[:2])[2]
-    room.put_aside(damaged)
+    room.quarantine(damaged)
     assert room.counters["stops_damaged"] == 4
     assert len(list(tmp_path.glob("*.damaged"))) == 3
     assert room.latest(10) == [names[i] for i in (0, 1, 3, 7)]

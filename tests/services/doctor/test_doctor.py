@@ -22,7 +22,7 @@ from slopewise.services.doctor.robot_facts import (
     ObservedTraffic,
     RobotFacts,
 )
-from slopewise.services.io.bags.ros_types import typestore
+from slopewise.services.io.bags import typestore
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.ros.settings import EdgeSettings, FallbackStop, Timing, WheelJoints
 from tests.services.command_line import here

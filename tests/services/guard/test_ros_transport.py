@@ -10,12 +10,13 @@ import zenoh
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
+
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.ros_transport import RosTransport
 from slopewise.services.guard.settings import GuardRos, GuardSettings, GuardTiming
 from slopewise.services.ros.node import Node
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.guard.guard_fixtures import FLAT, MODEL
 from tests.services.ros.ros_messages import command, odometry
 

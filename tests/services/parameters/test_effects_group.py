@@ -13,15 +13,15 @@ import pytest
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Effect, Model
-from slopewise.services.discovery.finding import InvestigationOutcome, is_valid
-from slopewise.services.discovery.stops_compared import cautious, compared
+from slopewise.services.discovery.model_comparison import cautious, compare_stops
+from slopewise.services.discovery.proposal_builder import InvestigationOutcome, is_valid
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
-from slopewise.services.parameters.service import ParameterService
-from slopewise.services.settings.investigation import Investigation
-from slopewise.services.settings.learning import StoreSettings
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.parameters.parameter_service import ParameterService
+from slopewise.services.settings.investigation_settings import Investigation
+from slopewise.services.settings.learning_settings import StoreSettings
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire.model_proposal import ModelProposal, StopDistanceChange
 from slopewise.services.wire.observations import StopObservation
-from slopewise.services.wire.offer import Offer, Shift
 
 G = 9.80665
 FILE = read_model(find_model("atv"))
@@ -36,10 +36,10 @@ def with_effects(*effects: Effect, **braking: float) -> Model:
     )
 
 
-def offer_of(model: Model, *, valid: bool = True, in_use: Model = FILE) -> Offer:
-    shifts = [compared(cautious(model, FILE), other) for other in (FILE, in_use)]
-    by = [Shift(least=s.least, most=s.most, where=s.where) for s in shifts]
-    return Offer(
+def offer_of(model: Model, *, valid: bool = True, in_use: Model = FILE) -> ModelProposal:
+    shifts = [compare_stops(cautious(model, FILE), other) for other in (FILE, in_use)]
+    by = [StopDistanceChange(least=s.least, most=s.most, where=s.where) for s in shifts]
+    return ModelProposal(
         id=f"{len(model.effect)}-{model.braking.b_b:g}-{valid}",
         at=time.time(),
         cause="test",
@@ -89,12 +89,12 @@ def stop(service: ParameterService, force: float, number: int, surface: str = ""
 
 
 def level(service: ParameterService, speed: float = 2.0) -> float:
-    return service.in_use.model.braking.level_force(speed)
+    return service.active.model.braking.level_force(speed)
 
 
 def test_distances_are_those_of_the_closed_form() -> None:
     weaker = with_effects(b_b=0.30)
-    by = compared(weaker, FILE)
+    by = compare_stops(weaker, FILE)
     lengths = []
     low, high = FILE.braking.speed_range
     for v in np.linspace(0.5 * low, high, 4):
@@ -108,7 +108,7 @@ def test_distances_are_those_of_the_closed_form() -> None:
             lengths.append(0.5 * v * v * (1.0 / a - 1.0 / b))
     assert by.least == pytest.approx(min(lengths), rel=1e-3)
     assert by.most == pytest.approx(max(lengths), rel=1e-3)
-    other = compared(FILE, weaker)
+    other = compare_stops(FILE, weaker)
     assert (other.least, other.most) == pytest.approx((-by.most, -by.least))
 
 
@@ -132,7 +132,7 @@ def test_distances_are_those_of_the_closed_form() -> None:
 def test_effects_that_only_take_make_no_stop_shorter_and_others_do(
     effect: Effect, sign: float | None
 ) -> None:
-    by = compared(with_effects(effect), FILE)
+    by = compare_stops(with_effects(effect), FILE)
     if sign == 1.0:
         assert by.least > 0.004
     elif sign == 0.0:
@@ -158,63 +158,62 @@ def test_a_finding_is_as_unsure_as_it_and_the_model_file_together() -> None:
 def test_an_offer_changes_no_plan_until_it_is_adopted_and_outlives_the_process(make: Make) -> None:
     service = make()
     offer = offer_of(with_effects(LAG))
-    service.learner.effects.offered(offer)
+    service.learner.propose(offer)
     service._commit({"effects"}, "offered", "test")
-    assert service.in_use.model == FILE
+    assert service.active.model == FILE
     service.adopt(offer.id, "ann")
-    assert service.in_use.model.effect == (LAG,)
-    version = service.log.version
+    assert service.active.model.effect == (LAG,)
+    version = service.history.version
     with pytest.raises(ParameterError, match="not adopted yet"):
         service.adopt(offer.id, "ann")
     service.close()
     again = make()
-    assert again.in_use.model.effect == (LAG,)
-    assert again.learner.effects.offer == offer
-    assert again.in_use.version == version
+    assert again.active.model.effect == (LAG,)
+    assert again.learner.state.effects.proposal == offer
+    assert again.active.version == version
     again.roll_back(1, "effects", "ann")
-    assert again.in_use.model.effect == ()
+    assert again.active.model.effect == ()
     again.close()
-    assert make().in_use.model.effect == ()
+    assert make().active.model.effect == ()
 
 
 def test_a_finding_of_another_model_file_is_not_used_and_that_is_said(make: Make) -> None:
     service = make()
-    service.learner.effects.offered(offer_of(with_effects(LAG)))
+    service.learner.propose(offer_of(with_effects(LAG)))
     service.adopt("1-0.4-True", "ann")
     service.close()
     other = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.38))
     again = make(other)
-    assert again.in_use.model.effect == ()
+    assert again.active.model.effect == ()
     assert any("effects" in flag for flag in again.flags())
 
 
 def test_nobody_plans_faster_than_the_model_file_by_oversight(make: Make) -> None:
     service = make()
-    effects = service.learner.effects
     drag = offer_of(with_effects(DRAG))
     assert not drag.slower
-    effects.offered(drag)
-    with pytest.raises(ParameterError, match=r"faster: expected faster to be said: stops \d"):
+    service.learner.propose(drag)
+    with pytest.raises(ParameterError, match=r"faster: expected `faster` to be set: stops \d"):
         service.adopt(drag.id, "ann")
-    assert service.in_use.model.effect == ()
+    assert service.active.model.effect == ()
     unsure = offer_of(with_effects(DRAG), valid=False)
-    effects.offered(unsure)
-    with pytest.raises(ParameterError, match="sure enough"):
+    service.learner.propose(unsure)
+    with pytest.raises(ParameterError, match="a valid finding"):
         service.adopt(unsure.id, "ann", faster=True)
     with pytest.raises(ParameterError, match="the one that there is"):
         service.adopt(drag.id, "ann", faster=True)
-    assert service.in_use.model.effect == ()
-    effects.offered(drag)
+    assert service.active.model.effect == ()
+    service.learner.propose(drag)
     service.adopt(drag.id, "ann", faster=True)
-    assert service.in_use.model.effect == (DRAG,)
+    assert service.active.model.effect == (DRAG,)
     assert "the adopted finding has the effect aerodynamic_drag" in stop(service, 0.4, 1)
     with pytest.raises(ParameterError, match="not set one by one"):
         service.set_values("effects", {"aerodynamic_drag.c": 1.0}, "ann")
     # One that is not sure may still slow plans down.
     slow = offer_of(with_effects(LAG), valid=False)
-    effects.offered(slow)
+    service.learner.propose(slow)
     service.adopt(slow.id, "ann")
-    assert service.in_use.model.effect == (LAG,)
+    assert service.active.model.effect == (LAG,)
 
 
 def test_what_stops_taught_goes_into_the_finding_and_comes_back_without_it(make: Make) -> None:
@@ -224,21 +223,21 @@ def test_what_stops_taught_goes_into_the_finding_and_comes_back_without_it(make:
     learned = level(service)
     assert learned == pytest.approx(0.30, abs=0.02)
     offer = offer_of(with_effects(WEAKER))
-    service.learner.effects.offered(offer)
+    service.learner.propose(offer)
     service.adopt(offer.id, "ann")
     # Its 0.7 of the file's force, and not 0.7 of what was learned of the same stops.
     assert level(service) == pytest.approx(FILE.braking.level_force(2.0))
-    version = service.log.version
+    version = service.history.version
     assert "not learned" in stop(service, 0.6, 6)
     service.roll_back(1, "effects", "ann")
     assert level(service) <= learned + 1e-9
     assert level(service) == pytest.approx(learned, abs=0.03)
     assert "not learned" not in stop(service, 0.30, 7)
     service.roll_back(version, "effects", "ann")
-    assert service.in_use.model.effect == (WEAKER,)
+    assert service.active.model.effect == (WEAKER,)
     service.close()
     again = make()
-    assert again.in_use.model.effect == (WEAKER,)
+    assert again.active.model.effect == (WEAKER,)
     assert level(again) == pytest.approx(FILE.braking.level_force(2.0))
     again.roll_back(1, "effects", "ann")
     assert level(again) <= learned + 1e-9
@@ -247,40 +246,40 @@ def test_what_stops_taught_goes_into_the_finding_and_comes_back_without_it(make:
 def test_braking_goes_on_being_learned_on_top_of_effects_that_only_take(make: Make) -> None:
     service = make()
     offer = offer_of(with_effects(LAG))
-    service.learner.effects.offered(offer)
+    service.learner.propose(offer)
     service.adopt(offer.id, "ann")
     for number in range(1, 5):
         assert "not learned" not in stop(service, 0.25, number)
     assert level(service) < 0.30
-    assert service.in_use.model.effect == (LAG,)
+    assert service.active.model.effect == (LAG,)
 
 
 def test_ground_that_stops_taught_stays_weak_and_is_never_counted_twice(make: Make) -> None:
     service = make()
     for number in range(1, 6):
         stop(service, 0.12, number, "ice")
-    ice = service.in_use.model.braking.on("ice").level_force(2.0)
+    ice = service.active.model.braking.on("ice").level_force(2.0)
     assert ice < 0.2
     drag, weaker = offer_of(with_effects(DRAG)), offer_of(with_effects(WEAKER))
-    service.learner.effects.offered(drag)
-    with pytest.raises(ParameterError, match=r"would count twice: braking\.ice"):
+    service.learner.propose(drag)
+    with pytest.raises(ParameterError, match=r"got braking\.ice, whose force"):
         service.adopt(drag.id, "ann", faster=True)
-    assert service.in_use.model.effect == ()
-    taught = service.log.version
+    assert service.active.model.effect == ()
+    taught = service.history.version
     service.roll_back(1, "braking.ice", "ann")
     service.adopt(drag.id, "ann", faster=True)
     service.roll_back(taught, "braking.ice", "ann")
-    assert "ice" not in service.in_use.model.braking.terrain
+    assert "ice" not in service.active.model.braking.terrain
     service.roll_back(taught, "", "ann")
-    assert service.in_use.model.effect == ()
-    assert service.in_use.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
-    service.learner.effects.offered(weaker)
+    assert service.active.model.effect == ()
+    assert service.active.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
+    service.learner.propose(weaker)
     service.adopt(weaker.id, "ann")
-    assert service.in_use.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
+    assert service.active.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
     service.close()
     again = make()
-    assert again.in_use.model.effect == (WEAKER,)
-    assert again.in_use.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
+    assert again.active.model.effect == (WEAKER,)
+    assert again.active.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
 
 
 @pytest.mark.parametrize(
@@ -307,9 +306,9 @@ def test_only_valid_findings_that_slow_plans_are_adopted_by_themselves(
     outcomes = iter([outcome])
     monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
     service.tick()
-    assert service.learner.effects.offer == outcome.offer
-    assert (service.in_use.model.effect == (effect,)) is adopted
-    last = service.log.last["effects"]
+    assert service.learner.state.effects.proposal == outcome.offer
+    assert (service.active.model.effect == (effect,)) is adopted
+    last = service.history.last["effects"]
     assert last.who == ("service, as the settings allow" if adopted else "test")
 
 
@@ -323,8 +322,8 @@ def test_nothing_is_adopted_by_itself_that_is_faster_than_what_stops_taught(
     outcomes = iter([InvestigationOutcome(reason="", damaged=[], offer=offer)])
     monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
     service.tick()
-    assert service.learner.effects.offer == offer
-    assert service.in_use.model.effect == ()
+    assert service.learner.state.effects.proposal == offer
+    assert service.active.model.effect == ()
 
 
 @pytest.mark.parametrize(

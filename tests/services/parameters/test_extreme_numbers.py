@@ -19,8 +19,8 @@ from slopewise.models.errors import InputError
 from slopewise.models.parameters import Model
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.endpoint import KINDS
-from slopewise.services.parameters.service import ParameterService
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.parameters.parameter_service import ParameterService
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 
@@ -96,10 +96,10 @@ class Sender:
     def check(self) -> None:
         self.service.tick()
         assert self.service.degraded() == []
-        numbers = parameters_of(self.service.in_use.model)
+        numbers = parameters_of(self.service.active.model)
         assert np.all(np.isfinite(numbers)), numbers
-        for group in self.service.learner.names():
-            json.dumps(self.service.learner.group(group).state(group), allow_nan=False)
+        for group in self.service.learner.state.names():
+            json.dumps(self.service.learner.state.group(group).state(group), allow_nan=False)
 
 
 def parameters_of(model: Model) -> np.ndarray:

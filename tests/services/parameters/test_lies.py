@@ -13,7 +13,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.learner import Learner
-from slopewise.services.settings.learning import Learning
+from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire.observations import StopObservation
 
 G = 9.80665
@@ -59,10 +59,10 @@ class Plot:
             surface=surface,
             **more,
         )
-        return self.learner.learn(one, "obs/stop", self.clock)[1]
+        return self.learner.observe(one, "obs/stop", self.clock)[1]
 
     def force(self, surface: str = "", speed: float = 2.0, grade: float = 0.0) -> float:
-        braking = self.learner.in_use()[0].braking
+        braking = self.learner.active()[0].braking
         on = braking.on(surface) if surface else braking
         return (on.m_m * speed + on.b_m) * grade + on.m_b * speed + on.b_b
 
@@ -72,7 +72,7 @@ def test_a_hundred_strong_stops_in_a_moment_change_no_plan() -> None:
     before = plot.force()
     reasons = [plot.stop(0.95, after=0.01, speed=1.0 + 0.7 * (i % 4)) for i in range(120)]
     assert plot.force() == before
-    assert plot.learner.too_many == 115
+    assert plot.learner.counters["stops_too_many"] == 115
     assert "more stops than the vehicle can make" in reasons[-1]
     assert "more stops came than the vehicle can make" in plot.learner.flags()
 
@@ -136,7 +136,7 @@ def test_numbers_of_a_stop_have_to_agree(numbers: dict[str, float], fits: bool) 
     plot = Plot()
     reason = plot.stop(0.43, **numbers)
     assert (reason == "accepted") is fits, reason
-    assert plot.learner.contradictory == (not fits)
+    assert plot.learner.counters["stops_contradictory"] == (not fits)
     flags = plot.learner.flags()
     assert flags == ([] if fits else ["stops of liar contradict themselves"])
     if not fits:
@@ -155,7 +155,7 @@ def test_slope_coefficients_mend_as_quickly_as_they_bend() -> None:
         plot.stop(told(grade, speed), after=8.0, speed=speed, grade=grade, source="robot")
 
     def slope() -> float:
-        notes = plot.learner.group("braking").describe("braking").notes
+        notes = plot.learner.state.group("braking").describe("braking").notes
         return float(notes["estimate b_m"]) + 2.0 * float(notes["estimate m_m"])
 
     for sign in (1.0, -1.0):
@@ -200,11 +200,11 @@ def test_invented_names_use_up_no_places_of_real_ones() -> None:
     plot = Plot(names=("", "mud", "snow"))
     for n in range(100):
         plot.stop(0.4, f"invented{n}", after=8.0)
-    learned = plot.learner.in_use()[0].braking.terrain
+    learned = plot.learner.active()[0].braking.terrain
     assert len([name for name in learned if name.startswith("invented")]) == 32
     for name in ("mud", "snow"):
         assert plot.stop(0.4, name, after=8.0) == "accepted"
-        assert name in plot.learner.in_use()[0].braking.terrain
+        assert name in plot.learner.active()[0].braking.terrain
 
 
 def test_ground_that_is_known_to_be_weak_is_not_forgotten_for_invented_names() -> None:
@@ -218,5 +218,5 @@ def test_ground_that_is_known_to_be_weak_is_not_forgotten_for_invented_names() -
     for n in range(32):
         for _ in range(2):
             weak.stop(0.05, f"weak{n}", after=8.0)
-    with pytest.raises(ParameterError, match="at most 32"):
+    with pytest.raises(ParameterError, match="no slot is free"):
         weak.stop(0.4, "one too many", after=8.0)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from slopewise.planner.ground.uncertainty import HOUR, Uncertainty
-from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.parameters.store_copy import copy_path
 from tests.services.parameters.test_service import level_force, started, stopped
 
@@ -44,7 +44,7 @@ def strong(store: Path) -> float:
     """A store in which the base has learned brakes that are stronger than the file's."""
     first = started(store, rise=0.1, stops_at_once=1000)
     rng, n = np.random.default_rng(1), 0
-    while not first.learner.group("braking").describe("braking").valid:
+    while not first.learner.state.group("braking").describe("braking").valid:
         n += 1
         force = 0.50 + 0.002 * float(rng.standard_normal())
         stopped(first, n, force, deceleration_std=0.01)
@@ -57,9 +57,9 @@ def strong(store: Path) -> float:
 
 def margin(service: ParameterService) -> float:
     """Force that plans give up at 2 m/s on level ground for what is not known [1]."""
-    survives = service.in_use.uncertainty or Uncertainty()
+    survives = service.active.uncertainty or Uncertainty()
     phi = np.array([0.0, 0.0, 2.0, 1.0])
-    return float(np.sqrt(phi @ survives.force_matrix(service.in_use.model.braking) @ phi))
+    return float(np.sqrt(phi @ survives.force_matrix(service.active.model.braking) @ phi))
 
 
 def file_force(path: Path) -> tuple[float, float]:
@@ -121,7 +121,7 @@ def test_without_either_the_file_counts_as_if_it_had_aged(
     by_file, little = file_force(store)
     assert force < by_file
     reserve = Uncertainty().width * Uncertainty().drift * np.sqrt(14_400.0 / HOUR)
-    lost = "braking: what was learned is lost: the share of the model file that counts on unknown"
+    lost = "braking: what was learned is lost: the share of the model file that is used on unknown"
     for start in range(3):
         again = started(store)
         assert flagged(again, lost)
@@ -146,7 +146,7 @@ def test_changes_that_a_store_lost_are_read_from_the_copy(store: Path) -> None:
     again = started(store)
     assert level_force(again) == pytest.approx(force, abs=1e-3)
     assert flagged(again, "changes are missing in the stored parameters")
-    assert again.in_use.version >= 5
+    assert again.active.version >= 5
 
 
 def test_a_state_that_changed_on_disk_is_flagged_and_an_older_one_held_below_the_file(

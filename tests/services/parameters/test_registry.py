@@ -13,13 +13,18 @@ import pytest
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters import learner, replies
-from slopewise.services.parameters.group import Description, DriveNews, ParameterGroups, State
+from slopewise.services.parameters import learner_state, replies
+from slopewise.services.parameters.group_registry import GROUPS
 from slopewise.services.parameters.learner import Learner
-from slopewise.services.parameters.registry import GROUPS
-from slopewise.services.parameters.service import ParameterService
-from slopewise.services.settings.learning import Learning, StoreSettings
-from slopewise.services.settings.service import ServiceConfig
+from slopewise.services.parameters.parameter_group import (
+    DriveUpdate,
+    GroupDescription,
+    ParameterGroups,
+    State,
+)
+from slopewise.services.parameters.parameter_service import ParameterService
+from slopewise.services.settings.learning_settings import Learning, StoreSettings
+from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.observations import DriveSamples
 from slopewise.services.wire.parameter_messages import ParameterQuestion
 
@@ -34,7 +39,7 @@ class Wheels(ParameterGroups):
     def names(self) -> list[str]:
         return ["wheels"]
 
-    def drive(self, samples: DriveNews) -> set[str]:
+    def drive(self, samples: DriveUpdate) -> set[str]:
         self._values = {"max_wheel_speed": min(float(samples.columns["v"].max()), self._most)}
         return {"wheels"}
 
@@ -43,9 +48,9 @@ class Wheels(ParameterGroups):
             model, vehicle=dataclasses.replace(model.vehicle, **self._values)
         )
 
-    def describe(self, group: str) -> Description:
+    def describe(self, group: str) -> GroupDescription:
         values = {"max_wheel_speed": self._most, **self._values}
-        return Description(values=values, valid=bool(self._values), age=0.0)
+        return GroupDescription(values=values, valid=bool(self._values), age=0.0)
 
     def state(self, group: str) -> State | None:
         return {"values": self._values} if self._values else None
@@ -86,7 +91,7 @@ def test_a_registered_group_begins_with_the_model_file_and_comes_back_as_it_was(
     assert groups.apply(model) == model
     for name in groups.names():
         assert groups.owns(name)
-        assert type(alone.group(name)) is type(groups)
+        assert type(alone.state.group(name)) is type(groups)
         assert groups.state(name) is None
         told = groups.describe(name)
         assert np.isfinite(list(told.values.values())).all()
@@ -103,7 +108,7 @@ def test_a_registered_group_begins_with_the_model_file_and_comes_back_as_it_was(
 
 
 def test_names_are_unique() -> None:
-    names = Learner(atv(), Learning()).names()
+    names = Learner(atv(), Learning()).state.names()
     assert len(set(names)) == len(names)
     assert names == ["braking", "terrain", "limits", "effects"]
 
@@ -112,26 +117,26 @@ def test_a_line_in_the_registry_brings_an_estimator_everywhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is fed, planned with, published, kept, restored, set and taken back."""
-    monkeypatch.setattr(learner, "GROUPS", (*GROUPS, Wheels))
+    monkeypatch.setattr(learner_state, "GROUPS", (*GROUPS, Wheels))
     store = StoreSettings(path=str(tmp_path / "p.sqlite"), retry=0.05)
     config = ServiceConfig(model="atv", store=store)
     first = ParameterService(config, atv())
-    assert first.learner.names()[-2:] == ["wheels", "effects"]
+    assert first.learner.state.names()[-2:] == ["wheels", "effects"]
     receipt = first.observe("drive", samples(1, 1.5), "k", time.monotonic())
     assert receipt.status == "taken"
     assert first.changed >= {"wheels"}
-    assert first.in_use.model.vehicle.max_wheel_speed == 1.5
-    learned = first.log.version
+    assert first.active.model.vehicle.max_wheel_speed == 1.5
+    learned = first.history.version
     first.close()
 
     again = ParameterService(config, atv())
-    assert again.in_use.model.vehicle.max_wheel_speed == 1.5
+    assert again.active.model.vehicle.max_wheel_speed == 1.5
     again.set_values("wheels", {"max_wheel_speed": 1.0}, "ann")
-    assert again.in_use.model.vehicle.max_wheel_speed == 1.0
+    assert again.active.model.vehicle.max_wheel_speed == 1.0
     told = replies.group_message(again, "wheels")
     assert (told.values, told.valid, told.who) == ({"max_wheel_speed": 1.0}, True, "ann")
     again.roll_back(learned, "wheels", "ann")
-    assert again.in_use.model.vehicle.max_wheel_speed == 1.5
+    assert again.active.model.vehicle.max_wheel_speed == 1.5
     reply = replies.read(again, ParameterQuestion(group="wheels", history=9), "planner")
     assert [entry.values["max_wheel_speed"] for entry in reply.history] == [1.5, 1.0, 1.5]
     again.close()

@@ -17,12 +17,12 @@ import pytest
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.in_use import ParametersInUse
-from slopewise.services.parameters.service import ParameterService
+from slopewise.services.parameters.active_parameters import ActiveParameters
+from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.parameters.store import Store, StoreError
-from slopewise.services.settings.learning import Learning, StoreSettings
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.wire.observations import Receipt, StopObservation
+from slopewise.services.settings.learning_settings import Learning, StoreSettings
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire.observations import ObservationAck, StopObservation
 from tests.services.robot_plant import G
 
 
@@ -44,7 +44,7 @@ def started(store: Path | str, model: Model | None = None, **learning: Any) -> P
     return ParameterService(config, model or atv())
 
 
-def stopped(service: ParameterService, sequence: int, force: float, **more: Any) -> Receipt:
+def stopped(service: ParameterService, sequence: int, force: float, **more: Any) -> ObservationAck:
     stop = StopObservation(
         source="robot",
         sequence=sequence,
@@ -58,7 +58,7 @@ def stopped(service: ParameterService, sequence: int, force: float, **more: Any)
 
 
 def level_force(service: ParameterService) -> float:
-    return service.in_use.model.braking.level_force(2.0)
+    return service.active.model.braking.level_force(2.0)
 
 
 @contextlib.contextmanager
@@ -78,10 +78,10 @@ def test_what_was_acknowledged_is_there_after_a_restart(store: Path) -> None:
     first = started(store)
     for n in range(1, 5):
         assert stopped(first, n, 0.12).durable
-    version, force = first.in_use.version, level_force(first)
+    version, force = first.active.version, level_force(first)
     first.close()
     again = started(store)
-    assert again.in_use.version == version
+    assert again.active.version == version
     assert level_force(again) == pytest.approx(force, rel=1e-3)
     assert level_force(again) <= force + 1e-9, "older by now"
     assert stopped(again, 4, 0.12).status == "ignored"
@@ -101,16 +101,16 @@ def test_without_a_store_it_learns_and_says_that_nothing_is_kept() -> None:
 
 def test_words_beside_the_model_are_told_without_planning_anew() -> None:
     """Whoever makes them come and go would keep planners at work for nothing."""
-    heard: list[ParametersInUse] = []
+    heard: list[ActiveParameters] = []
     service = ParameterService(ServiceConfig(model="atv"), atv(), apply=heard.append)
     stopped(service, 1, 0.42)
     service.tick()
-    before = service.in_use
+    before = service.active
     for n in range(2, 30):
         assert stopped(service, n, 0.9, distance=30.0).status == "refused"
         service.tick()
     service.alive("nobody", is_alive=True)
-    told = service.in_use
+    told = service.active
     assert told.flags == ("stops of robot contradict themselves",)
     assert told.identity == before.identity
     assert told.model is before.model
@@ -152,7 +152,7 @@ def test_a_store_that_cannot_be_used_is_flagged_and_the_rest_goes_on(store: Path
     elif how == "noise":
         assert level_force(again) == pytest.approx(newest, abs=1e-3), "from the second copy"
     else:
-        assert again.in_use.model == model
+        assert again.active.model == model
     receipt = stopped(again, 9, 0.42)
     assert receipt.durable
     if how == "another vehicle":
@@ -166,7 +166,7 @@ def test_a_roll_back_that_cannot_be_used_changes_nothing(store: Path) -> None:
     service = started(store)
     for n in range(1, 4):
         stopped(service, n, 0.12)
-    before = service.in_use.model
+    before = service.active.model
     service.close()
     with raw(store) as tables:
         data = json.dumps({"learned": {"estimate": []}, "prior": "", "dead_times": []})
@@ -174,19 +174,19 @@ def test_a_roll_back_that_cannot_be_used_changes_nothing(store: Path) -> None:
     again = started(store)
     with pytest.raises(ParameterError, match="can be used"):
         again.roll_back(2, "", "me")
-    assert again.in_use.model.braking.b_b == pytest.approx(before.braking.b_b, rel=1e-3)
+    assert again.active.model.braking.b_b == pytest.approx(before.braking.b_b, rel=1e-3)
     again.close()
 
 
 def test_a_store_that_fails_is_written_later(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     service = started(store)
-    heard: list[ParametersInUse] = []
+    heard: list[ActiveParameters] = []
     service._apply = heard.append
     write = Store.write
 
     def fail(*_: Any) -> None:
         # What is slower is planned with before the disk is asked.
-        assert heard[-1].version == service.log.version
+        assert heard[-1].version == service.history.version
         raise StoreError("the disk is gone")
 
     monkeypatch.setattr(Store, "write", fail)
@@ -195,13 +195,13 @@ def test_a_store_that_fails_is_written_later(store: Path, monkeypatch: pytest.Mo
     assert "parameters are not kept: the disk is gone" in heard[-1].flags
     assert level_force(service) == pytest.approx(0.12, abs=0.01)
     monkeypatch.setattr(Store, "write", write)
-    service.log._tried = 0.0
+    service.history._tried = 0.0
     service.tick()
-    assert service.log.durable
+    assert service.history.durable
     assert heard[-1].flags == ()
     service.close()
     again = started(store)
-    assert again.in_use.version == receipts[-1].version
+    assert again.active.version == receipts[-1].version
     assert stopped(again, 3, 0.12).status == "ignored"
     again.close()
 
@@ -214,16 +214,16 @@ def test_with_age_uncertainty_grows_and_the_plan_service_is_told(store: Path) ->
     with raw(store) as tables:
         tables.execute("UPDATE change SET uptime = uptime - 7200, at = at - 7200")
     again = started(store)
-    assert again.in_use.uncertainty is not None
-    assert again.in_use.uncertainty.age == pytest.approx(7200.0, abs=5.0)
-    assert again.in_use.message().age == pytest.approx(7200.0, abs=5.0)
+    assert again.active.uncertainty is not None
+    assert again.active.uncertainty.age == pytest.approx(7200.0, abs=5.0)
+    assert again.active.message().age == pytest.approx(7200.0, abs=5.0)
     assert level_force(again) <= 0.31
     again.close()
     with raw(store) as tables:
         tables.execute("UPDATE change SET boot = 'another', at = at + 1e9")
     lost = started(store)
-    assert lost.in_use.uncertainty is not None
-    assert lost.in_use.uncertainty.age == 14_400.0, "a clock that went back tells nothing"
+    assert lost.active.uncertainty is not None
+    assert lost.active.uncertainty.age == 14_400.0, "a clock that went back tells nothing"
     lost.close()
 
 
@@ -234,10 +234,10 @@ def test_surfaces_of_different_age_carry_their_own_scatter() -> None:
     for n in range(4, 7):
         stopped(service, n, 0.3)
     learner = service.learner
-    assert learner.in_use()[1] < 1.0
-    braking = learner.group("braking")
-    braking._taught["sand"] -= 3600.0  # type: ignore[attr-defined]
-    model, common, oldest = learner.in_use()
+    assert learner.active()[1] < 1.0
+    braking = learner.state.group("braking")
+    braking.forces._updated["sand"] -= 3600.0  # type: ignore[attr-defined]
+    model, common, oldest = learner.active()
     assert common < 1.0
     assert oldest == pytest.approx(3600.0, abs=5.0)
     fresh, old = model.braking.force_std, model.braking.on("sand").force_std

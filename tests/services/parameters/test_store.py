@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from slopewise.services.parameters.change import Moment, StoredChange
 from slopewise.services.parameters.store import Store, StoreError
+from slopewise.services.parameters.stored_change import BootTime, StoredChange
 
-ANY_TIME = Moment(1e9, "boot", 50.0)
+ANY_TIME = BootTime(1e9, "boot", 50.0)
 
 
 def change(version: int, group: str = "braking", **more: object) -> StoredChange:
@@ -84,7 +84,7 @@ def test_a_second_process_is_refused_and_a_killed_one_lets_go(path: Path) -> Non
 
 
 @pytest.mark.parametrize("where", ["header", "middle", "short"])
-def test_a_file_that_is_none_is_put_aside(path: Path, where: str) -> None:
+def test_a_file_that_is_none_is_quarantine(path: Path, where: str) -> None:
     store = Store(path)
     for version in range(1, 200):
         store.write([change(version, state=bytes(500))])
@@ -142,7 +142,7 @@ def test_a_row_that_changed_on_disk_is_left_out(path: Path) -> None:
 
 
 def test_old_changes_make_room_and_the_newest_of_each_vehicle_stays(path: Path) -> None:
-    store = Store(path, most_changes=40)
+    store = Store(path, max_changes=40)
     store.write([change(1, fingerprint="other")])
     store.write([change(2, learned=False)])
     for version in range(3, 120):
@@ -153,7 +153,7 @@ def test_old_changes_make_room_and_the_newest_of_each_vehicle_stays(path: Path) 
 
 
 def test_the_file_stays_within_its_size(path: Path) -> None:
-    store = Store(path, most_bytes=1_000_000)
+    store = Store(path, max_bytes=1_000_000)
     for version in range(1, 650):
         store.write([change(version, state=bytes(2000))])
     store.close()
@@ -162,7 +162,7 @@ def test_the_file_stays_within_its_size(path: Path) -> None:
 
 
 def test_no_room_is_said_and_nothing_is_lost(path: Path) -> None:
-    store = Store(path, most_bytes=300_000)
+    store = Store(path, max_bytes=300_000)
     store.write([change(1)])
     with pytest.raises(StoreError, match="full"):
         store.write([change(2, state=bytes(10_000_000))])
@@ -178,13 +178,13 @@ def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
 
 
 def test_ages_survive_clocks_that_jump() -> None:
-    now = Moment.now()
+    now = BootTime.now()
     earlier = replace(now, at=now.at - 60.0, uptime=now.uptime - 60.0)
     for jump in (0.0, 3600.0, -3600.0):
         assert earlier.age(replace(now, at=now.at + jump), 1e9) == pytest.approx(60.0)
     assert replace(now, uptime=now.uptime + 5.0).age(now, 1e9) == 0.0
     # Over a boot only the clock of the day tells, and going back it tells nothing.
-    later = Moment(now.at + 100.0, "next boot", 20.0)
+    later = BootTime(now.at + 100.0, "next boot", 20.0)
     assert now.age(later, 1e9) == pytest.approx(100.0)
     assert now.age(replace(later, at=now.at + 5.0), 1e9) == 20.0
     assert now.age(replace(later, at=now.at - 5.0), 777.0) == 777.0

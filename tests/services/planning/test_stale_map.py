@@ -12,12 +12,12 @@ import pytest
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.in_use import ParametersInUse
-from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.parameters.active_parameters import ActiveParameters
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.service import Planning, ServiceConfig
-from slopewise.services.wire.messages import Path as Candidate
-from slopewise.services.wire.messages import PlanReply, PlanRequest
+from slopewise.services.settings.service_settings import Planning, ServiceConfig
+from slopewise.services.wire.plan_messages import Path as Candidate
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 from tests.services.daemon.test_parameter_faults import until
 from tests.services.parameter_client import Robot, block, ground, send_ground
 from tests.services.service_process import running
@@ -30,15 +30,15 @@ MAX_AGE = 30.0
 
 def service(**planning: float) -> PlanService:
     config = ServiceConfig(model="atv", planning=Planning(budget=1.0, **planning))
-    return PlanService(config, ParametersInUse(ATV))
+    return PlanService(config, ActiveParameters(ATV))
 
 
-def of_age(seconds: float, *, fixed: bool = False) -> KnownGround:
-    return KnownGround(FLAT, 1, time.monotonic() - seconds, fixed=fixed)
+def of_age(seconds: float, *, fixed: bool = False) -> MapSnapshot:
+    return MapSnapshot(FLAT, 1, time.monotonic() - seconds, fixed=fixed)
 
 
 def ask(
-    plans: PlanService, known: KnownGround, speed: float = 0.0, x: float = 0.0, client: str = ""
+    plans: PlanService, known: MapSnapshot, speed: float = 0.0, x: float = 0.0, client: str = ""
 ) -> PlanReply:
     along = np.linspace(0.0, 150.0, 300)
     path = Candidate(name="a", points=np.stack([along, 0.0 * along], axis=1))

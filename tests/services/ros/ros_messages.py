@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from slopewise.services.io.bags.ros_types import typestore
+from slopewise.services.io.bags import typestore
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.inbox import Inbox, Received
 from slopewise.services.ros.vehicle_state import VehicleState

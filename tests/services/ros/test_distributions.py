@@ -13,7 +13,7 @@ import zenoh
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from slopewise.services.io.bags.ros_types import PATH, SPEED_LIMIT, type_hashes, typestore
+from slopewise.services.io.bags import PATH, SPEED_LIMIT, type_hashes, typestore
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.graph import KeyScheme
 from slopewise.services.ros.inbox import decoded
@@ -21,8 +21,8 @@ from slopewise.services.ros.naming import NO_HASH
 from slopewise.services.ros.node import Node
 from slopewise.services.ros.speed_limit import SpeedAdvice
 from slopewise.services.ros.topic_matching import ConnectionWatch
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services import grid_maps
 from tests.services.service_process import free_port
 

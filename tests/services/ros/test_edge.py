@@ -21,8 +21,8 @@ import zenoh
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.service_process import free_port, running
 from tests.services.warm_process import WarmProcess
 
@@ -177,7 +177,7 @@ def test_limits_resume_when_the_router_is_restarted(tmp_path: Path) -> None:
 def test_map_that_was_published_once_before_the_edge_is_received() -> None:
     from zenoh.ext import CacheConfig, declare_advanced_publisher
 
-    from slopewise.services.io.bags.ros_types import GRID_MAP
+    from slopewise.services.io.bags import GRID_MAP
     from slopewise.services.ros.inbox import decoded
     from slopewise.services.ros.node import Node
     from tests.services.ros import ros_peer

@@ -10,18 +10,19 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
+from slopewise.services.parameters.in_use import ParametersInUse
+
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.services.io.bags.ros_types import SPEED_LIMIT, typestore
+from slopewise.services.io.bags import SPEED_LIMIT, typestore
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.in_use import ParametersInUse
 from slopewise.services.planning.map_store import KnownGround
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.settings import Timing
 from slopewise.services.ros.speed_limit import SpeedAdvice, advice_from_reply, place_on, stop
-from slopewise.services.settings.service import ServiceConfig
-from slopewise.services.wire.messages import Path, PlanReply, PlanRequest
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire.plan_messages import Path, PlanReply, PlanRequest
 from tests.services import grid_maps
 
 TIMING = Timing()

@@ -6,8 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from slopewise.services.settings.service import ServiceConfig, Sizes, ZenohSettings, read_config
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import (
+    ServiceConfig,
+    SizeLimits,
+    ZenohSettings,
+    read_config,
+)
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.faults import fault_in
 
 SHIPPED = Path(__file__).parents[3] / "configs" / "service.toml"
@@ -78,11 +83,11 @@ def test_nobody_else_can_reach_it_unless_asked_for() -> None:
 
 def test_a_service_takes_no_shared_memory_unless_told_to(tmp_path: Path) -> None:
     key = "transport/shared_memory/enabled"
-    assert zenoh_config(ZenohSettings(), Sizes()).get_json(key) == "false"
+    assert zenoh_config(ZenohSettings(), SizeLimits()).get_json(key) == "false"
     own = tmp_path / "zenoh.json5"
     own.write_text("{}")
     told = ZenohSettings(config=str(own))
-    assert zenoh_config(told, Sizes()).get_json(key) == "true"
+    assert zenoh_config(told, SizeLimits()).get_json(key) == "true"
     assert zenoh_config(ZenohSettings()).get_json(key) == "true"
 
 

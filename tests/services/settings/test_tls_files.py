@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from slopewise.services.settings.service import ZenohSettings
-from slopewise.services.settings.session import zenoh_config
+from slopewise.services.settings.service_settings import ZenohSettings
+from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services import certificates
 from tests.services.faults import fault_in
 

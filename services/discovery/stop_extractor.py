@@ -1,0 +1,106 @@
+"""Extracts stops from streams of drive samples, from before the stop command to rest.
+
+Memory is bounded by one stop per source.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+
+_STOP_COMMAND = 0.01
+"""Largest command that is a stop command [m/s]."""
+
+_STANDSTILL_SPEED = 0.02
+"""Speed of a standing vehicle [m/s]."""
+
+_BEFORE, _AFTER = 1.5, 1.0
+"""Time before the command and after rest that belongs to a stop [s], as calibration needs."""
+
+_MAX_GAP = 0.5
+"""Longest gap between samples of one stop [s]."""
+
+_MAX_DURATION = 30.0
+"""Longest stop [s]."""
+
+_MIN_SPEED = 0.3
+"""Lowest speed of a stop [m/s]; sensor noise hides slower ones."""
+
+_MAX_SAMPLES = 20_000
+"""Samples of one stop [1], as of one message."""
+
+_MAX_SOURCES = 8
+"""Senders whose streams are followed [1]; a robot has one or two."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExtractedStop:
+    """One stop. ``columns``: (n,) each, SI; ``surface``: its name at the stop command."""
+
+    source: str
+    surface: str
+    columns: dict[str, Floats]
+
+
+class StopExtractor:
+    """Returns stops as their last samples arrive; one thread."""
+
+    def __init__(self) -> None:
+        self._streams: OrderedDict[str, dict[str, Floats]] = OrderedDict()
+
+    def add_samples(
+        self, source: str, columns: Mapping[str, Floats], surface: str
+    ) -> list[ExtractedStop]:
+        """The stops that are complete with these samples.
+
+        Args:
+            source: sender. columns: (n,) by name, ``t`` increasing; ``v``, ``v_cmd``.
+            surface: name of the terrain, empty where it is unknown.
+        """
+        held = self._streams.pop(source, None)
+        if held is None or held.keys() != columns.keys() or columns["t"][0] <= held["t"][-1]:
+            stream = {name: np.array(values) for name, values in columns.items()}
+        else:
+            stream = {name: np.concatenate((held[name], columns[name])) for name in held}
+        stops, keep = _complete(stream)
+        self._streams[source] = {name: values[keep:] for name, values in stream.items()}
+        while len(self._streams) > _MAX_SOURCES:
+            self._streams.popitem(last=False)
+        return [
+            ExtractedStop(source, surface, stop) for stop in stops if len(stop["t"]) <= _MAX_SAMPLES
+        ]
+
+
+def _complete(columns: Mapping[str, Floats]) -> tuple[list[dict[str, Floats]], int]:
+    """Complete stops, and the first sample that later ones need."""
+    t, v, commanded = columns["t"], columns["v"], columns["v_cmd"] <= _STOP_COMMAND
+    stops: list[dict[str, Floats]] = []
+    done = 0
+    for i in (np.flatnonzero(commanded[1:] & ~commanded[:-1]) + 1).tolist():
+        again = np.flatnonzero(~commanded[i:])
+        released = i + int(again[0]) if len(again) else len(t)
+        gaps = np.flatnonzero(np.diff(t[i:released]) > _MAX_GAP)
+        last = i + int(gaps[0]) + 1 if len(gaps) else released
+        still = np.flatnonzero(v[i:last] <= _STANDSTILL_SPEED)
+        begin = max(int(np.searchsorted(t, t[i] - _BEFORE)), done)
+        if v[i] < _MIN_SPEED:
+            continue
+        open_ended = last == len(t)
+        if not len(still):
+            if open_ended and t[-1] - t[i] <= _MAX_DURATION:
+                return stops, begin
+            continue
+        rest = i + int(still[0])
+        if open_ended and t[-1] - t[rest] < _AFTER:
+            return stops, begin
+        earlier = np.flatnonzero(np.diff(t[begin : i + 1]) > _MAX_GAP)
+        begin += int(earlier[-1]) + 1 if len(earlier) else 0
+        done = min(int(np.searchsorted(t, t[rest] + _AFTER, side="right")), last)
+        stops.append({name: np.array(values[begin:done]) for name, values in columns.items()})
+    # The last sample always stays: the next one is compared with it.
+    return stops, min(max(done, int(np.searchsorted(t, t[-1] - _BEFORE))), len(t) - 1)

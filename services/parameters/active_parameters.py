@@ -1,0 +1,87 @@
+"""The model that plans are made with, and its version."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from copy import copy
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+from slopewise.models.parameters import Model
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.services.io.model_file import model_sha256, vehicle_to_dict
+from slopewise.services.wire import plan_messages
+
+
+@dataclass(frozen=True, slots=True)
+class ActiveParameters:
+    """A model and its version.
+
+    Attributes:
+        model: model to plan with. version: grows with every change.
+        at: monotonic clock at the last update of the oldest learned parameters [s].
+        revision: grows also when plans of the same version change, as parameters age.
+        uncertainty: uncertainty that margins cover; None: that of the settings.
+        flags: active warnings.
+        model_hash: digest of the model, computed here, so that no reply has to wait for it.
+    """
+
+    model: Model
+    version: int = 1
+    at: float = field(default_factory=time.monotonic)
+    revision: int = 0
+    uncertainty: Uncertainty | None = None
+    flags: tuple[str, ...] = ()
+    model_hash: str = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "model_hash", model_sha256(self.model))
+
+    @property
+    def identity(self) -> tuple[int, int]:
+        """Version and revision; equal where plans are."""
+        return self.version, self.revision
+
+    def with_flags(self, flags: tuple[str, ...], version: int) -> ActiveParameters:
+        """The same model with other warnings; nothing is recomputed."""
+        same = copy(self)
+        object.__setattr__(same, "flags", flags)
+        object.__setattr__(same, "version", version)
+        return same
+
+    def message(self) -> plan_messages.Parameters:
+        """Message for replies and status."""
+        age = time.monotonic() - self.at
+        return plan_messages.Parameters(
+            version=self.version,
+            name=self.model.name,
+            fingerprint=fingerprint(self.model),
+            age=age,
+            model_hash=self.model_hash,
+        )
+
+
+def with_max_speed(parameters: ActiveParameters, speed: float, reason: str) -> ActiveParameters:
+    """The same with a tighter limit of the speed [m/s], and the reason as a warning."""
+    limits = replace(parameters.model.limits, speed=min(parameters.model.limits.speed, speed))
+    return replace(
+        parameters,
+        model=replace(parameters.model, limits=limits),
+        revision=-1 - parameters.revision,
+        flags=(f"degraded: {reason}", *parameters.flags),
+    )
+
+
+def fingerprint(model: Model) -> str:
+    """Digest of a vehicle's data sheet, which distinguishes vehicles."""
+    return _digest(model.vehicle)
+
+
+@lru_cache(maxsize=64)
+def _digest(vehicle: Vehicle) -> str:
+    # Part of every reply, and computing it takes half a millisecond.
+    text = json.dumps(vehicle_to_dict(vehicle), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

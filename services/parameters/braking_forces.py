@@ -1,0 +1,359 @@
+"""Braking force by surface, learned from stops on top of a model file or a finding."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+from statistics import median
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import NAMES, design
+from slopewise.models.calibration.learned_force import LearnedForce, braking_in_use
+from slopewise.models.calibration.online import OnlineBraking
+from slopewise.models.calibration.published import PublishSettings
+from slopewise.models.calibration.recursive import Acceptance, RecursiveSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking
+from slopewise.models.quantity import Matrix
+from slopewise.models.stop_logs.stop_stream import StreamedStop
+from slopewise.planner.ground.uncertainty import HOUR, Uncertainty
+from slopewise.services.parameters.increase_limit import limit_increase
+from slopewise.services.parameters.learned_stop import (
+    LearnedStop,
+    measured_distance,
+    predicted_distance,
+)
+from slopewise.services.parameters.stop_plausibility import MAX_DEAD_TIME
+from slopewise.services.parameters.surface_slots import (
+    prior_for_new_surface,
+    select_surface_to_evict,
+)
+from slopewise.services.settings.learning_settings import Learning
+
+_MAX_REJECTING_SOURCES = 64
+"""Pairs of surface and source whose rejected weak stops are counted [1]; bounds memory."""
+
+_MAX_LISTED = 5
+"""Surfaces in one warning [1]."""
+
+_DEAD_TIMES = 5
+"""Last stops whose median dead time is used [1]: two odd ones change nothing."""
+
+_TOLERANCE = 1e-9
+"""Rounding of F_b/W [1]."""
+
+_BOUND_TOLERANCE = 1e-6
+"""Rounding of stored F_b/W at the bounds [1]."""
+
+_UNCERTAINTY = Uncertainty()
+"""Share of the file's force on ground without stops, and drift of the force with age."""
+
+DEFAULT_COEFFICIENT_STD = (0.02, 0.06, 0.01, 0.05)
+"""Standard deviations of m_m, b_m, m_b, b_b for a model file without covariance: about 12 % of a
+typical vehicle's force at 2 m/s [s/m, 1, s/m, 1]."""
+
+
+class BrakingForces:
+    """Forces measured by stops on each surface, and the braking model to plan with; one thread.
+
+    Attributes:
+        prior: braking that it is learned on top of. dead_times: those of the last stops [s].
+    """
+
+    def __init__(
+        self,
+        prior: Braking,
+        settings: Learning,
+        map_surfaces: Callable[[], Collection[str]] = tuple,
+    ) -> None:
+        """Begin with the prior's coefficients; ``map_surfaces``: surfaces that the map names."""
+        self.prior, self._settings, self._map_surfaces = prior, settings, map_surfaces
+        self._start = dataclasses.replace(prior, covariance=self.covariance_of(""))
+        self._online = OnlineBraking(
+            self._start,
+            recursive=RecursiveSettings(change=settings.change),
+            # How far plans may exceed the file is limited at planning, by the file's force.
+            publish=PublishSettings(rise=settings.rise, only_valid=True, most_share=math.inf),
+        )
+        self._updated: dict[str, float] = {}
+        self._rejections: dict[tuple[str, str], int] = {}
+        self.dead_times: deque[float] = deque(maxlen=_DEAD_TIMES)
+        self._aged = time.monotonic()
+        self._stronger: list[str] = []
+        # Cached until something changes: one stop needs them several times.
+        self._planned: Braking | None = None
+        self._forces: dict[str, LearnedForce] | None = None
+        self._planned_surfaces: dict[str, Braking] = {}
+
+    def copy(self) -> BrakingForces:
+        """A second one that learns separately from the same prior."""
+        clone = copy.copy(self)
+        clone._online = copy.deepcopy(self._online, {id(self._start): self._start})
+        clone._updated, clone._rejections = dict(self._updated), dict(self._rejections)
+        clone.dead_times = copy.copy(self.dead_times)
+        clone._changed()
+        return clone
+
+    def learn(
+        self, stop: StreamedStop, surface: str, source: str, distance: float | None
+    ) -> LearnedStop:
+        """Learn from one stop.
+
+        Raises:
+            ParameterError: too many surfaces.
+        """
+        self._add_surface(surface)
+        used = self._planning_surface(surface)
+        predicted = predicted_distance(used, self.dead_time(), stop)
+        if distance is None:
+            distance = measured_distance(stop, self.prior.dead_time)
+        planned = self.planned_force(surface, stop.onset_speed, stop.grade)
+        outcome = self._online.take(stop, surface).outcome
+        if outcome is Acceptance.GATED and stop.force_ratio < planned:
+            self._lower_after_rejections(stop, surface, source, planned)
+        else:
+            self._rejections.pop((surface, source), None)
+        now = time.monotonic()
+        if outcome in (Acceptance.ACCEPTED, Acceptance.CHANGED):
+            self._updated[surface] = now
+        if 0.0 <= stop.dead_time <= MAX_DEAD_TIME:
+            self.dead_times.append(stop.dead_time)
+        self._changed()
+        return LearnedStop(
+            at=now,
+            source=source,
+            surface=surface,
+            speed=stop.onset_speed,
+            grade=stop.grade,
+            predicted=predicted,
+            actual=distance,
+            outcome=outcome.value,
+        )
+
+    def _lower_after_rejections(
+        self, stop: StreamedStop, surface: str, source: str, planned: float
+    ) -> None:
+        """Lower plans after consecutive weak stops of one source, with any reports in between.
+
+        Otherwise a sender that confirms the plan after each of them would silence bad news.
+        """
+        count = self._rejections.pop((surface, source), 0) + 1
+        self._rejections[surface, source] = count
+        while len(self._rejections) > _MAX_REJECTING_SOURCES:
+            self._rejections.pop(next(iter(self._rejections)))
+        if count >= RecursiveSettings().weaker:
+            below = self._online.coefficients(surface).copy()
+            below[3] -= planned - stop.force_ratio
+            self._online.doubt(surface, below)
+            self._rejections.pop((surface, source))
+
+    def lower_base(self, surface: str, before: str) -> bool:
+        """Lower the base to the force of the terrain driven now; True if it changed.
+
+        The base represents terrain without a name: plans must not use more force than is known of
+        the terrain now.
+
+        Args:
+            surface: name of the terrain now, "" unknown. before: its name until now.
+        """
+        learned = self.learned()
+        force = learned.get(surface) if surface else None
+        if force is not None and force.accepted > 0:
+            below = _coefficients(self.planning_braking({}).on(surface))
+        elif surface in self.prior.terrain:
+            below = _coefficients(self.prior.on(surface))
+        elif surface and before:
+            below = self._new_surface_prior()
+        elif "" in learned:
+            below = _coefficients(self.prior)
+        else:
+            return False
+        corners = self._corners("")
+        planned = corners @ _coefficients(self.planning_braking({}))
+        if "" not in learned and np.all(planned <= corners @ below + _TOLERANCE):
+            return False
+        self._online.doubt("", below)
+        self._changed()
+        return True
+
+    def restrict_to_prior(self) -> list[str]:
+        """Plan nowhere above the prior until stops make an estimate valid again; the surfaces."""
+        ages = self.ages(time.monotonic())
+        valid = {name: force for name, force in self.learned().items() if force.valid}
+        for surface, force in valid.items():
+            careful = dataclasses.replace(force, valid=False)
+            self.put(surface, careful, ages[surface], confident=True)
+        return list(valid)
+
+    def assume_untrained(self) -> list[str]:
+        """Assume brakes that may be worn where nothing was learned; the surfaces that changed.
+
+        Plans use the share of the prior's force that they use on ground without stops, with the
+        scatter of the oldest age, until the next stops.
+        """
+        surfaces = [s for s in ("", *self.prior.terrain) if not self._online.knows(s)]
+        for surface in surfaces:
+            below = _coefficients(self.prior_on(surface))
+            self._online.doubt(surface, _UNCERTAINTY.untrained_share * below)
+            self._updated[surface] = time.monotonic() - self._settings.oldest
+        self._changed()
+        return surfaces
+
+    def age(self) -> None:
+        """Age all surfaces by the time since the last call."""
+        now = time.monotonic()
+        self._online.age(now - self._aged, self._settings.grows_old)
+        self._changed()
+        self._aged = now
+
+    def flags(self) -> list[str]:
+        """Warnings about the force that is planned with."""
+        if not self._stronger:
+            return []
+        names = ", ".join(name or "base" for name in self._stronger[:_MAX_LISTED])
+        return [f"plans with stronger brakes than the model file: {names}"]
+
+    def dead_time(self) -> float:
+        """Median of the last stops [s]; a sooner response than the file's is not used."""
+        late = median(self.dead_times) if len(self.dead_times) > 1 else 0.0
+        return max(self.prior.dead_time, late)
+
+    def planned_force(self, surface: str, speed: float, grade: float) -> float:
+        """F_b/W that is planned with at a speed [m/s] and grade [rad]."""
+        if surface and surface not in self.prior.terrain and not self._online.knows(surface):
+            row = design(np.array([speed]), np.array([grade]))[0]
+            return float(row @ self._new_surface_prior())
+        used = self._planning_surface(surface)
+        return float((used.m_m * speed + used.b_m) * grade + used.m_b * speed + used.b_b)
+
+    def ages(self, now: float) -> dict[str, float]:
+        """Time since each surface was last updated by a stop [s]."""
+        oldest = self._settings.oldest
+        return {name: min(now - self._updated.get(name, now), oldest) for name in self.learned()}
+
+    def planning_braking(self, ages: Mapping[str, float]) -> Braking:
+        """The braking model to plan with; ages [s] widen the scatter of their surface."""
+        if not ages and self._planned is not None:
+            return self._planned
+        older = {n: _UNCERTAINTY.drift * math.sqrt(age / HOUR) for n, age in ages.items()}
+        used = braking_in_use(self.prior, self.learned(), older)
+        used, self._stronger = limit_increase(self.prior, used, self._settings.most_above_file)
+        late = self.dead_time()
+        tables = {
+            name: table
+            if table.dead_time is None
+            else dataclasses.replace(table, dead_time=max(table.dead_time, late))
+            for name, table in used.terrain.items()
+        }
+        used = dataclasses.replace(used, dead_time=max(used.dead_time, late), terrain=tables)
+        if not ages:
+            self._planned = used
+        return used
+
+    def _planning_surface(self, surface: str) -> Braking:
+        """Planning braking of one surface; the others need not be computed."""
+        known = self._planned_surfaces.get(surface)
+        if known is None:
+            force = self._online.learned_of(surface)
+            used = braking_in_use(self.prior, {} if force is None else {surface: force})
+            used, _ = limit_increase(self.prior, used, self._settings.most_above_file)
+            known = self._planned_surfaces[surface] = used.on(surface) if surface else used
+        return known
+
+    def _add_surface(self, surface: str) -> None:
+        """Begin a new surface with a share of the weakest known force."""
+        if not surface or surface in self.prior.terrain or self._online.knows(surface):
+            return
+        self._free_slot(surface)
+        self._online.doubt(surface, self._new_surface_prior())
+        self._changed()
+
+    def _free_slot(self, surface: str) -> None:
+        named = {*self.prior.terrain, *self._map_surfaces()}
+        new = self._corners(""), self._new_surface_prior()
+        evicted = select_surface_to_evict(surface, named, self.learned(), self._updated, new)
+        if evicted:
+            self.put(evicted, None, 0.0, confident=True)
+
+    def _new_surface_prior(self) -> Floats:
+        share = _UNCERTAINTY.untrained_share
+        return prior_for_new_surface(self.prior, self.learned(), share)
+
+    def put(self, surface: str, force: LearnedForce | None, age: float, *, confident: bool) -> None:
+        """Replace the force of a surface; None: as in the prior.
+
+        Args:
+            force: force of ``age`` seconds ago. confident: False inflates its covariance.
+
+        Raises:
+            ParameterError: brakes that would not slow the vehicle, or no slot is free.
+        """
+        if force is None:
+            self._online.forget(surface)
+            self._updated.pop(surface, None)
+            self._changed()
+            return
+        self._check(force, surface)
+        if surface and surface not in self.learned():
+            self._free_slot(surface)
+        self._online.restore(force, surface, age=age, time_constant=self._settings.grows_old)
+        self._updated[surface] = time.monotonic() - age
+        if not confident:
+            self._online.doubt(surface)
+        self._changed()
+
+    def _check(self, force: LearnedForce, surface: str) -> None:
+        """Raise unless the brakes slow the vehicle everywhere in the trained rectangle."""
+        bounds = PublishSettings()
+        forces = self._corners(surface) @ np.array(force.published)
+        low, high = bounds.least - _BOUND_TOLERANCE, bounds.most + _BOUND_TOLERANCE
+        if not np.all((forces >= low) & (forces <= high)):
+            expected = f"F_b/W of {bounds.least} … {bounds.most} at trained speeds and grades"
+            got = f"{forces.min():.3f} … {forces.max():.3f}"
+            raise ParameterError(", ".join(NAMES), f"{expected}, got {got}")
+        m_m, b_m, m_b, b_b = force.published
+        dataclasses.replace(self.prior, m_m=m_m, b_m=b_m, m_b=m_b, b_b=b_b)
+
+    def prior_on(self, surface: str) -> Braking:
+        """The prior on a surface."""
+        return self.prior.on(surface) if surface else self.prior
+
+    def covariance_of(self, surface: str) -> Matrix:
+        """Covariance of the prior on a surface, the default one where it has none."""
+        known = self.prior_on(surface).covariance
+        return known or tuple(map(tuple, np.diag(np.square(DEFAULT_COEFFICIENT_STD)).tolist()))
+
+    def set_dead_time(self, dead_time: float) -> None:
+        """Plan with a dead time until later stops show another [s]."""
+        self.dead_times = deque([dead_time] * _DEAD_TIMES, maxlen=_DEAD_TIMES)
+        self._changed()
+
+    def restore_dead_times(self, dead_times: Collection[float]) -> None:
+        """Replace the dead times of the last stops [s]."""
+        self.dead_times = deque(dead_times, maxlen=_DEAD_TIMES)
+        self._changed()
+
+    def _corners(self, surface: str) -> Floats:
+        known = self.prior_on(surface)
+        speed, grade = np.meshgrid(known.speed_range, known.grade_range)
+        return design(speed.ravel(), grade.ravel())
+
+    def learned(self) -> dict[str, LearnedForce]:
+        """Force learned on each surface, "" is the base."""
+        if self._forces is None:
+            self._forces = self._online.learned()
+        return self._forces
+
+    def _changed(self) -> None:
+        self._planned = self._forces = None
+        self._planned_surfaces = {}
+
+
+def _coefficients(known: Braking) -> Floats:
+    return np.array([getattr(known, name) for name in NAMES])

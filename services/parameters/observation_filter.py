@@ -1,0 +1,174 @@
+"""Filter of observations: each one once, in order, and of a time that has passed.
+
+Duplicates and late ones change nothing, and everything that is excluded is counted by reason.
+"""
+
+from __future__ import annotations
+
+import zlib
+
+import msgspec
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import InputError
+from slopewise.services.wire.arrival import (
+    SenderTable,
+    SequenceTracker,
+    StampCheck,
+    StampVerdict,
+    warn_of_order,
+)
+from slopewise.services.wire.observations import (
+    DRIVE_COLUMNS,
+    MORE_COLUMNS,
+    DriveSamples,
+    RobotObservation,
+    TerrainLabel,
+)
+from slopewise.services.wire.recent_warnings import RecentWarnings
+
+_MAX_SOURCES = 1000
+"""Sources whose numbers and clocks are remembered [1]; bounds memory."""
+
+_MAX_JUMPED = 4
+"""Sources in the warning of clocks that were set [1]."""
+
+_INSTANCE = "\x1f"
+"""Separates a source's name from its instance; no name contains it."""
+
+_MAX_SAMPLES = 20_000
+"""Samples of one message [1]: 100 s at 200 Hz."""
+
+_BOUNDS = {
+    "v": 50.0,
+    "v_cmd": 50.0,
+    "pitch": 1.6,
+    "roll": 1.6,
+    "grade": 0.8,
+    "yaw_rate": 50.0,
+    "v_left": 50.0,
+    "v_right": 50.0,
+    "current_left": 1e4,
+    "current_right": 1e4,
+    "yaw": 1e3,
+    "x": 1e9,
+    "y": 1e9,
+}
+"""Beyond speeds, angles, rates and currents of any robot [SI]."""
+
+_OTHER_BOUND = 1e12
+"""Bound of the time [s]: beyond any clock."""
+
+
+class ObservationFilter:
+    """Accepts what is new; one thread.
+
+    Attributes:
+        jumped: monotonic clock when a source's clock was noticed to be set [s], by source.
+        notices: warnings about sources whose numbers restarted or go backwards.
+    """
+
+    def __init__(self, early: float, seen: dict[str, int] | None = None) -> None:
+        """Begin.
+
+        Args:
+            early: how far a sender's clock may run ahead of the time that passed [s].
+            seen: last sequence number of each source before this start.
+        """
+        self._early = early
+        self._sequences = SenderTable[str, SequenceTracker](SequenceTracker, _MAX_SOURCES)
+        self._stamps = SenderTable[str, StampCheck](StampCheck, _MAX_SOURCES)
+        self._last_digest: tuple[RobotObservation, int] | None = None
+        self.jumped: dict[str, float] = {}
+        self.notices = RecentWarnings()
+        self.restore(seen or {})
+
+    def check(self, kind: str, observation: RobotObservation, now: float) -> str:
+        """Reason to exclude an observation: `duplicate`, `out_of_order`, `future`, `late`; or "".
+
+        Args:
+            kind: of observation. now: monotonic clock at its arrival [s].
+        """
+        source, lead = observation.source, observation.time - now
+        what = f"{kind} observations of {source}"
+        sequence = self._sequences.of(_name(kind, observation))
+        order = sequence.classify(observation.sequence, self._digest(observation), lead)
+        if not order.is_accepted:
+            warn_of_order(self.notices, what, order, is_used=False)
+            return order.value.replace(" ", "_")
+        verdict = self._stamps.of(source).check(lead, self._early)
+        if verdict is StampVerdict.CLOCK_SET:
+            self.jumped[source] = now
+            while len(self.jumped) > _MAX_JUMPED:
+                self.jumped.pop(next(iter(self.jumped)))
+        is_used = verdict in (StampVerdict.PLAUSIBLE, StampVerdict.CLOCK_SET)
+        warn_of_order(self.notices, what, order, is_used=is_used)
+        return "" if is_used else verdict.value
+
+    def accept(self, kind: str, observation: RobotObservation) -> dict[str, int]:
+        """Record that it was processed; the numbers to store with its result."""
+        name = _name(kind, observation)
+        self._sequences.of(name).accept(observation.sequence, self._digest(observation))
+        return {name: observation.sequence}
+
+    def restore(self, seen: dict[str, int]) -> None:
+        """Continue from stored sequence numbers, where they are ahead."""
+        for name, sequence in seen.items():
+            known = self._sequences.of(name)
+            if sequence > known.last:
+                known.accept(sequence, 0)
+
+    def _digest(self, observation: RobotObservation) -> int:
+        """Digest of its content; one that is checked and then accepted is encoded once."""
+        if self._last_digest is None or self._last_digest[0] is not observation:
+            self._last_digest = (observation, _content(observation))
+        return self._last_digest[1]
+
+
+def _name(kind: str, observation: RobotObservation) -> str:
+    """Name of a sequence of numbers; each instance of a source has a separate one."""
+    instance = f"{_INSTANCE}{observation.instance}" if observation.instance else ""
+    return f"{kind}:{observation.source}{instance}"
+
+
+def _content(observation: RobotObservation) -> int:
+    """Digest of the content; stops and samples are the same at any time of sending."""
+    timed = isinstance(observation, TerrainLabel)
+    content = observation if timed else msgspec.structs.replace(observation, time=0.0)
+    return zlib.crc32(msgspec.msgpack.encode(content, enc_hook=lambda array: array.tobytes()))
+
+
+def columns_of(samples: DriveSamples, key: str) -> dict[str, Floats]:
+    """Columns of drive samples by name, validated.
+
+    Raises:
+        InputError: names key and field.
+    """
+    names, values = samples.columns, samples.values
+    known = (*DRIVE_COLUMNS, *MORE_COLUMNS)
+    unknown = [name for name in names if name not in known]
+    missing = [name for name in DRIVE_COLUMNS if name not in names]
+    if unknown or missing or len(set(names)) < len(names):
+        expected = f"expected {', '.join(DRIVE_COLUMNS)} and any of {', '.join(MORE_COLUMNS)}, once"
+        raise InputError(key, "columns", f"{expected}, got {', '.join(names)[:200]}")
+    if values.ndim != 2 or len(values) != len(names) or not values.shape[1]:
+        expected = f"expected {len(names)} rows of samples, got shape {values.shape}"
+        raise InputError(key, "values", expected)
+    if values.shape[1] > _MAX_SAMPLES:
+        expected = f"expected at most {_MAX_SAMPLES} samples, got {values.shape[1]}"
+        raise InputError(key, "values", expected)
+    columns = dict(zip(names, values, strict=True))
+    for name, column in columns.items():
+        limit = _BOUNDS.get(name, _OTHER_BOUND)
+        # NaN is within no limit.
+        beyond = ~(np.abs(column) <= limit)  # words: ok
+        if beyond.any():
+            i = int(np.argmax(beyond))
+            expected = f"expected finite numbers of at most {limit:g}, got {column[i]}"
+            raise InputError(key, f"values.{name}[{i}]", expected)
+    steps = np.diff(columns["t"])
+    if not np.all(steps > 0.0):
+        i = int(np.argmin(steps)) + 1
+        raise InputError(key, f"values.t[{i}]", "expected a time after that of the sample before")
+    return columns

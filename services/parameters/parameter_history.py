@@ -1,0 +1,303 @@
+"""Versions of parameters: each change gets the next one and is stored before it is published.
+
+Without a store, or while it cannot be written, learning continues and is reported as not durable;
+missing rows are written once that is possible again. The newest state is stored a second time, for
+the case that the store is lost.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+from pathlib import Path
+
+from slopewise.services.parameters.parameter_group import State
+from slopewise.services.parameters.store import Store, StoreError
+from slopewise.services.parameters.store_copy import StoreCopy, copy_path, read_copy, write_copy
+from slopewise.services.parameters.stored_change import BootTime, StoredChange
+from slopewise.services.settings.learning_settings import StoreSettings
+
+_log = logging.getLogger("slopewise")
+
+_COPY_INTERVAL = 1.0
+"""Shortest time between two writes of the second copy [s], so that bursts of stops do not double
+the work of the disk; the copy may lack the changes of that time."""
+
+
+class Memory(Enum):
+    """Source of the parameters from before this start."""
+
+    STORE = "the store, whole"
+    COPY = "its second copy, with the newest state"
+    LOST = "nothing, although there was a store"
+
+
+@dataclass(frozen=True, slots=True)
+class LastChange:
+    """The last change of a group."""
+
+    version: int
+    cause: str
+    who: str
+
+
+class ParameterHistory:
+    """Versions and stored changes of one vehicle's parameters; one thread.
+
+    Attributes:
+        version: version of all parameters; 1 is the model file.
+        last: last change of each group. notes: warnings about the store.
+        memory: source of the parameters from before this start.
+    """
+
+    def __init__(self, settings: StoreSettings, fingerprint: str) -> None:
+        """Open the store, if the settings name one."""
+        self._settings, self._fingerprint = settings, fingerprint
+        self.version = 1
+        self.last: dict[str, LastChange] = {}
+        self.notes: list[str] = []
+        self.memory = Memory.STORE
+        self._path = Path(settings.path)
+        self._store: Store | None = None
+        self._substitute: StoreCopy | None = None
+        self._newest_of: dict[tuple[str, str], StoredChange] = {}
+        self._copied = -_COPY_INTERVAL
+        self._copy_due = False
+        self._fault = self._copy_fault = ""
+        self._unsaved: dict[str, StoredChange] = {}
+        self._unsaved_sources: dict[str, int] = {}
+        self._tried = time.monotonic()
+        if settings.path:
+            self._open()
+
+    def _open(self) -> None:
+        s, path = self._settings, self._path
+        was_there, copy = path.exists(), read_copy(path)
+        store: Store | None = None
+        try:
+            store = Store(path, max_bytes=int(1e6 * s.megabytes), max_changes=int(s.changes))
+            self._recover(store, copy)
+        except StoreError as error:
+            if store is not None:
+                store.close()
+            # Until it can be opened, its copy is used.
+            self._substitute = copy
+            if copy is not None:
+                self.memory = Memory.COPY
+                self.version = max([self.version, *(c.version for c in copy.changes)])
+            elif was_there:
+                self.memory = Memory.LOST
+            self._fail(error)
+            return
+        self._store, self._substitute, self._fault, self._copy_due = store, None, "", True
+        self._newest_of = {(c.fingerprint, c.group): c for c in store.latest()}
+        self.version = max(self.version, store.last_version())
+        strange = store.fingerprints() - {self._fingerprint}
+        if strange and not store.groups(self._fingerprint):
+            self.notes.append("the stored parameters are of another vehicle: not used")
+
+    def _recover(self, store: Store, copy: StoreCopy | None) -> None:
+        """Write the changes that only the copy holds to a store that lost them."""
+        last = store.last_version()
+        missing = [] if copy is None else [c for c in copy.changes if c.version > last]
+        self.memory = Memory.STORE
+        if store.lost:
+            self.notes.append(store.lost)
+        if missing and copy is not None:
+            store.write(missing, copy.seen)
+            self.memory = Memory.COPY
+            note = "changes are missing in the stored parameters, the newest of each group are"
+            self.notes.append(f"{note} from {copy_path(self._path).name}")
+        elif store.lost and copy is None:
+            self.memory = Memory.LOST
+            self.notes.append("what was learned and set before is gone")
+
+    def _fail(self, error: Exception) -> None:
+        if not self._fault:
+            _log.warning("%s", error)
+        self._fault = str(error)
+
+    @property
+    def durable(self) -> bool:
+        """True if all changes are on disk."""
+        return self._store is not None and not self._unsaved and not self._unsaved_sources
+
+    @property
+    def is_open(self) -> bool:
+        """True if there is a store to write to."""
+        return self._store is not None
+
+    def flags(self) -> list[str]:
+        """Warnings about the store."""
+        flags = list(self.notes)
+        if self._fault or self._unsaved or self._unsaved_sources:
+            flags.append(f"parameters are not kept: {self._fault or 'there is no store'}")
+        if self._copy_fault:
+            flags.append(f"parameters are kept once only: {self._copy_fault}")
+        return flags
+
+    def seen(self) -> dict[str, int]:
+        """Last stored sequence number of each source, empty if it cannot be read."""
+        try:
+            if self._store is None:
+                return {} if self._substitute is None else dict(self._substitute.seen)
+            return self._store.seen()
+        except StoreError as error:
+            self._fail(error)
+            return {}
+
+    @property
+    def unsaved(self) -> set[str]:
+        """Groups whose last change is not on disk."""
+        return set(self._unsaved)
+
+    # ------------------------------------------------------------------ writing
+
+    def commit(
+        self,
+        states: Mapping[str, State | None],
+        cause: str,
+        who: str,
+        *,
+        seen: Mapping[str, int] | None = None,
+        learned: bool = True,
+        moments: Mapping[str, BootTime] | None = None,
+    ) -> None:
+        """Store groups that changed together as the next version.
+
+        Args:
+            states: state of each group that changed. cause, who: reason, and source or operator.
+            seen: sequence numbers of sources that are stored with it.
+            learned: True if no operator made the change.
+            moments: times at which the states were learned, if not now.
+        """
+        self.version += 1
+        now = BootTime.now()
+        for group, state in states.items():
+            data = json.dumps(state, allow_nan=False).encode()
+            moment = (moments or {}).get(group, now)
+            self._unsaved[group] = StoredChange(
+                self.version, group, self._fingerprint, cause, who, moment, data, learned
+            )
+            self.last[group] = LastChange(self.version, cause, who)
+        self._unsaved_sources.update(seen or {})
+        self._save()
+
+    def _save(self) -> None:
+        """Write what is not on disk yet."""
+        if not self._settings.path:
+            self._unsaved.clear()
+            self._unsaved_sources.clear()
+            return
+        self._tried = time.monotonic()
+        if self._store is None:
+            return
+        try:
+            self._store.write(list(self._unsaved.values()), self._unsaved_sources)
+        except StoreError as error:
+            self._fail(error)
+            return
+        self._fault = ""
+        self._newest_of.update({(c.fingerprint, c.group): c for c in self._unsaved.values()})
+        self._unsaved.clear()
+        self._unsaved_sources.clear()
+        self._copy_due = True
+        self._write_copy()
+
+    def _write_copy(self, *, force: bool = False) -> None:
+        """Write the second copy, if it is due."""
+        late = force or time.monotonic() - self._copied >= _COPY_INTERVAL
+        if self._store is None or not self._copy_due or not late:
+            return
+        self._copied = time.monotonic()
+        try:
+            newest = [*self._newest_of.values()]
+            write_copy(self._path, StoreCopy(newest, self._store.seen()))
+        except (OSError, StoreError) as error:
+            self._copy_fault = f"{copy_path(self._path).name} cannot be written: {error}"
+            return
+        self._copy_due, self._copy_fault = False, ""
+
+    def retry(self) -> bool:
+        """Repeat what failed, if it is due; True if the store could be opened only now."""
+        self._write_copy()
+        if time.monotonic() - self._tried < self._settings.retry or not self._settings.path:
+            return False
+        opened = False
+        if self._store is None:
+            self._tried = time.monotonic()
+            self._open()
+            if self._store is None:
+                return False
+            opened = True
+            # Versions that another process wrote meanwhile stay unique.
+            self.version += 1
+            self._unsaved = {
+                group: replace(change, version=self.version)
+                for group, change in self._unsaved.items()
+            }
+        if self._unsaved or self._unsaved_sources or self._fault:
+            self._save()
+        return opened
+
+    def close(self) -> None:
+        """Write the copy and close the store."""
+        if self._store is not None:
+            self._write_copy(force=True)
+            try:
+                self._store.close()
+            except StoreError as error:
+                self._fail(error)
+
+    # ------------------------------------------------------------------ reading
+
+    def groups(self) -> list[str]:
+        """Groups of this vehicle that were ever changed.
+
+        Raises:
+            StoreError: there is no store, or it cannot be read.
+        """
+        if self._substitute is not None:
+            changes = self._substitute.changes
+            return sorted({c.group for c in changes if c.fingerprint == self._fingerprint})
+        return self._opened().groups(self._fingerprint)
+
+    @property
+    def damaged(self) -> set[str]:
+        """Groups of which a change cannot be read any more."""
+        return set() if self._store is None else self._store.damaged
+
+    def newest(
+        self, group: str, up_to: int | None = None
+    ) -> Iterator[tuple[StoredChange, State | None]]:
+        """Changes of a group with their states, newest first; unreadable ones are skipped."""
+        for change in self._changes(group, up_to):
+            try:
+                state = json.loads(change.state)
+            except ValueError:
+                continue
+            if state is None or isinstance(state, dict):
+                yield change, state
+
+    def _changes(self, group: str, up_to: int | None) -> Iterator[StoredChange]:
+        if self._substitute is None:
+            return self._opened().newest(self._fingerprint, group, up_to)
+        known = (group, self._fingerprint)
+        return iter([c for c in self._substitute.changes if (c.group, c.fingerprint) == known])
+
+    def knows(self, version: int) -> bool:
+        """Return True if the version is a stored change of this vehicle, or the model file."""
+        return self._opened().has(self._fingerprint, version) or version == 1
+
+    def _opened(self) -> Store:
+        if self._store is None:
+            raise StoreError(self._fault or "there is no store")
+        return self._store
+
+    def entries(self, group: str, count: int) -> list[StoredChange]:
+        """Last changes of a group, or of all, newest first."""
+        return self._opened().history(group, count)

@@ -1,0 +1,349 @@
+"""The active parameters: learned from observations, set by operators, stored, restored, aged.
+
+Independent of the wire. One thread calls it; any thread may read `active`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import logging
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
+
+from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.parameters import Model
+from slopewise.services.discovery.investigator import SCHEDULED, Investigator
+from slopewise.services.parameters.active_parameters import ActiveParameters, fingerprint
+from slopewise.services.parameters.effects_group import EFFECTS
+from slopewise.services.parameters.learner import NOT_LEARNED, Learner
+from slopewise.services.parameters.observation_filter import ObservationFilter, columns_of
+from slopewise.services.parameters.parameter_history import LastChange, ParameterHistory
+from slopewise.services.parameters.restore import ParameterRestorer
+from slopewise.services.parameters.store import StoreError
+from slopewise.services.parameters.stored_change import BootTime
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire.observations import DriveSamples, ObservationAck, RobotObservation
+from slopewise.services.wire.recent_warnings import RecentWarnings
+
+_log = logging.getLogger("slopewise")
+
+TAKEN, IGNORED, REFUSED = "taken", "ignored", "refused"
+_FLAGGED_FOR = 600.0
+"""Time for which a clock that was set is flagged [s]: an operator sees it, then it is past."""
+
+
+class ParameterService:
+    """Learns, stores and publishes parameters.
+
+    Attributes:
+        active: parameters to plan with. changed: groups that are not published yet.
+        learner: groups and how they learn. history: versions and stored changes.
+        counters: counts of observations and changes. notices: messages that failed.
+        investigator: stored stops, and the search for effects that the model lacks.
+        rejected: id of the proposal that was last refused to be adopted, and the reason.
+    """
+
+    def __init__(
+        self,
+        config: ServiceConfig,
+        prior: Model,
+        names_surfaces: Callable[[], bool] = bool,
+        apply: Callable[[ActiveParameters], None] = lambda _: None,
+        map_surfaces: Callable[[], Collection[str]] = tuple,
+    ) -> None:
+        """Begin with the model file and what was stored.
+
+        Args:
+            config: settings. prior: model of the model file.
+            names_surfaces: returns True while the map in use distinguishes surfaces.
+            apply: called with the active parameters each time they change.
+            map_surfaces: returns the names of the surfaces on the map.
+        """
+        settings = config.learning
+        self._config, self._settings, self._file = config, settings, prior
+        self._apply = apply
+        self.learner = Learner(prior, settings, names_surfaces, map_surfaces)
+        self.history = ParameterHistory(config.store, fingerprint(prior))
+        self._restorer = ParameterRestorer(self.learner, self.history, settings.oldest)
+        self.investigator = Investigator(config.discrepancy, fingerprint(prior))
+        self._missing: dict[str, str] = dict.fromkeys(settings.estimators, "is not alive")
+        self._faults: list[str] = []
+        self.notices = RecentWarnings()
+        self._refreshed = -math.inf
+        self.counters: Counter[str] = Counter()
+        self.changed: set[str] = set()
+        self.rejected = ("", "")
+        self._filter = ObservationFilter(settings.early, self.history.seen())
+        self.active = ActiveParameters(prior)
+        self._restore(set())
+        self._publish()
+        self.changed = set(self.learner.state.names())
+
+    # ------------------------------------------------------------------ observations
+
+    def observe(
+        self, kind: str, observation: RobotObservation, key: str, arrived: float
+    ) -> ObservationAck:
+        """Learn from an observation, and store the result.
+
+        Args:
+            kind: `stop`, `drive` or `terrain`. observation: decoded message.
+            key: where it arrived, for errors. arrived: monotonic clock at its arrival [s].
+        """
+        reason = self._filter.check(kind, observation, arrived)
+        if reason:
+            self.counters[f"{kind}_{reason}"] += 1
+            ignored = reason in ("duplicate", "out_of_order")
+            return self._receipt(IGNORED if ignored else REFUSED, reason.replace("_", " "))
+        try:
+            if isinstance(observation, DriveSamples) and self._config.discrepancy.samples:
+                self._store_samples(observation, key)
+            changes, reason = self.learner.observe(observation, key, arrived)
+        except (InputError, ParameterError) as error:
+            self.counters[f"{kind}_refused"] += 1
+            return self._receipt(REFUSED, str(error))
+        seen = self._filter.accept(kind, observation)
+        if reason.startswith(NOT_LEARNED) and not changes:
+            # Rejected stops cost no time of the disk, however fast they arrive.
+            self.counters[f"{kind}_refused"] += 1
+            return self._receipt(REFUSED, reason)
+        self.counters[f"{kind}_taken"] += 1
+        if changes or kind == "stop":
+            cause = f"{kind} {observation.sequence}: {reason}"
+            self._commit(changes, cause, observation.source, seen=seen)
+        return self._receipt(TAKEN, reason)
+
+    def _store_samples(self, samples: DriveSamples, key: str) -> None:
+        surface = samples.surface or self.learner.ground.surface(time.monotonic())
+        basis = self.learner.state.basis
+        model = hashlib.sha256(repr((basis.braking, basis.effect)).encode()).hexdigest()[:12]
+        columns = columns_of(samples, key)
+        self.investigator.add_samples(samples.source, columns, surface, model)
+
+    def _receipt(self, status: str, reason: str) -> ObservationAck:
+        version, durable = self.history.version, self.history.durable
+        return ObservationAck(status=status, reason=reason, version=version, durable=durable)
+
+    # ------------------------------------------------------------------ operators
+
+    def set_values(self, group: str, values: Mapping[str, float], who: str) -> None:
+        """Apply an operator's values.
+
+        Raises:
+            ParameterError: says what was expected.
+        """
+        for name, value in values.items():
+            if not math.isfinite(value):
+                raise ParameterError(name, f"a finite number, got {value}")
+        self.learner.state.group(group).set(group, values)
+        cause = "set " + ", ".join(f"{name} = {value:g}" for name, value in values.items())
+        self._commit({group}, cause, who, learned=False)
+
+    def roll_back(self, version: int, group: str, who: str) -> None:
+        """Restore one group, or all without a name, to a version.
+
+        Raises:
+            ParameterError: there is no such version, or it cannot be used.
+            StoreError: the history cannot be read.
+        """
+        moments = self._restorer.roll_back(version, group)
+        self.rejected = ("", "")
+        cause = f"rolled back to version {version}"
+        self._commit(set(moments), cause, who, learned=False, moments=moments)
+        self.changed |= set(self.learner.state.names())
+
+    def adopt(self, proposal: str, who: str, *, faster: bool = False) -> None:
+        """Plan with the proposed finding.
+
+        Args:
+            proposal: its id. who: the operator.
+            faster: stops may become shorter than by the model file.
+
+        Raises:
+            ParameterError: says what was expected.
+        """
+        try:
+            summary = self.learner.adopt(proposal, faster=faster)
+        except ParameterError as error:
+            self.rejected = (proposal, str(error))
+            raise
+        self.rejected = ("", "")
+        self._commit({EFFECTS}, f"adopted {proposal}, {summary}", who, learned=False)
+        # Braking is learned on top of another model from now on.
+        self.changed |= set(self.learner.state.names())
+
+    # ------------------------------------------------------------------ findings
+
+    def investigate(self, who: str) -> None:
+        """Start to compare the stored stops with the model.
+
+        Raises:
+            ParameterError: says why that is not possible now.
+        """
+        basis = self.learner.state.basis
+        self.investigator.begin(self._file, basis, self.active.model, who)
+
+    def _follow_investigation(self) -> None:
+        """Start a scheduled investigation, and propose what one has found."""
+        if self.investigator.is_due():
+            try:
+                self.investigate(SCHEDULED)
+            except ParameterError as error:
+                self.counters["looks_failed"] += 1
+                _log.warning("%s", error)
+        outcome = self.investigator.poll()
+        if outcome is None or outcome.offer is None:
+            return
+        proposal = outcome.offer
+        self.learner.propose(proposal)
+        self.rejected = ("", "")
+        self._commit({EFFECTS}, f"offered {proposal.id}, {proposal.text()}", proposal.cause)
+        allowed = self._config.discrepancy.adopt_slower
+        if allowed and proposal.changes and proposal.valid and proposal.slower_than_now:
+            try:
+                self.adopt(proposal.id, "service, as the settings allow")
+            except ParameterError as error:
+                self.counters["changes_refused"] += 1
+                _log.warning("%s", error)
+
+    # ------------------------------------------------------------------ time, estimators
+
+    def alive(self, estimator: str, *, is_alive: bool) -> None:
+        """Record that an estimator appeared or disappeared; the settings name required ones."""
+        if estimator not in self._settings.estimators:
+            return
+        if is_alive:
+            self._missing.pop(estimator, None)
+        else:
+            self._missing[estimator] = "is not alive"
+            self.counters["estimators_lost"] += 1
+        self._publish()
+
+    def note_fault(self, what: str) -> None:
+        """Flag for a while that one message failed; plans are unchanged."""
+        self.notices.add(f"{what} could not be treated: fault of the service, see its log")
+        self._update_flags()
+
+    def fault(self, what: str) -> None:
+        """Flag a fault of the service; plans are slower from now on."""
+        if what not in self._faults:
+            self._faults.append(what)
+        self._publish()
+
+    def tick(self) -> None:
+        """Run what is due: age, labels that expire, another attempt to write."""
+        now = time.monotonic()
+        self._follow_investigation()
+        if self.history.retry():
+            self._filter.restore(self.history.seen())
+            self._restore(self.history.unsaved)
+            self._restorer.forget_assumed()
+            self.changed = set(self.learner.state.names())
+            self._publish()
+        changed = self.learner.follow_terrain(now)
+        if changed:
+            self._commit(changed, "the ground's label expired", "service")
+        if now - self._refreshed >= self._settings.refresh:
+            self._refreshed = now
+            self.learner.age()
+            self._publish()
+        else:
+            self._update_flags()
+
+    def degraded(self) -> list[str]:
+        """Reasons why plans are slower than they need be."""
+        missing = [f"estimator {name} {what}" for name, what in sorted(self._missing.items())]
+        return [*missing, *self._faults]
+
+    def all_counters(self) -> Counter[str]:
+        """Counters for the status."""
+        return self.counters + self.learner.counters + self.investigator.all_counters()
+
+    def flags(self) -> list[str]:
+        """Active warnings, the reasons of the degraded mode first."""
+        flags = [f"degraded: {reason}" for reason in self.degraded()]
+        late = time.monotonic() - _FLAGGED_FOR
+        clocks = [name for name, noticed in self._filter.jumped.items() if noticed > late]
+        flags += [f"the clock of {name} was set" for name in clocks]
+        flags += [*self._filter.notices.active(), *self.notices.active()]
+        learner = self.learner
+        reasons = (learner.state.unsupported_reason, learner.ground.unsupported_reason)
+        flags += [reason for reason in reasons if reason]
+        flags += [*learner.flags(), *learner.state.effects.flags()]
+        return [
+            *flags,
+            *self.investigator.flags(),
+            *self.history.flags(),
+            *self._restorer.flags(),
+        ]
+
+    def close(self) -> None:
+        """End an investigation, and close the store."""
+        self.investigator.close()
+        self.history.close()
+
+    # ------------------------------------------------------------------ publishing
+
+    def _commit(
+        self,
+        groups: set[str],
+        cause: str,
+        who: str,
+        *,
+        seen: dict[str, int] | None = None,
+        learned: bool = True,
+        moments: Mapping[str, BootTime] | None = None,
+    ) -> None:
+        if groups:
+            state = self.learner.state
+            states = {name: state.group(name).state(name) for name in sorted(groups)}
+            # Slower plans do not wait for the disk.
+            self._publish(self.history.version + 1)
+            self.history.commit(states, cause, who, seen=seen, learned=learned, moments=moments)
+            self.changed |= groups
+        self._update_flags()
+
+    def _update_flags(self) -> None:
+        """Publish other warnings with the same model; plans are unchanged."""
+        flags, version = tuple(self.flags()), self.history.version
+        if (flags, version) != (self.active.flags, self.active.version):
+            self.active = self.active.with_flags(flags, version)
+            self._apply(self.active)
+
+    def _publish(self, version: int | None = None) -> None:
+        """Publish the model of now."""
+        model, age, oldest = self.learner.active()
+        if self.degraded():
+            speed = min(model.limits.speed, self._settings.degraded_speed)
+            limits = dataclasses.replace(model.limits, speed=speed)
+            model = dataclasses.replace(model, limits=limits)
+        uncertainty = dataclasses.replace(self._config.planning.uncertainty(), age=age)
+        self.active = ActiveParameters(
+            model=model,
+            version=self.history.version if version is None else version,
+            at=time.monotonic() - oldest,
+            revision=self.active.revision + 1,
+            uncertainty=uncertainty,
+            flags=tuple(self.flags()),
+        )
+        self._apply(self.active)
+
+    def _restore(self, done: set[str]) -> None:
+        try:
+            careful = self._restorer.restore_newest(done)
+        except StoreError as error:
+            careful = {}
+            if self._config.store.path:
+                _log.warning("%s", error)
+        for cause in sorted(set(careful.values())):
+            groups = {group for group, reason in careful.items() if reason == cause}
+            if self.history.is_open:
+                moments = self._restorer.moments(groups)
+                self._commit(groups, cause, "service", moments=moments)
+            else:
+                # No change is stored: what the store holds is restored once it can be opened.
+                last = LastChange(self.history.version, cause, "service")
+                self.history.last.update(dict.fromkeys(groups, last))

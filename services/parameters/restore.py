@@ -1,0 +1,134 @@
+"""Restores groups of parameters after a restart, and rolls them back to a version."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+
+from slopewise.models.errors import ParameterError
+from slopewise.services.parameters.braking_groups import BASE
+from slopewise.services.parameters.effects_group import EFFECTS
+from slopewise.services.parameters.learner import Learner
+from slopewise.services.parameters.parameter_group import State
+from slopewise.services.parameters.parameter_history import LastChange, Memory, ParameterHistory
+from slopewise.services.parameters.store import StoreError
+from slopewise.services.parameters.stored_change import BootTime
+
+_log = logging.getLogger("slopewise")
+
+HELD = "the newest state may be missing"
+LOST = "what was learned is lost"
+"""Causes of changes that only make plans more careful; stored, and compared after a restart."""
+
+_HELD_EFFECT = "no faster than by the model file until stops arrive"
+_LOST_EFFECT = "the share of the model file that is used on unknown ground, until stops arrive"
+_MAX_LISTED = 5
+"""Groups in one warning [1]."""
+
+
+class ParameterRestorer:
+    """Restores stored states into a learner; nothing is older than ``oldest`` [s]."""
+
+    def __init__(self, learner: Learner, history: ParameterHistory, oldest: float) -> None:
+        self._learner, self._history, self._oldest = learner, history, oldest
+
+    def restore_newest(self, done: set[str]) -> dict[str, str]:
+        """Restore the newest usable state of each group, except of groups that are done.
+
+        Returns:
+            Groups that plans use more carefully than they were stored, with the cause.
+
+        Raises:
+            StoreError: the store cannot be read.
+        """
+        careful: dict[str, str] = {}
+        memory, outdated = self._history.memory, list[str]()
+        try:
+            outdated = self._restore_groups(done)
+        except StoreError:
+            if memory is Memory.STORE:
+                raise
+        if memory is Memory.COPY or outdated:
+            careful |= dict.fromkeys(self._learner.restrict_to_file(), HELD)
+        if memory is Memory.LOST or any(group.startswith(BASE) for group in outdated):
+            careful |= dict.fromkeys(self._learner.assume_untrained(), LOST)
+        return careful
+
+    def _restore_groups(self, done: set[str]) -> list[str]:
+        """Groups of which the newest state could not be used; an older one is, or none."""
+        groups = [g for g in _findings_first(self._history.groups()) if g not in done]
+        outdated = [
+            g for g in groups if self._learner.state.may_restore(g) and not self._restore_group(g)
+        ]
+        if outdated:
+            note = "stored parameters could not be used, older ones are"
+            self._history.notes.append(f"{note}: {', '.join(outdated)}")
+        return outdated
+
+    def _restore_group(self, group: str) -> bool:
+        """Restore the newest state that can be used; True if that is the newest of all."""
+        now, is_newest = BootTime.now(), True
+        for change, state in self._history.newest(group):
+            try:
+                self._learner.load({group: (state, change.moment.age(now, self._oldest))})
+            except (ValueError, KeyError, TypeError) as error:
+                _log.warning("%s of version %d: %s", group, change.version, error)
+                is_newest = False
+                continue
+            self._history.last[group] = LastChange(change.version, change.cause, change.who)
+            return is_newest and group not in self._history.damaged
+        return False
+
+    def forget_assumed(self) -> None:
+        """Forget groups that counted as lost until the store was opened, and are not in it."""
+        stored = self._history.groups()
+        lost = [g for g, last in self._history.last.items() if last.cause == LOST]
+        for group in [g for g in lost if g not in stored]:
+            self._learner.load({group: (None, 0.0)})
+            del self._history.last[group]
+
+    def roll_back(self, version: int, group: str) -> dict[str, BootTime]:
+        """Restore one group, or all without a name, to a version.
+
+        Returns:
+            The groups that were restored, and the times at which their states were learned.
+
+        Raises:
+            ParameterError: there is no such version, or it cannot be used; nothing changed then.
+            StoreError: the history cannot be read.
+        """
+        state, now = self._learner.state, BootTime.now()
+        if group:
+            state.group(group)
+        if not self._history.knows(version):
+            raise ParameterError("version", f"one of the history, got {version}")
+        moments = dict.fromkeys([group] if group else state.names(), now)
+        states: dict[str, tuple[State | None, float]] = dict.fromkeys(moments, (None, 0.0))
+        for name in self._history.groups():
+            if not group or name == group:
+                change, stored = next(self._history.newest(name, version), (None, None))
+                moments[name] = now if change is None else change.moment
+                states[name] = stored, moments[name].age(now, self._oldest)
+        try:
+            self._learner.load(states)
+        except (ValueError, KeyError, TypeError) as error:
+            raise ParameterError("version", f"one that can be used: {error}") from None
+        return moments
+
+    def moments(self, groups: Iterable[str]) -> dict[str, BootTime]:
+        """Times at which the present parameters of groups were learned."""
+        now, state = BootTime.now(), self._learner.state
+        return {g: now.earlier(state.group(g).describe(g).age) for g in groups}
+
+    def flags(self) -> list[str]:
+        """Warnings of groups that are used more carefully, until something new is learned."""
+        flags = []
+        for cause, effect in ((HELD, _HELD_EFFECT), (LOST, _LOST_EFFECT)):
+            groups = [group for group, last in self._history.last.items() if last.cause == cause]
+            flags += [f"{', '.join(groups[:_MAX_LISTED])}: {cause}: {effect}"] if groups else []
+        return flags
+
+
+def _findings_first(groups: Iterable[str]) -> list[str]:
+    """Groups in the order of restoring: braking is learned on top of an adopted finding."""
+    return sorted(groups, key=lambda name: (name != EFFECTS, name))

@@ -1,0 +1,128 @@
+"""Replies to plan requests from results of the planner; the service adds what they rest on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, SpeedCommand, command_of
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.pipeline.ranking import ranking_cost
+from slopewise.planner.plan import Obstacle, SpeedPlan, Status
+from slopewise.planner.settings import PlannerSettings
+from slopewise.services.wire.plan_messages import (
+    PLAN_COLUMNS,
+    Deviation,
+    Limit,
+    ObstacleMessage,
+    Plan,
+    PlanReply,
+    RankedCandidate,
+    WireCommand,
+)
+
+
+def full_stop(reason: str, rejected: list[RankedCandidate] | None = None) -> PlanReply:
+    """A full stop, because no candidate can be planned."""
+    status = Status.DEGRADED.value
+    command, ranking = _command(FULL_STOP), rejected or []
+    return PlanReply(status=status, reason=reason, service="", command=command, ranking=ranking)
+
+
+def cycle_reply(answer: CycleAnswer) -> PlanReply:
+    """Result of one cycle of a moving horizon."""
+    return PlanReply(
+        status=answer.status.value,
+        reason=answer.reason,
+        service="",
+        command=_command(answer.command),
+        chosen=None if answer.chosen is None else answer.chosen.candidate,
+        kept=answer.kept,
+        ranking=[
+            RankedCandidate(name=r.candidate, usable=r.valid, reason=r.reason, cost=_finite(r.cost))
+            for r in answer.ranking
+        ],
+        plans=[_plan(plan) for plan in answer.plans],
+        seconds={f"planner.{stage}": seconds for stage, seconds in answer.seconds.items()},
+    )
+
+
+def ranked_reply(
+    plans: list[SpeedPlan],
+    settings: PlannerSettings,
+    period: float,
+    rejected: list[RankedCandidate],
+) -> PlanReply:
+    """Result of a request without a client.
+
+    Args:
+        plans: at least one, best first. period: time to the next request [s].
+    """
+    best = plans[0]
+    is_stop = best.status is Status.INFEASIBLE
+    ranking = [
+        RankedCandidate(
+            name=plan.candidate,
+            usable=plan.status is not Status.INFEASIBLE,
+            reason=plan.reason,
+            cost=ranking_cost(plan, settings),
+        )
+        for plan in plans
+    ]
+    return PlanReply(
+        status=best.status.value,
+        reason=best.reason,
+        service="",
+        command=_command(FULL_STOP if is_stop else command_of(best, 0.0, 0.0, period)),
+        chosen=best.candidate,
+        ranking=[*ranking, *rejected],
+        plans=[_plan(plan) for plan in plans],
+    )
+
+
+def _plan(plan: SpeedPlan) -> Plan:
+    changes = np.flatnonzero(np.diff(plan.limiting)) + 1
+    starts = [0, *(int(i) for i in changes)]
+    return Plan(
+        candidate=plan.candidate,
+        status=plan.status.value,
+        reason=plan.reason,
+        travel_time=plan.travel_time,
+        progress=plan.progress,
+        clear_distance=float(plan.clear_distance),
+        least_margin=_finite(plan.least_margin),
+        least_rear_load=float(plan.rear_load.min()),
+        limits=[Limit(first=i, name=Limiting(int(plan.limiting[i])).label) for i in starts],
+        columns=list(PLAN_COLUMNS),
+        values=np.stack([getattr(plan, name) for name in PLAN_COLUMNS]),
+        obstacle=_obstacle(plan.obstacle),
+        path_deviation=_deviation(plan),
+    )
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _command(command: SpeedCommand) -> WireCommand:
+    return WireCommand(
+        speed=command.speed, accel=command.accel, stop=command.stop, valid_for=command.valid_for
+    )
+
+
+def _deviation(plan: SpeedPlan) -> Deviation | None:
+    deviation = plan.path_deviation
+    if deviation is None:
+        return None
+    return Deviation(**{name: getattr(deviation, name) for name in Deviation.__struct_fields__})
+
+
+def _obstacle(obstacle: Obstacle | None) -> ObstacleMessage | None:
+    if obstacle is None:
+        return None
+    return ObstacleMessage(
+        bound=obstacle.bound.label,
+        x=float(obstacle.x),
+        y=float(obstacle.y),
+        height=float(obstacle.height),
+        words=obstacle.words,
+    )

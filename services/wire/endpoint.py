@@ -1,0 +1,141 @@
+"""Answers to requests on zenoh keys: decode, handle, encode, send; a query always gets a reply.
+
+A component describes each kind of request with a :class:`Handler` and passes what arrived on its
+key to :meth:`Endpoint.answer`, in the thread that owns its state::
+
+    read = Handler(ParameterRequest, handle=service.read, failure=error_reply, name="params")
+    endpoint.answer(query, key, read)
+
+The handler returns the reply to a valid request. A request that cannot be decoded, and one whose
+handler raises, is answered with ``failure(reason)``, a reply of the same type. Observations that
+arrive as samples take the same steps without a reply. Queries that were rejected before their turn
+are answered with :meth:`Endpoint.send`.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import msgspec
+import zenoh
+
+from slopewise.models.errors import InputError
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+
+Request = TypeVar("Request", bound=msgspec.Struct)
+Reply = TypeVar("Reply", bound=msgspec.Struct)
+
+_log = logging.getLogger("slopewise")
+
+
+@dataclass(frozen=True, slots=True)
+class Handler(Generic[Request, Reply]):
+    """Schema, function and failure reply of one kind of request.
+
+    Attributes:
+        kind: schema of the request.
+        handle: returns the reply to a valid request.
+        failure: returns the reply that carries a reason.
+        name: malformed requests are counted as ``NAME_malformed``.
+        default: request of a query without payload; None: a payload is required.
+        reply_format: format of replies to senders whose encoding names none.
+        describe: short text that identifies the request in the report of a fault.
+    """
+
+    kind: type[Request]
+    handle: Callable[[Request], Reply]
+    failure: Callable[[str], Reply]
+    name: str
+    default: Request | None = None
+    reply_format: Format = Format.MESSAGEPACK
+    describe: Callable[[Request], str] | None = None
+
+
+def log_fault(what: str) -> str:
+    """Log the exception that a request raised; returns the reason for its sender."""
+    _log.exception("%s could not be answered: internal error", what)
+    return "fault of the service"
+
+
+class Endpoint:
+    """Common steps of all components that answer requests; call it from one thread."""
+
+    def __init__(
+        self,
+        counters: Counter[str],
+        max_bytes: int,
+        report_fault: Callable[[str], str] = log_fault,
+    ) -> None:
+        """Answer with these limits.
+
+        Args:
+            counters: where malformed requests and lost replies are counted.
+            max_bytes: largest payload that is decoded [bytes].
+            report_fault: called inside the ``except`` block with the description of a request
+                that raised an unexpected error; returns the reason for its sender.
+        """
+        self._counters, self._max_bytes = counters, max_bytes
+        self._report_fault = report_fault
+
+    def answer(
+        self, item: zenoh.Query | zenoh.Sample, key: str, handler: Handler[Request, Reply]
+    ) -> Reply:
+        """Handle what arrived, send the reply if it is a query, and return it.
+
+        Args:
+            item: query or sample. key: for errors, and for the reply.
+        """
+        written = codec.format_of(str(item.encoding or ""), handler.reply_format)
+        what = f"a request on {key}"
+        try:
+            request = self.decode(handler.kind, item, key, handler.default)
+            what = handler.describe(request) if handler.describe is not None else what
+            reply = handler.handle(request)
+            payload = codec.encode(reply, written)
+        except InputError as error:
+            self._counters[f"{handler.name}_malformed"] += 1
+            reply = handler.failure(str(error))
+            payload = codec.encode(reply, written)
+        except Exception:  # noqa: BLE001 - reported and answered; the process has to live
+            reply = handler.failure(self._report_fault(what))
+            payload = codec.encode(reply, written)
+        if isinstance(item, zenoh.Query):
+            self.send_encoded(item, key, payload, codec.encoding_of(type(reply), written))
+        return reply
+
+    def decode(
+        self,
+        kind: type[Request],
+        item: zenoh.Query | zenoh.Sample,
+        key: str,
+        default: Request | None = None,
+    ) -> Request:
+        """The request that arrived.
+
+        Raises:
+            InputError: names key and field, and what was expected.
+        """
+        payload = item.payload
+        if default is not None and (payload is None or not len(payload)):
+            return default
+        return codec.decode(kind, payload or b"", str(item.encoding or ""), key, self._max_bytes)
+
+    def send(self, query: zenoh.Query, key: str, reply: msgspec.Struct, written: Format) -> bool:
+        """Send a reply; False if that failed, which is counted."""
+        encoding = codec.encoding_of(type(reply), written)
+        return self.send_encoded(query, key, codec.encode(reply, written), encoding)
+
+    def send_encoded(self, query: zenoh.Query, key: str, payload: bytes, encoding: str) -> bool:
+        """Send an encoded reply; False if that failed, which is counted."""
+        try:
+            query.reply(key, payload, encoding=encoding)
+        except zenoh.ZError as error:
+            self._counters["replies_lost"] += 1
+            _log.warning("a reply on %s could not be sent: %s", key, error)
+            return False
+        return True
