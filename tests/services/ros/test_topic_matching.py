@@ -1,4 +1,4 @@
-"""Tokens of every distribution, and what silence is put down to."""
+"""Tokens of every distribution, and the cause where no node is at the other end of a topic."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import pytest
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from slopewise.services.io.bags import PATH, SPEED_LIMIT, type_hashes
-from slopewise.services.ros.audience import OwnTopic, audience_of
-from slopewise.services.ros.graph import Endpoint, Speech, endpoint_of
+from slopewise.services.ros.graph import Endpoint, KeyScheme, endpoint_of
 from slopewise.services.ros.naming import (
     NO_HASH,
     NODE,
@@ -19,6 +18,7 @@ from slopewise.services.ros.naming import (
     SUBSCRIPTION,
     Identity,
 )
+from slopewise.services.ros.topic_matching import OwnTopic, match_topic
 
 HASH = type_hashes(SPEED_LIMIT)[0]
 TYPE = "nav2_msgs::msg::dds_::SpeedLimit_"
@@ -36,8 +36,8 @@ def subscription(
     return Endpoint(SUBSCRIPTION, domain, "ab", node, topic, kind, type_hash)
 
 
-class Others:
-    """A graph of given endpoints."""
+class GraphStub:
+    """A graph of some endpoints."""
 
     def __init__(self, *endpoints: Endpoint) -> None:
         self.domain, self._all = 0, list(endpoints)
@@ -49,51 +49,61 @@ class Others:
         return [e for e in self._all if e.domain in (0, None) and e.entity != NODE]
 
 
-def missing(*endpoints: Endpoint, line: OwnTopic = LIMIT, speech: Speech = Speech.HASHED) -> str:
-    others: Any = Others(*endpoints)
-    return audience_of(line, others, [speech]).missing
+def missing(
+    *endpoints: Endpoint, topic: OwnTopic = LIMIT, scheme: KeyScheme = KeyScheme.HASHED
+) -> str:
+    graph: Any = GraphStub(*endpoints)
+    return match_topic(topic, graph, [scheme]).missing
 
 
 @pytest.mark.parametrize(
-    ("token", "speech", "node"),
+    ("token", "scheme", "node"),
     [
         # Jazzy and Kilted
-        (f"{HEAD}/1/MS/%/%/nav/%speed_limit/{TYPE}/{HASH}/::,10:,:,:,,", Speech.HASHED, "/nav"),
-        # Lyrical may say at the end how large messages are carried
-        (f"{HEAD}/1/MS/%/%/nav/%speed_limit/{TYPE}/{HASH}/::,1:,:,:,,/cpu", Speech.HASHED, "/nav"),
+        (f"{HEAD}/1/MS/%/%/nav/%speed_limit/{TYPE}/{HASH}/::,10:,:,:,,", KeyScheme.HASHED, "/nav"),
+        # Lyrical may add the transport of large messages at the end
+        (
+            f"{HEAD}/1/MS/%/%/nav/%speed_limit/{TYPE}/{HASH}/::,1:,:,:,,/cpu",
+            KeyScheme.HASHED,
+            "/nav",
+        ),
         # Humble
         (
             f"{HEAD}/11/MS/%/%r1/nav/%speed_limit/{TYPE}/{NO_HASH}/2::,5:,:,:,,",
-            Speech.UNHASHED,
+            KeyScheme.UNHASHED,
             "/r1/nav",
         ),
     ],
 )
-def test_tokens_of_rmw_zenoh(token: str, speech: Speech, node: str) -> None:
-    found = endpoint_of(token)
-    assert found is not None
-    assert (found.entity, found.topic, found.kind) == (SUBSCRIPTION, "/speed_limit", SPEED_LIMIT)
-    assert (found.speech, found.node, found.domain) == (speech, node, 0)
+def test_tokens_of_rmw_zenoh(token: str, scheme: KeyScheme, node: str) -> None:
+    endpoint = endpoint_of(token)
+    assert endpoint is not None
+    assert (endpoint.entity, endpoint.topic, endpoint.kind) == (
+        SUBSCRIPTION,
+        "/speed_limit",
+        SPEED_LIMIT,
+    )
+    assert (endpoint.scheme, endpoint.node, endpoint.domain) == (scheme, node, 0)
 
 
 def test_tokens_of_the_bridge() -> None:
     token = f"@/a1b2/@ros2_lv/MS/r1§speed_limit/nav2_msgs§msg§SpeedLimit/:1:0:0,10:typehash={HASH};"
-    found = endpoint_of(token)
-    assert found is not None
-    assert (found.topic, found.kind) == ("/r1/speed_limit", SPEED_LIMIT)
-    assert (found.speech, found.domain) == (Speech.BRIDGED, None)
+    endpoint = endpoint_of(token)
+    assert endpoint is not None
+    assert (endpoint.topic, endpoint.kind) == ("/r1/speed_limit", SPEED_LIMIT)
+    assert (endpoint.scheme, endpoint.domain) == (KeyScheme.BRIDGED, None)
     ours = Identity(0, "a1b2", "/", "n").bridged_token(
         SUBSCRIPTION, "/r1/speed_limit", SPEED_LIMIT, HASH
     )
     assert ours == token
 
 
-def test_our_own_tokens_are_understood() -> None:
+def test_own_tokens_are_read() -> None:
     us = Identity(7, "ab", "/fleet/r1", "slopewise")
     node = endpoint_of(us.node_token())
     assert node == Endpoint(NODE, 7, "ab", "/fleet/r1/slopewise")
-    found = endpoint_of(us.token(3, PUBLISHER, "/fleet/r1/plan", PATH, "RIHS01_0"))
-    assert found == Endpoint(
+    endpoint = endpoint_of(us.token(3, PUBLISHER, "/fleet/r1/plan", PATH, "RIHS01_0"))
+    assert endpoint == Endpoint(
         PUBLISHER, 7, "ab", "/fleet/r1/slopewise", "/fleet/r1/plan", PATH, "RIHS01_0"
     )
 
@@ -101,27 +111,27 @@ def test_our_own_tokens_are_understood() -> None:
 @pytest.mark.parametrize(
     "token", ["", "a", "@ros2_lv", f"{HEAD}/1/MS/%/%", "@/a/@ros2_lv", "@ros2_lv/x/a/0/0/NN/%/%/n"]
 )
-def test_what_is_no_token(token: str) -> None:
+def test_other_text_is_not_a_token(token: str) -> None:
     assert endpoint_of(token) is None
 
 
-def test_who_hears_us() -> None:
+def test_subscription_under_a_known_hash_matches() -> None:
     for type_hash in (HASH, NULL_HASH):
         assert not missing(subscription(type_hash))
-    assert not missing(subscription(NO_HASH), speech=Speech.UNHASHED)
-    assert not missing(subscription("", domain=None), speech=Speech.BRIDGED)
+    assert not missing(subscription(NO_HASH), scheme=KeyScheme.UNHASHED)
+    assert not missing(subscription("", domain=None), scheme=KeyScheme.BRIDGED)
 
 
-def test_grid_maps_are_heard_under_either_hash() -> None:
+def test_grid_map_under_either_hash_matches() -> None:
     kind = "grid_map_msgs/msg/GridMap"
-    line = OwnTopic("/m", kind, SUBSCRIPTION)
+    topic = OwnTopic("/m", kind, SUBSCRIPTION)
     for type_hash in type_hashes(kind):
         there = Endpoint(PUBLISHER, 0, "ab", "/mapper", "/m", kind, type_hash)
-        assert not missing(there, line=line)
+        assert not missing(there, topic=topic)
 
 
 @pytest.mark.parametrize(
-    ("endpoints", "words"),
+    ("endpoints", "cause"),
     [
         ((), "no node of ROS 2 is seen at all"),
         ((Endpoint(NODE, 5, "ab", "/nav"),), "others are in ROS_DOMAIN_ID 5, we are in 0"),
@@ -133,7 +143,7 @@ def test_grid_maps_are_heard_under_either_hash() -> None:
         ((subscription(topic="/limits"),), "others have that type on /limits"),
     ],
 )
-def test_silence_has_a_cause(endpoints: tuple[Endpoint, ...], words: str) -> None:
-    said = missing(*endpoints)
-    assert said.startswith(f"nobody subscribes to /speed_limit with our type, {SPEED_LIMIT}: ")
-    assert words in said
+def test_missing_match_has_a_cause(endpoints: tuple[Endpoint, ...], cause: str) -> None:
+    text = missing(*endpoints)
+    assert text.startswith(f"no node subscribes to /speed_limit with our type, {SPEED_LIMIT}: ")
+    assert cause in text
