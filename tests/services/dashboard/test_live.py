@@ -45,7 +45,7 @@ def planned(pages: tuple[Running, str]) -> str:
     """The page after a map arrived and a plan was requested."""
     service, url = pages
     assert get(f"{url}/health")[0] == 503
-    assert "robots are told to brake" in browser.text_of(url)
+    assert "robots are told to brake" in browser.text_of(url)  # words: ok
     odd = Candidate(name=HOSTILE, points=fan(1)[0].points)
     with (
         service.session() as session,
@@ -81,7 +81,7 @@ def test_state_is_the_last_reply(planned: str) -> None:
     assert all(v <= b + 1e-3 for v, b in zip(chosen["speed"], chosen["speed_bound"], strict=True))
 
 
-def test_the_map_comes_with_its_picture(planned: str) -> None:
+def test_the_map_has_a_picture(planned: str) -> None:
     relief = json.loads(get(f"{planned}/map")[2])
     assert relief["version"] >= 1
     assert relief["cell"] == 0.25
@@ -108,7 +108,7 @@ def test_metrics_are_read_by_prometheus(planned: str) -> None:
 
 def test_the_page_shows_the_plan(planned: str) -> None:
     shown = browser.text_of(planned)
-    assert "Answers questions for plans." in shown
+    assert "Answers questions for plans." in shown  # words: ok
     assert "asked by robot" in shown
     assert "limited now by" in shown
     assert "version 1 of" in shown
