@@ -12,7 +12,7 @@ import numpy as np
 
 from slopewise import CandidatePath
 from slopewise.services.cli.app import main
-from slopewise.services.io.maps.map_file import map_info
+from slopewise.services.io.map_file import map_info
 from slopewise.services.io.path_file import write_paths_csv
 
 

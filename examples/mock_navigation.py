@@ -22,7 +22,7 @@ from slopewise import PlanClient
 from slopewise.services.client import ClientAnswer
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
-from slopewise.services.wire.messages import MapUpdate, Path
+from slopewise.services.wire.plan_messages import MapUpdate, Path
 
 CELL, ROWS, COLUMNS = 0.25, 192, 256
 MIDDLE, RADII = (32.0, 24.0), (22.0, 14.0)  # [m] of the loop, an ellipse

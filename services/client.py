@@ -1,7 +1,7 @@
-"""What a robot's stack needs to ask for plans: this file, `messages.py`, `codec.py`, `errors.py`.
+"""Client of the plan service: needs this file, `plan_messages.py`, `codec.py` and `errors.py` only.
 
-There is always an answer in time. Where none comes from the service, or none that is a plan, it is
-the client's own: brake, as hard as the brakes can, and how the speed will go down meanwhile.
+Every request has an answer in time. Without a usable reply of the service it is a safe stop of the
+client: brake as hard as the brakes can, with the speed that results.
 """
 
 from __future__ import annotations
@@ -15,23 +15,26 @@ import numpy as np
 import zenoh
 
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.wire import codec, messages
+from slopewise.services.wire import codec, plan_messages
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import MapUpdate, Path, PlanReply, PlanRequest
+from slopewise.services.wire.plan_messages import MapUpdate, Path, PlanReply, PlanRequest
 
-_LARGEST_REPLY = 256_000_000
+_MAX_REPLY = 256_000_000
+"""Bytes of a reply: 64 candidates of 2,000 stations and 20 columns are 20 MB."""
+
 _SAMPLES = 50
-_FOR_THE_WAY = 0.8
-"""Share of the time-out that the service may use; the rest is for the wire."""
+_SERVICE_SHARE = 0.8
+"""Share of the time-out that the service may use; the rest is for the wire, 20 ms of 0.1 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafeStop:
-    """How the vehicle comes to rest when nobody answers, from now on.
+    """Stop of the vehicle from now on, for lack of a usable reply.
 
     Attributes:
         time, speed: (N,) speed is held for the dead time and then falls evenly [s], [m/s].
-        distance: that it takes at that deceleration [m]. reason: why it is needed.
+        distance: stopping distance at that deceleration [m].
+        reason: one sentence.
     """
 
     time: np.ndarray
@@ -42,9 +45,9 @@ class SafeStop:
 
 @dataclass(frozen=True, slots=True)
 class ClientAnswer:
-    """What to do: drive the reply's plan, or stop; one of both is None.
+    """Either a reply whose plan may be driven, or a safe stop; one of them is None.
 
-    ``seconds``: from question to outcome.
+    ``seconds``: from request to outcome.
     """
 
     reply: PlanReply | None
@@ -53,7 +56,7 @@ class ClientAnswer:
 
 
 class PlanClient:
-    """Asks one service; a context manager. One thread at a time."""
+    """Client of one service; a context manager. One thread at a time."""
 
     def __init__(
         self,
@@ -67,16 +70,17 @@ class PlanClient:
         written: Format = Format.MESSAGEPACK,
         reserved: bool = False,
     ) -> None:
-        """Ask on a session that somebody opened.
+        """Prepare requests on an open session.
 
         Args:
-            session: of zenoh.
-            namespace: of the service's keys.
-            name: of this client; with one, the service goes on with what it drives.
-            timeout: for an answer [s].
-            deceleration, dead_time: of the own stop: what the brakes reach for certain [m/s²], [s].
-            written: how to write.
-            reserved: ask on the key of the lane for clients that drive, if access is given to it.
+            session: open zenoh session.
+            namespace: namespace of the service's keys.
+            name: name of this client; with one, the service extends the plan that it drives.
+            timeout: time limit of a request [s].
+            deceleration: deceleration of the safe stop, which the brakes certainly reach [m/s²].
+            dead_time: dead time of the safe stop [s].
+            written: format of the payloads.
+            reserved: use the key for clients that drive, if access is given to it.
         """
         for field, value in (("timeout", timeout), ("deceleration", deceleration)):
             if not (np.isfinite(value) and value > 0.0):
@@ -92,7 +96,7 @@ class PlanClient:
         self._querier = session.declare_querier(self._plan_key, timeout=timeout, express=True)
 
     def __enter__(self) -> PlanClient:
-        """Ready as it is."""
+        """The client itself."""
         return self
 
     def __exit__(
@@ -101,7 +105,7 @@ class PlanClient:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Leave the session to whoever opened it."""
+        """Undeclare the querier; the session stays open."""
         self._querier.undeclare()
 
     def plan(
@@ -112,11 +116,13 @@ class PlanClient:
         pose: tuple[float, float, float] | None = None,
         clear: float | None = None,
     ) -> ClientAnswer:
-        """What to do now: always within the time-out, never an error of the wire.
+        """Request a plan: an answer within the time-out, never an error of the wire.
 
         Args:
-            speed: of the vehicle [m/s]. paths: candidates. pose: x, y, heading [m, m, rad].
-            clear: station up to which the way is known free [m]; None: the whole of each path.
+            speed: vehicle speed [m/s].
+            paths: candidates.
+            pose: x, y, heading [m, m, rad].
+            clear: station up to which the path is known to be free [m]; None: each whole path.
         """
         begun = time.perf_counter()
         self._sequence += 1
@@ -139,7 +145,7 @@ class PlanClient:
         return ClientAnswer(reply, None, took)
 
     def safe_stop(self, speed: float, reason: str) -> SafeStop:
-        """The own stop from a speed [m/s]; one that is no number counts as none."""
+        """The safe stop from a speed [m/s]; one that is not finite is taken as 0."""
         begin = max(float(speed), 0.0) if np.isfinite(speed) else 0.0
         braking = begin / self._deceleration
         fall = np.linspace(0.0, braking, _SAMPLES)
@@ -161,7 +167,7 @@ class PlanClient:
         )
 
     def _ask(self, request: PlanRequest) -> PlanReply | None:
-        deadline = f"deadline={_FOR_THE_WAY * self._timeout:.6f}"
+        deadline = f"deadline={_SERVICE_SHARE * self._timeout:.6f}"
         replies = self._querier.get(
             parameters=deadline,
             payload=codec.encode(request, self._written),
@@ -171,17 +177,17 @@ class PlanClient:
             if reply.ok is not None:
                 sample = reply.ok
                 return codec.decode(
-                    PlanReply, sample.payload, str(sample.encoding), self._plan_key, _LARGEST_REPLY
+                    PlanReply, sample.payload, str(sample.encoding), self._plan_key, _MAX_REPLY
                 )
         return None
 
 
 def _objection(reply: PlanReply, request: PlanRequest) -> str:
-    """Why a reply is nothing to drive by, empty if it is."""
-    if reply.status in (messages.BUSY, messages.ERROR):
+    """Reason why a reply cannot be driven; empty if it can."""
+    if reply.status in (plan_messages.BUSY, plan_messages.ERROR):
         return f"{reply.status}: {reply.reason}"
     if reply.sequence != request.sequence:
-        return f"the answer is to question {reply.sequence}, not {request.sequence}"
+        return f"the answer is to request {reply.sequence}, not {request.sequence}"
     if reply.command is None:
         return "the answer holds no command"
     if any(not np.isfinite(plan.column("speed")).all() for plan in reply.plans):

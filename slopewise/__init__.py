@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from slopewise.planner.horizon.answer import PlanarState
     from slopewise.planner.plan import SpeedPlan
     from slopewise.planning import Horizon, check_plan, plan
-    from slopewise.services.check.given_plan import GivenPlan
-    from slopewise.services.check.report import CheckReport
+    from slopewise.services.check.check_report import CheckReport
+    from slopewise.services.check.external_plan import GivenPlan
     from slopewise.services.client import PlanClient
-    from slopewise.services.io.logs.drive_log import DriveLog
+    from slopewise.services.io.drive_log import DriveLog
 
 __all__ = [
     "CandidatePath",
@@ -56,10 +56,10 @@ __all__ = [
 
 _HOMES = {
     "CandidatePath": "slopewise.models.candidate_path",
-    "CheckReport": "slopewise.services.check.report",
-    "DriveLog": "slopewise.services.io.logs.drive_log",
+    "CheckReport": "slopewise.services.check.check_report",
+    "DriveLog": "slopewise.services.io.drive_log",
     "ElevationMap": "slopewise.models.elevation_map",
-    "GivenPlan": "slopewise.services.check.given_plan",
+    "GivenPlan": "slopewise.services.check.external_plan",
     "Horizon": "slopewise.planning",
     "Model": "slopewise.models.parameters",
     "PlanClient": "slopewise.services.client",

@@ -9,10 +9,8 @@ from typing import Literal
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.services.io import model_file, path_file
-from slopewise.services.io.logs.drive_log import DriveLog
-from slopewise.services.io.logs.log_source import read_logs
-from slopewise.services.io.maps import map_file
+from slopewise.services.io import map_file, model_file, path_file
+from slopewise.services.io.drive_log import DriveLog, read_logs
 
 File = str | PathLike[str]
 

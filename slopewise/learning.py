@@ -11,7 +11,7 @@ from slopewise.models.discrepancy.findings import Findings
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.parameters import Model
-from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.logs.log_source import grade_by_map, refuse_wrong_units
 
 

@@ -22,9 +22,9 @@ from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.check.check import check
-from slopewise.services.check.given_plan import GivenPlan, plan_of_columns
-from slopewise.services.check.report import CheckReport
+from slopewise.services.check.check_report import CheckReport
+from slopewise.services.check.external_plan import ExternalPlan, plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.planning.cold_start import sooner, stations_of
 from slopewise.services.planning.progress import progress_bar
 
@@ -93,7 +93,7 @@ class Horizon(PlannersHorizon):
 
 
 def check_plan(
-    plan: SpeedPlan | GivenPlan,
+    plan: SpeedPlan | ExternalPlan,
     model: Model,
     elevation_map: ElevationMap,
     *,
@@ -125,4 +125,4 @@ def check_plan(
     if isinstance(plan, SpeedPlan) and len(plan.station) < 2:
         raise ParameterError("plan", f"at least 2 stations, got {len(plan.station)}")
     given = plan_of_columns(plan.columns()) if isinstance(plan, SpeedPlan) else plan
-    return check(given, model, elevation_map, clear=clear, quantile=quantile)
+    return check_plan_on_map(given, model, elevation_map, clear=clear, quantile=quantile)

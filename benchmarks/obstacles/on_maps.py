@@ -19,7 +19,7 @@ from slopewise.models.parameters import Model
 from slopewise.planner.limiting import BOUNDS, Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
-from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.report.hillshade import shade
 

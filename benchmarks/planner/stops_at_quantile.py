@@ -23,8 +23,8 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
+from slopewise.services.io.files import shipped_files
 from slopewise.services.io.model_file import read_model
-from slopewise.services.io.shipped import shipped_files
 
 G = 9.80665
 _STEP = 0.02

@@ -18,7 +18,7 @@ from scipy.stats import beta
 from examples.recordings import cuadriga, f1tenth, husky_drive
 from slopewise.models.calibration.held_out import HeldOut, leave_sessions_out
 from slopewise.models.calibration.learn import learn
-from slopewise.services.io.logs.drive_log import DriveLog, read_drive_log
+from slopewise.services.io.drive_log import DriveLog, read_drive_log
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.table import write_csv
 

@@ -1,6 +1,6 @@
-"""A judge of finished speed plans that owes nothing to what plans: ours, or anybody's.
+"""Checker of finished speed plans, of this planner or any other, independent of the planner.
 
-Of a plan it takes positions and speeds; ground, forces and every emergency stop are derived anew
+Of a plan it takes positions and speeds; ground, forces and every emergency stop are derived again
 from the map and the model file. Its own are: heights under the wheels, grade, roll, curvature and
 stations; the braking force with surfaces, level and caps; the integration of stops in time; loads,
 friction, the drive, and what the body strikes.

@@ -1,4 +1,4 @@
-"""What friction gives: an ellipse shared by slope, turn, drive and brakes, and locked axles.
+"""Limits of friction: an ellipse shared by slope, turn, drive and brakes, and locked axles.
 
 (F_x/μN)² + (F_y/μN)² <= 1 with N = W (cos θ cos φ + κ_v v²/g) and F_y = W (cos θ sin φ + a_y/g).
 The rear axle locks where its part (1 − β) of F_b exceeds μ times its load, which braking takes
@@ -13,13 +13,13 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.check.loads import Stance
+from slopewise.services.check.loads import BodyAttitude
 
 
-def braking_cap(vehicle: Vehicle, pose: Stance, friction: Floats, speed_sq: Floats) -> Floats:
+def braking_cap(vehicle: Vehicle, pose: BodyAttitude, friction: Floats, speed_sq: Floats) -> Floats:
     """Most that F_b/W can be at v² [m²/s²]."""
-    normal, aside = _normal_and_aside(pose, speed_sq)
-    left: Floats = np.sqrt(np.maximum((friction * normal) ** 2 - aside * aside, 0.0))
+    normal, lateral = _normal_and_lateral(pose, speed_sq)
+    left: Floats = np.sqrt(np.maximum((friction * normal) ** 2 - lateral * lateral, 0.0))
     front = _front_part(vehicle)
     if front is None:
         return left
@@ -30,20 +30,22 @@ def braking_cap(vehicle: Vehicle, pose: Stance, friction: Floats, speed_sq: Floa
 
 
 def _front_part(vehicle: Vehicle) -> float | None:
-    """β; None where wheels of a side turn as one, so that no axle locks by itself."""
+    """β; None where wheels of a side turn as one, so that no axle locks alone."""
     if vehicle.front_brake_share is not None:
         return vehicle.front_brake_share
     return vehicle.cg_x / vehicle.wheelbase if vehicle.drive == "ackermann" else None
 
 
-def utilisation(pose: Stance, friction: Floats, speed_sq: Floats, along: Floats) -> Floats:
-    """Share of the ellipse that is used by a force F_x/W along the way, and by turn and bank."""
-    normal, aside = _normal_and_aside(pose, speed_sq)
+def utilisation(pose: BodyAttitude, friction: Floats, speed_sq: Floats, along: Floats) -> Floats:
+    """Share of the ellipse that is used by a force F_x/W along the path, and by turn and bank."""
+    normal, lateral = _normal_and_lateral(pose, speed_sq)
     grip = np.maximum(friction * normal, 1e-9)
-    share: Floats = np.hypot(along, aside) / grip
+    share: Floats = np.hypot(along, lateral) / grip
     return share
 
 
-def _normal_and_aside(pose: Stance, speed_sq: Floats) -> tuple[Floats, Floats]:
-    normal = np.maximum(pose.upright + np.minimum(pose.bend, 0.0) * speed_sq / GRAVITY, 0.0)
-    return normal, pose.tilt + pose.turn * speed_sq / GRAVITY
+def _normal_and_lateral(pose: BodyAttitude, speed_sq: Floats) -> tuple[Floats, Floats]:
+    normal = np.maximum(
+        pose.normal_ratio + np.minimum(pose.vertical_curvature, 0.0) * speed_sq / GRAVITY, 0.0
+    )
+    return normal, pose.cross_slope_ratio + pose.turn * speed_sq / GRAVITY

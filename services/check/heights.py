@@ -1,4 +1,4 @@
-"""Heights of a map at any point: bilinear between cell centres, unknown beside unknown cells."""
+"""Heights of a map at any point: bilinear between cell centres, unknown next to unknown cells."""
 
 from __future__ import annotations
 
@@ -46,16 +46,16 @@ def height_of(heights: Heights, x: Floats, y: Floats) -> Floats:
     i = np.minimum(v.astype(np.int64), rows - 2)
     j = np.minimum(u.astype(np.int64), columns - 2)
     p, q = u - j, v - i
-    found = (1.0 - q) * ((1.0 - p) * z[i, j] + p * z[i, j + 1]) + q * (
+    height = (1.0 - q) * ((1.0 - p) * z[i, j] + p * z[i, j + 1]) + q * (
         (1.0 - p) * z[i + 1, j] + p * z[i + 1, j + 1]
     )
-    return np.where(inside, found, np.nan)
+    return np.where(inside, height, np.nan)
 
 
 def cell_is_known(heights: Heights, x: Floats, y: Floats) -> Bools:
     """Whether the one cell that holds each point is known; any shape.
 
-    Less than a cell beyond its outermost centres the map counts as the cell at its rim.
+    Less than a cell beyond its outermost centres the cell at its rim is used.
     """
     z = heights.elevation
     rows, columns = z.shape

@@ -31,40 +31,56 @@ class LoadShares(NamedTuple):
     wheel: Floats
 
 
-class Stance(NamedTuple):
+class BodyAttitude(NamedTuple):
     """How the vehicle stands at places of any shape.
 
     Attributes:
-        sine: sin θ. upright: cos θ cos φ. tilt: cos θ sin φ.
-        bend: κ_v, of which only crests take load [1/m].
+        sine: sin θ. normal_ratio: cos θ cos φ. cross_slope_ratio: cos θ sin φ.
+        vertical_curvature: κ_v, of which only crests take load [1/m].
         turn: κ / cos φ, the lateral acceleration for each unit of v² [1/m].
     """
 
     sine: Floats
-    upright: Floats
-    tilt: Floats
-    bend: Floats
+    normal_ratio: Floats
+    cross_slope_ratio: Floats
+    vertical_curvature: Floats
     turn: Floats
 
 
 def shares_of(
-    vehicle: Vehicle, pose: Stance, speed_sq: Floats, deceleration: Floats, *, crest: bool = True
+    vehicle: Vehicle,
+    pose: BodyAttitude,
+    speed_sq: Floats,
+    deceleration: Floats,
+    *,
+    crest: bool = True,
 ) -> LoadShares:
     """Shares at v² [m²/s²] while slowing down [m/s²]; without ``crest`` as on an even slope."""
     height, ahead = vehicle.cg_z, vehicle.cg_x
     behind = vehicle.wheelbase - ahead
-    normal = pose.upright + (np.minimum(pose.bend, 0.0) * speed_sq / GRAVITY if crest else 0.0)
+    normal = pose.normal_ratio + (
+        np.minimum(pose.vertical_curvature, 0.0) * speed_sq / GRAVITY if crest else 0.0
+    )
     forward = height * (deceleration / GRAVITY - pose.sine)
     sideways = (
-        2.0 * height / vehicle.track_width * np.abs(pose.tilt + pose.turn * speed_sq / GRAVITY)
+        2.0
+        * height
+        / vehicle.track_width
+        * np.abs(pose.cross_slope_ratio + pose.turn * speed_sq / GRAVITY)
     )
     rear, front = normal - forward / behind, normal + forward / ahead
     return LoadShares(rear, front, normal - sideways, np.minimum(rear, front) - sideways)
 
 
-def pose_of(grade: Floats, roll: Floats, bend: Floats, curvature: Floats) -> Stance:
+def attitude_of(
+    grade: Floats, roll: Floats, vertical_curvature: Floats, curvature: Floats
+) -> BodyAttitude:
     """The pose on slopes [rad], with vertical and plan-view curvature [1/m]."""
     cos_grade, cos_roll = np.cos(grade), np.cos(roll)
-    return Stance(
-        np.sin(grade), cos_grade * cos_roll, cos_grade * np.sin(roll), bend, curvature / cos_roll
+    return BodyAttitude(
+        np.sin(grade),
+        cos_grade * cos_roll,
+        cos_grade * np.sin(roll),
+        vertical_curvature,
+        curvature / cos_roll,
     )

@@ -9,14 +9,14 @@ class Tolerance(NamedTuple):
     """By how much a limit may be passed.
 
     Attributes:
-        value: in ``unit``. why: where that much comes from.
-        meaning: what the kind of violation says, half a sentence.
+        value: in ``unit``. rationale: origin of the value.
+        meaning: half a sentence about the kind of violation.
     """
 
     value: float
     unit: str
     meaning: str
-    why: str
+    rationale: str
 
 
 TOLERANCES: dict[str, Tolerance] = {
@@ -56,7 +56,7 @@ TOLERANCES: dict[str, Tolerance] = {
         0.03,
         "share",
         "lateral acceleration in a turn, its bank counted in",
-        "curvature out of rows that are rounded",
+        "curvature of rows that are rounded",
     ),
     "wheel_speed": Tolerance(0.01, "share", "the outer wheels turn too fast", "as of lateral"),
     "accel": Tolerance(0.02, "m/s²", "speeds up more than the limit", "rounding of speeds"),
@@ -94,10 +94,10 @@ TOLERANCES: dict[str, Tolerance] = {
         0.02,
         "m",
         "the plan's own stopping distance is not what the model gives",
-        "beyond 2.5 % of it: where brakes hardly slow down, a little grade between rows counts",
+        "beyond 2.5 % of it: where brakes slow down little, the grade between rows matters",
     ),
     "rear_load": Tolerance(
-        0.03, "1", "the plan tells more rear load than the stop leaves", "slopes between rows"
+        0.03, "1", "the plan reports more rear load than the stop leaves", "slopes between rows"
     ),
     "columns": Tolerance(
         1.0,

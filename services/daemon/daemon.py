@@ -28,8 +28,8 @@ from slopewise.services.daemon import allocator, systemd, warm_up_requests
 from slopewise.services.daemon.log_rate_limit import RateLimitFilter
 from slopewise.services.dashboard.live_state import LiveState
 from slopewise.services.dashboard.parameter_state import ParameterFeed
-from slopewise.services.io.access import read_text
-from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.io.files import read_text
+from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.active_parameters import ActiveParameters, with_max_speed
 from slopewise.services.parameters.parameter_endpoint import ParameterEndpoint
@@ -43,9 +43,9 @@ from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.connect import words_of
-from slopewise.services.wire.messages import ServiceStatus
-from slopewise.services.wire.neighbours import Neighbours, peer_flags
+from slopewise.services.wire.connect import error_text
+from slopewise.services.wire.peer_status import PeerStatus, router_warnings
+from slopewise.services.wire.plan_messages import ServiceStatus
 
 _log = logging.getLogger("slopewise")
 
@@ -86,7 +86,7 @@ class Service:
         )
         self.counters: Counter[str] = Counter()
         self.board = LiveState()
-        self._neighbours = Neighbours()
+        self._peers = PeerStatus()
         self._plan_endpoint = PlanEndpoint(
             config, self.plans, self.maps, self.counters, self.board.set_plan
         )
@@ -118,11 +118,11 @@ class Service:
         except zenoh.ZError as error:
             where = ", ".join(config.zenoh.listen)
             raise InputError(
-                "zenoh", "listen", f"expected free endpoints, {where}: {words_of(error)}"
+                "zenoh", "listen", f"expected free endpoints, {where}: {error_text(error)}"
             ) from None
         started.callback(self._session.close)
         self._check_duplicate_id()
-        self._warn(peer_flags(self._session, config.zenoh.mode))
+        self._warn(router_warnings(self._session, config.zenoh.mode))
         # The status reports it, so it exists before the first request.
         board = ParameterFeed(self.parameters, self.board, config)
         self._learning = ParameterEndpoint(
@@ -137,7 +137,7 @@ class Service:
         declared = [
             *self._plan_endpoint.declare(self._session),
             self._map_endpoint.declare(self._session),
-            self._neighbours.declare(self._session, config.namespace),
+            self._peers.declare(self._session, config.namespace),
             self._session.liveliness().declare_token(config.key(f"alive/{config.id}")),
             self._session.declare_subscriber(
                 config.key("status"), self._on_status, allowed_origin=zenoh.Locality.REMOTE
@@ -182,7 +182,7 @@ class Service:
                 *self._learning.flags(),
                 *self.plans.warnings(snapshot),
                 *(self.maps.warnings() if snapshot is None else ()),
-                *self._neighbours.flags(),
+                *self._peers.warnings(),
             ],
             degraded=[*self.parameters.degraded(), *self.plans.degraded(snapshot)],
             instance=self._instance,

@@ -23,8 +23,8 @@ from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import Path as Candidate
-from slopewise.services.wire.messages import PlanRequest
+from slopewise.services.wire.plan_messages import Path as Candidate
+from slopewise.services.wire.plan_messages import PlanRequest
 
 CLIENT = "warm-up"
 """Name of the client, which is dropped afterwards."""

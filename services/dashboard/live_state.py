@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from threading import Lock
 
 from slopewise.services.parameters.learned_stop import LearnedStop
-from slopewise.services.wire.messages import PlanReply, PlanRequest
-from slopewise.services.wire.offer import Offer
+from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.parameter_messages import HistoryEntry
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 
 MAX_ENTRIES = 400
 """Stops, and changes of each group, that the page shows [1]: some hours of driving."""
@@ -32,7 +32,7 @@ class ProposalEntry:
         message: who made it so, or why. purpose, command: next step of an operator; "" for none.
     """
 
-    offer: Offer
+    offer: ModelProposal
     state: str
     message: str
     purpose: str = ""

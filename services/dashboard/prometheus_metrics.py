@@ -13,7 +13,7 @@ from prometheus_client.core import (
 )
 from prometheus_client.registry import Collector
 
-from slopewise.services.wire.messages import ServiceStatus
+from slopewise.services.wire.plan_messages import ServiceStatus
 
 _MAX_FLAGS = 32
 """Warnings with a time series each [1]; their number is a series as well."""

@@ -15,7 +15,7 @@ from slopewise.services.dashboard.live_state import ProposalEntry
 from slopewise.services.parameters.effects_group import EFFECTS
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.parameters.store import StoreError
-from slopewise.services.wire.offer import Offer
+from slopewise.services.wire.model_proposal import ModelProposal
 
 _MAX_STEPS = 50
 """Past changes that are examined [1], more than operators make of one finding."""
@@ -27,7 +27,7 @@ class _Step:
 
     version: int
     who: str
-    offer: Offer | None
+    offer: ModelProposal | None
     adopted: str
 
 
@@ -79,7 +79,7 @@ def _steps(service: ParameterService) -> list[_Step]:
     return steps[::-1]
 
 
-def _version_to_restore(steps: Sequence[_Step], offer: Offer) -> int:
+def _version_to_restore(steps: Sequence[_Step], offer: ModelProposal) -> int:
     """Version from before it was adopted, else where it was adopted last, or offered; 0: none."""
     past = steps[:-1]
     adopted = [step.version for step in past if step.adopted == offer.id]
@@ -91,7 +91,7 @@ def _version_to_restore(steps: Sequence[_Step], offer: Offer) -> int:
 
 
 def _status_unused(
-    steps: Sequence[_Step], offer: Offer, rejected: tuple[str, str]
+    steps: Sequence[_Step], offer: ModelProposal, rejected: tuple[str, str]
 ) -> tuple[str, str]:
     """State and message of a finding that is not in use."""
     if rejected[0] == offer.id:

@@ -23,7 +23,7 @@ from slopewise.services.report.limit_colours import limit_colours
 from slopewise.services.report.page import asset, page
 from slopewise.services.report.plan_data import relief
 from slopewise.services.report.png import data_uri
-from slopewise.services.wire.messages import ServiceStatus
+from slopewise.services.wire.plan_messages import ServiceStatus
 
 _SCRIPTS = (
     "helpers.js",

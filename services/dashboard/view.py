@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slopewise.services.dashboard.live_state import LiveState, ProposalEntry
-from slopewise.services.wire.messages import Plan, PlanReply, PlanRequest, ServiceStatus
 from slopewise.services.wire.parameter_messages import HistoryEntry
+from slopewise.services.wire.plan_messages import Plan, PlanReply, PlanRequest, ServiceStatus
 
 _MAX_STATIONS = 240
 """Stations of the chosen plan [1], two per pixel of a small screen's chart."""
@@ -114,7 +114,7 @@ _STOP_NUMBERS = ("speed", "grade", "predicted", "actual")
 
 
 def _finding(entry: ProposalEntry) -> dict[str, Any]:
-    offer, numbers = entry.offer, entry.offer.told()
+    offer, numbers = entry.offer, entry.offer.numbers()
     gap = numbers.stop_distance
     return {
         "state": entry.state,

@@ -34,7 +34,7 @@ from slopewise.services.discovery.investigation_process import (
 from slopewise.services.discovery.proposal_builder import InvestigationOutcome
 from slopewise.services.discovery.stop_extractor import StopExtractor
 from slopewise.services.discovery.stop_store import StopStore, StoredStop
-from slopewise.services.io.access import reason
+from slopewise.services.io.files import reason
 from slopewise.services.io.model_file import write_model
 from slopewise.services.settings.investigation_settings import Investigation
 
@@ -183,7 +183,7 @@ class Investigator:
             self.last = f"no result, {self._cause}: {outcome.reason}"
             _log.warning("%s", self.last)
         else:
-            self.last = f"done, {self._cause}: {outcome.offer.words()}"
+            self.last = f"done, {self._cause}: {outcome.offer.text()}"
         return outcome
 
     def _collect(self, process: subprocess.Popen[bytes], folder: Path) -> InvestigationOutcome:

@@ -8,8 +8,8 @@ from typing import Any
 from slopewise.models.errors import InputError
 from slopewise.models.parameters import Model
 from slopewise.services.io.model_file import model_from_dict
-from slopewise.services.wire.messages import Message
-from slopewise.services.wire.offer import Offer
+from slopewise.services.wire.model_proposal import ModelProposal
+from slopewise.services.wire.plan_messages import Message
 
 _CONCLUSIVE = ("missing_effect", "parameter_drift")
 
@@ -19,7 +19,7 @@ class InvestigationOutcome(Message, frozen=True):
 
     reason: str
     damaged: list[str]
-    offer: Offer | None = None
+    offer: ModelProposal | None = None
 
 
 def is_valid(findings: dict[str, Any]) -> bool:

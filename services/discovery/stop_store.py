@@ -19,10 +19,10 @@ import numpy as np
 from msgspec import Meta
 
 from slopewise.models.errors import InputError
-from slopewise.services.io.access import fault, reason, write_atomic
+from slopewise.services.io.files import fault, reason, write_atomic
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import Message, Text
+from slopewise.services.wire.plan_messages import Message, Text
 
 _NAME = re.compile(r"(\d{12})\.stop")
 _QUARANTINED = ".damaged"

@@ -8,7 +8,7 @@ from typing import Any
 
 from slopewise.models.errors import InputError
 from slopewise.services.doctor.facts import Nav2Facts
-from slopewise.services.io.access import fault, read_text, reason
+from slopewise.services.io.files import fault, read_text, reason
 
 _PARAMETERS = "ros__parameters"
 

@@ -15,9 +15,8 @@ from slopewise.services.doctor.collect import (
     Collector,
 )
 from slopewise.services.doctor.facts import Seen
-from slopewise.services.io.access import fault
-from slopewise.services.io.bags.recording import opened
-from slopewise.services.io.bags.ros_types import read_cdr
+from slopewise.services.io.bags import opened, read_cdr
+from slopewise.services.io.files import fault
 from slopewise.services.ros.settings import EdgeSettings
 
 _NANO = 1e-9

@@ -12,7 +12,7 @@ import numpy as np
 
 from slopewise.models.parameters import Model
 from slopewise.services.export.functions import ModelFunction, derivative_of
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 
 _VECTORS = 8
 _RANGES = {

@@ -11,7 +11,7 @@ import io
 from pathlib import Path
 from typing import Any
 
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 
 DONE, REFUSED, FAILED = "done", "refused", "failed"
 """Looked at; its logs cannot be, and why; or the work broke off, and is tried again by another run.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
-from slopewise.services.io.access import fault, read_text, reason, write_atomic
+from slopewise.services.io.files import fault, read_text, reason, write_atomic
 
 _RUN = "fleet.json"
 

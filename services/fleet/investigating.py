@@ -17,9 +17,10 @@ from slopewise.models.errors import SlopewiseError
 from slopewise.services.fleet import finding
 from slopewise.services.fleet.finding import FAILED, REFUSED, Row
 from slopewise.services.io import findings_file
-from slopewise.services.io.logs.log_source import grade_by_map, read_logs
-from slopewise.services.io.maps.no_data import NoData
+from slopewise.services.io.drive_log import read_logs
+from slopewise.services.io.logs.log_source import grade_by_map
 from slopewise.services.io.model_file import model_from_dict
+from slopewise.services.io.no_data import NoData
 
 _BROKEN = (ArithmeticError, LookupError, MemoryError, RuntimeError, TypeError, ValueError)
 """A fault of the program in one vehicle's numbers must not end the work on all others."""

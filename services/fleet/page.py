@@ -23,7 +23,7 @@ from slopewise.services.fleet.words import (
     left_out,
     numbers,
 )
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 from slopewise.services.io.findings_file import PAGE
 from slopewise.services.report.discrepancy_page import WORDS
 from slopewise.services.report.page import escaped, fact_list, notices, page

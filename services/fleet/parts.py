@@ -20,9 +20,9 @@ import numpy as np
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.io.access import check_file
-from slopewise.services.io.maps.grid import Around
-from slopewise.services.io.maps.no_data import NoData
+from slopewise.services.io.files import check_file
+from slopewise.services.io.map_grid import Around
+from slopewise.services.io.no_data import NoData
 from slopewise.services.io.path_file import check_paths_on_map, read_paths
 
 PART = 500

@@ -19,7 +19,7 @@ from slopewise.services.fleet import results
 from slopewise.services.fleet.parts import FleetQuestion, Part
 from slopewise.services.fleet.results import Refused
 from slopewise.services.fleet.windows import MOST_CELLS, ground_in, opened, windows
-from slopewise.services.io.maps.grid import footprint_margin
+from slopewise.services.io.map_grid import footprint_margin
 from slopewise.services.io.model_file import model_from_dict
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.io.access import fault, write_atomic
+from slopewise.services.io.files import fault, write_atomic
 from slopewise.services.io.plan_file import driven, summary
 
 REFUSED = "refused"

@@ -17,7 +17,7 @@ from itertools import islice
 from typing import Any, TypeVar
 
 from slopewise.models.errors import InputError
-from slopewise.services.io.access import reason
+from slopewise.services.io.files import reason
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -16,10 +16,11 @@ from slopewise.models.calibration.fleet import FEWEST, VehicleStops, vehicle_sto
 from slopewise.models.calibration.learn import measure_log
 from slopewise.models.errors import ParameterError
 from slopewise.models.stop_logs.measured_log import is_mapped
-from slopewise.services.io.access import fault
-from slopewise.services.io.logs.log_source import grade_by_map, read_logs, refuse_wrong_units
-from slopewise.services.io.maps.no_data import NoData
+from slopewise.services.io.drive_log import read_logs
+from slopewise.services.io.files import fault
+from slopewise.services.io.logs.log_source import grade_by_map, refuse_wrong_units
 from slopewise.services.io.model_file import model_from_dict
+from slopewise.services.io.no_data import NoData
 
 
 def vehicles_of(logs: Sequence[Path], by_folder: bool) -> dict[str, list[Path]]:

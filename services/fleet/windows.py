@@ -16,10 +16,10 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.services.io.maps import geotiff_file
-from slopewise.services.io.maps.geotiff_file import GeotiffWindows
-from slopewise.services.io.maps.grid import Around, MapInfo
-from slopewise.services.io.maps.no_data import NoData
+from slopewise.services.io import geotiff
+from slopewise.services.io.geotiff import GeotiffWindows
+from slopewise.services.io.map_grid import Around, MapInfo
+from slopewise.services.io.no_data import NoData
 
 SHARED_CELLS = 1_000_000
 """Cells up to which paths share a window: 8 MB of heights."""
@@ -48,7 +48,7 @@ def opened(path: Path, nodata: NoData = None) -> Iterator[GeotiffWindows]:
     """
     import rasterio
 
-    with rasterio.Env(GDAL_CACHEMAX=_BLOCK_CACHE), geotiff_file.opened(path, nodata) as ground:
+    with rasterio.Env(GDAL_CACHEMAX=_BLOCK_CACHE), geotiff.opened(path, nodata) as ground:
         yield ground
 
 

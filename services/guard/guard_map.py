@@ -9,9 +9,9 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.io.maps import npz_map_file
-from slopewise.services.io.maps.no_data import known_heights
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.io import npz_map
+from slopewise.services.io.no_data import known_heights
+from slopewise.services.wire.plan_messages import MapUpdate
 
 _GRID_TOLERANCE = 1e-3
 """Part of a cell by which a patch may lie off the grid: rounding of map coordinates [1]."""
@@ -69,8 +69,8 @@ def read_guard_map(path: Path) -> GuardMap:
     Raises:
         InputError: names the file and the array.
     """
-    info = npz_map_file.read_info(path)
-    heights, classes, names, _ = npz_map_file.read_layers(path)
+    info = npz_map.read_info(path)
+    heights, classes, names, _ = npz_map.read_layers(path)
     try:
         return GuardMap(_known(heights), info.resolution, info.origin, classes, names)
     except ParameterError as error:

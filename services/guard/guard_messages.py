@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from msgspec import field
 
-from slopewise.services.wire.messages import Message, Name, NotNegative, Number
+from slopewise.services.wire.plan_messages import Message, Name, NotNegative, Number
 
 
 class GuardCommand(Message, frozen=True):

@@ -17,8 +17,8 @@ from slopewise.services.guard.core import Guard
 from slopewise.services.guard.guard_map import GuardMap, apply_update
 from slopewise.services.guard.zenoh_transport import format_of
 from slopewise.services.wire import codec
-from slopewise.services.wire.messages import MapUpdate
 from slopewise.services.wire.parameter_messages import ParameterGroup
+from slopewise.services.wire.plan_messages import MapUpdate
 
 _log = logging.getLogger("slopewise")
 

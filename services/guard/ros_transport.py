@@ -15,7 +15,7 @@ from slopewise.services.guard.command_arc import Pose2d
 from slopewise.services.guard.core import BaseDecision, Guard
 from slopewise.services.guard.decide import BaseCommand, VehicleMotion
 from slopewise.services.guard.settings import GuardRos
-from slopewise.services.io.bags.ros_types import typestore
+from slopewise.services.io.bags import typestore
 from slopewise.services.ros.inbox import Inbox, Received, decoded
 from slopewise.services.ros.naming import read_attachment
 from slopewise.services.ros.node import Node

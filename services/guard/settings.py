@@ -9,8 +9,7 @@ from typing import Literal
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import quantity, validate_quantities
 from slopewise.services.io.decode import decode_table
-from slopewise.services.io.shipped import shipped_files
-from slopewise.services.io.toml_file import beside, read_toml
+from slopewise.services.io.files import read_toml, resolve_names, shipped_files
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,7 +166,7 @@ def read_guard_settings(path: Path) -> GuardSettings:
         InputError: names the file and the key.
     """
     data = read_toml(path)
-    beside(path, data, "model", "map", "zenoh.config")
+    resolve_names(path, data, "model", "map", "zenoh.config")
     return decode_table(GuardSettings, data, str(path))
 
 

@@ -21,7 +21,7 @@ from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.ros.inbox import Inbox, Received
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import Message
+from slopewise.services.wire.plan_messages import Message
 
 _MAX_BYTES = 4000
 """Size of a command, motion or clear distance: ten times that of the longest [bytes]."""

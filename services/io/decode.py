@@ -1,8 +1,7 @@
 """Tables of a TOML file into frozen dataclasses, strictly: each mistake is named by its dotted key.
 
-The dataclasses say what is allowed: their fields which keys there are, their types what they hold,
-a default what may be left out. A whole number is accepted where a float is wanted, nothing else is
-converted.
+The dataclasses are the format: their fields are the keys, the types of fields the types of values,
+a default makes a key optional. A whole number is accepted for a float, nothing else is converted.
 """
 
 from __future__ import annotations
@@ -17,13 +16,17 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import describe_range
-from slopewise.services.io.access import fault, shown
+from slopewise.services.io.files import fault, shown
 
 T = TypeVar("T")
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _NO_METADATA: Mapping[str, Any] = MappingProxyType({})
 _LISTED = {float: "numbers", str: "texts"}
+_NOUNS = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
+
+_MAX_INT = 2**63
+"""TOML's integers have 64 bits; Python's reader accepts longer ones, which no float can hold."""
 
 
 def dotted(where: str, key: str) -> str:
@@ -33,7 +36,7 @@ def dotted(where: str, key: str) -> str:
 
 
 def unknown(key: str, known: Collection[str]) -> str:
-    """What to say of an unknown key."""
+    """Error message of an unknown key."""
     close = difflib.get_close_matches(key, list(known), n=1)
     hint = f"did you mean {close[0]}?" if close else f"expected one of {', '.join(known)}"
     return f"unknown key, {hint}"
@@ -56,19 +59,20 @@ def decode_table(kind: type[T], data: object, source: str, where: str = "") -> T
     fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     hints = get_type_hints(kind)
     for key in data:
-        if key not in fields and (missing := _missing_name(data, fields)) is None:
+        if key in fields:
+            continue
+        if (missing := _missing_name(data, fields)) is None:
             raise fault(source, dotted(where, str(key)), unknown(str(key), fields))
-        if key not in fields and missing is not None:
-            # Without its name, nobody knows which keys a table may have.
-            raise fault(source, dotted(where, "name"), missing)
+        # The name decides which keys a table may have.
+        raise fault(source, dotted(where, "name"), missing)
     values: dict[str, Any] = {}
     for name, field in fields.items():
         path = dotted(where, name)
         if name in data:
             values[name] = _decode(hints[name], data[name], source, path, field.metadata)
         elif field.default is field.default_factory is dataclasses.MISSING:
-            wanted = _wanted(hints[name], field.metadata)
-            raise fault(source, path, f"missing key, expected {wanted}")
+            expected = _describe(hints[name], field.metadata)
+            raise fault(source, path, f"missing key, expected {expected}")
     try:
         return kind(**values)
     except ParameterError as error:
@@ -79,7 +83,7 @@ def decode_table(kind: type[T], data: object, source: str, where: str = "") -> T
 def _missing_name(
     data: Mapping[Any, Any], fields: Mapping[str, dataclasses.Field[Any]]
 ) -> str | None:
-    """What to say of a name that has to be there and is not; None where that is not so."""
+    """Error message of a required name that is missing; None if it is not required or is given."""
     name = fields.get("name")
     if name is None or "name" in data or name.default is not dataclasses.MISSING:
         return None
@@ -112,8 +116,10 @@ def _decode(
     if kind in (str, bool, NoneType) and isinstance(value, kind):
         return value
     if kind is int and isinstance(value, int) and not isinstance(value, bool):
+        if abs(value) >= _MAX_INT:
+            raise fault(source, where, f"expected {_describe(int, metadata)}, got a huge one")
         return value
-    raise fault(source, where, f"expected {_wanted(kind, metadata)}, got {shown(value)}")
+    raise fault(source, where, f"expected {_describe(kind, metadata)}, got {shown(value)}")
 
 
 def _decode_list(
@@ -121,10 +127,10 @@ def _decode_list(
 ) -> tuple[Any, ...]:
     arguments = get_args(kind)
     variadic = arguments[-1] is Ellipsis
-    # Only tables may be listed none at all: a matrix or a row of one without numbers is a mistake.
+    # A list of tables may be empty: a matrix, or a row of one, without numbers is a mistake.
     empty = not value and not dataclasses.is_dataclass(arguments[0])
     if empty or (not variadic and len(value) != len(arguments)):
-        raise fault(source, where, f"expected {_wanted(kind)}, got {shown(value)}")
+        raise fault(source, where, f"expected {_describe(kind)}, got {shown(value)}")
     kinds = [arguments[0]] * len(value) if variadic else arguments
     return tuple(
         _decode(item_kind, item, source, f"{where}[{index}]")
@@ -141,8 +147,8 @@ def _choice(kind: Any, value: object) -> Any:
     return next(member for member in get_args(kind) if member is not NoneType)
 
 
-def _wanted(kind: Any, metadata: Mapping[str, Any] = _NO_METADATA) -> str:
-    """What a key should hold, in words."""
+def _describe(kind: Any, metadata: Mapping[str, Any] = _NO_METADATA) -> str:
+    """Type and range of a key, as an error message gives them."""
     if "unit" in metadata:
         return describe_range(metadata)
     kind = _choice(kind, ...)
@@ -154,5 +160,4 @@ def _wanted(kind: Any, metadata: Mapping[str, Any] = _NO_METADATA) -> str:
             return f"a list of {len(arguments)} numbers"
         inner = "rows of numbers" if get_origin(arguments[0]) is tuple else "tables"
         return f"a list of {_LISTED.get(arguments[0], inner)}"
-    words = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
-    return words.get(kind, "a table")
+    return _NOUNS.get(kind, "a table")

@@ -1,4 +1,4 @@
-"""What a discrepancy run leaves in its folder: the findings as JSON, and the model with them."""
+"""Result folder of a discrepancy run: the findings as JSON, and the model with them."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from pathlib import Path
 from typing import Any
 
 from slopewise.models.discrepancy.findings import Findings, Gap
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 from slopewise.services.io.model_file import write_model
 
 FINDINGS, MODEL, PAGE = "discrepancy.json", "model.toml", "report.html"
-"""What a folder of results holds."""
+"""Files of a result folder."""
 
 
 def write_findings(findings: Findings, folder: Path) -> list[Path]:
     """DIR/discrepancy.json and DIR/model.toml; each all or nothing."""
     folder.mkdir(parents=True, exist_ok=True)
-    told = json.dumps(findings_as_json(findings), allow_nan=False, indent=2, ensure_ascii=False)
-    write_atomic(folder / FINDINGS, (told + "\n").encode())
+    content = json.dumps(findings_as_json(findings), allow_nan=False, indent=2, ensure_ascii=False)
+    write_atomic(folder / FINDINGS, (content + "\n").encode())
     write_model(findings.model, folder / MODEL)
     return [folder / FINDINGS, folder / MODEL]
 
 
 def source_of(logs: Sequence[Path], parent: Path, day: str) -> str:
     """Logs, date and parent of what is added to a model: names with a digest of the bytes."""
-    told = ", ".join(f"{path.name} {_digest(path)}" for path in logs)
-    return f"slopewise discrepancy {day}; {told}; parent {parent.name} {_digest(parent)}"
+    digests = ", ".join(f"{path.name} {_digest(path)}" for path in logs)
+    return f"slopewise discrepancy {day}; {digests}; parent {parent.name} {_digest(parent)}"
 
 
 def _digest(path: Path) -> str:
@@ -45,7 +45,7 @@ def _digest(path: Path) -> str:
 
 
 def findings_as_json(f: Findings) -> dict[str, Any]:
-    """What discrepancy.json holds."""
+    """Content of discrepancy.json."""
     return {
         "verdict": f.verdict.value,
         "summary": f.summary,

@@ -14,13 +14,18 @@ from slopewise.models.effects import registry
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.plausibility import check_plausible
+from slopewise.models.surface_names import MAX_CLASSES
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.io.access import fault, write_atomic
 from slopewise.services.io.decode import decode_table, dotted
-from slopewise.services.io.shipped import shipped_files
-from slopewise.services.io.toml_file import read_toml
+from slopewise.services.io.files import (
+    fault,
+    find_shipped,
+    read_toml,
+    shipped_files,
+    write_atomic,
+)
 
-_MOST_SURFACES = 61  # surfaces that a model can tell apart beside the base
+_MAX_SURFACES = MAX_CLASSES - 1  # one class of a map is the base
 
 
 def read_model(path: Path) -> Model:
@@ -43,7 +48,7 @@ def write_model(model: Model, path: Path) -> None:
 
 
 def model_sha256(model: Model) -> str:
-    """SHA-256 of the file that :func:`write_model` writes of a model, as `sha256sum` tells it."""
+    """SHA-256 of the file that :func:`write_model` writes of a model, as `sha256sum` prints it."""
     return hashlib.sha256(_written(model)).hexdigest()
 
 
@@ -88,23 +93,25 @@ def _check_surfaces(model: Model, source: str) -> None:
     """Names and numbers by which maps call the surfaces must be usable and unique."""
     where = "braking.terrain"
     tables = model.braking.terrain
-    if len(tables) > _MOST_SURFACES:
-        raise fault(source, where, f"expected at most {_MOST_SURFACES} surfaces, got {len(tables)}")
+    if len(tables) > _MAX_SURFACES:
+        raise fault(source, where, f"expected at most {_MAX_SURFACES} surfaces, got {len(tables)}")
     owners: dict[int, str] = {}
     for name, table in tables.items():
         if not name or name.startswith("#"):
-            words = "expected a name that is not empty and begins without #"
-            raise fault(source, dotted(where, name), words)
+            expected = "expected a name that is not empty and begins without #"
+            raise fault(source, dotted(where, name), expected)
         if table.class_id is None:
             continue
-        other = owners.setdefault(table.class_id, name)
-        if other != name:
+        owner = owners.setdefault(table.class_id, name)
+        if owner != name:
             field = f"{dotted(where, name)}.class_id"
-            raise fault(source, field, f"expected a number of its own, got that of {other}")
+            raise fault(
+                source, field, f"expected a number that no other surface has, got that of {owner}"
+            )
 
 
 def model_to_dict(model: Model) -> dict[str, Any]:
-    """Tables of plain values as TOML holds them; what is absent or empty is left out."""
+    """Tables of plain values as TOML holds them, without absent or empty ones."""
     tables: dict[str, Any] = _plain(model)
     return tables
 
@@ -121,7 +128,7 @@ def _plain(value: Any) -> Any:
         for field in dataclasses.fields(value):
             item = getattr(value, field.name)
             optional = not (field.default is field.default_factory is dataclasses.MISSING)
-            # An empty name says something where nothing at all is the default.
+            # An empty name has a meaning where the default is None.
             empty = isinstance(item, str | tuple | Mapping) and not item
             empty = empty and not (isinstance(item, str) and field.default is None)
             if not (item is None or (optional and empty)):
@@ -147,16 +154,6 @@ def find_model(name_or_path: str | Path) -> Path:
     """The model file a user means: an existing file, else a vehicle that comes with the package.
 
     Raises:
-        InputError: neither; lists the vehicles there are.
+        InputError: neither; lists the vehicles that come with it.
     """
-    path = Path(name_or_path)
-    try:
-        if path.is_file():
-            return path
-    except (OSError, ValueError):
-        pass
-    shipped = shipped_models()
-    if str(name_or_path) in shipped:
-        return shipped[str(name_or_path)]
-    names = ", ".join(shipped)
-    raise fault(name_or_path, "", f"expected a model file or one of {names}, got neither")
+    return find_shipped(name_or_path, "vehicles", "model")

@@ -1,11 +1,12 @@
 """Candidate paths: CSV or Parquet with x,y[,candidate,speed_limit,yaw], GeoJSON, recordings.
 
-Coordinates are those of the map [m], speed limits [m/s], yaw [rad].
+Coordinates are those of the map [m], speed limits [m/s], yaw [rad]. A further format is a function
+and a row of :data:`_FORMATS`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +14,20 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
-from slopewise.services.io.access import fault
-from slopewise.services.io.bags.recording import is_bag
-from slopewise.services.io.geojson_file import read_geojson_paths
-from slopewise.services.io.maps.grid import Around, in_words
-from slopewise.services.io.parquet_table import read_parquet
-from slopewise.services.io.table import Table, read_csv, write_csv
+from slopewise.services.io.bag_paths import read_bag_paths
+from slopewise.services.io.bags import is_bag
+from slopewise.services.io.files import fault
+from slopewise.services.io.geojson import read_geojson_paths
+from slopewise.services.io.map_grid import Around, describe_extent
+from slopewise.services.io.table import Table, read_table, write_csv
 
 _OPTIONAL = {"speed_limit": "m/s", "yaw": "rad"}
+
+_FORMATS: dict[str, Callable[[Path], list[CandidatePath]]] = {
+    ".geojson": read_geojson_paths,
+    ".json": read_geojson_paths,
+}
+"""Readers by the ending of the file's name; any other file is a table."""
 
 
 def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[CandidatePath]:
@@ -28,29 +35,28 @@ def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[
 
     Args:
         path: CSV, Parquet, GeoJSON, or a recording with nav_msgs/Path.
-        topics: topic mapping of a recording; frame: that its paths have to be in, if any.
+        topics: topic mapping of a recording.
+        frame: frame that paths of a recording have to be in; empty accepts any.
 
     Raises:
         InputError: names the row and column, or the feature, that cannot be used.
     """
-    if path.suffix.lower() in (".geojson", ".json"):
-        return read_geojson_paths(path)
     if is_bag(path):
-        from slopewise.services.io.maps.bag_map import read_bag_paths
-
         return read_bag_paths(path, topics, frame)
-    table = read_parquet(path) if path.suffix.lower() == ".parquet" else read_csv(path)
+    return _FORMATS.get(path.suffix.lower(), _read_path_table)(path)
+
+
+def _read_path_table(path: Path) -> list[CandidatePath]:
+    table = read_table(path)
     table.require(("x", "y"))
     points = np.stack((table.numbers("x", "m"), table.numbers("y", "m")), axis=1)
     optional = {name: _optional(table, name) for name in _OPTIONAL if name in table.columns}
-    return [
-        _candidate(table, name, rows, points, optional)
-        for name, rows in _rows_of(table, path).items()
-    ]
+    candidates = table.rows_by_candidate()
+    return [_candidate(table, name, candidates[name], points, optional) for name in candidates]
 
 
 def _optional(table: Table, name: str) -> Floats:
-    """A column that may be left empty, NaN there; a NaN in words is refused."""
+    """A column that may be left empty, NaN there; a cell that says NaN is refused."""
     values = table.numbers(name, _OPTIONAL[name], blank=np.nan)
     for index, cell in enumerate(table.text(name)):
         if np.isnan(values[index]) and cell.strip():
@@ -60,30 +66,15 @@ def _optional(table: Table, name: str) -> Floats:
     return values
 
 
-def _rows_of(table: Table, path: Path) -> dict[str, list[int]]:
-    if "candidate" not in table.columns:
-        return {path.stem: list(range(len(table.rows)))}
-    candidates: dict[str, list[int]] = {}
-    for index, name in enumerate(table.text("candidate")):
-        if not name.strip():
-            raise table.error(index, "candidate", "expected a name, got nothing")
-        candidates.setdefault(name, []).append(index)
-    return candidates
-
-
 def _candidate(
     table: Table, name: str, rows: list[int], points: Floats, optional: dict[str, Floats]
 ) -> CandidatePath:
     if len(rows) < 2:
-        words = f"expected at least 2 points, got 1 (row {table.rows[rows[0]]})"
-        raise fault(table.source, f"candidate {name}", words)
+        expected = f"expected at least 2 points, got 1 (row {table.rows[rows[0]]})"
+        raise fault(table.source, f"candidate {name}", expected)
     given: dict[str, Floats | None] = {}
     for column, values in optional.items():
-        missing = np.isnan(values[rows])
-        given[column] = None if missing.all() else values[rows]
-        if missing.any() and not missing.all():
-            words = f"expected a number [{_OPTIONAL[column]}] in every row of {name} or in none"
-            raise table.error(rows[int(np.argmax(missing))], column, f"{words}, got nothing")
+        given[column] = table.all_or_none(column, values, rows, name, _OPTIONAL[column])
     try:
         return CandidatePath(name, points[rows], given.get("speed_limit"), given.get("yaw"))
     except ParameterError as error:
@@ -97,7 +88,7 @@ def check_paths_on_map(
     """Raise InputError if a candidate does not begin on the map.
 
     Args:
-        paths: candidates out of ``source``.
+        paths: candidates of ``source``.
         extent: (x_min, x_max, y_min, y_max) of the map's cell centres [m].
         source: file of the paths.
         map_source: file of the map.
@@ -107,11 +98,11 @@ def check_paths_on_map(
         x, y = path.points[0].tolist()
         if x_min <= x <= x_max and y_min <= y <= y_max:
             continue
-        words = f"expected a point on the map {map_source} ({in_words(extent)})"
-        found = f"got x {x:.10g}, y {y:.10g}"
+        expected = f"expected a point on the map {map_source} ({describe_extent(extent)})"
+        got = f"got x {x:.10g}, y {y:.10g}"
         if np.all(np.abs(path.points) <= (180.0, 90.0)) and max(map(abs, extent)) > 180.0:
-            found += "; that looks like degrees, map coordinates are in metres"
-        raise fault(source, f"candidate {path.name}, point 1", f"{words}, {found}")
+            got += "; that looks like degrees, map coordinates are in metres"
+        raise fault(source, f"candidate {path.name}, point 1", f"{expected}, {got}")
 
 
 def write_paths_csv(paths: Sequence[CandidatePath], path: Path) -> None:

@@ -1,8 +1,8 @@
-"""Plans as CSV: one row a station of a candidate, SI units. What the columns mean: see the names.
+"""Speed plans as tables, SI units: ours with all columns, those of other planners with x,y,speed.
 
-`accel` holds from its station to the next, so v² is linear in between; `station` and
-`clear_distance` count along the ground. Numbers keep all their digits, so that
-station + stop_distance <= clear_distance survives the file.
+One row per station of a candidate; names say what columns hold. `accel` holds from its station to
+the next, so v² is linear in between; `station` and `clear_distance` count along the ground. Numbers
+keep all their digits, so that station + stop_distance <= clear_distance survives the file.
 """
 
 from __future__ import annotations
@@ -14,8 +14,12 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
 from slopewise.planner.plan import SpeedPlan, Status
-from slopewise.services.io.table import read_csv, write_csv
+from slopewise.services.check.external_plan import COLUMNS as CHECKED
+from slopewise.services.check.external_plan import NEEDED, ExternalPlan
+from slopewise.services.io.files import fault
+from slopewise.services.io.table import Table, read_table, write_csv
 
 TEXT = ("candidate", "limiting", "status", "reason")
 COLUMNS = (
@@ -40,12 +44,14 @@ COLUMNS = (
 )
 """Columns in their order: m, m/s, m/s², s, rad, 1/m; `rear_load` is a share of the static load."""
 
+_SPEEDS = ("speed", "speed_limit")
+
 
 def write_plan_csv(rows: dict[str, Sequence[str] | Floats], path: Path) -> None:
     """Write a plan, all or nothing.
 
     Args:
-        rows: the columns of :data:`COLUMNS`, all of one length; further ones are put behind.
+        rows: the columns of :data:`COLUMNS`, all of one length; further ones follow them.
         path: file to write.
     """
     if missing := [name for name in COLUMNS if name not in rows]:
@@ -54,31 +60,46 @@ def write_plan_csv(rows: dict[str, Sequence[str] | Floats], path: Path) -> None:
     write_csv({name: rows[name] for name in order}, path)
 
 
-def read_plan_csv(path: Path) -> dict[str, list[str] | Floats]:
-    """The columns of a plan: texts as lists, all others as (rows,) float64.
+def read_external_plans(path: Path) -> list[ExternalPlan]:
+    """All plans of a CSV or Parquet file, in the order in which they first appear.
+
+    Without a column `candidate` it is one plan with the file's name.
 
     Raises:
-        InputError: a column is missing or holds something else than numbers.
+        InputError: names the row and column that cannot be used.
     """
-    table = read_csv(path)
-    table.require(COLUMNS)
-    columns: dict[str, list[str] | Floats] = {}
-    for name in table.columns:
-        values, bad = table.parsed(name)
-        if name in TEXT:
-            columns[name] = table.text(name)
-        elif not bad:
-            columns[name] = values
-        elif name in COLUMNS:
-            found = table.text(name)[min(bad)]
-            raise table.error(min(bad), name, f"expected a number, got {found!r}")
-        else:
-            columns[name] = table.text(name)
-    return columns
+    table = read_table(path)
+    table.require(NEEDED)
+    numbers = {name: _numbers(table, name) for name in CHECKED if name in table.columns}
+    status = table.text("status") if "status" in table.columns else None
+    plans = []
+    for name, rows in table.rows_by_candidate().items():
+        given = {
+            column: table.all_or_none(column, values, rows, name, CHECKED[column])
+            for column, values in numbers.items()
+        }
+        first_status = "" if status is None else status[rows[0]]
+        try:
+            columns: Any = {column: v for column, v in given.items() if v is not None}
+            plans.append(ExternalPlan(name=name, status=first_status, **columns))
+        except ParameterError as error:
+            field = f"candidate {name}, {error.field}"
+            raise fault(path, field, f"expected {error.expected}") from None
+    return plans
+
+
+def _numbers(table: Table, name: str) -> Floats:
+    """A column, NaN where an optional one is left empty."""
+    unit = CHECKED[name]
+    values = table.numbers(name, unit, blank=None if name in NEEDED else np.nan)
+    for index in np.flatnonzero(values < 0.0) if name in _SPEEDS else ():
+        expected = f"expected a speed >= 0 [{unit}], got {values[index]:g}"
+        raise table.error(int(index), name, expected)
+    return values
 
 
 def driven(plan: SpeedPlan) -> dict[str, Any]:
-    """Columns of a plan up to its clear distance: beyond it there is nothing to drive."""
+    """Columns of a plan up to its clear distance: nothing beyond it is driven."""
     columns = plan.columns()
     if plan.status is Status.INFEASIBLE:
         return dict(columns)
@@ -87,7 +108,7 @@ def driven(plan: SpeedPlan) -> dict[str, Any]:
 
 
 def summary(plan: SpeedPlan) -> dict[str, Any]:
-    """A plan in one row, SI units; None where there is no margin to speak of."""
+    """A plan in one row, SI units; None where it has no stop margin."""
     return {
         "candidate": plan.candidate,
         "status": plan.status.value,

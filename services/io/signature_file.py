@@ -1,4 +1,4 @@
-"""Signature files: what training runs taught of classes, as JSON beside a terrain file."""
+"""Signature files: classes as training runs show them, as JSON in the folder of a terrain file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from slopewise.models.terrain.signature import DRIVING_NAMES, FEATURE_NAMES
 from slopewise.models.terrain.signature_model import LinearPicture, NormalPicture, SignatureModel
-from slopewise.services.io.access import fault, write_atomic
+from slopewise.services.io.files import fault, write_atomic
 
 _VERSION = 1
 _NUMBERS = ("temperature", "threshold", "known_refused")

@@ -18,19 +18,18 @@ from slopewise.models.terrain.settings import (
 )
 from slopewise.models.terrain.signature_memory import MemorySettings
 from slopewise.models.terrain.signature_model import SignatureModel
-from slopewise.services.io.access import fault, write_atomic
 from slopewise.services.io.decode import decode_table
-from slopewise.services.io.shipped import shipped_files
+from slopewise.services.io.files import find_shipped, read_toml, shipped_files, write_atomic
 from slopewise.services.io.signature_file import read_signatures
-from slopewise.services.io.toml_file import read_toml
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainFile:
-    """What a terrain file holds; every table but `name` may be left out.
+    """Content of a terrain file; every key except `name` is optional.
 
     Attributes:
-        signatures: file of signatures beside this one, empty: none.
+        name: name of the vehicle.
+        signatures: file of signatures in the same folder, empty: none.
     """
 
     name: str
@@ -92,16 +91,16 @@ def write_terrains(terrains: TerrainFile, path: Path) -> None:
             "memory",
         )
     }
-    tables["terrain"] = [_class_table(one) for one in terrains.terrain]
+    tables["terrain"] = [_class_table(terrain) for terrain in terrains.terrain]
     head = {"name": terrains.name}
     if terrains.signatures:
         head["signatures"] = terrains.signatures
     write_atomic(path, tomli_w.dumps({**head, **tables}).encode())
 
 
-def _class_table(one: TerrainClass) -> dict[str, object]:
-    table: dict[str, object] = {"name": one.name}
-    for name, feature in zip(FEATURES, one.features, strict=True):
+def _class_table(terrain: TerrainClass) -> dict[str, object]:
+    table: dict[str, object] = {"name": terrain.name}
+    for name, feature in zip(FEATURES, terrain.features, strict=True):
         if feature is not None:
             given = dataclasses.asdict(feature)
             table[name] = {key: value for key, value in given.items() if value is not None}
@@ -117,13 +116,6 @@ def find_terrains(name_or_path: str | Path) -> Path:
     """The terrain file a user means: an existing file, else one that comes with the package.
 
     Raises:
-        InputError: neither; lists those there are.
+        InputError: neither; lists those that come with it.
     """
-    path = Path(name_or_path)
-    if path.is_file():
-        return path
-    shipped = shipped_terrains()
-    if str(name_or_path) in shipped:
-        return shipped[str(name_or_path)]
-    names = ", ".join(shipped)
-    raise fault(name_or_path, "", f"expected a terrain file or one of {names}, got neither")
+    return find_shipped(name_or_path, "terrains", "terrain")

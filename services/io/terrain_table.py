@@ -1,4 +1,4 @@
-"""The table of `slopewise terrain`: a row a stretch, a change, or a part that was left out."""
+"""Table of `slopewise terrain`: one row per stretch, per change and per excluded part."""
 
 from __future__ import annotations
 
@@ -54,11 +54,12 @@ def write_terrain_table(rows: Sequence[dict[str, Any]], path: Path) -> None:
 def event_row(
     run: str, event: Classified | GroundChange, centres: tuple[float, float] = (np.nan, np.nan)
 ) -> dict[str, Any]:
-    """A row of the table; parameters are what is known of the ground when the stretch ends.
+    """A row of the table; parameters are the estimates when the stretch ends.
 
     Args:
-        run: its name. event: a stretch or a change.
-        centres: of rotation of the left and right side [m], NaN where not told.
+        run: name of the run.
+        event: a stretch or a change.
+        centres: centres of rotation of the left and right side [m], NaN where unknown.
     """
     if isinstance(event, GroundChange):
         note = "the ground changed within the last seconds of driving"
@@ -99,8 +100,8 @@ def event_row(
 
 
 def _note(event: Classified) -> str:
-    own = event.observation.own
-    notes = [own.motion_resistance.note, own.lateral_resistance.note]
+    estimates = event.observation.own
+    notes = [estimates.motion_resistance.note, estimates.lateral_resistance.note]
     if event.observation.phase.value == "stuck":
         notes.append("wheels spin: nothing is learned")
     elif event.answer.doubtful:
@@ -109,12 +110,12 @@ def _note(event: Classified) -> str:
 
 
 def excluded_row(run: str, time: Sequence[float] | Floats, stretch: Suspect) -> dict[str, Any]:
-    """A row for a stretch that was left out.
+    """A row for an excluded stretch.
 
     Args:
-        run: its name.
+        run: name of the run.
         time: (n,) of the whole log [s].
-        stretch: what was found.
+        stretch: the data issue.
     """
     last = min(stretch.stop, len(time)) - 1
     return {

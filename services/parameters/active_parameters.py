@@ -13,7 +13,7 @@ from slopewise.models.parameters import Model
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.services.io.model_file import model_sha256, vehicle_to_dict
-from slopewise.services.wire import messages
+from slopewise.services.wire import plan_messages
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +52,10 @@ class ActiveParameters:
         object.__setattr__(same, "version", version)
         return same
 
-    def message(self) -> messages.Parameters:
+    def message(self) -> plan_messages.Parameters:
         """Message for replies and status."""
         age = time.monotonic() - self.at
-        return messages.Parameters(
+        return plan_messages.Parameters(
             version=self.version,
             name=self.model.name,
             fingerprint=fingerprint(self.model),

@@ -18,7 +18,7 @@ from slopewise.models.parameters import Model
 from slopewise.services.discovery.model_comparison import cautious
 from slopewise.services.discovery.proposal_builder import model_of
 from slopewise.services.parameters.parameter_group import GroupDescription, ParameterGroups, State
-from slopewise.services.wire.offer import Offer
+from slopewise.services.wire.model_proposal import ModelProposal
 
 EFFECTS = "effects"
 
@@ -38,7 +38,7 @@ class EffectsGroup(ParameterGroups):
     of_operators = True
 
     file: Model
-    proposal: Offer | None = None
+    proposal: ModelProposal | None = None
     adopted: str = ""
     tables: State | None = None
     may_be_faster: bool = False
@@ -101,7 +101,7 @@ class EffectsGroup(ParameterGroups):
             after = replace(after, parked=parked)
         return replace(after, proposal=proposal, adopted=adopted, since=time.monotonic() - age)
 
-    def read(self, state: State | None) -> tuple[Offer | None, str]:
+    def read(self, state: State | None) -> tuple[ModelProposal | None, str]:
         """The proposal in a stored state, and the id of the finding in use.
 
         Raises:
@@ -111,7 +111,9 @@ class EffectsGroup(ParameterGroups):
             return None, ""
         if state["file"] != self._digest():
             raise ParameterError(EFFECTS, "a finding for this model file, got another's")
-        proposal = None if state["offer"] is None else msgspec.convert(state["offer"], Offer)
+        proposal = (
+            None if state["offer"] is None else msgspec.convert(state["offer"], ModelProposal)
+        )
         return proposal, "" if state["model"] is None else str(state["adopted"])
 
     def _digest(self) -> str:

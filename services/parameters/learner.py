@@ -28,13 +28,13 @@ from slopewise.services.parameters.stop_plausibility import (
 )
 from slopewise.services.parameters.stop_streams import StopStreams
 from slopewise.services.settings.learning_settings import Learning
+from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.observations import (
     DriveSamples,
     RobotObservation,
     StopObservation,
     TerrainLabel,
 )
-from slopewise.services.wire.offer import Offer
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
 _REMEMBERED_STOPS = 200
@@ -187,7 +187,7 @@ class Learner:
 
     # ------------------------------------------------------------------ changes of the whole
 
-    def propose(self, proposal: Offer) -> None:
+    def propose(self, proposal: ModelProposal) -> None:
         """Replace the proposal that waits for an operator."""
         self.state = self.state.propose(replace(self.state.effects, proposal=proposal))
 
@@ -195,7 +195,7 @@ class Learner:
         """Plan and learn on top of the proposal, see :meth:`LearnerState.adopt`; what it is."""
         self.state = self.state.adopt(proposal_id, faster=faster)
         proposal = self.state.effects.proposal
-        return "" if proposal is None else proposal.words()
+        return "" if proposal is None else proposal.text()
 
     def load(self, states: Mapping[str, tuple[State | None, float]]) -> None:
         """Replace groups by stored states with their ages [s], all or none."""

@@ -1,4 +1,4 @@
-"""Parameters and observations over zenoh: keys, one bounded queue, one thread.
+"""Parameters and observations over zenoh: keys, one fair queue, one thread.
 
 An observation arrives as a put, or as a query where its sender needs to know that it was stored:
 the receipt is sent once it is on disk. Parameters are read at ``params`` and ``params/GROUP``, set
@@ -11,10 +11,10 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import Counter, deque
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import msgspec
 import zenoh
@@ -25,9 +25,11 @@ from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.endpoint import Endpoint, Handler
+from slopewise.services.wire.fair_queue import FairQueue, Waiting
+from slopewise.services.wire.message_header import read_source
 from slopewise.services.wire.observations import (
     DriveSamples,
-    Receipt,
+    ObservationAck,
     StopObservation,
     TerrainLabel,
 )
@@ -69,6 +71,13 @@ _REST_RATIO, _MAX_REST = 2.0, 0.05
 long [s]: a flood of observations leaves two thirds of a core to planning."""
 
 
+class _Received(NamedTuple):
+    """A message that waits; ``kind``: of :data:`KINDS`, PARAMS or DISCREPANCY."""
+
+    kind: str
+    message: Any
+
+
 class ParameterListener(Protocol):
     """Receives what is learned; called by the learning thread."""
 
@@ -102,10 +111,9 @@ class ParameterEndpoint:
         self._counters, self._listener = counters, listener
         max_bytes = int(config.learning.observation_bytes)
         self._endpoint = Endpoint(counters, max_bytes, self._report_fault)
-        self._waiting: deque[tuple[str, float, Any]] = deque()
+        self._queue = FairQueue[_Received](config.learning.queue)
         self._alive: dict[str, bool] = {}
-        self._arrival = threading.Condition()
-        self._is_closed = False
+        self._alive_lock = threading.Lock()
         self._lost_at = -float("inf")
         self.beat = time.monotonic()
         self._thread = threading.Thread(target=self._work, name="parameters", daemon=True)
@@ -131,11 +139,11 @@ class ParameterEndpoint:
         """Undeclare the keys, then close the store."""
         for declared in self._declared:
             declared.undeclare()
-        with self._arrival:
-            self._is_closed = True
-            self._arrival.notify()
+        unanswered = self._queue.close()
         self._thread.join(_STOP_TIMEOUT)
         if not self._thread.is_alive():
+            for waiting in unanswered:
+                self._reject(waiting.item, "the service is stopping")
             self._service.close()
 
     def flags(self) -> list[str]:
@@ -147,51 +155,91 @@ class ParameterEndpoint:
 
     def _putter(self, kind: str) -> Callable[[Any], None]:
         def put(item: Any) -> None:
-            with self._arrival:
-                if len(self._waiting) < self._config.learning.queue:
-                    self._waiting.append((kind, time.monotonic(), item))
-                    self._arrival.notify()
-                    return
-            self._counters["observations_lost"] += 1
-            self._lost_at = time.monotonic()
+            is_observation, encoding = kind in KINDS, str(item.encoding or "")
+            name = str(item.key_expr).rpartition("/")[2]
+            waiting = Waiting(
+                _Received(kind, item),
+                sender=read_source(item.payload or b"", encoding) if is_observation else kind,
+                # Access to these keys is given to operators only.
+                outranks=kind == PARAMS and name in CHANGES,
+            )
+            displaced = self._queue.put(waiting)
+            if displaced is None:
+                return
+            if displaced.item.kind in KINDS:
+                self._counters["observations_lost"] += 1
+                self._lost_at = time.monotonic()
+            if isinstance(displaced.item.message, zenoh.Query):
+                self._queue.reject(displaced)
+                self._queue.interrupt()
 
         return put
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr).rpartition("/")[2]
-        with self._arrival:
+        with self._alive_lock:
             # Not part of the queue: tokens are never lost, and only the last one matters.
             self._alive[name] = sample.kind == zenoh.SampleKind.PUT
-            self._arrival.notify()
+        self._queue.interrupt()
 
     # ------------------------------------------------------------------ own thread
 
     def _work(self) -> None:
         self._listener.recall()
         while True:
-            with self._arrival:
-                if not self._waiting and not self._alive and not self._is_closed:
-                    self._arrival.wait(_TICK)
-                if self._is_closed:
-                    return
-                item = self._waiting.popleft() if self._waiting else None
-                alive, self._alive = self._alive, {}
+            waiting = self._queue.take(timeout=_TICK)
+            rejected = self._queue.overdue(block=False)
+            if rejected is None:
+                return
             self.beat = time.monotonic()
             begun = time.thread_time()
             try:
-                for name, is_alive in alive.items():
-                    self._service.alive(name, is_alive=is_alive)
-                if item is not None:
-                    self._process(*item)
-                self._service.tick()
-                self._publish()
-                self._listener.show()
+                self._work_once(waiting, rejected)
             except Exception:  # noqa: BLE001 - logged, counted and flagged; plans get slower
                 self._counters["faults"] += 1
                 _log.exception("the learning thread failed")
                 self._service.fault("learning does not work as it should")  # words: ok
-            if self._waiting:
-                time.sleep(min(_REST_RATIO * (time.thread_time() - begun), _MAX_REST))
+            used = time.thread_time() - begun
+            if waiting is not None:
+                self._queue.shares.charge(waiting.sender, used)
+            if len(self._queue):
+                time.sleep(min(_REST_RATIO * used, _MAX_REST))
+
+    def _work_once(
+        self, waiting: Waiting[_Received] | None, rejected: Sequence[Waiting[_Received]]
+    ) -> None:
+        with self._alive_lock:
+            alive, self._alive = self._alive, {}
+        for name, is_alive in alive.items():
+            self._service.alive(name, is_alive=is_alive)
+        for entry in rejected:
+            self._reject(entry.item, "too many requests wait, ask again later")
+        if waiting is not None and self._queue.claim(waiting):
+            self._process(waiting.item.kind, waiting.arrived, waiting.item.message)
+            self._queue.shares.note_answer(waiting.sender)
+        self._service.tick()
+        self._publish()
+        self._listener.show()
+
+    def _reject(self, received: _Received, reason: str) -> None:
+        """Reply to a request that was not handled."""
+        query, kind = received.message, received.kind
+        if not isinstance(query, zenoh.Query):
+            return
+        requested, is_observation = str(query.key_expr), kind in KINDS
+        base = self._config.key(f"obs/{kind}" if is_observation else kind)
+        reply = self._failed(reason) if is_observation else self._error(reason)
+        default = Format.MESSAGEPACK if is_observation else Format.JSON
+        written = codec.format_of(str(query.encoding or ""), default)
+        with query:
+            self._endpoint.send(query, base if "*" in requested else requested, reply, written)
+
+    def _failed(self, reason: str) -> ObservationAck:
+        version, durable = self._service.history.version, self._service.history.durable
+        return ObservationAck(status="error", reason=reason, version=version, durable=durable)
+
+    def _error(self, reason: str) -> ParameterReply:
+        return replies.reply_of(self._service, self._config.id, "error", reason)
 
     def _process(self, kind: str, arrived: float, item: Any) -> None:
         with item if isinstance(item, zenoh.Query) else nullcontext():
@@ -204,13 +252,11 @@ class ParameterEndpoint:
                 self._answer(item)
 
     def _observe(self, kind: str, arrived: float, item: Any) -> None:
-        key, history = self._config.key(f"obs/{kind}"), self._service.history
+        key = self._config.key(f"obs/{kind}")
         observation = Handler(
             KINDS[kind],
             handle=lambda message: self._service.observe(kind, message, key, arrived),
-            failure=lambda reason: Receipt(
-                status="error", reason=reason, version=history.version, durable=history.durable
-            ),
+            failure=self._failed,
             name=kind,
             describe=lambda message: f"{kind} {message.sequence} of {message.source}",
         )
@@ -249,7 +295,7 @@ class ParameterEndpoint:
         return Handler(
             kind,
             handle=lambda request: handle(service, request, name),
-            failure=lambda reason: replies.reply_of(service, name, "error", reason),
+            failure=self._error,
             name=PARAMS,
             default=kind() if has_default else None,
             reply_format=Format.JSON,

@@ -25,7 +25,7 @@ from slopewise.services.parameters.restore import ParameterRestorer
 from slopewise.services.parameters.store import StoreError
 from slopewise.services.parameters.stored_change import BootTime
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.observations import DriveSamples, Receipt, RobotObservation
+from slopewise.services.wire.observations import DriveSamples, ObservationAck, RobotObservation
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
 _log = logging.getLogger("slopewise")
@@ -86,7 +86,7 @@ class ParameterService:
 
     def observe(
         self, kind: str, observation: RobotObservation, key: str, arrived: float
-    ) -> Receipt:
+    ) -> ObservationAck:
         """Learn from an observation, and store the result.
 
         Args:
@@ -123,9 +123,9 @@ class ParameterService:
         columns = columns_of(samples, key)
         self.investigator.add_samples(samples.source, columns, surface, model)
 
-    def _receipt(self, status: str, reason: str) -> Receipt:
+    def _receipt(self, status: str, reason: str) -> ObservationAck:
         version, durable = self.history.version, self.history.durable
-        return Receipt(status=status, reason=reason, version=version, durable=durable)
+        return ObservationAck(status=status, reason=reason, version=version, durable=durable)
 
     # ------------------------------------------------------------------ operators
 
@@ -200,7 +200,7 @@ class ParameterService:
         proposal = outcome.offer
         self.learner.propose(proposal)
         self.rejected = ("", "")
-        self._commit({EFFECTS}, f"offered {proposal.id}, {proposal.words()}", proposal.cause)
+        self._commit({EFFECTS}, f"offered {proposal.id}, {proposal.text()}", proposal.cause)
         allowed = self._config.discrepancy.adopt_slower
         if allowed and proposal.changes and proposal.valid and proposal.slower_than_now:
             try:

@@ -1,1 +1,1 @@
-"""Questions for plans and updates of the map, from the wire to the answer."""
+"""Plan requests and maps of the service."""

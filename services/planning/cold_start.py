@@ -1,7 +1,7 @@
-"""What an installation does before its kernels are compiled, and whoever waits is told.
+"""Plans before the kernels of an installation are compiled, and messages about the wait.
 
-Compiling takes a minute. A plan of a few paths is there sooner when its kernels run as Python, and
-a process of its own compiles for the next one meanwhile.
+Compiling takes a minute. A plan of a few paths is ready sooner if its kernels run as Python, while
+a separate process compiles for later ones.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from slopewise.services.planning.progress import progress_bar
 FEW = 3000
 """Stations that Python plans along sooner than the compiler is done, at some 15 ms each."""
 
-_LOOK = 0.2
-"""How often it is looked whether another process has compiled everything [s]."""
+_POLL_INTERVAL = 0.2
+"""Time between two checks whether another process has compiled everything [s]."""
 
 _NOWHERE = (
     "compiling, a minute for each process: compiled code cannot be kept here; let NUMBA_CACHE_DIR "
@@ -56,17 +56,17 @@ def compile_first(meanwhile: str) -> None:
     """Compile on all cores what is not compiled yet, and say so in one line on standard error.
 
     Args:
-        meanwhile: what the one who waits should know.
+        meanwhile: consequence of the wait, for the message.
 
     The compiler's memory is that of other processes. Where the code cannot be kept this one has to
-    compile it anyway, and only the line is said.
+    compile it anyway, and only the line is printed.
     """
     if kept.is_compiled():
         return
     if not kept.can_be_kept():
-        _say(_NOWHERE)
+        _print_once(_NOWHERE)
         return
-    _say(f"compiling, once after each installation; {meanwhile}")
+    _print_once(f"compiling, once after each installation; {meanwhile}")
     with kept.compiling():
         if not kept.is_compiled():
             kernels = written_down()
@@ -77,7 +77,7 @@ def compile_first(meanwhile: str) -> None:
 
 
 def sooner(job: Callable[[], T], stations: Callable[[], float]) -> T:
-    """Do what plans, in Python where the compiler would take longer, and another process compiles.
+    """Run a planning job, in Python where the compiler would take longer, as another one compiles.
 
     The first job after that finds everything compiled. A job must not begin another one.
 
@@ -135,12 +135,12 @@ def _prefers_python() -> bool:
     if kept.is_compiled():
         return False
     if not kept.can_be_kept():
-        _say(_NOWHERE)
+        _print_once(_NOWHERE)
         return False
-    _say(_IN_PYTHON)
+    _print_once(_IN_PYTHON)
     if not kept.is_compiling():
         if _compiler is None:
-            # It has to import this very copy, wherever it is started.
+            # It has to import this very copy from any working directory.
             path = [str(kept.PACKAGE.parents[1]), *sys.path]
             quiet = subprocess.DEVNULL
             _compiler = subprocess.Popen(
@@ -166,9 +166,9 @@ def _wait() -> None:
     with progress_bar("compiling", total) as advance:
         while not kept.is_compiled() and _is_compiling():
             advance(-seen + (seen := min(kept.count(), total)))
-            time.sleep(_LOOK)
+            time.sleep(_POLL_INTERVAL)
 
 
 @cache
-def _say(words: str) -> None:
-    print(f"slopewise: {words}", file=sys.stderr, flush=True)
+def _print_once(text: str) -> None:
+    print(f"slopewise: {text}", file=sys.stderr, flush=True)

@@ -11,11 +11,11 @@ import zenoh
 
 from slopewise.models.errors import InputError
 from slopewise.services.planning.map_store import MapStore
-from slopewise.services.planning.request_header import read_source
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 from slopewise.services.wire.fair_queue import FairQueue, Waiting
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.message_header import read_source
+from slopewise.services.wire.plan_messages import MapUpdate
 
 _log = logging.getLogger("slopewise")
 

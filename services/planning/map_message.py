@@ -11,9 +11,9 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.services.io.maps import height_error, no_data
-from slopewise.services.io.maps.grid import check_physical
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.io import height_error, no_data
+from slopewise.services.io.map_grid import check_physical
+from slopewise.services.wire.plan_messages import MapUpdate
 
 _MAX_HEIGHT_STD = 10.0
 """Largest height error of a measured map [m]: coarse satellite elevation is within it."""

@@ -21,7 +21,7 @@ from slopewise.services.wire.arrival import (
     StampVerdict,
     warn_of_order,
 )
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.plan_messages import MapUpdate
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
 _MAX_SOURCES = 64

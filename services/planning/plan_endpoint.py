@@ -23,13 +23,13 @@ from slopewise.models.errors import InputError
 from slopewise.services.planning.deadline_check import DeadlineError
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.planning.request_header import read_deadline, read_header
 from slopewise.services.planning.usage_meter import UsageMeter
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire import codec, messages
+from slopewise.services.wire import codec, plan_messages
 from slopewise.services.wire.endpoint import Endpoint
 from slopewise.services.wire.fair_queue import FULL, FairQueue, Waiting
-from slopewise.services.wire.messages import PlanReply, PlanRequest
+from slopewise.services.wire.message_header import read_deadline, read_header
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 
 _log = logging.getLogger("slopewise")
 
@@ -87,7 +87,7 @@ class PlanEndpoint:
     def close(self) -> None:
         """Reply "busy" to all requests that wait, and end the threads."""
         for entry in self._queue.close():
-            self._reply_without_plans(entry, messages.BUSY, "the service is stopping")
+            self._reply_without_plans(entry, plan_messages.BUSY, "the service is stopping")
         for thread in self._threads:
             thread.join(_STOP_TIMEOUT)
 
@@ -143,16 +143,16 @@ class PlanEndpoint:
             self._answer(entry, UsageMeter(self._queue, entry, between))
         except DeadlineError as late:
             self._counters["given_up"] += 1
-            self._give_up(entry, messages.BUSY, str(late))
+            self._give_up(entry, plan_messages.BUSY, str(late))
         except InputError as error:
             self._counters["refused"] += 1
-            self._give_up(entry, messages.ERROR, str(error))
+            self._give_up(entry, plan_messages.ERROR, str(error))
         except Exception as error:  # noqa: BLE001 - logged and counted; the process has to live
             if entry.is_claimed and isinstance(error, zenoh.ZError):
                 return  # Closed by the "busy" that was sent while it was decoded.
             self._counters["faults"] += 1
             _log.exception("plan request rejected: internal error")
-            self._give_up(entry, messages.ERROR, "fault of the service")
+            self._give_up(entry, plan_messages.ERROR, "fault of the service")
 
     def _answer(self, entry: PlanEntry, meter: UsageMeter) -> None:
         started = time.monotonic()
@@ -197,7 +197,7 @@ class PlanEndpoint:
 
     def _give_up(self, entry: PlanEntry, status: str, reason: str) -> None:
         if self._queue.claim(entry):
-            self._counters["busy"] += status == messages.BUSY
+            self._counters["busy"] += status == plan_messages.BUSY
             self._reply_without_plans(entry, status, reason)
 
     def _reply_busy(self) -> None:
@@ -205,10 +205,10 @@ class PlanEndpoint:
             for entry in overdue:
                 if entry.is_invalid:
                     self._counters["refused"] += 1
-                    self._reply_without_plans(entry, messages.ERROR, entry.reason)
+                    self._reply_without_plans(entry, plan_messages.ERROR, entry.reason)
                 else:
                     self._counters["busy"] += 1
-                    self._reply_without_plans(entry, messages.BUSY, entry.reason or FULL)
+                    self._reply_without_plans(entry, plan_messages.BUSY, entry.reason or FULL)
 
     def _reply_without_plans(self, entry: PlanEntry, status: str, reason: str) -> None:
         """Reply to a claimed request."""

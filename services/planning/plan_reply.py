@@ -1,78 +1,64 @@
-"""Replies to plan requests from results of the planner."""
+"""Replies to plan requests from results of the planner; the service adds what they rest on."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, SpeedCommand
+from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, SpeedCommand, command_of
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.ranking import ranking_cost
 from slopewise.planner.plan import Obstacle, SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.wire.messages import (
+from slopewise.services.wire.plan_messages import (
     PLAN_COLUMNS,
     Deviation,
     Limit,
-    Met,
+    ObstacleMessage,
     Plan,
+    PlanReply,
     RankedCandidate,
     WireCommand,
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanResult:
-    """Result of one request as messages; by default a full stop without a plan.
-
-    Attributes:
-        chosen: name of the candidate to drive; None: the reply is a stop.
-        reused: the plan driven so far is continued unchanged. seconds: duration of stages.
-    """
-
-    reason: str
-    status: str = Status.DEGRADED.value
-    command: WireCommand
-    chosen: str | None = None
-    reused: bool = False
-    ranking: list[RankedCandidate]
-    plans: list[Plan]
-    seconds: dict[str, float]
-
-
-def full_stop(reason: str, rejected: list[RankedCandidate] | None = None) -> PlanResult:
+def full_stop(reason: str, rejected: list[RankedCandidate] | None = None) -> PlanReply:
     """A full stop, because no candidate can be planned."""
-    return PlanResult(
-        reason=reason, command=_command(FULL_STOP), ranking=rejected or [], plans=[], seconds={}
-    )
+    status = Status.DEGRADED.value
+    command, ranking = _command(FULL_STOP), rejected or []
+    return PlanReply(status=status, reason=reason, service="", command=command, ranking=ranking)
 
 
-def cycle_result(answer: CycleAnswer) -> PlanResult:
+def cycle_reply(answer: CycleAnswer) -> PlanReply:
     """Result of one cycle of a moving horizon."""
-    return PlanResult(
+    return PlanReply(
         status=answer.status.value,
         reason=answer.reason,
+        service="",
         command=_command(answer.command),
         chosen=None if answer.chosen is None else answer.chosen.candidate,
-        reused=answer.kept,
+        kept=answer.kept,
         ranking=[
-            RankedCandidate(name=r.candidate, usable=r.valid, reason=r.reason, cost=finite(r.cost))
+            RankedCandidate(name=r.candidate, usable=r.valid, reason=r.reason, cost=_finite(r.cost))
             for r in answer.ranking
         ],
-        plans=[plan_message(plan) for plan in answer.plans],
+        plans=[_plan(plan) for plan in answer.plans],
         seconds={f"planner.{stage}": seconds for stage, seconds in answer.seconds.items()},
     )
 
 
-def ranked_result(
+def ranked_reply(
     plans: list[SpeedPlan],
-    command: SpeedCommand,
     settings: PlannerSettings,
+    period: float,
     rejected: list[RankedCandidate],
-) -> PlanResult:
-    """Result of a request without a client; ``plans``: best first, at least one."""
+) -> PlanReply:
+    """Result of a request without a client.
+
+    Args:
+        plans: at least one, best first. period: time to the next request [s].
+    """
     best = plans[0]
+    is_stop = best.status is Status.INFEASIBLE
     ranking = [
         RankedCandidate(
             name=plan.candidate,
@@ -82,19 +68,18 @@ def ranked_result(
         )
         for plan in plans
     ]
-    return PlanResult(
+    return PlanReply(
         status=best.status.value,
         reason=best.reason,
-        command=_command(command),
+        service="",
+        command=_command(FULL_STOP if is_stop else command_of(best, 0.0, 0.0, period)),
         chosen=best.candidate,
         ranking=[*ranking, *rejected],
-        plans=[plan_message(plan) for plan in plans],
-        seconds={},
+        plans=[_plan(plan) for plan in plans],
     )
 
 
-def plan_message(plan: SpeedPlan) -> Plan:
-    """A plan as a message."""
+def _plan(plan: SpeedPlan) -> Plan:
     changes = np.flatnonzero(np.diff(plan.limiting)) + 1
     starts = [0, *(int(i) for i in changes)]
     return Plan(
@@ -104,7 +89,7 @@ def plan_message(plan: SpeedPlan) -> Plan:
         travel_time=plan.travel_time,
         progress=plan.progress,
         clear_distance=float(plan.clear_distance),
-        least_margin=finite(plan.least_margin),
+        least_margin=_finite(plan.least_margin),
         least_rear_load=float(plan.rear_load.min()),
         limits=[Limit(first=i, name=Limiting(int(plan.limiting[i])).label) for i in starts],
         columns=list(PLAN_COLUMNS),
@@ -114,8 +99,7 @@ def plan_message(plan: SpeedPlan) -> Plan:
     )
 
 
-def finite(value: float) -> float | None:
-    """The value as a number of a message; None if it is not finite."""
+def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
@@ -129,19 +113,13 @@ def _deviation(plan: SpeedPlan) -> Deviation | None:
     deviation = plan.path_deviation
     if deviation is None:
         return None
-    return Deviation(
-        largest=deviation.largest,
-        station=deviation.station,
-        x=deviation.x,
-        y=deviation.y,
-        limit=deviation.limit,
-    )
+    return Deviation(**{name: getattr(deviation, name) for name in Deviation.__struct_fields__})
 
 
-def _obstacle(obstacle: Obstacle | None) -> Met | None:
+def _obstacle(obstacle: Obstacle | None) -> ObstacleMessage | None:
     if obstacle is None:
         return None
-    return Met(
+    return ObstacleMessage(
         bound=obstacle.bound.label,
         x=float(obstacle.x),
         y=float(obstacle.y),

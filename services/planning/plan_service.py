@@ -12,15 +12,16 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec import structs
 
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.horizon.answer import FULL_STOP, PlanarState, command_of
+from slopewise.planner.horizon.answer import PlanarState
 from slopewise.planner.horizon.horizon import Horizon
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank
-from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.plan import SpeedPlan
 from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.deadline_check import (
     CostEstimator,
@@ -29,12 +30,7 @@ from slopewise.services.planning.deadline_check import (
 )
 from slopewise.services.planning.map_age import MapAge
 from slopewise.services.planning.map_store import MapSnapshot
-from slopewise.services.planning.plan_reply import (
-    PlanResult,
-    cycle_result,
-    full_stop,
-    ranked_result,
-)
+from slopewise.services.planning.plan_reply import cycle_reply, full_stop, ranked_reply
 from slopewise.services.planning.request_validation import (
     PlanCandidate,
     resample_all,
@@ -43,7 +39,7 @@ from slopewise.services.planning.request_validation import (
     validate_request,
 )
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.messages import (
+from slopewise.services.wire.plan_messages import (
     PlanReply,
     PlanRequest,
     RankedCandidate,
@@ -58,7 +54,7 @@ _INACTIVE_AFTER = 10.0
 
 @dataclass(frozen=True, slots=True)
 class _Job:
-    """A request, with parameters and map as they were when its turn came."""
+    """A request, with the parameters and the map that were in use when its turn came."""
 
     request: PlanRequest
     parameters: ActiveParameters
@@ -160,7 +156,7 @@ class PlanService:
 
     def _plan(
         self, job: _Job, candidates: list[PlanCandidate], key: str, check_deadline: DeadlineCheck
-    ) -> PlanResult:
+    ) -> PlanReply:
         try:
             if job.request.client:
                 return self._plan_for_client(job, candidates)
@@ -168,7 +164,7 @@ class PlanService:
         except ParameterError as error:
             raise InputError(key, error.field, f"expected {error.expected}") from None
 
-    def _plan_for_client(self, job: _Job, candidates: list[PlanCandidate]) -> PlanResult:
+    def _plan_for_client(self, job: _Job, candidates: list[PlanCandidate]) -> PlanReply:
         request, parameters = job.request, job.parameters
         assert request.pose is not None
         x, y, heading = request.pose
@@ -184,7 +180,7 @@ class PlanService:
                 clear=np.array([c.clear for c in candidates]) if candidates else np.inf,
                 conditions=job.conditions,
             )
-        return cycle_result(answer)
+        return cycle_reply(answer)
 
     def _client(self, name: str, parameters: ActiveParameters) -> _Client:
         with self._lock:
@@ -216,7 +212,7 @@ class PlanService:
 
     def _plan_once(
         self, job: _Job, candidates: list[PlanCandidate], check_deadline: DeadlineCheck
-    ) -> PlanResult:
+    ) -> PlanReply:
         planning, model = self.config.planning, job.parameters.model
         limits = planning.horizon().for_track(model.vehicle.track_width)
         at_vehicle = select_at_vehicle(job.request, candidates, limits)
@@ -238,10 +234,8 @@ class PlanService:
                 conditions=job.conditions,
                 progress=lambda _: check_deadline(),
             )
-        plans = rank(plans, planning.planner())
-        is_stop = plans[0].status is Status.INFEASIBLE
-        command = FULL_STOP if is_stop else command_of(plans[0], 0.0, 0.0, planning.period)
-        return ranked_result(plans, command, planning.planner(), rejected)
+        settings = planning.planner()
+        return ranked_reply(rank(plans, settings), settings, planning.period, rejected)
 
     def _planner(self, parameters: ActiveParameters) -> CandidatePlanner:
         """Planner with these parameters; replaced as a whole, so that threads need no lock."""
@@ -262,13 +256,12 @@ class PlanService:
         request: PlanRequest,
         parameters: ActiveParameters,
         snapshot: MapSnapshot | None,
-        result: PlanResult,
+        result: PlanReply,
         rejected: list[RankedCandidate] | None = None,
         seconds: dict[str, float] | None = None,
     ) -> PlanReply:
-        return PlanReply(
-            status=result.status,
-            reason=result.reason,
+        return structs.replace(
+            result,
             service=self.config.id,
             sequence=request.sequence,
             parameters=parameters.message(),
@@ -276,11 +269,7 @@ class PlanService:
             map_age=None if snapshot is None else snapshot.age(),
             map_id="" if snapshot is None else snapshot.id,
             map_hash="" if snapshot is None else snapshot.digest,
-            command=result.command,
-            chosen=result.chosen,
-            kept=result.reused,
             ranking=[*result.ranking, *(rejected or [])],
-            plans=result.plans,
             flags=[*parameters.flags, *self.warnings(snapshot)],
             seconds=result.seconds | (seconds or {}),
         )

@@ -20,7 +20,7 @@ from slopewise.planner.horizon.refusals import out_of_reach
 from slopewise.planner.path import EvenPath, batch, resample
 from slopewise.services.planning.deadline_check import DeadlineCheck, no_deadline
 from slopewise.services.settings.service_settings import SizeLimits
-from slopewise.services.wire.messages import Path, PlanRequest, RankedCandidate
+from slopewise.services.wire.plan_messages import Path, PlanRequest, RankedCandidate
 
 _MIN_POINTS = 3
 """Fewest points of a path [1]: curvature needs three."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from slopewise.services.io.access import fault, write_atomic
+from slopewise.services.io.files import fault, write_atomic
 from slopewise.services.report.brake_drawing import SIZE, SheetWords, draw
 from slopewise.services.report.brake_numbers import BrakeNumbers
 from slopewise.services.report.brake_table import shown_distances

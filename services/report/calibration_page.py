@@ -14,7 +14,7 @@ import numpy as np
 from slopewise.models.calibration.learn import Calibration
 from slopewise.models.stop_logs.drive_quality import Suspect
 from slopewise.models.stop_logs.find_stops import Usability
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 from slopewise.services.report.calibration_pictures import pictures
 from slopewise.services.report.page import asset, escaped, fact_list, notices, number_row, page
 from slopewise.services.report.words import plural

@@ -15,7 +15,7 @@ from slopewise.models.discrepancy.findings import Findings, Gap, LocatedAxis, Na
 from slopewise.models.discrepancy.report.evidence import Evidence
 from slopewise.models.discrepancy.report.words import answers, closed_words, sure_words
 from slopewise.models.effects.registry import LAWS
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 from slopewise.services.report.discrepancy_pictures import pictures
 from slopewise.services.report.page import escaped, fact_list, notices, number_row, page
 from slopewise.services.report.words import plural

@@ -15,7 +15,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.explain.explain import Explanation
 from slopewise.planner.plan import SpeedPlan, Status
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 from slopewise.services.report.limit_colours import limit_colours
 from slopewise.services.report.page import asset, escaped, fact_list, page
 from slopewise.services.report.plan_data import page_data

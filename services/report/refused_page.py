@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from slopewise.models.stop_logs.drive_quality import Suspect
 from slopewise.models.stop_logs.find_stops import StopWindow
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 from slopewise.services.report.calibration_page import stops_found, suspect_rows
 from slopewise.services.report.page import escaped, fact_list, number_row, page
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from slopewise.models.terrain.classes import TerrainClasses
 from slopewise.models.terrain.trace import TerrainTrace
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 from slopewise.services.report.page import escaped, fact_list, notices, page
 from slopewise.services.report.terrain_pictures import Point, pictures
 

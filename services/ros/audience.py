@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from slopewise.services.io.bags.ros_types import type_hashes
+from slopewise.services.io.bags import type_hashes
 from slopewise.services.ros.graph import Endpoint, Graph, Speech, others_domains
 from slopewise.services.ros.naming import NO_HASH, NULL_HASH, PUBLISHER, SUBSCRIPTION
 

@@ -13,7 +13,7 @@ from slopewise.services.ros.conversions import Condition
 from slopewise.services.ros.graph import Speech
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.neighbours import Connections
+from slopewise.services.wire.peer_status import Connections
 
 _log = logging.getLogger("slopewise")
 

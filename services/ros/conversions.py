@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.errors import ParameterError
-from slopewise.services.io.bags.ros_types import PATH, SPEED_LIMIT, typestore
-from slopewise.services.io.maps.bag_map import points_of
+from slopewise.services.io.bag_paths import points_of
+from slopewise.services.io.bags import PATH, SPEED_LIMIT, typestore
 from slopewise.services.ros.speed_limit import PlanPosition, SpeedAdvice
-from slopewise.services.wire.messages import Path, Plan
+from slopewise.services.wire.plan_messages import Path, Plan
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 IMU = "sensor_msgs/msg/Imu"

@@ -19,9 +19,9 @@ import zenoh
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.client import ClientAnswer, PlanClient
-from slopewise.services.io.bags.ros_types import GRID_MAP, PATH, SPEED_LIMIT
-from slopewise.services.io.maps.bag_map import other_frame
-from slopewise.services.io.maps.grid_map_message import elevation_map_of
+from slopewise.services.io.bag_paths import other_frame
+from slopewise.services.io.bags import GRID_MAP, PATH, SPEED_LIMIT
+from slopewise.services.io.grid_map import elevation_map_of
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros import speed_limit
 from slopewise.services.ros.connections import ConnectionWatch
@@ -31,7 +31,7 @@ from slopewise.services.ros.node import Node
 from slopewise.services.ros.settings import EdgeSettings
 from slopewise.services.ros.speed_limit import SpeedAdvice
 from slopewise.services.ros.vehicle_state import VehicleState
-from slopewise.services.wire.messages import MapUpdate, Path, Plan
+from slopewise.services.wire.plan_messages import MapUpdate, Path, Plan
 
 _log = logging.getLogger("slopewise")
 _DIAGNOSE = 0.5

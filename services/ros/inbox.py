@@ -12,7 +12,7 @@ from typing import Any
 import zenoh
 
 from slopewise.models.errors import InputError
-from slopewise.services.io.bags.ros_types import read_cdr
+from slopewise.services.io.bags import read_cdr
 
 _MOST_BYTES = 64_000_000
 _MOST_WAITING = 100

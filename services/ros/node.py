@@ -11,7 +11,7 @@ from typing import Any
 import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
-from slopewise.services.io.bags.ros_types import type_hashes, typestore
+from slopewise.services.io.bags import type_hashes, typestore
 from slopewise.services.ros import naming
 from slopewise.services.ros.audience import OwnTopic, TopicAudience, audience_of
 from slopewise.services.ros.graph import OF_DISTRIBUTION, Graph, Speech

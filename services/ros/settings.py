@@ -8,9 +8,8 @@ from typing import Literal
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import quantity, validate_quantities
-from slopewise.services.io.access import fault
 from slopewise.services.io.decode import decode_table
-from slopewise.services.io.toml_file import beside, read_toml
+from slopewise.services.io.files import fault, read_toml, resolve_names
 from slopewise.services.ros.naming import full_name
 
 _MOST_PATHS = 100
@@ -212,7 +211,7 @@ def read_settings(path: Path) -> EdgeSettings:
         InputError: names the file and the key.
     """
     data = read_toml(path)
-    beside(path, data, "ros.config", "service.config")
+    resolve_names(path, data, "ros.config", "service.config")
     settings = decode_table(EdgeSettings, data, str(path))
     for topic in (*settings.topics.paths, settings.topics.odometry, settings.topics.speed_limit):
         try:

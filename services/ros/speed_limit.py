@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.services.ros.settings import Timing
-from slopewise.services.wire.messages import Plan, PlanReply
+from slopewise.services.wire.plan_messages import Plan, PlanReply
 
 _DRIVABLE = ("ok", "blocked", "degraded")
 

@@ -1,4 +1,4 @@
-"""What every viewer draws: ground as a mesh, candidates coloured by speed, numbers over time."""
+"""Drawing for every viewer: ground as a mesh, candidates coloured by speed, numbers over time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slopewise.models.vehicle import Vehicle
 from slopewise.planner.plan import SpeedPlan
 from slopewise.services.report.hillshade import shade
 
-_MOST_VERTICES = 60_000
+_MAX_VERTICES = 60_000
 """Ground is drawn coarser beyond that; viewers build an object for each."""
 
 _LIFT = 0.05
@@ -50,9 +50,9 @@ class DrawnSurface:
     step: int
 
 
-def surface(ground: ElevationMap, most: int = _MOST_VERTICES) -> DrawnSurface:
+def surface(ground: ElevationMap, max_vertices: int = _MAX_VERTICES) -> DrawnSurface:
     """Known ground; where a cell is unknown there is a hole."""
-    step = max(1, math.ceil(math.sqrt(ground.elevation.size / most)))
+    step = max(1, math.ceil(math.sqrt(ground.elevation.size / max_vertices)))
     heights = ground.elevation[::step, ::step]
     grey = shade(ground.elevation, ground.resolution)[::-1][::step, ::step, 0]
     rows, columns = heights.shape
@@ -67,8 +67,8 @@ def surface(ground: ElevationMap, most: int = _MOST_VERTICES) -> DrawnSurface:
     triangles = []
     for corners in (((0, 0), (0, 1), (1, 1)), ((0, 0), (1, 1), (1, 0))):
         at = [(i + di, j + dj) for di, dj in corners]
-        whole = np.logical_and.reduce([known[place] for place in at])
-        triangles.append(np.stack([number[place][whole] for place in at], axis=1))
+        complete = np.logical_and.reduce([known[place] for place in at])
+        triangles.append(np.stack([number[place][complete] for place in at], axis=1))
     return DrawnSurface(
         vertices=vertices,
         triangles=np.concatenate(triangles).astype(np.uint32),
@@ -129,7 +129,7 @@ SERIES = (
 
 @dataclass(frozen=True, slots=True)
 class DrivenPlan:
-    """A plan as it is driven, n moments; every array is (n,).
+    """Driven plan, n moments; every array is (n,).
 
     Attributes:
         time: [s], growing. position: (n, 3) on the ground [m]. quaternion: (n, 4) x, y, z, w.

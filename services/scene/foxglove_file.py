@@ -14,7 +14,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 from slopewise.services.scene import drawing
 
 MAP_FRAME = "map"
@@ -30,12 +30,14 @@ def write_mcap(
     vehicle: Vehicle,
     begin: int | None = None,
 ) -> None:
-    """Ground, all candidates, and the best plan as it is driven.
+    """Write ground, all candidates, and the drive of the best plan.
 
     Args:
         path: file to write, all or nothing.
-        ground: under the plans. plans: best first. vehicle: for its size.
-        begin: when the drive begins [ns since 1970]; now, if left out.
+        ground: ground under the plans.
+        plans: plans, best first.
+        vehicle: size of the box.
+        begin: begin of the drive [ns since 1970]; default: now.
 
     Raises:
         InputError: foxglove-sdk is not installed, or the place cannot be written to.
@@ -140,7 +142,7 @@ def _drive(
 
 
 def _schema() -> dict[str, Any]:
-    """JSON schema of /plan; a number that is none is left null."""
+    """JSON schema of /plan; a number that is not finite is null."""
     return {
         "type": "object",
         "title": "slopewise.plan",

@@ -1,4 +1,4 @@
-"""Plans as a recording of rerun: ground, candidates, the best plan as it is driven, plots."""
+"""Plans as a recording of rerun: ground, candidates, the drive of the best plan, plots."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.io.access import write_atomic
+from slopewise.services.io.files import write_atomic
 from slopewise.services.scene import drawing
 
 _TIMELINE = "plan"
@@ -26,11 +26,13 @@ _PLOTS = {
 def write_rrd(
     path: Path, ground: ElevationMap, plans: Sequence[SpeedPlan], vehicle: Vehicle
 ) -> None:
-    """Ground, all candidates, and the best plan as it is driven.
+    """Write ground, all candidates, and the drive of the best plan.
 
     Args:
         path: file to write, all or nothing.
-        ground: under the plans. plans: best first. vehicle: for its size.
+        ground: ground under the plans.
+        plans: plans, best first.
+        vehicle: size of the box.
 
     Raises:
         InputError: rerun-sdk is not installed, or the place cannot be written to.

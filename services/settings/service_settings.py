@@ -13,7 +13,7 @@ from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
 from slopewise.planner.horizon.answer import HorizonSettings
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.decode import decode_table
-from slopewise.services.io.toml_file import beside, read_toml
+from slopewise.services.io.files import read_toml, resolve_names
 from slopewise.services.settings.investigation_settings import Investigation
 from slopewise.services.settings.learning_settings import Learning, StoreSettings
 
@@ -196,6 +196,6 @@ def read_config(path: Path) -> ServiceConfig:
         InputError: names the file and the key.
     """
     data = read_toml(path)
-    beside(path, data, "model", "map", "zenoh.config", "learning.terrains", "page.token")
-    beside(path, data, "store.path", "discrepancy.samples", exists=False)
+    resolve_names(path, data, "model", "map", "zenoh.config", "learning.terrains", "page.token")
+    resolve_names(path, data, "store.path", "discrepancy.samples", exists=False)
     return decode_table(ServiceConfig, data, str(path))

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from slopewise.services.io.access import fault
+from slopewise.services.io.files import fault
 
 if TYPE_CHECKING:
     import zenoh

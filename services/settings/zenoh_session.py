@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from slopewise.services.io.access import fault
+from slopewise.services.io.files import fault
 from slopewise.services.settings.service_settings import SizeLimits, ZenohSettings
 from slopewise.services.settings.tls_files import settle
 

@@ -1,1 +1,1 @@
-"""What travels between robot and service, and how it is encoded."""
+"""Messages between robot and service, and their encoding, order and queues."""

@@ -1,4 +1,4 @@
-"""Messages on the wire: JSON for people, MessagePack for machines, from one set of schemas.
+"""Encoding of messages: human-readable JSON or MessagePack, from one set of schemas.
 
 An array is nested lists in JSON (null where there is no number) and ``{"shape": …, "data": …}`` in
 MessagePack, data being little-endian float64 in C order; either reader takes both. The encoding
@@ -24,8 +24,8 @@ T = TypeVar("T", bound=msgspec.Struct)
 VERSION = 1
 """Major version of all schemas; it is in the keys, too."""
 
-_MOST_AXES = 2
-_MOST_ITEMS = 2**32
+_MAX_AXES = 2
+_MAX_ITEMS = 2**32
 _WHERE = re.compile(r"^(?P<what>.*?)(?: - at `\$\.?(?P<where>.*)`)?$", re.DOTALL)
 _MISSING = re.compile(r"^Object missing required field `(?P<name>.*)`$")
 _UNKNOWN = re.compile(r"^Object contains unknown field `(?P<name>.*)`$", re.DOTALL)
@@ -49,7 +49,7 @@ def schema_of(kind: type[msgspec.Struct]) -> str:
 
 
 def encoding_of(kind: type[msgspec.Struct], written: Format) -> str:
-    """What travels beside a payload."""
+    """Encoding that is sent with a payload."""
     return f"{written.value};{schema_of(kind)}"
 
 
@@ -65,38 +65,38 @@ def encode(message: msgspec.Struct, written: Format) -> bytes:
     return msgspec.msgpack.encode(message, enc_hook=_as_block)
 
 
-def decode(kind: type[T], payload: Any, encoding: str, source: str, most_bytes: int) -> T:
-    """A message out of a payload that somebody else wrote.
+def decode(kind: type[T], payload: Any, encoding: str, source: str, max_bytes: int) -> T:
+    """A message from a received payload.
 
     Args:
         kind: schema that is expected.
         payload: anything with a length that ``bytes`` takes; not copied while it is too long.
-        encoding: that travelled beside it; in JSON the schema may be left out.
-        source: key it came on, for errors.
-        most_bytes: size beyond which it is not looked at.
+        encoding: as received with it; in JSON the schema may be omitted.
+        source: key on which it came, for errors.
+        max_bytes: largest size that is decoded [bytes].
 
     Raises:
         InputError: names key and field, and what was expected. No NaN passes in a single number; in
             arrays it does, because there it means something.
     """
     size = len(payload)
-    if size > most_bytes:
-        raise InputError(source, "", f"expected at most {most_bytes} bytes, got {size}")
+    if size > max_bytes:
+        raise InputError(source, "", f"expected at most {max_bytes} bytes, got {size}")
     written, _, schema = encoding.partition(";")
     known = [choice.value for choice in Format]
-    wanted = schema_of(kind)
+    expected = schema_of(kind)
     if written not in known:
         shown = repr(encoding[:80])
         raise InputError(source, "encoding", f"expected {' or '.join(known)}, got {shown}")
-    if schema != wanted and (schema or written != Format.JSON.value):
-        raise InputError(source, "encoding", f"expected schema {wanted}, got {schema[:80]!r}")
+    if schema != expected and (schema or written != Format.JSON.value):
+        raise InputError(source, "encoding", f"expected schema {expected}, got {schema[:80]!r}")
     try:
         message: T = _decoder(kind, Format(written)).decode(bytes(payload))
     except msgspec.ValidationError as error:
         raise _fault(source, str(error)) from None
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        words = f"expected {wanted} as {written}, got: {_line(str(error))}"
-        raise InputError(source, "", words) from None
+        got = f"expected {expected} as {written}, got: {_line(str(error))}"
+        raise InputError(source, "", got) from None
     _check_numbers(message, source, "")
     return message
 
@@ -119,14 +119,13 @@ def _from_block(value: dict[Any, Any]) -> np.ndarray:
     if set(value) != {"shape", "data"} or not isinstance(data, bytes):
         raise ValueError("Expected an array as shape and binary data")
     if not isinstance(shape, list) or not (
-        1 <= len(shape) <= _MOST_AXES
-        and all(type(n) is int and 0 <= n <= _MOST_ITEMS for n in shape)
+        1 <= len(shape) <= _MAX_AXES and all(type(n) is int and 0 <= n <= _MAX_ITEMS for n in shape)
     ):
-        raise ValueError(f"Expected a shape of 1 or {_MOST_AXES} whole numbers")
+        raise ValueError(f"Expected a shape of 1 or {_MAX_AXES} whole numbers")
     if math.prod(shape) * 8 != len(data):
-        words = " x ".join(str(n) for n in shape)
-        raise ValueError(f"Expected {words} float64, got {len(data)} bytes")
-    # What is read here belongs to nobody else, and nobody may write to it.
+        size = " x ".join(str(n) for n in shape)
+        raise ValueError(f"Expected {size} float64, got {len(data)} bytes")
+    # Read-only, without a copy: the payload is not shared.
     return np.frombuffer(data, "<f8").reshape(shape)
 
 
@@ -136,9 +135,9 @@ def _from_lists(value: Any) -> np.ndarray:
     try:
         rows = msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
-        found = _WHERE.match(str(error))
-        assert found is not None
-        raise ValueError(f"{found['what']} at {found['where']}") from None
+        fault = _WHERE.match(str(error))
+        assert fault is not None
+        raise ValueError(f"{fault['what']} at {fault['where']}") from None
     if nested and len({len(row) for row in rows}) > 1:
         raise ValueError("Expected rows of one length")
     return np.array(rows, np.float64)
@@ -150,7 +149,7 @@ def _as_block(value: Any) -> dict[str, Any]:
 
 
 def _as_lists(value: Any) -> Any:
-    # JSON has no word for numbers that are none; the encoder writes null.
+    # JSON cannot represent NaN; the encoder writes null.
     return _array(value).tolist()
 
 
@@ -161,7 +160,7 @@ def _array(value: Any) -> np.ndarray:
 
 
 def _check_numbers(value: Any, source: str, where: str) -> None:
-    """Refuse what MessagePack lets through. Lists are left to whoever can refuse one of many."""
+    """Reject NaN and infinity, which MessagePack allows; lists are checked by their users."""
     if isinstance(value, float):
         if not math.isfinite(value):
             raise InputError(source, where, f"expected a finite number, got {value}")
@@ -174,17 +173,17 @@ def _check_numbers(value: Any, source: str, where: str) -> None:
 
 
 def _fault(source: str, text: str) -> InputError:
-    """The reader's own words as one of ours."""
-    found = _WHERE.match(text)
-    assert found is not None
-    what, where = found["what"], found["where"] or ""
-    for pattern, words in (
+    """An error of msgspec as one that names source and field."""
+    fault = _WHERE.match(text)
+    assert fault is not None
+    what, where = fault["what"], fault["where"] or ""
+    for pattern, expected in (
         (_MISSING, "expected this field, got none"),
         (_UNKNOWN, "unknown field"),
     ):
         if named := pattern.match(what):
             name = _line(named["name"])[:80]
-            return InputError(source, f"{where}.{name}" if where else name, words)
+            return InputError(source, f"{where}.{name}" if where else name, expected)
     return InputError(source, _line(where), _line(what[:1].lower() + what[1:].replace("`", "")))
 
 

@@ -15,8 +15,8 @@ _ENCRYPTED = ("tls/", "quic/", "wss/")
 _PLACE = re.compile(r"\s+at \S+\.rs:\d+\.?")
 
 
-def words_of(error: zenoh.ZError) -> str:
-    """What zenoh says, without the places in its own source."""
+def error_text(error: zenoh.ZError) -> str:
+    """Message of zenoh, without positions in its source."""
     return _PLACE.sub("", str(error))
 
 
@@ -27,19 +27,19 @@ def options(config: ServiceConfig) -> list[str]:
     """
     settings = config.zenoh
     ends = settings.connect if settings.mode == "client" else settings.listen
-    words: list[str] = []
+    arguments: list[str] = []
     if ends:
-        # An operator asks on the loopback what listens everywhere.
+        # A service that listens on all interfaces is reached on the loopback.
         end = ends[0].replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
-        words += ["--connect", end] if end not in ZenohSettings().listen else []
-        words += ["--zenoh", "FILE"] if end.startswith(_ENCRYPTED) else []
+        arguments += ["--connect", end] if end not in ZenohSettings().listen else []
+        arguments += ["--zenoh", "FILE"] if end.startswith(_ENCRYPTED) else []
     if config.namespace != ServiceConfig(model=config.model).namespace:
-        words += ["--namespace", config.namespace]
-    return words
+        arguments += ["--namespace", config.namespace]
+    return arguments
 
 
-def _found(endpoint: str) -> str:
-    """What is there instead of a service, as far as one can see from outside."""
+def _listener(endpoint: str) -> str:
+    """Description of the listener at an endpoint that is not a reachable service."""
     host, _, port = endpoint.partition("/")[2].partition("?")[0].rpartition(":")
     if not port.isdigit():
         return "none"
@@ -47,7 +47,7 @@ def _found(endpoint: str) -> str:
         with socket.create_connection((host.strip("[]"), int(port)), timeout=1.0):
             return "one that does not: certificates and access rules decide"
     except OSError:
-        return "none: nobody listens there, or not yet; a service compiles when it first starts"
+        return "none: no process listens there, or not yet; a service compiles when it first starts"
 
 
 def client_session(connect: str, config: str = "") -> zenoh.Session:
@@ -58,7 +58,7 @@ def client_session(connect: str, config: str = "") -> zenoh.Session:
             certificates; "" for none.
 
     Raises:
-        InputError: nobody is there, or nobody who lets this client in.
+        InputError: there is no service, or none that admits this client.
     """
     settings = ZenohSettings(mode="client", connect=(connect,), config=config)
     try:
@@ -67,5 +67,5 @@ def client_session(connect: str, config: str = "") -> zenoh.Session:
         raise InputError(
             "--connect",
             "",
-            f"expected a service at {connect} that lets this client in, got {_found(connect)}",
+            f"expected a service at {connect} that lets this client in, got {_listener(connect)}",
         ) from None

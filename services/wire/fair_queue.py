@@ -80,7 +80,7 @@ class FairQueue(Generic[T]):
         self._driving_done = threading.Condition(self._lock)
         self._alarm = threading.Condition(self._lock)
         self._wakes_at = math.inf
-        self._is_closed = False
+        self._is_interrupted = self._is_closed = False
 
     def __len__(self) -> int:
         """Entries that wait."""
@@ -118,14 +118,13 @@ class FairQueue(Generic[T]):
     def take(
         self, *, only_driving: bool = False, timeout: float | None = None
     ) -> Waiting[T] | None:
-        """The next entry to work on; None once closed, or after a timeout [s].
+        """The next entry to work on; None once closed, interrupted, or after a timeout [s].
 
         ``only_driving``: of clients that drive; the worker calls :meth:`done` afterwards.
         """
         with self._lock:
-            self._arrival.wait_for(
-                lambda: self._is_closed or bool(self._eligible(only_driving)), timeout
-            )
+            self._arrival.wait_for(lambda: self._is_ready(only_driving), timeout)
+            self._is_interrupted = False
             eligible = self._eligible(only_driving)
             if self._is_closed or not eligible:
                 return None
@@ -133,6 +132,12 @@ class FairQueue(Generic[T]):
             self._waiting.remove(entry)
             self._driving_count += only_driving
             return entry
+
+    def interrupt(self) -> None:
+        """Let the worker that waits continue without an entry."""
+        with self._lock:
+            self._is_interrupted = True
+            self._arrival.notify_all()
 
     def take_before(self, entry: Waiting[T]) -> Waiting[T] | None:
         """An entry to answer before one that is being worked on; None without.
@@ -205,6 +210,9 @@ class FairQueue(Generic[T]):
         self._unanswered -= removed
         self._waiting = [q for q in self._waiting if q not in removed]
         self._rejected.clear()
+
+    def _is_ready(self, only_driving: bool) -> bool:
+        return self._is_closed or self._is_interrupted or bool(self._eligible(only_driving))
 
     def _eligible(self, only_driving: bool) -> list[Waiting[T]]:
         return [q for q in self._waiting if q.is_driving] if only_driving else self._waiting

@@ -1,17 +1,17 @@
-"""What robots and their estimators tell: stops, drive samples, labels of the ground.
+"""Observations of robots and their estimators: stops, drive samples, labels of the terrain.
 
-SI units, angles in radians. Each sender counts its messages of a kind, and stamps them with a clock
-of its own that runs as fast as time does; where it begins is all the same.
+SI units, angles in radians. Each sender numbers its messages of each kind, and stamps them with its
+clock, whose zero is arbitrary.
 """
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta
 
-from slopewise.services.wire.messages import Instance, Message, Name, Number, Text
+from slopewise.services.wire.plan_messages import Instance, Message, Name, Number, Text
 
 Surface = Annotated[str, Meta(max_length=40, pattern=r"^[A-Za-z0-9_-]*$")]
 Positive = Annotated[float, Meta(gt=0.0)]
@@ -19,7 +19,7 @@ Probability = Annotated[float, Meta(ge=0.0, le=1.0)]
 Std = Annotated[float, Meta(ge=0.0, le=10.0)]
 
 DRIVE_COLUMNS = ("t", "v", "v_cmd", "pitch")
-"""Columns that drive samples have to have, as in a drive log."""
+"""Columns that drive samples must have, as in a drive log."""
 
 MORE_COLUMNS = (
     "roll",
@@ -33,17 +33,17 @@ MORE_COLUMNS = (
     "x",
     "y",
 )
-"""Columns that they may have beside them; `grade` is that of the ground, from a map."""
+"""Optional columns; `grade` is that of the terrain, from a map."""
 
 
 class RobotObservation(Message, frozen=True, kw_only=True):
-    """What every observation has.
+    """Fields of every observation.
 
     Attributes:
-        source: who saw it. sequence: grows with every message of that source and kind.
-        time: when it was sent, on the sender's clock [s].
-        instance: differs from one start of the source to the next, and each counts for itself; left
-            out, a count that begins anew is believed after a few messages.
+        source: name of the sender. sequence: number that increases with every message of a kind.
+        time: time of sending, on the sender's clock [s].
+        instance: text that differs between starts of the sender; each instance has a separate
+            count. If omitted, a restarted count is accepted after a few messages.
     """
 
     source: Name
@@ -53,13 +53,14 @@ class RobotObservation(Message, frozen=True, kw_only=True):
 
 
 class StopObservation(RobotObservation, frozen=True):
-    """One stop with full braking, measured by somebody else.
+    """One stop with full braking, measured by the sender.
 
     Attributes:
-        speed: at the stop command [m/s]. grade: of the ground, uphill positive [rad].
-        deceleration: mean, from brake onset to rest [m/s²]. deceleration_std: of its measurement.
-        dead_time: from command to onset [s]. distance: from command to rest [m].
-        surface: its name as in map and model; empty where nobody knows.
+        speed: speed at the stop command [m/s]. grade: slope of the terrain, uphill positive [rad].
+        deceleration: mean from brake onset to rest [m/s²].
+        deceleration_std: standard deviation of its measurement [m/s²].
+        dead_time: time from command to onset [s]. distance: from command to rest [m].
+        surface: its name as in map and model; empty if unknown.
     """
 
     speed: Annotated[float, Meta(gt=0.0, le=50.0)]
@@ -72,14 +73,14 @@ class StopObservation(RobotObservation, frozen=True):
 
 
 class DriveSamples(RobotObservation, frozen=True):
-    """Samples of a drive, in the order of time, next to those of the message before.
+    """Samples of a drive in chronological order, continuing those of the message before.
 
-    `v` is the speed over ground, and `v_cmd` 0 the command to brake as hard as the brakes can:
-    locked wheels would teach too much of the brakes, gentle stops too little.
+    `v` is the speed over ground, and `v_cmd` 0 the command to brake with full force: locked wheels
+    would indicate too much braking force, gentle stops too little.
 
     Attributes:
-        columns: names of the rows. values: (rows, n), all finite; what is not measured is no row.
-        surface: what the samples were driven on; empty where nobody knows.
+        columns: names of the rows. values: (rows, n), all finite; unmeasured columns are omitted.
+        surface: on which the samples were driven; empty if unknown.
     """
 
     columns: Annotated[list[Text], Meta(min_length=4, max_length=16)]
@@ -88,23 +89,25 @@ class DriveSamples(RobotObservation, frozen=True):
 
 
 class TerrainLabel(RobotObservation, frozen=True):
-    """What an estimator on board takes the ground now to be.
+    """Surface under the vehicle now, as estimated on board.
 
     Attributes:
-        surface: its name as in map and model. probability: that it is right.
+        surface: its name as in map and model. probability: that the label is correct [1].
     """
 
     surface: Annotated[str, Meta(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9_-]+$")]
     probability: Probability = 1.0
 
 
-class Receipt(Message, frozen=True):
-    """What became of an observation that was sent as a query.
+class ObservationAck(Message, frozen=True):
+    """Reply to an observation that was sent as a query; its schema is called ``receipt``.
 
     Attributes:
-        status: `taken`, `ignored` (seen before, or older), `refused` or `error`. reason: in words.
-        version: of the parameters afterwards. durable: they are on disk.
+        status: `taken`, `ignored` (duplicate, or older), `refused` or `error`. reason: as text.
+        version: parameter version afterwards. durable: the change is on disk.
     """
+
+    SCHEMA: ClassVar[str] = "receipt"
 
     status: str
     reason: str

@@ -1,4 +1,4 @@
-"""Parameters on the wire: groups with values and standard deviations, questions and changes."""
+"""Messages about parameters: groups with values and standard deviations, requests and changes."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
-from slopewise.services.wire.messages import Message, Number, Text
-from slopewise.services.wire.offer import Offer
+from slopewise.services.wire.model_proposal import ModelProposal
+from slopewise.services.wire.plan_messages import Message, Number, Text
 
 Group = Annotated[str, Meta(min_length=1, max_length=80)]
 
@@ -17,13 +17,13 @@ class ParameterGroup(Message, frozen=True):
 
     Attributes:
         group: `braking`, `braking.SURFACE`, `terrain`, `limits` or `effects`.
-        version: since which they are so; of all parameters together. valid: the estimate may be
-            trusted; what is planned with is cautious either way.
-        age: since they were learned or set [s]. fingerprint: of the vehicle.
-        cause, who: of the last change, in words.
-        values: as planned with, before any margin. stds: standard deviations; missing where nothing
-            scatters. covariance: for braking, of m_m, b_m, m_b, b_b.
-        unit: of each value. notes: further facts, such as how many stops were believed.
+        version: version of all parameters since which they are unchanged.
+        valid: the estimate is reliable; the values used for plans are cautious in any case.
+        age: time since they were learned or set [s]. fingerprint: digest of the vehicle's data.
+        cause, who: cause and author of the last change, as text.
+        values: used for plans, before any margin. stds: standard deviations, where there are any.
+        covariance: for braking, of m_m, b_m, m_b, b_b.
+        unit: unit by value. notes: further facts, such as the number of accepted stops.
     """
 
     group: str
@@ -41,7 +41,7 @@ class ParameterGroup(Message, frozen=True):
 
 
 class HistoryEntry(Message, frozen=True):
-    """A change that was kept; `at` is a clock of the day [s since 1970]."""
+    """A stored change; `at` is the wall clock [s since 1970]."""
 
     version: int
     group: str
@@ -54,14 +54,14 @@ class HistoryEntry(Message, frozen=True):
 
 
 class ParameterQuestion(Message, frozen=True):
-    """What to read. ``history``: how many changes of the past are wanted, newest first."""
+    """Request to read. ``history``: number of past changes to return, newest first."""
 
     group: Annotated[str, Meta(max_length=80)] = ""
     history: Annotated[int, Meta(ge=0, le=10_000)] = 0
 
 
 class SetParameters(Message, frozen=True):
-    """An operator's own values; those left out stay as they are. ``who``: the operator."""
+    """Values set by an operator; omitted ones are unchanged. ``who``: the operator."""
 
     group: Group
     values: Annotated[dict[str, float], Meta(min_length=1, max_length=16)]
@@ -69,7 +69,7 @@ class SetParameters(Message, frozen=True):
 
 
 class RollBack(Message, frozen=True):
-    """Back to how a group, or all without a name, was at a version."""
+    """Roll back a group, or all without a name, to a version."""
 
     version: Number
     group: Annotated[str, Meta(max_length=80)] = ""
@@ -77,7 +77,7 @@ class RollBack(Message, frozen=True):
 
 
 class AdoptOffer(Message, frozen=True):
-    """Plan with the finding that is offered; ``offer``: its id, ``who``: the operator.
+    """Plan with the proposed model; ``offer``: its id, ``who``: the operator.
 
     ``faster``: stops may become shorter than by the model file, if the finding is valid.
     """
@@ -88,21 +88,21 @@ class AdoptOffer(Message, frozen=True):
 
 
 class DiscrepancyQuestion(Message, frozen=True):
-    """What the stored stops say; ``start``: look at them anew. ``who``: the operator."""
+    """Request for findings; ``start``: examine the stored stops again. ``who``: the operator."""
 
     start: bool = False
     who: Text = "operator"
 
 
 class ParameterReply(Message, frozen=True):
-    """The answer about parameters; there is always one.
+    """Reply about parameters; there is always one.
 
     Attributes:
-        status: `ok`, `refused` or `error`. reason: in words. version: of the parameters in use.
-        durable: the last change is on disk. groups: asked for. history: newest first.
-        flags: what is not as it should be.
-        offer: the last finding on stored stops; its model only where findings were asked for.
-        investigation: what the last look at them came to; `investigating` while it goes on.
+        status: `ok`, `refused` or `error`. reason: as text. version: parameter version in use.
+        durable: the last change is on disk. groups: as requested. history: newest first.
+        flags: warnings.
+        offer: last finding on stored stops; with its model only if findings were requested.
+        investigation: result of their last examination; `investigating` while one is running.
     """
 
     status: Literal["ok", "refused", "error"]
@@ -113,6 +113,6 @@ class ParameterReply(Message, frozen=True):
     groups: list[ParameterGroup] = field(default_factory=list)
     history: list[HistoryEntry] = field(default_factory=list)
     flags: list[str] = field(default_factory=list)
-    offer: Offer | None = None
+    offer: ModelProposal | None = None
     investigation: str = ""
     investigating: bool = False

@@ -1,4 +1,4 @@
-"""A sender's clock beside the time that passes here; where it begins is all the same."""
+"""Lateness of messages by their sender's clock, whose zero is arbitrary."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class SenderClock:
     """One sender's.
 
     Attributes:
-        lead: of the quickest message: how far the sender's clock is ahead of the one here [s].
+        lead: how far the sender's clock is ahead of the one here, by the quickest message [s].
         stamp: stamp of the newest message, on the sender's clock [s]. steps: how often it was set.
     """
 

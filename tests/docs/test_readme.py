@@ -34,7 +34,7 @@ SECTIONS = sorted(
 )
 NEEDS = {
     "viz": ("foxglove", "rerun"),
-    "fleet": ("distributed", "polars"),
+    "fleet": ("distributed", "pyarrow"),
     "ros": ("rosbags",),
     "service": ("waitress",),
 }
@@ -108,7 +108,7 @@ def test_the_extras_are_out_of_reach(tmp_path: Path) -> None:
     done = run(tmp_path, sys.executable, "-c", "import plotly")
     assert "ModuleNotFoundError" in done.stderr
     assert not {"numpy", "matplotlib", "zenoh", "rasterio"} & set(hidden())
-    assert {"plotly", "sklearn", "polars", "rosbags"} & set(hidden())
+    assert {"plotly", "sklearn", "pyarrow", "rosbags"} & set(hidden())
     asked = run(tmp_path, sys.executable, "-c", "import rosbags, ruamel.yaml", extras=["ros"])
     assert asked.returncode == 0, asked.stderr
 

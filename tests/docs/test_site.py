@@ -22,7 +22,7 @@ from slopewise.models.parameters import Braking, Limits
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.ros.settings import Timing
 from slopewise.services.settings.service_settings import Planning
-from slopewise.services.wire.messages import PlanRequest
+from slopewise.services.wire.plan_messages import PlanRequest
 from tests.services.browser import text_of
 
 pytest.importorskip("material", reason="the docs extra is not installed")

@@ -1,4 +1,4 @@
-"""What must hold on any ground, for any vehicle: generated scenes before the oracle."""
+"""Properties on any ground, of any vehicle: generated scenes pass the checker."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from slopewise.planner.path import batch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.plan import SpeedPlan, Status
-from tests.oracle import describe
 from tests.planner import generated
 from tests.planner.generated import Scene, between, complaints
 from tests.planner.scenes import Tables, ground_map, model_of
@@ -24,19 +23,19 @@ from tests.planner.scenes import Tables, ground_map, model_of
 SEEN: Counter[str] = Counter()
 
 
-def judge(scene: Scene, interior: int) -> SpeedPlan:
+def planned(scene: Scene) -> SpeedPlan:
     plan = scene.plan()
     SEEN[plan.status.value] += 1
     event(plan.status.value)
-    found = complaints(scene, plan, interior=interior)
-    assert not found, f"{plan.status.value} {plan.reason}\n{describe(found)}"
+    against = complaints(scene, plan)
+    assert not against, "\n".join([f"{plan.status.value} {plan.reason}", *against[:10]])
     return plan
 
 
-@settings(max_examples=500)
+@settings(max_examples=200)
 @given(scene=generated.scenes())
 def test_no_plan_breaks_any_rule(scene: Scene) -> None:
-    judge(scene, interior=2)
+    planned(scene)
 
 
 def test_all_statuses_were_among_them() -> None:
@@ -52,7 +51,7 @@ def test_all_statuses_were_among_them() -> None:
 @settings(settings.get_profile("nightly"), max_examples=10_000)
 @given(scene=generated.scenes())
 def test_no_plan_breaks_any_rule_all_night(scene: Scene) -> None:
-    judge(scene, interior=6)
+    planned(scene)
 
 
 # -------------------------------------------------------------------------------- monotonicity

@@ -52,9 +52,9 @@ def paths_file(path: Path, count: int, seed: int) -> Path:
         columns["y"] += (start[1] + np.cumsum(np.sin(heading))).tolist()
         columns["candidate"] += [f"{path.stem}.{number}"] * len(along)
     if path.suffix == ".parquet":
-        import polars
+        import pyarrow.parquet
 
-        polars.DataFrame(columns).write_parquet(path)
+        pyarrow.parquet.write_table(pyarrow.table(columns), path)
         return path
     rows = zip(*columns.values(), strict=True)
     path.write_text("x,y,candidate\n" + "".join(f"{x!r},{y!r},{c}\n" for x, y, c in rows))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from slopewise.services.io.bags.ros_types import GRID_MAP, PATH, typestore
+from slopewise.services.io.bags import GRID_MAP, PATH, typestore
 
 
 def header(frame: str = "map", sec: int = 5, nanosec: int = 0) -> Any:

@@ -17,8 +17,8 @@ import zenoh
 
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
-from slopewise.services.wire.messages import MapUpdate
-from slopewise.services.wire.messages import Path as Candidate
+from slopewise.services.wire.plan_messages import MapUpdate
+from slopewise.services.wire.plan_messages import Path as Candidate
 from tests.services.warm_process import WarmProcess
 
 

@@ -12,7 +12,7 @@ import zenoh
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.client import ClientAnswer, PlanClient
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.path_file import write_paths_csv
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config

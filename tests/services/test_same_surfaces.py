@@ -14,10 +14,10 @@ from slopewise.models.errors import InputError
 from slopewise.models.parameters import Model
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.planner.ground.surface_table import surface_table
-from slopewise.services.check.brakes import brakes_along
-from slopewise.services.check.given_plan import GivenPlan
-from slopewise.services.check.ground import ground_under
-from slopewise.services.check.line import line_of
+from slopewise.services.check.external_plan import ExternalPlan
+from slopewise.services.check.path_force import path_force_along
+from slopewise.services.check.path_ground import ground_under
+from slopewise.services.check.plan_line import line_of
 from slopewise.services.guard.command_arc import Pose2d, arc_ahead
 from slopewise.services.guard.decide import (
     BaseCommand,
@@ -28,10 +28,10 @@ from slopewise.services.guard.decide import (
 )
 from slopewise.services.guard.guard_map import GuardMap, apply_update, read_guard_map
 from slopewise.services.guard.guard_model import brake_table, read_guard_model
-from slopewise.services.io.maps.map_file import read_map
+from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.planning.map_store import MapStore
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.plan_messages import MapUpdate
 from tests.services.command_line import here, one_line_of
 
 ATV = read_model(find_model("atv"))
@@ -66,12 +66,12 @@ def planned(model: Model, names: tuple[str, ...]) -> list[set[str]]:
 def checked(model: Model, name: str) -> set[str]:
     """Surfaces that ground of one class may be to the checker."""
     x = np.linspace(4.0, 12.0, 30)
-    plan = GivenPlan(name="p", x=x, y=0.0 * x, speed=np.ones_like(x))
+    plan = ExternalPlan(name="p", x=x, y=0.0 * x, speed=np.ones_like(x))
     classes = np.ones(SHAPE, np.int64)
     ground = ElevationMap(**FLAT, terrain_class=classes, class_names=("", name))  # type: ignore[arg-type]
     line = line_of(plan, 0.0)
     under = ground_under(ground, line, model.vehicle)
-    return set(brakes_along(model, under, line, ground.class_names).names)
+    return set(path_force_along(model, under, line, ground.class_names).names)
 
 
 def guarded(model_file: Path, name: str) -> set[str]:
@@ -120,9 +120,9 @@ def test_each_cell_of_a_map_is_of_the_same_class_to_all(
             class_names=list(ours.class_names),
         )
         store = MapStore()
-        assert store.take(update, "map")
-        assert store.ground is not None
-        np.testing.assert_array_equal(class_names_of(store.ground.elevation_map), theirs)
+        assert store.apply(update, "map")
+        assert store.snapshot is not None
+        np.testing.assert_array_equal(class_names_of(store.snapshot.elevation_map), theirs)
         np.testing.assert_array_equal(class_names_of(apply_update(update, None)), theirs)
 
 

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 import slopewise
-from slopewise.services.io.maps.map_file import write_map_npz
-from tests import oracle
+from slopewise.services.io.map_file import write_map_npz
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +131,7 @@ def log_of_stops(path: Path) -> slopewise.DriveLog:
     rows, clock = ["run,t,v,v_cmd,pitch"], 0.0
     for run in range(40):
         speed, grade = random.uniform(1.0, 4.0), random.uniform(-0.2, 0.2)
-        decel = oracle.G * (0.35 + np.sin(grade))
+        decel = 9.80665 * (0.35 + np.sin(grade))
         for t in np.arange(-1.5, speed / decel + 1.5, 0.02):
             v = max(speed - decel * max(t - 0.25, 0.0), 0.0) + random.normal(0.0, 0.01)
             rows.append(f"{run},{clock + t:.3f},{v:.4f},{speed * (t < 0.0):.3f},{-grade:.4f}")

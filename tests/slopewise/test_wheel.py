@@ -89,7 +89,7 @@ def test_a_source_archive_holds_the_linked_rooms_as_folders(wheel: Path, tmp_pat
 def test_shipped_vehicles_and_benchmarks_are_inside(installed: Path, tmp_path: Path) -> None:
     script = (
         "import slopewise; from slopewise.services.io import model_file, terrain_file;"
-        "from slopewise.services.io.bags.topics import read_topics;"
+        "from slopewise.services.io.topics import read_topics;"
         "from slopewise.services.cli.commands.bench import _benchmark;"
         "print(model_file.find_model('atv')); print(terrain_file.find_terrains('husky'));"
         "print(slopewise.read_model('ugv').name, read_topics(None)[1]);"

@@ -104,7 +104,7 @@ def plan(options: PlanOptions) -> None:
     """
     from slopewise.services.cli.commands import plan as command
     from slopewise.services.cli.commands import plan_view as view
-    from slopewise.services.io.maps.no_data import nodata_of
+    from slopewise.services.io.no_data import nodata_of
 
     settings = command.settings_of(
         options.smooth,
@@ -174,7 +174,7 @@ def check(options: CheckOptions) -> None:
     """
     from slopewise.services.cli.commands import check as command
     from slopewise.services.cli.commands import check_view as view
-    from slopewise.services.io.maps.no_data import nodata_of
+    from slopewise.services.io.no_data import nodata_of
 
     clear = math.inf if options.clear is None else options.clear
     job = command.CheckJob(

@@ -89,7 +89,7 @@ def fleet_plan(options: FleetPlanOptions) -> None:
 
     from slopewise.services.cli.commands import fleet_plan as command
     from slopewise.services.cli.commands import plan as one
-    from slopewise.services.io.maps.no_data import nodata_of
+    from slopewise.services.io.no_data import nodata_of
 
     job = command.FleetPlanJob(
         options.map_file,
@@ -189,7 +189,7 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
     """
     from slopewise.services.cli.commands import discrepancy as one
     from slopewise.services.cli.commands import fleet_discrepancy as command
-    from slopewise.services.io.maps.no_data import nodata_of
+    from slopewise.services.io.no_data import nodata_of
 
     job = command.FleetDiscrepancyJob(
         options.logs,

@@ -25,18 +25,13 @@ from slopewise.services.cli.arguments.files import CalibrateOptions
 from slopewise.services.cli.commands.calibration_refused import leave
 from slopewise.services.cli.commands.calibration_rows import ROWS, speed_words, surface_json
 from slopewise.services.cli.screen import progress_bar
-from slopewise.services.io.access import fault
-from slopewise.services.io.logs.drive_log import DriveLog
-from slopewise.services.io.logs.log_source import (
-    grade_by_map,
-    names_of,
-    read_logs,
-    refuse_wrong_units,
-)
+from slopewise.services.io.drive_log import DriveLog, read_logs
+from slopewise.services.io.files import fault
+from slopewise.services.io.logs.log_source import grade_by_map, names_of, refuse_wrong_units
 from slopewise.services.io.logs.speed_unit import refuse_too_fast, refuse_unit
 from slopewise.services.io.logs.unseen_channels import unseen_channels
-from slopewise.services.io.maps.no_data import nodata_of
 from slopewise.services.io.model_file import find_model, read_model, write_model
+from slopewise.services.io.no_data import nodata_of
 from slopewise.services.io.table import write_csv
 from slopewise.services.report.brake_numbers import BrakeNumbers
 from slopewise.services.report.brake_words import as_json as sheet_json

@@ -12,7 +12,7 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.services.cli.arguments.files import CalibrateOptions
 from slopewise.services.cli.commands.calibrate import CalibrateResult
 from slopewise.services.cli.commands.calibration_rows import ROWS, coverage
-from slopewise.services.io.digest import sha256_of
+from slopewise.services.io.files import sha256_of
 from slopewise.services.io.model_file import find_model, model_sha256
 from slopewise.services.report.brake_numbers import BrakeNumbers
 from slopewise.services.report.brake_sheet import check_name, write_sheet

@@ -11,7 +11,7 @@ from slopewise.models.errors import InputError
 from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
 from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, find_stops
 from slopewise.services.cli.arguments.files import CalibrateOptions
-from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.table import write_csv
 
 

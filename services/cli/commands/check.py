@@ -13,17 +13,18 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.uncertainty import QUANTILE
-from slopewise.services.check.check import check
-from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.check_report import CheckReport, Violation
+from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.heights import Heights
-from slopewise.services.check.report import CheckReport, Violation
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.cli.screen import progress_bar
-from slopewise.services.io.bags.recording import is_bag
-from slopewise.services.io.given_plan_file import read_given_plans
-from slopewise.services.io.maps.grid import Around, footprint_margin
-from slopewise.services.io.maps.map_file import NoData, map_info, read_map
+from slopewise.services.io.bags import is_bag
+from slopewise.services.io.map_file import map_info, read_map
+from slopewise.services.io.map_grid import Around, footprint_margin
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.no_data import NoData
 from slopewise.services.io.path_file import check_paths_on_map
+from slopewise.services.io.plan_file import read_external_plans
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,7 @@ def run(job: CheckJob, *, quiet: bool = False) -> CheckResult:
         words = "expected a recording with a topic mapping, got files of other kinds"
         raise InputError(str(job.topics), "", words)
     model = read_model(find_model(job.model_file))
-    plans = read_given_plans(job.plan_file)
+    plans = read_external_plans(job.plan_file)
     info = map_info(job.map_file, job.topics)
     check_paths_on_map(
         [_path_of(plan) for plan in plans], info.extent, str(job.plan_file), str(job.map_file)
@@ -89,7 +90,7 @@ def run(job: CheckJob, *, quiet: bool = False) -> CheckResult:
 
 
 def check_all(
-    plans: Sequence[GivenPlan],
+    plans: Sequence[ExternalPlan],
     model: Model,
     heights: Heights,
     clear: float = np.inf,
@@ -104,7 +105,9 @@ def check_all(
     with progress_bar("checking", len(plans), quiet=quiet) as advance:
         for plan in plans:
             try:
-                reports.append(check(plan, model, heights, clear=clear, quantile=quantile))
+                reports.append(
+                    check_plan_on_map(plan, model, heights, clear=clear, quantile=quantile)
+                )
             except ParameterError as error:
                 option = error.field in ("clear", "quantile")
                 where = (f"--{error.field}", "") if option else (source, error.field)
@@ -113,12 +116,12 @@ def check_all(
     return CheckResult(model.name, tuple(reports), time.perf_counter() - begin)
 
 
-def _path_of(plan: GivenPlan) -> CandidatePath:
+def _path_of(plan: ExternalPlan) -> CandidatePath:
     x, y = (np.resize(values, max(len(values), 2)) for values in (plan.x, plan.y))
     return CandidatePath(plan.name, np.stack((x, y), axis=1))
 
 
-def _around(plans: Sequence[GivenPlan], margin: float) -> Around:
+def _around(plans: Sequence[ExternalPlan], margin: float) -> Around:
     x = np.concatenate([plan.x for plan in plans])
     y = np.concatenate([plan.y for plan in plans])
     return (

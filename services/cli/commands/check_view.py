@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from slopewise.services.check.report import CheckReport, Violation
+from slopewise.services.check.check_report import CheckReport, Violation
 from slopewise.services.check.tolerances import TOLERANCES
 from slopewise.services.cli.commands.check import CheckResult
 from slopewise.services.report.words import plural
@@ -38,7 +38,7 @@ def as_json(result: CheckResult) -> dict[str, Any]:
             for report in result.reports
         ],
         "tolerances": {
-            kind: {"value": t.value, "unit": t.unit, "meaning": t.meaning, "why": t.why}
+            kind: {"value": t.value, "unit": t.unit, "meaning": t.meaning, "why": t.rationale}
             for kind, t in TOLERANCES.items()
         },
     }

@@ -16,16 +16,12 @@ from slopewise.models.arrays import Bools
 from slopewise.models.calibration.coverage import Coverage, covered
 from slopewise.models.errors import ParameterError
 from slopewise.services.cli.screen import progress_bar
-from slopewise.services.io.access import fault
-from slopewise.services.io.logs.log_source import (
-    grade_by_map,
-    names_of,
-    read_logs,
-    refuse_wrong_units,
-)
+from slopewise.services.io.drive_log import read_logs
+from slopewise.services.io.files import fault
+from slopewise.services.io.logs.log_source import grade_by_map, names_of, refuse_wrong_units
 from slopewise.services.io.logs.unseen_channels import unseen_channels
-from slopewise.services.io.maps.no_data import nodata_of
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.no_data import nodata_of
 from slopewise.services.report.words import plural
 
 _PARTS = 4

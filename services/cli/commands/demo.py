@@ -14,7 +14,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.cli.commands import plan as planning
 from slopewise.services.cli.commands import plan_view
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.path_file import write_paths_csv
 
 RESOLUTION = 0.2

@@ -19,12 +19,12 @@ from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate_with_evidence
 from slopewise.models.errors import ParameterError
 from slopewise.services.cli.screen import progress_bar
-from slopewise.services.io.access import fault
+from slopewise.services.io.drive_log import DriveLog, read_logs
+from slopewise.services.io.files import fault
 from slopewise.services.io.findings_file import PAGE, findings_as_json, source_of, write_findings
-from slopewise.services.io.logs.drive_log import DriveLog
-from slopewise.services.io.logs.log_source import grade_by_map, names_of, read_logs
-from slopewise.services.io.maps.no_data import nodata_of
+from slopewise.services.io.logs.log_source import grade_by_map, names_of
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.no_data import nodata_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,10 +39,10 @@ from slopewise.services.fleet.words import (
     left_out,
     numbers,
 )
-from slopewise.services.io.access import check_file, fault, read_text, write_atomic
+from slopewise.services.io.files import check_file, fault, read_text, write_atomic
 from slopewise.services.io.findings_file import FINDINGS, source_of
-from slopewise.services.io.maps.no_data import NoData
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
+from slopewise.services.io.no_data import NoData
 from slopewise.services.report.words import plural
 
 LINES, PAGE = "findings.jsonl", "report.html"

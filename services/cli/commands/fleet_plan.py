@@ -21,10 +21,10 @@ from slopewise.services.fleet.parts import FleetQuestion, PartName, parts_of
 from slopewise.services.fleet.planning import PlanTask, plan_part
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
 from slopewise.services.fleet.windows import opened
-from slopewise.services.io.access import fault
-from slopewise.services.io.maps.grid import MapInfo
-from slopewise.services.io.maps.no_data import NoData
+from slopewise.services.io.files import fault
+from slopewise.services.io.map_grid import MapInfo
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
+from slopewise.services.io.no_data import NoData
 from slopewise.services.planning.cold_start import compile_first
 from slopewise.services.report.words import plural
 

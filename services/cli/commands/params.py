@@ -21,7 +21,7 @@ from slopewise.services.report.words import plural
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.connect import client_session
-from slopewise.services.wire.offer import Offer
+from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.parameter_messages import (
     AdoptOffer,
     DiscrepancyQuestion,
@@ -179,7 +179,7 @@ def _show_groups(groups: list[ParameterGroup], title: str, console: Console) -> 
     console.print(table)
 
 
-def _show_offer(offer: Offer, console: Console) -> None:
+def _show_offer(offer: ModelProposal, console: Console) -> None:
     """What is offered, what it changes in metres, and how to adopt it."""
     console.print(f"[bold]offer {offer.id}[/]: {offer.verdict} – {offer.summary}")
     for effect in offer.findings["effects"]:

@@ -23,16 +23,16 @@ from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 from slopewise.planner.swept.sentences import notes
-from slopewise.services.check.given_plan import plan_of_columns
+from slopewise.services.check.external_plan import plan_of_columns
 from slopewise.services.cli.commands.check import CheckResult, check_all
 from slopewise.services.cli.screen import progress_bar
-from slopewise.services.io.bags.recording import is_bag
-from slopewise.services.io.given_plan_file import read_given_plans
-from slopewise.services.io.maps.grid import footprint_margin
-from slopewise.services.io.maps.map_file import NoData, frame_of, map_info, read_map
+from slopewise.services.io.bags import is_bag
+from slopewise.services.io.map_file import frame_of, map_info, read_map
+from slopewise.services.io.map_grid import footprint_margin
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.no_data import NoData
 from slopewise.services.io.path_file import check_paths_on_map, read_paths
-from slopewise.services.io.plan_file import driven, write_plan_csv
+from slopewise.services.io.plan_file import driven, read_external_plans, write_plan_csv
 from slopewise.services.planning.cold_start import sooner, stations_of
 
 _SCENES = (".mcap", ".rrd")
@@ -168,7 +168,7 @@ def checked(
 ) -> PlanResult:
     """The result with the word of the independent judge, of the file where a CSV was written."""
     if written is not None and written.suffix.lower() not in _SCENES:
-        plans, source = read_given_plans(written), str(written)
+        plans, source = read_external_plans(written), str(written)
     else:
         plans, source = [plan_of_columns(driven(plan)) for plan in result.plans], "plan"
     reach = np.inf if clear is None else clear

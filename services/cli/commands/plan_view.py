@@ -22,7 +22,7 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.services.cli.commands import check_view, explain_view
 from slopewise.services.cli.commands.plan import MadeFrom, PlanJob, PlanResult
-from slopewise.services.io.digest import sha256_of
+from slopewise.services.io.files import sha256_of
 from slopewise.services.io.plan_file import driven, summary
 from slopewise.services.report.words import plural
 

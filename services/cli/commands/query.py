@@ -17,12 +17,12 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.services.cli.arguments.robot import QueryOptions
 from slopewise.services.client import ClientAnswer, PlanClient
-from slopewise.services.io.maps.map_file import read_map
-from slopewise.services.io.maps.no_data import NoData, nodata_of
+from slopewise.services.io.map_file import read_map
+from slopewise.services.io.no_data import NoData, nodata_of
 from slopewise.services.io.path_file import read_paths
-from slopewise.services.wire import messages
+from slopewise.services.wire import plan_messages
 from slopewise.services.wire.connect import client_session
-from slopewise.services.wire.messages import MapUpdate
+from slopewise.services.wire.plan_messages import MapUpdate
 
 _log = logging.getLogger("slopewise")
 _PAUSE = 0.01
@@ -48,14 +48,14 @@ def run(job: QueryOptions) -> ClientAnswer:
             return client.plan(job.speed, paths, clear=job.clear)
 
 
-def _message(path: CandidatePath) -> messages.Path:
+def _message(path: CandidatePath) -> plan_messages.Path:
     """A candidate as the service wants it: a straight line of two points gets a third."""
     points, limit = path.points, path.speed_limit
     if len(points) == 2:
         points = np.stack([points[0], points.mean(axis=0), points[1]])
         # The first limit holds up to the second point, so the lower one is never left out.
         limit = None if limit is None else np.array([limit[0], limit.min(), limit[1]])
-    return messages.Path(name=path.name, points=points, speed_limit=limit)
+    return plan_messages.Path(name=path.name, points=points, speed_limit=limit)
 
 
 def _bring(client: PlanClient, update: MapUpdate, timeout: float) -> None:

@@ -17,16 +17,20 @@ from rich.table import Table
 from slopewise.models.errors import InputError
 from slopewise.services.cli.arguments.robot import ReplayOptions
 from slopewise.services.cli.screen import progress_bar
-from slopewise.services.io.logs.drive_log import DriveLog
-from slopewise.services.io.logs.log_source import read_logs
+from slopewise.services.io.drive_log import DriveLog, read_logs
 from slopewise.services.report.words import plural
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.connect import client_session
-from slopewise.services.wire.observations import DRIVE_COLUMNS, MORE_COLUMNS, DriveSamples, Receipt
+from slopewise.services.wire.observations import (
+    DRIVE_COLUMNS,
+    MORE_COLUMNS,
+    DriveSamples,
+    ObservationAck,
+)
 from slopewise.services.wire.parameter_messages import ParameterGroup, ParameterReply
 
-_Answer = TypeVar("_Answer", Receipt, ParameterReply)
+_Answer = TypeVar("_Answer", ObservationAck, ParameterReply)
 
 _BATCH = 0.25
 """Samples of that long travel together [s]; less than an observation may be late."""
@@ -129,7 +133,7 @@ class _Service:
         self._session, self._namespace, self._timeout = session, namespace, timeout
         self._sequence = 0
 
-    def observe(self, source: str, log: DriveLog, rows: slice) -> Receipt:
+    def observe(self, source: str, log: DriveLog, rows: slice) -> ObservationAck:
         """Send samples, wait until the service took them: nothing is lost by playing too fast."""
         columns = {name: log.columns[name][rows] for name in DRIVE_COLUMNS}
         for name in MORE_COLUMNS:
@@ -145,7 +149,7 @@ class _Service:
             values=np.stack(list(columns.values())),
             surface=_surface(log, rows),
         )
-        return self._ask(Receipt, "obs/drive", sent)
+        return self._ask(ObservationAck, "obs/drive", sent)
 
     def parameters(self) -> ParameterReply:
         """All groups as they are now."""

@@ -16,8 +16,7 @@ from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.models.stops.simulation import RunChannels, replay, stop_commands
 from slopewise.services.cli.screen import progress_bar
-from slopewise.services.io.logs.drive_log import DriveLog
-from slopewise.services.io.logs.log_source import read_logs
+from slopewise.services.io.drive_log import DriveLog, read_logs
 from slopewise.services.io.logs.unseen_channels import unseen_channels
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.table import write_csv

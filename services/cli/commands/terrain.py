@@ -26,9 +26,8 @@ from slopewise.services.cli.commands.terrain_run import (
     run_events,
 )
 from slopewise.services.cli.screen import progress_bar
-from slopewise.services.io.access import fault
-from slopewise.services.io.logs.drive_log import DriveLog
-from slopewise.services.io.logs.log_source import read_logs
+from slopewise.services.io.drive_log import DriveLog, read_logs
+from slopewise.services.io.files import fault
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.terrain_file import (
     TerrainFile,

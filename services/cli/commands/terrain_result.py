@@ -24,8 +24,8 @@ from slopewise.models.terrain.signature import Signature
 from slopewise.models.terrain.signature_fit import fit
 from slopewise.models.terrain.signature_model import SignatureModel
 from slopewise.models.terrain.surfaces import model_on, with_surface
-from slopewise.services.io.access import fault
-from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.drive_log import DriveLog
+from slopewise.services.io.files import fault
 from slopewise.services.io.model_file import write_model
 from slopewise.services.io.signature_file import write_signatures
 from slopewise.services.io.terrain_file import TerrainFile, write_terrains

@@ -14,7 +14,7 @@ from slopewise.models.terrain.phases import Phase
 from slopewise.models.terrain.rotation_centres import rotation_centres
 from slopewise.models.terrain.signature import Signature
 from slopewise.services.cli.commands.terrain_result import RunEvents
-from slopewise.services.io.logs.drive_log import DriveLog
+from slopewise.services.io.drive_log import DriveLog
 
 NEEDED = ("v_left", "v_right", "yaw_rate", "current_left", "current_right")
 RATES = ("roll_rate", "pitch_rate")

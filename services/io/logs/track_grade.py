@@ -12,14 +12,15 @@ from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.ground.terrain_profile import terrain_profile
-from slopewise.services.io.access import fault
-from slopewise.services.io.logs.drive_log import DriveLog
-from slopewise.services.io.maps.grid import footprint_margin
-from slopewise.services.io.maps.map_file import NoData, map_info, read_map
+from slopewise.services.io.drive_log import DriveLog
+from slopewise.services.io.files import fault
+from slopewise.services.io.map_file import map_info, read_map
+from slopewise.services.io.map_grid import footprint_margin
+from slopewise.services.io.no_data import NoData
 
 _log = logging.getLogger("slopewise")
 _SPACING = 0.3  # [m] positions nearer than that are mostly noise
-_FEWEST = 3
+_MIN_MARKS = 3
 
 
 def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle, nodata: NoData = None) -> Floats:
@@ -61,7 +62,7 @@ def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle, nodata: NoData
 
 def _along(elevation_map: ElevationMap, x: Floats, y: Floats, vehicle: Vehicle) -> Floats:
     marks = _marks(x, y)
-    if len(marks) < _FEWEST:
+    if len(marks) < _MIN_MARKS:
         return np.full(len(x), np.nan)
     profile = terrain_profile(
         elevation_map,
@@ -72,7 +73,7 @@ def _along(elevation_map: ElevationMap, x: Floats, y: Floats, vehicle: Vehicle) 
         vehicle.track_width,
     )
     grade = np.where(profile.known[:, 0], profile.grade[:, 0], np.nan)
-    # Way from mark to mark, and along each leg for the samples between.
+    # Distance from mark to mark, and along each leg for the samples between.
     leg = np.searchsorted(marks, np.arange(len(x)), side="right") - 1
     nearest = marks[leg]
     ahead = marks[np.minimum(leg + 1, len(marks) - 1)]
@@ -85,10 +86,10 @@ def _along(elevation_map: ElevationMap, x: Floats, y: Floats, vehicle: Vehicle) 
 
 def _marks(x: Floats, y: Floats) -> NDArray[np.int64]:
     """Samples at least a spacing apart, the first one included."""
-    kept = [0]
+    marks = [0]
     for i in range(1, len(x)):
-        if abs(x[i] - x[kept[-1]]) + abs(y[i] - y[kept[-1]]) < _SPACING:
+        if abs(x[i] - x[marks[-1]]) + abs(y[i] - y[marks[-1]]) < _SPACING:
             continue
-        if np.hypot(x[i] - x[kept[-1]], y[i] - y[kept[-1]]) >= _SPACING:
-            kept.append(i)
-    return np.array(kept)
+        if np.hypot(x[i] - x[marks[-1]], y[i] - y[marks[-1]]) >= _SPACING:
+            marks.append(i)
+    return np.array(marks)

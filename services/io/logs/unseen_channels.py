@@ -18,19 +18,24 @@ def unseen_channels(
     """A sentence for each effect whose columns are missing or have gaps: they count as 0 there.
 
     Args:
-        effects: of the model. columns: of the log, (n,).
+        effects: effects of the model.
+        columns: columns of the log, (n,).
     """
-    told = []
+    sentences = []
     for effect in effects:
-        wanted = sorted(registry.law_of(effect).channels)
-        missing = [name for name in wanted if name not in columns]
+        needed = sorted(registry.law_of(effect).channels)
+        missing = [name for name in needed if name not in columns]
         gaps = [
             name
-            for name in wanted
+            for name in needed
             if name in columns and not np.isfinite(np.asarray(columns[name], np.float64)).all()
         ]
         if missing:
-            told.append(f"{effect.name} needs {', '.join(missing)}, which the log does not have: 0")
+            sentences.append(
+                f"{effect.name} needs {', '.join(missing)}, which the log does not have: 0"
+            )
         if gaps:
-            told.append(f"{effect.name} needs {', '.join(gaps)}, which has gaps: 0 there at least")
-    return tuple(told)
+            sentences.append(
+                f"{effect.name} needs {', '.join(gaps)}, which has gaps: 0 there at least"
+            )
+    return tuple(sentences)

@@ -1,15 +1,17 @@
 """A vehicle with hidden effects, made of nothing that the project computes with.
 
-Stops are integrated in steps of two milliseconds, all of a log side by side; brake heat goes on
-from stop to stop, so logs with fade are integrated one stop after the other. Effects are written
-down here once more, from their definitions.
+Stops are integrated in steps of two milliseconds, one after the other: brake heat lasts from
+stop to stop. Effects are those of :mod:`tests.models.effects.formulas`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import hypot
 
 import numpy as np
+
+from tests.models.effects.formulas import DECELERATION, FORCE, FORMULAS, Moment
 
 G = 9.80665
 STEP = 0.002  # [s]
@@ -93,25 +95,26 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
                 rows.append((t, v + rock, theta, x, y, yaw, rate[i] * (v > 0), bend(s)))
             share = float(np.clip((t + STEP - world.dead_time) / STEP, 0.0, 1.0))
             if share > 0.0 and np.isnan(done):
+                m = Moment(
+                    grade=theta,
+                    roll=roll[i],
+                    yaw=yaw,
+                    x=x,
+                    y=y,
+                    curvature=rate[i] / v,
+                    vertical_curvature=bend(s),
+                    speed=v,
+                    session_time=told,
+                    heat=heat,
+                )
                 wanted = (k[0] * speed[i] + k[1]) * theta + k[2] * speed[i] + k[3]
                 if "step_change" in e and i >= e["step_change"]["run"]:
-                    wanted *= e["step_change"]["scale"]
-                if "grade_asymmetry" in e:
-                    wanted += e["grade_asymmetry"]["k"] * max(theta, 0.0)
-                if "grade_nonlinearity" in e:
-                    wanted += e["grade_nonlinearity"]["k"] * theta * abs(theta)
-                if "cross_slope" in e:
-                    wanted += e["cross_slope"]["k"] * abs(roll[i])
-                if "surface_patch" in e:
+                    wanted = FORMULAS["step_change"](e["step_change"], Moment(force=wanted))
+                wanted += sum(FORCE[name](e[name], m) for name in e if name in FORCE)
+                if "surface_patch" in e and not FORCE["surface_patch"](e["surface_patch"], m):
                     p = e["surface_patch"]
-                    places = ((p["x"], p["y"], p["radius"]), *world.further_places)
-                    there = any(np.hypot(x - px, y - py) <= r for px, py, r in places)
+                    there = any(hypot(x - px, y - py) <= r for px, py, r in world.further_places)
                     wanted += p["delta"] * there
-                if "directional_surface" in e:
-                    p = e["directional_surface"]
-                    wanted += p["k"] * np.cos(2.0 * (yaw - p["direction"]))
-                if "session_drift" in e:
-                    wanted += e["session_drift"]["k"] * told
                 if world.off_library == "periodic":
                     wanted += world.size * np.sin(2 * np.pi * x / 9.0)
                 if world.off_library == "ambient":
@@ -131,24 +134,13 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
                     force = wanted
                 given = force
                 if fade:
-                    given /= 1.0 + fade["k"] * heat
+                    given *= FORMULAS["brake_fade"](fade, m)
                 if "wheel_lockup" in e:
-                    given = min(given, e["wheel_lockup"]["mu"] * np.cos(theta) * np.cos(roll[i]))
+                    given = min(given, FORMULAS["wheel_lockup"](e["wheel_lockup"], m))
                 if "crest_unloading" in e:
-                    # The ground that falls away carries less: W cos θ + m v² dθ/ds.
-                    carried = 1.0 + min(bend(s), 0.0) * v * v / G
-                    given *= max(1.0 - e["crest_unloading"]["k"] * (1.0 - carried), 0.0)
+                    given *= FORMULAS["crest_unloading"](e["crest_unloading"], m)
                 a = G * (given + np.sin(theta))
-                if "aerodynamic_drag" in e:
-                    a += e["aerodynamic_drag"]["c"] * v * v
-                if "headwind" in e:
-                    p = e["headwind"]
-                    u = v + p["wind"] * np.cos(yaw - p["direction"])
-                    a += p["c"] * (abs(u) * u - v * v)
-                if "viscous_resistance" in e:
-                    a += G * e["viscous_resistance"]["c"] * v
-                if "turning_resistance" in e:
-                    a += G * e["turning_resistance"]["k"] * abs(rate[i])
+                a += sum(DECELERATION[name](e[name], m) for name in e if name in DECELERATION)
                 if fade:
                     heat += STEP * (share * G * given * v - heat / fade["tau"])
                 a *= share

@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import inspect
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,21 +32,26 @@ from slopewise.models.parameters import Effect
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from slopewise.planner.kernels.motion_laws import motion_deceleration as compiled_deceleration
 from tests.models.discrepancy.logs import table
+from tests.models.effects.formulas import FORMULAS, Moment
 from tests.models.models_for_tests import BASE, with_effect
 
 ROOT = Path(__file__).parents[3]
 PRODUCT = ("models", "planner", "services")
 ALL = pytest.mark.parametrize(("name", "law"), LAWS.items())
-GIVEN = {
-    Enters.GROUND: (Place(0.1, -0.05, 3.0, 4.0, 0.7, 60.0),),
-    Enters.LASTING: (0.4,),
-    Enters.MOTION: (2.0, 0.2, 0.7),
-    Enters.LAG: (0.1,),
-    Enters.FADE: (200.0,),
-    Enters.CAP: (0.1, -0.05),
-    Enters.CREST: (3.0, -0.1),
-}
-"""What a law takes before its parameters."""
+MOMENT = Moment(
+    grade=0.1,
+    roll=-0.05,
+    x=3.0,
+    y=4.0,
+    yaw=0.7,
+    session_time=60.0,
+    force=0.4,
+    speed=2.0,
+    curvature=0.2,
+    vertical_curvature=-0.1,
+    since_onset=0.1,
+    heat=200.0,
+)
 
 
 def some(law: EffectLaw) -> dict[str, float]:
@@ -60,7 +67,7 @@ def some(law: EffectLaw) -> dict[str, float]:
 @ALL
 def test_its_law_takes_floats_and_arrays_and_gives_the_same(name: str, law: EffectLaw) -> None:
     values = some(law).values()
-    given = GIVEN[law.enters]
+    given = channels(law, MOMENT)
     number = law.law(*given, *values)
     assert np.ndim(number) == 0
     assert np.isfinite(number)
@@ -74,10 +81,43 @@ def test_its_law_takes_floats_and_arrays_and_gives_the_same(name: str, law: Effe
         given = tuple(map(grown, given))
     array = np.asarray(law.law(*given, *values))
     np.testing.assert_array_equal(array, np.full((2, 3), number))
-    arguments = list(inspect.signature(law.law).parameters)[len(GIVEN[law.enters]) :]
+    arguments = list(inspect.signature(law.law).parameters)[len(channels(law, MOMENT)) :]
     if law.enters is not Enters.CAP and law.enters is not Enters.CREST:  # laws of models.laws
         used = list(law.parameters)[: len(arguments)]
         assert arguments == used, "parameters come in the order of the law"
+
+
+def channels(law: EffectLaw, m: Moment) -> tuple[Any, ...]:
+    """Arguments of a law before its parameters."""
+    return {
+        Enters.GROUND: (Place(m.grade, m.roll, m.x, m.y, m.yaw, m.session_time),),
+        Enters.LASTING: (m.force,),
+        Enters.MOTION: (m.speed, m.curvature, m.yaw),
+        Enters.LAG: (m.since_onset,),
+        Enters.FADE: (m.heat,),
+        Enters.CAP: (m.grade, m.roll),
+        Enters.CREST: (m.speed, m.vertical_curvature),
+    }[law.enters]
+
+
+@ALL
+def test_its_law_is_its_formula(name: str, law: EffectLaw) -> None:
+    """A new effect needs an entry in the formulas of the tests."""
+    rng = np.random.default_rng(11)
+    signs = {"grade", "roll", "yaw", "x", "y", "curvature", "vertical_curvature"}
+    sizes = {"x": 40.0, "y": 40.0, "yaw": 3.0, "speed": 4.0, "session_time": 900.0, "heat": 300.0}
+    values = []
+    for _ in range(40):
+        moment = Moment(
+            **{
+                f.name: sizes.get(f.name, 0.4) * rng.uniform(-1.0 if f.name in signs else 0.0, 1.0)
+                for f in fields(Moment)
+            }
+        )
+        p = {key: value * rng.uniform(0.5, 1.5) for key, value in some(law).items()}
+        values.append(float(law.law(*channels(law, moment), *p.values())))
+        assert values[-1] == pytest.approx(FORMULAS[name](p, moment), rel=1e-12, abs=1e-15)
+    assert len(set(values)) > 1
 
 
 @ALL

@@ -11,8 +11,8 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.ground.grade_between import grade_between
 from slopewise.planner.plan import Status
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.check.check import check
-from slopewise.services.check.given_plan import plan_of_columns
+from slopewise.services.check.external_plan import plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.io.plan_file import driven
 from tests.planner.scenes import SMALL, Tables, model_of, plan_one, tables_with
 
@@ -142,4 +142,4 @@ def test_a_kink_beyond_the_trained_range_counts_between_stations() -> None:
     assert plan.grade[18:25].max() < tables["braking"]["grade_range"][1]
     assert plan.status is Status.BLOCKED
     assert "a wheel keeps" in plan.reason
-    assert not check(plan_of_columns(driven(plan)), model_of(tables), dip()).violations
+    assert not check_plan_on_map(plan_of_columns(driven(plan)), model_of(tables), dip()).violations

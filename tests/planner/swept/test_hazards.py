@@ -87,11 +87,12 @@ def test_it_does_not_bar(name: str, heading: float) -> None:
 
 @pytest.mark.parametrize("name", ["rock of 3 m between the tracks", "step of 0.4 m up"])
 def test_the_plan_stops_before_it(name: str) -> None:
-    plan = plan_one(ATV, ground(CASES[name][0]), straight(20.0))
+    scene = ground(CASES[name][0])
+    plan = plan_one(ATV, scene, straight(20.0))
     assert plan.status is Status.BLOCKED
     assert 4.0 < plan.progress < 8.4
     assert re.search(r"at \d\.\d\d m (a step|ground) .* at x [89]\.", plan.reason)
-    assert_sound(plan, ATV)
+    assert_sound(plan, ATV, scene)
     assert plan_one(ATV, ground(FREE["step up"]), straight(20.0)).status is Status.OK
 
 

@@ -128,13 +128,14 @@ def test_a_short_first_step_is_no_spacing(short: float) -> None:
 
 
 def test_the_plan_is_slower_and_says_why() -> None:
-    rough = plan_one(ATV, ground(wave(0.06, 1.5)), straight(20.0))
+    scene = ground(wave(0.06, 1.5))
+    rough = plan_one(ATV, scene, straight(20.0))
     smooth = plan_one(ATV, ground(wave(0.06, 12.0)), straight(20.0))
     assert rough.status is smooth.status is Status.OK
     assert Limiting.ROUGHNESS.label in labels(rough)
     assert rough.speed.max() < 0.7 * smooth.speed.max()
     assert Limiting.ROUGHNESS.label not in labels(smooth)
-    assert_sound(rough, ATV)
+    assert_sound(rough, ATV, scene)
 
 
 @pytest.mark.parametrize("factor", [2.0, 4.0])

@@ -1,4 +1,4 @@
-"""The judge judged: against the oracle's integrator, and with breaches planted one by one."""
+"""The verifier against the slow reference of stops, and with violations planted one by one."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.verify.judge import VIOLATION_LIMITING, Judgement, Violations, check
 from slopewise.planner.verify.track import Track, track_of
-from tests import oracle
 from tests.planner.scenes import (
+    G,
     Tables,
     arc,
-    columns_of,
     ground_map,
+    min_loads,
     model_of,
     plan_one,
     plane,
+    stop_on,
     straight,
     tables_with,
 )
@@ -90,28 +91,28 @@ MOTIONS: tuple[tuple[str, Mapping[str, float]], ...] = (
 )
 
 
+CREST_ERROR = 0.1
+"""Share by which a reported load may be below that of the ground between stations."""
+
+
 @pytest.mark.parametrize("effect", [None, *MOTIONS], ids=lambda e: e[0] if e else "none")
 @pytest.mark.parametrize("curvature", [0.0, 0.15])
-def test_stops_agree_with_the_oracles_within_a_millimetre(
+def test_stops_agree_with_the_slow_reference_within_a_millimetre(
     effect: tuple[str, Mapping[str, float]] | None, curvature: float
 ) -> None:
     tables = tables_with(*([effect] if effect else []))
     path = arc(14.0, curvature) if curvature else straight(14.0)
     plan = plan_one(tables, ground_map(hills, resolution=0.1), path)
-    columns = columns_of(plan)
     going = np.flatnonzero(plan.speed > 0.0)
     for k in going[:: max(len(going) // 6, 1)]:
-        stop = oracle.emergency_stop(plan.station[k], plan.speed[k], columns, tables)
-        assert plan.stop_distance[k] == pytest.approx(stop.distance, abs=1e-3)
-        assert plan.side_load[k] <= stop.side_load + 2e-3
-        assert plan.side_load[k] >= stop.side_load - oracle.CREST_AGREES
+        stop = stop_on(plan, tables, plan.station[k], plan.speed[k])
+        assert plan.stop_distance[k] == pytest.approx(stop.distance + 0.2, abs=1e-3)
+        rear, side = min_loads(plan, tables, stop)
+        # Between stations a plan takes the sharper crest of those on both sides.
+        assert side - CREST_ERROR <= plan.side_load[k] <= side + 2e-3
+        assert plan.rear_load[k] <= rear + 2e-3
         if effect is None or effect[0] == "wheel_lockup":
-            # Between stations the sharper crest of those on both sides counts.
-            assert stop.rear_load - oracle.CREST_AGREES <= plan.rear_load[k]
-            assert plan.rear_load[k] <= stop.rear_load + 2e-3
-        else:
-            # Forces that are not there yet count as if they were.
-            assert plan.rear_load[k] <= stop.rear_load + 2e-3
+            assert plan.rear_load[k] >= rear - CREST_ERROR
 
 
 def stop_at(case: Case, time_step: float) -> np.ndarray:
@@ -149,7 +150,7 @@ def test_a_lagging_brake_on_a_plane_is_its_closed_form() -> None:
     k = int(np.argmax(plan.speed))
     v = plan.speed[k]
     t = np.linspace(0.0, 3.0, 3_000_001)
-    speed = v - oracle.G * force * (t - tau * (1.0 - np.exp(-t / tau)))
+    speed = v - G * force * (t - tau * (1.0 - np.exp(-t / tau)))
     stop = 0.2 * v + float(np.trapezoid(np.maximum(speed, 0.0), t))
     assert plan.stop_distance[k] == pytest.approx(stop, abs=5e-5)
 
@@ -360,7 +361,7 @@ def test_planned_braking_does_not_exceed_what_friction_gives() -> None:
     assert "decel" in case.kinds(fast.speed_sq)
     accel = np.diff(case.speed_sq) / (2.0 * np.diff(case.track.station))
     theta = np.arctan(-0.15)
-    assert -accel.min() <= oracle.G * (0.25 * np.cos(theta) + np.sin(theta)) + 1e-6
+    assert -accel.min() <= G * (0.25 * np.cos(theta) + np.sin(theta)) + 1e-6
 
 
 def test_standing_plans_have_no_stop_but_loads() -> None:

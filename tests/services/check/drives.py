@@ -9,7 +9,7 @@ import numpy as np
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.external_plan import ExternalPlan
 from tests.planner.scenes import model_of, tables_with
 
 Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -60,12 +60,12 @@ def trapezoid(
     return s, np.sqrt(np.minimum(np.minimum(up, down), top**2))
 
 
-def straight(s: np.ndarray, speed: np.ndarray, **columns: Any) -> GivenPlan:
+def straight(s: np.ndarray, speed: np.ndarray, **columns: Any) -> ExternalPlan:
     """Along x from the origin."""
-    return GivenPlan(name="straight", x=s, y=np.zeros_like(s), speed=speed, **columns)
+    return ExternalPlan(name="straight", x=s, y=np.zeros_like(s), speed=speed, **columns)
 
 
-def round_turn(s: np.ndarray, speed: np.ndarray, radius: float, **columns: Any) -> GivenPlan:
+def round_turn(s: np.ndarray, speed: np.ndarray, radius: float, **columns: Any) -> ExternalPlan:
     """A left turn that begins along x at the origin."""
     x, y = radius * np.sin(s / radius), radius * (1.0 - np.cos(s / radius))
-    return GivenPlan(name="turn", x=x, y=y, speed=speed, **columns)
+    return ExternalPlan(name="turn", x=x, y=y, speed=speed, **columns)

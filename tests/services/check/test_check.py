@@ -12,8 +12,8 @@ import pytest
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.services.check.check import check
-from slopewise.services.check.given_plan import GivenPlan
+from slopewise.services.check.external_plan import ExternalPlan
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.check.tolerances import TOLERANCES
 from tests.services.check.drives import (
     ground,
@@ -30,7 +30,7 @@ G = 9.80665
 class Scene(NamedTuple):
     """A plan that uses a share of what one rule allows."""
 
-    plan: GivenPlan
+    plan: ExternalPlan
     model: Model
     heights: ElevationMap
     clear: float = np.inf
@@ -317,7 +317,7 @@ SCENES: list[tuple[str, Callable[[float], Scene]]] = [
 
 
 def kinds(scene: Scene) -> set[str]:
-    report = check(scene.plan, scene.model, scene.heights, clear=scene.clear)
+    report = check_plan_on_map(scene.plan, scene.model, scene.heights, clear=scene.clear)
     return {violation.kind for violation in report.violations}
 
 
@@ -334,14 +334,14 @@ def test_every_kind_has_a_scene() -> None:
 def test_a_sound_plan_has_no_violation() -> None:
     s, v = trapezoid(3.0, spacing=0.25)
     for surface in (None, slope(0.15), slope(-0.15), slope(0.0, 0.15), slope(-0.1, -0.1)):
-        report = check(straight(s, v), model_with(), ground(surface))
+        report = check_plan_on_map(straight(s, v), model_with(), ground(surface))
         assert report.valid, report.violations[:3]
         assert report.stops > 4 * np.count_nonzero(v) - 4
 
 
 def test_what_is_said_of_a_violation() -> None:
     s, v = trapezoid(3.0, begin=1.0)
-    report = check(straight(s, 1.2 * v), model_with(limits={"speed": 3.0}), ground())
+    report = check_plan_on_map(straight(s, 1.2 * v), model_with(limits={"speed": 3.0}), ground())
     worst = report.worst()["speed_limit"]
     assert worst.candidate == "straight"
     assert worst.station == pytest.approx(s[worst.row], abs=0.1)
@@ -354,7 +354,7 @@ def test_what_is_said_of_a_violation() -> None:
 
 def test_numbers_that_are_told_for_every_row() -> None:
     s, v = trapezoid(3.0)
-    report = check(straight(s, v), model_with(), ground())
+    report = check_plan_on_map(straight(s, v), model_with(), ground())
     np.testing.assert_allclose(report.station, s, atol=1e-9)
     np.testing.assert_allclose(report.stop_distance, level_stop(v), atol=2e-4)
     moving = v > 0.0
@@ -365,9 +365,11 @@ def test_numbers_that_are_told_for_every_row() -> None:
 def test_a_plan_that_does_not_rest_at_its_end_overruns_it() -> None:
     s, v = trapezoid(3.0)
     cut = straight(s[:100], v[:100])
-    assert "stopping_path" in {x.kind for x in check(cut, model_with(), ground()).violations}
+    assert "stopping_path" in {
+        x.kind for x in check_plan_on_map(cut, model_with(), ground()).violations
+    }
     # That the way is known free further on does not make the path longer.
-    found = check(cut, model_with(), ground(), clear=30.0).violations
+    found = check_plan_on_map(cut, model_with(), ground(), clear=30.0).violations
     assert "stopping_path" in {x.kind for x in found}
 
 
@@ -376,24 +378,26 @@ def test_columns_are_not_needed_and_station_may_begin_anywhere() -> None:
     clear = furthest(s, v) + 0.05
     for first in (0.0, 5.0):
         plan = straight(s, v, station=s + first, clear_distance=np.full_like(s, clear + first))
-        assert check(plan, model_with(), ground()).valid
+        assert check_plan_on_map(plan, model_with(), ground()).valid
         plan = replace(plan, clear_distance=plan.clear_distance - 0.2)
-        assert not check(plan, model_with(), ground()).valid
+        assert not check_plan_on_map(plan, model_with(), ground()).valid
 
 
 def test_degraded_plans_may_brake_hard_from_a_start_that_is_too_fast() -> None:
     s, v = trapezoid(4.0, begin=4.0, decel=2.5, rests=3.2)
     model = model_with(limits={"speed": 3.0})
-    assert {x.kind for x in check(straight(s, v), model, ground()).violations} == {
+    assert {x.kind for x in check_plan_on_map(straight(s, v), model, ground()).violations} == {
         "decel",
         "speed_limit",
     }
-    assert check(straight(s, v, status="degraded"), model, ground()).valid
+    assert check_plan_on_map(straight(s, v, status="degraded"), model, ground()).valid
 
 
 def test_infeasible_plans_are_taken_by_their_word() -> None:
     s, v = trapezoid(4.0, begin=4.0, decel=4.0, rests=2.0)
-    report = check(straight(s, v, status="infeasible"), model_with(), ground(), clear=1.0)
+    report = check_plan_on_map(
+        straight(s, v, status="infeasible"), model_with(), ground(), clear=1.0
+    )
     assert report.valid
     assert any("cannot be made safe" in note for note in report.notes)
 
@@ -402,13 +406,13 @@ def test_rows_at_one_place_count_once() -> None:
     s, v = trapezoid(3.0)
     s, v = np.repeat(s, 2), np.repeat(v, 2)
     v[21] = 9.0
-    report = check(straight(s, v), model_with(), ground())
+    report = check_plan_on_map(straight(s, v), model_with(), ground())
     assert "speed_limit" in {x.kind for x in report.violations}
 
 
 def test_coarse_maps_show_no_steps_and_that_is_said() -> None:
     s, v = trapezoid(1.0)
-    report = check(straight(s, v), model_with(), ground(resolution=0.5))
+    report = check_plan_on_map(straight(s, v), model_with(), ground(resolution=0.5))
     assert sum("steps were not looked for" in note for note in report.notes) == 1
 
 
@@ -417,26 +421,28 @@ def test_rounded_positions_do_not_look_like_turns(decimals: int) -> None:
     s, v = trapezoid(2.5)
     plan = round_turn(s, v, 4.0)
     x, y = np.round(plan.x, decimals), np.round(plan.y, decimals)
-    assert check(replace(plan, x=x, y=y), model_with(), ground()).valid
+    assert check_plan_on_map(replace(plan, x=x, y=y), model_with(), ground()).valid
 
 
 def test_what_cannot_be_judged_is_an_error() -> None:
     s, v = trapezoid(3.0)
     with pytest.raises(ParameterError, match="a first row on the map"):
-        check(straight(s + 500.0, v), model_with(), ground())
+        check_plan_on_map(straight(s + 500.0, v), model_with(), ground())
     with pytest.raises(ParameterError, match="clear: expected a distance"):
-        check(straight(s, v), model_with(), ground(), clear=-1.0)
+        check_plan_on_map(straight(s, v), model_with(), ground(), clear=-1.0)
 
 
 def test_a_plan_that_stands_is_sound() -> None:
-    report = check(GivenPlan(name="here", x=[1.0], y=[1.0], speed=[0.0]), model_with(), ground())
+    report = check_plan_on_map(
+        ExternalPlan(name="here", x=[1.0], y=[1.0], speed=[0.0]), model_with(), ground()
+    )
     assert report.valid
     assert report.stops == 0
 
 
 def test_a_plan_that_comes_to_rest_where_it_is_stands() -> None:
     x, aside = np.array([1.0, 1.0 + 1e-9]), np.ones(2)
-    crawls = GivenPlan(name="crawls", x=x, y=aside, speed=np.array([6e-5, 0.0]))
-    assert check(crawls, model_with(), ground()).valid
+    crawls = ExternalPlan(name="crawls", x=x, y=aside, speed=np.array([6e-5, 0.0]))
+    assert check_plan_on_map(crawls, model_with(), ground()).valid
     with pytest.raises(ParameterError, match="different places"):
-        GivenPlan(name="jumps", x=x, y=aside, speed=np.array([6e-3, 0.0]))
+        ExternalPlan(name="jumps", x=x, y=aside, speed=np.array([6e-3, 0.0]))

@@ -8,11 +8,11 @@ import pytest
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.terrain_profile import terrain_profile
-from slopewise.services.check.brakes import brakes_along
-from slopewise.services.check.given_plan import GivenPlan
-from slopewise.services.check.ground import ground_under
+from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.heights import classes_around, height_of
-from slopewise.services.check.line import line_of
+from slopewise.services.check.path_force import path_force_along
+from slopewise.services.check.path_ground import ground_under
+from slopewise.services.check.plan_line import line_of
 from tests.services.check.drives import ground, model_with, round_turn, slope, straight
 
 
@@ -23,7 +23,9 @@ def test_heights_are_bilinear_and_unknown_beside_unknown_cells() -> None:
     found = height_of(heights, x, y)
     np.testing.assert_allclose(found, [0.0, 0.5, 1.5, np.nan, np.nan, 2.0 * np.nan])
     # On the rim itself, with all its cells known, ground is known.
-    assert height_of(heights, np.array([1.5]), np.array([2.5]))[0] != 3.0  # a cell beside is not
+    assert (
+        height_of(heights, np.array([1.5]), np.array([2.5]))[0] != 3.0
+    )  # a cell next to it is not
 
 
 def test_slopes_and_stations_on_a_plane() -> None:
@@ -33,7 +35,7 @@ def test_slopes_and_stations_on_a_plane() -> None:
     under = ground_under(ground(slope(0.2, -0.1)), line, model_with().vehicle)
     np.testing.assert_allclose(under.grade, 0.2, atol=1e-12)
     np.testing.assert_allclose(under.roll, -0.1, atol=1e-12)
-    np.testing.assert_allclose(under.bend, 0.0, atol=1e-9)
+    np.testing.assert_allclose(under.vertical_curvature, 0.0, atol=1e-9)
     np.testing.assert_allclose(under.station[line.at_row], s / np.cos(0.2), atol=1e-9)
     assert under.known.all()
     assert under.body_known.all()
@@ -74,13 +76,13 @@ def test_curvature_sees_past_noise(noise: float) -> None:
     s = np.linspace(0.0, 15.0, 151)
     turn = round_turn(s, np.zeros_like(s), 5.0)
     x, y = turn.x + rng.normal(0.0, noise, len(s)), turn.y + rng.normal(0.0, noise, len(s))
-    line = line_of(GivenPlan(name="noisy", x=x, y=y, speed=np.zeros_like(s)), 0.0)
+    line = line_of(ExternalPlan(name="noisy", x=x, y=y, speed=np.zeros_like(s)), 0.0)
     np.testing.assert_allclose(line.curvature, 0.2, atol=2e-3 + 0.1 * (noise > 0.0))
     np.testing.assert_allclose(line.heading[line.at_row], s / 5.0, atol=1e-2 + 6.0 * noise)
 
 
 def test_two_rows_are_a_straight_line() -> None:
-    line = line_of(GivenPlan(name="two", x=[0.0, 3.0], y=[0.0, 4.0], speed=[1.0, 0.0]), 0.0)
+    line = line_of(ExternalPlan(name="two", x=[0.0, 3.0], y=[0.0, 4.0], speed=[1.0, 0.0]), 0.0)
     np.testing.assert_allclose(line.heading, np.arctan2(4.0, 3.0))
     np.testing.assert_allclose(line.curvature, 0.0)
 
@@ -114,5 +116,5 @@ def test_a_class_that_the_model_does_not_know_may_be_any(name: str, surfaces: se
     s = np.linspace(0.0, 5.0, 21)
     line = line_of(straight(s, np.zeros_like(s)), 0.0)
     under = ground_under(heights, line, model.vehicle)
-    brakes = brakes_along(model, under, line, heights.class_names)
+    brakes = path_force_along(model, under, line, heights.class_names)
     assert set(brakes.names) == surfaces

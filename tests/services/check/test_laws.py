@@ -7,12 +7,12 @@ import pytest
 
 from slopewise.models.laws import wheel_loads, wheel_lockup
 from slopewise.services.check.friction import braking_cap, utilisation
-from slopewise.services.check.loads import pose_of, shares_of
+from slopewise.services.check.loads import attitude_of, shares_of
 from tests.services.check.drives import model_with
 
 G = 9.80665
 VEHICLE = model_with().vehicle
-FLAT = pose_of(*(np.zeros(1) for _ in range(4)))
+FLAT = attitude_of(*(np.zeros(1) for _ in range(4)))
 
 
 def poses(count: int = 200) -> tuple[np.ndarray, ...]:
@@ -24,7 +24,7 @@ def test_loads_are_those_of_the_free_body() -> None:
     grade, roll, _, curvature = poses()
     even = np.zeros_like(grade)
     speed_sq, decel = np.linspace(0.0, 16.0, len(grade)), np.linspace(-1.0, 4.0, len(grade))
-    shares = shares_of(VEHICLE, pose_of(grade, roll, even, curvature), speed_sq, decel)
+    shares = shares_of(VEHICLE, attitude_of(grade, roll, even, curvature), speed_sq, decel)
     lateral = speed_sq * curvature / np.cos(roll)
     v = VEHICLE
     rear = wheel_loads.rear_load_share(grade, roll, decel, v.wheelbase, v.cg_x, v.cg_z)
@@ -45,20 +45,22 @@ def test_loads_are_those_of_the_free_body() -> None:
 
 
 def test_over_a_crest_all_lose_the_same_and_in_a_dip_nothing_is_gained() -> None:
-    crest = FLAT._replace(bend=np.array([-0.25]))
+    crest = FLAT._replace(vertical_curvature=np.array([-0.25]))
     speed_sq = np.array([9.0])
     zero = np.zeros(1)
     for share in shares_of(VEHICLE, crest, speed_sq, zero):
         assert share[0] == pytest.approx(1.0 - 0.25 * 9.0 / G)
     for share in shares_of(VEHICLE, crest, speed_sq, zero, crest=False):
         assert share[0] == pytest.approx(1.0)
-    for share in shares_of(VEHICLE, FLAT._replace(bend=np.array([0.25])), speed_sq, zero):
+    for share in shares_of(
+        VEHICLE, FLAT._replace(vertical_curvature=np.array([0.25])), speed_sq, zero
+    ):
         assert share[0] == pytest.approx(1.0)
 
 
 def test_a_side_slope_leaves_less_for_the_brakes() -> None:
     """On 15° and μ = 0.35: 0.22 W, not 0.34 W."""
-    pose = pose_of(np.zeros(1), np.deg2rad(np.array([15.0])), np.zeros(1), np.zeros(1))
+    pose = attitude_of(np.zeros(1), np.deg2rad(np.array([15.0])), np.zeros(1), np.zeros(1))
     left = braking_cap(VEHICLE, pose, np.array([0.35]), np.zeros(1))
     assert left[0] == pytest.approx(0.2176, abs=2e-4)
     assert utilisation(pose, np.array([0.35]), np.zeros(1), left)[0] == pytest.approx(1.0)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from slopewise.services.check.check import check
+from slopewise.services.check.plan_checker import check_plan_on_map
 from tests.planner.test_real_terrain import CASES
 from tests.services.check.mutants import MUTATIONS, Question, matters, questions, stripped
 
@@ -38,7 +38,7 @@ def hunt(asked: Iterator[Question], wanted: int) -> tuple[Counter[str], list[str
                 continue
             unsafe[name] += 1
             plan = stripped(mutant, question.path.name)
-            if check(plan, question.model, question.ground, clear=question.clear).valid:
+            if check_plan_on_map(plan, question.model, question.ground, clear=question.clear).valid:
                 missed.append(f"{name}: {question.model.name} on {question.path.name}")
         if all(unsafe[name] >= wanted for name in MUTATIONS):
             break

@@ -14,8 +14,8 @@ from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.check.check import check
-from slopewise.services.check.given_plan import GivenPlan, plan_of_columns
+from slopewise.services.check.external_plan import ExternalPlan, plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.io.plan_file import driven
 
 RNG = np.random.default_rng(4)
@@ -34,7 +34,7 @@ def plans(model: Model, quantile: float | None) -> list[SpeedPlan]:
     return planner.plan(GROUND, [path(c) for c in (0.3, 1.7, 3.0, 4.4)], clear=12.0)
 
 
-def given(plan: SpeedPlan) -> GivenPlan:
+def given(plan: SpeedPlan) -> ExternalPlan:
     return plan_of_columns(driven(plan))
 
 
@@ -57,14 +57,15 @@ def relative() -> Model:
 def test_plans_at_the_quantile_pass(relative: Model) -> None:
     for model in (scattering_model(), relative):
         for plan in plans(model, 0.999):
-            report = check(given(plan), model, GROUND, clear=12.0, quantile=0.999)
+            report = check_plan_on_map(given(plan), model, GROUND, clear=12.0, quantile=0.999)
             assert report.valid, report.violations
 
 
 def test_plans_by_the_mean_do_not(relative: Model) -> None:
     for model in (scattering_model(), relative):
         reports = [
-            check(given(p), model, GROUND, clear=12.0, quantile=0.999) for p in plans(model, None)
+            check_plan_on_map(given(p), model, GROUND, clear=12.0, quantile=0.999)
+            for p in plans(model, None)
         ]
         kinds = {v.kind for r in reports for v in r.violations}
         assert "stopping_path" in kinds
@@ -75,8 +76,8 @@ def test_a_state_counts_by_the_mean_as_well(relative: Model) -> None:
     kinds = {
         v.kind
         for p in plans(alone, None)
-        for v in check(given(p), relative, GROUND, clear=12.0).violations
+        for v in check_plan_on_map(given(p), relative, GROUND, clear=12.0).violations
     }
     assert "stop_distance" in kinds
     for plan in plans(relative, None):
-        assert check(given(plan), relative, GROUND, clear=12.0).valid
+        assert check_plan_on_map(given(plan), relative, GROUND, clear=12.0).valid

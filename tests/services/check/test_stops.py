@@ -10,35 +10,35 @@ import pytest
 
 from slopewise.models.parameters import Model
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
-from slopewise.services.check import stop_lanes
-from slopewise.services.check.brakes import brakes_along
-from slopewise.services.check.ground import ground_under
-from slopewise.services.check.line import line_of
-from slopewise.services.check.loads import Stance
-from slopewise.services.check.stop_field import StopField
-from slopewise.services.check.stops import StopEnds, stops_as_told, stops_from
+from slopewise.services.check import stop_integration
+from slopewise.services.check.loads import BodyAttitude
+from slopewise.services.check.path_force import path_force_along
+from slopewise.services.check.path_ground import ground_under
+from slopewise.services.check.plan_line import line_of
+from slopewise.services.check.stop_dynamics import StopDynamics
+from slopewise.services.check.stop_integration import StopEnds, nominal_stops, worst_case_stops
 from tests.services.check.drives import Surface, ground, model_with, slope, straight
 
 G = 9.80665
 SPEEDS = np.array([0.5, 1.0, 2.0, 3.0, 4.0])
 
 
-def field_of(model: Model, surface: Surface | None = None, size: float = 40.0) -> StopField:
+def field_of(model: Model, surface: Surface | None = None, size: float = 40.0) -> StopDynamics:
     heights = ground(surface, size=size)
     s = np.linspace(0.0, size - 5.0, 400)
     line = line_of(straight(s, np.zeros_like(s)), 0.0)
     under = ground_under(heights, line, model.vehicle)
-    brakes = brakes_along(model, under, line, heights.class_names)
-    return StopField.along(model, line, under, brakes)
+    brakes = path_force_along(model, under, line, heights.class_names)
+    return StopDynamics.along(model, line, under, brakes)
 
 
 def stops_on(
-    field: StopField, station: float = 2.0, dead_time: float = 0.3
+    field: StopDynamics, station: float = 2.0, dead_time: float = 0.3
 ) -> tuple[StopEnds, StopEnds]:
     """As plans tell them, and at worst."""
     count = len(SPEEDS)
     words = (field, np.full(count, station), SPEEDS, np.full(count, dead_time), 1e3)
-    return stops_as_told(*words), stops_from(*words)
+    return nominal_stops(*words), worst_case_stops(*words)
 
 
 @pytest.mark.parametrize("grade", [-0.2, 0.0, 0.2])
@@ -97,11 +97,11 @@ def test_agrees_with_the_slow_reference(effect: tuple[str, Mapping[str, Any]]) -
     name, parameters = effect
     model = model_with(effect=[{"name": name, "parameters": parameters}])
     field = field_of(model, waves)
-    pose = Stance(*field.table[:, :5].T)
+    pose = BodyAttitude(*field.table[:, :5].T)
     grade, zero = np.arcsin(pose.sine), np.zeros_like(pose.sine)
-    roll = np.arctan2(pose.tilt, pose.upright)
+    roll = np.arctan2(pose.cross_slope_ratio, pose.normal_ratio)
     x = np.linspace(0.0, 35.0, len(field.station))
-    track = GroundTrack(field.station, grade, roll, zero, zero, x, zero, pose.bend)
+    track = GroundTrack(field.station, grade, roll, zero, zero, x, zero, pose.vertical_curvature)
     held, _ = stops_on(field)
     for speed, end in zip(SPEEDS, held.end, strict=True):
         simulated = simulate_stop(model, track, float(speed), station=2.0)
@@ -113,7 +113,7 @@ def test_agrees_with_the_slow_reference(effect: tuple[str, Mapping[str, Any]]) -
 def test_halving_the_step_changes_nothing_that_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     field = field_of(model_with(), waves)
     coarse, _ = stops_on(field)
-    monkeypatch.setattr(stop_lanes, "TIME_STEP", 0.5 * stop_lanes.TIME_STEP)
+    monkeypatch.setattr(stop_integration, "TIME_STEP", 0.5 * stop_integration.TIME_STEP)
     fine, _ = stops_on(field)
     np.testing.assert_allclose(coarse.end, fine.end, atol=1e-3)
     np.testing.assert_allclose(coarse.rear, fine.rear, atol=2e-3)
@@ -123,7 +123,7 @@ def test_a_vehicle_that_does_not_stop_is_not_followed_for_ever() -> None:
     model = model_with(braking={"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.15})
     field = field_of(model, slope(-0.2))
     count = len(SPEEDS)
-    stops = stops_from(field, np.full(count, 2.0), SPEEDS, np.full(count, 0.3), give_up=10.0)
+    stops = worst_case_stops(field, np.full(count, 2.0), SPEEDS, np.full(count, 0.3), give_up=10.0)
     assert not stops.ended.any()
     assert (stops.end > 10.0).all()
 
@@ -137,8 +137,8 @@ def test_the_least_force_of_all_surfaces_that_wheels_touch_counts() -> None:
     s = np.linspace(0.0, 35.0, 400)
     line = line_of(straight(s, np.zeros_like(s)), 0.0)
     under = ground_under(heights, line, model.vehicle)
-    brakes = brakes_along(model, under, line, heights.class_names)
-    field = StopField.along(model, line, under, brakes)
+    brakes = path_force_along(model, under, line, heights.class_names)
+    field = StopDynamics.along(model, line, under, brakes)
     held, _ = stops_on(field, dead_time=float(brakes.dead_time[0]))
     onset = np.maximum(SPEEDS, 1.0)
     slow, fast = (G * (0.015 * onset + b_b) for b_b in (0.2, 0.40))

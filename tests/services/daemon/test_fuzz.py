@@ -26,10 +26,10 @@ from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.settings.learning_settings import StoreSettings
 from slopewise.services.settings.service_settings import Planning, ServiceConfig, SizeLimits
 from slopewise.services.wire import codec
-from slopewise.services.wire.messages import Path as Candidate
-from slopewise.services.wire.messages import PlanRequest, ServiceStatus
 from slopewise.services.wire.observations import DriveSamples, StopObservation, TerrainLabel
 from slopewise.services.wire.parameter_messages import ParameterQuestion, RollBack, SetParameters
+from slopewise.services.wire.plan_messages import Path as Candidate
+from slopewise.services.wire.plan_messages import PlanRequest, ServiceStatus
 from tests.services.malformed import Malformed
 from tests.services.service_process import fan, flat, running
 
@@ -134,7 +134,7 @@ class Desk:
             assert all(np.isfinite(plan.column("speed")).all() for plan in reply.plans)
             return reply.status
         if key == "map":
-            return "taken" if self.maps.take(message, key) else "ignored"
+            return "taken" if self.maps.apply(message, key) else "ignored"
         if key.startswith("obs/"):
             kind = key.removeprefix("obs/")
             return self.parameters.observe(kind, message, key, time.monotonic()).status

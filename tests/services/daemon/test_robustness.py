@@ -14,7 +14,7 @@ from slopewise.services.client import PlanClient
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.connect import client_session
-from slopewise.services.wire.messages import PlanReply, PlanRequest
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 from tests.services.service_process import fan, flat, free_port, running
 
 _ROUTER = """

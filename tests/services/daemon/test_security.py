@@ -16,8 +16,7 @@ from slopewise.services.client import PlanClient
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.connect import client_session
-from slopewise.services.wire.messages import PlanReply, ServiceStatus
-from slopewise.services.wire.observations import Receipt, StopObservation, TerrainLabel
+from slopewise.services.wire.observations import ObservationAck, StopObservation, TerrainLabel
 from slopewise.services.wire.parameter_messages import (
     AdoptOffer,
     DiscrepancyQuestion,
@@ -25,6 +24,7 @@ from slopewise.services.wire.parameter_messages import (
     RollBack,
     SetParameters,
 )
+from slopewise.services.wire.plan_messages import PlanReply, ServiceStatus
 from tests.services import certificates
 from tests.services.service_process import Running, fan, flat, running
 
@@ -160,7 +160,7 @@ def ask(session: zenoh.Session, key: str, message: object = None) -> list[object
     if message is not None:
         written["payload"] = codec.encode(message, Format.MESSAGEPACK)
         written["encoding"] = codec.encoding_of(type(message), Format.MESSAGEPACK)
-    kinds = {codec.schema_of(kind): kind for kind in (ParameterReply, Receipt)}
+    kinds = {codec.schema_of(kind): kind for kind in (ParameterReply, ObservationAck)}
     found = []
     for reply in session.get(key, timeout=1.0, **written):
         if reply.ok is not None:

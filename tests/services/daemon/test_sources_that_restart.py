@@ -69,12 +69,12 @@ def test_a_mapper_that_restarts_brings_unknown_ground_to_plans(tmp_path: Path, b
         until(first)
         assert progress(service, session) > 20.0
         send_map(service, session, 1, known=10.0)
-        backwards = "maps of mapper count backwards: not taken up"
+        backwards = "maps of mapper count backwards: ignored"
         until(lambda: backwards in plan(service, session)["flags"])
         for sequence in (2, 3):
             send_map(service, session, sequence, known=10.0)
         until(lambda: progress(service, session) < 10.0)
-        assert "maps of mapper: the source counts anew" in plan(service, session)["flags"]
+        assert "maps of mapper: the source restarted its count" in plan(service, session)["flags"]
 
 
 def test_a_huge_sequence_silences_no_observations_not_even_over_a_restart(tmp_path: Path) -> None:

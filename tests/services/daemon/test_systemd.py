@@ -26,15 +26,15 @@ def listening(address: str) -> socket.socket:
 
 def test_nobody_listens_without_systemd(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    assert not systemd.tell(systemd.READY)
+    assert not systemd.notify_systemd(systemd.READY)
     monkeypatch.setenv("NOTIFY_SOCKET", "/nowhere/at/all")
-    assert not systemd.tell(systemd.READY)
+    assert not systemd.notify_systemd(systemd.READY)
 
 
 def test_abstract_sockets_are_reached(monkeypatch: pytest.MonkeyPatch) -> None:
     with listening("\0slopewise-test") as heard:
         monkeypatch.setenv("NOTIFY_SOCKET", "@slopewise-test")
-        assert systemd.tell(systemd.ALIVE)
+        assert systemd.notify_systemd(systemd.ALIVE)
         assert heard.recv(100) == b"WATCHDOG=1"
 
 

@@ -23,7 +23,6 @@ UNUSED = (
     "casadi",
     "PIL",
     "contourpy",
-    "polars",
     "pyarrow",
     "sklearn",
     "plotly",

@@ -13,7 +13,7 @@ from slopewise.services.dashboard.server import PageServer, own_names
 from slopewise.services.dashboard.site import Site, Source
 from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.settings.service_settings import PageSettings
-from slopewise.services.wire.messages import Parameters, ServiceStatus
+from slopewise.services.wire.plan_messages import Parameters, ServiceStatus
 from tests.services.service_process import free_port
 
 HOSTILE = "<img src=x onerror=alert(1)>"

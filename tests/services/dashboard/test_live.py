@@ -20,9 +20,9 @@ from slopewise.services.parameters.learned_stop import LearnedStop
 from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import Path as Candidate
-from slopewise.services.wire.observations import Receipt, StopObservation
+from slopewise.services.wire.observations import ObservationAck, StopObservation
 from slopewise.services.wire.parameter_messages import HistoryEntry
+from slopewise.services.wire.plan_messages import Path as Candidate
 from tests.services import browser
 from tests.services.dashboard.page_fixtures import HOSTILE, get, served
 from tests.services.service_process import Running, fan, flat, free_port, running
@@ -165,7 +165,7 @@ def test_stops_and_learned_parameters_are_shown_after_a_restart(tmp_path: Path) 
             )
         assert reply.ok is not None
         encoding = str(reply.ok.encoding)
-        version = codec.decode(Receipt, reply.ok.payload, encoding, "receipt", 10**6).version
+        version = codec.decode(ObservationAck, reply.ok.payload, encoding, "receipt", 10**6).version
         before = braking(url, version)
         stops = learned(url)["stops"]
         shown = browser.text_of(url)

@@ -16,13 +16,13 @@ from slopewise.services.io.model_file import find_model, model_to_dict, read_mod
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.learning_settings import StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.offer import Offer, Shift
+from slopewise.services.wire.model_proposal import ModelProposal, StopDistanceChange
 
 FILE = read_model(find_model("atv"))
 LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))
 
 
-def proposal(number: int = 1, **changes: Any) -> Offer:
+def proposal(number: int = 1, **changes: Any) -> ModelProposal:
     """An offer with numbers as the workflow writes them."""
     effect = {
         "name": "brake_lag",
@@ -41,17 +41,17 @@ def proposal(number: int = 1, **changes: Any) -> Offer:
         "findings": {"effects": [effect], "stop_distance": gap, "seconds": 3.0},
         "data": "0",
         "stops": 26,
-        "beside_file": Shift(least=0.11, most=0.93, where="2 m/s"),
-        "beside_use": Shift(least=0.11, most=0.93, where="2 m/s"),
+        "beside_file": StopDistanceChange(least=0.11, most=0.93, where="2 m/s"),
+        "beside_use": StopDistanceChange(least=0.11, most=0.93, where="2 m/s"),
         "valid": True,
         "changes": True,
         "notes": [],
         "model": model_to_dict(dataclasses.replace(FILE, effect=(LAG,))),
     }
-    return Offer(**(fields | changes))
+    return ModelProposal(**(fields | changes))
 
 
-FASTER = {"beside_file": Shift(least=-0.4, most=0.1, where="3 m/s")}
+FASTER = {"beside_file": StopDistanceChange(least=-0.4, most=0.1, where="3 m/s")}
 
 
 class ShownService:
@@ -63,7 +63,7 @@ class ShownService:
         self.service, self.board = ParameterService(config, model), LiveState()
         self.feed = ParameterFeed(self.service, self.board, config)
 
-    def offer(self, offer: Offer) -> None:
+    def offer(self, offer: ModelProposal) -> None:
         self.service.learner.propose(offer)
         self.service._commit({"effects"}, f"offered {offer.id}", offer.cause)
 
@@ -147,7 +147,7 @@ def test_a_rejection_is_shown_with_its_reason_until_another_change(tmp_path: Pat
     shown.service.roll_back(2, "effects", "ann")
     assert shown.status()[0] == "reverted"
     shown.offer(proposal(2, valid=False, verdict="ambiguous", **FASTER))
-    invalid = "neither sure enough to make plans faster, nor slower everywhere"  # words: ok
+    invalid = "neither conclusive enough for faster plans, nor slower everywhere"
     assert shown.status() == ("refused", invalid, "", "")
     shown.offer(proposal(3, changes=False, verdict="none"))
     assert shown.status() == ("nothing", "nothing to adopt", "", "")

@@ -18,7 +18,7 @@ from slopewise.services.doctor.collect import Collector
 from slopewise.services.doctor.examine import examine
 from slopewise.services.doctor.facts import Facts, Misfit, MisfitSeverity, Seen
 from slopewise.services.doctor.nav2_file import read_nav2
-from slopewise.services.io.bags.ros_types import typestore
+from slopewise.services.io.bags import typestore
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.ros.settings import EdgeSettings, OwnStop, Timing, Wheels
 from tests.services.command_line import here

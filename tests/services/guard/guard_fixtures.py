@@ -16,8 +16,8 @@ from slopewise.services.guard.guard_model import read_guard_model
 from slopewise.services.guard.settings import GuardJudgement, GuardSettings, GuardTiming
 from slopewise.services.io.model_file import find_model
 from slopewise.services.wire.lateness import WallClock
-from slopewise.services.wire.messages import MapUpdate
 from slopewise.services.wire.parameter_messages import ParameterGroup
+from slopewise.services.wire.plan_messages import MapUpdate
 
 ATV = find_model("atv")
 MODEL = read_guard_model(ATV)

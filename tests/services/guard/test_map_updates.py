@@ -18,8 +18,8 @@ from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import MapUpdate
 from slopewise.services.wire.parameter_messages import ParameterGroup
+from slopewise.services.wire.plan_messages import MapUpdate
 from tests.services.guard.guard_fixtures import braking_group, guard, map_update
 
 SPACE = "test/updates"

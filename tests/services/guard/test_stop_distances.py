@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.services.check.brakes import brakes_along
-from slopewise.services.check.given_plan import GivenPlan
-from slopewise.services.check.ground import ground_under
-from slopewise.services.check.line import line_of
-from slopewise.services.check.stop_field import StopField
-from slopewise.services.check.stops import stops_from
+from slopewise.services.check.external_plan import ExternalPlan
+from slopewise.services.check.path_force import path_force_along
+from slopewise.services.check.path_ground import ground_under
+from slopewise.services.check.plan_line import line_of
+from slopewise.services.check.stop_dynamics import StopDynamics
+from slopewise.services.check.stop_integration import worst_case_stops
 from slopewise.services.guard.command_arc import CommandArc, Pose2d, arc_ahead
 from slopewise.services.guard.guard_map import GuardMap
 from slopewise.services.guard.guard_model import GuardModel, brake_table
@@ -66,14 +66,14 @@ def test_stop_on_hills_is_not_shorter_than_the_checkers(seed: int) -> None:
         pytest.skip("steeper than trained")
     along = np.linspace(0.0, 14.0, 120)
     x, y = 30.0 + along * np.cos(heading), 30.0 + along * np.sin(heading)
-    plan = GivenPlan(name="p", x=x, y=y, speed=np.full(120, speed))
+    plan = ExternalPlan(name="p", x=x, y=y, speed=np.full(120, speed))
     model = read_model(ATV)
     heights = ElevationMap(elevation=ground.elevation, resolution=CELL, origin=(0.0, 0.0))
     line = line_of(plan, 0.3)
     under = ground_under(heights, line, model.vehicle)
-    brakes = brakes_along(model, under, line, heights.class_names)
-    field = StopField.along(model, line, under, brakes)
-    checked = stops_from(field, np.zeros(1), np.array([speed]), np.array([0.30]), 14.0)
+    brakes = path_force_along(model, under, line, heights.class_names)
+    field = StopDynamics.along(model, line, under, brakes)
+    checked = worst_case_stops(field, np.zeros(1), np.array([speed]), np.array([0.30]), 14.0)
     theirs, ours = float(checked.end[0]) + 0.20, stop_from(MODEL, arc, speed)
     # Stations of the checker lie along the slope, those of the guard on the map.
     assert theirs / 1.04 - 0.02 <= ours <= theirs * 1.15 + 0.15

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from slopewise.models.errors import InputError
-from slopewise.services.io.bags.recording import opened
+from slopewise.services.io.bags import opened
+from slopewise.services.io.files import read_toml
 from slopewise.services.io.logs.speed_unit import suspect_of
-from slopewise.services.io.maps.map_file import map_info, read_map
+from slopewise.services.io.map_file import map_info, read_map
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.table import read_csv, write_csv
-from slopewise.services.io.toml_file import read_toml
 from tests.services.warm_process import WarmProcess
 
 ATV = find_model("atv").read_text()
@@ -124,7 +124,7 @@ def test_a_map_without_coordinate_system_says_what_it_is_taken_for(tmp_path: Pat
     import rasterio
     from rasterio.transform import from_origin
 
-    from slopewise.services.io.maps.map_file import read_map
+    from slopewise.services.io.map_file import read_map
 
     for crs, words in ((None, "taken to be in metres"), ("EPSG:32632", "")):
         file = tmp_path / "g.tif"

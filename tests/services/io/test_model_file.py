@@ -24,7 +24,7 @@ from slopewise.models.parameters import Braking, Effect, Limits, Model, Terrain
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.io.decode import decode_table
-from slopewise.services.io.digest import sha256_of
+from slopewise.services.io.files import sha256_of
 from slopewise.services.io.model_file import (
     find_model,
     model_from_dict,
@@ -223,7 +223,7 @@ def test_slip_table_1_and_2_are_the_huskys() -> None:
             "braking.terrain",
             {"a": {"class_id": 1}, "b": {"class_id": 1}},
             "braking.terrain.b.class_id",
-            "a number of its own, got that of a",
+            "no other surface has, got that of a",
         ),
         (
             "braking.terrain",
@@ -349,7 +349,7 @@ def test_shipped_vehicles_are_found_after_an_installation(tmp_path: Path) -> Non
     shutil.copytree(ROOT / "slopewise", tmp_path / "slopewise", ignore=ignore)
     script = (
         "import sys; from slopewise.services.io import model_file as m;"
-        "heavy = {'rasterio', 'polars', 'numba', 'scipy', 'msgspec'} & set(sys.modules);"
+        "heavy = {'rasterio', 'pyarrow', 'numba', 'scipy', 'msgspec'} & set(sys.modules);"
         "print(m.read_model(m.find_model('ugv')).name, m.find_model('ugv'), heavy or 'light')"
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
@@ -401,7 +401,7 @@ def test_writing_is_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("slopewise.services.io.access.os.fsync", full)
+        patch.setattr("slopewise.services.io.files.os.fsync", full)
         with fault_in(path, "", "expected a writable file, got: No space left on device"):
             write_model(model, path)
     assert path.read_text() == "old"

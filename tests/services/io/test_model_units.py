@@ -14,8 +14,8 @@ import tomli_w
 from slopewise.models.errors import InputError
 from slopewise.models.plausibility import check_plausible
 from slopewise.services.guard.guard_model import read_guard_model
+from slopewise.services.io.files import shipped_files
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model, write_model
-from slopewise.services.io.shipped import shipped_files
 
 ATV = tomllib.loads(find_model("atv").read_text())
 ATV["braking"]["sliding_friction"] = 0.6

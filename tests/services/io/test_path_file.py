@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError
-from slopewise.services.io.maps.map_file import map_info
+from slopewise.services.io.map_file import map_info
 from slopewise.services.io.path_file import check_paths_on_map, read_paths, write_paths_csv
 from tests.services.faults import fault_in, real_data
 

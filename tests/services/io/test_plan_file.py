@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slopewise.services.io.plan_file import COLUMNS, TEXT, read_plan_csv, write_plan_csv
+from slopewise.services.io.plan_file import COLUMNS, TEXT, read_external_plans, write_plan_csv
+from slopewise.services.io.table import read_csv
 from tests.services.faults import fault_in
 
 RNG = np.random.default_rng(3)
@@ -19,30 +20,34 @@ ORDER = (
 
 
 def plan(count: int = 50) -> dict[str, Any]:
-    rows: dict[str, Any] = {name: RNG.normal(size=count) for name in reversed(COLUMNS)}
+    rows: dict[str, Any] = {name: abs(RNG.normal(size=count)) for name in reversed(COLUMNS)}
     rows |= {name: [f"{name}, {i}" for i in range(count)] for name in TEXT}
-    return rows
+    return rows | {"candidate": ["a"] * count}
 
 
-def test_columns_in_their_order_and_further_ones_behind(tmp_path: Path) -> None:
+def test_columns_are_ordered_and_further_ones_follow(tmp_path: Path) -> None:
     path = tmp_path / "plan.csv"
     write_plan_csv({"extra": np.arange(50)} | plan(), path)
     assert path.read_text().splitlines()[0] == f"{ORDER},extra"
 
 
-def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+def test_a_written_plan_reads_back_equal(tmp_path: Path) -> None:
     rows = plan()
-    rows["z"][3], rows["clear_distance"][4] = np.nan, np.inf
     rows["reason"][5] = 'unknown ground\nat 3 m, "there"'
     write_plan_csv(rows, tmp_path / "plan.csv")
-    read = read_plan_csv(tmp_path / "plan.csv")
-    assert list(read) == list(COLUMNS)
-    for name in COLUMNS:
-        np.testing.assert_array_equal(read[name], rows[name])
+    table = read_csv(tmp_path / "plan.csv")
+    for name in TEXT:
+        assert table.text(name) == rows[name]
+    for name in set(COLUMNS) - set(TEXT):
+        np.testing.assert_array_equal(table.numbers(name, ""), rows[name])
+    (read,) = read_external_plans(tmp_path / "plan.csv")
+    assert (read.name, read.status) == ("a", "status, 0")
+    for name in ("x", "y", "z", "speed", "station", "stop_distance"):
+        np.testing.assert_array_equal(getattr(read, name), rows[name])
 
 
 @given(stop=st.floats(0, 1e4), clear=st.floats(0, 1e5))
-def test_the_stop_stays_before_the_clear_distance(
+def test_stops_stay_before_the_clear_distance_in_the_file(
     tmp_path_factory: pytest.TempPathFactory, stop: float, clear: float
 ) -> None:
     station = clear - stop
@@ -55,31 +60,36 @@ def test_the_stop_stays_before_the_clear_distance(
     }
     path = tmp_path_factory.mktemp("plan") / "plan.csv"
     write_plan_csv(rows, path)
-    read = read_plan_csv(path)
-    assert read["station"] + read["stop_distance"] <= read["clear_distance"]
+    table = read_csv(path)
+    station, stop, clear = (
+        table.numbers(name, "m")[0] for name in ("station", "stop_distance", "clear_distance")
+    )
+    assert station + stop <= clear
 
 
-def test_plans_that_cannot_be_used(tmp_path: Path) -> None:
-    path = tmp_path / "plan.csv"
+@pytest.mark.parametrize(
+    ("text", "field", "message"),
+    [
+        ("x,y\n0,0\n", "column speed", "missing column"),
+        ("x,y,speed\n0,0,1\n1,0,fast\n", "row 3, column speed", "finite number [m/s], got 'fast'"),
+        ("x,y,speed\n0,0,1\n1,0,\n", "row 3, column speed", "got nothing"),
+        ("x,y,speed\n0,0,1\n1,0,-1\n", "row 3, column speed", "a speed >= 0 [m/s], got -1"),
+        ("x,y,speed,z\n0,0,1,5\n1,0,1,\n", "row 3, column z", "in every row of p or in none"),
+        ("x,y,speed,candidate\n0,0,1,\n", "row 2, column candidate", "expected a name"),
+        ("x,y,speed\n0,0,1\n0,0,1\n", "candidate p, plan", "2 different places"),
+        ('x,y,speed\n0,0,1\n1,0,"far,0\n', "row 3", "expected CSV"),
+    ],
+)
+def test_plans_that_cannot_be_used(tmp_path: Path, text: str, field: str, message: str) -> None:
+    path = tmp_path / "p.csv"
     with fault_in(path, "", "expected an existing file"):
-        read_plan_csv(path)
-    write_plan_csv(plan(2), path)
-    good = path.read_text()
-    path.write_text(good.replace("speed_bound", "bound"))
-    with fault_in(path, "column speed_bound", "missing column"):
-        read_plan_csv(path)
-    lines = good.splitlines()
-    cells = lines[2].split('"')
-    path.write_text("\n".join([*lines[:2], '"'.join([*cells[:2], ",far,0", *cells[3:]])]))
-    with fault_in(path, "row 3"):
-        read_plan_csv(path)
-    rows = plan(2) | {"speed": ["1.0", "fast"]}
-    write_plan_csv(rows, path)
-    with fault_in(path, "row 3, column speed", "expected a number, got 'fast'"):
-        read_plan_csv(path)
+        read_external_plans(path)
+    path.write_text(text)
+    with fault_in(path, field, message):
+        read_external_plans(path)
 
 
-def test_a_plan_without_a_column_is_the_programs_fault(tmp_path: Path) -> None:
+def test_writing_a_plan_without_a_column_is_a_program_error(tmp_path: Path) -> None:
     rows = plan(2)
     del rows["speed"]
     with pytest.raises(ValueError, match="speed"):

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from slopewise.services.io.toml_file import beside, read_toml
+from slopewise.services.io.files import read_toml, resolve_names
 from tests.services.faults import fault_in
 
 
@@ -39,8 +39,8 @@ def test_files_are_beside_the_settings_and_other_names_stay(tmp_path: Path) -> N
     }
     keys = ("model", "map", "zenoh.config", "ros.config", "learning.terrains", "service.config")
     settings = tmp_path / "service.toml"
-    beside(settings, data, *keys, "none.config")
-    beside(settings, data, "store.path", "ros.path", exists=False)
+    resolve_names(settings, data, *keys, "none.config")
+    resolve_names(settings, data, "store.path", "ros.path", exists=False)
     assert data == {
         "model": str(tmp_path / "mine.toml"),
         "map": "",

@@ -12,7 +12,7 @@ from slopewise.services.parameters.learner import Learner
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.learning_settings import Learning, StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.observations import Receipt, StopObservation
+from slopewise.services.wire.observations import ObservationAck, StopObservation
 
 G = 9.80665
 ATV, HUSKY = read_model(find_model("atv")), read_model(find_model("husky"))
@@ -44,7 +44,7 @@ def started(store: Path | str, model: Model = ATV, **learning: Any) -> Parameter
     return ParameterService(config, model)
 
 
-def stopped(service: ParameterService, sequence: int, force: float, **more: Any) -> Receipt:
+def stopped(service: ParameterService, sequence: int, force: float, **more: Any) -> ObservationAck:
     fields = {"sequence": sequence, "time": float(sequence), "deceleration_std": 0.0, **more}
     return service.observe("stop", stop(force, **fields), "obs/stop", float(sequence))
 

@@ -20,7 +20,7 @@ from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.investigation_settings import Investigation
 from slopewise.services.settings.learning_settings import StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.offer import Offer, Shift
+from slopewise.services.wire.model_proposal import ModelProposal
 from tests.services.parameters.parameter_fixtures import ATV, G, level_force, stop
 
 FILE = ATV
@@ -35,10 +35,9 @@ def with_effects(*effects: Effect, **braking: float) -> Model:
     )
 
 
-def offer_of(model: Model, *, valid: bool = True, active: Model = FILE) -> Offer:
-    shifts = [compare_stops(cautious(model, FILE), known) for known in (FILE, active)]
-    by = [Shift(least=s.least, most=s.most, where=s.where) for s in shifts]
-    return Offer(
+def offer_of(model: Model, *, valid: bool = True, active: Model = FILE) -> ModelProposal:
+    careful = cautious(model, FILE)
+    return ModelProposal(
         id=f"{len(model.effect)}-{model.braking.b_b:g}-{valid}",
         at=time.time(),
         cause="test",
@@ -47,8 +46,8 @@ def offer_of(model: Model, *, valid: bool = True, active: Model = FILE) -> Offer
         findings={"effects": []},
         data="0",
         stops=20,
-        beside_file=by[0],
-        beside_use=by[1],
+        beside_file=compare_stops(careful, FILE),
+        beside_use=compare_stops(careful, active),
         valid=valid,
         changes=True,
         notes=[],

@@ -14,19 +14,17 @@ import pytest
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
 from slopewise.services.cli.commands import demo
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.path_file import write_paths_csv
-from slopewise.services.io.plan_file import read_plan_csv
+from slopewise.services.io.table import read_csv
 from slopewise.services.parameters.limits_group import LimitsGroup
-from slopewise.services.planning.map_store import MapSnapshot, MapStore
 from slopewise.services.settings.learning_settings import Learning
-from slopewise.services.wire import codec, messages
+from slopewise.services.wire import codec, plan_messages
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import PlanReply, PlanRequest
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 from tests.services.command_line import here, one_line_of
-from tests.services.planning.test_one_batch import service_with
-from tests.services.service_process import flat
+from tests.services.planning.plan_requests import flat_snapshot, plan_service
 
 LIMIT = 0.3  # [m] a quarter of the atv's width
 THERE = np.arange(2.0, 5.0, 0.1)
@@ -41,17 +39,14 @@ def slalom(amplitude: float, turn: float = 0.4) -> np.ndarray:
 
 
 def asked(client: str = "") -> PlanReply:
-    store = MapStore()
-    store.take(flat(), "map")
-    assert isinstance(store.ground, MapSnapshot)
     paths = [("slalom", slalom(0.8)), ("gentle", slalom(0.05)), ("back", BACK)]
     request = PlanRequest(
         speed=0.0,
         client=client,
         pose=(0.0, 0.0, 0.4) if client else None,
-        paths=[messages.Path(name=name, points=points) for name, points in paths],
+        paths=[plan_messages.Path(name=name, points=points) for name, points in paths],
     )
-    return service_with().answer(request, store.ground, "plan")
+    return plan_service().answer(request, flat_snapshot(), "plan")
 
 
 @pytest.mark.parametrize("client", ["", "robot"])
@@ -152,8 +147,8 @@ def test_json_csv_page_and_screen_show_it(folder: Path) -> None:
     assert set(reported) == {"largest", "station", "x", "y", "limit"}
     assert 0.075 < reported["largest"] <= reported["limit"] == pytest.approx(LIMIT)
     assert max(plan["columns"]["path_deviation"]) <= reported["largest"]
-    columns = read_plan_csv(folder / "plan.csv")
-    np.testing.assert_array_equal(columns["path_deviation"], plan["columns"]["path_deviation"])
+    deviation = read_csv(folder / "plan.csv").numbers("path_deviation", "m")
+    np.testing.assert_array_equal(deviation, plan["columns"]["path_deviation"])
     assert any("plans lead at most 0.3 m from a given path" in note for note in data["notes"])
     page = (folder / "page.html").read_text()
     assert f">{reported['largest']:.2f}</td>" in page

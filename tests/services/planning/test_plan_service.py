@@ -17,8 +17,8 @@ from slopewise.services.io.model_file import find_model, model_sha256, read_mode
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import Path as Candidate
-from slopewise.services.wire.messages import PlanReply, PlanRequest, ServiceStatus
+from slopewise.services.wire.plan_messages import Path as Candidate
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest, ServiceStatus
 from tests.services.service_process import Running, fan, flat, running
 
 LARGEST = 10**8
@@ -155,7 +155,7 @@ def test_one_bad_candidate_is_refused_and_the_others_planned(
         "none": (np.empty((0, 2)), "points"),
         "flat": (good.ravel(), "shape"),
         "wide": (np.hstack([good, good]), "shape"),
-        "same": (good[[0, 1, 1, 2]], "grow"),
+        "same": (good[[0, 1, 1, 2]], "differs"),
         "cusp": (cusp, "cusps"),
         "huge": (good * 1e200, "finite"),
         "long": (good * 1e5, "at most"),
@@ -340,28 +340,28 @@ def test_alive_while_it_lives(tmp_path: Path) -> None:
 def test_patches_change_their_cells_only() -> None:
     store = MapStore()
     with pytest.raises(InputError, match="whole map first"):
-        store.take(flat(patch=True), "map")
-    assert store.take(flat(1), "map")
+        store.apply(flat(patch=True), "map")
+    assert store.apply(flat(1), "map")
     patch = flat(2, patch=True, elevation=np.full((2, 3), 7.0), origin=(-2.5, -5.75))
-    assert store.take(patch, "map")
-    assert store.ground is not None
+    assert store.apply(patch, "map")
+    assert store.snapshot is not None
     expected = np.zeros((49, 193))
     expected[1:3, 2:5] = 7.0
-    np.testing.assert_array_equal(store.ground.elevation_map.elevation, expected)
-    assert not store.ground.incomplete
+    np.testing.assert_array_equal(store.snapshot.elevation_map.elevation, expected)
+    assert not store.snapshot.incomplete
     with pytest.raises(InputError, match="origin"):
-        store.take(flat(3, patch=True, elevation=np.ones((2, 2)), origin=(-2.4, -5.75)), "map")
+        store.apply(flat(3, patch=True, elevation=np.ones((2, 2)), origin=(-2.4, -5.75)), "map")
     with pytest.raises(InputError, match="resolution"):
-        store.take(flat(3, patch=True, elevation=np.ones((2, 2)), resolution=0.5), "map")
+        store.apply(flat(3, patch=True, elevation=np.ones((2, 2)), resolution=0.5), "map")
 
 
 def test_a_patch_makes_a_map_no_more_exact() -> None:
     store = MapStore()
 
     def std(**changes: object) -> float:
-        assert store.take(flat(**changes), "map")
-        assert store.ground is not None
-        return store.ground.elevation_map.height_std
+        assert store.apply(flat(**changes), "map")
+        assert store.snapshot is not None
+        return store.snapshot.elevation_map.height_std
 
     patch = {"patch": True, "elevation": np.zeros((2, 2)), "origin": (-3.0, -6.0)}
     assert std(sequence=1) == pytest.approx(0.02 + 0.05 * flat().resolution)
@@ -371,18 +371,18 @@ def test_a_patch_makes_a_map_no_more_exact() -> None:
     assert std(sequence=5, height_std=0.08, **patch) == 0.08
     assert std(sequence=6, height_std=0.0) == 0.0
     with pytest.raises(InputError, match="height_std"):
-        store.take(flat(7, height_std=float("nan")), "map")
+        store.apply(flat(7, height_std=float("nan")), "map")
 
 
 def test_a_lost_patch_is_flagged_until_a_whole_map_comes() -> None:
     store = MapStore()
     patch = {"patch": True, "elevation": np.zeros((2, 2)), "origin": (-3.0, -6.0)}
-    store.take(flat(1), "map")
-    store.take(flat(3, **patch), "map")
-    assert store.ground is not None
-    assert store.ground.incomplete
-    assert not store.take(flat(2, **patch), "map")
-    store.take(flat(4, **patch), "map")
-    assert store.ground.incomplete
-    store.take(flat(5), "map")
-    assert not store.ground.incomplete
+    store.apply(flat(1), "map")
+    store.apply(flat(3, **patch), "map")
+    assert store.snapshot is not None
+    assert store.snapshot.incomplete
+    assert not store.apply(flat(2, **patch), "map")
+    store.apply(flat(4, **patch), "map")
+    assert store.snapshot.incomplete
+    store.apply(flat(5), "map")
+    assert not store.snapshot.incomplete

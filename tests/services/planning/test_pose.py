@@ -9,7 +9,7 @@ import pytest
 import zenoh
 
 from slopewise.services.client import PlanClient
-from slopewise.services.wire.messages import Path, PlanReply
+from slopewise.services.wire.plan_messages import Path, PlanReply
 from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import Running, running
 

@@ -16,8 +16,8 @@ from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.settings.service_settings import Planning, ServiceConfig
-from slopewise.services.wire.messages import Path as Candidate
-from slopewise.services.wire.messages import PlanReply, PlanRequest
+from slopewise.services.wire.plan_messages import Path as Candidate
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 from tests.services.daemon.test_parameter_faults import until
 from tests.services.parameter_client import Robot, block, ground, send_ground
 from tests.services.service_process import running

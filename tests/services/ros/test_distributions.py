@@ -13,7 +13,7 @@ import zenoh
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from slopewise.services.io.bags.ros_types import PATH, SPEED_LIMIT, type_hashes, typestore
+from slopewise.services.io.bags import PATH, SPEED_LIMIT, type_hashes, typestore
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.connections import ConnectionWatch
 from slopewise.services.ros.graph import Speech

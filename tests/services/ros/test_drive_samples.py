@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from slopewise.services.io.bags.ros_types import typestore
+from slopewise.services.io.bags import typestore
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.inbox import Inbox, Received
 from slopewise.services.ros.settings import EdgeSettings, Topics, Wheels

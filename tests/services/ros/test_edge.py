@@ -175,7 +175,7 @@ def test_limits_go_on_when_the_router_comes_back(tmp_path: Path) -> None:
 def test_a_map_that_was_published_once_before_we_came() -> None:
     from zenoh.ext import CacheConfig, declare_advanced_publisher
 
-    from slopewise.services.io.bags.ros_types import GRID_MAP
+    from slopewise.services.io.bags import GRID_MAP
     from slopewise.services.ros.inbox import decoded
     from slopewise.services.ros.node import Node
     from tests.services.ros import ros_peer

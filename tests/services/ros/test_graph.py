@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from slopewise.services.io.bags.ros_types import PATH, SPEED_LIMIT, type_hashes
+from slopewise.services.io.bags import PATH, SPEED_LIMIT, type_hashes
 from slopewise.services.ros.audience import OwnTopic, audience_of
 from slopewise.services.ros.graph import Endpoint, Speech, endpoint_of
 from slopewise.services.ros.naming import (

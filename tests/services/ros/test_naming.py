@@ -41,7 +41,7 @@ def test_the_tokens_of_the_design_document() -> None:
 
 def test_the_hash_of_a_string_is_that_of_the_design_document() -> None:
     pytest.importorskip("rosbags", reason="the ros extra is not installed")
-    from slopewise.services.io.bags.ros_types import type_hashes
+    from slopewise.services.io.bags import type_hashes
 
     assert type_hashes("std_msgs/msg/String") == (STRING,)
 

@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from slopewise.models.errors import InputError
-from slopewise.services.io.bags.ros_types import read_cdr, type_hashes, typestore
+from slopewise.services.io.bags import read_cdr, type_hashes, typestore
 
 DATA: dict[str, Any] = json.loads(
     (Path(__file__).parent / "data" / "rclpy_kilted.json").read_text()

@@ -12,7 +12,7 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.services.io.bags.ros_types import SPEED_LIMIT, typestore
+from slopewise.services.io.bags import SPEED_LIMIT, typestore
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.map_store import MapSnapshot
@@ -21,7 +21,7 @@ from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.settings import Timing
 from slopewise.services.ros.speed_limit import SpeedAdvice, place_on, stop, told_by
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.messages import Path, PlanReply, PlanRequest
+from slopewise.services.wire.plan_messages import Path, PlanReply, PlanRequest
 from tests.services import grid_maps
 
 TIMING = Timing()

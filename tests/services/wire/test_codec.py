@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from slopewise.models.errors import InputError
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.messages import MapUpdate, Path, PlanRequest
+from slopewise.services.wire.plan_messages import MapUpdate, Path, PlanRequest
 from tests.services.faults import fault_in
 
 KEY = "robot/v1/plan"

@@ -10,7 +10,7 @@ import zenoh
 
 from slopewise.models.errors import InputError
 from slopewise.services.settings.service_settings import ServiceConfig, ZenohSettings
-from slopewise.services.wire.connect import client_session, options, words_of
+from slopewise.services.wire.connect import client_session, error_text, options
 from tests.services.service_process import free_port, running
 
 
@@ -21,7 +21,7 @@ def test_nobody_there_is_said() -> None:
 
 def test_places_in_the_source_of_zenoh_are_left_out() -> None:
     error = zenoh.ZError("No way [in use at /src/x/tcp.rs:61.] at /src/y/unicast.rs:338.")
-    assert words_of(error) == "No way [in use]"
+    assert error_text(error) == "No way [in use]"
 
 
 def test_an_address_in_use_is_one_line(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
 from slopewise.services.cli.arguments.files import CalibrateOptions
 from slopewise.services.cli.commands import calibrate, calibrate_sheet
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.table import write_csv
 from tests.models.calibration.plant import Plant, drive

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.parameters import Model
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.model_file import write_model
 from tests.services.check.drives import ground, model_with, trapezoid
 from tests.services.command_line import here, one_line_of

@@ -17,7 +17,7 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.services.cli.commands import fleet_plan
 from slopewise.services.fleet import parts, planning, windows
-from slopewise.services.io.maps.map_file import map_info, read_map
+from slopewise.services.io.map_file import map_info, read_map
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.path_file import read_paths
 from tests.services.fleet_inputs import RESOLUTION, paths_file, slow_part, tiled_map

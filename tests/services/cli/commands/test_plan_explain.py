@@ -19,7 +19,7 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
 from slopewise.services.cli.commands import demo, explain_view, plan_view
 from slopewise.services.cli.commands import plan as command
-from slopewise.services.io.maps.map_file import write_map_npz
+from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.path_file import write_paths_csv
 

@@ -1,0 +1,119 @@
+"""Result of the checker: violations by station, kind and size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from slopewise.models.arrays import Floats, Ints
+from slopewise.services.check.tolerances import TOLERANCES
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """One rule broken at one row of a plan, where it is worst between that row and the next.
+
+    Attributes:
+        candidate: name of the plan.
+        row: index of the plan's row, from 0.
+        station: metres along the ground.
+        kind: of :data:`slopewise.services.check.tolerances.TOLERANCES`.
+        size: by how much the limit is passed, in ``unit``.
+        sentence: what was found and what was allowed.
+    """
+
+    candidate: str
+    row: int
+    station: float
+    kind: str
+    size: float
+    unit: str
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class CheckReport:
+    """Result of one plan with N rows at different places.
+
+    Attributes:
+        candidate: name of the plan.
+        status: status that the plan reports.
+        violations: by station; empty if the plan keeps every rule that could be judged.
+        notes: what was not checked, and the reason.
+        station: (N,) own stations [m].
+        stop_distance: (N,) nominal emergency stops, with the safety offset, 0 at rest [m]: speed
+            held in the dead time, force as learned. Of a stop that was not followed to its end,
+            the distance up to there.
+        rear_load: (N,) least rear load on them, as a share of the level static one.
+        stops: number of stops that were integrated.
+    """
+
+    candidate: str
+    status: str
+    violations: tuple[Violation, ...]
+    notes: tuple[str, ...]
+    station: Floats
+    stop_distance: Floats
+    rear_load: Floats
+    stops: int
+
+    @property
+    def valid(self) -> bool:
+        """Return True if the plan keeps every rule that was checked."""
+        return not self.violations
+
+    def worst(self) -> dict[str, Violation]:
+        """The largest violation of each kind."""
+        largest: dict[str, Violation] = {}
+        for violation in self.violations:
+            known = largest.get(violation.kind)
+            if known is None or violation.size > known.size:
+                largest[violation.kind] = violation
+        return largest
+
+
+@dataclass(slots=True)
+class ViolationLog:
+    """Collects violations of one plan.
+
+    Attributes:
+        candidate: name of the plan.
+        row: (M,) row of the plan that each sample belongs to. station: (M,) of the samples [m].
+    """
+
+    candidate: str
+    row: Ints
+    station: Floats
+    _worst: dict[tuple[int, str], Violation] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, kind: str, excess: Floats, sentence: str, *values: Floats) -> None:
+        """Note every row where something goes beyond its limit by more than the tolerance.
+
+        Args:
+            kind: its tolerance decides.
+            excess: (M,) by how much, at each sample; −inf where it does not apply.
+            sentence: with ``{0:…}`` for what was found at the sample, and so on.
+            values: (M,) numbers for the sentence.
+        """
+        tolerance = TOLERANCES[kind]
+        for k in np.flatnonzero(~(excess <= tolerance.value)).tolist():
+            size = float(excess[k])
+            key = (int(self.row[k]), kind)
+            known = self._worst.get(key)
+            if known is None or size > known.size:
+                message = sentence.format(*(float(v[k]) for v in values))
+                self._worst[key] = Violation(
+                    self.candidate,
+                    key[0],
+                    float(self.station[k]),
+                    kind,
+                    size,
+                    tolerance.unit,
+                    message,
+                )
+
+    def violations(self) -> tuple[Violation, ...]:
+        """All of them, by station."""
+        return tuple(sorted(self._worst.values(), key=lambda v: (v.row, v.kind)))

@@ -1,0 +1,141 @@
+"""External plan: positions and speeds of any planner, with the further columns that it reports."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.errors import ParameterError
+
+COLUMNS: dict[str, str] = {
+    "x": "m",
+    "y": "m",
+    "speed": "m/s",
+    "station": "m",
+    "z": "m",
+    "grade": "rad",
+    "roll": "rad",
+    "curvature": "1/m",
+    "accel": "m/s²",
+    "time": "s",
+    "stop_distance": "m",
+    "clear_distance": "m",
+    "rear_load": "1",
+    "speed_limit": "m/s",
+}
+"""Columns that are checked, with their units; the first three are needed."""
+
+NEEDED = ("x", "y", "speed")
+_SAME = 1e-6  # [m] rows closer than that are one place: rounding of coordinates of 1000 km
+
+STANDSTILL_SPEED = 1e-3
+"""Speed treated as zero [m/s]: from there a vehicle stops within a millimetre."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExternalPlan:
+    """One plan of N rows, at least two where it moves.
+
+    Arrays are (N,), SI, and None where the plan does not report them.
+
+    Attributes:
+        name: name of the candidate.
+        x, y: middle of the wheelbase in map coordinates [m].
+        speed: v >= 0; v² is linear between rows [m/s].
+        station: metres along the ground, in three dimensions.
+        z: height of the ground [m]. grade, roll: uphill and left side up positive [rad].
+        curvature: left positive [1/m]. accel: holds from its row to the next [m/s²].
+        time: since the start [s].
+        stop_distance: emergency stop from each row, safety offset included [m].
+        clear_distance: station before which every stop ends [m].
+        rear_load: least rear load on that stop, a share of the level static one.
+        speed_limit: speed limit of the path [m/s].
+        status: status as the planner calls it, "" if not reported.
+    """
+
+    name: str
+    x: Floats
+    y: Floats
+    speed: Floats
+    station: Floats | None = None
+    z: Floats | None = None
+    grade: Floats | None = None
+    roll: Floats | None = None
+    curvature: Floats | None = None
+    accel: Floats | None = None
+    time: Floats | None = None
+    stop_distance: Floats | None = None
+    clear_distance: Floats | None = None
+    rear_load: Floats | None = None
+    speed_limit: Floats | None = None
+    status: str = ""
+
+    def __post_init__(self) -> None:
+        count = np.size(self.x)
+        if count < 1:
+            raise ParameterError("plan", "at least one row, got none")
+        for name, unit in COLUMNS.items():
+            given = getattr(self, name)
+            if given is None:
+                continue
+            values = np.array(given, np.float64)
+            if values.shape != (count,):
+                raise ParameterError(name, f"{count} numbers [{unit}], got shape {values.shape}")
+            if not np.isfinite(values).all():
+                row = int(np.argmin(np.isfinite(values)))
+                raise ParameterError(f"{name}[{row}]", f"a finite number [{unit}]")
+            object.__setattr__(self, name, values)
+        for name in ("speed", "speed_limit"):
+            values = getattr(self, name)
+            if values is not None and values.min() < 0.0:
+                row = int(np.argmax(values < 0.0))
+                raise ParameterError(f"{name}[{row}]", f"a speed >= 0, got {values[row]:g}")
+        if self.speed.max() > STANDSTILL_SPEED and not self.moved()[1:].any():
+            raise ParameterError("plan", "at least 2 different places of a plan that moves, got 1")
+
+    def moved(self) -> Bools:
+        """(N,) rows that are not at the place of the row before; the first is one of them."""
+        steps = np.hypot(np.diff(self.x), np.diff(self.y)) > _SAME
+        return np.concatenate(([True], steps))
+
+    def without_repeats(self) -> ExternalPlan:
+        """The plan with one row for each place; of rows at one place the fastest is used."""
+        moved = self.moved()
+        if moved.all():
+            return self
+        groups = np.cumsum(moved) - 1
+        changes: dict[str, Floats] = {
+            name: getattr(self, name)[moved] for name in COLUMNS if getattr(self, name) is not None
+        }
+        np.maximum.at(changes["speed"], groups, self.speed)
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+
+GivenPlan = ExternalPlan
+"""The class under its public name."""
+
+
+def plan_of_columns(
+    columns: Mapping[str, Sequence[str] | Floats], name: str = "plan"
+) -> ExternalPlan:
+    """One plan from columns by name, as plan files have them; unknown ones are ignored.
+
+    Args:
+        columns: at least ``x``, ``y`` and ``speed``, (N,) each, of one candidate.
+        name: name of the candidate where no column holds it.
+
+    Raises:
+        ParameterError: names what is missing or wrong.
+    """
+    for needed in NEEDED:
+        if needed not in columns:
+            raise ParameterError(needed, f"a column [{COLUMNS[needed]}]")
+    texts = {key: str(columns[key][0]) for key in ("candidate", "status") if key in columns}
+    numbers = {n: np.asarray(columns[n], np.float64) for n in COLUMNS if n in columns}
+    return ExternalPlan(
+        name=texts.get("candidate", name), status=texts.get("status", ""), **numbers
+    )

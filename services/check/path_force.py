@@ -1,0 +1,191 @@
+"""The braking force along a line: surfaces, brake level, effects, and what friction leaves of it.
+
+F_b/W = (m_m v_i + b_m) θ + (m_b v_i + b_b) with v_i the speed at onset, below the trained range
+that at its lower end. Where a wheel touches several surfaces the lowest force is used, for loads
+the highest. Source: Braking (6)–(8); order of the effects as in
+:mod:`slopewise.models.effects.registry`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.effects import registry
+from slopewise.models.effects.effect_law import Enters, Place
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.surface_names import candidate_surfaces
+from slopewise.services.check.path_ground import LineGround
+from slopewise.services.check.plan_line import Line
+
+NO_LIMIT = 1e6
+"""Friction coefficient of a model that has none: above any demand."""
+
+
+class PathForce(NamedTuple):
+    """Force of the R surfaces that are touched, at M samples, linear in the speed at onset.
+
+    Attributes:
+        names: names of the surfaces.
+        on: (R, M) samples where a wheel may be on them.
+        slope, intercept: (R, M) coefficients of F_b/W, without ground terms [s/m], [1].
+        force_surplus: (R, M) share by which it may be off where the model extrapolates.
+        variance_terms: (R, 3, M) variance of F_b/W: coefficients of v², 2 v and 1 with v the speed
+            at onset.
+        trained_speed_min: (R, 1) speeds below which the force no longer changes [m/s].
+        trained_speed_max: (M,) highest trained speed of them all, by grade where the model has it
+            [m/s].
+        extra: (M,) ground terms [1].
+        friction: (M,) lowest μ of them all, :data:`NO_LIMIT` where unknown.
+        dead_time: (M,) longest of them all [s].
+        offset: safety offset, the longest along the line [m].
+        grade_excess, roll_excess: (M,) grade and roll outside the trained range [rad].
+    """
+
+    names: tuple[str, ...]
+    on: Bools
+    slope: Floats
+    intercept: Floats
+    force_surplus: Floats
+    variance_terms: Floats
+    trained_speed_min: Floats
+    trained_speed_max: Floats
+    extra: Floats
+    friction: Floats
+    dead_time: Floats
+    offset: float
+    grade_excess: Floats
+    roll_excess: Floats
+
+    def force(self, onset_speed: Floats, *, upper: bool = False) -> Floats:
+        """F_b/W (M,) before friction caps it, for speeds (M,) at onset [m/s]."""
+        speed = np.maximum(onset_speed, self.trained_speed_min)
+        force = speed * self.slope + self.intercept
+        sign = 1.0 if upper else -1.0
+        force = force + sign * self.force_surplus * np.abs(force)
+        square, double, constant = self.variance_terms.transpose(1, 0, 2)
+        force = force + sign * np.sqrt(
+            np.maximum((square * speed + 2.0 * double) * speed + constant, 0)
+        )
+        ends = np.where(self.on, force, -sign * np.inf)
+        total: Floats = (ends.max(axis=0) if upper else ends.min(axis=0)) + self.extra
+        return total
+
+
+def path_force_along(
+    model: Model,
+    ground: LineGround,
+    line: Line,
+    class_names: tuple[str, ...],
+    width: float = 0.0,
+) -> PathForce:
+    """The braking force of a model on the ground along a line.
+
+    Args:
+        model: vehicle, braking and effects.
+        ground: ground under the line.
+        line: samples of the plan.
+        class_names: names of the terrain classes of the map.
+        width: z-score, standard deviations of the force that are subtracted; 0 is its mean.
+    """
+    names = ["", *model.braking.terrain]
+    tables = [model.braking.on(name) if name else model.braking for name in names]
+    on = np.zeros((len(names), len(ground.grade)), np.bool_)
+    for index, name in enumerate(class_names):
+        for surface in candidate_surfaces(model.braking.terrain, name):
+            on[names.index(surface)] |= ground.classes[index]
+    nameless = ~on.any(axis=0)
+    for surface in ("", *model.braking.states_of("")):
+        on[names.index(surface)] |= nameless
+    touched = np.flatnonzero(on.any(axis=1)).tolist()
+    names, tables, on = [names[i] for i in touched], [tables[i] for i in touched], on[touched]
+    scale = registry.force_scale(model.effect)
+    forces = [_force_of(table, model, ground.grade, scale) for table in tables]
+    place = Place(ground.grade, ground.roll, line.x, line.y, line.heading, 0.0)
+    outside = np.array([_outside(t.grade_range, ground.grade) for t in tables])
+    rolled = np.array([_outside(t.trained_roll, ground.roll) for t in tables])
+    margin = model.braking.extrapolation_margin if model.braking.extrapolate else 0.0
+    friction = np.array([_friction(model, table) for table in tables])
+
+    def highest(values: list[float]) -> Floats:
+        column: Floats = np.where(on, np.asarray(values)[:, None], -np.inf).max(axis=0)
+        return column
+
+    return PathForce(
+        names=tuple(names),
+        on=on,
+        slope=np.array([slope for slope, _ in forces]),
+        intercept=np.array([intercept for _, intercept in forces]),
+        force_surplus=np.where(outside > 0.0, margin, 0.0),
+        variance_terms=np.array(
+            [width**2 * scale**2 * _variance_terms(t, ground.grade) for t in tables]
+        ),
+        trained_speed_min=np.array([[t.speed_range[0]] for t in tables]),
+        trained_speed_max=np.where(on, _trained_speed_max(tables, ground.grade), np.inf).min(
+            axis=0
+        ),
+        extra=np.broadcast_to(registry.ground_term(model.effect, place), ground.grade.shape),
+        friction=np.where(on, friction[:, None], np.inf).min(axis=0),
+        dead_time=highest([t.dead_time + width * t.dead_time_std for t in tables]),
+        offset=float(highest([t.distance_offset for t in tables])[: line.driven].max()),
+        grade_excess=np.where(on, outside, 0.0).max(axis=0),
+        roll_excess=np.where(on, rolled, 0.0).max(axis=0),
+    )
+
+
+def _trained_speed_max(tables: list[Braking], grade: Floats) -> Floats:
+    """(R, M) highest speed that each surface was driven at, by grade where the model has it."""
+    rows = []
+    for table in tables:
+        highest = np.full(len(grade), table.speed_range[1])
+        if table.speed_by_grade is not None and not table.extrapolate:
+            corners = np.array(table.speed_by_grade)
+            highest = np.minimum(highest, np.interp(grade, corners[:, 0], corners[:, 1]))
+        rows.append(highest)
+    return np.array(rows)
+
+
+def _force_of(table: Braking, model: Model, grade: Floats, scale: float) -> tuple[Floats, Floats]:
+    """Slope and intercept of F_b/W over the speed at onset, (M,) each."""
+    up = table.uphill or table
+    uphill = grade > 0.0
+    slope = np.where(uphill, up.m_m, table.m_m) * grade + table.m_b
+    intercept = np.where(uphill, up.b_m, table.b_m) * grade + table.b_b
+    level = (table.level - table.dead_band) / (table.saturation - table.dead_band)
+    level = min(max(level, 0.0), 1.0)
+    rolls = (1.0 - level) * model.terrain.rolling_while_braking
+    return scale * level * slope, scale * (level * intercept + rolls)
+
+
+def _variance_terms(table: Braking, grade: Floats) -> Floats:
+    """(3, M) variance of F_b/W over the speed at onset: coefficients of v², 2 v and 1.
+
+    Var of (m_m θ + m_b) v + (b_m θ + b_b), scatter from stop to stop added; scatter in proportion
+    to the force has that form as well.
+    """
+    c = np.zeros((4, 4)) if table.covariance is None else np.array(table.covariance)
+    sides = [(table.m_m, table.b_m)]
+    sides += [] if table.uphill is None else [(table.uphill.m_m, table.uphill.b_m)]
+    for m_m, b_m in sides:
+        scatter = table.force_scatter * np.array([m_m, b_m, table.m_b, table.b_b])
+        c = c + np.outer(scatter, scatter)
+    c = c * table.share_at() ** 2
+    c[3, 3] += table.force_std**2
+    square = (c[0, 0] * grade + 2.0 * c[0, 2]) * grade + c[2, 2]
+    double = (c[0, 1] * grade + c[0, 3] + c[1, 2]) * grade + c[2, 3]
+    constant = (c[1, 1] * grade + 2.0 * c[1, 3]) * grade + c[3, 3]
+    return np.stack((square, double, constant))
+
+
+def _friction(model: Model, table: Braking) -> float:
+    known = [NO_LIMIT if table.sliding_friction is None else table.sliding_friction]
+    for effect in model.effect:
+        if registry.law_of(effect).enters is Enters.CAP:
+            known.extend(registry.validate(effect).values())
+    return min(known)
+
+
+def _outside(bounds: tuple[float, float], values: Floats) -> Floats:
+    return np.maximum(np.maximum(bounds[0] - values, values - bounds[1]), 0.0)

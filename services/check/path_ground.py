@@ -1,0 +1,157 @@
+"""Ground under the wheels along a line, sampled from the map."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.vehicle import Vehicle
+from slopewise.services.check.heights import Heights, cell_is_known, classes_around, height_of
+from slopewise.services.check.plan_line import Line
+
+_CURVATURE_SPAN = 0.25
+"""Of the wheelbase, on either side: over that the vertical curvature is taken."""
+
+_CHUNK = 4096
+"""Samples whose ground below the body is sampled together: 30 MB of points."""
+
+_WHEELS = ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))
+"""Front left, front right, rear left, rear right: wheelbases ahead, track widths to the left."""
+
+
+class LineGround(NamedTuple):
+    """M samples of a line; arrays are (M,) unless stated otherwise.
+
+    Attributes:
+        station: metres along the ground, in three dimensions.
+        z: height of the path, NaN where unknown [m]. wheels: (4, M) heights under the wheels [m].
+        grade, roll: slopes of the plane nearest to the wheels, 0 where unknown [rad].
+        vertical_curvature: change of the grade along the ground, negative over a crest [1/m].
+        known: path and wheels are on known ground. body_known: so is all below the body.
+        classes: (C, M) terrain classes that path or wheels touch.
+    """
+
+    station: Floats
+    z: Floats
+    wheels: Floats
+    grade: Floats
+    roll: Floats
+    vertical_curvature: Floats
+    known: Bools
+    body_known: Bools
+    classes: Bools
+
+
+def ground_under(heights: Heights, line: Line, vehicle: Vehicle) -> LineGround:
+    """Sample the map along a line.
+
+    The plane nearest to four contact points rises by the mean of front minus rear over the
+    wheelbase, and leans by the mean of left minus right over the track width. Roll turns about
+    the inclined axis of the body, so its tangent is the lean times cos θ.
+    """
+    length, width = vehicle.wheelbase, vehicle.track_width
+    places = [
+        offset_points(line, ahead * length, to_left * width)
+        for ahead, to_left in (*_WHEELS, (0.0, 0.0))
+    ]
+    points = np.array([height_of(heights, *place) for place in places])
+    wheels, z = points[:4], points[4]
+    known = np.isfinite(points).all(axis=0)
+    front, rear, left, right = (
+        0.5 * (wheels[a] + wheels[b]) for a, b in ((0, 1), (2, 3), (0, 2), (1, 3))
+    )
+    grade = np.where(known, np.arctan((front - rear) / length), 0.0)
+    roll = np.where(known, np.arctan((left - right) / width * np.cos(grade)), 0.0)
+    station = _stations(line, z)
+    classes = np.any([classes_around(heights, *place) for place in places], axis=0)
+    vertical_curvature = _vertical_curvature(station, grade, known, length, line)
+    return LineGround(
+        station,
+        z,
+        wheels,
+        grade,
+        roll,
+        vertical_curvature,
+        known,
+        _body_known(heights, line, vehicle),
+        classes,
+    )
+
+
+def offset_points(
+    line: Line, ahead: float | Floats, to_left: float | Floats
+) -> tuple[Floats, Floats]:
+    """Points ahead of, and to the left of, the middle of the wheelbase [m]; offsets broadcast."""
+    cos, sin = np.cos(line.heading), np.sin(line.heading)
+    return line.x + ahead * cos - to_left * sin, line.y + ahead * sin + to_left * cos
+
+
+def _stations(line: Line, z: Floats) -> Floats:
+    """Chords between rows, in three dimensions; from an unknown height there is no step."""
+    rows = line.at_row
+    height = z[rows]
+    for k in range(1, len(height)):
+        height[k] = height[k - 1] if np.isnan(height[k]) else height[k]
+    rise = np.nan_to_num(np.diff(height))
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(line.flat[rows]), rise))))
+    station = line.between(along)
+    station[line.driven :] += line.flat[line.driven :] - line.flat[line.driven - 1]
+    return station
+
+
+def _vertical_curvature(
+    station: Floats, grade: Floats, known: Bools, wheelbase: float, line: Line
+) -> Floats:
+    """Change of the grade over half a wheelbase, or over two rows where those are farther apart.
+
+    The grade is that of wheels a wheelbase apart: what is shorter is noise of the map.
+    """
+    rows = station[line.at_row]
+    reach = max(_CURVATURE_SPAN * wheelbase, float(np.median(np.diff(rows))))
+    if known.sum() < 2:
+        return np.zeros_like(station)
+    s, theta = station[known], grade[known]
+    low, high = (np.clip(station + sign * reach, s[0], s[-1]) for sign in (-1.0, 1.0))
+    change = np.interp(high, s, theta) - np.interp(low, s, theta)
+    return change / np.maximum(high - low, 0.5 * reach)
+
+
+def _body_known(heights: Heights, line: Line, vehicle: Vehicle) -> Bools:
+    """(M,) samples without an unknown cell below the body, except where it is at the first row."""
+    ahead, to_left = below_body(vehicle, heights.resolution)
+    cos, sin = np.cos(line.heading[0]), np.sin(line.heading[0])
+    shape, margin = vehicle.shape, 0.5 * heights.resolution
+    known = np.ones(len(line.x), np.bool_)
+    for part in parts_of(np.arange(len(line.x))):
+        x, y = offset_points(only(line, part), ahead[:, None], to_left[:, None])
+        east, north = x - line.x[0], y - line.y[0]
+        along, across = east * cos + north * sin, north * cos - east * sin
+        under_start = (along > -shape.rear - margin) & (along < shape.front + margin)
+        under_start &= np.abs(across) < 0.5 * shape.width + margin
+        known[part] = np.all(cell_is_known(heights, x, y) | under_start, axis=0)
+    return known
+
+
+def parts_of(samples: Ints) -> list[Ints]:
+    """Samples in parts, so that points below the body take little memory together."""
+    return [samples[first : first + _CHUNK] for first in range(0, len(samples), _CHUNK)]
+
+
+def only(line: Line, samples: Ints) -> Line:
+    """Places and headings of some samples."""
+    return line._replace(x=line.x[samples], y=line.y[samples], heading=line.heading[samples])
+
+
+def below_body(vehicle: Vehicle, step: float) -> tuple[Floats, Floats]:
+    """Points (P,) that cover the body, ahead of and left of the middle of the wheelbase [m]."""
+    shape = vehicle.shape
+    ahead = _spread(-shape.rear, shape.front, step)
+    to_left = _spread(-0.5 * shape.width, 0.5 * shape.width, step)
+    a, b = np.meshgrid(ahead, to_left)
+    return a.ravel(), b.ravel()
+
+
+def _spread(low: float, high: float, step: float) -> Floats:
+    return np.linspace(low, high, int(np.clip(np.ceil((high - low) / step), 1, 16)) + 1)

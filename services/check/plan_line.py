@@ -1,0 +1,114 @@
+"""The line that a plan drives: samples between its rows, with heading and curvature."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from slopewise.models.arrays import Floats, Ints
+from slopewise.services.check.external_plan import ExternalPlan
+
+_MIN_SAMPLES, _MAX_SAMPLES = 4, 40  # of each segment: a fifth of a wheel, or bounded memory
+_SPACING = 0.08  # [m] between samples within those bounds: a fifth of a wheel on the ground
+_MAX_NOISE = 0.02  # [1/m] noise that remains in the curvature: half its tolerance of columns
+_MIN_ROWS = 12  # fifth differences of fewer do not separate noise from turns
+
+
+class Line(NamedTuple):
+    """M samples along a plan of N rows, and beyond its last row; arrays are (M,) unless stated.
+
+    Attributes:
+        row: row that each sample belongs to, N − 1 beyond the last one.
+        share: share of the distance to the next row.
+        at_row: (N,) sample of each row.
+        x, y, flat: position, and metres in the plan view [m].
+        heading: heading without jumps [rad].
+        curvature: plan-view curvature, left positive [1/m].
+        driven: samples up to the last row; those behind it continue it straight.
+    """
+
+    row: Ints
+    share: Floats
+    at_row: Ints
+    x: Floats
+    y: Floats
+    flat: Floats
+    heading: Floats
+    curvature: Floats
+    driven: int
+
+    def between(self, values: Floats) -> Floats:
+        """(M,) values that are linear between rows (N,); as at the last row beyond it."""
+        ahead = np.minimum(self.row + 1, len(values) - 1)
+        linear: Floats = values[self.row] + self.share * (values[ahead] - values[self.row])
+        return linear
+
+
+def line_of(plan: ExternalPlan, beyond: float) -> Line:
+    """Samples of a plan without repeated places.
+
+    Args:
+        plan: N rows.
+        beyond: metres straight on behind the last row, where stops may still end.
+    """
+    x, y = plan.x, plan.y
+    steps = np.hypot(np.diff(x), np.diff(y))
+    along = np.concatenate(([0.0], np.cumsum(steps)))
+    parts = int(np.clip(np.ceil(np.median(steps) / _SPACING), _MIN_SAMPLES, _MAX_SAMPLES))
+    heading, curvature = _turning(x, y, along, steps)
+    count = len(x)
+    row = np.repeat(np.arange(count - 1), parts)
+    share = np.tile(np.arange(parts) / parts, count - 1)
+    extra = int(np.ceil(beyond / _SPACING)) if beyond > 0.0 else 0
+    row = np.concatenate((row, np.full(1 + extra, count - 1)))
+    share = np.concatenate((share, np.zeros(1 + extra)))
+    line = Line(
+        row, share, np.arange(count) * parts, x, y, along, heading, curvature, len(row) - extra
+    )
+    x, y, flat, heading, curvature = (line.between(v) for v in (x, y, along, heading, curvature))
+    if extra:
+        further = beyond * np.arange(1, extra + 1) / extra
+        flat[-extra:] += further
+        x[-extra:] += further * np.cos(heading[-1])
+        y[-extra:] += further * np.sin(heading[-1])
+        curvature[-extra:] = 0.0
+    return line._replace(x=x, y=y, flat=flat, heading=heading, curvature=curvature)
+
+
+def _turning(x: Floats, y: Floats, along: Floats, steps: Floats) -> tuple[Floats, Floats]:
+    """Heading [rad] and curvature [1/m] at the rows, from chords long enough to see past noise."""
+    if len(x) == 2:
+        return np.full(2, np.arctan2(y[1] - y[0], x[1] - x[0])), np.zeros(2)
+    length, reach = float(along[-1]), _reach(x, y)
+    if reach > float(np.median(steps)):
+        reach = min(reach, 0.5 * length)
+        centre = np.clip(along, reach, length - reach)
+        behind, ahead = centre - reach, centre + reach
+    else:  # the neighbours of each row; at both ends those of the row before
+        inner = np.clip(np.arange(len(x)), 1, len(x) - 2)
+        behind, centre, ahead = along[inner - 1], along[inner], along[inner + 1]
+
+    def at(s: Floats) -> tuple[Floats, Floats]:
+        return np.interp(s, along, x), np.interp(s, along, y)
+
+    (x0, y0), (x1, y1), (x2, y2) = at(behind), at(centre), at(ahead)
+    first, second = np.hypot(x1 - x0, y1 - y0), np.hypot(x2 - x1, y2 - y1)
+    before, after = np.arctan2(y1 - y0, x1 - x0), np.arctan2(y2 - y1, x2 - x1)
+    turn = np.angle(np.exp(1j * (after - before)))
+    curvature = turn / np.maximum(0.5 * (first + second), 1e-9)
+    # The chord of both has the heading of the arc at its middle.
+    heading = np.unwrap(before + turn * first / np.maximum(first + second, 1e-9))
+    return heading + curvature * (along - centre), curvature
+
+
+def _reach(x: Floats, y: Floats) -> float:
+    """Length of a chord that shows curvature to within :data:`_MAX_NOISE` [m].
+
+    Rows that are rounded, or were measured, are noisy; fifth differences of a smooth path vanish.
+    """
+    if len(x) < _MIN_ROWS:
+        return 0.0
+    fifth = np.abs(np.diff(np.stack((x, y)), n=5, axis=1))
+    noise = 1.4826 * float(np.median(fifth)) / np.sqrt(252.0)
+    return float(np.sqrt(2.5 * noise / _MAX_NOISE))

@@ -1,0 +1,68 @@
+"""Candidate paths from `nav_msgs/Path`, live or recorded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.errors import ParameterError
+from slopewise.services.io.bags import PATH, RecordedMessage, opened
+from slopewise.services.io.files import fault
+from slopewise.services.io.topics import read_sources
+
+_MAX_PATHS = 100_000
+"""Candidates of one recording: ten paths at 10 Hz are as many in 17 minutes."""
+
+
+def read_bag_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[CandidatePath]:
+    """Candidates of a recording: the last message of each topic of paths, or all of them.
+
+    Args:
+        path: folder of a recording, or a file of one.
+        topics: mapping; table ``paths``. Without one, all topics of nav_msgs/Path are taken.
+        frame: frame of the map, if it has one; paths in another frame are refused.
+
+    Raises:
+        InputError: names the recording, the topic and the field.
+    """
+    _, source = read_sources(topics)
+    with opened(path) as bag:
+        used = list(source.topics) or bag.topics_of(PATH)
+        recorded = bag.messages_of(used, PATH, last=not source.all_messages)
+    if len(recorded) > _MAX_PATHS:
+        raise fault(path, "", f"expected at most {_MAX_PATHS} paths, got {len(recorded)}")
+    count = dict.fromkeys(used, 0)
+    candidates = []
+    for message in recorded:
+        name = message.topic
+        if source.all_messages:
+            name = f"{message.topic}#{count[message.topic]}"
+            count[message.topic] += 1
+        candidates.append(_candidate(path, name, message, frame))
+    return candidates
+
+
+def _candidate(path: Path, name: str, recorded: RecordedMessage, frame: str) -> CandidatePath:
+    if frame and (different := other_frame(recorded.message, frame)):
+        expected = f"expected frame {frame} as the map has it, got {different}"
+        raise fault(path, f"{name}, header.frame_id", expected)
+    try:
+        return CandidatePath(name, points_of(recorded.message))
+    except ParameterError as error:
+        raise fault(path, f"{name}, {error.field}", f"expected {error.expected}") from None
+
+
+def other_frame(message: Any, frame: str) -> str:
+    """A frame of a nav_msgs/Path, or of a pose in it, that is not the given one; empty if none."""
+    frames = dict.fromkeys([message.header.frame_id, *(p.header.frame_id for p in message.poses)])
+    return next((name for name in frames if name and name.lstrip("/") != frame.lstrip("/")), "")
+
+
+def points_of(message: Any) -> Floats:
+    """(n, 2) of x, y [m] of a nav_msgs/Path."""
+    positions = [pose.pose.position for pose in message.poses]
+    return np.array([(p.x, p.y) for p in positions], np.float64).reshape(-1, 2)

@@ -1,0 +1,193 @@
+"""Drive logs from CSV, Parquet or ROS 2 recordings: one row per sample, columns as in `units`.
+
+`t` [s] on one clock over the whole log, `v` and `v_cmd` [m/s], angles [rad] after REP-103 (pitch
+nose-down positive), `yaw_rate` [rad/s], `x`, `y` [m], `v_left`, `v_right` [m/s] at the rims,
+currents [A], `brake` 0..1. Further numeric columns are retained. A file without a column `run` is
+one run. Other names and units: :mod:`slopewise.services.io.columns`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slopewise.services.io.bag_log import bag_table
+from slopewise.services.io.bags import is_bag
+from slopewise.services.io.columns import (
+    OPTION,
+    ColumnName,
+    parse_names,
+    rename_columns,
+    text_columns,
+)
+from slopewise.services.io.files import fault
+from slopewise.services.io.table import Table, read_table
+from slopewise.services.io.topics import read_topics
+from slopewise.services.io.units import OPTIONAL, REQUIRED, TEXT
+
+_NO_COMMAND = (
+    "a stop is where v_cmd goes to 0 while the vehicle rolls; coast-downs, without a command, "
+    "carry no information about the brakes"
+)
+_MAX_ANGLE = {"pitch": math.pi / 2, "roll": math.pi}
+"""Angles beyond are in degrees [rad]: no attitude is larger."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveLog:
+    """Samples of one or several files; arrays are (samples,) and read-only.
+
+    Attributes:
+        columns: `run` and `terrain` as text, all others float64, NaN where not measured.
+        runs: samples of each run, in the order of the files.
+        sources: file of each run.
+        one_clock: no run begins before the end of the one in front of it: `t` orders the runs.
+    """
+
+    columns: dict[str, NDArray[Any]]
+    runs: tuple[slice, ...]
+    sources: tuple[str, ...]
+    one_clock: bool
+
+    @property
+    def further(self) -> tuple[str, ...]:
+        """Numeric columns that have no meaning here: candidate explanations."""
+        known = {*TEXT, *REQUIRED, *OPTIONAL}
+        return tuple(name for name in self.columns if name not in known)
+
+
+def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = "") -> DriveLog:
+    """One log from tables, or from recordings.
+
+    Args:
+        paths: all tables, or all recordings.
+        topics: topic mapping of the recordings; without one, topics are inferred from their types.
+        names: names of columns in tables, see :mod:`slopewise.services.io.columns`.
+
+    Raises:
+        InputError: names file and field; also if tables and recordings are mixed.
+    """
+    bags = [path for path in paths if is_bag(path)]
+    if not bags:
+        if topics is not None:
+            raise fault(topics, "", "expected recordings with a topic mapping, got tables only")
+        return read_drive_log(paths, parse_names(names))
+    if names:
+        raise fault(OPTION, "", "expected tables, recordings have a topic mapping: --topics")
+    if len(bags) < len(paths):
+        table = next(path for path in paths if path not in bags)
+        raise fault(table, "", "expected recordings only, got a table among them")
+    channels, mapping = read_topics(topics)
+    tables = [bag_table(path, channels, mapping, infer=topics is None) for path in bags]
+    return _log_of_tables(tables)
+
+
+def read_drive_log(paths: Sequence[Path], names: Sequence[ColumnName] = ()) -> DriveLog:
+    """One log from one or several tables, in the order given.
+
+    Columns that only some of the files have are NaN (`terrain`: empty) in the others.
+
+    Args:
+        paths: CSV or Parquet files.
+        names: columns with other names than a drive log's.
+
+    Raises:
+        InputError: names the row and column. Parquet rows count from 1.
+    """
+    if not paths:
+        raise fault("drive log", "", "expected at least one file, got none")
+    tables = [read_table(path, text_columns(names)) for path in paths]
+    return _log_of_tables([rename_columns(table, names) if names else table for table in tables])
+
+
+def _log_of_tables(tables: Sequence[Table]) -> DriveLog:
+    parts = [_columns_of(table) for table in tables]
+    names = list(dict.fromkeys(name for columns, _ in parts for name in columns))
+    joined = {
+        name: np.concatenate([columns.get(name, _missing(name, columns)) for columns, _ in parts])
+        for name in names
+    }
+    runs: list[slice] = []
+    sources: list[str] = []
+    begin = 0
+    for table, (columns, table_runs) in zip(tables, parts, strict=True):
+        runs += (slice(begin + run.start, begin + run.stop) for run in table_runs)
+        sources += [table.source] * len(table_runs)
+        begin += len(columns["t"])
+    t = joined["t"]
+    one_clock = all(t[a.stop - 1] < t[b.start] for a, b in itertools.pairwise(runs))
+    for column in joined.values():
+        column.flags.writeable = False
+    return DriveLog(joined, tuple(runs), tuple(sources), one_clock)
+
+
+def _missing(name: str, columns: dict[str, NDArray[Any]]) -> NDArray[Any]:
+    count = len(columns["t"])
+    return np.full(count, "") if name in TEXT else np.full(count, np.nan)
+
+
+def _columns_of(table: Table) -> tuple[dict[str, NDArray[Any]], list[slice]]:
+    table.require(REQUIRED, "" if "v_cmd" in table.columns else _NO_COMMAND)
+    columns: dict[str, NDArray[Any]] = {}
+    if "run" not in table.columns:
+        columns["run"] = np.full(len(table.rows), Path(table.source).stem)
+    for name in table.columns:
+        if name in TEXT:
+            columns[name] = np.array(table.text(name))
+        elif name in REQUIRED:
+            columns[name] = table.numbers(name, REQUIRED[name])
+        elif name in OPTIONAL:
+            columns[name] = table.numbers(name, OPTIONAL[name], blank=np.nan)
+        elif (further := _further(table, name)) is not None:
+            columns[name] = further
+    _check_ranges(table, columns)
+    return columns, _runs(table, columns)
+
+
+def _further(table: Table, name: str) -> NDArray[Any] | None:
+    """A numeric column without a meaning in drive logs; None if it is text or empty."""
+    values, texts = table.parsed(name)
+    if texts:
+        return None
+    values[~np.isfinite(values)] = np.nan
+    return None if np.isnan(values).all() else values
+
+
+def _check_ranges(table: Table, columns: dict[str, NDArray[Any]]) -> None:
+    for name, limit in _MAX_ANGLE.items():
+        if name in columns and (above := np.flatnonzero(np.abs(columns[name]) > limit)).size:
+            got = f"{columns[name][above[0]]:g}, which looks like degrees"
+            expected = f"expected an angle within ±{limit:.3g} rad, got {got}"
+            raise table.error(int(above[0]), name, expected)
+    if "brake" in columns:
+        brake = columns["brake"]
+        if (outside := np.flatnonzero((brake < 0.0) | (brake > 1.0))).size:
+            expected = f"expected 0 … 1, got {brake[outside[0]]:g}"
+            raise table.error(int(outside[0]), "brake", expected)
+
+
+def _runs(table: Table, columns: dict[str, NDArray[Any]]) -> list[slice]:
+    """Runs are contiguous and time increases strictly within each."""
+    run, t = columns["run"], columns["t"]
+    for index in np.flatnonzero(np.char.strip(run) == ""):
+        raise table.error(int(index), "run", "expected a number or name, got nothing")
+    starts = [0, *(np.flatnonzero(run[1:] != run[:-1]) + 1).tolist()]
+    seen: set[str] = set()
+    for start in starts:
+        if run[start] in seen:
+            expected = f"expected the rows of a run together, got run {run[start]} a second time"
+            raise table.error(start, "run", expected)
+        seen.add(str(run[start]))
+    backwards = np.diff(t) <= 0.0
+    backwards[np.array(starts[1:], np.int64) - 1] = False
+    for index in np.flatnonzero(backwards):
+        expected = f"expected a time after {t[index]:.9g} s, got {t[index + 1]:.9g}"
+        raise table.error(int(index) + 1, "t", expected)
+    return [slice(a, b) for a, b in zip(starts, [*starts[1:], len(t)], strict=True)]

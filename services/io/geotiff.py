@@ -1,0 +1,265 @@
+"""Elevation from a GeoTIFF: band 1, metres on a square north-up grid. Nodata stays unknown.
+
+Without a coordinate system the grid is taken to be in metres, as robots' own maps are. Degrees,
+feet, Web Mercator (its metres are not metres on the ground), rotated or oblong cells are refused:
+slopes from them would be wrong.
+
+A further band whose description speaks of a variance [m²], or of a standard deviation, an error or
+an uncertainty [m], reports the error of the heights.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+import warnings
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.services.io import height_error, no_data
+from slopewise.services.io.files import check_file, fault
+from slopewise.services.io.map_grid import MapInfo, MapLayers
+from slopewise.services.io.no_data import NoData
+
+_SQUARE = 1e-6  # relative difference of edges, and share of shear, that is still rounding
+_METRES = ("metre", "meter", "metres", "meters", "m", "")
+_SMALLEST_CELL = 2e-3  # [m] without a coordinate system, smaller cells are degrees
+_ERRORS = re.compile(r"variance|std|stdev|sigma|standard.deviation|error|uncertainty|rmse")
+_THINNED = 1024  # rows and columns of a band of errors that are read
+_SPOTS, _SPOT = 8, 256
+"""Spots in a row and in a column, and cells along the edge of each, that stand for all heights of a
+file: maps of up to 2048 x 2048 cells are read whole, larger ones in about half a second."""
+
+
+def read_info(path: Path) -> MapInfo:
+    """Grid of a GeoTIFF; raises InputError if it cannot be an elevation map in metres."""
+    with opened(path) as ground:
+        return ground.info
+
+
+def read_layers(path: Path, rows: slice, columns: slice, nodata: NoData) -> MapLayers:
+    """Some cells of a GeoTIFF; only these are read."""
+    with opened(path, nodata) as ground:
+        return MapLayers(ground.read(rows, columns), ground.height_std, ground.assumed)
+
+
+class GeotiffWindows:
+    """An open elevation map that is read by windows.
+
+    Attributes:
+        info: its grid.
+        markers: undeclared markers among the heights that were read so far.
+    """
+
+    def __init__(self, dataset: Any, path: Path, nodata: NoData = None) -> None:
+        """Raise InputError if it cannot be an elevation map in metres."""
+        self._dataset = dataset
+        self._path = path
+        self._nodata = nodata
+        self.markers: set[float] = set()
+        self.info = _checked(dataset, path)
+
+    @property
+    def georeferenced(self) -> bool:
+        """Return True if the file has a coordinate system."""
+        return bool(self._dataset.crs)
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Assumptions made about the file, as sentences.
+
+        Undeclared no-data values are those of cells all over the file, and of the windows read.
+        """
+        assert self._all_over is not None  # detects those of the file where no window was read
+        undeclared = no_data.describe(tuple(self.markers))
+        if self.georeferenced:
+            return undeclared
+        return (
+            "the map names no coordinate system: its grid is taken to be in metres",
+            *undeclared,
+        )
+
+    def read(self, rows: slice, columns: slice) -> Floats:
+        """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these.
+
+        No-data values are detected from heights of the whole file, so that all windows agree.
+
+        Raises:
+            InputError: the file is damaged there.
+        """
+        heights = self._read(rows, columns)
+        known, markers = no_data.known_heights(heights, self._nodata, [self._all_over])
+        self.markers.update(markers)
+        return known
+
+    @cached_property
+    def _all_over(self) -> Floats:
+        """Heights (n,) that represent those of the whole file [m]."""
+        spots = []
+        for rows in _spread(self.info.rows):
+            for columns in _spread(self.info.columns):
+                spot, markers = no_data.without_common(self._read(rows, columns), self._nodata)
+                spots.append(spot)
+                self.markers.update(markers)
+        heights = no_data.ends_of(spots)
+        self.markers.update(no_data.known_heights(heights, self._nodata)[1])
+        return heights
+
+    def _read(self, rows: slice, columns: slice) -> Floats:
+        """(rows, columns) heights [m] with markers removed that scaling would hide."""
+        from rasterio.windows import Window
+
+        dataset = self._dataset
+        flipped = dataset.transform.e < 0.0
+        top = self.info.rows - rows.stop if flipped else rows.start
+        window = Window(columns.start, top, columns.stop - columns.start, rows.stop - rows.start)
+        with _in_one_line(self._path):
+            band = dataset.read(1, window=window, masked=True, out_dtype="float64")
+        raw: Floats = np.ma.filled(band, np.nan)
+        scale, offset = dataset.scales[0], dataset.offsets[0]
+        if (scale, offset) != (1.0, 0.0):
+            raw, markers = no_data.known_raw(raw, self._nodata, dataset.dtypes[0])
+            self.markers.update(markers)
+        heights: Floats = raw * scale + offset
+        return np.ascontiguousarray(heights[::-1] if flipped else heights)
+
+    @cached_property
+    def height_std(self) -> float:
+        """Error of heights relative to each other [m], of the whole file for any part of it.
+
+        Raises:
+            InputError: the file is damaged there.
+        """
+        for band, description in enumerate(self._dataset.descriptions[1:], start=2):
+            kind = _ERRORS.search((description or "").lower())
+            if kind is None:
+                continue
+            if (std := self._std_of_band(band, kind[0] == "variance")) is not None:
+                return std
+        return height_error.assumed(self.info.resolution, surveyed=self.georeferenced)
+
+    def _std_of_band(self, band: int, squared: bool) -> float | None:
+        """Error of most cells by a band, from a thinned read of it."""
+        dataset = self._dataset
+        shape = min(dataset.height, _THINNED), min(dataset.width, _THINNED)
+        with _in_one_line(self._path):
+            read = dataset.read(band, out_shape=shape, masked=True, out_dtype="float64")
+        errors = np.ma.filled(read, np.nan) * dataset.scales[band - 1] + dataset.offsets[band - 1]
+        reported: Floats = errors[np.isfinite(errors) & (errors >= 0.0)]
+        return height_error.one_for_all(np.sqrt(reported) if squared else reported)
+
+
+@contextlib.contextmanager
+def opened(path: Path, nodata: NoData = None) -> Iterator[GeotiffWindows]:
+    """Open a map for many windows.
+
+    Args:
+        path: GeoTIFF file.
+        nodata: the user's setting for markers of missing data.
+
+    Raises:
+        InputError: not an elevation map in metres.
+    """
+    import rasterio
+
+    check_file(path)
+    with contextlib.ExitStack() as stack:
+        with _in_one_line(path):
+            dataset = stack.enter_context(rasterio.open(path, driver="GTiff"))
+            ground = GeotiffWindows(dataset, path, nodata)
+        yield ground
+
+
+def _spread(count: int) -> Iterator[slice]:
+    """Rows or columns of spots all over a map; all of them in a small one."""
+    edge = min(_SPOT, -(-count // _SPOTS))
+    for start in dict.fromkeys(np.linspace(0, count - edge, _SPOTS).astype(int).tolist()):
+        yield slice(start, start + edge)
+
+
+@contextlib.contextmanager
+def _in_one_line(path: Path) -> Iterator[None]:
+    from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
+    logger = logging.getLogger("rasterio")
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)  # GDAL's messages about a broken file become one line below
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            yield
+    except (RasterioError, OSError, MemoryError, ValueError) as error:
+        got = "unreadable data inside" if "Read" in str(error) else "something else"
+        raise fault(path, "", f"expected an intact GeoTIFF, got {got}") from None
+    finally:
+        logger.setLevel(before)
+
+
+def _checked(dataset: Any, path: Path) -> MapInfo:
+    from rasterio.enums import ColorInterp
+
+    transform = dataset.transform
+    if transform.is_identity:
+        raise fault(path, "transform", "expected position and scale of the grid, got none")
+    edge, shear = abs(transform.a), max(abs(transform.b), abs(transform.d))
+    if shear > _SQUARE * edge or transform.a <= 0.0:
+        raise fault(path, "transform", "expected a grid aligned with x and y, got a rotated one")
+    _check_crs(dataset, path)
+    if not abs(edge - abs(transform.e)) <= _SQUARE * edge:
+        got = f"{edge:g} x {abs(transform.e):g}"
+        raise fault(path, "transform", f"expected square cells [m], got {got}")
+    if dataset.colorinterp[0] in (ColorInterp.red, ColorInterp.palette):
+        raise fault(path, "band 1", "expected elevation [m], got a colour image")
+    if np.dtype(dataset.dtypes[0]).kind not in "iuf":
+        raise fault(path, "band 1", f"expected real numbers [m], got {dataset.dtypes[0]}")
+    if (dataset.units[0] or "").strip().lower() not in _METRES:
+        raise fault(path, "band 1 unit", f"expected heights in metres, got {dataset.units[0]}")
+    # The raster's own origin is a corner of its first row, which is the last one here.
+    bottom = dataset.height - 0.5 if transform.e < 0.0 else 0.5
+    origin = (transform.c + 0.5 * transform.a, transform.f + bottom * transform.e)
+    return MapInfo(dataset.height, dataset.width, edge, origin)
+
+
+def _check_crs(dataset: Any, path: Path) -> None:
+    if not dataset.crs:
+        left, low, right, high = dataset.bounds
+        in_degrees = max(abs(left), abs(right)) <= 180.0 and max(abs(low), abs(high)) <= 90.0
+        if dataset.transform.a < _SMALLEST_CELL and in_degrees:
+            cell = f"cells of {dataset.transform.a:g} and no crs; that looks like degrees"
+            raise fault(path, "crs", f"expected a projected one in metres, got {cell}")
+        return
+    try:
+        projection = dataset.crs.to_dict(projjson=True)
+    except Exception as error:  # noqa: BLE001  what GDAL raises here is documented nowhere
+        got = type(error).__name__
+        raise fault(path, "crs", f"expected a projected one in metres, got {got}") from None
+    for part in _simple_systems(projection):
+        name, kind = part.get("name", "unknown"), part.get("type", "unknown")
+        got = "degrees" if kind.startswith("Geographic") else kind
+        if kind not in ("ProjectedCRS", "EngineeringCRS", "LocalCRS", "VerticalCRS"):
+            got = f"{name} ({got})"
+            raise fault(path, "crs", f"expected a projected one in metres, got {got}")
+        method = part.get("conversion", {}).get("method", {}).get("name", "")
+        if "Pseudo" in method:
+            got = f"{name}, whose metres are not metres on the ground"
+            raise fault(path, "crs", f"expected a projected one in metres, got {got}")
+        for axis in part.get("coordinate_system", {}).get("axis", ()):
+            unit = axis.get("unit", "metre")
+            unit = unit.get("name", "unknown") if isinstance(unit, dict) else unit
+            if unit not in _METRES:
+                raise fault(path, "crs", f"expected metres, got {unit} in {name}")
+
+
+def _simple_systems(projection: dict[str, Any]) -> list[dict[str, Any]]:
+    """Horizontal and vertical system of a compound or bound one."""
+    if projection.get("type") == "CompoundCRS":
+        return [s for part in projection["components"] for s in _simple_systems(part)]
+    if projection.get("type") == "BoundCRS":
+        return _simple_systems(projection["source_crs"])
+    return [projection]

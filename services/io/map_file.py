@@ -1,0 +1,143 @@
+"""Elevation maps from GeoTIFF, .npz or ROS 2 recordings, whole or only around a region.
+
+A further format is a pair of functions and a row of :data:`_FORMATS`.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.errors import ParameterError
+from slopewise.services.io import geotiff, grid_map, npz_map
+from slopewise.services.io.bags import is_bag
+from slopewise.services.io.files import fault, write_atomic
+from slopewise.services.io.map_grid import (
+    MAX_CELLS,
+    Around,
+    MapInfo,
+    MapLayers,
+    check_physical,
+    describe_extent,
+)
+from slopewise.services.io.no_data import NoData
+
+
+class MapFormat(NamedTuple):
+    """How one format is read; both functions raise InputError.
+
+    Attributes:
+        info: grid of a file, given its path and a topic mapping.
+        layers: cells of a file, given its path, rows, columns, topic mapping and no-data value.
+    """
+
+    info: Callable[[Path, Path | None], MapInfo]
+    layers: Callable[[Path, slice, slice, Path | None, NoData], MapLayers]
+
+
+_RECORDING = MapFormat(grid_map.read_info, grid_map.read_layers)
+_GEOTIFF = MapFormat(
+    lambda path, _: geotiff.read_info(path),
+    lambda path, rows, columns, _, nodata: geotiff.read_layers(path, rows, columns, nodata),
+)
+_NPZ = MapFormat(
+    lambda path, _: npz_map.read_info(path),
+    lambda path, rows, columns, _, nodata: npz_map.read_cells(path, rows, columns, nodata),
+)
+_FORMATS = {".tif": _GEOTIFF, ".tiff": _GEOTIFF, ".gtiff": _GEOTIFF, ".npz": _NPZ}
+
+
+def _format_of(path: Path) -> MapFormat:
+    if is_bag(path):
+        return _RECORDING
+    if path.suffix.lower() in _FORMATS:
+        return _FORMATS[path.suffix.lower()]
+    got = "a directory" if path.is_dir() else f"the name {path.name!r}"
+    raise fault(path, "", f"expected a GeoTIFF (.tif), .npz or ROS 2 recording, got {got}")
+
+
+def map_info(path: Path, topics: Path | None = None) -> MapInfo:
+    """Grid of a map file; heights are read only of a recording.
+
+    Raises:
+        InputError: not a map in metres, or not one of this earth.
+    """
+    info = _format_of(path).info(path, topics)
+    try:
+        check_physical(info.resolution, info.origin, (info.rows, info.columns))
+    except ParameterError as error:
+        raise fault(path, error.field, f"expected {error.expected}") from None
+    return info
+
+
+def read_map(
+    path: Path, *, around: Around | None = None, topics: Path | None = None, nodata: NoData = None
+) -> ElevationMap:
+    """An elevation map, or the part of it that holds all heights within ``around``.
+
+    Args:
+        path: GeoTIFF or .npz file, or a recording with grid maps.
+        around: (x_min, x_max, y_min, y_max) [m] with the margin that the caller needs, such as the
+            vehicle's footprint. Of a GeoTIFF only that part is read.
+        topics: topic mapping of a recording.
+        nodata: a height that marks missing data [m], in addition to those that are detected;
+            "none": the file has no markers but those that it declares.
+
+    Raises:
+        InputError: not a map in metres, ``around`` is off the map, or no cell is known.
+    """
+    info = map_info(path, topics)
+    cells: tuple[slice, slice] | None = slice(0, info.rows), slice(0, info.columns)
+    if around is not None:
+        cells = info.cells_around(around)
+    if cells is None:
+        assert around is not None
+        got = f"the map at {describe_extent(info.extent)}"
+        raise fault(path, "extent", f"expected ground at {describe_extent(around)}, got {got}")
+    part = info.part(*cells)
+    if part.rows * part.columns > MAX_CELLS:
+        size = f"{part.rows} x {part.columns}"
+        raise fault(path, "", f"expected at most {MAX_CELLS} cells in one part, got {size}")
+    layers = _format_of(path).layers(path, *cells, topics, nodata)
+    if not np.isfinite(layers.heights).any():
+        where = "" if around is None else f" at {describe_extent(around)}"
+        got = "; ".join(("unknown ones only", *layers.assumed))
+        raise fault(path, "elevation", f"expected a known cell{where}, got {got}")
+    try:
+        return ElevationMap(
+            elevation=layers.heights,
+            resolution=part.resolution,
+            origin=part.origin,
+            terrain_class=layers.classes,
+            class_names=layers.class_names,
+            height_std=layers.height_std,
+            assumed=layers.assumed,
+        )
+    except ParameterError as error:
+        raise fault(path, error.field, f"expected {error.expected}") from None
+
+
+def write_map_npz(elevation_map: ElevationMap, path: Path) -> None:
+    """Write a map so that reading it gives the same one; all or nothing."""
+    arrays: dict[str, Any] = {
+        "elevation": elevation_map.elevation,
+        "resolution": np.float64(elevation_map.resolution),
+        "origin": np.asarray(elevation_map.origin, np.float64),
+        "height_std": np.float64(elevation_map.height_std),
+    }
+    if elevation_map.terrain_class is not None:
+        arrays["terrain_class"] = elevation_map.terrain_class
+        arrays["terrain_names"] = np.asarray(elevation_map.class_names, np.str_)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    write_atomic(path, buffer.getvalue())
+
+
+def frame_of(path: Path, topics: Path | None = None) -> str:
+    """The frame that a recorded map is in; empty for other maps, and for one without a frame."""
+    return grid_map.map_and_frame(path, topics)[1] if is_bag(path) else ""

@@ -1,0 +1,119 @@
+"""Grid of a map: where its cells lie, known without reading its heights."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.errors import ParameterError
+from slopewise.models.vehicle import Vehicle
+
+Around = tuple[float, float, float, float]
+"""(x_min, x_max, y_min, y_max) [m] in map coordinates."""
+
+MAX_CELLS = 100_000_000
+"""Cells read together: 10 km x 10 km at 1 m, 0.8 GB of heights."""
+
+_MIN_CELLS = 2
+"""Cells in a row or column that have ground between them."""
+
+_MIN_RESOLUTION, _MAX_RESOLUTION = 1e-3, 1e3
+"""Edges of cells that robots drive by [m]: beyond, the file is in millimetres or degrees."""
+
+_MAX_COORDINATE = 1e8
+"""Largest coordinate of a map [m]: no projection of this earth reaches 40,000 km."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapInfo:
+    """The grid of a map; cell [row, column] has its centre at origin + resolution * (column, row).
+
+    Attributes:
+        rows, columns: number of cells; row 0 is at minimum y.
+        resolution: edge of a cell [m].
+        origin: (x, y) of the centre of cell [0, 0] [m].
+    """
+
+    rows: int
+    columns: int
+    resolution: float
+    origin: tuple[float, float]
+
+    @property
+    def extent(self) -> Around:
+        """(x_min, x_max, y_min, y_max) of the cell centres [m]."""
+        x, y = self.origin
+        width, height = (self.columns - 1) * self.resolution, (self.rows - 1) * self.resolution
+        return x, x + width, y, y + height
+
+    def cells_around(self, around: Around) -> tuple[slice, slice] | None:
+        """(rows, columns) that hold every height within ``around``; None if it is off the map."""
+        x_min, x_max, y_min, y_max = around
+        rows = _cells(y_min, y_max, self.origin[1], self.resolution, self.rows)
+        columns = _cells(x_min, x_max, self.origin[0], self.resolution, self.columns)
+        return None if rows is None or columns is None else (rows, columns)
+
+    def part(self, rows: slice, columns: slice) -> MapInfo:
+        """The grid of some of the cells."""
+        x = self.origin[0] + columns.start * self.resolution
+        y = self.origin[1] + rows.start * self.resolution
+        height, width = rows.stop - rows.start, columns.stop - columns.start
+        return MapInfo(height, width, self.resolution, (x, y))
+
+
+def _cells(low: float, high: float, origin: float, resolution: float, count: int) -> slice | None:
+    """Cells from one before ``low`` to one after ``high``: rounding must not cost a neighbour."""
+    first = max(math.floor((low - origin) / resolution) - 1, 0)
+    last = min(math.ceil((high - origin) / resolution) + 1, count - 1)
+    if last - first + 1 < _MIN_CELLS:
+        return None
+    return slice(first, last + 1)
+
+
+def check_physical(resolution: float, origin: tuple[float, float], shape: tuple[int, ...]) -> None:
+    """Raise ParameterError unless a grid can be of a map in metres on this earth.
+
+    Raises:
+        ParameterError: names what is out of range.
+    """
+    if not _MIN_RESOLUTION <= resolution <= _MAX_RESOLUTION:
+        expected = (
+            f"{_MIN_RESOLUTION:g} … {_MAX_RESOLUTION:g} m from cell to cell, got {resolution:g}"
+        )
+        raise ParameterError("resolution", expected)
+    ends = (origin[0] + shape[1] * resolution, origin[1] + shape[0] * resolution)
+    # NaN is never within anything.
+    if not all(abs(value) <= _MAX_COORDINATE for value in (*origin, *ends)):
+        expected = f"coordinates of at most {_MAX_COORDINATE:g} m, got {origin[0]:g}, {origin[1]:g}"
+        raise ParameterError("origin", expected)
+
+
+def describe_extent(extent: Around) -> str:
+    """An extent as an error shows it."""
+    x_min, x_max, y_min, y_max = extent
+    return f"x {x_min:.10g} … {x_max:.10g}, y {y_min:.10g} … {y_max:.10g} m"
+
+
+def footprint_margin(vehicle: Vehicle, info: MapInfo) -> float:
+    """Ground that has to be known around a path [m]."""
+    return vehicle.wheelbase + vehicle.track_width + 2.0 * info.resolution
+
+
+class MapLayers(NamedTuple):
+    """Some cells of a map, (rows, columns) each.
+
+    Attributes:
+        heights: heights [m], NaN where unknown.
+        height_std: error of the heights of cells relative to each other [m], one for all.
+        assumed: assumptions made about the file, as sentences.
+        classes: index into ``class_names``, None for the base surface everywhere.
+        class_names: names of the classes.
+    """
+
+    heights: Floats
+    height_std: float
+    assumed: tuple[str, ...] = ()
+    classes: Ints | None = None
+    class_names: tuple[str, ...] = ("",)

@@ -1,1 +1,0 @@
-"""Elevation maps in files: GeoTIFF, npz, grid maps."""

@@ -1,0 +1,211 @@
+"""Recordings written by rosbags itself, read back as drive logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slopewise.models.errors import InputError
+from slopewise.services.io.drive_log import read_logs
+from tests.services.faults import fault_in
+
+rosbags = pytest.importorskip("rosbags", reason="the ros extra is not installed")
+
+from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
+from rosbags.typesys import Stores, get_typestore  # noqa: E402
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+TYPES = STORE.types
+BEGIN = 1_700_000_000_000_000_000  # [ns]
+TOPICS = """
+[v]
+topic = "/odom"
+field = "twist.twist.linear.x"
+[v_cmd]
+topic = "/cmd_vel"
+field = "linear.x"
+hold = true
+[pitch]
+topic = "/imu/data"
+quaternion = "orientation"
+[v_left]
+topic = "/joint_states"
+joint = "left"
+field = "velocity"
+scale = 0.28
+"""
+
+
+def vector(**values: float) -> object:
+    return TYPES["geometry_msgs/msg/Vector3"](**({"x": 0.0, "y": 0.0, "z": 0.0} | values))
+
+
+def messages(seconds: float = 3.0):  # type: ignore[no-untyped-def]
+    """Speed 2 - 0.5 t at 50 Hz, the stop command at 1 s, pitch 0.1 rad, one wheel at 10 rad/s."""
+    header = TYPES["std_msgs/msg/Header"](
+        stamp=TYPES["builtin_interfaces/msg/Time"](sec=0, nanosec=0), frame_id=""
+    )
+    twist = TYPES["geometry_msgs/msg/Twist"]
+    q = TYPES["geometry_msgs/msg/Quaternion"](x=0.0, y=np.sin(0.05), z=0.0, w=np.cos(0.05))
+    point = TYPES["geometry_msgs/msg/Point"](x=0.0, y=0.0, z=0.0)
+    pose = TYPES["geometry_msgs/msg/Pose"](position=point, orientation=q)
+    for k in range(round(seconds * 50)):
+        t = k / 50
+        at = BEGIN + round(1e9 * t)
+        speed = twist(linear=vector(x=2.0 - 0.5 * t), angular=vector())
+        yield (
+            "/odom",
+            "nav_msgs/msg/Odometry",
+            at,
+            TYPES["nav_msgs/msg/Odometry"](
+                header=header,
+                child_frame_id="",
+                pose=TYPES["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36)),
+                twist=TYPES["geometry_msgs/msg/TwistWithCovariance"](speed, np.zeros(36)),
+            ),
+        )
+        if k % 5 == 0:
+            told = twist(linear=vector(x=2.0 if t < 1.0 else 0.0), angular=vector())
+            yield "/cmd_vel", "geometry_msgs/msg/Twist", at + 1_000_000, told
+            yield (
+                "/imu/data",
+                "sensor_msgs/msg/Imu",
+                at,
+                TYPES["sensor_msgs/msg/Imu"](
+                    header=header,
+                    orientation=q,
+                    orientation_covariance=np.zeros(9),
+                    angular_velocity=vector(),
+                    angular_velocity_covariance=np.zeros(9),
+                    linear_acceleration=vector(),
+                    linear_acceleration_covariance=np.zeros(9),
+                ),
+            )
+            yield (
+                "/joint_states",
+                "sensor_msgs/msg/JointState",
+                at,
+                TYPES["sensor_msgs/msg/JointState"](
+                    header, ["right", "left"], np.zeros(2), np.array([3.0, 10.0]), np.zeros(2)
+                ),
+            )
+
+
+def written(folder: Path, plugin: StoragePlugin) -> Path:
+    with Writer(folder, version=9, storage_plugin=plugin) as writer:
+        connections = {}
+        for topic, kind, at, message in messages():
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
+            writer.write(connections[topic], at, STORE.serialize_cdr(message, kind))
+    return folder
+
+
+@pytest.fixture
+def topics(tmp_path: Path) -> Path:
+    path = tmp_path / "topics.toml"
+    path.write_text(TOPICS)
+    return path
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_a_recording_is_a_drive_log(tmp_path: Path, topics: Path, plugin: StoragePlugin) -> None:
+    bag = written(tmp_path / "drive", plugin)
+    inside = next(p for p in bag.iterdir() if p.suffix in (".db3", ".mcap"))
+    log = read_logs([bag], topics)
+    t = log.columns["t"] - 1e-9 * BEGIN
+    assert set(log.columns) == {"run", "t", "v", "v_cmd", "pitch", "v_left"}
+    assert set(log.columns["run"]) == {"drive"}
+    assert 0.0 < t[0] <= 0.021  # not before the first command
+    np.testing.assert_allclose(log.columns["v"], 2.0 - 0.5 * t, atol=1e-6)
+    np.testing.assert_allclose(log.columns["pitch"], 0.1, atol=1e-9)
+    np.testing.assert_allclose(log.columns["v_left"], 2.8)
+    assert float(t[np.argmax(log.columns["v_cmd"] <= 0.0)]) == pytest.approx(1.02, abs=1e-6)
+    np.testing.assert_array_equal(read_logs([inside], topics).columns["t"], log.columns["t"])
+
+
+def test_several_recordings_are_runs(tmp_path: Path, topics: Path) -> None:
+    bags = [written(tmp_path / name, StoragePlugin.MCAP) for name in ("a", "b")]
+    assert len(read_logs(bags, topics).runs) == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field", "words"),
+    [
+        ('"/odom"', '"/odometry"', "topic /odometry", "expected one of /cmd_vel, /imu/data"),
+        ("linear.x", "linear.speed", "topics.toml", "has no speed"),
+        ('joint = "left"', 'joint = "middle"', "topics.toml", "expected one of right, left"),
+    ],
+)
+def test_mappings_that_do_not_fit(
+    tmp_path: Path, topics: Path, old: str, new: str, field: str, words: str
+) -> None:
+    topics.write_text(TOPICS.replace(old, new))
+    bag = written(tmp_path / "drive", StoragePlugin.MCAP)
+    with pytest.raises(InputError) as error:
+        read_logs([bag], topics)
+    assert error.value.source == str(bag)
+    assert field in str(error.value)
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "words"),
+    [
+        ("[v]\ntopic = 3\n", "v.topic", "expected text"),
+        ('[v]\ntopic = "/odom"\n', "v.field", "either field or quaternion"),
+        ('[v]\ntopic = "/o"\nquaternion = "q"\n', "v", "expected one of roll, pitch, yaw"),
+        ('[v]\ntopic = "/o"\nfield = "x"\n', "v_cmd", "missing table"),
+        ('[t]\ntopic = "/o"\nfield = "x"\n', "t", "expected a measured column"),
+        ("[v\n", "line 1, column 3", "expected TOML"),
+    ],
+)
+def test_mappings_that_cannot_be_used(
+    tmp_path: Path, topics: Path, text: str, field: str, words: str
+) -> None:
+    topics.write_text(text)
+    with fault_in(topics, field, words):
+        read_logs([tmp_path / "drive.mcap"], topics)
+
+
+def test_what_is_no_recording(tmp_path: Path, topics: Path) -> None:
+    broken = tmp_path / "drive.mcap"
+    broken.write_bytes(b"nothing of the kind")
+    with fault_in(broken, "", "expected a ROS 2 recording"):
+        read_logs([broken], topics)
+    table = tmp_path / "log.csv"
+    table.write_text("run,t,v,v_cmd,pitch\n1,0,1,1,0\n")
+    with fault_in(table, "", "a table among them"):
+        read_logs([broken, table], topics)
+    with fault_in(topics, "", "got tables only"):
+        read_logs([table], topics)
+
+
+def renamed(folder: Path, names: dict[str, str], *more: str) -> Path:
+    """The same recording with other topics; ``more`` get the speed commands, too."""
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections = {}
+        for topic, kind, at, message in messages():
+            for name in (names.get(topic, topic), *(more if topic == "/cmd_vel" else ())):
+                if name not in connections:
+                    connections[name] = writer.add_connection(name, kind, typestore=STORE)
+                writer.write(connections[name], at, STORE.serialize_cdr(message, kind))
+    return folder
+
+
+def test_without_a_mapping_topics_are_guessed_by_type(tmp_path: Path) -> None:
+    names = {"/odom": "/ekf/filtered", "/cmd_vel": "/robot/cmd_vel", "/imu/data": "/xsens"}
+    log = read_logs([renamed(tmp_path / "a", names, "/joystick")])
+    assert set(log.columns) == {"run", "t", "v", "v_cmd", "pitch", "roll", "yaw_rate"}
+    t = log.columns["t"] - 1e-9 * BEGIN
+    np.testing.assert_allclose(log.columns["v"], 2.0 - 0.5 * t, atol=1e-6)
+    np.testing.assert_allclose(log.columns["pitch"], 0.1, atol=1e-9)
+    np.testing.assert_allclose(log.columns["roll"], 0.0, atol=1e-9)
+
+
+def test_what_is_not_certain_is_not_guessed(tmp_path: Path) -> None:
+    bag = renamed(tmp_path / "b", {"/cmd_vel": "/a"}, "/b")
+    with pytest.raises(InputError, match=r"v_cmd of .* is not recorded, expected one of /a, /b"):
+        read_logs([bag])

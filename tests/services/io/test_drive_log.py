@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slopewise.models.errors import InputError
+from slopewise.services.io.drive_log import read_drive_log
+from slopewise.services.io.logs.log_source import names_of
+from tests.services.faults import fault_in
+
+HEADER = "run,t,v,v_cmd,pitch"
+LOG = f"""{HEADER},roll,terrain,temperature,note,empty
+1,0.0,2.0,2.0,0.1,0.0,sand,20.5,start,
+1,0.1,1.9,0.0,0.1,,sand,,,
+2,5.0,2.0,2.0,-0.1,0.1,,21.5,,
+2,5.5,1.0,0.0,-0.1,nan,gravel,inf,,
+"""
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def test_columns_and_runs(tmp_path: Path) -> None:
+    log = read_drive_log([written(tmp_path / "log.csv", LOG)])
+    assert log.runs == (slice(0, 2), slice(2, 4))
+    assert log.sources == (str(tmp_path / "log.csv"),) * 2
+    assert log.one_clock
+    assert log.columns["run"].tolist() == ["1", "1", "2", "2"]
+    assert log.columns["t"].tolist() == [0.0, 0.1, 5.0, 5.5]
+    assert log.columns["v"][log.runs[1]].tolist() == [2.0, 1.0]
+    assert log.columns["terrain"].tolist() == ["sand", "sand", "", "gravel"]
+    np.testing.assert_array_equal(log.columns["roll"], [0.0, np.nan, 0.1, np.nan])
+    assert log.further == ("temperature",)
+    np.testing.assert_array_equal(log.columns["temperature"], [20.5, np.nan, 21.5, np.nan])
+    for column in log.columns.values():
+        with pytest.raises(ValueError, match="read-only"):
+            column[0] = column[1]
+
+
+def test_several_files_are_one_log(tmp_path: Path) -> None:
+    a = written(tmp_path / "a.csv", LOG)
+    b = written(tmp_path / "b.csv", f"{HEADER},brake\n1,9,1,1,0,0.5\n1,10,1,0,0,1\n")
+    log = read_drive_log([a, b])
+    assert log.runs == (slice(0, 2), slice(2, 4), slice(4, 6))
+    assert log.sources == (str(a), str(a), str(b))
+    assert log.one_clock
+    np.testing.assert_array_equal(log.columns["brake"], [*[np.nan] * 4, 0.5, 1.0])
+    assert log.columns["terrain"].tolist()[-2:] == ["", ""]
+    assert np.isnan(log.columns["temperature"][-2:]).all()
+    assert not read_drive_log([b, a]).one_clock
+
+
+def test_runs_that_start_their_own_clock_are_noticed(tmp_path: Path) -> None:
+    log = read_drive_log(
+        [written(tmp_path / "l.csv", f"{HEADER}\na,0,1,1,0\na,1,1,0,0\nb,0,1,1,0\n")]
+    )
+    assert log.runs == (slice(0, 2), slice(2, 3))
+    assert not log.one_clock
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "words"),
+    [
+        ("", "row 1", "got an empty file"),
+        (f"{HEADER}\n", "row 2", "at least one row"),
+        (
+            "run,t,v,pitch\n1,0,1,0\n",
+            "column v_cmd",
+            "missing column, got the header run,t,v,pitch",
+        ),
+        (
+            "run,t,v\n1,0,1\n",
+            "column v_cmd, column pitch",
+            "missing columns, got the header run,t,v",
+        ),
+        (
+            f"{HEADER}\n1,0,1,1,0\n1,1,nan,1,0\n",
+            "row 3, column v",
+            "finite number [m/s], got 'nan'",
+        ),
+        (f"{HEADER}\n1,0,1,1,0\n1,1,1,,0\n", "row 3, column v_cmd", "got nothing"),
+        (f"{HEADER}\n1,0,1,1,inf\n", "row 2, column pitch", "finite number [rad], got 'inf'"),
+        (f"{HEADER}\n1,0,fast,1,0\n", "row 2, column v", "got 'fast'"),
+        (f"{HEADER},x\n1,0,1,1,0,here\n", "row 2, column x", "finite number [m], got 'here'"),
+        (f"{HEADER},x\n1,0,1,1,0,inf\n", "row 2, column x", "finite number [m], got 'inf'"),
+        (f"{HEADER}\n1,1,1,1,0\n1,0.5,1,1,0\n", "row 3, column t", "after 1 s, got 0.5"),
+        (f"{HEADER}\n1,1,1,1,0\n1,1.0,1,1,0\n", "row 3, column t", "after 1 s, got 1"),
+        (
+            f"{HEADER}\n1,0,1,1,0\n2,1,1,1,0\n\n1,2,1,1,0\n",
+            "row 5, column run",
+            "expected the rows of a run together, got run 1 a second time",
+        ),
+        (f"{HEADER}\n1,0,1,1,0\n ,1,1,1,0\n", "row 3, column run", "got nothing"),
+        (
+            f"{HEADER}\n1,0,1,1,0\n1,1,1,1,-12.5\n",
+            "row 3, column pitch",
+            "expected an angle within ±1.57 rad, got -12.5, which looks like degrees",
+        ),
+        (f"{HEADER},roll\n1,0,1,1,0,4\n", "row 2, column roll", "looks like degrees"),
+        (f"{HEADER},brake\n1,0,1,1,0,55\n", "row 2, column brake", "expected 0 … 1, got 55"),
+    ],
+)
+def test_logs_that_cannot_be_used(tmp_path: Path, text: str, field: str, words: str) -> None:
+    path = written(tmp_path / "log.csv", text)
+    good = written(tmp_path / "good.csv", LOG)
+    with fault_in(path, field, words):
+        read_drive_log([good, path])
+
+
+def test_no_files_and_missing_files(tmp_path: Path) -> None:
+    with fault_in("drive log", "", "at least one file"):
+        read_drive_log([])
+    for name in ("none.csv", "none.parquet"):
+        with fault_in(tmp_path / name, "", "expected an existing file"):
+            read_drive_log([tmp_path / name])
+
+
+def test_csv_needs_no_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert len(read_drive_log([written(tmp_path / "log.csv", LOG)]).runs) == 2
+    path = written(tmp_path / "log.parquet", "")
+    with fault_in(path, "", "expected pyarrow to read Parquet", "pip install '.[parquet]'"):
+        read_drive_log([path])
+
+
+def test_parquet_is_read_as_csv_is(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="the parquet extra is not installed")
+    from pyarrow.csv import read_csv
+
+    csv = written(tmp_path / "log.csv", LOG)
+    parquet.write_table(read_csv(csv), tmp_path / "log.parquet")
+    expected, log = read_drive_log([csv]), read_drive_log([tmp_path / "log.parquet"])
+    assert log.runs == expected.runs
+    assert log.further == expected.further
+    assert log.columns.keys() == expected.columns.keys()
+    for name, column in expected.columns.items():
+        np.testing.assert_array_equal(log.columns[name], column, name)
+
+
+def test_parquet_that_cannot_be_used(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="the parquet extra is not installed")
+    from pyarrow import table
+
+    path = tmp_path / "log.parquet"
+    path.write_bytes(b"PAR1" + b"garbage" * 50 + b"PAR1")
+    with fault_in(path, "", "expected an intact Parquet file"):
+        read_drive_log([path])
+    columns = {"run": [1.0, 1.0], "t": [0.0, 1.0], "v": [1, None], "v_cmd": [1, 0], "pitch": [0, 0]}
+    parquet.write_table(table(columns), path)
+    with fault_in(path, "row 2, column v", "expected a finite number [m/s], got nan"):
+        read_drive_log([path])
+    parquet.write_table(table(columns | {"v": ["1", "fast"]}), path)
+    with fault_in(path, "row 2, column v", "got 'fast'"):
+        read_drive_log([path])
+    parquet.write_table(table(columns | {"v": [1.0, 0.5], "run": [1.0, None]}), path)
+    with fault_in(path, "row 2, column run", "got nothing"):
+        read_drive_log([path])
+    parquet.write_table(table(columns | {"v": [1.0, 0.5], "run": [1.0, float("inf")]}), path)
+    assert read_drive_log([path]).columns["run"].tolist() == ["1", "inf"]
+
+
+@settings(deadline=None)
+@given(text=st.text(alphabet='0123.,-\n"runtvcmdpi_ e', max_size=60))
+def test_any_text_is_a_log_or_one_line(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
+    path = written(tmp_path_factory.mktemp("log") / "log.csv", f"{HEADER},x,other\n{text}")
+    try:
+        assert read_drive_log([path]).runs
+    except InputError as error:
+        assert str(error).isprintable()  # noqa: PT017  either outcome is right
+
+
+@pytest.mark.parametrize(
+    ("count", "told"),
+    [(1, "0.csv"), (3, "0.csv, 1.csv, 2.csv"), (40, "0.csv, 1.csv, 2.csv … (40 logs)")],
+)
+def test_of_many_logs_a_sentence_names_a_few(count: int, told: str) -> None:
+    assert names_of([Path(f"{i}.csv") for i in range(count)]) == told
