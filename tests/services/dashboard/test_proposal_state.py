@@ -64,7 +64,8 @@ class ShownService:
         self.feed = ParameterFeed(self.service, self.board, config)
 
     def offer(self, offer: ModelProposal) -> None:
-        self.service.learner.propose(offer)
+        learner = self.service.learner
+        learner.state = learner.state.propose(offer)
         self.service._commit({"effects"}, f"offered {offer.id}", offer.cause)
 
     @property

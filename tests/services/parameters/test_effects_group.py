@@ -145,7 +145,7 @@ def test_a_finding_is_as_uncertain_as_it_and_the_model_file_together() -> None:
 def test_a_proposal_changes_no_plan_until_it_is_adopted_and_is_restored(make: Make) -> None:
     service = make()
     offer = offer_of(with_effects(LAG))
-    service.learner.propose(offer)
+    service.learner.state = service.learner.state.propose(offer)
     service._commit({"effects"}, "offered", "test")
     assert service.active.model == FILE
     service.adopt(offer.id, "ann")
@@ -166,7 +166,7 @@ def test_a_proposal_changes_no_plan_until_it_is_adopted_and_is_restored(make: Ma
 
 def test_a_finding_of_another_model_file_is_flagged_and_not_used(make: Make) -> None:
     service = make()
-    service.learner.propose(offer_of(with_effects(LAG)))
+    service.learner.state = service.learner.state.propose(offer_of(with_effects(LAG)))
     service.adopt("1-0.4-True", "ann")
     service.close()
     again = make(dataclasses.replace(FILE, braking=with_effects(b_b=0.38).braking))
@@ -178,18 +178,18 @@ def test_plans_get_faster_than_the_file_by_a_valid_finding_and_consent_only(make
     service = make()
     drag = offer_of(with_effects(DRAG))
     assert not drag.slower
-    service.learner.propose(drag)
+    service.learner.state = service.learner.state.propose(drag)
     with pytest.raises(ParameterError, match=r"faster: expected `faster` to be set: stops \d"):
         service.adopt(drag.id, "ann")
     assert service.active.model.effect == ()
     invalid = offer_of(with_effects(DRAG), valid=False)
-    service.learner.propose(invalid)
+    service.learner.state = service.learner.state.propose(invalid)
     with pytest.raises(ParameterError, match="a valid finding"):
         service.adopt(invalid.id, "ann", faster=True)
     with pytest.raises(ParameterError, match="the one that there is"):
         service.adopt(drag.id, "ann", faster=True)
     assert service.active.model.effect == ()
-    service.learner.propose(drag)
+    service.learner.state = service.learner.state.propose(drag)
     service.adopt(drag.id, "ann", faster=True)
     assert service.active.model.effect == (DRAG,)
     assert "the adopted finding has the effect aerodynamic_drag" in send(service, 0.4, 1)
@@ -197,7 +197,7 @@ def test_plans_get_faster_than_the_file_by_a_valid_finding_and_consent_only(make
         service.set_values("effects", {"aerodynamic_drag.c": 1.0}, "ann")
     # An invalid one may still slow plans down.
     slow = offer_of(with_effects(LAG), valid=False)
-    service.learner.propose(slow)
+    service.learner.state = service.learner.state.propose(slow)
     service.adopt(slow.id, "ann")
     assert service.active.model.effect == (LAG,)
 
@@ -209,7 +209,7 @@ def test_the_learned_base_is_parked_while_a_finding_contains_it(make: Make) -> N
     learned = level_force(service)
     assert learned == pytest.approx(0.30, abs=0.02)
     offer = offer_of(with_effects(WEAKER))
-    service.learner.propose(offer)
+    service.learner.state = service.learner.state.propose(offer)
     service.adopt(offer.id, "ann")
     # Its 0.7 of the file's force, and not 0.7 of what was learned of the same stops.
     assert level_force(service) == pytest.approx(FILE.braking.level_force(2.0))
@@ -232,7 +232,7 @@ def test_the_learned_base_is_parked_while_a_finding_contains_it(make: Make) -> N
 def test_braking_is_learned_on_top_of_effects_that_only_reduce_force(make: Make) -> None:
     service = make()
     offer = offer_of(with_effects(LAG))
-    service.learner.propose(offer)
+    service.learner.state = service.learner.state.propose(offer)
     service.adopt(offer.id, "ann")
     for number in range(1, 5):
         assert "not learned" not in send(service, 0.25, number)
@@ -247,7 +247,7 @@ def test_learned_surfaces_stay_weak_and_are_never_included_twice(make: Make) -> 
     ice = service.active.model.braking.on("ice").level_force(2.0)
     assert ice < 0.2
     drag, weaker = offer_of(with_effects(DRAG)), offer_of(with_effects(WEAKER))
-    service.learner.propose(drag)
+    service.learner.state = service.learner.state.propose(drag)
     with pytest.raises(ParameterError, match=r"got braking\.ice, whose force"):
         service.adopt(drag.id, "ann", faster=True)
     assert service.active.model.effect == ()
@@ -259,7 +259,7 @@ def test_learned_surfaces_stay_weak_and_are_never_included_twice(make: Make) -> 
     service.roll_back(learned, "", "ann")
     assert service.active.model.effect == ()
     assert service.active.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
-    service.learner.propose(weaker)
+    service.learner.state = service.learner.state.propose(weaker)
     service.adopt(weaker.id, "ann")
     assert service.active.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
     service.close()
