@@ -1,4 +1,4 @@
-"""What all tests share: how hypothesis searches, what runs at night, and a model to plan with.
+"""Fixtures of all tests: the search of hypothesis, the nightly selection, and a model to plan with.
 
 `HYPOTHESIS_PROFILE=nightly` searches longer and with other seeds every time. Tests marked `nightly`
 run only when the marker is asked for: `pytest -m nightly`.

@@ -21,7 +21,7 @@ from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.report.hillshade import shade
+from slopewise.services.report.relief import shade
 
 _CANDIDATES = 400
 _SEED = 5

@@ -23,7 +23,7 @@ _MAX_ARENA_BLOCK = 1 << 20
 def limit_malloc_arenas() -> bool:
     """Use few arenas and separate large blocks; False if the C library has no such settings.
 
-    Threads that have an arena keep it: call it before any are started.
+    Threads keep the arena that they have: call it before any are started.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is None:

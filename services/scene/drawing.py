@@ -13,7 +13,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.report.hillshade import shade
+from slopewise.services.report.relief import shade
 
 _MAX_VERTICES = 60_000
 """Ground is drawn coarser beyond that; viewers build an object for each."""

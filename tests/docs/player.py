@@ -1,4 +1,4 @@
-"""Plays the commands of a page: as they stand, in one folder, with what the page said to install.
+"""Plays the commands of a page: unchanged, in one folder, with the extras that the page installs.
 
 Changed are only ports, the length of a demonstration, and what `make` installs before it runs.
 """
@@ -25,51 +25,51 @@ from tests.services.service_process import free_port
 from tests.services.warm_process import WarmProcess
 
 STAYS = ("serve", "ros", "guard")
-"""Commands that run until they are told to end."""
+"""Commands that run until they are terminated."""
 ASKS = ("replay", "params", "query")
 """Commands that ask a running service."""
-USUAL_PORT = "7447"
+DEFAULT_PORT = "7447"
 
 
 class Player:
-    """One folder; what runs until it is told to end is ended with it."""
+    """One folder; commands that keep running are terminated with it."""
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         self.folder, self._stack = folder, stack
         self.port = free_port()
-        self.told: dict[str, str] = {}
+        self.exports: dict[str, str] = {}
         (folder / "examples").symlink_to(ROOT / "examples")
         shutil.copytree(ROOT / "configs", folder / "configs")
         for file in ("service.toml", "ros.toml", "guard.toml"):
             config = folder / "configs" / file
-            config.write_text(config.read_text().replace(USUAL_PORT, str(self.port)))
+            config.write_text(config.read_text().replace(DEFAULT_PORT, str(self.port)))
 
-    def play(self, one: Shown) -> None:
-        """Run it; what it says is in `told`."""
-        program, *words = one.words
-        words = [name for word in words for name in self._expanded(word)]
+    def play(self, command: Shown) -> None:
+        """Run it and store its output in `exports`."""
+        program, *arguments = command.arguments
+        arguments = [name for pattern in arguments for name in self._expanded(pattern)]
         if program == "make":
-            self._make(words[0])
+            self._make(arguments[0])
         elif program == "pip":
-            self._is_installable(one)
+            self._is_installable(command)
         elif program == "python":
-            self._example(one, words)
-        elif words[0] in STAYS:
-            self._start(one, words)
+            self._example(command, arguments)
+        elif arguments[0] in STAYS:
+            self._start(command, arguments)
         else:
-            self._command(one, words)
+            self._command(command, arguments)
 
     def router(self) -> None:
-        """What `rmw_zenohd` is on a robot."""
+        """Stand-in for `rmw_zenohd` of a robot."""
         here = ZenohSettings(mode="router", listen=(f"tcp/127.0.0.1:{self.port}",))
         self._stack.enter_context(zenoh.open(zenoh_config(here)))
 
-    def _expanded(self, word: str) -> list[str]:
-        if "*" not in word:
-            return [word]
-        found = sorted(glob.glob(word, root_dir=self.folder))
-        assert found, word
-        return found
+    def _expanded(self, pattern: str) -> list[str]:
+        if "*" not in pattern:
+            return [pattern]
+        matches = sorted(glob.glob(pattern, root_dir=self.folder))
+        assert matches, pattern
+        return matches
 
     def _make(self, target: str) -> None:
         done = subprocess.run(
@@ -79,54 +79,54 @@ class Player:
         for line in re.findall(r"^\S*/(slopewise .*)$", done.stdout, re.MULTILINE):
             self.play(Shown(line, ""))
 
-    def _is_installable(self, one: Shown) -> None:
-        assert re.match(r"pip install ('\.\[[\w,]+\]'|\.)$", one.line), one.line
-        assert set(one.extras) <= set(sizes.extras())
+    def _is_installable(self, command: Shown) -> None:
+        assert re.match(r"pip install ('\.\[[\w,]+\]'|\.)$", command.line), command.line
+        assert set(command.extras) <= set(sizes.extras())
 
-    def _example(self, one: Shown, words: list[str]) -> None:
-        if "mock_navigation" in words[0]:
-            words = [words[0], "--seconds", "4", *self._service()]
-        done = self._warm(one, [sys.executable, *words]).finished(100.0)
-        assert done.returncode in (0, 3), one.line + done.stdout + done.stderr
-        self.told[one.line] = done.stdout
+    def _example(self, command: Shown, arguments: list[str]) -> None:
+        if "mock_navigation" in arguments[0]:
+            arguments = [arguments[0], "--seconds", "4", *self._service()]
+        done = self._warm(command, [sys.executable, *arguments]).finished(100.0)
+        assert done.returncode in (0, 3), command.line + done.stdout + done.stderr
+        self.exports[command.line] = done.stdout
 
-    def _start(self, one: Shown, words: list[str]) -> None:
-        process = self._warm(one, words)
+    def _start(self, command: Shown, arguments: list[str]) -> None:
+        process = self._warm(command, arguments)
         self._stack.callback(_end, process)
         line = process.stdout.readline()
         assert line.startswith("slopewise: "), line + process.stderr.read()
-        self.told[one.line] = line
+        self.exports[command.line] = line
 
-    def _command(self, one: Shown, words: list[str]) -> None:
-        if words[0] in ASKS:
-            words = [*words, *self._service()]
-        if words[:2] == [
+    def _command(self, command: Shown, arguments: list[str]) -> None:
+        if arguments[0] in ASKS:
+            arguments = [*arguments, *self._service()]
+        if arguments[:2] == [
             "fleet",
             "plan",
         ]:  # workers are children, which a forked process has none of
             done = subprocess.run(
-                [sys.executable, "-m", "slopewise", *words],
+                [sys.executable, "-m", "slopewise", *arguments],
                 cwd=self.folder,
                 text=True,
-                env=environment(self.folder, one.extras),
+                env=environment(self.folder, command.extras),
                 capture_output=True,
                 timeout=300,
             )
         else:
-            if words[0] == "fleet":  # any number of workers does the same
-                words += ["--workers", "0"]
-            done = self._warm(one, words).finished(300.0)
+            if arguments[0] == "fleet":  # any number of workers does the same
+                arguments += ["--workers", "0"]
+            done = self._warm(command, arguments).finished(300.0)
         status, out, err = done.returncode, done.stdout, done.stderr
-        assert status in (0, 3), f"{one.line}: {out}{err}"
+        assert status in (0, 3), f"{command.line}: {out}{err}"
         assert "pip install" not in err, err
-        self.told[one.line] = out
-        for option, name in itertools.pairwise(words):
+        self.exports[command.line] = out
+        for option, name in itertools.pairwise(arguments):
             if option in ("--out", "--report", "--sheet", "--update", "--c"):
                 assert (self.folder / name).exists(), name
 
-    def _warm(self, one: Shown, words: list[str]) -> WarmProcess:
-        outside = environment(self.folder, one.extras)
-        return WarmProcess(words, outside, folder=self.folder, hidden=hidden(one.extras))
+    def _warm(self, command: Shown, arguments: list[str]) -> WarmProcess:
+        outside = environment(self.folder, command.extras)
+        return WarmProcess(arguments, outside, folder=self.folder, hidden=hidden(command.extras))
 
     def _service(self) -> list[str]:
         return ["--connect", f"tcp/127.0.0.1:{self.port}"]

@@ -1,4 +1,4 @@
-"""Commands that a page shows, and where they are run: a folder, with the extras that are told only.
+"""Commands that a page shows, and the folder where they run, with the extras installed there.
 
 All extras are installed here, so a start-up file hides each module that neither the core nor the
 extras on the page bring.
@@ -48,13 +48,13 @@ class Shown:
     extras: tuple[str, ...] = ()
 
     @property
-    def words(self) -> list[str]:
+    def arguments(self) -> list[str]:
         return self.line.split()
 
 
 def shown(page: str) -> list[Shown]:
     """Every command in a box without a language, in order; what a box installs holds in it."""
-    found = []
+    commands = []
     for section in re.split(r"^## ", page, flags=re.MULTILINE):
         title = section.split("\n", 1)[0]
         for box in BOX.finditer(section):
@@ -65,22 +65,22 @@ def shown(page: str) -> list[Shown]:
                 line = re.sub(r"\s+#\s.*$", "", text).strip()
                 if line.split()[:1] and line.split()[0] in PROGRAMS:
                     extras += extras_of(line)
-                    found.append(Shown(line, title, extras))
-    return found
+                    commands.append(Shown(line, title, extras))
+    return commands
 
 
 def extras_of(line: str) -> tuple[str, ...]:
-    """Extras that a line installs out of the clone."""
+    """Extras that a line installs from the clone."""
     match = re.match(r"pip install '\.\[([\w,]+)\]'$", line)
     return tuple(match[1].split(",")) if match else ()
 
 
 def in_text(page: str) -> list[str]:
-    """Commands with words of their own that stand in the text, not in a box."""
+    """Commands with arguments in running text, outside a box."""
     names = command_names()
     text = BOX.sub("", page)
-    found = re.findall(r"`(slopewise [^`]+)`", text)
-    return [line for line in found if line.removeprefix("slopewise ") not in names]
+    commands = re.findall(r"`(slopewise [^`]+)`", text)
+    return [line for line in commands if line.removeprefix("slopewise ") not in names]
 
 
 @cache
@@ -104,16 +104,17 @@ def _modules() -> Mapping[str, list[str]]:
 def hidden(extras: Sequence[str] = ()) -> list[str]:
     """Modules that a plain install with these extras does not bring."""
     # An editable install lists its own modules, too.
-    kept = sizes.brought(*extras) | {sizes.project()["name"]}
+    distributions = sizes.brought(*extras) | {sizes.project()["name"]}
     return sorted(
         module
         for module, names in _modules().items()
-        if module.isidentifier() and not any(canonicalize_name(name) in kept for name in names)
+        if module.isidentifier()
+        and not any(canonicalize_name(name) in distributions for name in names)
     )
 
 
 def environment(folder: Path, extras: Sequence[str] = ()) -> dict[str, str]:
-    """For commands in a folder: the clone in reach, all but these extras out of it."""
+    """For commands in a folder: the clone is reachable, other extras are hidden."""
     (folder / "sitecustomize.py").write_text(HIDE)
     programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     return os.environ | {
@@ -124,10 +125,12 @@ def environment(folder: Path, extras: Sequence[str] = ()) -> dict[str, str]:
     }
 
 
-def run(folder: Path, *words: str, extras: Sequence[str] = ()) -> subprocess.CompletedProcess[str]:
+def run(
+    folder: Path, *arguments: str, extras: Sequence[str] = ()
+) -> subprocess.CompletedProcess[str]:
     """To its end, in a folder."""
     return subprocess.run(
-        words,
+        arguments,
         cwd=folder,
         capture_output=True,
         text=True,

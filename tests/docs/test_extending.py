@@ -1,4 +1,4 @@
-"""What docs/extending.md says is done: each diff applies to the tree, and its check then passes."""
+"""The page docs/extending.md: each diff applies to the tree, and its check then passes."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "extending.md").read_text()
 PARTS = ("slopewise", "models", "planner", "services", "configs")
-MOST_FILES = 3
+MAX_FILES = 3
 BOX = re.compile(r"^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
 def sections() -> dict[str, list[tuple[str, str]]]:
     """Title -> boxes (kind, text) of every section that has a diff."""
     parts = re.split(r"^## (.+)$", PAGE, flags=re.MULTILINE)[1:]
-    found = {
+    boxes_by_title = {
         title: [(box["kind"], box["text"]) for box in BOX.finditer(text)]
         for title, text in zip(parts[::2], parts[1::2], strict=True)
     }
-    return {title: boxes for title, boxes in found.items() if "diff" in dict(boxes)}
+    return {title: boxes for title, boxes in boxes_by_title.items() if "diff" in dict(boxes)}
 
 
 @pytest.fixture
@@ -35,10 +35,10 @@ def tree(tmp_path: Path) -> Path:
     return tmp_path / "tree"
 
 
-def run(tree: Path, *words: str, text: str = "") -> subprocess.CompletedProcess[str]:
+def run(tree: Path, *command: str, text: str = "") -> subprocess.CompletedProcess[str]:
     environment = {"PYTHONPATH": str(tree), "PATH": "/usr/bin:/bin", "HOME": str(tree)}
     return subprocess.run(
-        words, cwd=tree, env=environment, input=text, capture_output=True, text=True, timeout=400
+        command, cwd=tree, env=environment, input=text, capture_output=True, text=True, timeout=400
     )
 
 
@@ -47,13 +47,13 @@ def test_a_diff_applies_and_its_check_passes(title: str, tree: Path) -> None:
     boxes = sections()[title]
     diffs = [text for kind, text in boxes if kind == "diff"]
     checks = [text for kind, text in boxes if kind == "python"]
-    assert checks, f"{title}: no check beside the diff"
+    assert checks, f"{title}: no check follows the diff"
     before = run(tree, sys.executable, "-P", "-c", checks[0])
     assert before.returncode != 0, f"{title}: the check passes without the diff"
     changed = {
         file for text in diffs for file in re.findall(r"^\+\+\+ b/(.+)$", text, re.MULTILINE)
     }
-    assert 1 <= len(changed) <= MOST_FILES
+    assert 1 <= len(changed) <= MAX_FILES
     for diff in diffs:
         done = run(tree, "git", "apply", "--whitespace=error", "-", text=diff)
         assert done.returncode == 0, done.stderr

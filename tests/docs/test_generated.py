@@ -1,4 +1,4 @@
-"""What is generated and stored, for readers on a code host, is what its script would write now."""
+"""Generated pages that are stored for a code host equal the output of their scripts."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ def test_no_reference_page_is_left_over() -> None:
     assert {file.name for file in reference.FOLDER.iterdir()} == set(reference.PAGES)
 
 
-def test_every_bound_is_told() -> None:
+def test_every_bound_is_documented() -> None:
     assert len(BOUNDS) == len(Limiting) == 19, "docs/concepts.md says how many there are"
     page = reference.page("bounds.md")
     assert all(f"| `{bound.label}` |" in page for bound in Limiting)
 
 
 def test_samples_on_the_readme_are_what_their_commands_print(tmp_path: Path) -> None:
-    """Words exactly; numbers to the last digit but one, whatever processor prints them."""
+    """Text exactly; numbers to the last digit but one, because processors differ."""
     samples.made_up(tmp_path)
     page = (ROOT / "README.md").read_text()
     assert len(samples.PLACE.findall(page)) >= 1
-    made = samples.filled(page, lambda command: samples.output_of(command, tmp_path))
-    assert NUMBER.sub("#", made) == NUMBER.sub("#", page), "`make docs` writes the samples"
-    for now, then in zip(NUMBER.findall(made), NUMBER.findall(page), strict=True):
+    rendered = samples.filled(page, lambda command: samples.output_of(command, tmp_path))
+    assert NUMBER.sub("#", rendered) == NUMBER.sub("#", page), "`make docs` writes the samples"
+    for now, then in zip(NUMBER.findall(rendered), NUMBER.findall(page), strict=True):
         assert float(now) == pytest.approx(float(then), rel=0.005, abs=0.02)
 
 
@@ -52,17 +52,17 @@ def test_figures_of_the_readme_are_stored_results() -> None:
     page = " ".join((ROOT / "README.md").read_text().split())
     folder = ROOT / "docs" / "results"
     loop = json.loads((folder / "closed-loop.json").read_text())
-    own = loop["policies"]["slopewise"]
-    assert f"{own['forced_stops']:,} forced stops in {own['drives']} drives" in page
-    assert f"{own['finished']} drives reached their end" in page
-    assert own["collisions"] == own["past_clear"] == 0
-    share = own["mean_speed"] / loop["policies"]["perfect knowledge"]["mean_speed"]
+    ours = loop["policies"]["slopewise"]
+    assert f"{ours['forced_stops']:,} forced stops in {ours['drives']} drives" in page
+    assert f"{ours['finished']} drives reached their end" in page
+    assert ours["collisions"] == ours["past_clear"] == 0
+    share = ours["mean_speed"] / loop["policies"]["perfect knowledge"]["mean_speed"]
     assert f"{100.0 * share:.0f} % of the mean speed" in page
     alone, _, busy = json.loads((folder / "cycle.json").read_text())["runs"]
     assert f"{1e3 * alone['p50']:.1f} ms at the median and {1e3 * alone['p99']:.1f} ms" in page
     assert f"busy {1e3 * busy['p50']:.1f} and {1e3 * busy['p99']:.1f} ms" in page
     peers = json.loads((folder / "planner.json").read_text())["targets"]
-    missed = sum(not one["passed"] for one in peers)
+    missed = sum(not row["passed"] for row in peers)
     assert (missed, len(peers)) == (4, 8), (
         "expected other numbers in the next line, and on the page"
     )
@@ -105,9 +105,11 @@ def test_every_dependency_of_users_is_imported() -> None:
         for file in (ROOT / folder).rglob("*.py")
     )
     project = sizes.project()
-    wanted = [*project["dependencies"]]
-    wanted += [line for extra in sizes.extras() for line in project["optional-dependencies"][extra]]
-    for line in wanted:
+    requirements = [*project["dependencies"]]
+    requirements += [
+        line for extra in sizes.extras() for line in project["optional-dependencies"][extra]
+    ]
+    for line in requirements:
         name = re.split(r"[^\w.-]", line)[0]
         module = IMPORTED_AS.get(name, name.replace("-", "_"))
         pattern = rf"^\s*(?:from|import) {module}\b|module\(\"{module}"

@@ -54,22 +54,22 @@ def letters() -> dict[str, str]:
     rows = [row for title in titles() for row in table(title)]
     names = {name for row in rows for name in re.findall(r"`(\w+)`", row[0])}
     names |= {name for law in LAWS.values() for name in law.parameters}
-    found = {}
+    units = {}
     for row in rows:
-        own = re.findall(r"`(\w+)`", row[0])
+        symbols = re.findall(r"`(\w+)`", row[0])
         for letter in re.split(r"[,/] ?| in \w+", row[1]):
-            word = "".join(GREEK.get(c, c) for c in letter.strip())
-            if own and word.isidentifier() and word not in names:
-                found.setdefault(word, own[0])
-    return found
+            term = "".join(GREEK.get(c, c) for c in letter.strip())
+            if symbols and term.isidentifier() and term not in names:
+                units.setdefault(term, symbols[0])
+    return units
 
 
 def retired() -> dict[str, tuple[str, set[str]]]:
     """Retired word -> what to say instead, and the names in which the word is all right."""
     return {
-        word: (row[1], set(re.findall(r"`(\w+)`", row[2])))
+        term: (row[1], set(re.findall(r"`(\w+)`", row[2])))
         for row in table(RETIRED)
-        for word in re.findall(r"`(\w+)`", row[0])
+        for term in re.findall(r"`(\w+)`", row[0])
     }
 
 
@@ -119,15 +119,15 @@ def _defined() -> Iterator[tuple[str, str]]:
 @cache
 def parts(name: str) -> str:
     """A name as words between underscores: ``_DeadTime`` is ``_dead_time_``."""
-    apart = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name)
-    return f"_{apart.lower().strip('_')}_"
+    split = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name)
+    return f"_{split.lower().strip('_')}_"
 
 
-def names_it(word: str, name: str) -> bool:
+def contains_term(term: str, name: str) -> bool:
     """A word with an underscore behind it is retired as the beginning of a name only."""
-    if word.endswith("_"):
-        return re.match(f"_{word}[a-z]", parts(name)) is not None
-    return f"_{word}_" in parts(name)
+    if term.endswith("_"):
+        return re.match(f"_{term}[a-z]", parts(name)) is not None
+    return f"_{term}_" in parts(name)
 
 
 def test_the_page_is_read() -> None:
@@ -136,14 +136,16 @@ def test_the_page_is_read() -> None:
     assert letters()["f_r"] == "motion_resistance"
     assert len(letters()) > 20
     assert len(retired()) > 10
-    assert names_it("weak_", "_WeakSlope")
-    assert not names_it("weak_", "weak")
-    assert names_it("offence", "worst_offence")
+    assert contains_term("weak_", "_WeakSlope")
+    assert not contains_term("weak_", "weak")
+    assert contains_term("offence", "worst_offence")
 
 
-def test_public_signatures_use_words_not_letters() -> None:
-    wanted = letters()
-    wrong = [f"{at}({name}): {wanted[name]}" for at, name in public_parameters() if name in wanted]
+def test_public_signatures_use_no_bare_letters() -> None:
+    expected = letters()
+    wrong = [
+        f"{at}({name}): {expected[name]}" for at, name in public_parameters() if name in expected
+    ]
     assert not wrong, "\n".join(wrong)
 
 
@@ -157,15 +159,17 @@ def test_public_signatures_are_in_si_units() -> None:
 
 
 @pytest.mark.parametrize("kind", [Vehicle, Braking, Terrain, Limits])
-def test_every_key_of_a_model_file_is_told(kind: type) -> None:
+def test_every_key_of_a_model_file_is_documented(kind: type) -> None:
     rows = [row for title in titles() for row in table(title)]
-    told = {name for row in rows for cell in row for name in re.findall(r"`(\w+)`", cell)}
-    wanted = {field.name for field in dataclasses.fields(kind)}
-    assert not wanted - told
+    documented = {name for row in rows for cell in row for name in re.findall(r"`(\w+)`", cell)}
+    expected = {field.name for field in dataclasses.fields(kind)}
+    assert not expected - documented
 
 
-@pytest.mark.parametrize("word", sorted(retired()))
-def test_a_retired_word_names_nothing(word: str) -> None:
-    instead, fine = retired()[word]
-    wrong = sorted({f"{file}: {n}" for file, n in defined() if names_it(word, n) and n not in fine})
+@pytest.mark.parametrize("term", sorted(retired()))
+def test_a_retired_term_names_no_identifier(term: str) -> None:
+    instead, fine = retired()[term]
+    wrong = sorted(
+        {f"{file}: {n}" for file, n in defined() if contains_term(term, n) and n not in fine}
+    )
     assert not wrong, f"say {instead}:\n" + "\n".join(wrong)

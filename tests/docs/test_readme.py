@@ -22,14 +22,14 @@ from tests.services.warm_process import WarmProcess
 README = (ROOT / "README.md").read_text()
 QUICK_START = (ROOT / "docs" / "quickstart.md").read_text()
 PAGES = {"README": README, "quick start": QUICK_START}
-IN_README = {one.line for one in shown(README)}
+IN_README = {command.line for command in shown(README)}
 """What the quick start shows as well is run once."""
 SECTIONS = sorted(
     {
-        (page, one.section)
+        (page, command.section)
         for page, text in PAGES.items()
-        for one in shown(text)
-        if page == "README" or one.line not in IN_README
+        for command in shown(text)
+        if page == "README" or command.line not in IN_README
     }
 )
 NEEDS = {
@@ -41,7 +41,7 @@ NEEDS = {
 
 
 def inputs(folder: Path) -> None:
-    """What a reader of README has: a map, paths, logs of one vehicle and of a fleet."""
+    """Files of a reader of README: a map, paths, logs of one vehicle and of a fleet."""
     made_up.main(folder)
     skid = plant.drive(plant.square(sides=2), plant.DIRT)
     write_csv({"run": ["1"] * len(skid["t"]), **skid}, folder / "husky.csv")
@@ -62,26 +62,32 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(("page", "section"), SECTIONS)
 def test_what_a_section_shows_works(page: str, section: str, place: Path, tmp_path: Path) -> None:
-    lines = [one for one in shown(PAGES[page]) if one.section == section]
-    for module in {m for one in lines for extra in one.extras for m in NEEDS.get(extra, ())}:
+    lines = [command for command in shown(PAGES[page]) if command.section == section]
+    for module in {
+        m for command in lines for extra in command.extras for m in NEEDS.get(extra, ())
+    }:
         pytest.importorskip(module, reason=f"{module} is not installed")
     folder = tmp_path / "here"
     shutil.copytree(place, folder)
-    if any("parquet" in one.line for one in lines):
+    if any("parquet" in command.line for command in lines):
         paths_file(folder / "paths-1.parquet", 6, seed=1)
     with playing(folder) as player:
-        if any(one.line.startswith("slopewise ros") for one in lines):
+        if any(command.line.startswith("slopewise ros") for command in lines):
             player.router()
-        for one in lines:
-            player.play(one)
-        for line, words in {"across_a_dem": "towards 90°", "mock_navigation": "m driven"}.items():
-            for told in (text for shown_line, text in player.told.items() if line in shown_line):
-                assert words in told
+        for command in lines:
+            player.play(command)
+        for line, message in {"across_a_dem": "towards 90°", "mock_navigation": "m driven"}.items():
+            for command_time in (
+                text for shown_line, text in player.exports.items() if line in shown_line
+            ):
+                assert message in command_time
 
 
 def test_the_pages_show_all_that_matters() -> None:
-    names = {one.words[1] for one in shown(README) if one.words[0] == "slopewise"}
-    wanted = {
+    names = {
+        command.arguments[1] for command in shown(README) if command.arguments[0] == "slopewise"
+    }
+    expected = {
         "plan",
         "check",
         "calibrate",
@@ -95,12 +101,12 @@ def test_the_pages_show_all_that_matters() -> None:
         "guard",
         "export",
     }
-    assert names >= wanted
-    assert {"plan", "check"} <= {one.words[1] for one in shown(QUICK_START)}
+    assert names >= expected
+    assert {"plan", "check"} <= {command.arguments[1] for command in shown(QUICK_START)}
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_commands_with_words_stand_in_boxes(page: str) -> None:
+def test_commands_with_arguments_stand_in_boxes(page: str) -> None:
     assert not in_text(PAGES[page])
 
 
@@ -114,7 +120,7 @@ def test_the_extras_are_out_of_reach(tmp_path: Path) -> None:
 
 
 def test_they_are_out_of_reach_of_forked_commands_too(tmp_path: Path) -> None:
-    """What the server that forks them has imported must not be what an extra brings."""
+    """The server that forks the commands must not have imported modules of an extra."""
     asks = (
         "import sys, numpy\nfor name in sys.argv[1:]:\n    assert sys.modules[name] is None, name\n"
     )
@@ -144,8 +150,8 @@ def test_the_made_up_log_is_what_its_example_says(place: Path) -> None:
     for number in range(60):
         at = log["run"] == number
         t, v = log["t"][at], log["v"][at]
-        told = t[np.argmax(log["v_cmd"][at] == 0.0)] + made_up.DEAD_TIME
-        moving = (t > told) & (v > 0.1)
+        command_time = t[np.argmax(log["v_cmd"][at] == 0.0)] + made_up.DEAD_TIME
+        moving = (t > command_time) & (v > 0.1)
         slowing = -np.polyfit(t[moving], v[moving], 1)[0]
         grade.append(-np.mean(log["pitch"][at]))
         force.append(slowing / 9.80665 - np.sin(grade[-1]))

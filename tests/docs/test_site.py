@@ -1,4 +1,4 @@
-"""The site is built without a warning, every link in it leads somewhere, no key is left out."""
+"""The site is built without a warning, every link leads somewhere, every key is documented."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ class Page(HTMLParser):
             self.names.add(given["id"] or "")
         if tag == "a" and given.get("href"):
             self.links.append(given["href"] or "")
-        wanted = "href" if tag == "link" else "src"
-        if tag in ("link", "script", "img") and given.get(wanted):
-            self.loads.append(given[wanted] or "")
+        attribute = "href" if tag == "link" else "src"
+        if tag in ("link", "script", "img") and given.get(attribute):
+            self.loads.append(given[attribute] or "")
 
 
 @pytest.fixture(scope="module")
@@ -123,10 +123,10 @@ def test_effects_messages_and_commands_are_there(site: dict[Path, Page]) -> None
     wire = page_of(site, "reference/messages.html").text
     assert "slopewise.plan_request.v1" in wire
     assert all(f"<code>{name}</code>" in wire for name in PlanRequest.__struct_fields__)
-    words = page_of(site, "reference/commands.html").text
-    assert all(f"slopewise {name}" in words for name in ("plan", "calibrate", "ros", "serve"))
-    assert "[bold]" not in words
-    assert "[/]" not in words
+    text = page_of(site, "reference/commands.html").text
+    assert all(f"slopewise {name}" in text for name in ("plan", "calibrate", "ros", "serve"))
+    assert "[bold]" not in text
+    assert "[/]" not in text
 
 
 def test_equations_are_mathml(site: dict[Path, Page]) -> None:
@@ -157,7 +157,7 @@ next();
 
 
 def test_no_page_moves_sideways_on_a_phone(site: dict[Path, Page], tmp_path: Path) -> None:
-    """390 px wide in a browser: what is wider, such as a table, scrolls in a box of its own."""
+    """390 px wide in a browser: what is wider, such as a table, scrolls in a separate box."""
     built = next(path.parent for path in site if path.name == "quickstart.html")
     pages = sorted(path.relative_to(built).as_posix() for path in site)
     folder = tmp_path / "site"

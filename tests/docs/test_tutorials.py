@@ -1,4 +1,4 @@
-"""What the tutorials say is run as it stands: their boxes, in order, in a folder of their own."""
+"""The tutorials run unchanged: their boxes, in order, in an empty folder."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_tutorial_does_what_it_says(tutorial: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda path: path.stem)
-def test_commands_with_words_stand_in_boxes(tutorial: Path) -> None:
+def test_commands_with_arguments_stand_in_boxes(tutorial: Path) -> None:
     assert not [line for line in in_text(tutorial.read_text()) if "…" not in line]
 
 

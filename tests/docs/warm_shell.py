@@ -1,7 +1,7 @@
 """A shell in which `slopewise` and `python` begin with everything imported.
 
 On its path stand two small programs that hand their words to this process, which starts them as
-forked ones (:mod:`tests.services.warm_process`) and gives back what they said and their status.
+forked ones (:mod:`tests.services.warm_process`) and returns their output and status.
 """
 
 from __future__ import annotations
@@ -64,16 +64,16 @@ def _answer(server: socket.socket, hidden: Sequence[str]) -> None:
         while True:
             asking, _ = server.accept()
             with asking:
-                told = b"".join(iter(lambda: asking.recv(1 << 16), b""))  # noqa: B023
-                asking.sendall(json.dumps(_done(json.loads(told), hidden)).encode())
+                job = b"".join(iter(lambda: asking.recv(1 << 16), b""))  # noqa: B023
+                asking.sendall(json.dumps(_done(json.loads(job), hidden)).encode())
 
 
-def _done(told: tuple[list[str], str, dict[str, str]], hidden: Sequence[str]) -> list[Any]:
-    words, folder, environment = told
-    process = WarmProcess(words, environment, folder=Path(folder), hidden=hidden)
+def _done(job: tuple[list[str], str, dict[str, str]], hidden: Sequence[str]) -> list[Any]:
+    arguments, folder, environment = job
+    process = WarmProcess(arguments, environment, folder=Path(folder), hidden=hidden)
     try:
         done = process.finished(_LONGEST)
     except subprocess.TimeoutExpired:
         process.kill()
-        return [1, "", f"{words} did not end within {_LONGEST:.0f} s"]
+        return [1, "", f"{arguments} did not end within {_LONGEST:.0f} s"]
     return [done.returncode, done.stdout, done.stderr]

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("nbclient", reason="nbclient is not installed")
-pytest.importorskip("polars", reason="the parquet extra is not installed")
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs" / "site"))

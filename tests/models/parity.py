@@ -54,7 +54,7 @@ def check_parity(law: Callable, **ranges: tuple[float, float]) -> None:
     compiled = numba.njit(law)
     rows = [_flat(compiled(*map(float, row))) for row in zip(*columns, strict=True)]
     _assert_same(np.array(rows), reference)
-    _assert_nan_is_kept(law, columns, symbols, outputs, compiled)
+    _assert_nan_is_preserved(law, columns, symbols, outputs, compiled)
 
 
 def check_outside(law: Callable, arguments: dict[str, float], expected: float = np.nan) -> None:
@@ -62,21 +62,21 @@ def check_outside(law: Callable, arguments: dict[str, float], expected: float = 
     names = list(inspect.signature(law).parameters)
     row = [float(arguments[name]) for name in names]
     with np.errstate(all="ignore"):
-        found = [
+        values = [
             _flat(law(*row)),
             [float(o[1]) for o in _outputs(law(*(np.full(2, x) for x in row)))],
         ]
         compiled = numba.njit(error_model="numpy")(law)
-        found.append(_flat(compiled(*row)))
+        values.append(_flat(compiled(*row)))
     symbols = [casadi.SX.sym(name) for name in names]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)
         outputs = list(_outputs(law(*symbols)))
-    found.append([float(o) for o in casadi.Function("law", symbols, outputs).call(row)])
-    np.testing.assert_array_equal(np.array(found), expected)
+    values.append([float(o) for o in casadi.Function("law", symbols, outputs).call(row)])
+    np.testing.assert_array_equal(np.array(values), expected)
 
 
-def _assert_nan_is_kept(
+def _assert_nan_is_preserved(
     law: Callable, columns: list[NDArray], symbols: list, outputs: list, compiled: Callable
 ) -> None:
     """One argument after the other is NaN, in all four forms."""
@@ -86,14 +86,14 @@ def _assert_nan_is_kept(
         row = [float(column[0]) for column in columns]
         row[i] = np.nan
         arrays = [np.full(2, value) for value in row]
-        for found in (
+        for values in (
             _flat(law(*row)),
             _flat(compiled(*row)),
             [float(o) for o in function.call(row)],
             [float(output[1]) for output in _outputs(law(*arrays))],
         ):
-            kept = [bool(np.isnan(value)) for value in found]
-            assert kept == within, f"{law.__name__}: {symbol} is NaN, the outputs are {found}"
+            is_nan = [bool(np.isnan(value)) for value in values]
+            assert is_nan == within, f"{law.__name__}: {symbol} is NaN, the outputs are {values}"
 
 
 def _outputs(value: object) -> tuple:

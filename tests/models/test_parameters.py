@@ -1,4 +1,4 @@
-"""What a model refuses, and what it derives."""
+"""Validation of a model, its derived values, and names of surfaces."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ from slopewise.models.effects.registry import LAWS, motion, motion_deceleration,
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Effect
 from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.models.surface_names import candidate_surfaces, number_names, resolve_class
 from tests.models.models_for_tests import BASE
+
+# ------------------------------------------------------------------------------ parameters
+
 
 NEGATIVE = tuple(tuple(-1.0 * (i == j) for j in range(4)) for i in range(4))
 
@@ -73,27 +77,27 @@ def test_sizes_that_are_left_out_follow_the_wheel_radius() -> None:
     shape = bare.shape
     assert shape[:-1] == pytest.approx((1.21, 0.9, 0.9, 0.225, 0.1, 0.1, 0.21))
     assert len(shape.assumed) == 6
-    told = replace(bare, width=1.5, front_overhang=0.0, ground_clearance=0.4, wheel_width=0.3)
-    assert told.shape.assumed == ("rear_overhang", "max_step", "wheel_travel")
-    assert told.shape[:4] == pytest.approx((1.5, 0.6, 0.9, 0.4))
+    complete = replace(bare, width=1.5, front_overhang=0.0, ground_clearance=0.4, wheel_width=0.3)
+    assert complete.shape.assumed == ("rear_overhang", "max_step", "wheel_travel")
+    assert complete.shape[:4] == pytest.approx((1.5, 0.6, 0.9, 0.4))
     assert replace(bare, wheel_width=0.3).shape.width == pytest.approx(1.3)
 
 
-def test_the_front_axle_brakes_by_its_static_load_unless_told() -> None:
+def test_the_front_axle_brakes_by_its_static_load_by_default() -> None:
     steered = replace(BASE.vehicle, drive="ackermann", cg_x=0.3, wheelbase=1.2)
     assert steered.brake_share == pytest.approx(0.25)
     assert replace(steered, drive="skid_steer").brake_share is None
     assert replace(BASE.vehicle, front_brake_share=0.7).brake_share == 0.7
 
 
-def test_rolls_are_trained_as_far_as_grades_unless_told() -> None:
+def test_rolls_are_trained_as_far_as_grades_by_default() -> None:
     braking = replace(BASE.braking, grade_range=(-0.3, 0.1), roll_range=None)
     assert braking.trained_roll == (-0.3, 0.3)
-    told = replace(
+    complete = replace(
         braking, roll_range=(-0.1, 0.2), terrain={"ice": SurfaceBraking(roll_range=(0.0, 0.1))}
     )
-    assert told.trained_roll == (-0.1, 0.2)
-    assert told.on("ice").trained_roll == (0.0, 0.1)
+    assert complete.trained_roll == (-0.1, 0.2)
+    assert complete.on("ice").trained_roll == (0.0, 0.1)
 
 
 @pytest.mark.parametrize("name", list(LAWS))
@@ -118,3 +122,55 @@ def test_motion_terms_add_up_and_states_stand_alone() -> None:
     with pytest.raises(ParameterError, match="at most once"):
         motion([lag, lag])
     assert motion([Effect(name="wheel_lockup", parameters={"mu": 0.7})], 0.5).friction == 0.5
+
+
+# --------------------------------------------------------------------------- surface names
+
+
+TABLES = {
+    "grass": SurfaceBraking(),
+    "ice": SurfaceBraking(class_id=7),
+    "mud": SurfaceBraking(),
+    "grass, weaker": SurfaceBraking(class_id=100, state_of="grass"),
+    "weaker": SurfaceBraking(class_id=101, state_of=""),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "surface"),
+    [
+        ("", ""),
+        ("#0", ""),
+        ("mud", "mud"),
+        ("#7", "ice"),
+        ("#1", "grass"),
+        ("#3", "mud"),
+        # A table that has a number is not meant by its place in the file.
+        ("#2", None),
+        ("#6", None),
+        ("gravel", None),
+        ("#", None),
+        ("#-1", None),
+        ("# 1", None),
+    ],
+)
+def test_class_name_is_that_of_one_surface_or_unknown(name: str, surface: str | None) -> None:
+    assert resolve_class(TABLES, name) == surface
+
+
+def test_class_number_zero_is_the_base_unless_a_surface_has_it() -> None:
+    tables = {**TABLES, "sand": SurfaceBraking(class_id=0)}
+    assert resolve_class(tables, "#0") == "sand"
+    assert resolve_class(tables, "") == ""
+
+
+def test_candidates_are_the_states_of_a_known_surface_and_all_of_an_unknown_one() -> None:
+    assert candidate_surfaces(TABLES, "grass") == ("grass", "grass, weaker")
+    assert candidate_surfaces(TABLES, "#0") == ("", "weaker")
+    assert candidate_surfaces(TABLES, "#7") == ("ice",)
+    assert candidate_surfaces(TABLES, "gravel") == ("", *TABLES)
+
+
+def test_number_names_call_zero_the_base() -> None:
+    assert number_names(0) == ("",)
+    assert number_names(3) == ("", "#1", "#2", "#3")

@@ -1,6 +1,6 @@
 """A vehicle that drives what the moving horizon answers: cycle by cycle, exactly or with noise.
 
-It knows plans as columns only, and moves along them with arithmetic of its own.
+It knows plans as columns only, and moves along them with separate arithmetic.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SAFE = (Status.OK, Status.BLOCKED)
 
 @dataclass
 class Drive:
-    """A vehicle, its planner, and its way over some ground."""
+    """A vehicle, its planner, and its drive over some ground."""
 
     tables: Tables
     ground: ElevationMap
@@ -56,17 +56,17 @@ class Drive:
 
     @property
     def front(self) -> float:
-        """What the way has to be free beyond the clear distance of the stations [m]."""
+        """Distance that has to be free beyond the clear distance of the stations [m]."""
         return model_of(self.tables).vehicle.shape.front
 
     def state(self) -> PlanarState:
-        """What is measured: up to the noise in speed, and half as many metres sideways."""
-        off, aside = self.rng.uniform(-1.0, 1.0, 2) * self.noise
+        """Measured state: errors up to the noise in speed, and half as many metres sideways."""
+        distance, sideways = self.rng.uniform(-1.0, 1.0, 2) * self.noise
         return PlanarState(
-            x=self.x - 0.5 * aside * np.sin(self.heading),
-            y=self.y + 0.5 * aside * np.cos(self.heading),
+            x=self.x - 0.5 * sideways * np.sin(self.heading),
+            y=self.y + 0.5 * sideways * np.cos(self.heading),
             heading=self.heading,
-            speed=max(self.speed + off, 0.0),
+            speed=max(self.speed + distance, 0.0),
         )
 
     def cycle(self) -> CycleAnswer:
@@ -114,20 +114,20 @@ class Drive:
 
 def nearest_station(plan: SpeedPlan, x: float, y: float) -> float:
     """Where a place is on the first dozen segments of a plan."""
-    best, found = np.inf, 0.0
+    best, nearest = np.inf, 0.0
     for k in range(min(12, len(plan.station) - 1)):
         begin = np.array([plan.x[k], plan.y[k]])
         step = np.array([plan.x[k + 1], plan.y[k + 1]]) - begin
         share = float(np.clip(step @ (np.array([x, y]) - begin) / (step @ step), 0.0, 1.0))
-        off = float(np.hypot(*(begin + share * step - (x, y))))
-        if off < best:
-            best = off
-            found = plan.station[k] + share * (plan.station[k + 1] - plan.station[k])
-    return float(found)
+        distance = float(np.hypot(*(begin + share * step - (x, y))))
+        if distance < best:
+            best = distance
+            nearest = plan.station[k] + share * (plan.station[k + 1] - plan.station[k])
+    return float(nearest)
 
 
 def really_free(drive: Drive, plan: SpeedPlan) -> float:
-    """How far it is free from a plan's first station on, along the candidate as it was offered."""
+    """How far it is free from a plan's first station on, along the given candidate."""
     j = drive.paths.names.index(plan.candidate)
     x, y = (a[: drive.paths.count[j], j] for a in (drive.paths.x, drive.paths.y))
     rows, columns = drive.ground.elevation.shape
@@ -143,11 +143,11 @@ def really_free(drive: Drive, plan: SpeedPlan) -> float:
     dx, dy = np.diff(x), np.diff(y)
     share = ((plan.x[0] - x[:-1]) * dx + (plan.y[0] - y[:-1]) * dy) / (dx**2 + dy**2)
     share = np.clip(share, 0.0, 1.0)
-    off = np.hypot(x[:-1] + share * dx - plan.x[0], y[:-1] + share * dy - plan.y[0])
-    k = int(np.argmin(off))
-    begins = station[k] + share[k] * (station[k + 1] - station[k])
+    distance = np.hypot(x[:-1] + share * dx - plan.x[0], y[:-1] + share * dy - plan.y[0])
+    k = int(np.argmin(distance))
+    begin = station[k] + share[k] * (station[k + 1] - station[k])
     return float(
-        min(np.broadcast_to(drive.clear, (len(drive.paths.names),))[j], station[-1]) - begins
+        min(np.broadcast_to(drive.clear, (len(drive.paths.names),))[j], station[-1]) - begin
     )
 
 
@@ -167,9 +167,9 @@ def after(plan: SpeedPlan, station: float, period: float) -> tuple[float, float]
     grid = np.union1d(plan.station[plan.station > station], [station])
     energy = np.interp(grid, plan.station, plan.speed**2)
     speed = np.sqrt(energy)
-    both = speed[1:] + speed[:-1]
+    speed_sum = speed[1:] + speed[:-1]
     with np.errstate(divide="ignore"):
-        time = np.concatenate(([0.0], np.cumsum(2.0 * np.diff(grid) / both)))
+        time = np.concatenate(([0.0], np.cumsum(2.0 * np.diff(grid) / speed_sum)))
     k = int(np.searchsorted(time, period, "right")) - 1
     if k >= len(grid) - 1 or not np.isfinite(time[k + 1]):
         return float(grid[min(k, len(grid) - 1)]), 0.0
@@ -196,11 +196,11 @@ def drives(draw: st.DrawFn, noise: float = 0.0, longest: float = 20.0) -> Drive:
         resolution=draw(st.sampled_from([0.25, 0.5])),
         unknown=(lambda x, y: np.hypot(x - hole[0], y - hole[1]) < 0.8) if hole else None,
     )
-    bends = draw(st.lists(generated.between(-0.12, 0.12), min_size=1, max_size=3, unique=True))
+    curvatures = draw(st.lists(generated.between(-0.12, 0.12), min_size=1, max_size=3, unique=True))
     length = draw(generated.between(8.0, longest))
     fan = [
         arc(length, k, name=f"{i}") if abs(k) > 1e-3 else straight(length, name=f"{i}")
-        for i, k in enumerate(bends)
+        for i, k in enumerate(curvatures)
     ]
     return Drive(
         tables,

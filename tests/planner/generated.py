@@ -1,4 +1,4 @@
-"""Scenes out of hypothesis: ground, path, vehicle and what else a plan depends on."""
+"""Scenes from hypothesis: ground, path, vehicle and what else a plan depends on."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ EFFECT_RANGES: dict[str, dict[str, tuple[float, float]]] = {
 
 @dataclass(frozen=True)
 class Scene:
-    """One question to the planner, and whether its ground has an icy strip."""
+    """One request to the planner, and whether its ground has an icy strip."""
 
     tables: Tables
     ground: ElevationMap
@@ -66,7 +66,7 @@ def between(low: float, high: float) -> st.SearchStrategy[float]:
 
 
 def maybe(share: int, strategy: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
-    """None but for one in so many."""
+    """None, except for one in `share`."""
     return st.one_of(*[st.none()] * (share - 1), strategy)
 
 
@@ -130,7 +130,7 @@ def effects(draw: st.DrawFn) -> list[dict[str, Any]]:
 @st.composite
 def heights(draw: st.DrawFn) -> Any:
     """A function of x and y: a plane, waves, a step and a ramp."""
-    rise, lean = draw(between(-0.2, 0.2)), draw(between(-0.2, 0.2))
+    rise, cross = draw(between(-0.2, 0.2)), draw(between(-0.2, 0.2))
     waves = draw(
         st.lists(
             st.tuples(between(0.0, 0.4), between(1.0, 20.0), between(0.0, 6.3), between(0.0, 6.3)),
@@ -141,7 +141,7 @@ def heights(draw: st.DrawFn) -> Any:
     ramp = draw(maybe(4, st.tuples(between(1.0, 10.0), between(-0.4, 0.4))))
 
     def z(x: Any, y: Any) -> Any:
-        total = rise * x + lean * y
+        total = rise * x + cross * y
         for height, length, heading, phase in waves:
             along = x * np.cos(heading) + y * np.sin(heading)
             total += height * min(1.0, length / 8.0) * np.sin(2 * np.pi * along / length + phase)
@@ -159,8 +159,8 @@ def paths(draw: st.DrawFn, longest: float = 12.0, limits: bool = True) -> Candid
     """A clothoid from the origin, to the east at first."""
     length = draw(between(1.5, longest))
     along = np.linspace(0.0, length, max(int(length / 0.2), 3))
-    bend = draw(st.sampled_from([0.0, 0.2, 1.0]))
-    first, last = bend * draw(between(-0.5, 0.5)), bend * draw(between(-0.5, 0.5))
+    sharpness = draw(st.sampled_from([0.0, 0.2, 1.0]))
+    first, last = sharpness * draw(between(-0.5, 0.5)), sharpness * draw(between(-0.5, 0.5))
     yaw = first * along + (last - first) * along**2 / (2.0 * length)
     steps = np.diff(along)[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)[1:]
     points = np.concatenate([[(0.0, 0.0)], np.cumsum(steps, axis=0)])
@@ -173,7 +173,7 @@ def paths(draw: st.DrawFn, longest: float = 12.0, limits: bool = True) -> Candid
 
 @st.composite
 def scenes(draw: st.DrawFn) -> Scene:
-    """Everything at once."""
+    """All of them together."""
     table = draw(tables())
     table["effect"] = draw(effects())
     strip = draw(maybe(5, st.tuples(between(1.0, 8.0), between(0.3, 4.0))))
@@ -211,7 +211,7 @@ def scenes(draw: st.DrawFn) -> Scene:
 
 
 def complaints(scene: Scene, plan: SpeedPlan) -> list[str]:
-    """What speaks against a plan, by its status: nothing may."""
+    """Complaints about a plan, by its status."""
     if plan.status is Status.INFEASIBLE:
         return _could_have_stopped(scene, plan)
     rough = plan.status is Status.DEGRADED or not scene.settings.smooth
@@ -250,5 +250,5 @@ def _could_have_stopped(scene: Scene, plan: SpeedPlan) -> list[str]:
             spare, *(x - tables["limits"]["min_load"] for x in min_loads(plan, tables, stop))
         )
     # A stop begun a little later, at less speed, may be longer where braking grows with speed.
-    tight = 0.5 if "only full braking at once" in plan.reason else 0.05
+    tight = 0.5 if "only full braking at once" in plan.reason else 0.05  # words: ok
     return [f"could have stopped with {spare:.3f} to spare"] if spare > tight else []

@@ -101,7 +101,7 @@ def tables_with(*effects: tuple[str, Mapping[str, float]], **changes: Mapping[st
 
 
 def model_of(tables: Mapping[str, Any]) -> Model:
-    """The planner's parameters out of the tables of a model file."""
+    """The planner's parameters from the tables of a model file."""
 
     def uphill(values: dict[str, Any]) -> dict[str, Any]:
         if "uphill" in values:
@@ -145,7 +145,7 @@ def ground_map(
     classes: Callable[[np.ndarray, np.ndarray], Any] | None = None,
     class_names: tuple[str, ...] = ("",),
 ) -> ElevationMap:
-    """A map out of functions of x and y [m]."""
+    """A map from functions of x and y [m]."""
     columns = round((x[1] - x[0]) / resolution) + 1
     rows = round((y[1] - y[0]) / resolution) + 1
     east, north = np.meshgrid(
@@ -163,9 +163,9 @@ def ground_map(
     )
 
 
-def plane(rise: float = 0.0, lean: float = 0.0, **options: Any) -> ElevationMap:
-    """z = rise x + lean y."""
-    return ground_map(lambda x, y: rise * x + lean * y, **options)
+def plane(rise: float = 0.0, cross: float = 0.0, **options: Any) -> ElevationMap:
+    """z = rise x + cross y."""
+    return ground_map(lambda x, y: rise * x + cross * y, **options)
 
 
 # ----------------------------------------------------------------------------------- paths
@@ -214,7 +214,7 @@ def violations(
     jerk: bool | None = None,
     slack: float = 1.0,
 ) -> dict[str, list[str]]:
-    """Sentences against a plan, by kind, from the checker; about jerk as well where it is smoothed.
+    """Sentences against a plan by kind, from the checker; about jerk as well where it is smoothed.
 
     `slack` multiplies the tolerances of the checker: 2 on generated ground, whose slopes change
     between rows by more than those of a real map.
@@ -293,7 +293,7 @@ def min_loads(
 
 
 def labels(plan: SpeedPlan) -> list[str]:
-    """What holds at each station, in words."""
+    """Label of the limiting bound at each station."""
     return [Limiting(int(code)).label for code in plan.limiting]
 
 

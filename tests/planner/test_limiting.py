@@ -47,7 +47,7 @@ def plane_with(height: Callable[[np.ndarray, np.ndarray], Any]) -> ElevationMap:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is planned, and the one thing that takes the bound away."""
+    """A planned scene, and the one change that removes the bound."""
 
     label: str
     tables: Tables
@@ -107,14 +107,14 @@ SCENES: dict[str, Scene] = {
         share=0.03,
         status=Status.BLOCKED,
     ),
-    "stopping path before the end of the way known free": Scene(
+    "stopping path before the end of the known path": Scene(
         "stopping_path",
         **same(limits(decel=9.0, jerk=100.0)),
         options={"clear": 12.0},
         free_options={},
         share=0.03,
         status=Status.BLOCKED,
-        says="the way is known to be free for its front only up to",
+        says="the way is known to be free for its front only up to",  # words: ok
     ),
     "tip-over by the speed at brake onset": Scene(
         "tip_over",
@@ -282,7 +282,7 @@ SCENES: dict[str, Scene] = {
         limits(jerk=1e4),
         share=0.1,
     ),
-    "unknown ground across the way": Scene(
+    "unknown ground across the path": Scene(
         "unknown_terrain",
         **same(tables_with()),
         ground=plane(unknown=lambda x, y: np.abs(x - 20.0) < 0.3),
@@ -361,7 +361,7 @@ SCENES: dict[str, Scene] = {
         status=Status.BLOCKED,
         says="the brakes do not hold on grade 8",
     ),
-    "a step across the way": Scene(
+    "a step across the path": Scene(
         "step",
         **same(tables_with()),
         ground=plane_with(lambda x, y: 0.15 * (x > 20.0)),
@@ -405,7 +405,7 @@ def test_no_bound_is_left_out() -> None:
 
 @pytest.mark.parametrize("limiting", Limiting)
 def test_what_the_registry_says_of_a_bound_is_there(limiting: Limiting) -> None:
-    """Its law can be found, its words and colours can be shown, and a question can lift it."""
+    """Its law can be found, its label and colours can be shown, and a what-if run can lift it."""
     bound = BOUNDS[limiting]
     module, name = bound.law.split(":")
     assert callable(getattr(importlib.import_module(module), name))
@@ -422,7 +422,7 @@ def test_what_the_registry_says_of_a_bound_is_there(limiting: Limiting) -> None:
         assert lifted.relax(model) != model or limiting is Limiting.SPEED_LIMIT
 
 
-def test_colours_of_bounds_are_no_two_alike() -> None:
+def test_colours_of_bounds_are_distinct() -> None:
     assert len({bound.colour for bound in BOUNDS.values()}) == len(BOUNDS)
 
 
@@ -443,7 +443,7 @@ def test_each_bound_lets_go(name: str) -> None:
     assert free.status is Status.OK, free.reason
     assert free.reason == ""
     assert_sound(free, scene.free_tables, scene.free_ground or scene.ground)
-    # Stopping at the end of the way is a stopping path, and changes of acceleration take time.
+    # Stopping at the end of the path is a stopping path, and changes of acceleration take time.
     moving = free.speed > 0.5
     if scene.label not in ("stopping_path", "accel", "decel", "jerk"):
         assert scene.label not in np.array(labels(free))[moving]
@@ -457,7 +457,7 @@ def test_each_bound_lets_go(name: str) -> None:
     assert np.mean(slower) > 0.8
 
 
-def test_extrapolation_goes_on_where_training_ends_but_slower() -> None:
+def test_extrapolation_continues_where_training_ends_but_slower() -> None:
     steep = ground_map(lambda x, y: -0.15 * np.maximum(x - 10.0, 0.0))
     wide = tables_with(limits={"decel": 9.0, "jerk": 50.0})
     narrow = tables_with(
@@ -513,7 +513,7 @@ def test_a_patch_of_ice_is_braked_for_ahead_and_an_unknown_class_like_the_worst(
 
 
 def test_the_order_of_the_names_breaks_ties() -> None:
-    """Two bounds of the same height: the earlier name is told, every time."""
+    """Two bounds of the same height: the earlier name is reported, every time."""
     tables = tables_with(vehicle={"max_wheel_speed": 2.0}, limits={"speed": 2.0})
     plan = plan_one(tables, plane(), straight(30.0), PlannerSettings(smooth=False))
     k = int(np.argmin(np.abs(plan.station - 15.0)))

@@ -100,7 +100,7 @@ def test_distant_vertices_round_the_corner_but_the_path_stays_near_the_polyline(
     assert np.abs(curvature_of(even)).max() < 1.0
 
 
-def test_drawn_points_without_noise_are_kept_within_centimetres() -> None:
+def test_drawn_points_without_noise_are_preserved_within_centimetres() -> None:
     x = np.arange(0.0, 20.0, 0.5)
     points = np.stack([x, np.sin(x / 3.0)], axis=1)
     even = resample(CandidatePath("sine", points), 0.1).points
@@ -143,16 +143,16 @@ def test_duplicate_points_change_nothing(copies: int) -> None:
 
 def test_the_lowest_limit_of_duplicates_holds() -> None:
     points = np.array([(0.0, 0.0), (5.0, 0.0), (5.0, 0.0), (5.0, 0.0), (9.0, 0.0)])
-    kept, limit = clean(points, np.array([3.0, 2.0, 1.0, 4.0, 3.0]), None)
-    np.testing.assert_array_equal(kept[:, 0], (0.0, 5.0, 9.0))
+    cleaned, limit = clean(points, np.array([3.0, 2.0, 1.0, 4.0, 3.0]), None)
+    np.testing.assert_array_equal(cleaned[:, 0], (0.0, 5.0, 9.0))
     np.testing.assert_array_equal(limit, (3.0, 1.0, 3.0))
 
 
 def test_points_creeping_by_less_than_a_millimetre_are_not_all_dropped() -> None:
     points = np.stack([np.arange(20_000) * 2e-4, np.zeros(20_000)], axis=1)
-    kept, _ = clean(points, None, None)
-    assert kept[-1, 0] > 3.99
-    assert steps_of(kept).min() >= 1e-3 - 1e-12
+    cleaned, _ = clean(points, None, None)
+    assert cleaned[-1, 0] > 3.99
+    assert steps_of(cleaned).min() >= 1e-3 - 1e-12
 
 
 # ---------------------------------------------------------------------------------- refusal
@@ -253,7 +253,7 @@ def test_resampling_never_raises_a_speed_limit(
     for s, value in zip(place, limit, strict=True):
         k = np.clip(np.searchsorted(share, s, side="right") - 1, 0, len(share) - 2)
         assert max(out[k], out[k + 1]) <= value
-    # And nothing is made up.
+    # And no point is added.
     assert set(out) <= set(limit)
 
 
@@ -297,7 +297,7 @@ def test_even_paths_are_not_resampled() -> None:
     np.testing.assert_array_equal(together.y, alone.y)
 
 
-def test_paths_without_limits_are_free_beside_those_that_have_some() -> None:
+def test_paths_without_limits_are_free_among_those_that_have_some() -> None:
     limited = straight(3.0, speed_limit=np.array([1.0, 2.0]))
     limits = batch([straight(3.0), limited], 0.25).speed_limit
     assert limits is not None
@@ -329,16 +329,16 @@ def test_two_batches_in_one_keep_their_candidates(limited: tuple[bool, bool]) ->
         CandidatePath(f"{i}", p, speed_limit=np.full(2, 1.0 + i) if limited[i // 2] else None)
         for i, p in enumerate(points)
     ]
-    first, other = batch(paths[:2], 0.25), batch(paths[2:], 0.25)
-    both, at_once = joined(first, other), batch(paths, 0.25)
-    assert both.names == at_once.names
-    np.testing.assert_array_equal(both.count, at_once.count)
-    np.testing.assert_array_equal(both.x, at_once.x)
-    np.testing.assert_array_equal(both.y, at_once.y)
+    first, second = batch(paths[:2], 0.25), batch(paths[2:], 0.25)
+    merged, at_once = joined(first, second), batch(paths, 0.25)
+    assert merged.names == at_once.names
+    np.testing.assert_array_equal(merged.count, at_once.count)
+    np.testing.assert_array_equal(merged.x, at_once.x)
+    np.testing.assert_array_equal(merged.y, at_once.y)
     if not any(limited):
-        assert both.speed_limit is None
+        assert merged.speed_limit is None
         return
-    assert both.speed_limit is not None
+    assert merged.speed_limit is not None
     assert at_once.speed_limit is not None
-    for j, n in enumerate(both.count):
-        np.testing.assert_array_equal(both.speed_limit[:n, j], at_once.speed_limit[:n, j])
+    for j, n in enumerate(merged.count):
+        np.testing.assert_array_equal(merged.speed_limit[:n, j], at_once.speed_limit[:n, j])

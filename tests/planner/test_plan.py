@@ -1,17 +1,33 @@
-"""Plans as values: motion, columns, progress."""
+"""Columns of plans, settings of the planner, and certainty of the ground."""
 
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.models.terrain.observation import Features
+from slopewise.models.terrain.resistances import TerrainEstimate
+from slopewise.models.terrain.surfaces import model_on
+from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import batch
+from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from slopewise.planner.plan import SpeedPlan, Status, motion_of
-from tests.planner.scenes import ATV, plan_one, plane, straight
+from slopewise.planner.settings import PlannerSettings
+from tests.planner import generated
+from tests.planner.generated import between
+from tests.planner.scenes import ATV, ground_map, model_of, plan_one, plane, straight
+
+# ------------------------------------------------------------------------------------ plan
 
 
 @given(
@@ -32,7 +48,7 @@ def test_motion_is_that_of_constant_acceleration_on_each_segment(
     assert time[0] == 0.0
 
 
-def test_time_stays_once_the_profile_rests() -> None:
+def test_time_stays_once_the_profile_is_at_rest() -> None:
     accel, time = motion_of(np.arange(5.0), np.array([0.0, 2.0, 0.0, 0.0, 0.0]))
     np.testing.assert_allclose(time, np.sqrt(2.0) * np.array([0.0, 1.0, 2.0, 2.0, 2.0]))
     np.testing.assert_allclose(accel, [1.0, -1.0, 0.0, 0.0, 0.0])
@@ -76,7 +92,7 @@ def test_a_plan_that_does_not_move_or_cannot_be_is_not_admissible(plan: SpeedPla
     assert dataclasses.replace(plan, status=Status.DEGRADED).admissible
 
 
-def test_words_of_statuses_and_bounds() -> None:
+def test_labels_of_statuses_and_bounds() -> None:
     assert {s.value for s in Status} == {"ok", "blocked", "infeasible", "degraded"}
     assert [bound.label for bound in Limiting] == [
         "speed_limit",
@@ -99,3 +115,69 @@ def test_words_of_statuses_and_bounds() -> None:
         "friction",
         "holding",
     ]
+
+
+# -------------------------------------------------------------------------------- settings
+
+
+def test_station_spacing_is_at_most_that_of_settings_and_map() -> None:
+    settings = PlannerSettings(spacing=0.4)
+    assert settings.spacing_on(5.0) == 0.4
+    assert settings.spacing_on(0.05) <= 0.1
+    for resolution in (0.05, 0.1, 1.0):
+        plan = plan_one(ATV, plane(resolution=resolution), straight(10.0), settings)
+        assert np.diff(plan.station).max() <= settings.spacing_on(resolution) + 1e-9
+
+
+@pytest.mark.parametrize("spacing", [0.0, -0.1, np.inf, np.nan])
+def test_impossible_spacings_are_refused(spacing: float) -> None:
+    with pytest.raises(ParameterError) as caught:
+        PlannerSettings(spacing=spacing)
+    assert caught.value.field == "spacing"
+
+
+def test_a_negative_charge_for_what_is_not_reached_is_refused() -> None:
+    with pytest.raises(ParameterError) as caught:
+        PlannerSettings(horizon_penalty=-1.0)
+    assert caught.value.field == "horizon_penalty"
+
+
+# ------------------------------------------------------------------------ ground certainty
+
+
+def speeds(model: Model, ground: ElevationMap, path: CandidatePath) -> np.ndarray:
+    survived = Uncertainty()
+    solved = time_optimal_batch(
+        ground, batch([path], 0.25), survived.cautious(model), uncertainty=survived
+    )
+    return np.sqrt(solved.speed_sq[:, 0])
+
+
+@settings(max_examples=60)
+@given(
+    tables=generated.tables(),
+    heights=generated.heights(),
+    path=generated.paths(10.0),
+    level=st.sampled_from([0.5, 0.8, 1.0]),
+    value=between(0.0, 0.3),
+    std=between(0.0, 0.1),
+    more=between(0.01, 0.2),
+)
+def test_a_vague_motion_resistance_never_makes_it_faster(
+    tables: dict,
+    heights: object,
+    path: CandidatePath,
+    level: float,
+    value: float,
+    std: float,
+    more: float,
+) -> None:
+    model = model_of(tables)
+    model = replace(model, braking=replace(model.braking, level=level))
+    ground = ground_map(heights, x=(-8.0, 18.0), y=(-11.0, 11.0))
+    fast, slow = (
+        speeds(model_on(model, Features(motion_resistance=TerrainEstimate(value, s))), ground, path)
+        for s in (std, std + more)
+    )
+    # Plans come to rest at stations only, and what is given up moves with the one where they do.
+    assert np.all(slow <= np.maximum(fast, np.append(fast[:1], fast[:-1])) + 0.02)

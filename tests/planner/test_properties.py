@@ -39,7 +39,7 @@ def test_no_plan_breaks_any_rule(scene: Scene) -> None:
 
 
 def test_all_statuses_were_among_them() -> None:
-    """Of the scenes above; with none of a kind the property would say nothing of it."""
+    """Of the scenes above; without one of a kind the property would not cover it."""
     if not SEEN:
         pytest.skip("runs after the generated scenes only")
     assert {status.value for status in Status} == set(SEEN)
@@ -107,14 +107,14 @@ def test_more_clear_distance_never_makes_it_slower(drive: Drive, clear: float, m
 @given(drive=drives(), weaker=between(0.5, 1.0))
 def test_a_weaker_brake_never_makes_it_faster(drive: Drive, weaker: float) -> None:
     tables, ground, path = drive
-    # Weaker brakes do unload the rear less: leave tipping out of it.
+    # Weaker brakes do unload the rear less: exclude tipping.
     tables["vehicle"]["cg_z"] = 0.05
     worn = copy.deepcopy(tables)
     worn["braking"]["b_b"] *= weaker
     assume(worn["braking"]["b_b"] + min(worn["braking"]["m_b"], 0.0) > 0.2)
-    good, bad = solve(tables, ground, path), solve(worn, ground, path)
+    strong, weak = solve(tables, ground, path), solve(worn, ground, path)
     # Friction may cap the better brake only, and stops under a cap are taken a little long.
-    never_faster(bad, good)
+    never_faster(weak, strong)
 
 
 @given(drive=drives(), edge=between(1.0, 10.0), more=between(0.0, 3.0))
@@ -143,8 +143,8 @@ def test_unknown_ground_farther_away_never_makes_it_slower(
 def test_a_tighter_limit_never_makes_it_faster(drive: Drive, share: float, name: str) -> None:
     tables, ground, path = drive
     # Over a crest a slower stop keeps more of its brakes: here they keep all.
-    kept = {"name": "crest_unloading", "parameters": {"k": 0.0}}
-    tables = tables | {"effect": [*tables.get("effect", ()), kept]}
+    crest = {"name": "crest_unloading", "parameters": {"k": 0.0}}
+    tables = tables | {"effect": [*tables.get("effect", ()), crest]}
     tight = copy.deepcopy(tables)
     tight["limits"][name] *= share
     never_faster(solve(tight, ground, path), solve(tables, ground, path))
@@ -161,19 +161,19 @@ def test_a_slower_start_is_never_ahead(drive: Drive, slower: float, faster: floa
 
 
 @given(drive=drives())
-def test_mirrored_ground_gives_the_mirrored_plan(drive: Drive) -> None:
+def test_mirrored_ground_has_the_mirrored_plan(drive: Drive) -> None:
     tables, ground, path = drive
-    # Wind and furrows have a direction of their own.
+    # Wind and furrows have a fixed direction.
     tables["effect"] = [
         e
         for e in tables["effect"]
         if e["name"] not in ("headwind", "directional_surface", "surface_patch")
     ]
-    other = ElevationMap(
+    mirrored = ElevationMap(
         elevation=ground.elevation[::-1], resolution=ground.resolution, origin=ground.origin
     )
     flipped = CandidatePath("flipped", path.points * (1.0, -1.0), speed_limit=path.speed_limit)
-    here, there = solve(tables, ground, path), solve(tables, other, flipped)
+    here, there = solve(tables, ground, path), solve(tables, mirrored, flipped)
     np.testing.assert_allclose(speeds(there), speeds(here), atol=1e-6)
     np.testing.assert_allclose(there.profile.roll, -here.profile.roll, atol=1e-9)
     np.testing.assert_allclose(there.profile.curvature, -here.profile.curvature, atol=1e-9)

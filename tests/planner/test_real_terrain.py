@@ -43,7 +43,7 @@ class Place:
     files: tuple[str, ...]
     read: Callable[..., ElevationMap]
     lengths: tuple[float, float]
-    bend: float
+    curvature: float
     vehicles: tuple[str, ...]
 
 
@@ -84,7 +84,7 @@ def candidates(place: str, ground: ElevationMap, seed: int) -> list[CandidatePat
         start = centre + rng.uniform(-spread, spread)
         inward = np.arctan2(*(centre - start)[::-1])
         length = rng.uniform(*PLACES[place].lengths)
-        first, last = rng.uniform(-PLACES[place].bend, PLACES[place].bend, 2)
+        first, last = rng.uniform(-PLACES[place].curvature, PLACES[place].curvature, 2)
         s = np.linspace(0.0, length, int(length / 0.2))
         yaw = inward + rng.uniform(-0.8, 0.8) + first * s + (last - first) * s**2 / (2.0 * length)
         steps = np.diff(s)[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)[1:]
@@ -139,7 +139,7 @@ def test_every_plan_passes_the_checker(place: str, vehicle: str, data: Path) -> 
 
 
 @pytest.mark.parametrize(("place", "vehicle"), CASES)
-def test_real_ground_is_drivable_and_bars_the_way_too(place: str, vehicle: str, data: Path) -> None:
+def test_real_ground_is_drivable_and_blocks_too(place: str, vehicle: str, data: Path) -> None:
     """The plans above say something: most of them move, and not all reach the end."""
     plans = plans_on(place, vehicle, data)
     count = Counter(plan.status for plan in plans)
@@ -178,7 +178,7 @@ def test_the_maps_are_read_in_metres(
 def test_the_order_of_rows_does_not_decide_about_safety(data: Path) -> None:
     """The text grid does not say which row is north: mirrored ground gives the mirrored plans."""
     ground = ground_of("Colmenar", data)
-    other = ElevationMap(
+    mirrored = ElevationMap(
         elevation=ground.elevation[::-1], resolution=ground.resolution, origin=ground.origin
     )
     _, _, y_min, y_max = ground.extent
@@ -186,7 +186,7 @@ def test_the_order_of_rows_does_not_decide_about_safety(data: Path) -> None:
     for path in candidates("Colmenar", ground, seed=7)[:10]:
         flipped = path.points * (1.0, -1.0) + (0.0, y_min + y_max)
         (here,) = planner.plan(ground, [path])
-        (there,) = planner.plan(other, [CandidatePath(path.name, flipped)])
+        (there,) = planner.plan(mirrored, [CandidatePath(path.name, flipped)])
         assert here.status is there.status
         np.testing.assert_allclose(there.speed, here.speed, atol=2e-3)
         np.testing.assert_allclose(there.roll, -here.roll, atol=1e-6)

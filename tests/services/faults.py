@@ -1,4 +1,4 @@
-"""What every fault of a file has to be: one line that names the file and the field."""
+"""Check that a fault of a file is one line that names the file and the field."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def real_data(name: str) -> Path:
 
 
 @contextlib.contextmanager
-def fault_in(source: Path | str, field: str, *words: str) -> Iterator[None]:
-    """The block must raise an InputError of that source and field, with these words in it."""
+def fault_in(source: Path | str, field: str, *texts: str) -> Iterator[None]:
+    """Check that a block raises an InputError of that source and field with these texts in it."""
     with pytest.raises(InputError) as caught:
         yield
     error = caught.value
@@ -33,6 +33,6 @@ def fault_in(source: Path | str, field: str, *words: str) -> Iterator[None]:
     assert len(message.splitlines()) == 1, message
     assert message.isprintable(), message
     assert message.startswith(f"{source}: {field}" if field else str(source)), message
-    for word in words:
-        assert word in message, message
+    for text in texts:
+        assert text in message, message
     assert error.__suppress_context__ or error.__context__ is None

@@ -1,6 +1,6 @@
-"""What a forked command finds done: modules imported, kernels loaded, one plan and one page drawn.
+"""Preparation of forked commands: modules imported, kernels loaded, one plan and page drawn.
 
-Imported by the server that forks them and by nobody else. It starts no thread and opens no
+Imported by the server that forks them only. It starts no thread and opens no
 session, and imports nothing that an extra brings, so that a forked command still lacks what its
 page has not asked for.
 """
@@ -30,11 +30,11 @@ def _do_once(folder: Path) -> None:
     given = [str(folder / "dem.tif"), str(folder / "paths.csv"), "--model", "atv"]
     pages = ["--out", str(folder / "plan.csv"), "--report", str(folder / "plan.html")]
     learned = ["--out", str(folder / "mine.toml"), "--report", str(folder / "stops.html")]
-    for words in (
+    for arguments in (
         ["plan", *given, *pages, "--check"],
         ["calibrate", str(folder / "drive.csv"), "--model", "atv", *learned],
     ):
-        app.app(args=words, prog_name="slopewise", standalone_mode=False)
+        app.app(args=arguments, prog_name="slopewise", standalone_mode=False)
     import slopewise.services.cli.commands.calibrate_sheet
     import slopewise.services.cli.commands.discrepancy  # noqa: F401
 

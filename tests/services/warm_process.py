@@ -1,6 +1,6 @@
 """Commands in processes that are forked from one that has imported everything already.
 
-Such a process is one of its own, with its own signals, threads and sockets; only the seconds in
+Such a process is a separate one, with its signals, threads and sockets; only the seconds in
 which Python imports numba, scipy and zenoh and loads the compiled kernels are spent once for all of
 them. A test about the very start, or about what an environment brings into it, starts a fresh
 interpreter instead.
@@ -44,7 +44,7 @@ def hide(modules: Sequence[str]) -> None:
 
 
 def _run(
-    words: list[str],
+    command: list[str],
     environment: Mapping[str, str],
     place: tuple[str, Sequence[str]],
     out: Connection,
@@ -62,21 +62,21 @@ def _run(
     os.environ.clear()
     os.environ.update(environment)
     hide(hidden)
-    if words[0] == sys.executable:
-        sys.argv = words[1:]
+    if command[0] == sys.executable:
+        sys.argv = command[1:]
         sys.path[0:0] = environment.get("PYTHONPATH", "").split(os.pathsep)
-        sys.path.insert(0, str(Path(folder, words[1]).parent))
-        runpy.run_path(words[1], run_name="__main__")
+        sys.path.insert(0, str(Path(folder, command[1]).parent))
+        runpy.run_path(command[1], run_name="__main__")
     else:
-        app.main(words)
+        app.main(command)
 
 
 class WarmProcess:
-    """A command line in a process of its own; what `subprocess.Popen` has of it that tests use."""
+    """A command line in a separate process, with the part of `subprocess.Popen` that tests use."""
 
     def __init__(
         self,
-        words: list[str],
+        command: list[str],
         environment: Mapping[str, str],
         *,
         folder: Path | None = None,
@@ -86,13 +86,13 @@ class WarmProcess:
 
         Args:
             words: of `slopewise`; or this interpreter, a program's file, and its words.
-            environment: all of it. folder: where it runs; here if left out.
+            environment: all of it. folder: where it runs; here by default.
             hidden: modules that are missing.
         """
         pipes = [_FORKS.Pipe(duplex=False) for _ in range(2)]
         writers = [writer for _, writer in pipes]
         place = (str(folder or Path.cwd()), tuple(hidden))
-        arguments = (words, dict(environment), place, *writers)
+        arguments = (command, dict(environment), place, *writers)
         self._process = _FORKS.Process(target=_run, args=arguments, daemon=True)
         self._process.start()
         for writer in writers:
@@ -125,6 +125,6 @@ class WarmProcess:
         self.send_signal(signal.SIGKILL)
 
     def finished(self, timeout: float) -> subprocess.CompletedProcess[str]:
-        """What it said, and its status, once it has ended."""
+        """Its output and status, once it has ended."""
         out, err = self.stdout.read(), self.stderr.read()
         return subprocess.CompletedProcess([], self.wait(timeout), out, err)

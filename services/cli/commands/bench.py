@@ -167,9 +167,6 @@ def closed_loop(*, quick: bool, json_file: Path | None, out: Path | None) -> Non
 
 def _write_closed_loop(driven: Any, folder: Path, console: Console) -> None:
     pictures = _benchmark("closed_loop.pictures")
-    tables = _benchmark("closed_loop.tables")
-    from slopewise.services.report.closed_loop_page import write_report
-
     frames = []
     try:
         frames = pictures.frames(driven)
@@ -179,9 +176,7 @@ def _write_closed_loop(driven: Any, folder: Path, console: Console) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, picture in drawn.items():
         (folder / f"{name}.png").write_bytes(picture)
-    report = folder / "report.html"
-    write_report(report, driven.result, tables.COLUMNS, drawn)
-    console.print(f"wrote {report}")
+    console.print(f"wrote {len(drawn)} pictures to {folder}")
 
 
 def _write_json(

@@ -34,8 +34,8 @@ from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.io.no_data import nodata_of
 from slopewise.services.io.table import write_csv
 from slopewise.services.report.brake_numbers import BrakeNumbers
-from slopewise.services.report.brake_words import as_json as sheet_json
-from slopewise.services.report.words import plural
+from slopewise.services.report.brake_sheet import sheet_json
+from slopewise.services.report.plan_labels import plural
 
 _LISTED = 20
 
@@ -147,7 +147,7 @@ def write_stops(result: CalibrateResult, path: Path) -> None:
 
 def write_page(result: CalibrateResult, job: CalibrateOptions, path: Path) -> None:
     """The report page."""
-    from slopewise.services.report.calibration_page import write_report
+    from slopewise.services.report.calibration_page import write_calibration_page
 
     c = result.calibration
     rows = {label: [cell(s) for s in c.surfaces] for label, cell in ROWS.items()}
@@ -159,7 +159,7 @@ def write_page(result: CalibrateResult, job: CalibrateOptions, path: Path) -> No
         "written": f"{datetime.now():%Y-%m-%d %H:%M}",
     }
     title = f"Brakes of {result.model.name}"
-    write_report(path, c, rows, clock, title=title, provenance=provenance)
+    write_calibration_page(path, c, rows, clock, title=title, provenance=provenance)
 
 
 _MEASURED = (

@@ -50,11 +50,11 @@ def _write_page(
     job: CalibrateOptions,
     error: InputError,
 ) -> None:
-    from slopewise.services.report.refused_page import RefusedLog, write_refused
+    from slopewise.services.report.calibration_page import RejectedLog, write_rejected_log
 
     assert job.report is not None
     run, t = log.columns["run"], log.columns["t"]
-    refused = RefusedLog(
+    rejected = RejectedLog(
         str(error),
         windows,
         [f"{run[w.command]}, {t[w.command]:.2f} s" for w in windows],
@@ -66,4 +66,5 @@ def _write_page(
         "model so far": job.model,
         "written": f"{datetime.now():%Y-%m-%d %H:%M}",
     }
-    write_refused(job.report, refused, title="Brakes that were not learned", provenance=provenance)
+    title = "Brakes that were not learned"
+    write_rejected_log(job.report, rejected, title=title, provenance=provenance)

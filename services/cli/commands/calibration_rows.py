@@ -11,7 +11,7 @@ from slopewise.models.calibration.brake_states import WeakerState
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.speed_error import SpeedError
 from slopewise.models.calibration.surface_fit import SurfaceFit
-from slopewise.services.report.words import plural
+from slopewise.services.report.plan_labels import plural
 
 
 def coverage(surface: SurfaceFit) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from rich.text import Text
 from slopewise.services.check.check_report import CheckReport, Violation
 from slopewise.services.check.tolerances import TOLERANCES
 from slopewise.services.cli.commands.check import CheckResult
-from slopewise.services.report.words import plural
+from slopewise.services.report.plan_labels import plural
 
 
 def as_json(result: CheckResult) -> dict[str, Any]:

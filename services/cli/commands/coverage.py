@@ -22,7 +22,7 @@ from slopewise.services.io.logs.log_source import grade_by_map, names_of, refuse
 from slopewise.services.io.logs.unseen_channels import unseen_channels
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.no_data import nodata_of
-from slopewise.services.report.words import plural
+from slopewise.services.report.plan_labels import plural
 
 _PARTS = 4
 _LISTED = 20

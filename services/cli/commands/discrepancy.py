@@ -84,7 +84,7 @@ def run(job: DiscrepancyJob, *, quiet: bool = False) -> DiscrepancyResult:
 
 def write(result: DiscrepancyResult, job: DiscrepancyJob, folder: Path) -> list[Path]:
     """DIR/discrepancy.json, DIR/model.toml, DIR/report.html; each all or nothing."""
-    from slopewise.services.report.discrepancy_page import write_report
+    from slopewise.services.report.discrepancy_page import write_discrepancy_page
 
     files = write_findings(result.findings, folder)
     page = folder / PAGE
@@ -94,7 +94,9 @@ def write(result: DiscrepancyResult, job: DiscrepancyJob, folder: Path) -> list[
         "written": f"{datetime.now():%Y-%m-%d %H:%M}",
     }
     title = f"{result.findings.model.name} against its log"
-    write_report(page, result.findings, result.evidence, title=title, provenance=provenance)
+    write_discrepancy_page(
+        page, result.findings, result.evidence, title=title, provenance=provenance
+    )
     return [*files, page]
 
 

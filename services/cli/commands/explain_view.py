@@ -10,7 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from slopewise.planner.explain.explain import Explanation
-from slopewise.services.report.words import word
+from slopewise.services.report.plan_labels import limiting_label
 
 
 def as_json(found: Explanation) -> dict[str, Any]:
@@ -49,7 +49,7 @@ def show(found: Explanation, console: Console) -> None:
             continue
         where = "–" if not own else f"{own[0].begin:.1f} … {own[-1].end:.1f}"
         table.add_row(
-            word(cost.limiting),
+            limiting_label(cost.limiting),
             f"{sum(s.seconds for s in own):.2f}",
             where if len(own) < 2 else f"{where} ({len(own)} times)",
             f"−{cost.seconds:.2f}" if cost.seconds > 0.0 else "–",

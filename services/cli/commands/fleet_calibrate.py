@@ -20,7 +20,7 @@ from slopewise.models.parameters import Model
 from slopewise.services.cli.arguments.fleet import FleetCalibrateOptions
 from slopewise.services.cli.screen import progress_bar
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
-from slopewise.services.fleet.vehicles import LogTask, measure_vehicle, vehicles_of
+from slopewise.services.fleet.vehicle_logs import LogTask, measure_vehicle, vehicles_of
 from slopewise.services.io.files import fault, reason
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model, write_model
 from slopewise.services.io.no_data import nodata_of

@@ -18,32 +18,32 @@ from rich.table import Table
 
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.services.cli.screen import progress_bar
-from slopewise.services.fleet import finding
-from slopewise.services.fleet.census import Census, Lacked, census
-from slopewise.services.fleet.finding import DONE, Row
-from slopewise.services.fleet.folder import open_folder, sweep
-from slopewise.services.fleet.investigating import (
+from slopewise.services.fleet import finding_row
+from slopewise.services.fleet.discrepancy_task import (
     VehicleTask,
+    failed_row,
     finished,
-    given_up,
     investigate_vehicle,
 )
-from slopewise.services.fleet.parts import map_digest
-from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
-from slopewise.services.fleet.vehicles import vehicles_of
-from slopewise.services.fleet.words import (
-    by_surprise,
-    chance_words,
-    counted,
-    effect_words,
-    left_out,
-    numbers,
+from slopewise.services.fleet.finding_row import DONE, Row
+from slopewise.services.fleet.fleet_summary import EffectPrevalence, FleetSummary, summarise_fleet
+from slopewise.services.fleet.fleet_text import (
+    format_effects,
+    format_false_alarms,
+    format_parameters,
+    list_failed,
+    prevalence_cells,
+    sort_by_prediction_error,
 )
+from slopewise.services.fleet.parts import map_digest
+from slopewise.services.fleet.result_folder import open_folder, remove_partial_files
+from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
+from slopewise.services.fleet.vehicle_logs import vehicles_of
 from slopewise.services.io.files import check_file, fault, read_text, write_atomic
 from slopewise.services.io.findings_file import FINDINGS, source_of
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.io.no_data import NoData
-from slopewise.services.report.words import plural
+from slopewise.services.report.plan_labels import plural
 
 LINES, PAGE = "findings.jsonl", "report.html"
 """A line a vehicle, and the page of the fleet."""
@@ -84,13 +84,13 @@ class FleetDiscrepancyResult:
     """What was found.
 
     Attributes:
-        rows: of all vehicles, in the order given. census: of them. resumed: vehicles that an
+        rows: of all vehicles, in the order given. summary: of them. resumed: vehicles that an
             earlier run had looked at. strays: vehicles in the folder that are not among these.
         seconds: it took.
     """
 
     rows: list[Row]
-    census: Census
+    summary: FleetSummary
     resumed: int
     strays: int
     seconds: float
@@ -107,7 +107,7 @@ def run(job: FleetDiscrepancyJob, *, quiet: bool = False) -> FleetDiscrepancyRes
     grouped = vehicles_of(job.logs, job.by_folder)
     models = {name: _model_of(job.models, name) for name in grouped}
     question = _question(job)
-    folders = (finding.FINDINGS, finding.VEHICLES)
+    folders = (finding_row.FINDINGS, finding_row.VEHICLES)
     begun = open_folder(job.out, folders, question, "map, options")
     tasks: list[VehicleTask] = []
     with progress_bar("looking through logs", len(grouped), quiet=quiet) as advance:
@@ -118,27 +118,27 @@ def run(job: FleetDiscrepancyJob, *, quiet: bool = False) -> FleetDiscrepancyRes
     with progress_bar("comparing", len(tasks), quiet=quiet) as advance:
         advance(len(tasks) - len(left))
         workers = Workers(job.workers, job.scheduler)
-        for _ in each_done(investigate_vehicle, left, workers, given_up):
+        for _ in each_done(investigate_vehicle, left, workers, failed_row):
             advance(1)
-    sweep(job.out, folders)
+    remove_partial_files(job.out, folders)
     rows = [_row(job.out, task) for task in tasks]
     _write_lines(job.out, rows)
     settings = job.settings or DiscrepancySettings()
     result = FleetDiscrepancyResult(
         rows,
-        census(rows, settings.false_alarm),
+        summarise_fleet(rows, settings.false_alarm),
         len(tasks) - len(left),
-        len(list((job.out / finding.FINDINGS).glob("*.parquet"))) - len(tasks),
+        len(list((job.out / finding_row.FINDINGS).glob("*.parquet"))) - len(tasks),
         time.perf_counter() - begin,
     )
-    if not result.census.looked_at:
-        name, why = next(iter(result.census.without.items()))
+    if not result.summary.examined:
+        name, why = next(iter(result.summary.failed.items()))
         words = f"expected at least one vehicle that can be looked at, got none; {name}: {why}"
         raise fault("fleet", "", words)
     if job.pages:
-        from slopewise.services.fleet.page import write_report
+        from slopewise.services.fleet.fleet_page import write_fleet_page
 
-        write_report(job.out / PAGE, rows, result.census)
+        write_fleet_page(job.out / PAGE, rows, result.summary)
     return result
 
 
@@ -200,9 +200,9 @@ def _tasks(
 
 def _row(folder: Path, task: VehicleTask) -> Row:
     """As it is on disk, so that a run that goes on tells what one that did all tells."""
-    row = finding.read(folder, task.vehicle, task.key)
+    row = finding_row.read(folder, task.vehicle, task.key)
     if row is None:
-        file = folder / finding.FINDINGS / f"{task.vehicle}.parquet"
+        file = folder / finding_row.FINDINGS / f"{task.vehicle}.parquet"
         raise fault(file, "", "expected the row that was written, got none: is the folder shared?")
     return row
 
@@ -213,7 +213,7 @@ def _write_lines(folder: Path, rows: list[Row]) -> None:
     for row in rows:
         line = {name: row[name] for name in ("vehicle", "status", "reason")}
         if row["status"] == DONE:
-            file = folder / finding.VEHICLES / row["vehicle"] / FINDINGS
+            file = folder / finding_row.VEHICLES / row["vehicle"] / FINDINGS
             told = json.loads(read_text(file))
             del told["seconds"]
             line |= told
@@ -223,27 +223,27 @@ def _write_lines(folder: Path, rows: list[Row]) -> None:
 
 def as_json(result: FleetDiscrepancyResult) -> dict[str, Any]:
     """The count for machines; findings.jsonl has what was found of each vehicle."""
-    c = result.census
+    c = result.summary
     return {
         "vehicles": len(result.rows),
-        "looked_at": c.looked_at,
+        "looked_at": c.examined,
         "verdicts": c.verdicts,
-        "without_answer": c.without,
+        "without_answer": c.failed,
         "effects": [
             {
                 "name": one.name,
                 "vehicles": list(one.vehicles),
-                "perhaps": list(one.perhaps),
+                "perhaps": list(one.ambiguous_in),
                 "confidence": None if one.confidence is None else list(one.confidence),
-                "expected_right": one.right,
+                "expected_right": one.expected_true,
                 "parameters": {
                     name: {"unit": unit, "least": low, "median": middle, "most": high}
                     for name, (unit, low, middle, high) in one.parameters.items()
                 },
             }
-            for one in c.lacked
+            for one in c.effects
         ],
-        "by_chance": c.by_chance,
+        "by_chance": c.expected_false,
         "resumed": result.resumed,
         "strays": result.strays,
         "seconds": result.seconds,
@@ -252,14 +252,14 @@ def as_json(result: FleetDiscrepancyResult) -> dict[str, Any]:
 
 def show(result: FleetDiscrepancyResult, console: Console) -> None:
     """The fleet by verdict and by effect, then the vehicles with the longest surprises."""
-    c = result.census
+    c = result.summary
     told = ", ".join(f"{count} {name}" for name, count in c.verdicts.items())
-    console.print(f"{c.looked_at} of {len(result.rows)} vehicles looked at: {told}")
-    if c.lacked:
-        console.print(_effects(c.lacked, c.looked_at))
+    console.print(f"{c.examined} of {len(result.rows)} vehicles looked at: {told}")
+    if c.effects:
+        console.print(_effects(c.effects, c.examined))
     console.print(_vehicles(result.rows))
-    console.print(chance_words(c), style="dim")
-    for words in left_out(c, _LISTED):
+    console.print(format_false_alarms(c), style="dim")
+    for words in list_failed(c, _LISTED):
         console.print(f"note: {escape(words)}", style="yellow")
     if result.resumed:
         console.print(f"{result.resumed} of them were looked at by an earlier run")
@@ -268,13 +268,13 @@ def show(result: FleetDiscrepancyResult, console: Console) -> None:
         console.print(words, style="yellow")
 
 
-def _effects(lacked: Sequence[Lacked], looked_at: int) -> Table:
+def _effects(lacked: Sequence[EffectPrevalence], looked_at: int) -> Table:
     table = Table(box=box.SIMPLE_HEAD)
     titles = ("effect", "missing in", "how sure", "of them right", "perhaps in", "numbers")
     for title in titles:
         table.add_column(title, justify="left" if title in ("effect", "numbers") else "right")
     for one in lacked:
-        table.add_row(one.name, *counted(one, looked_at), numbers(one))
+        table.add_row(one.name, *prevalence_cells(one, looked_at), format_parameters(one))
     return table
 
 
@@ -283,11 +283,11 @@ def _vehicles(rows: Sequence[Row]) -> Table:
     for title in ("vehicle", "stops", "verdict", "effects", "stops off by\nm, before", "after"):
         left = title in ("vehicle", "verdict", "effects")
         table.add_column(title, justify="left" if left else "right")
-    done = by_surprise(rows)
+    done = sort_by_prediction_error(rows)
     for row in done[:_LISTED]:
         before, after = (f"{row[f'stop_distance_{when}']:.2f}" for when in ("before", "after"))
         name, verdict = escape(row["vehicle"]), row["verdict"]
-        table.add_row(name, str(row["stops"]), verdict, effect_words(row), before, after)
+        table.add_row(name, str(row["stops"]), verdict, format_effects(row), before, after)
     if len(done) > _LISTED:
         table.caption = f"… and {len(done) - _LISTED} more, in {LINES}"
     return table

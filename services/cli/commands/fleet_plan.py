@@ -15,18 +15,18 @@ from slopewise.models.errors import InputError
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.cli.screen import progress_bar
-from slopewise.services.fleet import results
-from slopewise.services.fleet.folder import open_folder, sweep
-from slopewise.services.fleet.parts import FleetQuestion, PartName, parts_of
-from slopewise.services.fleet.planning import PlanTask, plan_part
+from slopewise.services.fleet import parquet_results
+from slopewise.services.fleet.map_windows import opened
+from slopewise.services.fleet.parts import FleetPlanSpec, PartName, parts_of
+from slopewise.services.fleet.plan_task import PlanTask, plan_part
+from slopewise.services.fleet.result_folder import open_folder, remove_partial_files
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
-from slopewise.services.fleet.windows import opened
 from slopewise.services.io.files import fault
 from slopewise.services.io.map_grid import MapInfo
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.io.no_data import NoData
 from slopewise.services.planning.cold_start import compile_first
-from slopewise.services.report.words import plural
+from slopewise.services.report.plan_labels import plural
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ def run(job: FleetPlanJob, *, quiet: bool = False) -> FleetPlanResult:
     model = read_model(find_model(job.model_file))
     with opened(job.map_file, job.nodata) as ground:
         info, notes = ground.info, ground.assumed
-    question = FleetQuestion(
+    question = FleetPlanSpec(
         str(job.map_file.resolve()),
         model_to_dict(model),
         job.settings,
@@ -97,13 +97,15 @@ def run(job: FleetPlanJob, *, quiet: bool = False) -> FleetPlanResult:
     )
     digest = question.digest()
     _check_names(job.path_files)
-    open_folder(job.out, (results.PLANS, results.CANDIDATES), digest, "map, model, options")
+    open_folder(
+        job.out, (parquet_results.PLANS, parquet_results.CANDIDATES), digest, "map, model, options"
+    )
     names: list[PartName] = []
     with progress_bar("looking through paths", len(job.path_files), quiet=quiet) as advance:
         for source in job.path_files:
             names += [part.name for part in parts_of(source, digest, info.extent, _said(job))]
             advance(1)
-    missing = [name for name in names if not results.finished(job.out, name.file)]
+    missing = [name for name in names if not parquet_results.is_finished(job.out, name.file)]
     candidates = sum(name.count for name in names)
     resumed = candidates - sum(name.count for name in missing)
     if missing and not job.scheduler:
@@ -113,9 +115,9 @@ def run(job: FleetPlanJob, *, quiet: bool = False) -> FleetPlanResult:
         tasks = _tasks(job, question, digest, info, missing)
         for count in each_done(plan_part, tasks, Workers(job.workers, job.scheduler)):
             advance(count)
-    sweep(job.out, (results.PLANS, results.CANDIDATES))
-    statuses, driven = results.count(job.out, [name.file for name in names])
-    there = len(list((job.out / results.CANDIDATES).glob("*.parquet")))
+    remove_partial_files(job.out, (parquet_results.PLANS, parquet_results.CANDIDATES))
+    statuses, driven = parquet_results.count(job.out, [name.file for name in names])
+    there = len(list((job.out / parquet_results.CANDIDATES).glob("*.parquet")))
     return FleetPlanResult(
         model.name,
         candidates - resumed,
@@ -133,7 +135,7 @@ def _said(job: FleetPlanJob) -> str:
 
 
 def _tasks(
-    job: FleetPlanJob, question: FleetQuestion, digest: str, info: MapInfo, missing: list[PartName]
+    job: FleetPlanJob, question: FleetPlanSpec, digest: str, info: MapInfo, missing: list[PartName]
 ) -> Iterator[Task[PlanTask]]:
     """Parts with their paths, one file in memory at a time."""
     keys = {name.key for name in missing}

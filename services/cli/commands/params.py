@@ -17,7 +17,7 @@ from rich.table import Table
 
 from slopewise.models.errors import InputError
 from slopewise.services.cli.arguments.robot import ParamsOptions
-from slopewise.services.report.words import plural
+from slopewise.services.report.plan_labels import plural
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.connect import client_session

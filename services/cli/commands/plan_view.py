@@ -24,7 +24,7 @@ from slopewise.services.cli.commands import check_view, explain_view
 from slopewise.services.cli.commands.plan import MadeFrom, PlanJob, PlanResult
 from slopewise.services.io.files import sha256_of
 from slopewise.services.io.plan_file import driven, summary
-from slopewise.services.report.words import plural
+from slopewise.services.report.plan_labels import plural
 
 _SHOWN_SHARE = 0.25
 """Deviations from the given path above this share of their limit get a line."""
@@ -39,7 +39,7 @@ STATUS_STYLE = {
 
 def write_page(result: PlanResult, job: PlanJob, path: Path) -> None:
     """A page that shows map, plans and bounds; works without a network."""
-    from slopewise.services.report.plan_page import write_report
+    from slopewise.services.report.plan_page import write_plan_page
 
     clear = "whole path" if np.isinf(job.clear) else f"{job.clear:g} m"
     facts = {
@@ -54,7 +54,7 @@ def write_page(result: PlanResult, job: PlanJob, path: Path) -> None:
         "date": time.strftime("%Y-%m-%d %H:%M"),
     }
     title = f"{job.path_file.stem} on {job.map_file.stem}"
-    write_report(
+    write_plan_page(
         path,
         result.elevation_map,
         result.plans,

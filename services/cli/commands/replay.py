@@ -18,7 +18,7 @@ from slopewise.models.errors import InputError
 from slopewise.services.cli.arguments.robot import ReplayOptions
 from slopewise.services.cli.screen import progress_bar
 from slopewise.services.io.drive_log import DriveLog, read_logs
-from slopewise.services.report.words import plural
+from slopewise.services.report.plan_labels import plural
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.connect import client_session

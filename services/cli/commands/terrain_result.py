@@ -29,7 +29,7 @@ from slopewise.services.io.files import fault
 from slopewise.services.io.model_file import write_model
 from slopewise.services.io.signature_file import write_signatures
 from slopewise.services.io.terrain_file import TerrainFile, write_terrains
-from slopewise.services.report.words import plural
+from slopewise.services.report.plan_labels import plural
 
 _LASTS = 6  # stretches of unknown ground that are offered as a class
 

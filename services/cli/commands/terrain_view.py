@@ -28,7 +28,7 @@ from slopewise.services.cli.commands.terrain_result import (
     usual_class,
 )
 from slopewise.services.io.terrain_table import event_row, excluded_row, write_terrain_table
-from slopewise.services.report.words import plural
+from slopewise.services.report.plan_labels import plural
 
 _LISTED = 30
 _TITLES = ("run", "f_r", "μ_t", "B_s\nm", "class", "p", "parts", "changed", "stuck\ns", "left\nout")
@@ -173,7 +173,7 @@ def _cells(one: RunEvents, spread: str = "") -> list[str]:
 
 def write_page(result: TerrainResult, job: TerrainJob, path: Path) -> None:
     """A page with the run that shows most in detail; works without a network."""
-    from slopewise.services.report.terrain_page import TerrainPage, write_report
+    from slopewise.services.report.terrain_page import TerrainPage, write_terrain_page
 
     one = max(result.runs, key=_variety)
     points = [
@@ -208,7 +208,7 @@ def write_page(result: TerrainResult, job: TerrainJob, path: Path) -> None:
             "computed in": f"{result.seconds:.2f} s",
         },
     )
-    write_report(path, content)
+    write_terrain_page(path, content)
 
 
 def _variety(one: RunEvents) -> float:

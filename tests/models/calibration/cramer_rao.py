@@ -14,7 +14,7 @@ from tests.models.calibration.plant import G, Plant, Truth
 _BEFORE = 1.0  # [s] of the level that belongs to a stop
 
 
-def least_covariance(plant: Plant, truth: Truth) -> np.ndarray:
+def min_covariance(plant: Plant, truth: Truth) -> np.ndarray:
     """(4, 4) lower bound of the covariance of m_m, b_m, m_b, b_b."""
     information = np.zeros((5, 5))
     for v, theta in zip(truth.speed, truth.grade, strict=True):
@@ -23,14 +23,16 @@ def least_covariance(plant: Plant, truth: Truth) -> np.ndarray:
         since = np.arange(-_BEFORE - plant.dead_time, v / a, 1.0 / plant.hz)
         down = since > 0.0
         by = np.column_stack((np.ones_like(since), -G * since * down, a * down))
-        own = by.T @ by / plant.speed_noise**2
-        own = own[1:, 1:] - np.outer(own[1:, 0], own[0, 1:]) / own[0, 0]  # held speed unknown
+        fisher = by.T @ by / plant.speed_noise**2
+        fisher = (
+            fisher[1:, 1:] - np.outer(fisher[1:, 0], fisher[0, 1:]) / fisher[0, 0]
+        )  # held speed unknown
         # The force of a stop scatters, and an error of its grade is one of its force as well.
         m = plant.m_m * v + plant.b_m
         scatter = plant.scatter**2 + ((1.0 + m) * plant.pitch_noise) ** 2 / max(int(down.sum()), 1)
-        own -= np.outer(own[:, 0], own[0]) * scatter / (1.0 + own[0, 0] * scatter)
+        fisher -= np.outer(fisher[:, 0], fisher[0]) * scatter / (1.0 + fisher[0, 0] * scatter)
         x = np.zeros((2, 5))
         x[0, :4] = v * theta, theta, v, 1.0
         x[1, 4] = 1.0
-        information += x.T @ own @ x
+        information += x.T @ fisher @ x
     return np.asarray(np.linalg.inv(information)[:4, :4])

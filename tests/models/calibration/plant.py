@@ -1,6 +1,6 @@
 """A vehicle to calibrate, made of nothing that the project computes with.
 
-Stops are integrated in small steps on ground whose slope varies along the way; the body dives and
+Stops are integrated in small steps on ground whose slope varies along the path; the body dives and
 rocks back, sensors are noisy and mounted askew. All stops of a log are integrated side by side.
 """
 
@@ -48,7 +48,7 @@ class Plant:
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened, (stops,): speed at the command, mean grade, way and time to rest.
+    """True values, (stops,): speed at the command, mean grade, distance and time to rest.
 
     ``ahead`` is the grade at every centimetre from the stop command on, (ways, stops).
     """
@@ -104,7 +104,7 @@ def drive(
     v, s = speed.copy(), np.zeros(stops)
     done, way, dive = np.full(stops, np.nan), np.full(stops, np.nan), np.zeros(stops)
     mean, count = np.zeros(stops), np.zeros(stops)
-    kept: list[tuple[np.ndarray, ...]] = []
+    samples: list[tuple[np.ndarray, ...]] = []
     every = round(1.0 / (plant.hz * STEP))
     k, t = 0, -lead
     while True:
@@ -117,7 +117,7 @@ def drive(
             rock = np.where(
                 np.isnan(done), 0.0, -0.06 * np.exp(-since / 0.1) * np.sin(since / 0.05)
             )
-            kept.append((np.full(stops, t), v + rock, theta, dive, s.copy()))
+            samples.append((np.full(stops, t), v + rock, theta, dive, s.copy()))
         if np.isfinite(done).all() and t > np.max(done) + tail:
             break
         assert t < 60.0, "the plant does not stop"
@@ -134,7 +134,7 @@ def drive(
         dive = dive + STEP / plant.settling * (plant.dive * (a - G * np.sin(theta)) - dive)
         k, t = k + 1, t + STEP
 
-    times, speeds_, thetas, dives, ways = (np.array(c).T for c in zip(*kept, strict=True))
+    times, speeds_, thetas, dives, ways = (np.array(c).T for c in zip(*samples, strict=True))
     at = speed * lead
     columns: dict[str, list[np.ndarray]] = {}
     runs, begin, clock = [], 0, 0.0
@@ -191,10 +191,10 @@ def allowed(
     ways = []
     for name in ("", *(n for n, t in b.terrain.items() if states and t.state_of == "")):
         on = b.on(name) if name else b
-        own = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
+        vector = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
         margin = np.zeros((4, 4)) if on.covariance is None else np.array(on.covariance)
-        margin = margin + on.force_scatter**2 * np.outer(own, own)
+        margin = margin + on.force_scatter**2 * np.outer(vector, vector)
         margin[3, 3] += on.force_std**2
         late = on.dead_time + z * on.dead_time_std
-        ways.append(predicted(own, late, truth, z * z * margin) + on.distance_offset)
+        ways.append(predicted(vector, late, truth, z * z * margin) + on.distance_offset)
     return np.max(ways, axis=0)

@@ -1,9 +1,24 @@
+"""Fits of force coefficients: covariance, scatter, margins and asymmetry."""
+
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from slopewise.models.calibration.force_fit import design, fit_force, fit_two_stages, with_mount
+from slopewise.models.calibration.asymmetry import Asymmetry, asymmetry
+from slopewise.models.calibration.force_fit import (
+    WEAK_PRIOR,
+    design,
+    fit_force,
+    fit_two_stages,
+    with_mount,
+)
+from slopewise.models.calibration.margins import normal_bound, offset_for
+from slopewise.models.calibration.scatter import QUANTILES, scatter_of
+
+# ------------------------------------------------------------------------------- force fit
+
 
 TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])
 
@@ -61,12 +76,14 @@ def test_an_error_that_all_stops_share_widens_the_covariance() -> None:
     grown = np.diag(shared.covariance - alone.covariance)
     assert grown[3] == pytest.approx(0.01**2, rel=0.05)
     assert np.all(np.abs(grown[:3]) < 1e-6)
-    askew = with_mount(alone, 0.01)
+    misaligned = with_mount(alone, 0.01)
     # Refitting on grades that are all off by 0.01 shows what the covariance claims.
-    off = fit_force(v, theta + 0.01, force - 0.01 * np.cos(theta), np.full(60, 0.004), np.zeros(4))
-    claimed = np.sqrt(np.diag(askew.covariance - alone.covariance))
+    shifted = fit_force(
+        v, theta + 0.01, force - 0.01 * np.cos(theta), np.full(60, 0.004), np.zeros(4)
+    )
+    claimed = np.sqrt(np.diag(misaligned.covariance - alone.covariance))
     np.testing.assert_allclose(
-        np.abs(off.coefficients - alone.coefficients)[2:], claimed[2:], rtol=0.1, atol=2e-5
+        np.abs(shifted.coefficients - alone.coefficients)[2:], claimed[2:], rtol=0.1, atol=2e-5
     )
 
 
@@ -80,3 +97,135 @@ def test_two_stages_need_two_grades_and_speeds() -> None:
     v, theta, force = observations(20, 3)
     assert fit_two_stages(np.full(20, 2.0), theta, force) is None
     assert fit_two_stages(v[:6], theta[:6], force[:6]) is None
+
+
+# ------------------------------------------------------------------------------- asymmetry
+
+
+def stops(k: float, n: int = 80, seed: int = 0, low: float = -0.25) -> Asymmetry | None:
+    rng = np.random.default_rng(seed)
+    v, theta = rng.uniform(1.0, 4.0, n), rng.uniform(low, 0.25, n)
+    force = (-0.03 * v - 0.35) * theta + 0.015 * v + 0.4 + k * np.maximum(theta, 0.0)
+    force += 0.005 * rng.standard_normal(n)
+    return asymmetry(v, theta, force, np.full(n, 0.003), WEAK_PRIOR)
+
+
+@pytest.mark.parametrize("k", [-0.3, 0.2])
+def test_it_is_found_with_its_size(k: float) -> None:
+    logged = stops(k)
+    assert logged is not None
+    assert logged.clear
+    assert logged.value == pytest.approx(k, abs=4.0 * logged.std)
+    assert logged.std < 0.03
+
+
+def test_symmetric_brakes_are_not_suspected() -> None:
+    logged = [stops(0.0, seed=seed) for seed in range(100)]
+    scaled = np.array([f.value / f.std for f in logged if f is not None])
+    assert len(scaled) == 100
+    assert np.std(scaled) == pytest.approx(1.0, abs=0.25)
+    assert sum(f.clear for f in logged if f is not None) <= 1
+
+
+def test_one_side_says_nothing() -> None:
+    assert stops(0.3, low=0.0) is None
+    assert stops(0.3, n=12) is None
+
+
+# --------------------------------------------------------------------------------- scatter
+
+
+@pytest.mark.parametrize("freedom", [0.0, 4.0])
+@pytest.mark.parametrize("n", [20, 100])
+def test_the_next_stop_falls_evenly_into_what_is_predicted(n: int, freedom: float) -> None:
+    """The histogram of the probability integral transform is flat (chi square of ten bins)."""
+    rng = np.random.default_rng([n, int(freedom)])
+
+    def draw(size: int) -> np.ndarray:
+        return rng.standard_t(freedom, size) if freedom else rng.standard_normal(size)
+
+    share = []
+    for _ in range(120):
+        bound = scatter_of(0.03 * draw(n), np.full(n, 1e-3))
+        share.append(bound.below(0.03 * draw(50)))
+    counts = np.histogram(np.concatenate(share), bins=10, range=(0.0, 1.0))[0]
+    expected = 120 * 50 / 10
+    # Stops that share a log are not independent: the log's own scale moves all 50 of them.
+    assert np.all(np.abs(counts - expected) < 0.15 * expected)
+    assert abs(np.mean(np.concatenate(share)) - 0.5) < 0.02
+
+
+@pytest.mark.parametrize(("n", "noise"), [(15, 0.0), (60, 0.0), (60, 0.02), (300, 0.0)])
+def test_the_quantile_planned_with_holds_and_few_stops_make_it_wider(n: int, noise: float) -> None:
+    rng = np.random.default_rng(n)
+    planned, typical = [], []
+    for _ in range(60):
+        residual = 0.03 * rng.standard_normal(n) + noise * rng.standard_normal(n)
+        bound = scatter_of(residual, np.full(n, max(noise, 1e-6)))
+        planned.append(bound.planned)
+        typical.append(bound.typical)
+    for q in QUANTILES:
+        beyond = stats.norm.cdf(-np.array(planned) * stats.norm.ppf(q) / 0.03)
+        assert np.mean(beyond) < 1.0 - q
+    assert np.median(typical) == pytest.approx(0.03, rel=0.15)
+    assert 1.0 < np.median(planned) / 0.03 < (2.2 if n < 20 else 1.6)
+
+
+def test_tails_count_on_the_dangerous_side_only() -> None:
+    rng = np.random.default_rng(1)
+    plain = 0.02 * rng.standard_normal(80)
+    noise = np.full(80, 1e-3)
+    long, short = plain.copy(), plain.copy()
+    long[:3], short[:3] = -0.12, 0.12
+    bound = scatter_of(plain, noise).planned
+    assert scatter_of(long, noise).planned > 1.5 * bound
+    assert scatter_of(short, noise).planned < 1.25 * bound
+
+
+def test_no_stop_no_scatter() -> None:
+    with pytest.raises(ValueError, match="at least one stop"):
+        scatter_of(np.empty(0), np.empty(0))
+
+
+# --------------------------------------------------------------------------------- margins
+
+
+@pytest.mark.parametrize("n", [12, 40, 150])
+@pytest.mark.parametrize("kind", ["normal", "heavy"])
+def test_the_requested_share_of_future_stops_is_covered(n: int, kind: str) -> None:
+    rng = np.random.default_rng(n)
+    covered = []
+    for _ in range(400):
+        draw = rng.standard_normal(n) if kind == "normal" else rng.standard_t(5, n)
+        bound = offset_for(0.995, 0.1 * draw) / 0.1
+        covered.append(stats.norm.cdf(bound) if kind == "normal" else stats.t.cdf(bound, 5))
+    assert np.mean(covered) > (0.995 if kind == "normal" else 0.99)
+    if kind == "normal":
+        assert np.mean(np.array(covered) >= 0.995) > 0.93
+
+
+def test_the_tolerance_factor_is_the_tabulated_one() -> None:
+    # k for n = 10, 95 % confidence, 95 % of the population, one-sided: 2.911 (NIST handbook).
+    data = np.array([-1.0, 1.0] * 5)
+    assert normal_bound(0.95, data) / np.std(data, ddof=1) == pytest.approx(2.911, abs=2e-3)
+
+
+def test_large_logs_pass_smoothly_into_the_approximation() -> None:
+    rng = np.random.default_rng(0)
+    data = rng.standard_normal(101)
+    unit = (data - data.mean()) / data.std(ddof=1)
+    exact = unit[:100] - unit[:100].mean()
+    exact /= exact.std(ddof=1)
+    assert normal_bound(0.995, unit) == pytest.approx(normal_bound(0.995, exact), rel=0.01)
+    assert np.isfinite(normal_bound(0.995, rng.standard_normal(5000)))
+
+
+def test_the_longest_shortfall_counts_and_offsets_are_not_negative() -> None:
+    shortfall = np.concatenate((np.full(30, -0.5), [0.8]))
+    assert offset_for(0.995, shortfall) >= 0.8
+    assert offset_for(0.995, np.linspace(-1.0, -0.9, 50)) == 0.0
+
+
+def test_a_few_stops_are_not_enough() -> None:
+    with pytest.raises(ValueError, match="at least 5 stops"):
+        offset_for(0.9, np.zeros(4))

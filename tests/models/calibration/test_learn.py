@@ -14,7 +14,7 @@ from slopewise.models.calibration.coverage import covered
 from slopewise.models.calibration.learn import Calibration, learn
 from slopewise.models.calibration.surface_fit import CalibrationSettings
 from slopewise.models.errors import ParameterError
-from tests.models.calibration.cramer_rao import least_covariance
+from tests.models.calibration.cramer_rao import min_covariance
 from tests.models.calibration.plant import Plant, Truth, allowed, drive
 from tests.models.models_for_tests import BASE
 
@@ -35,20 +35,20 @@ def plant_of(seed: int, **changes: float) -> Plant:
     )
 
 
-def deviations(learned: Calibration, *, askew: bool = True) -> np.ndarray:
+def deviations(learned: Calibration, *, misaligned: bool = True) -> np.ndarray:
     """Standard deviations, with or without what an unknown mount adds to them."""
     fit = learned.surfaces[0].fit
     covariance = fit.covariance.copy()
-    if not askew and not learned.mount.known:
+    if not misaligned and not learned.mount.known:
         m_m, b_m = fit.coefficients[:2]
         shift = learned.mount.std * np.array([0.0, 0.0, m_m, 1.0 + b_m])
         covariance -= np.outer(shift, shift)
     return np.sqrt(np.diag(covariance))
 
 
-def off_in_std(learned: Calibration, plant: Plant, *, askew: bool = True) -> np.ndarray:
-    off = learned.surfaces[0].fit.coefficients - plant.coefficients
-    return off / deviations(learned, askew=askew)
+def off_in_std(learned: Calibration, plant: Plant, *, misaligned: bool = True) -> np.ndarray:
+    deviation = learned.surfaces[0].fit.coefficients - plant.coefficients
+    return deviation / deviations(learned, misaligned=misaligned)
 
 
 def excess(learned: Calibration, truth: Truth) -> np.ndarray:
@@ -66,43 +66,43 @@ def force_error(learned: Calibration, plant: Plant) -> float:
 
 
 def recover(seeds: range, stops: int | None, **changes: float) -> None:
-    off, excesses, force_errors, sharpness = [], [], [], []
+    deviation, excesses, force_errors, sharpness = [], [], [], []
     for seed in seeds:
         plant = plant_of(seed, **changes)
         count = stops or int(np.random.default_rng(seed).integers(40, 201))
         log, runs, truth = drive(plant, count, seed)
         learned = learn(log, runs, KNOWN)
-        off.append(off_in_std(learned, plant, askew=False))
+        deviation.append(off_in_std(learned, plant, misaligned=False))
         assert learned.dead_time.value == pytest.approx(plant.dead_time, abs=0.01)
         if count >= 100:
             force_errors.append(force_error(learned, plant))
         error = learned.surfaces[0].fit.coefficients - plant.coefficients
-        sharpness.append(error / np.sqrt(np.diag(least_covariance(plant, truth))))
+        sharpness.append(error / np.sqrt(np.diag(min_covariance(plant, truth))))
         _, _, held_out = drive(replace(plant, outliers=0.0), 60, 5_000 + seed)
         excesses.append(excess(learned, held_out))
-    share = np.mean(np.abs(off) < 2.0)
-    # Of so many numbers as many are outside two standard deviations as a normal one allows.
-    assert share > 0.955 - 2.5 * np.sqrt(0.955 * 0.045 / np.size(off))
+    share = np.mean(np.abs(deviation) < 2.0)
+    # As many numbers are outside two standard deviations as a normal distribution allows.
+    assert share > 0.955 - 2.5 * np.sqrt(0.955 * 0.045 / np.size(deviation))
     # No unbiased estimator is within 2 % at the corners of the range in all runs: the bound of
     # Cramér and Rao allows 99.6 % of them. The estimates are as sharp as that bound.
     if force_errors:
         assert np.mean(np.array(force_errors) < 0.02) >= 0.98
         assert max(force_errors) < 0.03
-    assert np.sqrt(np.mean(np.square(sharpness))) < 1.05 + 2.0 / np.sqrt(2.0 * np.size(off))
+    assert np.sqrt(np.mean(np.square(sharpness))) < 1.05 + 2.0 / np.sqrt(2.0 * np.size(deviation))
     assert np.mean(np.concatenate(excesses) >= 0.0) >= 0.995
     assert np.mean(np.concatenate(excesses)) < 0.15
 
 
-def test_the_truth_comes_back() -> None:
+def test_the_truth_is_recovered() -> None:
     recover(range(6), 60)
 
 
-def test_the_truth_comes_back_through_gross_outliers() -> None:
+def test_the_truth_is_recovered_from_gross_outliers() -> None:
     recover(range(20, 22), 100, outliers=0.05)
 
 
 @pytest.mark.nightly
-def test_the_truth_comes_back_two_hundred_times() -> None:
+def test_the_truth_is_recovered_two_hundred_times() -> None:
     recover(range(200), None)
 
 
@@ -111,14 +111,14 @@ def test_outliers_change_nothing_by_more_than_a_standard_deviation() -> None:
         plant = plant_of(seed)
         clean = learn(*drive(plant, 100, seed)[:2], KNOWN)
         dirty = learn(*drive(replace(plant, outliers=0.05), 100, seed)[:2], KNOWN)
-        std = deviations(clean, askew=False)
+        std = deviations(clean, misaligned=False)
         shift = dirty.surfaces[0].fit.coefficients - clean.surfaces[0].fit.coefficients
         assert np.all(np.abs(shift) < std)
-        assert any("coefficients do not rest" in words for words in dirty.warnings)
+        assert any("coefficients do not rest" in text for text in dirty.warnings)
 
 
 @pytest.mark.parametrize("source", ["both ways", "map"])
-def test_diving_and_askew_no_downhill_stop_is_predicted_short(source: str) -> None:
+def test_diving_and_misaligned_no_downhill_stop_is_predicted_short(source: str) -> None:
     for seed in range(2):
         plant = plant_of(seed, **DIVING)
         log, runs, _ = drive(plant, 100, seed, out_and_back=source == "both ways")
@@ -135,20 +135,20 @@ def test_diving_and_askew_no_downhill_stop_is_predicted_short(source: str) -> No
         assert learned.dive.per_deceleration == pytest.approx(DIVING["dive"], rel=0.1)
 
 
-def test_a_body_that_leans_downhill_does_not_shift_the_slope_coefficients() -> None:
+def test_a_body_that_dives_downhill_does_not_shift_the_slope_coefficients() -> None:
     """Its pitch is g · dive steeper than the ground; taken for it, b_m is off by nearly that."""
-    off = []
+    deviation = []
     for seed in range(3):
         plant = replace(plant_of(seed, dive=2.0 * DIVING["dive"]), pitch_noise=0.0)
         log, runs, _ = drive(plant, 100, seed)
         learned = learn(log, runs, KNOWN).braking
-        off.append(2.5 * (learned.m_m - plant.m_m) + learned.b_m - plant.b_m)
+        deviation.append(2.5 * (learned.m_m - plant.m_m) + learned.b_m - plant.b_m)
     share = 9.80665 * 2.0 * DIVING["dive"]
-    assert abs(np.mean(off)) < 0.25 * share, (off, share)
+    assert abs(np.mean(deviation)) < 0.25 * share, (deviation, share)
 
 
 def test_from_pitch_alone_no_downhill_stop_is_predicted_short() -> None:
-    # Also where brakes hardly hold the slope.
+    # Also where brakes only just hold the slope.
     for seed, weak in ((1, {}), (4, {}), (8, {"b_b": 0.36, "m_b": 0.0})):
         plant = replace(plant_of(seed, **DIVING), **weak)
         log, runs, _ = drive(plant, 100, seed)
@@ -161,14 +161,14 @@ def test_from_pitch_alone_no_downhill_stop_is_predicted_short() -> None:
 @pytest.mark.nightly
 def test_an_unknown_mount_is_part_of_what_is_claimed() -> None:
     rng = np.random.default_rng(3)
-    off, short = [], []
+    deviation, short = [], []
     for seed in range(60):
         plant = plant_of(seed, dive=DIVING["dive"], mount=np.deg2rad(0.5) * rng.standard_normal())
         learned = learn(*drive(plant, 60, seed)[:2], KNOWN)
-        off.append(off_in_std(learned, plant))
+        deviation.append(off_in_std(learned, plant))
         _, _, held_out = drive(plant, 100, 7_000 + seed, grades=(-0.25, -0.03))
         short.append(np.min(excess(learned, held_out)))
-    assert np.all(np.abs(np.sqrt(np.mean(np.square(off), axis=0)) - 1.0) < 0.25)
+    assert np.all(np.abs(np.sqrt(np.mean(np.square(deviation), axis=0)) - 1.0) < 0.25)
     assert min(short) > 0.0
 
 
@@ -181,16 +181,16 @@ def test_taking_the_body_for_the_ground_would_be_short() -> None:
     assert np.min(excess(raw, held_out)) < -0.05
 
 
-def test_a_mount_that_cannot_be_told_is_said_and_paid_for() -> None:
+def test_an_unobservable_mount_is_reported_and_adds_margin() -> None:
     plant = plant_of(1)
-    both = learn(*drive(plant, 80, 1, out_and_back=True)[:2], KNOWN)
+    two_way = learn(*drive(plant, 80, 1, out_and_back=True)[:2], KNOWN)
     blind_log, runs, _ = drive(plant, 80, 1, out_and_back=True)
     blind = learn({n: v for n, v in blind_log.items() if n not in ("x", "y")}, runs, KNOWN)
     assert not blind.mount.known
-    assert any("mount offset" in words for words in blind.warnings)
-    assert not any("mount offset" in words for words in both.warnings)
+    assert any("mount offset" in text for text in blind.warnings)
+    assert not any("mount offset" in text for text in two_way.warnings)
     _, _, fresh = drive(plant, 40, 2, grades=(-0.25, -0.03))
-    assert np.all(allowed(blind.braking, fresh) > allowed(both.braking, fresh))
+    assert np.all(allowed(blind.braking, fresh) > allowed(two_way.braking, fresh))
 
 
 @pytest.mark.parametrize("change", [0.25, -0.3])
@@ -201,21 +201,23 @@ def test_other_brakes_uphill_get_coefficients_of_their_own(
     log, runs, _ = drive(plant, 60, 4)
     fresh = drive(plant, 60, 5)[:2]
     learned = learn(log, runs, KNOWN)
-    assert any("uphill" in words and f"{change:+.1f}" in words for words in learned.warnings)
+    assert any("uphill" in text and f"{change:+.1f}" in text for text in learned.warnings)
     up = learned.braking.uphill
     assert up is not None
     assert up.m_m == learned.braking.m_m
     assert up.b_m - learned.braking.b_m == pytest.approx(change, abs=0.08)
     assert learned.braking.b_m == pytest.approx(plant.b_m, abs=0.1)
     monkeypatch.setattr("slopewise.models.calibration.learn.clear_asymmetry", lambda *_: None)
-    alike = learn(log, runs, KNOWN)
-    assert alike.braking.uphill is None
-    own, one = (covered(*fresh, replace(BASE, braking=c.braking)) for c in (learned, alike))
-    assert own.covers()
-    assert np.mean(own.excess) < np.mean(one.excess)
+    symmetric = learn(log, runs, KNOWN)
+    assert symmetric.braking.uphill is None
+    asymmetric_coverage, symmetric_coverage = (
+        covered(*fresh, replace(BASE, braking=c.braking)) for c in (learned, symmetric)
+    )
+    assert asymmetric_coverage.covers()
+    assert np.mean(asymmetric_coverage.excess) < np.mean(symmetric_coverage.excess)
 
 
-def test_brakes_alike_uphill_are_not_said_to_differ() -> None:
+def test_symmetric_brakes_get_no_uphill_coefficients() -> None:
     assert not any("uphill" in w for w in learn(*drive(Plant(), 60, 4)[:2], KNOWN).warnings)
 
 
@@ -224,17 +226,17 @@ def test_level_ground_keeps_the_slopes_and_narrows_the_grades() -> None:
     assert learned.braking.m_m == pytest.approx(KNOWN.m_m, abs=0.02)
     assert learned.braking.b_m == pytest.approx(KNOWN.b_m, abs=0.05)
     assert learned.braking.grade_range == pytest.approx((-0.01, 0.01), abs=0.004)
-    assert any("m_m, b_m" in words for words in learned.warnings)
+    assert any("m_m, b_m" in text for text in learned.warnings)
     assert learned.braking.b_b == pytest.approx(0.40, abs=0.01)
 
 
 def joined(*logs: tuple) -> tuple[dict[str, np.ndarray], list[slice]]:
     columns: dict[str, list[np.ndarray]] = {}
     runs, begin, clock = [], 0, 0.0
-    for log, own, _ in logs:
+    for log, asymmetric_coverage, _ in logs:
         for name, values in log.items():
             columns.setdefault(name, []).append(values + clock if name == "t" else values)
-        runs += [slice(begin + r.start, begin + r.stop) for r in own]
+        runs += [slice(begin + r.start, begin + r.stop) for r in asymmetric_coverage]
         begin, clock = begin + len(log["t"]), clock + float(log["t"][-1]) + 10.0
     return {name: np.concatenate(parts) for name, parts in columns.items()}, runs
 
@@ -252,7 +254,7 @@ def test_each_surface_gets_its_own_and_the_base_is_the_weakest() -> None:
     assert learned.braking.on("clay").b_b == pytest.approx(0.40, abs=0.02)
     assert learned.braking.on("gravel").b_b == pytest.approx(0.32, abs=0.02)
     assert learned.braking.b_b == learned.braking.on("gravel").b_b
-    assert any("gravel" in words for words in learned.warnings)
+    assert any("gravel" in text for text in learned.warnings)
     alone = learn(*drive(Plant(), 30, 0, terrain="clay")[:2], KNOWN)
     assert [s.name for s in alone.surfaces] == [""]
 
@@ -278,7 +280,7 @@ def test_too_few_stops_say_what_there_was() -> None:
         learn(log, runs, KNOWN)
 
 
-def test_positions_without_yaw_tell_the_mount_as_well() -> None:
+def test_positions_without_yaw_determine_the_mount_as_well() -> None:
     plant = plant_of(2, **DIVING)
     log, runs, _ = drive(plant, 60, 2, out_and_back=True)
     log["x"] = log["x"] + 0.02 * np.random.default_rng(0).standard_normal(len(log["x"]))
@@ -289,7 +291,7 @@ def test_positions_without_yaw_tell_the_mount_as_well() -> None:
 
 @given(seed=st.integers(0, 10_000), size=st.integers(1, 400))
 @settings(max_examples=60, deadline=None)
-def test_any_log_is_learned_from_or_refused_in_words(seed: int, size: int) -> None:
+def test_any_log_is_learned_from_or_refused_with_a_message(seed: int, size: int) -> None:
     rng = np.random.default_rng(seed)
     columns = {
         "run": np.full(size, "1"),
@@ -314,7 +316,7 @@ def test_any_log_is_learned_from_or_refused_in_words(seed: int, size: int) -> No
 
 
 @pytest.mark.nightly
-def test_an_hour_at_100_hz_takes_seconds() -> None:
+def test_an_hour_at_100_hz_is_learned_in_seconds() -> None:
     stops, samples = 240, 360_000
     log, runs, _ = drive(Plant(), stops, 1)
     rng = np.random.default_rng(0)
@@ -322,11 +324,11 @@ def test_an_hour_at_100_hz_takes_seconds() -> None:
     parts: dict[str, list[np.ndarray]] = {"v": [], "v_cmd": [], "pitch": []}
     noise = {"v": 0.03, "v_cmd": 0.0, "pitch": 0.005}
     for run in runs:
-        for name, kept in parts.items():
+        for name, part in parts.items():
             values = log[name][run]
             cruise = values[0] + noise[name] * rng.standard_normal(each - len(values))
-            kept.append(np.concatenate((cruise, values)))
-    hour = {name: np.concatenate(kept) for name, kept in parts.items()}
+            part.append(np.concatenate((cruise, values)))
+    hour = {name: np.concatenate(part) for name, part in parts.items()}
     hour |= {"t": 0.01 * np.arange(samples), "run": np.full(samples, "1")}
     begin = time.process_time()
     learned = learn(hour, [slice(0, samples)], KNOWN)

@@ -1,3 +1,5 @@
+"""Learned and published force: surfaces, rejections, ages and rate limits."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -9,12 +11,15 @@ from hypothesis import strategies as st
 
 from slopewise.models.calibration.learned_force import LearnedForce, braking_in_use
 from slopewise.models.calibration.online import OnlineBraking
-from slopewise.models.calibration.published import PublishSettings
+from slopewise.models.calibration.published import PublishedForce, PublishSettings
 from slopewise.models.calibration.recursive import Acceptance, RecursiveSettings, at_least_both
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs.stop_stream import StreamedStop
 from slopewise.models.surface_braking import SurfaceBraking
+
+# --------------------------------------------------------------------------- learned force
+
 
 TIGHT = ((1e-4, 0.0, 0.0, 0.0), (0.0, 9e-4, 0.0, 0.0), (0.0, 0.0, 4e-6, 0.0), (0.0, 0.0, 0.0, 4e-5))
 PRIOR = Braking(
@@ -80,7 +85,7 @@ def test_until_it_is_valid_an_estimate_only_lowers_the_force() -> None:
 
 
 @pytest.mark.parametrize("weaker", [0.20, 0.12, 0.06])
-def test_two_stops_on_weaker_ground_are_believed_whole(weaker: float) -> None:
+def test_two_stops_on_weaker_ground_are_followed_fully(weaker: float) -> None:
     online = learning()
     braked(online, [0.32] * 12)
     outcomes = [online.take(stop(weaker)).outcome for _ in range(2)]
@@ -90,22 +95,22 @@ def test_two_stops_on_weaker_ground_are_believed_whole(weaker: float) -> None:
     narrow = learning(change=0.0)
     braked(narrow, [0.32] * 12)
     braked(narrow, [weaker] * 2)
-    told = narrow.learned()[""].estimate
-    assert told[2] * 2.0 + told[3] > weaker + 0.03, "the width of a change is what does it"
-    # What is published knows the two stops by themselves.
+    estimate = narrow.learned()[""].estimate
+    assert estimate[2] * 2.0 + estimate[3] > weaker + 0.03, "the width of a change is what does it"
+    # The published force uses the two stops individually.
     used = braking_in_use(PRIOR, narrow.learned())
-    assert used.m_b * 2.0 + used.b_b < told[2] * 2.0 + told[3]
+    assert used.m_b * 2.0 + used.b_b < estimate[2] * 2.0 + estimate[3]
 
 
-def test_doubt_takes_back_what_was_gained_and_nothing_more() -> None:
+def test_uncertainty_reverts_the_gain_and_nothing_more() -> None:
     online = learning()
     braked(online, [0.45] * 25)
     fast = lower_bounds(braking_in_use(PRIOR, online.learned()))
     online.doubt()
-    doubted = lower_bounds(braking_in_use(PRIOR, online.learned()))
-    assert np.all(np.array(doubted) <= fast)
-    assert np.all(np.array(doubted) <= np.array(lower_bounds(PRIOR)) + 1e-9)
-    assert min(doubted) > 0.5 * min(lower_bounds(PRIOR)), "it must still be able to drive"
+    inflated = lower_bounds(braking_in_use(PRIOR, online.learned()))
+    assert np.all(np.array(inflated) <= fast)
+    assert np.all(np.array(inflated) <= np.array(lower_bounds(PRIOR)) + 1e-9)
+    assert min(inflated) > 0.5 * min(lower_bounds(PRIOR)), "it must still be able to drive"
     assert online.take(stop(0.10)).outcome is Acceptance.ACCEPTED, "open to the first stop"
     online.doubt("", np.array([0.0, 0.0, 0.0, 0.05]))
     used = braking_in_use(PRIOR, online.learned())
@@ -136,18 +141,18 @@ def test_growing_older_never_makes_a_plan_faster(
 def test_restored_it_is_as_it_was_only_older(forces: list[float], age: float) -> None:
     online, again = learning(), learning()
     braked(online, forces)
-    (kept,) = online.learned().values()
-    again.restore(kept, age=age)
+    (learned_force,) = online.learned().values()
+    again.restore(learned_force, age=age)
     online.age(age)
     (restored,), (aged,) = again.learned().values(), online.learned().values()
     np.testing.assert_allclose(restored.published, aged.published, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(restored.covariance, aged.covariance, rtol=1e-6, atol=1e-12)
     assert (restored.valid, restored.accepted) == (aged.valid, aged.accepted)
-    if kept.accepted:
+    if learned_force.accepted:
         assert again.take(stop(0.3)).outcome == online.take(stop(0.3)).outcome
 
 
-def test_surfaces_learn_apart_and_the_base_does_not_move_those_of_the_file() -> None:
+def test_surfaces_learn_separately_and_the_base_does_not_move_those_of_the_file() -> None:
     gravel = SurfaceBraking(b_b=0.25)
     prior = replace(PRIOR, terrain={"gravel": gravel})
     online = OnlineBraking(prior, recursive=RecursiveSettings(change=0.15))
@@ -167,9 +172,9 @@ def test_surfaces_learn_apart_and_the_base_does_not_move_those_of_the_file() -> 
 def test_neither_covariance_is_undercut(a: int, b: int) -> None:
     first, second = (np.random.default_rng(s).normal(size=(4, 4)) for s in (a, b))
     first, second = first @ first.T, second @ second.T
-    both = at_least_both(first, second)
-    for one in (first, second):
-        assert np.linalg.eigvalsh(both - one)[0] > -1e-9
+    lower = at_least_both(first, second)
+    for force in (first, second):
+        assert np.linalg.eigvalsh(lower - force)[0] > -1e-9
 
 
 @pytest.mark.parametrize(
@@ -184,7 +189,7 @@ def test_neither_covariance_is_undercut(a: int, b: int) -> None:
     ],
 )
 def test_what_cannot_have_been_learned_is_refused(changes: dict, field: str) -> None:
-    good = {
+    usable = {
         "estimate": (0.0, 0.0, 0.0, 0.3),
         "covariance": TIGHT,
         "published": (0.0, 0.0, 0.0, 0.3),
@@ -192,7 +197,116 @@ def test_what_cannot_have_been_learned_is_refused(changes: dict, field: str) -> 
         "accepted": 9,
         "gated": 0,
     }
-    LearnedForce(**good)  # type: ignore[arg-type]
+    LearnedForce(**usable)  # type: ignore[arg-type]
     with pytest.raises(ParameterError) as caught:
-        LearnedForce(**good | changes)  # type: ignore[arg-type]
+        LearnedForce(**usable | changes)  # type: ignore[arg-type]
     assert caught.value.field == field
+
+
+# ------------------------------------------------------------------------------- published
+
+
+TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])
+SPEEDS, GRADES = (1.0, 4.0), (-0.25, 0.25)
+V, THETA = np.meshgrid(np.linspace(*SPEEDS, 9), np.linspace(*GRADES, 9))
+
+
+def force(c: np.ndarray) -> np.ndarray:
+    return np.asarray((c[0] * V + c[1]) * THETA + c[2] * V + c[3])
+
+
+def published(**settings: float) -> PublishedForce:
+    return PublishedForce(TRUTH, SPEEDS, GRADES, PublishSettings(**settings))  # type: ignore[arg-type]
+
+
+def test_it_starts_from_the_prior() -> None:
+    np.testing.assert_allclose(published().coefficients, TRUTH, atol=1e-12)
+    assert not published().valid
+
+
+estimates = st.tuples(
+    st.floats(-0.1, 0.1), st.floats(-1.0, 0.5), st.floats(-0.05, 0.05), st.floats(0.1, 0.9)
+).map(np.array)
+
+
+@given(estimates=st.lists(estimates, min_size=1, max_size=5))
+def test_down_at_once_up_by_a_step_never_out_of_bounds(estimates: list[np.ndarray]) -> None:
+    out = published(rise=0.01)
+    for estimate in estimates:
+        before = force(out.coefficients)
+        out.follow(estimate)
+        after = force(out.coefficients)
+        assert np.all(after <= before + 0.01 + 1e-9)
+        assert np.all(after >= 0.02 - 1e-9)
+        assert np.all(after <= 1.2 + 1e-9)
+        # Nowhere above the estimate, as far as the estimate is a force that there can be.
+        assert np.all(
+            after[[0, 0, -1, -1], [0, -1, 0, -1]]
+            <= np.maximum(force(estimate)[[0, 0, -1, -1], [0, -1, 0, -1]], 0.02) + 1e-9
+        )
+
+
+def test_a_lasting_rise_is_reached_in_time() -> None:
+    out = published(rise=0.01)
+    better = TRUTH + np.array([0.0, 0.0, 0.0, 0.05])
+    for _ in range(6):
+        out.follow(better)
+    np.testing.assert_allclose(out.coefficients, better, atol=1e-9)
+
+
+def test_the_valid_flag_has_hysteresis() -> None:
+    out = published(valid_std=0.05, invalid_std=0.10)
+
+    def covariance(share: float) -> np.ndarray:
+        return np.diag([0.0, 0.0, 0.0, (share * np.min(out.corner_forces)) ** 2])
+
+    assert not out.judge(covariance(0.03), 3, 0.0)  # too few stops
+    assert out.judge(covariance(0.03), 8, 0.0)
+    assert out.judge(covariance(0.08), 9, 0.0)  # between the thresholds it stays
+    assert not out.judge(covariance(0.12), 10, 0.0)
+    assert not out.judge(covariance(0.08), 11, 0.0)  # and so it does on the return
+    assert out.judge(covariance(0.03), 12, 0.0)
+    assert not out.judge(covariance(0.03), 13, 0.6)
+
+
+def test_age_returns_to_the_default_where_it_is_weaker_only() -> None:
+    out = published(rise=1.0)
+    out.follow(TRUTH + np.array([0.0, 0.0, 0.0, 0.1]))
+    out.age(1e9, 3600.0)
+    np.testing.assert_allclose(out.coefficients, TRUTH, atol=1e-9)
+    weaker = TRUTH - np.array([0.0, 0.0, 0.0, 0.1])
+    out.follow(weaker)
+    out.age(1e9, 3600.0)
+    np.testing.assert_allclose(out.coefficients, weaker, atol=1e-9)
+
+
+def test_settings_that_contradict_themselves() -> None:
+    with pytest.raises(ParameterError, match="least"):
+        PublishSettings(least=1.0, most=0.5)
+    with pytest.raises(ParameterError, match="valid_std"):
+        PublishSettings(valid_std=0.2)
+
+
+@given(level=st.floats(0.03, 0.3), steep=st.floats(-1.5, 0.0))
+def test_the_lower_bound_at_a_steep_end_is_not_spread_over_level_ground(
+    level: float, steep: float
+) -> None:
+    out = published(rise=1.0)
+    out.follow(np.array([0.0, steep, 0.0, level]))
+    assert out.coefficients[2] * 2.0 + out.coefficients[3] <= max(level, 0.02) + 1e-9
+
+
+def test_invalid_values_rise_to_the_default_and_no_rise_is_immediate() -> None:
+    out = published(rise=0.02, only_valid=True)
+    better = TRUTH + np.array([0.0, 0.0, 0.0, 0.2])
+    for _ in range(9):
+        out.follow(better)
+    np.testing.assert_allclose(out.coefficients, TRUTH, atol=1e-9)
+    assert out.judge(np.zeros((4, 4)), 9, 0.0)
+    for n in range(1, 6):
+        out.follow(better)
+        np.testing.assert_allclose(out.corner_forces.mean(), force(TRUTH).mean() + 0.02 * n)
+    assert not out.judge(np.eye(4), 9, 0.0)
+    np.testing.assert_allclose(out.coefficients, TRUTH, atol=1e-9)
+    out.follow(TRUTH - np.array([0.0, 0.0, 0.0, 0.1]))
+    assert out.coefficients[3] < 0.31

@@ -40,7 +40,7 @@ class World:
     one_way: bool = False
     quantum: float = 0.0
     waves: float = 0.02
-    curvature_told: bool = False
+    has_curvature: bool = False
     further_places: tuple[tuple[float, float, float], ...] = ()
     off_library: str = ""
     size: float = 0.0
@@ -76,12 +76,12 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
         def ground(s: float, i: int = i) -> float:
             return base[i] + world.waves * np.sin(2 * np.pi * s / wave[i] + phase[i])
 
-        def bend(s: float, i: int = i) -> float:
+        def vertical_curvature(s: float, i: int = i) -> float:
             turns = 2 * np.pi / wave[i]
             return world.waves * turns * np.cos(turns * s + phase[i])
 
         v, s, t, force, x, y, yaw = speed[i], 0.0, -LEAD, 0.0, x0[i], y0[i], yaw0[i]
-        rows, done, told = [], np.nan, clock + LEAD
+        rows, done, command_time = [], np.nan, clock + LEAD
         count = 0
         every = round(1.0 / (world.hz * STEP))
         while np.isnan(done) or t < done + TAIL:
@@ -92,7 +92,9 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
                     if np.isnan(done)
                     else -0.05 * np.exp(-(t - done) / 0.1) * np.sin((t - done) / 0.04)
                 )
-                rows.append((t, v + rock, theta, x, y, yaw, rate[i] * (v > 0), bend(s)))
+                rows.append(
+                    (t, v + rock, theta, x, y, yaw, rate[i] * (v > 0), vertical_curvature(s))
+                )
             share = float(np.clip((t + STEP - world.dead_time) / STEP, 0.0, 1.0))
             if share > 0.0 and np.isnan(done):
                 m = Moment(
@@ -102,36 +104,36 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
                     x=x,
                     y=y,
                     curvature=rate[i] / v,
-                    vertical_curvature=bend(s),
+                    vertical_curvature=vertical_curvature(s),
                     speed=v,
-                    session_time=told,
+                    session_time=command_time,
                     heat=heat,
                 )
-                wanted = (k[0] * speed[i] + k[1]) * theta + k[2] * speed[i] + k[3]
+                demanded = (k[0] * speed[i] + k[1]) * theta + k[2] * speed[i] + k[3]
                 if "step_change" in e and i >= e["step_change"]["run"]:
-                    wanted = FORMULAS["step_change"](e["step_change"], Moment(force=wanted))
-                wanted += sum(FORCE[name](e[name], m) for name in e if name in FORCE)
+                    demanded = FORMULAS["step_change"](e["step_change"], Moment(force=demanded))
+                demanded += sum(FORCE[name](e[name], m) for name in e if name in FORCE)
                 if "surface_patch" in e and not FORCE["surface_patch"](e["surface_patch"], m):
                     p = e["surface_patch"]
                     there = any(hypot(x - px, y - py) <= r for px, py, r in world.further_places)
-                    wanted += p["delta"] * there
+                    demanded += p["delta"] * there
                 if world.off_library == "periodic":
-                    wanted += world.size * np.sin(2 * np.pi * x / 9.0)
+                    demanded += world.size * np.sin(2 * np.pi * x / 9.0)
                 if world.off_library == "ambient":
-                    wanted += world.size * (ambient[i] - 20.0) / 8.0
+                    demanded += world.size * (ambient[i] - 20.0) / 8.0
                 if world.off_library == "heading":
-                    wanted += world.size * np.cos(yaw - 0.7)
+                    demanded += world.size * np.cos(yaw - 0.7)
                 if world.off_library == "roll_sign":
-                    wanted += world.size * roll[i] / 0.15
+                    demanded += world.size * roll[i] / 0.15
                 if world.off_library == "alternating":
-                    wanted += world.size * (1.0 if (i // 5) % 2 else -1.0)
+                    demanded += world.size * (1.0 if (i // 5) % 2 else -1.0)
                 if world.off_library == "low_speed":
-                    wanted += world.size * np.exp(-v / 0.4)
-                wanted *= friction[i]
+                    demanded += world.size * np.exp(-v / 0.4)
+                demanded *= friction[i]
                 if "brake_lag" in e:
-                    force += (wanted - force) * -np.expm1(-share * STEP / e["brake_lag"]["tau"])
+                    force += (demanded - force) * -np.expm1(-share * STEP / e["brake_lag"]["tau"])
                 else:
-                    force = wanted
+                    force = demanded
                 given = force
                 if fade:
                     given *= FORMULAS["brake_fade"](fade, m)
@@ -166,7 +168,7 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
             measured = world.quantum * np.round(measured / world.quantum)
         row = {
             "run": np.full(n, str(i)),
-            "t": told + table[0],
+            "t": command_time + table[0],
             "v": measured,
             "v_cmd": np.where(table[0] < -1e-9, speed[i], 0.0),
             "pitch": -table[2] + world.pitch_bias + world.pitch_noise * rng.standard_normal(n),
@@ -177,11 +179,11 @@ def drive(world: World, stops: int, seed: int) -> tuple[dict[str, np.ndarray], l
             "y": table[4],
             "ambient": np.full(n, ambient[i]),
         }
-        if world.curvature_told:
+        if world.has_curvature:
             row["vertical_curvature"] = table[7] + 0.002 * rng.standard_normal(n)
         for name, values in row.items():
             columns.setdefault(name, []).append(values)
         runs.append(slice(begin, begin + n))
         begin += n
-        clock = told + float(table[0, -1])
+        clock = command_time + float(table[0, -1])
     return {name: np.concatenate(parts) for name, parts in columns.items()}, runs

@@ -1,35 +1,45 @@
-"""Noise, whitening, thresholds and permutations against numbers drawn for the purpose."""
+"""Statistics of the search: noise, whitening, permutations, thresholds and progress."""
 
 from __future__ import annotations
 
+import ast
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from slopewise.models import discrepancy
+from slopewise.models.discrepancy import thresholds
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.noise import Noise, shapes, whitener
 from slopewise.models.discrepancy.model.prediction import predict
+from slopewise.models.discrepancy.progress import Progress, Stage
 from slopewise.models.discrepancy.search import screening
 from slopewise.models.discrepancy.search.locate import follow, part_of_axis
 from slopewise.models.discrepancy.search.refine import fit_with_noise, likely_scatter
+from slopewise.models.discrepancy.thresholds import Basis
+from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.parameters import Effect
-from tests.models.discrepancy.logs import table
+from tests.models.discrepancy.logs import log, table
 from tests.models.models_for_tests import BASE
+
+# ------------------------------------------------------------------------------ statistics
+
 
 BASIS = Hypothesis.configured(BASE)
 NOISE = Noise(0.03, 0.0, 0.05, 0.004, 0.02)
 
 
-def drawn(hypothesis: Hypothesis, noise: Noise, seed: int) -> StopTable:
+def sampled(hypothesis: Hypothesis, noise: Noise, seed: int) -> StopTable:
     """The stops of a log with speeds drawn from a hypothesis and a noise."""
     stops = table("clean")
     rng = np.random.default_rng(seed)
     z = shapes(stops, hypothesis)
-    own = np.array([0.0, noise.creep, noise.dead_time_std, noise.scatter])
-    effects = rng.standard_normal((len(stops), 4)) * own
+    stds = np.array([0.0, noise.creep, noise.dead_time_std, noise.scatter])
+    effects = rng.standard_normal((len(stops), 4)) * stds
     white = noise.speed * np.sqrt(stops.spread) * rng.standard_normal(stops.binned.shape)
     fall = np.einsum("skm,sm->sk", stops.average, predict(stops, hypothesis))
     level = stops.held[:, None] * (stops.spread > 0.0)
@@ -41,21 +51,21 @@ def test_whitened_residuals_are_independent_with_variance_one() -> None:
     white = whitener(stops, NOISE, BASIS)
     rows = []
     for seed in range(60):
-        own = drawn(BASIS, NOISE, seed)
+        stds = sampled(BASIS, NOISE, seed)
         fall = np.einsum("skm,sm->sk", stops.average, predict(stops, BASIS))
-        left = np.where(stops.spread > 0.0, own.binned - stops.held[:, None] + fall, 0.0)
+        left = np.where(stops.spread > 0.0, stds.binned - stops.held[:, None] + fall, 0.0)
         between, within = white.split(white.bins @ left[:, :, None])
         rows.append(between[:, 0] / np.sqrt(1.0 + NOISE.scatter**2 * white.power))
         used = (stops.spread > 0.0).sum(axis=1)
-        # The level is free, so one number a stop says nothing; the friction is apart.
+        # The level is free, so one number per stop carries no information; friction is separate.
         assert np.mean(within**2) * within[:, :, 0].size / (used.sum() - 2 * len(used)) < 1.2
     assert np.var(rows) == pytest.approx(1.0, abs=0.08)
 
 
 def test_the_noise_is_estimated() -> None:
-    found = fit_with_noise(drawn(BASIS, NOISE, 5), BASIS).noise
-    assert found.speed == pytest.approx(NOISE.speed, rel=0.1)
-    assert found.scatter == pytest.approx(NOISE.scatter, rel=0.35)
+    noise = fit_with_noise(sampled(BASIS, NOISE, 5), BASIS).noise
+    assert noise.speed == pytest.approx(NOISE.speed, rel=0.1)
+    assert noise.scatter == pytest.approx(NOISE.scatter, rel=0.35)
 
 
 def test_scatter_of_known_numbers() -> None:
@@ -69,9 +79,9 @@ def test_intervals_of_a_lag_cover() -> None:
     truth = BASIS.plus(Effect(name="brake_lag", parameters={"tau": 0.15}))
     inside = 0
     for seed in range(40):
-        found = fit_with_noise(drawn(truth, NOISE, 100 + seed), truth)
-        off = found.hypothesis.free[BASE_NUMBERS] - 0.15
-        inside += bool(abs(off) < 1.96 * np.sqrt(found.covariance[BASE_NUMBERS, BASE_NUMBERS]))
+        noise = fit_with_noise(sampled(truth, NOISE, 100 + seed), truth)
+        error = noise.hypothesis.free[BASE_NUMBERS] - 0.15
+        inside += bool(abs(error) < 1.96 * np.sqrt(noise.covariance[BASE_NUMBERS, BASE_NUMBERS]))
     assert inside >= 34  # 95 % of 40 is 38; fewer than 34 has a chance of 1 in 50
 
 
@@ -86,8 +96,108 @@ def test_the_threshold_is_that_of_the_largest_of_many() -> None:
 def test_a_permuted_axis_is_followed_only_where_it_matters() -> None:
     clean = follow(table("clean"), fit_with_noise(table("clean"), BASIS), 1)
     assert clean[0].p_value > 0.02
-    leaning = follow(table("cross"), fit_with_noise(table("cross"), BASIS), 1)
-    assert leaning[0].axis.name == "roll"
-    assert leaning[0].p_value < 1e-3
-    low, high = part_of_axis(leaning[0])
+    pattern = follow(table("cross"), fit_with_noise(table("cross"), BASIS), 1)
+    assert pattern[0].axis.name == "roll"
+    assert pattern[0].p_value < 1e-3
+    low, high = part_of_axis(pattern[0])
     assert low < high
+
+
+# ------------------------------------------------------------------------------ thresholds
+
+
+PACKAGE = Path(discrepancy.__file__).parent
+MODULES = sorted(p for p in PACKAGE.rglob("*.py") if p.name not in ("thresholds.py", "settings.py"))
+OF_SINGLE_EFFECTS = {
+    "USUAL",
+    "_SCALES",
+    "_NUMBERS",
+    "_LAGS",
+    "_COOLING",
+    "_WINDS",
+    "_HEADINGS",
+    "_CAPS",
+    "_LEAST_FRICTION",
+    "_LATTICE",
+    "_RADII",
+    "_TRIES",
+    "_FEWEST",
+    "_STRAIGHT",
+}
+"""Sizes and grids of one effect, which stand with it."""
+
+
+def chosen_numbers(path: Path) -> list[str]:
+    """Constants of a module that are or hold a number beyond 0, 1 and 2."""
+    names = []
+    for node in ast.parse(path.read_text()).body:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        names = [n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)]
+        numbers = [
+            n.value
+            for n in ast.walk(node.value)
+            if isinstance(n, ast.Constant) and isinstance(n.value, int | float)
+        ]
+        if any(n not in (0, 1, 2) for n in numbers) and not OF_SINGLE_EFFECTS & set(names):
+            names += names
+    return names
+
+
+def test_every_threshold_has_its_fields():
+    rows = thresholds.table()
+    assert len(rows) > 100
+    assert len({row.name for row in rows}) == len(rows)
+    for row in rows:
+        assert isinstance(row.basis, Basis), row.name
+        assert row.unit, row.name
+        assert len(row.moves) > 10, row.name
+
+
+def test_every_constant_of_the_table_is_a_row():
+    constants = {name for name in vars(thresholds) if name.isupper() and not name.startswith("_")}
+    assert constants == {row.name for row in thresholds.table()}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(PACKAGE).as_posix())
+def test_modules_keep_no_numbers_of_their_own(path: Path):
+    assert chosen_numbers(path) == []
+
+
+def test_every_threshold_is_read():
+    read = {
+        alias.name
+        for path in MODULES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom) and node.module == thresholds.__name__
+        for alias in node.names
+    }
+    assert {row.name for row in thresholds.table()} == read
+
+
+# -------------------------------------------------------------------------------- progress
+
+
+def test_each_hundredth_is_reported_once() -> None:
+    reported: list[int] = []
+    investigate(*log("clean"), BASE, advance=reported.append)
+    assert min(reported) > 0
+    assert sum(reported) == Stage.FINDINGS == 100
+
+
+@pytest.mark.parametrize("parents", [1, 3])
+def test_each_level_of_the_search_uses_half_of_the_remainder(parents: int) -> None:
+    reported: list[int] = []
+    progress = Progress(reported.append)
+    reached = []
+    for level in range(6):
+        for index in range(parents):
+            progress.search(level, (index + 1) / parents)
+            reached.append(sum(reported))
+    assert reached == sorted(reached)
+    assert reached[parents - 1] == (Stage.BASE + Stage.SEARCH) // 2
+    assert reached[2 * parents - 1] == int(Stage.SEARCH - (Stage.SEARCH - Stage.BASE) / 4)
+    assert reached[-1] <= Stage.SEARCH
+    progress.reach(Stage.BASE)
+    assert sum(reported) == reached[-1]

@@ -1,4 +1,4 @@
-"""Logs with a hidden effect, driven by a plant that shares no code with what looks at them."""
+"""Logs with a hidden effect, driven by a plant that shares no code with the search."""
 
 from __future__ import annotations
 
@@ -15,14 +15,17 @@ from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.discrepancy.logs import WORLDS, log
 from tests.models.models_for_tests import BASE
 
+LONG_LOGS = {"places": 90, "lag_and_drag": 90}
+"""Stops of logs that need more than the others."""
+
 
 @cache
-def found(name: str) -> Findings:
-    return investigate(*log(name), BASE, source="test")
+def findings_of(name: str) -> Findings:
+    return investigate(*log(name, stops=LONG_LOGS.get(name, 48)), BASE, source="test")
 
 
 def test_a_log_that_the_model_explains_lacks_nothing() -> None:
-    f = found("clean")
+    f = findings_of("clean")
     assert f.verdict is Verdict.NONE
     assert f.effects == ()
     assert f.added == ()
@@ -31,20 +34,20 @@ def test_a_log_that_the_model_explains_lacks_nothing() -> None:
 
 
 def test_ground_that_waves_is_no_effect_of_crests() -> None:
-    f = found("waves")
+    f = findings_of("waves")
     assert f.verdict is Verdict.NONE
     assert f.effects == ()
 
 
 def test_other_coefficients_are_drift_and_no_effect() -> None:
-    f = found("drift")
+    f = findings_of("drift")
     assert f.verdict is Verdict.PARAMETER_DRIFT
     assert f.model.effect == ()
     truth = WORLDS["drift"]
     on = f.model.braking
     std = np.sqrt(np.diag(np.array(on.covariance)))
-    off = np.array([on.m_m, on.b_m, on.m_b, on.b_b]) - truth.coefficients
-    assert np.all(np.abs(off) < 4.0 * std)
+    error = np.array([on.m_m, on.b_m, on.m_b, on.b_b]) - truth.coefficients
+    assert np.all(np.abs(error) < 4.0 * std)
     assert on.dead_time == pytest.approx(truth.dead_time, abs=0.005)
     assert f.stop_distance.closed is not None
     assert f.stop_distance.closed > 0.9
@@ -63,13 +66,13 @@ def test_other_coefficients_are_drift_and_no_effect() -> None:
     ],
 )
 def test_the_hidden_effect_is_named_with_its_numbers(name: str, effect: str) -> None:
-    f = found(name)
+    f = findings_of(name)
     assert f.verdict is Verdict.MISSING_EFFECT
     assert [e.name for e in f.effects] == [effect]
     # A build-up of the brakes may be fitted along, which none of these worlds has.
-    beside = [e for e in f.model.effect if e.name != effect]
-    assert len(f.model.effect) - len(beside) == 1
-    assert all(e.name == "brake_lag" and e.parameters["tau"] < 0.03 for e in beside)
+    remaining_effects = [e for e in f.model.effect if e.name != effect]
+    assert len(f.model.effect) - len(remaining_effects) == 1
+    assert all(e.name == "brake_lag" and e.parameters["tau"] < 0.03 for e in remaining_effects)
     assert f.effects[0].confidence > 0.9
     truth = WORLDS[name].effects[effect]
     for parameter, value in f.effects[0].parameters.items():
@@ -80,16 +83,15 @@ def test_the_hidden_effect_is_named_with_its_numbers(name: str, effect: str) -> 
         assert abs(f.effects[0].parameters["run"].value - truth["run"]) <= 2.0
 
 
-def test_fade_is_told_from_drag_by_the_heat_of_earlier_stops() -> None:
-    f = found("fade")
+def test_fade_is_distinguished_from_drag_by_the_heat_of_earlier_stops() -> None:
+    f = findings_of("fade")
     assert f.effects[0].name == "brake_fade"
     k = f.effects[0].parameters["k"]
     assert abs(k.value - 0.012) < 4.0 * k.std
 
 
 def test_a_surface_in_two_places_is_named_twice() -> None:
-    columns, runs = log("places", stops=90)
-    f = investigate(columns, runs, BASE)
+    f = findings_of("places")
     assert f.verdict is Verdict.MISSING_EFFECT
     assert [e.name for e in f.effects] == ["surface_patch"] * 2
     truth = WORLDS["places"]
@@ -101,8 +103,8 @@ def test_a_surface_in_two_places_is_named_twice() -> None:
         assert near[0]["delta"] == pytest.approx(first["delta"], abs=0.03)
 
 
-def test_a_lag_and_a_drag_are_told_apart_by_the_traces() -> None:
-    f = investigate(*log("lag_and_drag", stops=90), BASE)
+def test_a_lag_and_a_drag_are_distinguished_by_the_traces() -> None:
+    f = findings_of("lag_and_drag")
     assert f.verdict is Verdict.MISSING_EFFECT
     assert {e.name for e in f.effects} == {"brake_lag", "aerodynamic_drag"}
     for e in f.effects:
@@ -112,13 +114,13 @@ def test_a_lag_and_a_drag_are_told_apart_by_the_traces() -> None:
 
 
 def test_a_build_up_of_milliseconds_is_too_small_for_a_name() -> None:
-    f = found("build_up")
+    f = findings_of("build_up")
     assert f.verdict is Verdict.NONE
     assert f.model.effect == ()
 
 
 def test_a_log_in_which_nothing_could_show_is_too_noisy() -> None:
-    f = found("noisy")
+    f = findings_of("noisy")
     assert f.verdict is Verdict.TOO_NOISY
     assert "would have shown from" in f.summary
     assert f.effects == ()
@@ -133,14 +135,14 @@ def test_what_is_practical_is_up_to_the_user() -> None:
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_nothing_is_said_that_makes_stops_held_out_worse(name: str) -> None:
-    f = found(name)
+def test_no_name_makes_held_out_stops_worse(name: str) -> None:
+    f = findings_of(name)
     assert f.gap.worse <= 1.0
     assert f.stop_distance.worse <= 1.0
 
 
 def test_the_cost_is_that_of_a_stop_and_the_changes_are_those_of_the_file() -> None:
-    f = found("step")
+    f = findings_of("step")
     assert f.cost is not None
     assert f.cost.speed == pytest.approx(3.0)
     assert f.cost.grade == pytest.approx(np.deg2rad(-10.0))
@@ -150,18 +152,18 @@ def test_the_cost_is_that_of_a_stop_and_the_changes_are_those_of_the_file() -> N
     # Weaker by 15 % of the force, of which the slope takes a good part.
     assert 1.15 < f.cost.after / f.cost.before < 2.5
     assert any(change.startswith("step_change added") for change in f.changes)
-    assert found("clean").changes == ()
+    assert findings_of("clean").changes == ()
 
 
 def test_two_effects_are_both_named() -> None:
-    f = found("pair")
+    f = findings_of("pair")
     assert f.verdict is Verdict.MISSING_EFFECT
     assert {e.name for e in f.effects} == {"brake_lag", "directional_surface"}
 
 
 @pytest.mark.parametrize("name", ["drag", "cross", "step", "pair"])
 def test_the_gap_closes_on_stops_held_out(name: str) -> None:
-    f = found(name)
+    f = findings_of(name)
     assert f.gap.closed is not None
     assert f.gap.ci95 is not None
     assert f.gap.closed > 0.8
@@ -182,13 +184,13 @@ def test_the_gap_closes_on_stops_held_out(name: str) -> None:
     ],
 )
 def test_the_axis_is_located(name: str, axis: str) -> None:
-    first = found(name).located[0]
+    first = findings_of(name).located[0]
     assert first.axis == axis
     assert first.p_value < 0.05
 
 
-def test_a_cause_outside_the_library_is_unknown_and_its_column_said() -> None:
-    f = found("ambient")
+def test_a_cause_outside_the_library_is_unknown_and_its_column_reported() -> None:
+    f = findings_of("ambient")
     assert f.verdict is Verdict.UNKNOWN
     assert f.effects == ()
     assert f.model.effect == ()
@@ -197,16 +199,16 @@ def test_a_cause_outside_the_library_is_unknown_and_its_column_said() -> None:
     assert f.model.braking.force_std > 2.0 * WORLDS["ambient"].scatter * 0.4
 
 
-def test_a_sensor_askew_is_not_told_from_new_coefficients() -> None:
-    f = found("bias")
+def test_a_misaligned_sensor_is_confounded_with_new_coefficients() -> None:
+    f = findings_of("bias")
     assert f.verdict is Verdict.UNIDENTIFIABLE
     assert "grade_bias" in f.summary
     assert "coast" in f.next_experiment.text
     assert f.model.effect == ()
 
 
-def test_drag_that_slow_stops_cannot_tell_is_ambiguous_and_an_experiment_is_proposed() -> None:
-    assert found("slow_drag").verdict is Verdict.PARAMETER_DRIFT  # a centimetre, no more
+def test_drag_in_slow_stops_is_ambiguous_and_an_experiment_is_proposed() -> None:
+    assert findings_of("slow_drag").verdict is Verdict.PARAMETER_DRIFT  # a centimetre, no more
     finer = DiscrepancySettings(practical_share=0.0, practical_length=0.0)
     f = investigate(*log("slow_drag"), BASE, settings=finer)
     assert f.verdict is Verdict.AMBIGUOUS
@@ -221,18 +223,18 @@ def test_weaker_brakes_make_the_next_stop_longer() -> None:
     level = GroundTrack.of_grade(-0.1)
     before = simulate_stop(BASE, level, 3.5).distance
     for name in ("lag", "step", "lockup"):
-        assert simulate_stop(found(name).model, level, 3.5).distance > before + 0.05, name
+        assert simulate_stop(findings_of(name).model, level, 3.5).distance > before + 0.05, name
 
 
-def test_a_second_look_with_the_model_that_was_written_finds_nothing_new() -> None:
-    again = investigate(*log("cross"), found("cross").model)
+def test_a_second_run_with_the_written_model_finds_no_further_effect() -> None:
+    again = investigate(*log("cross"), findings_of("cross").model)
     assert again.verdict is Verdict.NONE
 
 
-def test_the_same_log_gives_the_same_findings() -> None:
+def test_the_same_log_has_the_same_findings() -> None:
     again = investigate(*log("cross"), BASE, source="test")
-    assert again.model == found("cross").model
-    assert again.located == found("cross").located
+    assert again.model == findings_of("cross").model
+    assert again.located == findings_of("cross").located
 
 
 def test_too_few_stops_are_an_error_that_counts_them() -> None:

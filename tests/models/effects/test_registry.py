@@ -1,4 +1,4 @@
-"""What every registered effect has to bring, and that nobody else knows one by its name."""
+"""Requirements on every registered effect; no other module knows one by its name."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ def some(law: EffectLaw) -> dict[str, float]:
     values = {}
     for name, p in law.parameters.items():
         low, high = p.fit_bounds
-        wanted = p.default if p.default is not None else 0.25
-        values[name] = min(max(wanted, low), high)
+        value = p.default if p.default is not None else 0.25
+        values[name] = min(max(value, low), high)
     return values | ({"radius": 30.0} if "radius" in law.parameters else {})
 
 
 @ALL
-def test_its_law_takes_floats_and_arrays_and_gives_the_same(name: str, law: EffectLaw) -> None:
+def test_its_law_is_the_same_for_floats_and_arrays(name: str, law: EffectLaw) -> None:
     values = some(law).values()
     given = channels(law, MOMENT)
     number = law.law(*given, *values)
@@ -141,8 +141,8 @@ def test_its_parameters_have_unit_range_step_and_safe_ends(name: str, law: Effec
 def test_stops_grow_longer_where_its_parameters_say_so(name: str, law: EffectLaw) -> None:
     """The safe end for stopping is the one at which a simulated stop is longer."""
     values = some(law)
-    one = np.zeros(1)
-    track = GroundTrack(one, one + 0.05, one + 0.05, one, one + 0.2, one, one, one - 0.1)
+    zero = np.zeros(1)
+    track = GroundTrack(zero, zero + 0.05, zero + 0.05, zero, zero + 0.2, zero, zero, zero - 0.1)
     for key, p in law.parameters.items():
         if p.longer_stop == 0:
             continue
@@ -155,7 +155,7 @@ def test_stops_grow_longer_where_its_parameters_say_so(name: str, law: EffectLaw
 
 
 @ALL
-def test_it_says_where_it_acts_and_how_to_tell_it(name: str, law: EffectLaw) -> None:
+def test_it_has_an_axis_and_an_experiment(name: str, law: EffectLaw) -> None:
     stops = table("crests")
     axes = {axis.name for axis in axes_of(stops, Hypothesis.configured(BASE))}
     assert law.axis in axes
@@ -171,7 +171,7 @@ def test_it_says_where_it_acts_and_how_to_tell_it(name: str, law: EffectLaw) -> 
 
 
 @ALL
-def test_logs_are_searched_for_it_or_it_says_why_not(name: str, law: EffectLaw) -> None:
+def test_logs_are_searched_for_it_or_the_reason_is_stated(name: str, law: EffectLaw) -> None:
     if law.search is None:
         assert len(law.unsearched) > 10
         return
@@ -180,19 +180,19 @@ def test_logs_are_searched_for_it_or_it_says_why_not(name: str, law: EffectLaw) 
     assert search.strength in law.parameters
     assert set(search.shows_along) <= {a.name for a in axes_of(table("crests"), _base())}
     library, columns = candidates(table("crests"), _base())
-    own = [i for i, c in enumerate(library) if c.name == name]
-    assert own
-    assert search.placed == ({"x", "y", "radius"} <= set(library[own[0]].inner))
-    assert np.all(np.isfinite(columns[:, :, own]))
-    assert np.any(columns[:, :, own] != 0.0)
-    effect = library[own[0]].effect(0.1)
+    columns_of_effect = [i for i, c in enumerate(library) if c.name == name]
+    assert columns_of_effect
+    assert search.placed == ({"x", "y", "radius"} <= set(library[columns_of_effect[0]].inner))
+    assert np.all(np.isfinite(columns[:, :, columns_of_effect]))
+    assert np.any(columns[:, :, columns_of_effect] != 0.0)
+    effect = library[columns_of_effect[0]].effect(0.1)
     assert set(effect.parameters) <= set(law.parameters)
     assert set(law.parameters) - set(effect.parameters) <= {
         key for key, p in law.parameters.items() if p.default is not None
     }
 
 
-def test_a_build_up_is_no_candidate_but_fitted_beside() -> None:
+def test_a_build_up_is_no_candidate_but_fitted_in_addition() -> None:
     lagging = table("lag")
     library, _ = candidates(table("crests"), _base())
     built = with_build_up(lagging, fit_base(lagging, start_of(lagging, BASE)))
@@ -213,10 +213,10 @@ def test_its_column_is_the_slope_of_the_prediction(name: str, law: EffectLaw) ->
     stops, strength = table("crests"), 1e-6
     library, columns = candidates(stops, _base())
     i = next(i for i, c in enumerate(library) if c.name == name)
-    believed = _base().plus(library[i].effect(strength))
-    change = (predict(stops, believed) - predict(stops, _base())) / strength
+    hypothesis = _base().plus(library[i].effect(strength))
+    change = (predict(stops, hypothesis) - predict(stops, _base())) / strength
     scale = np.max(np.abs(columns[:, :, i]))
-    # Cold brakes hardly fade; the mean force of each stop stands in for its own.
+    # Cold brakes fade by less than a percent; the mean force replaces that of each stop.
     loose = 0.1 if law.enters is Enters.FADE else 0.01
     moving = ground_of(stops).turning * 0.0 + stops.speed > 0.5
     assert np.max(np.abs(change - columns[:, :, i])[moving]) < loose * scale
@@ -251,21 +251,25 @@ def test_a_column_makes_the_effect_with_its_strength() -> None:
     name = next(name for name, law in LAWS.items() if law.search and law.search.offset)
     search = LAWS[name].search
     assert search is not None
-    made = EffectColumn(name, {"run": 3.0}).effect(-0.25)
-    assert made.parameters[search.strength] == search.offset - 0.25
+    effect = EffectColumn(name, {"run": 3.0}).effect(-0.25)
+    assert effect.parameters[search.strength] == search.offset - 0.25
 
 
 def _literals(file: Path) -> Iterator[tuple[int, str]]:
     """Strings of a file that are no docstrings."""
     tree = ast.parse(file.read_text())
-    told = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in told:
+        if (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and id(node) not in docstrings
+        ):
             yield node.lineno, node.value
 
 
-def test_nobody_else_names_an_effect() -> None:
-    """Whoever needs something of an effect asks its entry: a new one is one file and one line."""
+def test_no_other_module_names_an_effect() -> None:
+    """Product code asks the entry of an effect: a new one is one file and one line."""
     files = [f for folder in PRODUCT for f in (ROOT / folder).rglob("*.py")]
     outside = [f for f in files if (ROOT / "models" / "effects") not in f.parents]
     named = [

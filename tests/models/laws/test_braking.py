@@ -83,8 +83,8 @@ def test_stopping_by_hand():
 @given(speeds, decels, delays)
 def test_stopping_distance_is_the_area_under_the_speed(speed, deceleration, dead_time):
     expected = distance_by_area(speed, deceleration, dead_time)
-    found = braking.stopping_distance(speed, deceleration, dead_time, 0.0)
-    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    stop = braking.stopping_distance(speed, deceleration, dead_time, 0.0)
+    assert stop == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 @given(speeds, decels, delays, offsets)
@@ -99,15 +99,15 @@ def test_print_of_12_counts_the_delay_twice(speed, deceleration, dead_time, offs
 @given(speeds, decels, delays, offsets)
 def test_speed_of_stopping_distance_inverts(speed, deceleration, dead_time, offset):
     distance = braking.stopping_distance(speed, deceleration, dead_time, offset)
-    found = braking.speed_of_stopping_distance(distance, deceleration, dead_time, offset)
-    assert found == pytest.approx(speed, rel=1e-6, abs=1e-6)
+    stop = braking.speed_of_stopping_distance(distance, deceleration, dead_time, offset)
+    assert stop == pytest.approx(speed, rel=1e-6, abs=1e-6)
 
 
 @given(st.floats(0.01, 20.0), decels, delays, offsets)
 def test_no_faster_speed_stops_within_the_distance(distance, deceleration, dead_time, offset):
     speed = braking.speed_of_stopping_distance(distance, deceleration, dead_time, offset)
-    room = max(distance, offset)
-    assert braking.stopping_distance(speed, deceleration, dead_time, offset) <= room + 1e-9
+    available = max(distance, offset)
+    assert braking.stopping_distance(speed, deceleration, dead_time, offset) <= available + 1e-9
     faster = braking.stopping_distance(speed + 1e-3, deceleration, dead_time, offset)
     assert faster > distance
 
@@ -125,11 +125,11 @@ def test_no_speed_within_the_offset():
 
 @pytest.mark.parametrize("dead_time", [0.0, 0.3])
 def test_short_distances_lose_no_digits(dead_time):
-    # v = d/t_delay to first order if there is a dead time, √(2 a d) exactly if there is none
+    # v = d/t_delay to first order if there is a dead time, √(2 a d) exactly without it
     distance = 1e-12
     expected = distance / dead_time if dead_time else np.sqrt(2.0 * 4.0 * distance)
-    found = braking.speed_of_stopping_distance(distance, 4.0, dead_time, 0.0)
-    assert found == pytest.approx(expected, rel=1e-9)
+    stop = braking.speed_of_stopping_distance(distance, 4.0, dead_time, 0.0)
+    assert stop == pytest.approx(expected, rel=1e-9)
 
 
 def test_standing_stop_needs_no_braking_distance():
@@ -220,13 +220,13 @@ def test_without_any_deceleration_it_rolls_for_ever():
 
 
 @pytest.mark.parametrize("stop_time", [1.0, 0.5])
-def test_a_stop_does_not_end_before_it_begins(stop_time):
+def test_a_stop_has_no_negative_distance(stop_time):
     times = {"onset_speed": 3.0, "onset_time": 1.0, "stop_time": stop_time}
     check_outside(braking.mean_deceleration, times)
 
 
 @given(st.floats(-50, 50), st.floats(-5, 9), st.floats(0, 1), st.floats(-2, 2))
-def test_no_speed_is_told_that_does_not_stop_in_time(distance, net, delay, offset):
+def test_every_returned_speed_stops_in_time(distance, net, delay, offset):
     with np.errstate(all="ignore"):
         speed = braking.speed_of_stopping_distance(distance, net, delay, offset)
     assert np.isnan(speed) == (net <= 0.0)

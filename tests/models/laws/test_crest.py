@@ -19,15 +19,15 @@ from tests.models.parity import G, check_parity
 
 def test_a_crest_seen_in_a_physics_engine() -> None:
     """From 1.6° uphill to 12° downhill within 3 m, at 4 m/s: 13 % of the normal load."""
-    bend = np.deg2rad(-12.0 - 1.6) / 3.0
-    assert load_loss(4.0, bend) == pytest.approx(0.13, abs=0.005)
+    curvature = np.deg2rad(-12.0 - 1.6) / 3.0
+    assert load_loss(4.0, curvature) == pytest.approx(0.13, abs=0.005)
 
 
 @given(radius=st.floats(5.0, 100.0), speed=st.floats(0.5, 6.0))
-def test_on_a_round_hill_the_ground_gives_what_the_circle_takes(
+def test_on_a_round_hill_the_load_loss_is_the_centripetal_force(
     radius: float, speed: float
 ) -> None:
-    """A point that slides over the top of a circle: its acceleration by differences of its way."""
+    """A point that slides over the top of a circle: acceleration by differences."""
     dt = 1e-4
     angle = speed * np.array([-dt, 0.0, dt]) / radius
     height = radius * np.cos(angle)
@@ -36,10 +36,10 @@ def test_on_a_round_hill_the_ground_gives_what_the_circle_takes(
     assert 1.0 - load_loss(speed, -1.0 / radius) == pytest.approx(pressing, abs=1e-4)
 
 
-@given(bend=st.floats(0.0, 0.2), speed=st.floats(0.0, 6.0), share=st.floats(0.0, 2.0))
-def test_a_hollow_gives_nothing(bend: float, speed: float, share: float) -> None:
-    assert load_loss(speed, bend) == 0.0
-    assert kept_force(speed, bend, share) == 1.0
+@given(curvature=st.floats(0.0, 0.2), speed=st.floats(0.0, 6.0), share=st.floats(0.0, 2.0))
+def test_a_hollow_adds_no_force(curvature: float, speed: float, share: float) -> None:
+    assert load_loss(speed, curvature) == 0.0
+    assert kept_force(speed, curvature, share) == 1.0
 
 
 def test_a_vehicle_that_flies_brakes_with_nothing_but_never_pushes() -> None:
@@ -69,23 +69,23 @@ def test_the_fastest_over_a_crest_and_through_a_dip() -> None:
 
 
 def test_a_simulated_stop_over_a_crest_is_that_of_the_energy_along_the_way() -> None:
-    """d(v²/2)/ds = −g (F (1 − k v² |κ|/g) + sin θ), θ = κ s: integrated along the way, not time."""
-    k, bend, speed = 0.9, -0.06, 3.5
+    """d(v²/2)/ds = −g (F (1 − k v² |κ|/g) + sin θ), θ = κ s: along the path, not in time."""
+    k, curvature, speed = 0.9, -0.06, 3.5
     crest = Effect(name="crest_unloading", parameters={"k": k})
     station, zero = np.linspace(0.0, 9.0, 4), np.zeros(4)
-    track = GroundTrack(station, bend * station, zero, zero, zero, zero, zero)
+    track = GroundTrack(station, curvature * station, zero, zero, zero, zero, zero)
     onset = 0.3 * speed
 
     def energy(s: float, e: np.ndarray) -> list[float]:
-        theta, v_sq = bend * s, 2.0 * e[0]
+        theta, v_sq = curvature * s, 2.0 * e[0]
         force = (-0.03 * speed - 0.35) * theta + 0.015 * speed + 0.40
-        return [-G * (force * (1.0 - k * v_sq * abs(bend) / G) + np.sin(theta))]
+        return [-G * (force * (1.0 - k * v_sq * abs(curvature) / G) + np.sin(theta))]
 
     def rest(_: float, e: np.ndarray) -> float:
         return float(e[0])
 
     rest.terminal = True  # type: ignore[attr-defined]
     run = solve_ivp(energy, (onset, 9.0), [0.5 * speed**2], events=rest, rtol=1e-9, atol=1e-10)
-    found = simulate_stop(replace(BASE, effect=(crest,)), track, speed).distance
-    assert found == pytest.approx(float(run.t[-1]), abs=1e-4)
-    assert found > simulate_stop(BASE, track, speed).distance + 0.05
+    distance = simulate_stop(replace(BASE, effect=(crest,)), track, speed).distance
+    assert distance == pytest.approx(float(run.t[-1]), abs=1e-4)
+    assert distance > simulate_stop(BASE, track, speed).distance + 0.05

@@ -20,10 +20,10 @@ def test_accel_limit_by_hand():
         2.5 - 0.980665
     )
     # sin θ = 0.6, cos φ = 0.5, f = 0.25: (0.6 + 0.25*0.8*0.5) g = 0.7 g
-    found = drive.powered_accel_limit(
+    limits = drive.powered_accel_limit(
         1.0, math.asin(0.6), math.pi / 3, resistance_ratio=0.25, **ROVER
     )
-    assert found == pytest.approx(5.0 - 0.7 * G)
+    assert limits == pytest.approx(5.0 - 0.7 * G)
 
 
 def test_at_rest_the_force_limits():
@@ -55,8 +55,8 @@ def test_at_the_sustained_speed_nothing_is_left_for_acceleration(grade, resistan
 
 def test_sustained_speed_by_hand():
     # W = 30*9.80665 = 294.1995 N, sin θ + f cos θ = 0.6 + 0.25*0.8 = 0.8: 300/235.3596
-    found = drive.sustained_speed(math.asin(0.6), 30.0, 300.0, 0.25)
-    assert found == pytest.approx(1.2746452662224104)
+    limits = drive.sustained_speed(math.asin(0.6), 30.0, 300.0, 0.25)
+    assert limits == pytest.approx(1.2746452662224104)
 
 
 def test_parity():

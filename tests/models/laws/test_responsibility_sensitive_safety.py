@@ -48,7 +48,7 @@ def test_equals_the_library_where_it_is_installed(
     speed: float, response: float, acceleration: float, deceleration: float
 ) -> None:
     library = pytest.importorskip("ad_rss", reason="PyPI ad-rss is not installed")
-    physics, found = library.physics, library.physics.Distance()
+    physics, distance = library.physics, library.physics.Distance()
     of = library.rss.structured.calculateLongitudinalDistanceOffsetAfterStatedBrakingPattern
     assert of(
         physics.Speed(speed),
@@ -56,10 +56,10 @@ def test_equals_the_library_where_it_is_installed(
         physics.Duration(response),
         physics.Acceleration(acceleration),
         physics.Acceleration(-deceleration),
-        found,
+        distance,
     )
     expected = rule_distance(speed, response, acceleration, deceleration)
-    assert float(found.mDistance) == pytest.approx(expected, rel=1e-9)
+    assert float(distance.mDistance) == pytest.approx(expected, rel=1e-9)
 
 
 @given(st.floats(0.0, 5.0), st.floats(0.0, 1.0), st.floats(0.1, 6.0))

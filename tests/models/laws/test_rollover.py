@@ -52,7 +52,7 @@ def test_raised_left_side_leaves_less_for_left_turns():
     assert high < -low
 
 
-def test_no_limit_pair_where_tilt_alone_takes_the_share():
+def test_no_limit_pair_where_tilt_alone_exceeds_the_share():
     # cos 1.2 = 0.362 < 0.5: neither side can keep half its load
     low, high = rollover.lateral_accel_limits(1.2, 0.0, 0.6, 0.3, 0.5)
     assert low > high
@@ -88,9 +88,9 @@ def test_path_on_a_plane_by_differentiation(slope_x, slope_y, heading, curvature
     grade = math.asin(forward[2])
     roll = math.asin(left[2] / math.cos(grade))
 
-    found = rollover.path_lateral_accel(1.0, turn * curvature, roll)
-    assert found * math.cos(grade) ** 2 == pytest.approx(measured, rel=1e-5, abs=1e-7)
-    assert abs(found) >= abs(measured) - 1e-7
+    acceleration = rollover.path_lateral_accel(1.0, turn * curvature, roll)
+    assert acceleration * math.cos(grade) ** 2 == pytest.approx(measured, rel=1e-5, abs=1e-7)
+    assert abs(acceleration) >= abs(measured) - 1e-7
 
 
 def test_parity():

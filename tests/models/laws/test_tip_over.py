@@ -19,14 +19,14 @@ shares = st.floats(0.01, 0.5)
 def test_at_rest_the_body_tips_when_gravity_points_at_the_front_contact():
     # tan θ = -(L - cg_x)/cg_z: a cube at 45 degrees; 3 : 4 at atan(3/4) = 36.8699 degrees
     assert tip_over.grade_limit(0.0, 1.0, 0.5, 0.5, 0.0) == pytest.approx(-math.pi / 4)
-    found = tip_over.grade_limit(0.0, 1.0, 0.7, 0.4, 0.0)
-    assert math.degrees(found) == pytest.approx(-36.86989764584402)
+    limit = tip_over.grade_limit(0.0, 1.0, 0.7, 0.4, 0.0)
+    assert math.degrees(limit) == pytest.approx(-36.86989764584402)
 
 
 def test_grade_limit_by_hand():
     # A = 0.4, B = 0.3, R = 0.5, ψ = 36.8699°; C = 0.25*0.4 + 0.3*0.5 = 0.25, arccos(1/2) = 60°
-    found = tip_over.grade_limit(0.5 * G, 1.0, 0.6, 0.3, 0.25)
-    assert math.degrees(found) == pytest.approx(36.86989764584402 - 60.0)
+    limit = tip_over.grade_limit(0.5 * G, 1.0, 0.6, 0.3, 0.25)
+    assert math.degrees(limit) == pytest.approx(36.86989764584402 - 60.0)
 
 
 def test_on_level_ground_the_limit_is_the_lever_ratio():
@@ -47,13 +47,13 @@ def test_grade_limit_is_the_root_of_the_rear_load(deceleration, wheelbase, posit
     ).x
     assume(abs(spare(best)) > 1e-3)
     assume(abs(spare(low)) > 1e-6)
-    found = tip_over.grade_limit(deceleration, wheelbase, cg_x, cg_z, share)
+    limit = tip_over.grade_limit(deceleration, wheelbase, cg_x, cg_z, share)
     if spare(best) < 0.0:
-        assert found == -low
+        assert limit == -low
     elif spare(low) > 0.0:
-        assert found == low
+        assert limit == low
     else:
-        assert found == pytest.approx(brentq(spare, low, best, xtol=1e-13), abs=1e-6)
+        assert limit == pytest.approx(brentq(spare, low, best, xtol=1e-13), abs=1e-6)
 
 
 def test_grade_limit_without_a_root():
@@ -73,8 +73,8 @@ def test_harder_braking_and_more_margin_allow_less(deceleration, more, share):
 
 def test_rear_share_under_braking_by_hand():
     # cos θ = 0.8, cos φ = 1; 0.8 - 0.3/0.6*0.5 = 0.55
-    found = tip_over.rear_share_under_braking(math.asin(-0.6), 0.0, 0.5, 1.0, 0.4, 0.3)
-    assert found == pytest.approx(0.55)
+    limit = tip_over.rear_share_under_braking(math.asin(-0.6), 0.0, 0.5, 1.0, 0.4, 0.3)
+    assert limit == pytest.approx(0.55)
 
 
 @given(
@@ -85,17 +85,17 @@ def test_slope_terms_cancel_under_the_braking_model(
 ):
     cg_x = position * wheelbase
     deceleration = braking.deceleration(force_ratio, grade)
-    found = tip_over.rear_share_under_braking(grade, roll, force_ratio, wheelbase, cg_x, cg_z)
+    limit = tip_over.rear_share_under_braking(grade, roll, force_ratio, wheelbase, cg_x, cg_z)
     expected = rear_load_share(grade, roll, deceleration, wheelbase, cg_x, cg_z)
-    assert found == pytest.approx(expected, abs=1e-9)
+    assert limit == pytest.approx(expected, abs=1e-9)
 
 
 def test_downhill_limit_of_a_constant_force_by_hand():
     # m = 0: cos θ = share + cg_z/(L - cg_x) b = 0.1 + 0.5*0.8 = 0.5
-    found = tip_over.downhill_limit_under_braking(
+    limit = tip_over.downhill_limit_under_braking(
         0.0, 0.8, wheelbase=1.0, cg_x=0.4, cg_z=0.3, min_rear_share=0.1
     )
-    assert math.degrees(found) == pytest.approx(-60.0)
+    assert math.degrees(limit) == pytest.approx(-60.0)
 
 
 @given(
@@ -158,8 +158,8 @@ def test_tall_body_may_only_stop_uphill_if_the_force_falls_there():
 
 def test_drive_accel_limit_by_hand():
     # sin θ = 0.6: 0.4*(0.8 - 0.05)/0.3 - 0.6 = 0.4 of g
-    found = tip_over.drive_accel_limit(math.asin(0.6), 0.0, 0.4, 0.3, 0.05)
-    assert found == pytest.approx(0.4 * G)
+    limit = tip_over.drive_accel_limit(math.asin(0.6), 0.0, 0.4, 0.3, 0.05)
+    assert limit == pytest.approx(0.4 * G)
     # a cube tips backwards at 45 degrees
     assert tip_over.drive_accel_limit(math.pi / 4, 0.0, 0.5, 0.5, 0.0) == pytest.approx(0.0)
 
@@ -206,7 +206,7 @@ def test_parity(law, ranges):
     check_parity(law, **ranges)
 
 
-def test_a_load_ahead_of_the_front_axle_has_no_limit_to_tell():
+def test_a_load_ahead_of_the_front_axle_has_no_limit():
     axles = {"wheelbase": 1.0, "cg_x": 1.2, "cg_z": 0.5}
     check_outside(tip_over.grade_limit, {"deceleration": 2.0, "min_rear_share": 0.1, **axles})
     check_outside(

@@ -139,14 +139,19 @@ def test_wheels_match_the_free_body_and_the_shares(
 ):
     weight = 500.0
     cg_x = position * wheelbase
-    found = np.array(
+    result = np.array(
         loads.wheel_loads(weight, pitch, roll, accel_x, accel_y, wheelbase, track_width, cg_x, cg_z)
     )
     expected = wheel_free_body(pitch, roll, (accel_x, accel_y), wheelbase, track_width, cg_x, cg_z)
-    np.testing.assert_allclose(found, weight * expected, rtol=1e-8, atol=1e-6)
+    np.testing.assert_allclose(result, weight * expected, rtol=1e-8, atol=1e-6)
     total = weight * np.cos(roll) * np.cos(pitch)
-    assert found.sum() == pytest.approx(total)
-    sums = [found[0] + found[2], found[1] + found[3], found[0] + found[1], found[2] + found[3]]
+    assert result.sum() == pytest.approx(total)
+    sums = [
+        result[0] + result[2],
+        result[1] + result[3],
+        result[0] + result[1],
+        result[2] + result[3],
+    ]
     axle = (-pitch, roll, -accel_x, wheelbase, cg_x, cg_z)
     side = (-pitch, roll, accel_y, track_width, cg_z)
     shares = [
@@ -165,8 +170,8 @@ def test_at_rest_with_central_gravity_these_are_slip_18_to_21(pitch, roll, L, B,
     fore = W / 2 * np.sin(pitch) * h / L
     side = W / 2 * np.cos(pitch) * np.sin(roll) * h / B
     expected = [level + fore - side, level - fore - side, level + fore + side, level - fore + side]
-    found = loads.wheel_loads(W, pitch, roll, 0.0, 0.0, L, B, L / 2, h)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    result = loads.wheel_loads(W, pitch, roll, 0.0, 0.0, L, B, L / 2, h)
+    np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-9)
     # print repeats the left side's sign for wheel 4: then the loads miss the weight by 2 side
     printed = [*expected[:3], level - fore - side]
     missing = W * np.cos(roll) * np.cos(pitch) - sum(printed)
@@ -176,11 +181,11 @@ def test_at_rest_with_central_gravity_these_are_slip_18_to_21(pitch, roll, L, B,
 def test_wheel_loads_by_hand():
     # nose down with sin = 0.6 at rest, W = 100, L = B = 1, cg_x = 0.5, h = 0.5:
     # front axle 50*0.8 + 100*0.5*0.6 = 70, rear 40 - 30 = 10
-    found = loads.wheel_loads(100.0, np.arcsin(0.6), 0.0, 0.0, 0.0, 1.0, 1.0, 0.5, 0.5)
-    assert found == pytest.approx((35.0, 5.0, 35.0, 5.0))
+    result = loads.wheel_loads(100.0, np.arcsin(0.6), 0.0, 0.0, 0.0, 1.0, 1.0, 0.5, 0.5)
+    assert result == pytest.approx((35.0, 5.0, 35.0, 5.0))
     # level left turn with g/10, cg_x = 0.75: transfer 100*0.5*0.1 = 5, 3/4 of it in front
-    found = loads.wheel_loads(100.0, 0.0, 0.0, 0.0, 0.1 * G, 1.0, 1.0, 0.75, 0.5)
-    assert found == pytest.approx((33.75, 11.25, 41.25, 13.75))
+    result = loads.wheel_loads(100.0, 0.0, 0.0, 0.0, 0.1 * G, 1.0, 1.0, 0.75, 0.5)
+    assert result == pytest.approx((33.75, 11.25, 41.25, 13.75))
 
 
 ANGLE, ACCEL, LENGTH, HEIGHT, CG_X = (-0.4, 0.4), (-4.0, 4.0), (0.8, 2.0), (0.2, 0.6), (0.3, 0.6)

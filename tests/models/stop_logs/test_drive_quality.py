@@ -38,20 +38,20 @@ def clean(seed: int = 0, *, noise: float = 0.02) -> dict[str, np.ndarray]:
     }
 
 
-def found(columns: dict[str, np.ndarray]) -> list[tuple[str, SuspectKind, int, int]]:
+def suspects_of(columns: dict[str, np.ndarray]) -> list[tuple[str, SuspectKind, int, int]]:
     runs = (slice(0, len(columns["t"])),)
     return [(s.channel, s.kind, s.start, s.stop) for s in find_suspects(columns, runs)]
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.06])
 def test_a_clean_log_is_clean_with_noise_and_without(noise: float) -> None:
-    assert found(clean(noise=noise)) == []
+    assert suspects_of(clean(noise=noise)) == []
 
 
 def test_frozen_encoder_is_found_where_it_freezes() -> None:
     log = clean()
     log["v"][1300:1400] = log["v"][1300]
-    ((channel, kind, start, stop),) = found(log)
+    ((channel, kind, start, stop),) = suspects_of(log)
     assert (channel, kind) == ("v", SuspectKind.FROZEN)
     assert abs(start - 1300) <= 1
     assert abs(stop - 1400) <= 1
@@ -60,7 +60,7 @@ def test_frozen_encoder_is_found_where_it_freezes() -> None:
 def test_speed_that_ignores_the_stop_command_is_frozen_even_without_noise() -> None:
     log = clean(noise=0.0)
     log["v"][600:900] = 2.0
-    assert ("v", SuspectKind.FROZEN) in {(channel, kind) for channel, kind, *_ in found(log)}
+    assert ("v", SuspectKind.FROZEN) in {(channel, kind) for channel, kind, *_ in suspects_of(log)}
 
 
 @pytest.mark.parametrize("value", [-1000.0, 999.0, 99.99])
@@ -69,18 +69,18 @@ def test_a_sentinel_within_the_limit_is_far_from_all_else(value: float) -> None:
     rng = np.random.default_rng(1)
     log["current_left"] = 6.0 + 2.0 * rng.standard_normal(len(log["t"]))
     log["current_left"][400:420] = value
-    assert found(log) == [("current_left", SuspectKind.SENTINEL, 400, 420)]
+    assert suspects_of(log) == [("current_left", SuspectKind.SENTINEL, 400, 420)]
     # A motor that draws that much anyway has measured it.
     log["current_left"] = 0.6 * abs(value) + 0.2 * abs(value) * np.sin(log["t"])
     log["current_left"][400] = value
-    assert found(log) == []
+    assert suspects_of(log) == []
 
 
 def test_nan_and_sentinels() -> None:
     log = clean()
     log["yaw_rate"][10:20] = np.nan
     log["v"][700:703] = -1000.0
-    marks = found(log)
+    marks = suspects_of(log)
     assert ("yaw_rate", SuspectKind.NOT_FINITE, 10, 20) in marks
     assert ("v", SuspectKind.SENTINEL, 700, 703) in marks
 
@@ -88,7 +88,7 @@ def test_nan_and_sentinels() -> None:
 def test_one_wild_sample_is_a_jump() -> None:
     log = clean()
     log["v"][555] = 5.0
-    assert ("v", SuspectKind.JUMP, 555, 556) in found(log)
+    assert ("v", SuspectKind.JUMP, 555, 556) in suspects_of(log)
 
 
 def test_gaps_matter_to_every_channel() -> None:
@@ -102,7 +102,7 @@ def test_gaps_matter_to_every_channel() -> None:
 
 
 @pytest.mark.parametrize(
-    ("channel", "factor", "words"),
+    ("channel", "factor", "message"),
     [
         ("pitch", 57.3, "degrees"),
         ("yaw_rate", 57.3, "degrees per second"),
@@ -111,17 +111,17 @@ def test_gaps_matter_to_every_channel() -> None:
         ("accel_z", 1.0 / 9.80665, "g"),
     ],
 )
-def test_units_are_suspected(channel: str, factor: float, words: str) -> None:
+def test_units_are_suspected(channel: str, factor: float, message: str) -> None:
     log = clean()
     log[channel] = log[channel] * factor
     units = [
         s for s in find_suspects(log, (slice(0, len(log["t"])),)) if s.kind is SuspectKind.UNITS
     ]
     assert [s.channel for s in units] == [channel]
-    assert words in units[0].reason
+    assert message in units[0].reason
 
 
-def test_runs_are_judged_on_their_own() -> None:
+def test_runs_are_checked_separately() -> None:
     log = {name: np.concatenate((values, values)) for name, values in clean().items()}
     n = len(log["t"]) // 2
     log["t"][n:] += 100.0
@@ -148,14 +148,14 @@ def joined_with_set_points() -> dict[str, np.ndarray]:
 
 def test_set_points_behind_measured_wheels_are_no_frozen_encoders() -> None:
     log = joined_with_set_points()
-    assert [entry for entry in found(log) if entry[0].startswith("v_")] == []
+    assert [entry for entry in suspects_of(log) if entry[0].startswith("v_")] == []
 
 
 def test_one_wheel_that_freezes_is_found_and_both_where_the_command_changes() -> None:
     log = joined_with_set_points()
     log["v_left"][200:400] = log["v_left"][200]
-    assert ("v_left", SuspectKind.FROZEN) in {entry[:2] for entry in found(log)}
+    assert ("v_left", SuspectKind.FROZEN) in {entry[:2] for entry in suspects_of(log)}
     log = joined_with_set_points()
     for side in ("v_left", "v_right"):
         log[side][400:700] = log[side][400]  # through the stop command at the 600th sample
-    assert {e[0] for e in found(log) if e[1] is SuspectKind.FROZEN} == {"v_left", "v_right"}
+    assert {e[0] for e in suspects_of(log) if e[1] is SuspectKind.FROZEN} == {"v_left", "v_right"}

@@ -119,8 +119,8 @@ def test_fade_weakens_the_next_stop_and_cools() -> None:
 def test_each_effect_acts_in_its_direction(
     name: str, parameters: dict[str, float], longer: bool
 ) -> None:
-    one = np.zeros(1)
-    track = GroundTrack(one, one + 0.1, one + 0.1, one, one + 0.3, one, one)
+    zero = np.zeros(1)
+    track = GroundTrack(zero, zero + 0.1, zero + 0.1, zero, zero + 0.3, zero, zero)
     plain = simulate_stop(BASE, track, 3.0).distance
     changed = simulate_stop(with_effect(name, **parameters), track, 3.0).distance
     assert (changed > plain + 0.01) if longer else (changed < plain - 0.01)
@@ -161,7 +161,7 @@ def test_replay_shows_what_the_model_misses() -> None:
     assert residual.min() < -0.5
 
 
-def test_replay_knows_crests_by_the_column_that_tells_them() -> None:
+def test_replay_reads_crests_from_their_column() -> None:
     run = log_of_a_stop(3.0, 0.0)
     light = replace(BASE, effect=(Effect(name="crest_unloading", parameters={"k": 1.0}),))
     even = replay(light, run)

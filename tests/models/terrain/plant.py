@@ -76,11 +76,11 @@ def drive(
     t = np.arange(0.0, ends[-1], dt)
     leg = np.searchsorted(ends, t, side="right").clip(max=len(legs) - 1)
     v = np.array([x[1] for x in legs])[leg]
-    wanted = np.array([x[2] for x in legs])[leg]
-    stuck = np.isnan(wanted)
+    rates = np.array([x[2] for x in legs])[leg]
+    stuck = np.isnan(rates)
     grounds = [ground(s) if callable(ground) else ground for s in t]
     b_s = np.array([g.slip_track for g in grounds])
-    difference = np.where(stuck, 0.6, np.nan_to_num(wanted) * b_s)
+    difference = np.where(stuck, 0.6, np.nan_to_num(rates) * b_s)
     target = np.where(stuck, 0.0, difference / b_s)
 
     def turning(s, w):

@@ -36,12 +36,12 @@ def figures(reader):
 
 def run_of(reader, figures, name):
     folder = real_data("borealtc")
-    found = next(item for item in reader.runs(folder) if item[0] == name)
-    columns = reader.read_run(*found)
+    run = next(item for item in reader.runs(folder) if item[0] == name)
+    columns = reader.read_run(*run)
     samples = zip(*(np.asarray(columns[key]).tolist() for key in figures._SAMPLE), strict=True)
     rates = zip(*(np.asarray(columns[key]).tolist() for key in figures._RATES), strict=True)
     rows = [(*row, True, rate) for row, rate in zip(samples, rates, strict=True)]
-    return figures.Run(name, found[1], rows, figures.drive(rows))
+    return figures.Run(name, run[1], rows, figures.drive(rows))
 
 
 def median_of(run, name):
@@ -67,7 +67,7 @@ def test_straights_on_ice_loam_and_snow(reader, figures):
     assert resistance[2] > 2.0 * resistance[0]
 
 
-def test_digging_in_is_stuck_from_where_it_stands_still(reader, figures):
+def test_digging_in_is_stuck_from_standstill_on(reader, figures):
     run = run_of(reader, figures, "snow_05")
     stuck = [
         e.observation
@@ -99,8 +99,10 @@ def test_all_runs(figures):
     runs = figures.load(real_data("borealtc"))
     medians = {}
     for name in dict.fromkeys(run.terrain for run in runs):
-        own = [e.observation.own.values for r in runs if r.terrain == name for e in r.stretches]
-        medians[name] = np.nanmedian(np.array(own), axis=0)
+        slip_tracks = [
+            e.observation.own.values for r in runs if r.terrain == name for e in r.stretches
+        ]
+        medians[name] = np.nanmedian(np.array(slip_tracks), axis=0)
     f_r, mu_t, b_s = ({name: m[i] for name, m in medians.items()} for i in range(3))
     assert f_r["asphalt"] < f_r["ice"] < f_r["sandy_loam"] < f_r["snow"]
     assert min(mu_t, key=mu_t.get) == "ice"
@@ -109,7 +111,7 @@ def test_all_runs(figures):
     confusion, _ = figures.leave_one_run_out(runs)
     assert np.mean(np.diag(confusion) / confusion.sum(axis=1)) >= 0.80
 
-    # Wanted: 90 % found within 5 s, at most one alarm in 10 min. The second is reached.
+    # Target: 90 % found within 5 s, at most one alarm in 10 min. The second is reached.
     outcomes, _ = figures.splices(runs)
     rest = [f for key, v in outcomes.items() for f in v if not figures._hard(*key)]
     hard = [f for key, v in outcomes.items() for f in v if figures._hard(*key)]

@@ -1,16 +1,32 @@
+"""Classifier of terrain, and its results in the braking model."""
+
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import integrate
 
 from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.models.stops.simulation import GroundTrack, force_ratio, simulate_stop
+from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses, by_rules
 from slopewise.models.terrain.classifier import NONE, ClassifierSettings, TerrainClassifier
+from slopewise.models.terrain.observation import Features
+from slopewise.models.terrain.resistances import TerrainEstimate
+from slopewise.models.terrain.surfaces import model_on, with_surface
 from slopewise.services.io.terrain_file import find_terrains, read_terrains
+from tests.models.models_for_tests import BASE
 from tests.models.terrain.paper import MEANS, OBSERVATIONS, STDS
+from tests.models.terrain.test_monitor import MODEL
+
+# ------------------------------------------------------------------------------ classifier
+
 
 NAN = math.nan
 HUSKY = read_terrains(find_terrains("husky")).classes
@@ -18,9 +34,9 @@ CLASSIFIER = TerrainClassifier(HUSKY)
 
 
 def test_the_shipped_classes_are_those_of_table_2():
-    for one in HUSKY.terrain:
-        assert tuple(f.mean for f in one.features) == MEANS[one.name]
-        assert tuple(f.std for f in one.features) == STDS[one.name]
+    for known in HUSKY.terrain:
+        assert tuple(f.mean for f in known.features) == MEANS[known.name]
+        assert tuple(f.std for f in known.features) == STDS[known.name]
 
 
 @pytest.mark.parametrize(("values", "name"), OBSERVATIONS)
@@ -64,16 +80,16 @@ def test_draws_from_table_2():
 
 def test_probabilities_mean_what_they_say():
     # of answers given with probability p, about p are right
-    said, right = [], []
+    answers, right = [], []
     names = [*MEANS, NONE]
     for name, rows in draws(4000):
         table = CLASSIFIER.probabilities(rows, np.zeros_like(rows))
-        said.append(table.max(axis=1))
+        answers.append(table.max(axis=1))
         right.append(table.argmax(axis=1) == names.index(name))
-    said, right = np.concatenate(said), np.concatenate(right)
-    middle = (said > 0.5) & (said < 0.9)
-    assert np.mean(right[middle]) > np.mean(said[middle]) - 0.1
-    assert np.mean(right[said > 0.95]) > 0.95
+    answers, right = np.concatenate(answers), np.concatenate(right)
+    middle = (answers > 0.5) & (answers < 0.9)
+    assert np.mean(right[middle]) > np.mean(answers[middle]) - 0.1
+    assert np.mean(right[answers > 0.95]) > 0.95
 
 
 def test_ground_of_no_known_class():
@@ -92,7 +108,7 @@ def test_what_is_not_known_says_nothing():
     assert [*nothing.probabilities.values()] == pytest.approx([0.245] * 4 + [0.02])
 
 
-def test_a_poor_measurement_is_less_sure():
+def test_a_poor_measurement_is_less_confident():
     sharp = CLASSIFIER.classify((0.03, 0.26, 1.0), (0.001, 0.001, 0.001))
     poor = CLASSIFIER.classify((0.03, 0.26, 1.0), (0.3, 0.3, 1.0))
     assert sharp.probability > 0.99
@@ -125,7 +141,7 @@ def test_one_feature_against_quadrature():
 
 
 @pytest.mark.parametrize(
-    ("make", "words"),
+    ("make", "message"),
     [
         (lambda: FeatureOfClass(mean=1, std=0, samples=6), "std: expected a finite number > 0"),
         (lambda: FeatureOfClass(mean=1, std=1, samples=1), "samples: expected"),
@@ -134,6 +150,121 @@ def test_one_feature_against_quadrature():
         (lambda: TerrainClasses(name="x", terrain=HUSKY.terrain[:1] * 2), "asphalt twice"),
     ],
 )
-def test_classes_that_make_no_sense(make, words):
-    with pytest.raises(ParameterError, match=words):
+def test_classes_that_make_no_sense(make, message):
+    with pytest.raises(ParameterError, match=message):
         make()
+
+
+# -------------------------------------------------------------------------------- surfaces
+
+
+def test_unknown_ground_that_rolls_easily_still_weakens_partial_brakes():
+    slippery, known = features(0.02, 0.005), with_level(0.5)
+    unknown = model_on(known, slippery, valid=False)
+    assert unknown.terrain.motion_resistance == known.terrain.motion_resistance
+    assert unknown.terrain.rolling_while_braking == pytest.approx(0.02)
+    assert stop(unknown) >= stop(model_on(known, slippery)) > stop(known)
+
+
+def test_the_model_on_the_ground_driven_now_is_rounded_towards_slower():
+    known = Features(
+        TerrainEstimate(0.2, 0.02), TerrainEstimate(0.25, 0.01), TerrainEstimate(1.3, 0.1)
+    )
+    terrain = model_on(MODEL, known).terrain
+    assert terrain.motion_resistance == pytest.approx(0.22)
+    assert terrain.lateral_resistance == pytest.approx(0.26)
+    assert terrain.slip_track == pytest.approx(1.4)
+    assert model_on(MODEL, Features()).terrain == MODEL.terrain
+    narrow = Features(slip_track=TerrainEstimate(0.3, 0.01))
+    assert model_on(MODEL, narrow).terrain.slip_track == MODEL.vehicle.track_width
+
+
+def test_ground_of_no_valid_class_makes_nothing_faster():
+    def known(f_r, mu_t, b_s):
+        return Features(*(TerrainEstimate(value, 0.01) for value in (f_r, mu_t, b_s)))
+
+    old = MODEL.terrain
+    easy = known(0.01, 0.01, MODEL.vehicle.track_width)
+    assert model_on(MODEL, easy).terrain.motion_resistance < old.motion_resistance
+    assert model_on(MODEL, easy, valid=False).terrain == old
+    hard = known(0.4, 0.5, 2.5)
+    assert model_on(MODEL, hard, valid=False) == model_on(MODEL, hard)
+    mixed = model_on(MODEL, known(0.01, 0.5, 2.5), valid=False).terrain
+    assert mixed.motion_resistance == old.motion_resistance
+    assert mixed.lateral_resistance == pytest.approx(0.51)
+
+
+def test_a_surface_brakes_less_where_it_rolls_more_easily_and_never_more():
+    easy = with_surface(MODEL, "asphalt", TerrainEstimate(0.03, 0.01), 0.13)
+    assert easy.braking.on("asphalt").b_b == pytest.approx(0.25 - (0.13 - 0.02))
+    hard = with_surface(easy, "sand", TerrainEstimate(0.40, 0.05), 0.13)
+    assert hard.braking.on("sand").b_b == 0.25
+    assert {t.class_id for t in hard.braking.terrain.values()} == {1, 2}
+    again = with_surface(hard, "asphalt", TerrainEstimate(0.0, 0.0), 0.13)
+    assert again is hard  # stops knew better
+    with pytest.raises(ParameterError, match=r"f_r is 0\.30 less"):
+        with_surface(MODEL, "ice", TerrainEstimate(0.0, 0.0), 0.30)
+
+
+def with_level(level: float) -> Model:
+    terrain = {"ice": SurfaceBraking(b_b=0.3, force_std=0.01), "sand": SurfaceBraking(b_b=0.5)}
+    return replace(BASE, braking=replace(BASE.braking, level=level, terrain=terrain))
+
+
+def features(value: float, std: float) -> Features:
+    return Features(motion_resistance=TerrainEstimate(value, std))
+
+
+def stop(model: Model) -> float:
+    zero = np.zeros(1)
+    return simulate_stop(model, GroundTrack(zero, zero - 0.1, *[zero] * 5), 3.0).distance
+
+
+def test_a_vague_resistance_is_no_brake() -> None:
+    """At half the brakes 0.13 ± 0.10 counted as 0.23 of rolling, and stopped the vehicle sooner."""
+    model = with_level(0.5)
+    assert BASE.terrain.motion_resistance == 0.13
+    vague = model_on(model, features(0.13, 0.10))
+    assert stop(vague) == stop(model)
+    assert vague.terrain.motion_resistance == pytest.approx(0.23)
+    assert vague.braking.force_std == pytest.approx(0.05)
+    assert vague.braking.on("ice").force_std == pytest.approx(np.hypot(0.01, 0.05))
+    assert vague.braking.on("sand").force_std == pytest.approx(0.05)
+
+
+def test_what_is_open_counts_once() -> None:
+    once = model_on(with_level(0.5), features(0.10, 0.04))
+    assert model_on(once, features(0.10, 0.04)) == once
+    more = model_on(once, features(0.10, 0.08))
+    assert more.braking.force_std == pytest.approx(0.04)
+
+
+def test_full_brakes_know_nothing_of_it() -> None:
+    assert model_on(BASE, features(0.05, 0.02)).braking == BASE.braking
+    assert model_on(BASE, features(0.05, 0.02)).terrain.braking_resistance is None
+
+
+@given(
+    level=st.floats(0.1, 1.0),
+    value=st.floats(-0.05, 0.6),
+    std=st.floats(0.0, 0.3),
+    more=st.floats(0.0, 0.3),
+    grade=st.floats(-0.26, 0.26),
+    speed=st.floats(0.0, 4.0),
+)
+def test_less_certainty_never_brakes_better(
+    level: float, value: float, std: float, more: float, grade: float, speed: float
+) -> None:
+    before = with_level(level)
+    precise, vague = (model_on(before, features(value, s)) for s in (std, std + more))
+    place = {"grade": grade, "roll": 0.0, "x": 0.0, "y": 0.0, "yaw": 0.0}
+    for name in ("", "ice", "sand"):
+        was, precise_std, vague_std = (
+            force_ratio(m, m.braking.on(name), place, speed) for m in (before, precise, vague)
+        )
+        assert vague_std == precise_std <= was + 1e-12
+        precise_force_std, vague_force_std = (
+            m.braking.on(name).force_std for m in (precise, vague)
+        )
+        assert before.braking.on(name).force_std <= precise_force_std <= vague_force_std
+    assert vague.terrain.motion_resistance >= precise.terrain.motion_resistance

@@ -1,3 +1,5 @@
+"""Estimator of resistances and slip track; bias of the gyro."""
+
 from __future__ import annotations
 
 import time
@@ -9,11 +11,15 @@ from hypothesis import strategies as st
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.terrain.estimator import DriveSample, TerrainEstimator
+from slopewise.models.terrain.gyro_bias import GyroBias
 from slopewise.models.terrain.phases import Phase
 from slopewise.models.terrain.resistances import TerrainEstimate
 from slopewise.models.terrain.settings import EstimatorSettings
 from tests.models.terrain import plant
 from tests.models.terrain.vehicles import estimator_of, observe, samples_of, vehicle_of
+
+# ------------------------------------------------------------------------------- estimator
+
 
 LATE = DriveSample(0.0, 9.0, -9.0, 9.0, 9.0, 9.0, 0.0, 0.0)
 
@@ -23,7 +29,7 @@ GROUNDS = [plant.ASPHALT, plant.DIRT, plant.PLOWED, plant.SAND]
 @pytest.mark.parametrize("ground", GROUNDS)
 @pytest.mark.parametrize("spot", [True, False], ids=["on the spot", "in a turn"])
 @pytest.mark.parametrize("signed", [True, False], ids=["signed", "magnitudes"])
-def test_a_square_tells_all_three(ground, spot, signed):
+def test_a_square_determines_all_three(ground, spot, signed):
     rate = np.pi / 4 if spot else 0.35
     log = plant.drive(plant.square(on_the_spot=spot, rate=rate), ground, gyro_bias=0.05)
     if not signed:
@@ -32,9 +38,9 @@ def test_a_square_tells_all_three(ground, spot, signed):
             np.abs(log["current_right"]),
         )
     estimator = estimator_of()
-    found = observe(estimator, log)
-    f_r, mu_t, b_s = found[-1].known.values
-    deviations = found[-1].known.stds
+    estimates = observe(estimator, log)
+    f_r, mu_t, b_s = estimates[-1].known.values
+    deviations = estimates[-1].known.stds
     assert f_r == pytest.approx(ground.f_r, abs=0.01)
     assert mu_t == pytest.approx(ground.mu_t, abs=0.01)
     assert b_s == pytest.approx(ground.slip_track, abs=0.06)
@@ -43,7 +49,7 @@ def test_a_square_tells_all_three(ground, spot, signed):
         assert abs(value - truth) < 4.0 * std
         assert 0.0 < std < 0.1
     turn = Phase.SPOT if spot else Phase.TURN
-    assert sum(o.phase is turn for o in found) == 4
+    assert sum(o.phase is turn for o in estimates) == 4
     assert estimator.bias.bias == pytest.approx(0.05, abs=0.005)
 
 
@@ -63,7 +69,7 @@ def test_left_and_right_forward_and_back_are_the_same_ground(rate, speed):
         assert b_s == pytest.approx(1.15, abs=0.06)
 
 
-def test_a_pivot_turn_tells_the_slip_track_only():
+def test_a_pivot_turn_determines_the_slip_track_only():
     rate = 2.0 * 0.5 / 1.15  # the inner wheels stand
     log = plant.drive(plant.square(on_the_spot=False, rate=rate), plant.DIRT)
     turns = [o for o in observe(estimator_of(), log) if o.phase is Phase.TURN]
@@ -85,16 +91,16 @@ def test_slope_and_idle_current_are_taken_out(pitch):
     assert observe(blind, log)[-1].known.values[0] - f_r == pytest.approx(0.0913, abs=0.002)
 
 
-def test_downhill_magnitudes_of_currents_tell_nothing():
+def test_downhill_magnitudes_of_currents_are_ignored():
     log = plant.drive([(2, 0, 0), (10, 0.5, 0.0)], plant.DIRT, pitch=0.3)
     assert log["current_left"].min() < -1.0  # the motors brake
-    found = observe(estimator_of(), log)
-    assert found[-1].known.values[0] == pytest.approx(0.13, abs=0.02)
+    estimates = observe(estimator_of(), log)
+    assert estimates[-1].known.values[0] == pytest.approx(0.13, abs=0.02)
     log["current_left"] = np.abs(log["current_left"])
     log["current_right"] = np.abs(log["current_right"])
-    found = observe(estimator_of(), log)
-    assert np.isnan(found[-1].own.motion_resistance.value)
-    assert "downhill" in found[-1].own.motion_resistance.note
+    estimates = observe(estimator_of(), log)
+    assert np.isnan(estimates[-1].own.motion_resistance.value)
+    assert "downhill" in estimates[-1].own.motion_resistance.note
 
 
 def test_stuck_is_named_and_not_averaged_in():
@@ -106,13 +112,13 @@ def test_stuck_is_named_and_not_averaged_in():
     ]
     estimator = estimator_of()
     log = plant.drive(legs, plant.DIRT)
-    found = observe(estimator, log)
-    stuck = [o for o in found if o.phase is Phase.STUCK]
+    estimates = observe(estimator, log)
+    stuck = [o for o in estimates if o.phase is Phase.STUCK]
     assert stuck
     begin = 2.0 + 2 * (8 + 0.3 + 2 + 0.3) + 0.5
     assert stuck[0].begin == pytest.approx(begin + 0.7, abs=0.3)
     assert sum(o.end - o.begin for o in stuck) > 9.0
-    assert found[-1].known.values[2] == pytest.approx(1.15, abs=0.06)
+    assert estimates[-1].known.values[2] == pytest.approx(1.15, abs=0.06)
     assert estimator.filter.slip_track == pytest.approx(1.15, abs=0.06)
     # the same filter without the phases would have followed the spinning wheels
     assert np.isnan(stuck[0].own.values).all()
@@ -125,8 +131,10 @@ def test_a_change_of_ground_is_followed_within_two_turns():
     def ground(s):
         return plant.ASPHALT if s < change else plant.SAND
 
-    found = [o for o in observe(estimator_of(), plant.drive(legs, ground)) if o.phase is Phase.SPOT]
-    before, after = found[:4], found[4:]
+    estimates = [
+        o for o in observe(estimator_of(), plant.drive(legs, ground)) if o.phase is Phase.SPOT
+    ]
+    before, after = estimates[:4], estimates[4:]
     assert before[-1].own.slip_track.value == pytest.approx(1.0, abs=0.06)
     assert after[1].own.slip_track.value == pytest.approx(1.62, abs=0.08)
     assert after[1].known.values[0] == pytest.approx(0.30, abs=0.02)
@@ -140,32 +148,32 @@ def test_with_the_settings_of_print_it_follows_within_two_turns():
         return plant.ASPHALT if s < 2.0 + 4 * 10.6 else plant.SAND
 
     log = plant.drive(legs, ground, gyro_std=0.1)
-    found = observe(estimator_of(settings=EstimatorSettings()), log)
-    turns = [o for o in found if o.phase is Phase.SPOT]
+    estimates = observe(estimator_of(settings=EstimatorSettings()), log)
+    turns = [o for o in estimates if o.phase is Phase.SPOT]
     assert turns[5].own.slip_track.value == pytest.approx(1.62, abs=0.15)
 
 
-def test_before_the_first_straight_the_assumed_resistance_is_said():
-    found = observe(estimator_of(), plant.drive([(1, 0, 0), (5, 0.0, 0.8)], plant.DIRT))
-    assert found[0].own.lateral_resistance.note == "f_r assumed"
-    assert found[0].own.lateral_resistance.std > 0.1
+def test_before_the_first_straight_the_assumed_resistance_is_reported():
+    estimates = observe(estimator_of(), plant.drive([(1, 0, 0), (5, 0.0, 0.8)], plant.DIRT))
+    assert estimates[0].own.lateral_resistance.note == "f_r assumed"
+    assert estimates[0].own.lateral_resistance.std > 0.1
 
 
 def test_unusable_samples_and_gaps_end_a_stretch():
     log = plant.drive([(2, 0, 0), (4, 0.5, 0.0)], plant.DIRT)
     rows = samples_of(log)
-    whole = estimator_of()
-    assert sum(whole.update(row) is not None for row in rows) + bool(whole.finish()) == 1
+    reference = estimator_of()
+    assert sum(reference.update(row) is not None for row in rows) + bool(reference.finish()) == 1
     holed = estimator_of()
-    found = [holed.update(row, usable=not 400 <= i < 410) for i, row in enumerate(rows)]
-    found.append(holed.finish())
-    ends = [o for o in found if o is not None]
+    estimates = [holed.update(row, usable=not 400 <= i < 410) for i, row in enumerate(rows)]
+    estimates.append(holed.finish())
+    ends = [o for o in estimates if o is not None]
     assert len(ends) == 2
     assert ends[0].end < 4.0
     assert ends[1].begin > 4.1
     gap = estimator_of()
-    found = [gap.update(row) for i, row in enumerate(rows) if not 400 <= i < 500]
-    assert len([o for o in [*found, gap.finish()] if o is not None]) == 2
+    estimates = [gap.update(row) for i, row in enumerate(rows) if not 400 <= i < 500]
+    assert len([o for o in [*estimates, gap.finish()] if o is not None]) == 2
 
 
 def test_late_samples_and_numbers_that_are_none_change_nothing():
@@ -173,14 +181,14 @@ def test_late_samples_and_numbers_that_are_none_change_nothing():
     rows = samples_of(log)
     clean, troubled = estimator_of(), estimator_of()
     expected = [clean.update(row) for row in rows]
-    found = []
+    estimates = []
     for row in rows:
-        found.append(troubled.update(row))
+        estimates.append(troubled.update(row))
         assert troubled.update(LATE._replace(time=row.time - 0.02)) is None
         assert troubled.update(row) is None  # a second time
         assert troubled.update(row._replace(time=np.nan)) is None
     assert troubled.filter.slip_track == clean.filter.slip_track
-    assert repr([o for o in found if o]) == repr([o for o in expected if o])
+    assert repr([o for o in estimates if o]) == repr([o for o in expected if o])
     holed = estimator_of()
     for i, row in enumerate(rows):
         broken = list(row)
@@ -209,15 +217,15 @@ def test_late_samples_and_numbers_that_are_none_change_nothing():
 def test_any_samples_leave_sound_numbers(steps):
     estimator = estimator_of()
     now = 0.0
-    found = []
+    estimates = []
     for step in steps:
         now += step[0]
-        found.append(estimator.update(DriveSample(now, *step[1:])))
-    found.append(estimator.finish())
+        estimates.append(estimator.update(DriveSample(now, *step[1:])))
+    estimates.append(estimator.finish())
     assert estimator.filter.variance > 0.0
     assert np.isfinite(estimator.filter.inverse)
     assert np.isfinite(estimator.bias.bias)
-    for observation in found:
+    for observation in estimates:
         if observation is not None:
             assert observation.end >= observation.begin
             for value, std in zip(observation.known.values, observation.known.stds, strict=True):
@@ -242,3 +250,31 @@ def test_a_vehicle_without_motor_constants_is_refused():
         vehicle = dataclasses.replace(vehicle_of(), **{name: None})
         with pytest.raises(ParameterError, match=f"vehicle.{name}: expected a number"):
             TerrainEstimator(vehicle, slip_track=1.1, motion_resistance=TerrainEstimate(0.1, 0.1))
+
+
+# ------------------------------------------------------------------------------- gyro bias
+
+
+def test_first_samples_give_their_mean_and_its_standard_error():
+    random = np.random.default_rng(1)
+    values = 0.03 + 0.01 * random.normal(size=400)
+    gyro = GyroBias()
+    for value in values:
+        gyro.update(value, 0.01)
+    assert gyro.bias == pytest.approx(np.mean(values), rel=1e-9)
+    assert gyro.bias_std == pytest.approx(np.std(values) / 20.0, rel=1e-6)
+
+
+def test_drift_is_followed_and_the_past_forgotten():
+    gyro = GyroBias(memory=5.0)
+    for _ in range(3000):
+        gyro.update(0.1, 0.01)
+    for _ in range(3000):
+        gyro.update(-0.1, 0.01)
+    assert gyro.bias == pytest.approx(-0.1, abs=0.001)
+
+
+def test_before_the_first_rest_nothing_is_known():
+    gyro = GyroBias()
+    assert gyro.bias == 0.0
+    assert gyro.bias_std == np.inf

@@ -29,7 +29,7 @@ SETTINGS = SecondSettings(Drivetrain(20.0, 0.5, 700.0), 0.6, 0.03, 0.04)
 
 
 def samples(left: float, right: float, **values: float) -> np.ndarray:
-    """A second at 100 Hz, still but for what is asked for."""
+    """A second at 100 Hz, still except for the given channels."""
     table = np.zeros((100, 11))
     table[:, 0], table[:, 1] = left, right
     table[:, 2:4] = values.get("current", 2.0)
@@ -74,7 +74,7 @@ def test_on_the_spot_and_where_nothing_is_measured() -> None:
     assert np.isnan(half.shaking.reshape(len(SENSORS), -1)[3:]).all()
 
 
-def test_shaking_shows_in_its_own_band_and_sensor() -> None:
+def test_vibration_appears_in_its_band_and_sensor() -> None:
     calm, shaken = (second_of(samples(0.5, 0.5, shake=s), SETTINGS) for s in (0.0, 1.0))
     assert calm is not None
     assert shaken is not None
@@ -90,25 +90,25 @@ def test_shaking_shows_in_its_own_band_and_sensor() -> None:
 COUNT, WHERE = len(FEATURE_NAMES), {"a": 0.0, "b": 1.0, "c": -1.0}
 
 
-def drawn(name: str, run: int, many: int = 10, *, apart: float = 3.0) -> list[Signature]:
-    """Signatures of a made-up run: classes differ in shaking, runs a little, driving does too."""
+def sampled(name: str, run: int, many: int = 10, *, separation: float = 3.0) -> list[Signature]:
+    """Signatures of a synthetic run: classes differ in vibration, runs and driving a little."""
     random = np.random.default_rng(1000 * run + ord(name[0]))
-    own = random.normal(0.0, 0.4, COUNT)
-    found = []
+    offset = random.normal(0.0, 0.4, COUNT)
+    signatures = []
     for _ in range(many):
         speed = random.normal()
-        x = own + random.normal(0.0, 1.0, COUNT) + 0.5 * speed
-        x[10:20] += apart * WHERE.get(name, 0.0)
+        x = offset + random.normal(0.0, 1.0, COUNT) + 0.5 * speed
+        x[10:20] += separation * WHERE.get(name, 0.0)
         if name == "stranger":
             x[30:40] += 3.0
         x[: len(DRIVING_FEATURES)][np.array([1, 2, 4, 5, 6, 7])] = np.nan
-        found.append(Signature(x, np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])))
-    return found
+        signatures.append(Signature(x, np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    return signatures
 
 
 def trained(names: str = "abc", runs: int = 8, **kwargs: float):
     pytest.importorskip("sklearn", reason="the learn extra is not installed")
-    rows = [(s, n, f"{n}{r}") for n in names for r in range(runs) for s in drawn(n, r, **kwargs)]
+    rows = [(s, n, f"{n}{r}") for n in names for r in range(runs) for s in sampled(n, r, **kwargs)]
     return fit(*zip(*rows, strict=True))
 
 
@@ -119,10 +119,10 @@ def model():
 
 def answers(model, name: str, run: int):
     memory = SignatureMemory(model)
-    return [memory.update(signature) for signature in drawn(name, run, 12)]
+    return [memory.update(signature) for signature in sampled(name, run, 12)]
 
 
-def test_runs_that_took_no_part_are_told_and_strangers_are_not(model) -> None:
+def test_held_out_runs_are_classified_and_unknown_ones_are_not(model) -> None:
     known = [(n, a) for n in "abc" for run in range(50, 56) for a in answers(model, n, run)]
     assert np.mean([a.name == n for n, a in known]) > 0.9
     refused = np.mean([a.name == NONE for _, a in known])
@@ -134,20 +134,20 @@ def test_runs_that_took_no_part_are_told_and_strangers_are_not(model) -> None:
 
 
 def test_probabilities_of_overlapping_classes_mean_what_they_say() -> None:
-    near = trained(apart=0.35)
-    said, right = [], []
+    near = trained(separation=0.35)
+    labels, right = [], []
     for name in "abc":
         for run in range(60, 80):
-            for signature in drawn(name, run, 6, apart=0.35):
+            for signature in sampled(name, run, 6, separation=0.35):
                 share = np.exp(near.look(signature)[0])
-                said.append(share.max())
+                labels.append(share.max())
                 right.append(near.classes[int(share.argmax())] == name)
     assert 0.5 < np.mean(right) < 0.97
-    assert expected_calibration_error(np.array(said), np.array(right)) < 0.1
+    assert expected_calibration_error(np.array(labels), np.array(right)) < 0.1
 
 
-def test_what_was_not_measured_leaves_the_rest_to_tell(model) -> None:
-    half = [Signature(s.features.copy(), s.driving) for s in drawn("b", 70)]
+def test_without_some_channels_the_rest_classifies(model) -> None:
+    half = [Signature(s.features.copy(), s.driving) for s in sampled("b", 70)]
     for signature in half:
         signature.features[20:] = np.nan
     memory = SignatureMemory(model)
@@ -159,11 +159,11 @@ def test_what_was_not_measured_leaves_the_rest_to_tell(model) -> None:
 def test_too_few_runs_and_no_scikit_learn(monkeypatch) -> None:
     import sys
 
-    rows = [(s, n, n) for n in "ab" for s in drawn(n, 0)]
+    rows = [(s, n, n) for n in "ab" for s in sampled(n, 0)]
     with pytest.raises(ParameterError, match="a in 1, b in 1"):
         fit(*zip(*rows, strict=True))
     monkeypatch.setitem(sys.modules, "sklearn.discriminant_analysis", None)
-    rows = [(s, n, f"{n}{r}") for n in "ab" for r in range(4) for s in drawn(n, r)]
+    rows = [(s, n, f"{n}{r}") for n in "ab" for r in range(4) for s in sampled(n, r)]
     with pytest.raises(ParameterError, match=r"pip install '.\[learn\]'"):
         fit(*zip(*rows, strict=True))
 
@@ -174,11 +174,11 @@ def test_two_classes_answer_as_three_do() -> None:
     assert answers(two, "b", 50)[-1].name == "b"
 
 
-def test_a_file_gives_the_same_answers_and_bad_ones_are_named(model, tmp_path) -> None:
+def test_a_file_has_the_same_answers_and_bad_ones_are_named(model, tmp_path) -> None:
     path = tmp_path / "mine.signatures.json"
     write_signatures(model, path)
     again = read_signatures(path)
-    for signature in drawn("c", 80):
+    for signature in sampled("c", 80):
         before, after = model.look(signature), again.look(signature)
         assert after[0] == pytest.approx(before[0])
         assert after[1] == pytest.approx(before[1])
@@ -210,16 +210,16 @@ def second_like(signature: Signature) -> GroundSecond:
     )
 
 
-def test_a_change_of_class_is_told_within_five_seconds_and_none_where_there_is_none(model) -> None:
+def test_a_change_of_class_is_reported_within_five_seconds_and_no_other(model) -> None:
     late, alarms = [], 0
     for run in range(90, 96):
         watch = ClassChange(model)
-        for k, signature in enumerate([*drawn("b", run, 30), *drawn("c", run, 10)]):
-            told = watch.update(second_like(signature))
-            if told is not None and k < 30:
+        for k, signature in enumerate([*sampled("b", run, 30), *sampled("c", run, 10)]):
+            change = watch.update(second_like(signature))
+            if change is not None and k < 30:
                 alarms += 1
-            elif told is not None:
-                assert told[:2] == ("b", "c")
+            elif change is not None:
+                assert change[:2] == ("b", "c")
                 late.append(k - 29)
     assert alarms == 0
     assert len(late) == 6
@@ -227,14 +227,14 @@ def test_a_change_of_class_is_told_within_five_seconds_and_none_where_there_is_n
 
 
 def test_running_means_keep_to_their_run() -> None:
-    found = running_mean(np.array([1.0, 10.0, 3.0, 5.0, 20.0]), np.array([0, 1, 0, 0, 1]), 2)
-    assert found == pytest.approx([1.0, 10.0, 2.0, 4.0, 15.0])
+    signatures = running_mean(np.array([1.0, 10.0, 3.0, 5.0, 20.0]), np.array([0, 1, 0, 0, 1]), 2)
+    assert signatures == pytest.approx([1.0, 10.0, 2.0, 4.0, 15.0])
 
 
 def test_reliability_by_hand() -> None:
-    said, right = np.array([0.95, 0.95, 0.55, 1.0]), np.array([True, False, True, True])
-    curve = reliability_curve(said, right)
-    assert [(one.count, one.right) for one in curve] == [(1, 1.0), (3, pytest.approx(2 / 3))]
+    labels, right = np.array([0.95, 0.95, 0.55, 1.0]), np.array([True, False, True, True])
+    curve = reliability_curve(labels, right)
+    assert [(point.count, point.right) for point in curve] == [(1, 1.0), (3, pytest.approx(2 / 3))]
     expected = 0.25 * 0.45 + 0.75 * abs(2.9 / 3 - 2 / 3)
-    assert expected_calibration_error(said, right) == pytest.approx(expected)
+    assert expected_calibration_error(labels, right) == pytest.approx(expected)
     assert np.isnan(expected_calibration_error(np.array([]), np.array([], bool)))

@@ -43,6 +43,6 @@ def estimator_of(body: Body = HUSKY, settings: EstimatorSettings = QUIET) -> Ter
 
 
 def observe(estimator: TerrainEstimator, log: dict) -> list[GroundObservation]:
-    found = [estimator.update(sample) for sample in samples_of(log)]
-    found.append(estimator.finish())
-    return [observation for observation in found if observation is not None]
+    estimates = [estimator.update(sample) for sample in samples_of(log)]
+    estimates.append(estimator.finish())
+    return [observation for observation in estimates if observation is not None]

@@ -1,4 +1,4 @@
-"""Crests, dips, friction and holding against the laws of `models`, many hundred scenes each.
+"""Crests, dips, friction and holding by the laws of `models`, many hundred scenes each.
 
 The scenes are lanes of one batch: ground of constant slope and bend, so long that no stopping path
 bounds the speed.
@@ -30,7 +30,7 @@ from tests.planner.scenes import G, model_of, tables_with
 
 SCENES, STATIONS, STEP = 800, 8, 500.0
 HERE = 1
-"""The station looked at: neither the first nor near the end."""
+"""The checked station: neither the first nor near the end."""
 
 FREE: dict[str, Any] = {
     "vehicle": {"max_wheel_speed": 1e3, "max_drive_force": 1e6, "max_drive_power": 1e9},
@@ -46,8 +46,8 @@ FREE: dict[str, Any] = {
 """Nothing but the ground bounds the speed."""
 
 
-def drawn(seed: int, **ranges: tuple[float, float]) -> dict[str, Floats]:
-    """Grade, roll and both curvatures of the scenes; those left out are 0."""
+def sampled(seed: int, **ranges: tuple[float, float]) -> dict[str, Floats]:
+    """Grade, roll and both curvatures of the scenes; those not given are 0."""
     rng = np.random.default_rng(seed)
     names = ("grade", "roll", "curvature", "vertical_curvature")
     return {
@@ -106,12 +106,12 @@ def lightest_wheel(model: Model, scene: dict[str, Floats]) -> Floats:
     )
     ahead = v.cg_x / v.wheelbase
     static = 0.5 * np.array([ahead, 1.0 - ahead, ahead, 1.0 - ahead])
-    least: Floats = np.min(np.array(loads) / static[:, None], axis=0)
-    return least
+    lowest: Floats = np.min(np.array(loads) / static[:, None], axis=0)
+    return lowest
 
 
 def test_crests_are_passed_as_fast_as_wheels_and_brakes_keep_enough() -> None:
-    scene = drawn(1, grade=(-0.25, 0.25), roll=(-0.25, 0.25), vertical_curvature=(-1.0, -0.01))
+    scene = sampled(1, grade=(-0.25, 0.25), roll=(-0.25, 0.25), vertical_curvature=(-1.0, -0.01))
     model, _, bounds = bounds_of(scene)
     crested = limited_by(bounds, Limiting.CREST)
     assert crested.sum() > 100
@@ -124,7 +124,7 @@ def test_crests_are_passed_as_fast_as_wheels_and_brakes_keep_enough() -> None:
     spare = 0.8 * (force + np.sin(scene["grade"]) - HOLDING) / force
     brakes = -G * upright * spare / scene["vertical_curvature"]
     expected = np.minimum(wheels, brakes)
-    # Where wheels decide, the stop from there does as well: it is told as a load, and as slow.
+    # Where wheels decide, the stop from there does as well: it is labelled as a load, and as slow.
     passes = bounds.barrier_station > HERE
     assert passes.sum() > 500
     assert np.all(bounds.speed_sq_max[HERE][passes] <= expected[passes] * (1.0 + 1e-9))
@@ -133,7 +133,7 @@ def test_crests_are_passed_as_fast_as_wheels_and_brakes_keep_enough() -> None:
 
 @pytest.mark.parametrize("radius", [3.0, 6.0, 15.0])
 def test_no_crest_is_passed_where_the_vehicle_would_fly(radius: float) -> None:
-    scene = drawn(0) | {"vertical_curvature": np.full(SCENES, -1.0 / radius)}
+    scene = sampled(0) | {"vertical_curvature": np.full(SCENES, -1.0 / radius)}
     _, _, bounds = bounds_of(
         scene, limits={"min_load": 1e-3}, braking={"b_b": 40.0, "b_m": 0.0}, vehicle={"cg_z": 1e-4}
     )
@@ -144,7 +144,7 @@ def test_no_crest_is_passed_where_the_vehicle_would_fly(radius: float) -> None:
 
 
 def test_dips_are_passed_at_the_vertical_acceleration() -> None:
-    scene = drawn(2, grade=(-0.2, 0.2), vertical_curvature=(0.02, 1.0))
+    scene = sampled(2, grade=(-0.2, 0.2), vertical_curvature=(0.02, 1.0))
     model, _, bounds = bounds_of(scene)
     dips = limited_by(bounds, Limiting.CREST)
     assert dips.sum() > 500
@@ -157,7 +157,7 @@ SLIPPERY = {"braking": {"sliding_friction": 0.45}}
 
 
 def test_turns_on_banks_share_the_friction_with_the_brakes() -> None:
-    scene = drawn(
+    scene = sampled(
         3,
         grade=(-0.2, 0.2),
         roll=(-0.3, 0.3),
@@ -168,22 +168,22 @@ def test_turns_on_banks_share_the_friction_with_the_brakes() -> None:
     model, _, bounds = bounds_of(scene, **SLIPPERY, limits=FREE["limits"] | limits)
     mine = limited_by(bounds, Limiting.FRICTION)
     assert mine.sum() > 500
-    grade, roll, bend = scene["grade"], scene["roll"], scene["curvature"]
+    grade, roll, curvature = scene["grade"], scene["roll"], scene["curvature"]
     upright = np.cos(grade) * np.cos(roll)
-    turning = 0.5 * model.terrain.lateral_resistance * model.vehicle.wheelbase * np.abs(bend)
+    turning = 0.5 * model.terrain.lateral_resistance * model.vehicle.wheelbase * np.abs(curvature)
     resistance = model.terrain.motion_resistance + turning
     along = np.maximum(np.abs(np.sin(grade)), np.sin(grade) + resistance * np.cos(grade)) / upright
     speed_sq = bounds.speed_sq_max[HERE]
     expected = friction_ellipse.lateral_speed_sq(
-        grade, roll, bend, scene["vertical_curvature"], 0.45, along
+        grade, roll, curvature, scene["vertical_curvature"], 0.45, along
     )
     np.testing.assert_allclose(speed_sq[mine], expected[mine], rtol=1e-6, atol=1e-3)
-    # And what is left along the way is that of the ellipse.
+    # The remainder along the path is that of the ellipse.
     falls = np.minimum(scene["vertical_curvature"], 0.0)
     normal = friction_ellipse.normal_ratio(grade, roll, falls, speed_sq)
     across = np.maximum(
-        np.abs(friction_ellipse.side_force_ratio(grade, roll, bend, speed_sq)),
-        np.abs(friction_ellipse.side_force_ratio(grade, roll, bend, 0.0 * speed_sq)),
+        np.abs(friction_ellipse.side_force_ratio(grade, roll, curvature, speed_sq)),
+        np.abs(friction_ellipse.side_force_ratio(grade, roll, curvature, 0.0 * speed_sq)),
     )
     left = friction_ellipse.braking_left(0.45, normal, across)
     ground = bounds.ground
@@ -196,14 +196,14 @@ def test_turns_on_banks_share_the_friction_with_the_brakes() -> None:
 
 def test_on_a_side_slope_of_fifteen_degrees_little_is_left_to_brake_with() -> None:
     """μ = 0.35 leaves 0.22 W, not 0.34 W."""
-    scene = drawn(0) | {"roll": np.full(SCENES, np.radians(15.0))}
+    scene = sampled(0) | {"roll": np.full(SCENES, np.radians(15.0))}
     _, ground, bounds = bounds_of(scene, braking={"sliding_friction": 0.35, "b_m": 0.0})
     assert ground.lower_intercept[HERE, 0] == pytest.approx(0.35 * np.cos(np.radians(15.0)))
     assert bounds.ground.lower_intercept[HERE, 0] == pytest.approx(0.2157, rel=0.01)
 
 
 def test_no_axle_is_counted_on_beyond_its_lock_up() -> None:
-    scene = drawn(4, grade=(-0.2, 0.2), roll=(-0.1, 0.1))
+    scene = sampled(4, grade=(-0.2, 0.2), roll=(-0.1, 0.1))
     changes = {"drive": "ackermann", "front_brake_share": 0.7}
     model, _, bounds = bounds_of(
         scene, vehicle=changes, braking={"sliding_friction": 0.5, "b_b": 0.8, "b_m": 0.0}
@@ -220,56 +220,56 @@ def test_no_axle_is_counted_on_beyond_its_lock_up() -> None:
     np.testing.assert_allclose(counted[passes], np.min(lockups, axis=0)[passes], rtol=1e-9)
 
 
-def test_nobody_rests_where_brakes_or_friction_do_not_hold() -> None:
-    scene = drawn(5, grade=(-0.5, 0.5), roll=(-0.5, 0.5))
+def test_no_stop_ends_where_brakes_or_friction_do_not_hold() -> None:
+    scene = sampled(5, grade=(-0.5, 0.5), roll=(-0.5, 0.5))
     braked = {"b_b": 0.25, "b_m": 0.0, "sliding_friction": 0.4, "roll_range": [-0.6, 0.6]}
     model, _, bounds = bounds_of(
         scene, braking=braked, vehicle={"cg_z": 0.1}, limits={"min_load": 0.01}
     )
-    barred = bounds.barrier_station == 0
+    blocked = bounds.barrier_station == 0
     grade, roll = scene["grade"], scene["roll"]
     margin = np.minimum(holding.brakes_hold(0.25, grade), holding.friction_holds(0.4, grade, roll))
     clear_case = np.abs(margin) > 0.01
     assert (clear_case & (margin < 0.0)).sum() > 100
-    assert np.all(barred[clear_case & (margin < 0.0)])
-    # Standing is not all: brakes that hold may hardly slow, and the drive has to climb.
+    assert np.all(blocked[clear_case & (margin < 0.0)])
+    # Brakes that hold may slow by little, and the drive has to climb.
     resistance = model.terrain.motion_resistance
-    climbs = np.sin(grade) + resistance * np.cos(grade) < friction_ellipse.braking_left(
+    can_climb = np.sin(grade) + resistance * np.cos(grade) < friction_ellipse.braking_left(
         0.4, np.cos(grade) * np.cos(roll), np.sin(roll) * np.cos(grade)
     )
-    easy = (margin > 0.03) & climbs
+    easy = (margin > 0.03) & can_climb
     assert easy.sum() > 100
-    assert not barred[easy].any()
-    reasons = {Limiting(int(code)) for code in bounds.barrier[barred]}
+    assert not blocked[easy].any()
+    reasons = {Limiting(int(code)) for code in bounds.barrier[blocked]}
     assert {Limiting.HOLDING, Limiting.FRICTION} <= reasons
 
 
-@pytest.mark.parametrize(("grade_deg", "rests"), [(7.5, True), (8.5, False), (13.0, False)])
+@pytest.mark.parametrize(("grade_deg", "stops_there"), [(7.5, True), (8.5, False), (13.0, False)])
 def test_brakes_that_hold_eight_degrees_do_not_rest_on_thirteen(
-    grade_deg: float, rests: bool
+    grade_deg: float, stops_there: bool
 ) -> None:
-    scene = drawn(0) | {"grade": np.full(SCENES, np.radians(grade_deg))}
+    scene = sampled(0) | {"grade": np.full(SCENES, np.radians(grade_deg))}
     _, _, bounds = bounds_of(scene, braking={"b_b": float(np.sin(np.radians(8.0))), "b_m": 0.0})
-    assert (bounds.barrier_station[0] > HERE) == rests
-    if not rests:
+    assert (bounds.barrier_station[0] > HERE) == stops_there
+    if not stops_there:
         assert Limiting(int(bounds.barrier[0])) is Limiting.HOLDING
 
 
 def test_thrust_is_limited_by_friction_too() -> None:
-    scene = drawn(6, grade=(0.0, 0.15))
+    scene = sampled(6, grade=(0.0, 0.15))
     _, _, bounds = bounds_of(
         scene, braking={"sliding_friction": 0.4}, limits=FREE["limits"] | {"accel": 50.0}
     )
     grade = scene["grade"]
     demand = np.sin(grade) + 0.13 * np.cos(grade)
-    most = G * (0.4 * np.cos(grade) - demand)
-    assert np.all(bounds.accel_max[HERE] <= most + 1e-9)
-    np.testing.assert_allclose(bounds.accel_max[HERE], most, rtol=0.01, atol=0.02)
+    max_accel = G * (0.4 * np.cos(grade) - demand)
+    assert np.all(bounds.accel_max[HERE] <= max_accel + 1e-9)
+    np.testing.assert_allclose(bounds.accel_max[HERE], max_accel, rtol=0.01, atol=0.02)
 
 
 def test_a_wheel_that_lifts_is_seen_though_axle_and_side_are_fine() -> None:
     """Downhill, braking, across: where the light axle and the light side meet, nothing is left."""
-    scene = drawn(0) | {"roll": np.full(SCENES, 0.24), "grade": np.full(SCENES, -0.15)}
+    scene = sampled(0) | {"roll": np.full(SCENES, 0.24), "grade": np.full(SCENES, -0.15)}
     changes = {"vehicle": {"cg_z": 1.0}, "limits": {"min_load": 0.1}}
     model, _, bounds = bounds_of(scene, **changes)
     v = model.vehicle
@@ -283,7 +283,7 @@ def test_a_wheel_that_lifts_is_seen_though_axle_and_side_are_fine() -> None:
 
 
 def test_unknown_friction_bounds_nothing() -> None:
-    scene = drawn(7, grade=(-0.2, 0.2), roll=(-0.2, 0.2), curvature=(-0.3, 0.3))
+    scene = sampled(7, grade=(-0.2, 0.2), roll=(-0.2, 0.2), curvature=(-0.3, 0.3))
     _, ground, bounds = bounds_of(scene)
     assert ground.friction is None
     assert not (bounds.limiting == int(Limiting.FRICTION)).any()

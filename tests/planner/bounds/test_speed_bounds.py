@@ -43,7 +43,7 @@ def bounds_of(
     curvature: float | None = None,
     speed_limit: np.ndarray | None = None,
 ) -> Bounded:
-    """Bounds along paths; a straight one may be told to be a circle of constant grade and roll."""
+    """Bounds along paths; a straight one may be given the curvature, grade and roll of a circle."""
     side = batch(list(paths) or [straight(20.0)], spacing)
     v = model.vehicle
     profile = terrain_profile(elevation_map, side.x, side.y, side.count, v.wheelbase, v.track_width)
@@ -56,9 +56,9 @@ def bounds_of(
 
 def tilted(grade: float, roll: float, heading: float = 0.0) -> ElevationMap:
     """A plane on which the way along the heading has this grade and roll."""
-    rise, lean = np.tan(grade), np.tan(roll) / np.cos(grade)
+    rise, cross = np.tan(grade), np.tan(roll) / np.cos(grade)
     cosine, sine = np.cos(heading), np.sin(heading)
-    return plane(rise * cosine - lean * sine, rise * sine + lean * cosine, x=(-3.0, FAR + 3.0))
+    return plane(rise * cosine - cross * sine, rise * sine + cross * cosine, x=(-3.0, FAR + 3.0))
 
 
 # ------------------------------------------------ parity with the laws, station by station
@@ -153,7 +153,7 @@ def vehicles(draw: st.DrawFn) -> Tables:
     curvature=st.one_of(st.just(0.0), st.floats(-1.5, 1.5)),
     heading=st.floats(-0.1, 0.1),
 )
-def test_every_station_keeps_to_the_least_of_the_laws(
+def test_every_station_keeps_to_the_lowest_of_the_laws(
     tables: Tables, grade: float, roll: float, curvature: float, heading: float
 ) -> None:
     assume(curvature == 0.0 or abs(curvature) > 1e-3)
@@ -164,14 +164,14 @@ def test_every_station_keeps_to_the_least_of_the_laws(
     assume(bounds.barrier_station[0] == profile.count[0])
     expected = allowed_speed(model, grade, roll, curvature)
     speed, label = np.sqrt(bounds.speed_sq_max[0, 0]), Limiting(int(bounds.limiting[0, 0])).label
-    least = min(expected.values())
+    lowest = min(expected.values())
     if label in expected and label != "rollover":
-        assert expected[label] == pytest.approx(least, rel=1e-6)
-        assert speed == pytest.approx(least, rel=1e-6)
+        assert expected[label] == pytest.approx(lowest, rel=1e-6)
+        assert speed == pytest.approx(lowest, rel=1e-6)
     else:
         # The stop from here decides: never above the laws of the station itself.
         assert label in ("stopping_path", "tip_over", "rollover")
-        assert speed <= least * (1.0 + 1e-9)
+        assert speed <= lowest * (1.0 + 1e-9)
     # In the planner thrust is reckoned without the roll that takes load off: at most as much.
     assert bounds.accel_max[0, 0] == pytest.approx(
         allowed_accel(model, grade, roll, curvature), rel=1e-6, abs=1e-9
@@ -179,8 +179,8 @@ def test_every_station_keeps_to_the_least_of_the_laws(
 
 
 def first_barrier(model: Model, grade: float, roll: float) -> tuple[str, float]:
-    """What bars standing on a plane, by the laws alone, and how near any law is to changing."""
-    vehicle, least = model.vehicle, model.limits.min_load
+    """Limit that blocks standing on a plane, by the laws alone, and distance to its threshold."""
+    vehicle, lowest = model.vehicle, model.limits.min_load
     length, x, z, width = vehicle.wheelbase, vehicle.cg_x, vehicle.cg_z, vehicle.track_width
     b, slow = model.braking, model.braking.speed_range[0]
     fast = max(min(b.speed_range[1], model.limits.speed), slow)
@@ -199,7 +199,7 @@ def first_barrier(model: Model, grade: float, roll: float) -> tuple[str, float]:
     thrust = vehicle.max_drive_force / (vehicle.mass * G) - needed
     rest = force[0] - abs(np.sin(grade))
     wheel = min(shares) + min(sides) - np.cos(grade) * np.cos(roll)
-    margins = [min(shares) - least, min(*sides, wheel) - least, rest, hold, thrust]
+    margins = [min(shares) - lowest, min(*sides, wheel) - lowest, rest, hold, thrust]
     nearest = min(abs(m) for m in (*margins, grade - b.grade_range[0], grade - b.grade_range[1]))
     nearest = min(nearest, *(abs(roll - end) for end in b.trained_roll))
     if not b.grade_range[0] <= grade <= b.grade_range[1]:
@@ -214,7 +214,7 @@ def first_barrier(model: Model, grade: float, roll: float) -> tuple[str, float]:
 
 
 @given(tables=vehicles(), grade=st.floats(-0.5, 0.5), roll=st.floats(-0.5, 0.5))
-def test_ground_bars_the_way_exactly_where_the_laws_say_so(
+def test_ground_blocks_the_path_exactly_where_the_laws_do(
     tables: Tables, grade: float, roll: float
 ) -> None:
     tables["braking"]["grade_range"] = [-0.45, 0.45]
@@ -231,23 +231,23 @@ def test_ground_bars_the_way_exactly_where_the_laws_say_so(
 
 
 def edge_of(
-    tables: Tables, label: str, along: str, start: float, end: float, other: float
+    tables: Tables, label: str, along: str, start: float, end: float, second: float
 ) -> float:
-    """Grade or roll at which the way becomes barred by this bound (or "a|b"), by bisection."""
+    """Grade or roll from which this bound (or "a|b") blocks the path, by bisection."""
     model = model_of(tables)
 
-    def barred(value: float) -> bool:
-        tilt = (value, other) if along == "grade" else (other, value)
+    def is_blocked(value: float) -> bool:
+        tilt = (value, second) if along == "grade" else (second, value)
         _, _, bounds = bounds_of(model, tilted(*tilt), straight(3.0))
         if bounds.barrier_station[0] > 0:
             return False
         assert Limiting(int(bounds.barrier[0])).label in label.split("|")
         return True
 
-    assert not barred(start)
+    assert not is_blocked(start)
     for _ in range(40):
         middle = 0.5 * (start + end)
-        start, end = (start, middle) if barred(middle) else (middle, end)
+        start, end = (start, middle) if is_blocked(middle) else (middle, end)
     return start
 
 
@@ -257,7 +257,7 @@ WIDE = {"grade_range": [-1.0, 1.0]}
 @pytest.mark.parametrize("grade", [-0.35, 0.0, 0.35])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_the_steepest_cross_slope_is_that_of_the_lightest_wheel(grade: float, side: float) -> None:
-    """What its side carries less what its axle lacks, while the vehicle brakes to a rest."""
+    """Spare load of a side less the missing load of the axle, while the vehicle brakes."""
     tables = tables_with(
         braking=WIDE | {"b_b": 0.5, "b_m": 0.0},
         vehicle={"cg_z": 0.5, "wheelbase": 4.0, "cg_x": 2.0, "max_drive_force": 9000.0},
@@ -290,7 +290,7 @@ def test_the_steepest_descent_is_that_of_the_rear_load_while_braking(roll: float
 
 
 def test_brakes_too_weak_to_tip_the_vehicle_do_not_keep_a_slope_from_doing_it() -> None:
-    """On the steepest of all it tips standing still, whatever the brakes."""
+    """On the steepest slope it tips standing still, with any brakes."""
     tables = tables_with(
         braking=WIDE | {"b_b": 0.05, "b_m": 0.0, "m_b": 0.0, "m_m": 0.0},
         vehicle={"cg_z": 1.1, "track_width": 3.0},
@@ -395,8 +395,8 @@ def test_the_stopping_bound_on_a_plane_is_the_closed_form(
         speed = np.sqrt(bounds.speed_sq_max[k, 0])
         assert speed <= exact
         # The guard against errors of integration, and the chords below a convex bound.
-        kept = stopping_bound(clear - station[k] - STOP_GUARD, grade, tables)
-        assert speed**2 == pytest.approx(kept**2, abs=3e-3)
+        allowed = stopping_bound(clear - station[k] - STOP_GUARD, grade, tables)
+        assert speed**2 == pytest.approx(allowed**2, abs=3e-3)
 
 
 def test_below_the_slowest_trained_speed_its_coefficients_hold() -> None:
@@ -410,10 +410,10 @@ def test_below_the_slowest_trained_speed_its_coefficients_hold() -> None:
     assert speed[k] == pytest.approx(exact, abs=2e-3)
     # Were the coefficients those of 0.7 m/s, this bound would not be kept.
     tables["braking"]["speed_range"][0] = 0.0
-    other = stopping_bound(
+    second = stopping_bound(
         profile.station[-1, 0] - STOP_GUARD - profile.station[k, 0], np.arctan(-0.1), tables
     )
-    assert exact - other > 0.03
+    assert exact - second > 0.03
 
 
 @pytest.mark.parametrize("clear", [0.0, 0.1, 1.0, 2.77])
@@ -543,9 +543,9 @@ def test_chords_stay_below_a_convex_bound(spacing: float) -> None:
     assert lateral.sum() > 10
     for share in (0.25, 0.5, 0.75):
         chord = v_sq[:-1] + share * np.diff(v_sq)
-        bend = kappa[:-1] + share * np.diff(kappa)
-        # A bound that bends faster than a parabola is left over for the judge, in per milles.
-        assert np.max(chord * bend) <= 0.5 * 1.0005
+        curvature = kappa[:-1] + share * np.diff(kappa)
+        # A bound of higher curvature than a parabola is left to the verifier, in per milles.
+        assert np.max(chord * curvature) <= 0.5 * 1.0005
     # What that costs is second order in the spacing.
     free = np.minimum(0.5 / np.maximum(kappa, 1e-9), 16.0)
     assert np.all(v_sq[lateral] >= free[lateral] * (1.0 - 3.0 * spacing**2))

@@ -20,8 +20,8 @@ from slopewise.planner.path import batch
 from tests.planner.scenes import G, Tables, ground_map, model_of, plane, straight, tables_with
 
 NO_LIMITS = {"speed": 8.0, "min_load": 0.01}
-KEPT_ON_CRESTS = ("crest_unloading", {"k": 0.0})
-"""Brakes whose force is the same whatever presses on the ground."""
+FULL_ON_CRESTS = ("crest_unloading", {"k": 0.0})
+"""Brakes whose force does not depend on the wheel loads."""
 
 FAST = {"speed_range": [0.0, 8.0], "grade_range": [-0.5, 0.5]}
 
@@ -68,15 +68,15 @@ def stop_by_scipy(
             force *= 1.0 + min(falls, 0.0) * y[1] ** 2 / (G * np.cos(theta))
         return [y[1], -G * (force + np.sin(theta))]
 
-    def stands(_: float, y: np.ndarray) -> float:
+    def at_rest(_: float, y: np.ndarray) -> float:
         return y[1]
 
-    stands.terminal = True
+    at_rest.terminal = True
     run = solve_ivp(
         rates,
         (0.0, 60.0),
         [station[k] + v * b["dead_time"], v],
-        events=[stands],
+        events=[at_rest],
         rtol=1e-10,
         atol=1e-12,
         max_step=0.02,
@@ -99,7 +99,7 @@ def test_stops_on_hills_end_just_before_the_end_of_the_way(
     b_m: float, m_m: float, m_b: float, dead_time: float, slowest: float, integrated: bool
 ) -> None:
     tables = tables_with(
-        KEPT_ON_CRESTS,
+        FULL_ON_CRESTS,
         limits=NO_LIMITS,
         braking=FAST
         | {
@@ -153,7 +153,7 @@ def test_what_crests_take_from_the_force_is_left_out_of_the_stop() -> None:
 
 def test_the_bound_converges_with_the_spacing() -> None:
     """Distance given up shrinks at least with the square of the spacing."""
-    tables = tables_with(KEPT_ON_CRESTS, limits=NO_LIMITS, braking=FAST)
+    tables = tables_with(FULL_ON_CRESTS, limits=NO_LIMITS, braking=FAST)
     ground = ground_map(hills, resolution=0.05)
     lost = []
     for spacing in (0.4, 0.2, 0.1):

@@ -1,4 +1,4 @@
-"""Every bound by itself: together they are the bound of the plan."""
+"""Every bound individually: together they are the bound of the plan."""
 
 from __future__ import annotations
 
@@ -122,5 +122,5 @@ def test_what_the_ground_allows_is_a_curve_of_its_own(
     curve = bound_curves(ground, plan_one(tables, ground, path), model)[bound]
     speed = np.sqrt(bounds.speed_sq_max[held, 0])
     assert speed.min() == pytest.approx(curve[held].min(), rel=0.01)
-    # Beside a lower station the planner lowers a bound so that v² between both stays below it.
+    # Next to a lower station the planner lowers a bound so that v² in between stays below it.
     assert np.all(speed <= 1.001 * curve[held])

@@ -158,17 +158,17 @@ SCENES: dict[Limiting, tuple[Model, ElevationMap, Any, dict[str, Any]]] = {
 
 
 @pytest.mark.parametrize("bound", Limiting)
-def test_a_bound_that_bites_costs_most_of_all(bound: Limiting) -> None:
+def test_a_limiting_bound_has_the_highest_cost(bound: Limiting) -> None:
     model, ground, path, options = SCENES[bound]
-    found = explain(model, ground, path, **options)
-    # Brakes that stop at once hold as well.
-    foremost = found.costs[: {Limiting.HOLDING: 2, Limiting.CREST: 3}.get(bound, 1)]
-    told = [(c.limiting.label, c.seconds) for c in found.costs]
-    assert bound in {cost.limiting for cost in foremost}, told
-    assert found.costs[0].seconds > 0.1
-    plan = found.plan
+    explanation = explain(model, ground, path, **options)
+    # Brakes that stop immediately hold as well.
+    foremost = explanation.costs[: {Limiting.HOLDING: 2, Limiting.CREST: 3}.get(bound, 1)]
+    costs = [(c.limiting.label, c.seconds) for c in explanation.costs]
+    assert bound in {cost.limiting for cost in foremost}, costs
+    assert explanation.costs[0].seconds > 0.1
+    plan = explanation.plan
     at_rest = int(np.searchsorted(plan.station, plan.progress))
-    assert bound in {int(plan.limiting[at_rest]), *(s.limiting for s in found.stretches)}
+    assert bound in {int(plan.limiting[at_rest]), *(s.limiting for s in explanation.stretches)}
 
 
 @pytest.mark.parametrize(
@@ -188,32 +188,34 @@ def test_a_bound_that_bites_costs_most_of_all(bound: Limiting) -> None:
 )
 def test_a_bound_that_does_not_bite_costs_nothing(bound: Limiting) -> None:
     """Level known ground, straight on, slowly: only comfort, speed limit and stop count."""
-    found = explain(with_limits(speed=2.0), LEVEL, straight(20.0))
-    assert seconds(found, bound) == 0.0
+    explanation = explain(with_limits(speed=2.0), LEVEL, straight(20.0))
+    assert seconds(explanation, bound) == 0.0
 
 
 def test_the_cost_of_a_speed_limit_is_its_closed_form() -> None:
     """30 m at 2 m/s instead of 4 m/s, 1 m/s² up and 1.5 m/s² down, ends 0.2 m short."""
     model, settings = with_limits(speed=2.0, jerk=1e3), PlannerSettings(smooth=False)
-    found = explain(model, LEVEL, straight(30.0), settings=settings)
-    way = found.plan.progress
+    explanation = explain(model, LEVEL, straight(30.0), settings=settings)
+    way = explanation.plan.progress
 
     def time(top: float) -> float:
         ramps = 0.5 * top**2 * (1.0 + 1.0 / 1.5)
         return top * (1.0 + 1.0 / 1.5) + (way - ramps) / top
 
-    assert seconds(found, Limiting.SPEED_LIMIT) == pytest.approx(time(2.0) - time(4.0), abs=0.05)
+    assert seconds(explanation, Limiting.SPEED_LIMIT) == pytest.approx(
+        time(2.0) - time(4.0), abs=0.05
+    )
 
 
 def test_the_cost_of_unknown_ground_is_the_charge_for_what_is_not_reached() -> None:
     model, ground = with_limits(), plane(unknown=lambda x, y: x > 10.0)
-    found = explain(model, ground, straight(20.0))
-    cost = found.costs[0]
+    explanation = explain(model, ground, straight(20.0))
+    cost = explanation.costs[0]
     free = explain(model, LEVEL, straight(20.0)).plan
     assert cost.limiting is Limiting.UNKNOWN_TERRAIN
-    assert cost.reach == pytest.approx(free.progress - found.plan.progress)
+    assert cost.reach == pytest.approx(free.progress - explanation.plan.progress)
     assert cost.seconds == pytest.approx(
-        2.0 * cost.reach - (free.travel_time - found.plan.travel_time), abs=1e-6
+        2.0 * cost.reach - (free.travel_time - explanation.plan.travel_time), abs=1e-6
     )
     higher = explain(model, ground, straight(20.0), settings=PlannerSettings(horizon_penalty=4.0))
     assert higher.costs[0].seconds == pytest.approx(cost.seconds + 2.0 * cost.reach, abs=1e-6)
@@ -221,7 +223,7 @@ def test_the_cost_of_unknown_ground_is_the_charge_for_what_is_not_reached() -> N
 
 # ------------------------------------------------------------------------------ measurements
 
-UNSURE = Uncertainty(slope_std=0.0)
+UNCERTAIN = Uncertainty(slope_std=0.0)
 
 
 def scattered(**braking: Any) -> Model:
@@ -229,7 +231,7 @@ def scattered(**braking: Any) -> Model:
 
 
 def test_what_is_uncertain_buys_time_when_it_is_known() -> None:
-    at_stake = {"clear": 5.0, "start_speed": 1.5, "uncertainty": UNSURE}
+    at_stake = {"clear": 5.0, "start_speed": 1.5, "uncertainty": UNCERTAIN}
     forces = explain(scattered(force_std=0.04), LEVEL, straight(20.0), **at_stake)
     assert bought(forces, "braking") > 0.05
     assert bought(forces, "dead_time") == bought(forces, "map_slopes") == 0.0
@@ -249,20 +251,20 @@ def test_old_parameters_and_uncertain_effects_are_braking_too() -> None:
     assert bought(old, "braking") > 0.05
     effect = Effect(name="session_drift", parameters={"k": -1e-9}, covariance=((1e-11,),))
     drifting = replace(scattered(), effect=(effect,))
-    found = explain(drifting, LEVEL, straight(20.0), uncertainty=UNSURE, **at_stake)
-    assert bought(found, "braking") > 0.05
+    explanation = explain(drifting, LEVEL, straight(20.0), uncertainty=UNCERTAIN, **at_stake)
+    assert bought(explanation, "braking") > 0.05
 
 
 def test_with_the_mean_alone_no_certainty_is_bought() -> None:
     model = scattered(force_std=0.04, dead_time_std=0.1)
-    found = explain(model, LEVEL, straight(20.0), clear=5.88)
+    explanation = explain(model, LEVEL, straight(20.0), clear=5.88)
     for name in ("braking", "dead_time", "map_slopes"):
-        assert bought(found, name) == 0.0
+        assert bought(explanation, name) == 0.0
 
 
-def test_a_clear_way_and_a_look_at_the_ground_lead_farther() -> None:
-    found = explain(with_limits(), LEVEL, straight(20.0), clear=8.88)
-    first = found.measurements[0]
+def test_a_clear_path_and_known_ground_lead_farther() -> None:
+    explanation = explain(with_limits(), LEVEL, straight(20.0), clear=8.88)
+    first = explanation.measurements[0]
     assert first.name == "clear_distance"
     assert first.reach == pytest.approx(12.0, abs=0.3)
     assert f"{first.reach:.1f} m farther" in first.sentence
@@ -270,24 +272,24 @@ def test_a_clear_way_and_a_look_at_the_ground_lead_farther() -> None:
     assert explain(with_limits(), hidden, straight(20.0)).measurements[0].name == "map_coverage"
 
 
-def test_trained_ranges_are_told_apart() -> None:
+def test_trained_ranges_are_distinguished() -> None:
     slow = explain(with_tables(braking={"speed_range": [0.5, 1.0]}), LEVEL, straight(20.0))
     assert slow.measurements[0].name == "speed_range"
     assert bought(slow, "grade_range") == 0.0
     steep = SCENES[Limiting.MODEL_VALIDITY]
-    found = explain(steep[0], steep[1], steep[2])
-    assert found.measurements[0].name == "grade_range"
-    assert bought(found, "speed_range") == 0.0
+    explanation = explain(steep[0], steep[1], steep[2])
+    assert explanation.measurements[0].name == "grade_range"
+    assert bought(explanation, "speed_range") == 0.0
 
 
-def test_strange_ground_is_worth_braking_on() -> None:
+def test_a_measured_stop_on_unknown_ground_has_a_benefit() -> None:
     ground = ground_map(
         lambda x, y: 0.0, classes=lambda x, y: (x > 3.0).astype(int), class_names=("", "moss")
     )
     model = with_limits(**FAST)
     icy = replace(model.braking, terrain={"ice": SurfaceBraking(b_b=0.2)})
     model = replace(model, braking=icy)
-    at_stake = {"clear": 10.0, "uncertainty": UNSURE}
+    at_stake = {"clear": 10.0, "uncertainty": UNCERTAIN}
     assert explain(model, ground, straight(20.0), **at_stake).measurements[0].name in (
         "surface",
         "clear_distance",
@@ -312,7 +314,7 @@ def test_the_safety_offset_has_its_price() -> None:
 def test_nothing_is_ever_lost(scene: generated.Scene) -> None:
     """Costs and measurements are never negative; stretches cover the drive without a gap."""
     model = model_of(scene.tables)
-    found = explain(
+    explanation = explain(
         model,
         scene.ground,
         scene.path,
@@ -320,18 +322,20 @@ def test_nothing_is_ever_lost(scene: generated.Scene) -> None:
         uncertainty=Uncertainty(slope_std=0.005),
         **scene.options,
     )
-    assert all(c.seconds >= 0.0 and c.reach >= 0.0 for c in found.costs)
-    assert all(m.seconds >= 0.0 and m.reach >= 0.0 for m in found.measurements)
-    assert [c.seconds for c in found.costs] == sorted(c.seconds for c in found.costs)[::-1]
-    assert {c.limiting for c in found.costs} == set(Limiting)
-    parts = found.stretches
+    assert all(c.seconds >= 0.0 and c.reach >= 0.0 for c in explanation.costs)
+    assert all(m.seconds >= 0.0 and m.reach >= 0.0 for m in explanation.measurements)
+    assert [c.seconds for c in explanation.costs] == sorted(c.seconds for c in explanation.costs)[
+        ::-1
+    ]
+    assert {c.limiting for c in explanation.costs} == set(Limiting)
+    parts = explanation.stretches
     assert all(a.end == b.begin and a.limiting != b.limiting for a, b in pairwise(parts))
     if parts:
         assert parts[0].begin == 0.0
-        assert parts[-1].end == found.plan.progress
-        assert sum(p.seconds for p in parts) == pytest.approx(found.plan.travel_time)
+        assert parts[-1].end == explanation.plan.progress
+        assert sum(p.seconds for p in parts) == pytest.approx(explanation.plan.travel_time)
     else:
-        assert found.plan.progress == 0.0
+        assert explanation.plan.progress == 0.0
 
 
 def test_what_is_explained_is_the_plan_of_the_planner() -> None:
@@ -342,15 +346,15 @@ def test_what_is_explained_is_the_plan_of_the_planner() -> None:
     (plan,) = CandidatePlanner(model, uncertainty=uncertainty).plan(
         ground, [arc(20.0, 0.05)], **options
     )
-    found = explain(model, ground, arc(20.0, 0.05), uncertainty=uncertainty, **options)
-    np.testing.assert_allclose(found.plan.speed, plan.speed, atol=1e-9)
-    assert found.plan.status is plan.status
+    explanation = explain(model, ground, arc(20.0, 0.05), uncertainty=uncertainty, **options)
+    np.testing.assert_allclose(explanation.plan.speed, plan.speed, atol=1e-9)
+    assert explanation.plan.status is plan.status
 
 
-def test_a_plan_that_stands_says_what_would_let_it_go() -> None:
+def test_a_plan_at_rest_names_the_blocking_bounds() -> None:
     hidden = plane(unknown=lambda x, y: x > 0.3)
-    found = explain(with_limits(), hidden, straight(20.0))
-    assert found.plan.status is Status.BLOCKED
-    assert stretches(found.plan) == ()
-    assert found.costs[0].limiting is Limiting.UNKNOWN_TERRAIN
-    assert found.costs[0].reach > 15.0
+    explanation = explain(with_limits(), hidden, straight(20.0))
+    assert explanation.plan.status is Status.BLOCKED
+    assert stretches(explanation.plan) == ()
+    assert explanation.costs[0].limiting is Limiting.UNKNOWN_TERRAIN
+    assert explanation.costs[0].reach > 15.0

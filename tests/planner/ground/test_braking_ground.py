@@ -113,7 +113,7 @@ def test_an_unknown_class_is_the_weakest_and_the_strongest_surface_there_is() ->
         "rubber": {"b_b": 0.7},
     }
     model = model_of(tables)
-    strange = plane(classes=lambda x, y: np.ones_like(x), class_names=("", "never heard of"))
+    strange = plane(classes=lambda x, y: np.ones_like(x), class_names=("", "unknown name"))
     _, ground = ground_of(model, strange)
     np.testing.assert_allclose(ground.lower_intercept, 0.1)
     np.testing.assert_allclose(ground.lower_slope, 0.0, atol=1e-12)
@@ -155,7 +155,7 @@ def test_ground_steeper_than_trained_is_marked() -> None:
         assert np.all(ground.trained == trained), grade
 
 
-def test_extrapolation_takes_its_margin_both_ways_and_only_outside() -> None:
+def test_extrapolation_has_its_margin_both_ways_and_only_outside() -> None:
     tables = tables_with(
         braking={"grade_range": [-0.1, 0.1], "extrapolate": True, "extrapolation_margin": 0.2}
     )
@@ -190,7 +190,7 @@ def test_the_whole_margin_holds_from_the_edge_of_the_trained_range_on() -> None:
 
 
 def test_ground_terms_are_added_where_they_act() -> None:
-    tilt = plane(rise=0.1, lean=0.1)
+    tilt = plane(rise=0.1, cross=0.1)
     _, plain = ground_of(model_of(tables_with()), tilt)
     roll, grade = np.arctan(0.1 / np.sqrt(1.01)), np.arctan(0.1)
     for name, parameters, extra in (
@@ -204,7 +204,7 @@ def test_ground_terms_are_added_where_they_act() -> None:
         np.testing.assert_allclose(ground.upper_intercept, plain.upper_intercept + extra, atol=1e-9)
 
 
-def test_a_weak_patch_begins_a_station_early_and_a_strong_one_for_tipping_only() -> None:
+def test_a_weak_patch_starts_a_station_early_and_a_strong_one_for_tipping_only() -> None:
     for delta in (-0.2, 0.2):
         patch = ("surface_patch", {"delta": delta, "x": 8.0, "y": 0.0, "radius": 1.0})
         profile, ground = ground_of(model_of(tables_with(patch)), plane())

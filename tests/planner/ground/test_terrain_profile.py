@@ -24,17 +24,17 @@ def along(ground: ElevationMap, *paths: CandidatePath, spacing: float = 0.25) ->
     return terrain_profile(ground, side.x, side.y, side.count, WHEELBASE, TRACK)
 
 
-@given(rise=st.floats(-0.6, 0.6), lean=st.floats(-0.6, 0.6), heading=st.floats(-3.2, 3.2))
-def test_planes_are_exact_for_any_heading(rise: float, lean: float, heading: float) -> None:
-    ground = plane(rise, lean, x=(-8.0, 8.0), y=(-8.0, 8.0))
+@given(rise=st.floats(-0.6, 0.6), cross=st.floats(-0.6, 0.6), heading=st.floats(-3.2, 3.2))
+def test_planes_are_exact_for_any_heading(rise: float, cross: float, heading: float) -> None:
+    ground = plane(rise, cross, x=(-8.0, 8.0), y=(-8.0, 8.0))
     profile = along(ground, straight(5.0, heading))
     forward = np.array([np.cos(heading), np.sin(heading)])
-    uphill = rise * forward[0] + lean * forward[1]
+    uphill = rise * forward[0] + cross * forward[1]
     assert profile.known.all()
     np.testing.assert_allclose(profile.grade, np.arctan(uphill), atol=1e-10)
     np.testing.assert_allclose(profile.sin_grade, np.sin(np.arctan(uphill)), atol=1e-10)
     # From the plane's normal, with no formula of the planner: left = up x forward.
-    normal = np.array([-rise, -lean, 1.0]) / np.sqrt(1.0 + rise**2 + lean**2)
+    normal = np.array([-rise, -cross, 1.0]) / np.sqrt(1.0 + rise**2 + cross**2)
     tangent = np.array([*forward, uphill]) / np.sqrt(1.0 + uphill**2)
     left = np.cross(normal, tangent)
     np.testing.assert_allclose(np.cos(profile.grade) * np.sin(profile.roll), left[2], atol=1e-10)
@@ -141,11 +141,11 @@ def test_unknown_ground_under_one_wheel_only_is_seen_by_both_wheels_of_that_side
     assert known[np.argmin(np.abs(x - 8.0))]
 
 
-def test_unknown_ground_under_the_path_counts_but_not_beside_it_between_the_wheels() -> None:
+def test_unknown_ground_under_the_path_is_used_but_not_between_path_and_wheels() -> None:
     centre = along(unknown_disc(8.0, 0.0), straight(16.0), spacing=0.1)
     assert not centre.known[np.argmin(np.abs(centre.x[:, 0] - 8.0)), 0]
-    beside = along(unknown_disc(8.0, 0.25, 0.06), straight(16.0), spacing=0.1)
-    assert beside.known.all()
+    off_path = along(unknown_disc(8.0, 0.25, 0.06), straight(16.0), spacing=0.1)
+    assert off_path.known.all()
 
 
 def test_off_the_map_is_unknown() -> None:
@@ -184,9 +184,9 @@ def tracks(profile: TerrainProfile, dense: int = 3000) -> tuple[np.ndarray, ...]
         np.interp(s, profile.station[:, 0], c) for c in (profile.x[:, 0], profile.y[:, 0], yaw)
     )
     wheels = [(0.0, 0.0), *((a, b) for a in (-0.6, 0.6) for b in (-0.5, 0.5))]
-    ahead, aside = np.array(wheels).T
+    ahead, sideways = np.array(wheels).T
     cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    return s, x[:, None] + ahead * cos - aside * sin, y[:, None] + ahead * sin + aside * cos
+    return s, x[:, None] + ahead * cos - sideways * sin, y[:, None] + ahead * sin + sideways * cos
 
 
 def thin_line(seed: int) -> tuple[float, Any, CandidatePath, np.random.Generator]:
@@ -194,12 +194,12 @@ def thin_line(seed: int) -> tuple[float, Any, CandidatePath, np.random.Generator
     rng = np.random.default_rng(seed)
     resolution = float(rng.choice([0.05, 0.1, 0.2, 0.25, 0.5]))
     place, normal = rng.uniform(2.0, 5.0), rng.uniform(-0.6, 0.6)
-    bend, heading = float(rng.choice([0.0, 0.3, 0.8, 1.0])), rng.uniform(-0.8, 0.8)
+    curvature, heading = float(rng.choice([0.0, 0.3, 0.8, 1.0])), rng.uniform(-0.8, 0.8)
 
     def on_line(x: Any, y: Any) -> Any:
         return np.abs((x - place) * np.cos(normal) + y * np.sin(normal)) < 0.5 * resolution
 
-    path = arc(2.5 / bend, bend, heading - 0.5) if bend else straight(8.0, heading)
+    path = arc(2.5 / curvature, curvature, heading - 0.5) if curvature else straight(8.0, heading)
     return resolution, on_line, path, rng
 
 
@@ -214,7 +214,7 @@ def test_no_wheel_rolls_over_an_unknown_cell_between_stations(seed: int) -> None
     rows = np.rint((y + 10.0) / resolution).astype(int)
     lost = s[np.isnan(ground.elevation[rows, columns]).any(axis=1)]
     station, unknown = profile.station[:, 0], ~profile.known[:, 0]
-    # Whoever stands on an unknown cell is before or behind a station that says so.
+    # A vehicle on an unknown cell is before or behind a station that is unknown.
     for where in lost:
         k = np.clip(np.searchsorted(station, where) - 1, 0, len(station) - 2)
         assert unknown[k] or unknown[k + 1], (where, resolution)

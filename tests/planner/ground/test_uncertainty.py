@@ -1,4 +1,4 @@
-"""What is not known makes plans slower, by as much as the quantile asks for and never faster."""
+"""Uncertainty makes plans slower, by as much as the quantile asks for, and never faster."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def forces(model: Model, uncertainty: Uncertainty | None, ground: ElevationMap) 
 
 # ------------------------------------------------------------------------------ never faster
 
-DOUBTS = st.fixed_dictionaries(
+UNCERTAINTIES = st.fixed_dictionaries(
     {
         "quantile": between(0.5, 0.9999),
         "slope_std": between(0.0, 0.02),
@@ -91,9 +91,9 @@ DOUBTS = st.fixed_dictionaries(
 
 
 @settings(max_examples=40)
-@given(generated.tables(), generated.heights(), DOUBTS, between(3.0, 12.0), st.data())
-def test_no_doubt_makes_a_plan_faster(
-    tables: Tables, height: Any, doubts: dict[str, float], clear: float, data: st.DataObject
+@given(generated.tables(), generated.heights(), UNCERTAINTIES, between(3.0, 12.0), st.data())
+def test_no_uncertainty_makes_a_plan_faster(
+    tables: Tables, height: Any, sizes: dict[str, float], clear: float, data: st.DataObject
 ) -> None:
     scatter = {
         "force_std": data.draw(between(0.0, 0.03)),
@@ -103,7 +103,7 @@ def test_no_doubt_makes_a_plan_faster(
     ground = ground_map(height, x=(-4.0, 18.0))
     model, scattered = model_of(tables), model_of(tables | {"braking": tables["braking"] | scatter})
     less = {
-        name: value * data.draw(st.sampled_from([0.0, 0.5, 1.0])) for name, value in doubts.items()
+        name: value * data.draw(st.sampled_from([0.0, 0.5, 1.0])) for name, value in sizes.items()
     }
     less["quantile"] = max(less["quantile"], 0.5)
     plans = [
@@ -111,18 +111,20 @@ def test_no_doubt_makes_a_plan_faster(
         for m, u in (
             (model, None),
             (model, Uncertainty(**less)),
-            (scattered, Uncertainty(**doubts)),
+            (scattered, Uncertainty(**sizes)),
         )
     ]
-    for plan, doubtful in pairwise(plans):
-        if Status.INFEASIBLE in (plan.status, doubtful.status):
+    for plan, uncertain_model in pairwise(plans):
+        if Status.INFEASIBLE in (plan.status, uncertain_model.status):
             continue
-        if doubtful.status is Status.DEGRADED or plan.status is Status.DEGRADED:
-            assert doubtful.progress <= plan.progress + 1e-6
+        if uncertain_model.status is Status.DEGRADED or plan.status is Status.DEGRADED:
+            assert uncertain_model.progress <= plan.progress + 1e-6
             continue
         # Speeds rather than v²: between stations v² is lowered by its second difference.
-        assert np.all(doubtful.speed <= plan.speed + 0.02), np.max(doubtful.speed - plan.speed)
-        assert doubtful.progress <= plan.progress + 1e-6
+        assert np.all(uncertain_model.speed <= plan.speed + 0.02), np.max(
+            uncertain_model.speed - plan.speed
+        )
+        assert uncertain_model.progress <= plan.progress + 1e-6
 
 
 @pytest.mark.parametrize(
@@ -135,12 +137,12 @@ def test_no_doubt_makes_a_plan_faster(
         (uncertain(covariance=None), Uncertainty(age=24 * HOUR)),
     ],
 )
-def test_every_doubt_costs_time(model: Model, uncertainty: Uncertainty) -> None:
-    sure, doubtful = plan_with(model, None), plan_with(model, uncertainty)
-    assert np.max(sure.speed - doubtful.speed) > 0.02
-    assert np.all(doubtful.speed <= sure.speed + 1e-9)
+def test_every_uncertainty_costs_time(model: Model, uncertainty: Uncertainty) -> None:
+    exact, uncertain_model = plan_with(model, None), plan_with(model, uncertainty)
+    assert np.max(exact.speed - uncertain_model.speed) > 0.02
+    assert np.all(uncertain_model.speed <= exact.speed + 1e-9)
     certain = replace(uncertainty, quantile=0.5)
-    assert plan_with(model, certain).speed == pytest.approx(sure.speed, abs=1e-9)
+    assert plan_with(model, certain).speed == pytest.approx(exact.speed, abs=1e-9)
 
 
 def test_the_older_the_slower() -> None:
@@ -156,10 +158,12 @@ def test_the_older_the_slower() -> None:
 
 def margins(model: Model, uncertainty: Uncertainty, v: float) -> tuple[Any, Any, Any]:
     """Grade, and what is given up and added at an onset speed."""
-    profile, sure = forces(model, None, hills())
+    profile, exact = forces(model, None, hills())
     _, wide = forces(model, uncertainty, hills())
-    weak = (sure.lower_slope - wide.lower_slope) * v + sure.lower_intercept - wide.lower_intercept
-    strong = (wide.upper_slope - sure.upper_slope) * v + wide.upper_intercept - sure.upper_intercept
+    weak = (exact.lower_slope - wide.lower_slope) * v + exact.lower_intercept - wide.lower_intercept
+    strong = (
+        (wide.upper_slope - exact.upper_slope) * v + wide.upper_intercept - exact.upper_intercept
+    )
     return profile.grade[:, 0], weak[:, 0], strong[:, 0]
 
 
@@ -187,8 +191,8 @@ def test_scatter_age_and_covariance_add_as_variances() -> None:
     uncertainty = Uncertainty(age=9.0 * HOUR, drift=0.01)
     grade, weak, _ = margins(model, uncertainty, 1.0)
     z = norm.ppf(0.999)
-    both = np.sqrt(expected(grade, 1.0, z) ** 2 + (z * 0.02) ** 2 + (z * 0.01 * 3.0) ** 2)
-    assert weak == pytest.approx(both, abs=1e-12)
+    combined = np.sqrt(expected(grade, 1.0, z) ** 2 + (z * 0.02) ** 2 + (z * 0.01 * 3.0) ** 2)
+    assert weak == pytest.approx(combined, abs=1e-12)
 
 
 def test_an_error_of_the_slope_counts_as_force_and_as_weight() -> None:
@@ -206,8 +210,8 @@ def test_an_error_of_the_slope_counts_as_force_and_as_weight() -> None:
 def test_loads_keep_more_than_any_slope_error_can_take() -> None:
     model = uncertain(covariance=None)
     uncertainty = Uncertainty(slope_std=0.01)
-    wanted = uncertainty.cautious(model).limits.min_load
-    assert wanted == model.limits.min_load + uncertainty.load_margin(model)
+    required = uncertainty.cautious(model).limits.min_load
+    assert required == model.limits.min_load + uncertainty.load_margin(model)
     v, error = model.vehicle, norm.ppf(0.999) * 0.01
     slopes = np.linspace(-0.6, 0.6, 500)
     for lever in (v.cg_x, v.wheelbase - v.cg_x, 0.5 * v.track_width):
@@ -254,22 +258,22 @@ def test_sampled_vehicles_stop_in_time_as_often_as_was_asked(quantile: float) ->
     samples = 4000
     b = model.braking
     mean = [b.m_m, b.b_m, b.m_b, b.b_b]
-    drawn = rng.multivariate_normal(mean, COVARIANCE, samples)
-    drawn[:, 3] += rng.normal(0.0, np.hypot(0.01, 0.01 * np.sqrt(2.0)), samples)
+    samples_of_force = rng.multivariate_normal(mean, COVARIANCE, samples)
+    samples_of_force[:, 3] += rng.normal(0.0, np.hypot(0.01, 0.01 * np.sqrt(2.0)), samples)
     dead = np.maximum(rng.normal(b.dead_time, 0.02, samples), 0.0)
     tilt = rng.normal(0.0, 0.004, samples)
     tight = plan.clear_distance - plan.station - plan.stop_distance
     moving = np.flatnonzero(plan.speed > 1.0)
     for k in moving[np.argsort(tight[moving])[:4]]:
         assert tight[k] < 0.2
-        late = stops(plan, int(k), drawn, dead, tilt) > plan.clear_distance
+        late = stops(plan, int(k), samples_of_force, dead, tilt) > plan.clear_distance
         assert late.mean() <= 1.0 - quantile
     # The plan of the mean model would be too fast for about half of them.
-    sure = plan_with(model, None)
-    k = int(np.argmax(sure.speed))
-    tight = sure.clear_distance - sure.station - sure.stop_distance
+    exact = plan_with(model, None)
+    k = int(np.argmax(exact.speed))
+    tight = exact.clear_distance - exact.station - exact.stop_distance
     k = int(moving[np.argmin(tight[moving])])
-    late = stops(sure, k, drawn, dead, tilt) > sure.clear_distance
+    late = stops(exact, k, samples_of_force, dead, tilt) > exact.clear_distance
     assert late.mean() > 0.2
 
 
@@ -321,33 +325,33 @@ EFFECTS = [
 
 @pytest.mark.parametrize(("name", "parameters"), EFFECTS)
 def test_an_uncertain_effect_makes_no_plan_faster(name: str, parameters: dict[str, float]) -> None:
-    sure = model_of(tables_with((name, parameters), limits=EAGER))
+    exact = model_of(tables_with((name, parameters), limits=EAGER))
     spread = np.diag([(0.2 * abs(p) + 1e-3) ** 2 for p in parameters.values()])
-    doubtful = replace(
-        sure,
+    uncertain_model = replace(
+        exact,
         effect=(Effect(name=name, parameters=parameters, covariance=tuple(map(tuple, spread))),),
     )
-    one, other = (plan_with(model, Uncertainty()) for model in (sure, doubtful))
-    assert np.all(other.speed <= one.speed + 1e-3)
-    assert other.travel_time > one.travel_time or other.progress == 0.0
+    mean, margin = (plan_with(model, Uncertainty()) for model in (exact, uncertain_model))
+    assert np.all(margin.speed <= mean.speed + 1e-3)
+    assert margin.travel_time > mean.travel_time or margin.progress == 0.0
 
 
-def doubtful_effect(name: str, key: str, value: float, std: float, **tables: Any) -> Model:
+def uncertain_effect(name: str, key: str, value: float, std: float, **tables: Any) -> Model:
     """The quad with one effect that is not known exactly."""
     effect = Effect(name=name, parameters={key: value}, covariance=((std**2,),))
     return replace(model_of(tables_with(**tables)), effect=(effect,))
 
 
 def test_uncertain_friction_is_low_for_the_stop_and_high_for_the_rear_axle() -> None:
-    model, z = doubtful_effect("wheel_lockup", "mu", 0.35, 0.01), norm.ppf(0.999)
+    model, z = uncertain_effect("wheel_lockup", "mu", 0.35, 0.01), norm.ppf(0.999)
     _, ground = forces(model, Uncertainty(), plane())
     assert ground.lower_intercept == pytest.approx(0.35 - z * 0.01)
     assert ground.upper_intercept == pytest.approx(0.35 + z * 0.01)
     assert not ground.lower_slope.any()
     assert not ground.upper_slope.any()
-    _, sure = forces(model, None, plane())
-    assert sure.lower_intercept == pytest.approx(0.35)
-    assert sure.upper_intercept == pytest.approx(0.35)
+    _, exact = forces(model, None, plane())
+    assert exact.lower_intercept == pytest.approx(0.35)
+    assert exact.upper_intercept == pytest.approx(0.35)
 
 
 def test_where_more_friction_would_lift_the_rear_axle_the_way_ends() -> None:
@@ -357,11 +361,11 @@ def test_where_more_friction_would_lift_the_rear_axle_the_way_ends() -> None:
     lever = v.cg_z / (v.wheelbase - v.cg_x)
     likely, worst = (np.cos(grade) * (1.0 - lever * m) for m in (mu, mu + z * std))
     limits = {"min_load": float(0.5 * (likely + worst))}
-    model = doubtful_effect("wheel_lockup", "mu", mu, std, limits=limits)
+    model = uncertain_effect("wheel_lockup", "mu", mu, std, limits=limits)
     slope = plane(rise=-0.15)
     assert plan_with(model, None, slope).progress > 5.0
     assert plan_with(model, Uncertainty(), slope).progress == pytest.approx(0.0, abs=1e-9)
-    lower = doubtful_effect("wheel_lockup", "mu", mu, std, limits={"min_load": worst - 0.01})
+    lower = uncertain_effect("wheel_lockup", "mu", mu, std, limits={"min_load": worst - 0.01})
     assert plan_with(lower, Uncertainty(), slope).progress > 5.0
 
 
@@ -372,16 +376,16 @@ def test_where_more_friction_would_lift_the_rear_axle_the_way_ends() -> None:
 def test_uncertain_drag_counts_for_the_rear_axle_with_its_upper_end(
     name: str, key: str, at_top: float
 ) -> None:
-    model, z = doubtful_effect(name, key, 0.02, 0.004, limits={"speed": 4.0}), norm.ppf(0.999)
+    model, z = uncertain_effect(name, key, 0.02, 0.004, limits={"speed": 4.0}), norm.ppf(0.999)
     _, ground = forces(model, Uncertainty(), plane())
-    _, sure = forces(model, None, plane())
+    _, exact = forces(model, None, plane())
     assert [v for v in ground.motion.values if v] == [pytest.approx(0.02 - z * 0.004)]
-    assert ground.lower_intercept == pytest.approx(sure.lower_intercept)
+    assert ground.lower_intercept == pytest.approx(exact.lower_intercept)
     # What the motion now lacks to the upper end, at the highest speed that is planned.
-    assert ground.upper_intercept - sure.upper_intercept == pytest.approx(2.0 * z * 0.004 * at_top)
+    assert ground.upper_intercept - exact.upper_intercept == pytest.approx(2.0 * z * 0.004 * at_top)
 
 
-def test_uncertain_turning_resistance_counts_by_the_bend() -> None:
+def test_uncertain_turning_resistance_is_used_by_curvature() -> None:
     z, curvature = norm.ppf(0.999), np.array([[0.0], [0.1], [-0.3]])
     effect = Effect(name="turning_resistance", parameters={"k": 0.05}, covariance=((1e-4,),))
     spread = Uncertainty().drag_spread((effect,), curvature, 3.0)

@@ -1,4 +1,4 @@
-"""The previous plan from cycle to cycle: the same stations, as far as they are free."""
+"""The previous plan from cycle to cycle: the same stations, up to the first that is not free."""
 
 from __future__ import annotations
 
@@ -53,26 +53,28 @@ def test_the_rest_holds_two_stations_behind_and_so_the_same_ground() -> None:
     path = batch([arc(20.0, 0.15)], 0.25)
     model = model_of(tables_with())
     size = model.vehicle.wheelbase, model.vehicle.track_width
-    whole = terrain_profile(ground, path.x, path.y, path.count, *size)
+    complete = terrain_profile(ground, path.x, path.y, path.count, *size)
     (plan,) = CandidatePlanner(model).plan(ground, [arc(20.0, 0.15)])
     previous = PreviousPlan(plan, None, Polyline(*np.empty((2, 0))))
     for i in (0, 1, 2, 3, 30):
-        own = later(previous, i)
+        path_limit = later(previous, i)
         for _ in range(2):  # and once more, with nothing driven in between
-            projection = own.locate((float(own.plan.x[0]), float(own.plan.y[0])), 0.15 * 0.25 * i)
-            rest, first = own.rest(projection)
+            projection = path_limit.locate(
+                (float(path_limit.plan.x[0]), float(path_limit.plan.y[0])), 0.15 * 0.25 * i
+            )
+            rest, first = path_limit.rest(projection)
             assert first == min(i, BEHIND)
             again = terrain_profile(ground, rest.x, rest.y, rest.count, *size)
-            # With two stations behind, the neighbour of the first one is as it was, too.
+            # With two stations behind, the neighbour of the first one is unchanged, too.
             for name in ("grade", "sin_roll", "curvature", "z"):
-                before = getattr(whole, name)[i:, 0]
+                before = getattr(complete, name)[i:, 0]
                 assert np.array_equal(getattr(again, name)[first:, 0], before)
             if i >= BEHIND:
-                assert again.grade[first - 1, 0] == whole.grade[i - 1, 0]
-            own = later(own, 0) if first == 0 else own
+                assert again.grade[first - 1, 0] == complete.grade[i - 1, 0]
+            path_limit = later(path_limit, 0) if first == 0 else path_limit
 
 
-def test_a_path_goes_on_with_the_stations_beyond_its_end() -> None:
+def test_a_path_continues_with_the_stations_beyond_its_end() -> None:
     previous = planned_along(arc(10.0, 0.1))
     longer = batch([arc(16.0, 0.1)], 0.25)
     x, y = longer.x[:, 0], longer.y[:, 0]
@@ -111,13 +113,13 @@ def test_limits_of_the_offered_path_hold_on_the_driven_stations() -> None:
         projection, OfferedStations(Polyline(x, np.zeros_like(x)), limit), extended=True
     )
     assert path.speed_limit is not None
-    own = path.speed_limit[:, 0]
-    assert np.all(own[path.x[:, 0] > 5.86] == 1.0)
-    assert np.all(np.isinf(own[path.x[:, 0] < 5.8]))
+    path_limit = path.speed_limit[:, 0]
+    assert np.all(path_limit[path.x[:, 0] > 5.86] == 1.0)
+    assert np.all(np.isinf(path_limit[path.x[:, 0] < 5.8]))
 
 
 @pytest.mark.parametrize(
-    ("other", "same"),
+    ("candidate", "same"),
     [
         (arc(12.0, 0.1), True),
         (arc(9.0, 0.1), True),
@@ -126,9 +128,9 @@ def test_limits_of_the_offered_path_hold_on_the_driven_stations() -> None:
         (straight(12.0), False),
     ],
 )
-def test_the_same_path_is_told_from_another(other: CandidatePath, same: bool) -> None:
+def test_the_same_path_is_distinguished_from_another(candidate: CandidatePath, same: bool) -> None:
     previous = planned_along(arc(12.0, 0.1))
-    path = batch([other], 0.2)
+    path = batch([candidate], 0.2)
     projection = previous.locate((0.0, 0.0), 0.0)
     assert previous.agrees(projection, Polyline(path.x[:, 0], path.y[:, 0]), 0.1) == same
 
@@ -141,21 +143,21 @@ def test_a_place_is_found_again_exactly_whatever_was_driven() -> None:
         far = float(np.interp(end, station, x)), float(np.interp(end, station, y))
         assert station_of(points, station, far, end + 0.4) == pytest.approx(end, abs=1e-9)
         rest = Polyline(x[9:], y[9:])
-        found = station_of(rest, station[9:] - station[9], far, end - station[9])
-        assert found == pytest.approx(end - station[9], abs=1e-9)
+        projected = station_of(rest, station[9:] - station[9], far, end - station[9])
+        assert projected == pytest.approx(end - station[9], abs=1e-9)
     assert station_of(points, station, (float(x[-1]), float(y[-1])), station[-1]) == np.inf
     assert station_of(points, station, (0.0, 50.0), 90.0) == np.inf
     assert station_of(points, station, (-5.0, 0.0), -5.0) == 0.0
 
 
-def test_a_place_beside_is_no_farther_than_its_foot() -> None:
+def test_a_place_off_the_path_is_no_farther_than_its_foot() -> None:
     """Obstacles seen from a path 10 cm outside of a turn are not farther away on this one."""
     inner = batch([arc(15.0, 0.2)], 0.25)
     x, y = inner.x[:, 0], inner.y[:, 0]
     outer_x, outer_y = 5.1 * np.sin(2.0), 5.0 - 5.1 * np.cos(2.0)
     station = Polyline(x, y).arc()
-    found = station_of(Polyline(x, y), station, (float(outer_x), float(outer_y)), 5.1 * 2.0)
-    assert found == pytest.approx(10.0, abs=0.01)
+    projected = station_of(Polyline(x, y), station, (float(outer_x), float(outer_y)), 5.1 * 2.0)
+    assert projected == pytest.approx(10.0, abs=0.01)
 
 
 def test_paths_of_a_plan_are_contiguous_batches() -> None:

@@ -48,9 +48,12 @@ def name_of(kernel: Dispatcher) -> str:
 def called_by_python() -> Iterator[Dispatcher]:
     for name, module in sorted(sys.modules.items()):
         if name.startswith("slopewise.planner."):
-            for found in vars(module).values():
-                if isinstance(found, Dispatcher) and found.py_func.__module__ == name:
-                    yield found
+            for signatures_of in vars(module).values():
+                if (
+                    isinstance(signatures_of, Dispatcher)
+                    and signatures_of.py_func.__module__ == name
+                ):
+                    yield signatures_of
 
 
 def signatures_now() -> dict[str, list[Any]]:
@@ -59,7 +62,7 @@ def signatures_now() -> dict[str, list[Any]]:
     event.register("numba:compile", seconds)
     parameters = ActiveParameters(read_model(find_model("atv")))
     warm_up_requests.run(PlanService(ServiceConfig(model="atv"), parameters))
-    found = {
+    signatures_of = {
         name_of(kernel): _each_once(
             [described(kind) for kind in kinds] for kinds in kernel.overloads
         )
@@ -67,12 +70,12 @@ def signatures_now() -> dict[str, list[Any]]:
         if not isinstance(kernel, Borrowing)
         and (name_of(kernel) in seconds.of or kernel.stats.cache_hits)
     }
-    return dict(sorted(found.items(), key=lambda item: -seconds.of.get(item[0], 0.0)))
+    return dict(sorted(signatures_of.items(), key=lambda item: -seconds.of.get(item[0], 0.0)))
 
 
 def _each_once(signatures: Iterable[list[Any]]) -> list[Any]:
     """Where a kernel calls another one, numba may keep two of them that read alike."""
-    return [json.loads(one) for one in dict.fromkeys(map(json.dumps, signatures))]
+    return [json.loads(row) for row in dict.fromkeys(map(json.dumps, signatures))]
 
 
 if __name__ == "__main__":

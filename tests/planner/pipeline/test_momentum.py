@@ -1,4 +1,4 @@
-"""Hills that thrust alone cannot climb: the speed that is told, against an integrator in time."""
+"""Hills that thrust alone cannot climb: the reported speed, against an integrator in time."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def planned(tables: Tables, length: float = 30.0, **more: float) -> SpeedPlan:
     return plan_one(tables, ground_map(hill), straight(length), **more)
 
 
-def least_speed_on(plan: SpeedPlan, start: float, speed: float, power: float) -> float:
+def min_speed_on(plan: SpeedPlan, start: float, speed: float, power: float) -> float:
     """v² at its least between a station and the top, driven at full thrust; 0 if it stalls."""
     weight = 500.0 * G
 
@@ -57,7 +57,7 @@ def least_speed_on(plan: SpeedPlan, start: float, speed: float, power: float) ->
 
     stalled.terminal = over.terminal = True  # type: ignore[attr-defined]
     stalled.direction = -1.0  # type: ignore[attr-defined]
-    found = solve_ivp(
+    solution = solve_ivp(
         rates,
         (0.0, 60.0),
         [start, speed],
@@ -66,11 +66,11 @@ def least_speed_on(plan: SpeedPlan, start: float, speed: float, power: float) ->
         atol=1e-10,
         max_step=0.05,
     )
-    assert found.status == 1
-    return float(found.y[1].min()) if len(found.t_events[1]) else 0.0
+    assert solution.status == 1
+    return float(solution.y[1].min()) if len(solution.t_events[1]) else 0.0
 
 
-def told_by(plan: SpeedPlan) -> Momentum:
+def reported_by(plan: SpeedPlan) -> Momentum:
     assert plan.momentum is not None
     return plan.momentum
 
@@ -78,60 +78,62 @@ def told_by(plan: SpeedPlan) -> Momentum:
 @pytest.mark.parametrize("power", [POWER, 2500.0])
 def test_the_speed_at_the_foot_just_does(power: float) -> None:
     plan = planned(weak(max_drive_power=power))
-    found = told_by(plan)
-    assert FOOT - 2.0 < found.station < FOOT + 1.0
-    assert TOP - 1.0 < found.until < TOP + 2.0
-    assert least_speed_on(plan, found.station, 1.01 * found.speed, power) > 0.0
-    assert least_speed_on(plan, found.station, 0.99 * found.speed, power) == 0.0
+    solution = reported_by(plan)
+    assert FOOT - 2.0 < solution.station < FOOT + 1.0
+    assert TOP - 1.0 < solution.until < TOP + 2.0
+    assert min_speed_on(plan, solution.station, 1.01 * solution.speed, power) > 0.0
+    assert min_speed_on(plan, solution.station, 0.99 * solution.speed, power) == 0.0
 
 
 def test_the_bound_along_the_path_just_does_from_everywhere() -> None:
     plan = planned(weak())
-    found = told_by(plan)
-    needed = np.flatnonzero(found.least_speed > 0.3)
+    solution = reported_by(plan)
+    needed = np.flatnonzero(solution.least_speed > 0.3)
     assert len(needed) > 8
     for k in needed[:: max(len(needed) // 5, 1)]:
-        speed = float(found.least_speed[k])
-        assert least_speed_on(plan, float(plan.station[k]), 1.02 * speed, POWER) > 0.0
-        assert least_speed_on(plan, float(plan.station[k]), 0.98 * speed, POWER) == 0.0
+        speed = float(solution.least_speed[k])
+        assert min_speed_on(plan, float(plan.station[k]), 1.02 * speed, POWER) > 0.0
+        assert min_speed_on(plan, float(plan.station[k]), 0.98 * speed, POWER) == 0.0
 
 
 def test_a_plan_never_counts_on_it() -> None:
     """The plan rests before the hill, at no speed above its bound, and says why and what lacks."""
     plan = planned(weak())
-    found = told_by(plan)
+    solution = reported_by(plan)
     assert plan.status is Status.BLOCKED
-    assert found.allowed
-    for words in (
+    assert solution.allowed
+    for message in (
         "needs",
         "the drive has 1200 N: thrust alone cannot climb it",
         "no plan counts on",
-        f"at {found.station:.2f} m to get past {found.until:.2f} m",
+        f"at {solution.station:.2f} m to get past {solution.until:.2f} m",
     ):
-        assert words in plan.reason
+        assert message in plan.reason
     assert (plan.speed <= plan.speed_bound + 1e-9).all()
-    assert plan.progress <= plan.clear_distance <= found.station + 1e-9
+    assert plan.progress <= plan.clear_distance <= solution.station + 1e-9
     beyond = plan.station > plan.clear_distance
     assert (plan.speed[beyond] == 0.0).all()
 
 
 def test_less_thrust_and_more_hill_take_more_speed() -> None:
-    usual, weaker = (told_by(planned(weak(max_drive_force=f))).speed for f in (1200.0, 1000.0))
-    assert weaker > usual
+    reference, weaker = (
+        reported_by(planned(weak(max_drive_force=f))).speed for f in (1200.0, 1000.0)
+    )
+    assert weaker > reference
     slow = tables_with(
         vehicle={"max_drive_force": 700.0}, braking={"extrapolate": True}, limits={"speed": 1.0}
     )
     plan = planned(slow)
-    assert not told_by(plan).allowed
+    assert not reported_by(plan).allowed
     assert "more than the limits of speed allow" in plan.reason
 
 
-def test_a_hill_that_goes_on_to_the_end_is_told_so() -> None:
+def test_a_hill_up_to_the_end_is_reported() -> None:
     plan = planned(weak(), length=15.0)
     assert "to get to the end of the path" in plan.reason
 
 
-def test_where_the_hill_goes_on_into_the_unknown_no_speed_is_told() -> None:
+def test_where_the_hill_continues_into_the_unknown_no_speed_is_reported() -> None:
     def ends(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.where(x < 15.0, hill(x, y), np.nan)
 
@@ -140,7 +142,7 @@ def test_where_the_hill_goes_on_into_the_unknown_no_speed_is_told() -> None:
     assert plan.reason.endswith("thrust alone cannot climb it")
 
 
-def test_strong_drives_have_nothing_to_tell() -> None:
+def test_strong_drives_need_no_run_up() -> None:
     plan = planned(weak(max_drive_force=4000.0))
     assert plan.momentum is None
 
@@ -149,10 +151,10 @@ def test_json_holds_it() -> None:
     tables = weak()
     plan = planned(tables)
     result = PlanResult([plan], ground_map(hill), model_of(tables), 0.0)
-    told = json.loads(json.dumps(plan_view.as_json(result), allow_nan=False))["plans"][0]
-    found = told_by(plan)
-    assert told["momentum"]["speed"] == found.speed
-    assert len(told["momentum"]["stations"]) == len(told["momentum"]["least_speed"]) > 8
+    row = json.loads(json.dumps(plan_view.as_json(result), allow_nan=False))["plans"][0]
+    solution = reported_by(plan)
+    assert row["momentum"]["speed"] == solution.speed
+    assert len(row["momentum"]["stations"]) == len(row["momentum"]["least_speed"]) > 8
     assert (
         "momentum"
         not in plan_view.as_json(

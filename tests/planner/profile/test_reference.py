@@ -42,14 +42,14 @@ def problem_on(r: Road) -> TimeOptimalProblem:
     )
 
 
-def test_a_level_road_takes_its_closed_form() -> None:
+def test_a_level_road_has_its_closed_form() -> None:
     """30 m at most 3 m/s with 1 m/s² up and 1.5 m/s² down."""
     r = road(301, bound=3.0)
-    found = TimeOptimalReference(301).solve(problem_on(r))
-    assert found.reason == ""
+    solution = TimeOptimalReference(301).solve(problem_on(r))
+    assert solution.reason == ""
     accelerating, braking = 3.0, 2.0
     cruising = (30.0 - 4.5 - 3.0) / 3.0
-    assert found.travel_time == pytest.approx(accelerating + cruising + braking, rel=1e-3)
+    assert solution.travel_time == pytest.approx(accelerating + cruising + braking, rel=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -68,10 +68,10 @@ def test_the_two_passes_are_optimal(seed: int) -> None:
     )
     speed_sq, _ = r.solve()
     time = travel_time(speed_sq, np.diff(r.station))
-    found = TimeOptimalReference(n).solve(problem_on(r))
-    assert found.speed_sq is not None
-    assert time == pytest.approx(found.travel_time, rel=1e-3)
-    assert np.all(found.speed_sq <= speed_sq + 1e-4)
+    solution = TimeOptimalReference(n).solve(problem_on(r))
+    assert solution.speed_sq is not None
+    assert time == pytest.approx(solution.travel_time, rel=1e-3)
+    assert np.all(solution.speed_sq <= speed_sq + 1e-4)
 
 
 @pytest.mark.parametrize("unknown_from", [9.0, 99.0])
@@ -89,22 +89,22 @@ def test_candidates_out_of_a_batch_are_optimal(unknown_from: float) -> None:
     for j in range(2):
         n = int(part.count[j])
         problem = time_optimal_problem(batched, j, n)
-        found = TimeOptimalReference(n).solve(problem)
-        assert found.speed_sq is not None, found.reason
+        solution = TimeOptimalReference(n).solve(problem)
+        assert solution.speed_sq is not None, solution.reason
         time = travel_time(solved.speed_sq[:n, j], np.diff(problem.station))
-        assert time == pytest.approx(found.travel_time, rel=1e-3)
+        assert time == pytest.approx(solution.travel_time, rel=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_jerk_limited_problems_agree_with_another_formulation(seed: int) -> None:
     p = problem_of(wavy(seed), 2.0)
-    found = JerkLimitedReference(101).solve(p)
-    assert found.speed_sq is not None, found.reason
-    assert found.travel_time == pytest.approx(jerk_optimum(p), rel=2e-3)
+    solution = JerkLimitedReference(101).solve(p)
+    assert solution.speed_sq is not None, solution.reason
+    assert solution.travel_time == pytest.approx(jerk_optimum(p), rel=2e-3)
     mine = smooth(p)
     assert mine.speed_sq is not None
     assert_exact(p, mine.speed_sq)
-    assert travel_time(mine.speed_sq, p.ds) == pytest.approx(found.travel_time, rel=0.01)
+    assert travel_time(mine.speed_sq, p.ds) == pytest.approx(solution.travel_time, rel=0.01)
 
 
 def test_plans_of_the_planner_are_within_a_percent_of_the_optimum() -> None:
@@ -120,14 +120,14 @@ def test_plans_of_the_planner_are_within_a_percent_of_the_optimum() -> None:
     ds = np.diff(plan.station)
     accel = np.minimum(solved.bounds.accel_max[:-1, 0], solved.bounds.accel_max[1:, 0])
     p = SmoothingProblem(ds, top, accel, np.full(n - 1, 1.5), 2.0)
-    found = JerkLimitedReference(n).solve(p)
-    assert found.speed_sq is not None, found.reason
-    assert plan.travel_time == pytest.approx(found.travel_time, rel=0.01)
+    solution = JerkLimitedReference(n).solve(p)
+    assert solution.speed_sq is not None, solution.reason
+    assert plan.travel_time == pytest.approx(solution.travel_time, rel=0.01)
 
 
 def test_what_cannot_be_solved_says_so() -> None:
     p = problem_of(wavy(1), 2.0)
-    found = JerkLimitedReference(101, max_iterations=1).solve(p)
-    assert found.speed_sq is None
-    assert found.reason.startswith("IPOPT")
-    assert np.isnan(found.travel_time)
+    solution = JerkLimitedReference(101, max_iterations=1).solve(p)
+    assert solution.speed_sq is None
+    assert solution.reason.startswith("IPOPT")
+    assert np.isnan(solution.travel_time)

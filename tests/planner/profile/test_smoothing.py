@@ -51,19 +51,19 @@ def travel_time(speed_sq: np.ndarray, ds: np.ndarray) -> float:
 
 
 def excesses(p: SmoothingProblem, speed_sq: np.ndarray) -> dict[str, float]:
-    """Largest breach of each exact constraint; negative is room."""
+    """Largest violation of each exact constraint; negative is slack."""
     accel = np.diff(speed_sq) / (2.0 * p.ds)
     v, go = np.sqrt(speed_sq), moving(speed_sq)
     time = np.full_like(p.ds, np.inf)
     time[go] = (2.0 * p.ds)[go] / (v[1:] + v[:-1])[go]
     change = np.abs(np.diff(accel)) / (0.5 * (time[1:] + time[:-1]))
-    both = go[1:] & go[:-1]
+    moving_both = go[1:] & go[:-1]
     return {
         "speed": float(np.max(speed_sq - p.speed_sq_max)),
         "negative": float(np.max(-speed_sq)),
         "accel": float(np.max((accel - p.accel_max)[go], initial=-1.0)),
         "decel": float(np.max((-accel - p.decel_max)[go], initial=-1.0)),
-        "jerk": float(np.max(change[both] - p.jerk, initial=-1.0)),
+        "jerk": float(np.max(change[moving_both] - p.jerk, initial=-1.0)),
     }
 
 
@@ -157,7 +157,7 @@ def test_padding_at_rest_changes_nothing() -> None:
     np.testing.assert_allclose(more.speed_sq[:101], plain.speed_sq, atol=2e-3)
 
 
-def test_the_start_is_kept_and_rest_stays_rest() -> None:
+def test_the_start_is_unchanged_and_rest_stays_rest() -> None:
     r = wavy(4, start=1.3)
     r.bound[60:] = 0.0
     p = problem_of(r, 2.0)
@@ -182,7 +182,7 @@ def test_the_acceleration_before_the_start_is_taken_on(start_accel: float) -> No
 
 
 @pytest.mark.parametrize("start_accel", [-0.97, -0.5])
-def test_a_start_that_brakes_hard_and_hardly_may_change_is_solved_as_well(
+def test_a_start_that_brakes_hard_at_low_jerk_is_solved_as_well(
     start_accel: float,
 ) -> None:
     """The vehicle nearly stops before it can accelerate: far from the time-optimal profile."""
@@ -194,7 +194,7 @@ def test_a_start_that_brakes_hard_and_hardly_may_change_is_solved_as_well(
     assert travel_time(result.speed_sq, p.ds) <= optimum(p) * 1.01
 
 
-def test_tangents_far_from_the_answer_are_taken_anew() -> None:
+def test_tangents_far_from_the_answer_are_recomputed() -> None:
     """From rest, with little jerk: tangents at the time-optimal profile alone give 8 % away."""
     r = road(80, 0.25, bound=16.0, start=0.0, accel_max=0.92, scalars={"decel": 2.46})
     p = problem_of(r, 0.6)
@@ -204,8 +204,8 @@ def test_tangents_far_from_the_answer_are_taken_anew() -> None:
     assert travel_time(result.speed_sq, p.ds) <= optimum(p) * 1.01
 
 
-def test_a_start_that_cannot_keep_the_jerk_limit_is_said_to() -> None:
-    """Full acceleration wanted at once where only braking is allowed."""
+def test_a_start_that_cannot_keep_the_jerk_limit_is_reported() -> None:
+    """Full acceleration requested immediately where only braking is allowed."""
     r = road(41, 0.25, bound=np.linspace(2.0, 0.5, 41), start=2.0)
     p = problem_of(r, 0.5, start_accel=5.0)
     result = smooth(p)
@@ -287,7 +287,7 @@ def test_whoever_is_asked_first_is_exact_and_as_fast(solver: Solver, seed: int) 
     assert travel_time(result.speed_sq, p.ds) <= optimum(p) * 1.02
 
 
-def test_each_solver_is_asked_and_gives_an_answer_of_its_own() -> None:
+def test_each_solver_is_called_and_has_a_different_answer() -> None:
     p = problem_of(wavy(5), 2.0)
     answers = [smooth(p, solver) for solver in SOLVERS]
     assert len({a.iterations for a in answers}) == len(SOLVERS)
@@ -299,16 +299,16 @@ def test_each_solver_is_asked_and_gives_an_answer_of_its_own() -> None:
 @pytest.mark.parametrize(
     ("solver", "name"), [("osqp", "_by_osqp"), ("ipopt", "_by_ipopt")], ids=["osqp", "ipopt"]
 )
-def test_where_the_wanted_solver_fails_the_usual_one_answers(
+def test_where_the_chosen_solver_fails_the_default_one_answers(
     solver: Solver, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     p = problem_of(wavy(5), 2.0)
     monkeypatch.setattr(smoothing, name, lambda *_: -7)
-    usual, result = smooth(p), smooth(p, solver)
-    assert usual.speed_sq is not None
+    default, result = smooth(p), smooth(p, solver)
+    assert default.speed_sq is not None
     assert result.speed_sq is not None
-    np.testing.assert_array_equal(result.speed_sq, usual.speed_sq)
-    assert result.iterations == usual.iterations + 7
+    np.testing.assert_array_equal(result.speed_sq, default.speed_sq)
+    assert result.iterations == default.iterations + 7
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -318,7 +318,7 @@ def test_where_nothing_is_feasible_each_says_so(solver: Solver) -> None:
 
 
 @pytest.mark.parametrize("n", [2, 3, 31, 33])
-def test_ipopt_takes_candidates_of_any_length(n: int) -> None:
+def test_ipopt_accepts_candidates_of_any_length(n: int) -> None:
     p = SmoothingProblem(
         np.full(n - 1, 0.25),
         np.append(np.full(n - 1, 0.2), 0.0),

@@ -21,7 +21,7 @@ BIG = 1e9
 
 @dataclasses.dataclass
 class Road:
-    """One candidate as the profile sees it: level and strong in everything unless told."""
+    """One candidate as the profile sees it: level and strong in everything by default."""
 
     station: np.ndarray
     bound: np.ndarray
@@ -89,7 +89,7 @@ def test_a_level_road_is_accelerate_hold_brake() -> None:
     np.testing.assert_allclose(speed_sq, exact, atol=1e-9)
 
 
-def test_a_faster_start_begins_at_its_speed_and_is_told_what_can_be_reached() -> None:
+def test_a_faster_start_keeps_its_speed_and_has_the_reachable_stations() -> None:
     r = road(101, start=4.0)
     speed_sq, reachable = r.solve()
     assert speed_sq[0] == pytest.approx(16.0)
@@ -139,12 +139,12 @@ def test_brakes_that_change_with_the_speed_at_onset_are_taken_at_their_weakest(
     slowing = np.flatnonzero(accel < -1e-6)
     assert len(slowing) > 10
     for k in slowing:
-        least = min(r.braking(k, speed[k]), r.braking(k, speed[k + 1]))
-        assert -accel[k] <= least + 1e-9
+        weakest = min(r.braking(k, speed[k]), r.braking(k, speed[k + 1]))
+        assert -accel[k] <= weakest + 1e-9
     # Braking begins somewhere inside its first segment, and is full from the next one on.
     for k in slowing[1:]:
-        least = min(r.braking(k, speed[k]), r.braking(k, speed[k + 1]))
-        assert -accel[k] == pytest.approx(least, rel=1e-6)
+        weakest = min(r.braking(k, speed[k]), r.braking(k, speed[k + 1]))
+        assert -accel[k] == pytest.approx(weakest, rel=1e-6)
 
 
 def test_power_limits_the_acceleration_and_the_top_speed() -> None:
@@ -238,9 +238,9 @@ def test_lowering_any_bound_never_makes_any_station_faster(
 @given(r=roads())
 def test_columns_of_a_batch_do_not_mix(r: Road) -> None:
     alone, _ = r.solve()
-    other = dataclasses.replace(r, bound=0.5 * r.bound)
+    lower_bound = dataclasses.replace(r, bound=0.5 * r.bound)
     stacked = [
-        np.stack([getattr(x, f) for x in (other, r, other)], axis=1)
+        np.stack([getattr(x, f) for x in (lower_bound, r, lower_bound)], axis=1)
         for f in (
             "station",
             "bound",

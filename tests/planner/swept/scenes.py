@@ -25,25 +25,25 @@ FINE = 0.1
 
 @dataclass(frozen=True)
 class Met:
-    """What one candidate meets: codes and rough speeds of its stations, and where they are."""
+    """Hazards of one candidate: codes and roughness speeds of its stations, and their places."""
 
     hazards: Hazards
     profile: TerrainProfile
 
     @property
     def bar(self) -> int:
-        """Code of the first station that is barred, 0 if none is."""
+        """Code of the first blocked station, 0 without one."""
         codes = self.hazards.rows.code[:, 0]
         return int(codes[np.argmax(codes > 0)])
 
     @property
     def station(self) -> int:
-        """Index of that station, -1 if there is none."""
+        """Index of that station, -1 without one."""
         codes = self.hazards.rows.code[:, 0]
         return int(np.argmax(codes > 0)) if codes.any() else -1
 
     @property
-    def why(self) -> str:
+    def reason(self) -> str:
         met = self.hazards.obstacle(0, self.station)
         return "" if met is None else met.words
 

@@ -43,7 +43,7 @@ CASES = {
     "hole under one wheel": (box((9.0, 9.6), (0.2, 0.8), -0.5), {STEP}),
     "log": (box((9.0, 9.2), EVERYWHERE, 1.3 * LIMIT), {STEP}),
     "wall beside the path": (box((9.0, 12.0), (0.56, 0.9), 1.0), {BODY, STEP}),
-    "post beside a wheel": (box((9.0, 9.1), (0.55, 0.65), 1.0), {BODY, STEP}),
+    "post next to a wheel": (box((9.0, 9.1), (0.55, 0.65), 1.0), {BODY, STEP}),
     "rock between the wheels": (box((9.0, 9.3), (-0.15, 0.15), 1.15 * CLEAR), {CLEARANCE, BODY}),
 }
 
@@ -54,7 +54,7 @@ FREE = {
     "log": box((9.0, 9.2), EVERYWHERE, 0.8 * LIMIT),
     "low rock under one wheel": box((9.0, 9.3), (0.4, 0.6), 0.8 * LIMIT),
     "gap that a wheel bridges": box((9.0, 9.1), EVERYWHERE, -0.5),
-    "rock beside the body": box((9.0, 9.5), (0.85, 2.0), 3.0),
+    "rock next to the body": box((9.0, 9.5), (0.85, 2.0), 3.0),
     "swell": lambda x, y: 0.15 * np.sin(2.0 * np.pi * x / 8.0),
     "slope": lambda x, y: np.tan(np.deg2rad(25.0)) * x,
     "side slope": lambda x, y: np.tan(np.deg2rad(14.0)) * y,
@@ -65,13 +65,15 @@ FREE = {
 
 @pytest.mark.parametrize("slope", [0.0, 0.2, -0.2])
 @pytest.mark.parametrize("name", CASES)
-def test_it_bars(name: str, slope: float) -> None:
+def test_it_blocks(name: str, slope: float) -> None:
     height, codes = CASES[name]
-    found = met(ground(lambda x, y: height(x, y) + slope * x), straight(20.0))
-    assert found.bar in codes, (found.bar, found.hazards.looked)
+    hazards = met(ground(lambda x, y: height(x, y) + slope * x), straight(20.0))
+    assert hazards.bar in codes, (hazards.bar, hazards.hazards.looked)
     # It stops before: nothing of the vehicle is at the obstacle yet.
-    assert found.profile.x[found.station - 1, 0] + 0.6 <= 9.0
-    assert re.search(r"\d\.\d\d m .*at x \S+ m, y \S+ m, .*(limit|clearance|travel)", found.why)
+    assert hazards.profile.x[hazards.station - 1, 0] + 0.6 <= 9.0
+    assert re.search(
+        r"\d\.\d\d m .*at x \S+ m, y \S+ m, .*(limit|clearance|travel)", hazards.reason
+    )
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.5])
@@ -81,8 +83,8 @@ def test_it_does_not_bar(name: str, heading: float) -> None:
     turned = ground(
         lambda x, y: FREE[name](c * x + s * y, c * y - s * x), x=(-5.0, 25.0), y=(-5.0, 15.0)
     )
-    found = met(turned, straight(16.0, heading))
-    assert found.bar == 0, found.why
+    hazards = met(turned, straight(16.0, heading))
+    assert hazards.bar == 0, hazards.reason
 
 
 @pytest.mark.parametrize("name", ["rock of 3 m between the tracks", "step of 0.4 m up"])
@@ -96,7 +98,7 @@ def test_the_plan_stops_before_it(name: str) -> None:
     assert plan_one(ATV, ground(FREE["step up"]), straight(20.0)).status is Status.OK
 
 
-def test_a_wheel_in_the_air_is_barred() -> None:
+def test_a_wheel_in_the_air_is_blocked() -> None:
     """Moguls across the diagonal: no step anywhere, but one wheel hangs."""
 
     def moguls(height: float) -> Height:
@@ -106,8 +108,8 @@ def test_a_wheel_in_the_air_is_barred() -> None:
 
         return wave
 
-    found = met(ground(moguls(0.06)), straight(20.0))
-    assert (found.bar, "hangs" in found.why) == (STEP, True)
+    hazards = met(ground(moguls(0.06)), straight(20.0))
+    assert (hazards.bar, "hangs" in hazards.reason) == (STEP, True)
     assert met(ground(moguls(0.01)), straight(20.0)).bar == 0
     long_legs = tables_with(vehicle={"wheel_travel": 0.5, "max_step": 0.2})
     assert met(ground(moguls(0.06)), straight(20.0), long_legs).bar == 0
@@ -119,11 +121,11 @@ def test_breakover_approach_and_departure() -> None:
     assert met(crest, straight(20.0)).bar in (CLEARANCE, STEP)
     valley = ground(lambda x, y: 0.5 * np.abs(x - 9.0))
     long_nose = tables_with(vehicle={"front_overhang": 0.9})
-    found = met(valley, straight(20.0), long_nose)
-    assert (found.bar, "front overhang" in found.why) == (BODY, True)
+    hazards = met(valley, straight(20.0), long_nose)
+    assert (hazards.bar, "front overhang" in hazards.reason) == (BODY, True)
     long_tail = tables_with(vehicle={"rear_overhang": 0.9, "front_overhang": 0.0})
-    found = met(valley, straight(20.0), long_tail)
-    assert (found.bar, "rear overhang" in found.why) == (BODY, True)
+    hazards = met(valley, straight(20.0), long_tail)
+    assert (hazards.bar, "rear overhang" in hazards.reason) == (BODY, True)
     high = tables_with(vehicle={"ground_clearance": 1.1, "front_overhang": 0.9, "max_step": 0.2})
     assert met(valley, straight(20.0), high).bar == 0
 
@@ -132,13 +134,13 @@ def test_unknown_ground_under_the_body_is_unknown_ground() -> None:
     def hole(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return (np.abs(x - 9.0) < 0.15) & (np.abs(y - 0.2) < 0.06)
 
-    found = met(plane(resolution=FINE, unknown=hole), straight(20.0))
-    assert (found.bar, "unknown ground under the body" in found.why) == (UNKNOWN, True)
-    beside = plane(resolution=FINE, unknown=lambda x, y: (np.abs(x - 9.0) < 0.15) & (y > 0.8))
-    assert met(beside, straight(20.0)).bar == 0
+    hazards = met(plane(resolution=FINE, unknown=hole), straight(20.0))
+    assert (hazards.bar, "unknown ground under the body" in hazards.reason) == (UNKNOWN, True)
+    off_path = plane(resolution=FINE, unknown=lambda x, y: (np.abs(x - 9.0) < 0.15) & (y > 0.8))
+    assert met(off_path, straight(20.0)).bar == 0
 
 
-def test_what_the_vehicle_stands_on_does_not_hold_it() -> None:
+def test_the_ground_under_the_start_does_not_block_it() -> None:
     """A rock under the middle of the first pose: it got there."""
     rock = ground(box((-0.1, 0.1), (-0.1, 0.1), 0.18))
     assert met(rock, straight(10.0)).bar == 0
@@ -160,31 +162,31 @@ def test_the_inner_wheels_of_a_turn_meet_what_the_outer_ones_pass() -> None:
 
 
 def test_a_coarse_map_says_what_it_cannot_see() -> None:
-    """On cells of 1 m a step is a slope, and noise is a twist: nobody guesses, and it is said."""
+    """On cells of 1 m a step is a slope, noise a twist: steps are not searched, as reported."""
     rough = np.random.default_rng(3).normal(0.0, 0.05, (17, 29))
     noisy = ground(lambda x, y: rough, 1.0, y=(-8.0, 8.0))
     assert met(noisy, straight(20.0)).bar == 0
     coarse = ground(box((9.0, 90.0), EVERYWHERE, 0.15), 1.0, y=(-8.0, 8.0))
-    found = met(coarse, straight(20.0))
-    assert (found.bar, found.slowest) == (0, np.inf)
-    assert "1 m" in found.hazards.unseen
+    hazards = met(coarse, straight(20.0))
+    assert (hazards.bar, hazards.slowest) == (0, np.inf)
+    assert "1 m" in hazards.hazards.unseen
     assert met(ground(box((9.0, 90.0), EVERYWHERE, 0.05)), straight(20.0)).hazards.unseen == ""
-    # What it does show counts: a wall of its own size.
+    # A wall larger than a cell is a hazard.
     wall = ground(box((9.0, 10.0), (-1.0, 1.0), 3.0), 1.0, y=(-8.0, 8.0))
     assert met(wall, straight(20.0)).bar in (CLEARANCE, BODY)
 
 
-def test_a_pose_is_barred_with_all_poses_since_the_one_before() -> None:
-    """Wherever stations lie, the last free one is not over the obstacle yet."""
+def test_a_pose_is_blocked_with_all_poses_since_the_previous_one() -> None:
+    """For any stations, the last free one is not over the obstacle yet."""
     rock = ground(box((9.0, 9.1), (0.4, 0.6), 0.3))
     for length in np.linspace(18.0, 19.0, 7):
-        found = met(rock, straight(float(length)))
-        assert found.bar in (STEP, BODY)
-        assert found.profile.x[found.station - 1, 0] + 0.6 < 9.0
+        hazards = met(rock, straight(float(length)))
+        assert hazards.bar in (STEP, BODY)
+        assert hazards.profile.x[hazards.station - 1, 0] + 0.6 < 9.0
 
 
 def test_two_candidates_do_not_touch_each_other() -> None:
-    """The same candidate alone and beside others meets the same."""
+    """The same candidate alone and among others meets the same."""
     from slopewise.planner.ground.terrain_profile import terrain_profile
     from slopewise.planner.path import batch
     from slopewise.planner.swept.hazards import swept_hazards

@@ -55,13 +55,13 @@ def test_a_washboard_slows_as_the_closed_form_says(
     height: float, length: float, hertz: float, damping: float
 ) -> None:
     tables = tables_with(vehicle={"ride_frequency": hertz, "ride_damping": damping})
-    wanted = allowed(5.0, 4.0, height, length, hertz, damping)
-    assert wanted < 4.0
-    found = met(ground(wave(height, length), 0.05, x=(-3.0, 27.0)), straight(24.0), tables)
-    middle = found.hazards.rows.rough_speed[200:-60, 0]
-    assert found.bar == 0
+    expected = allowed(5.0, 4.0, height, length, hertz, damping)
+    assert expected < 4.0
+    hazards = met(ground(wave(height, length), 0.05, x=(-3.0, 27.0)), straight(24.0), tables)
+    middle = hazards.hazards.rows.rough_speed[200:-60, 0]
+    assert hazards.bar == 0
     # Speeds between those that are tried are on the slow side.
-    assert 0.90 * wanted < middle.min() <= middle.max() < 1.05 * wanted
+    assert 0.90 * expected < middle.min() <= middle.max() < 1.05 * expected
 
 
 def test_a_swell_does_not_slow() -> None:
@@ -79,8 +79,8 @@ def test_it_slows_before_the_washboard_and_until_the_rear_wheels_are_over_it() -
     def patch(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return 0.04 * np.sin(2.0 * np.pi * x) * ((x > 9.0) & (x < 12.0))
 
-    found = met(ground(patch), straight(20.0))
-    x, rough = found.profile.x[:, 0], found.hazards.rows.rough_speed[:, 0]
+    hazards = met(ground(patch), straight(20.0))
+    x, rough = hazards.profile.x[:, 0], hazards.hazards.rows.rough_speed[:, 0]
     slow = rough < 3.0
     assert x[slow].min() < 9.0
     assert x[slow].max() > 12.0
@@ -89,24 +89,24 @@ def test_it_slows_before_the_washboard_and_until_the_rear_wheels_are_over_it() -
 
 
 def test_one_side_alone_slows_too() -> None:
-    both = met(ground(wave(0.03, 1.0)), straight(20.0)).slowest
+    slow_speed = met(ground(wave(0.03, 1.0)), straight(20.0)).slowest
     left = met(ground(lambda x, y: wave(0.03, 1.0)(x, y) * (y > 0.0)), straight(20.0)).slowest
-    assert left == pytest.approx(both, rel=0.05)
+    assert left == pytest.approx(slow_speed, rel=0.05)
 
 
-def test_a_resonance_bars_what_is_beyond_it() -> None:
+def test_a_resonance_blocks_the_speeds_beyond_it() -> None:
     """With little damping the body swings at 2 m/s and not at 4 m/s; 4 m/s is not reached."""
     tables = tables_with(vehicle={"ride_frequency": 1.0, "ride_damping": 0.05})
     args = (0.015, 2.0, 1.0, 0.05)
     assert quarter_car(2.0, *args) > 5.0 > quarter_car(3.6, *args)
-    found = met(ground(wave(*args[:2]), x=(-3.0, 35.0)), straight(30.0), tables)
-    assert found.hazards.rows.rough_speed[200:-20, 0].max() < 2.1
+    hazards = met(ground(wave(*args[:2]), x=(-3.0, 35.0)), straight(30.0), tables)
+    assert hazards.hazards.rows.rough_speed[200:-20, 0].max() < 2.1
 
 
 def test_the_start_does_not_forget_the_ground_behind() -> None:
     """On the washboard from the first station on, as a cycle of a moving vehicle begins."""
-    found = met(ground(wave(0.04, 1.0), x=(-9.0, 25.0)), straight(20.0))
-    rough = found.hazards.rows.rough_speed[:, 0]
+    hazards = met(ground(wave(0.04, 1.0), x=(-9.0, 25.0)), straight(20.0))
+    rough = hazards.hazards.rows.rough_speed[:, 0]
     assert rough[:5].max() < 1.15 * rough[50:150].mean()
 
 
@@ -116,18 +116,18 @@ def test_a_short_first_step_is_no_spacing(short: float) -> None:
     nothing left to drive is at the last one."""
     scene, model = ground(wave(0.04, 1.0), x=(-9.0, 25.0)), model_of(tables_with())
     even = np.arange(0.0, 20.0, 0.1)
-    found = []
+    hazards = []
     for along in (even, np.concatenate([[even[1] - short], even[1:]]), [0.0, short]):
         x = np.asarray(along, np.float64)[:, None]
         y, counts = np.zeros_like(x), np.array([len(x)])
         vehicle = model.vehicle
         profile = terrain_profile(scene, x, y, counts, vehicle.wheelbase, vehicle.track_width)
-        found.append(swept_hazards(scene, profile, model).rows.rough_speed[:, 0])
-    np.testing.assert_allclose(found[1][10:], found[0][10:], rtol=0.1)
-    assert np.all(found[2] > 0.0)
+        hazards.append(swept_hazards(scene, profile, model).rows.rough_speed[:, 0])
+    np.testing.assert_allclose(hazards[1][10:], hazards[0][10:], rtol=0.1)
+    assert np.all(hazards[2] > 0.0)
 
 
-def test_the_plan_is_slower_and_says_why() -> None:
+def test_the_plan_is_slower_and_labelled() -> None:
     scene = ground(wave(0.06, 1.5))
     rough = plan_one(ATV, scene, straight(20.0))
     smooth = plan_one(ATV, ground(wave(0.06, 12.0)), straight(20.0))

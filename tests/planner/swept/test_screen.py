@@ -61,7 +61,7 @@ def rough_ground(seed: int, resolution: float, size: float) -> ElevationMap:
     small=st.booleans(),
     resolution=st.sampled_from([0.05, 0.08, 0.1, 0.2, 0.5]),
 )
-def test_it_clears_nothing_that_is_barred(seed: int, small: bool, resolution: float) -> None:
+def test_it_clears_no_blocked_station(seed: int, small: bool, resolution: float) -> None:
     model = MODELS[small]
     rng = np.random.default_rng(seed)
     scene = rough_ground(seed, resolution, model.vehicle.wheel_radius)
@@ -71,13 +71,15 @@ def test_it_clears_nothing_that_is_barred(seed: int, small: bool, resolution: fl
     screened = met_by(scene, path, model)
     searched = searched_everywhere(scene, path, model)
     beyond = searched_everywhere(scene, path, model, _only_what_is_not_cleared)
-    assert first_barred(searched) <= first_barred(screened) <= first_barred(beyond), beyond.why
+    assert first_blocked(searched) <= first_blocked(screened) <= first_blocked(beyond), (
+        beyond.reason
+    )
     assert screened.hazards.looked <= searched.hazards.looked
 
 
 def _only_what_is_not_cleared(sizes: SweptSizes) -> SweptSizes:
-    doubted = SLOPE_OPEN * sizes.chord
-    return sizes._replace(steepest=max(sizes.steepest, sizes.cleared + doubted))
+    slope_margin = SLOPE_OPEN * sizes.chord
+    return sizes._replace(steepest=max(sizes.steepest, sizes.cleared + slope_margin))
 
 
 def searched_everywhere(
@@ -86,7 +88,7 @@ def searched_everywhere(
     model: Model,
     changed: Callable[[SweptSizes], SweptSizes] = lambda sizes: sizes,
 ) -> Met:
-    """What is met without a screen."""
+    """Hazards without a broad phase."""
     with pytest.MonkeyPatch.context() as patch:
         screen = hazards.screen_for
         patch.setattr(hazards, "screen_for", lambda *args: all_suspect(screen(*args)))
@@ -94,11 +96,11 @@ def searched_everywhere(
         return met_by(scene, path, model)
 
 
-def first_barred(met: Met) -> int:
+def first_blocked(met: Met) -> int:
     return met.station if met.station >= 0 else len(met.profile.x)
 
 
-def test_smooth_ground_needs_no_closer_look() -> None:
+def test_smooth_ground_needs_no_exact_check() -> None:
     hills = ground(lambda x, y: 0.3 * np.sin(0.5 * x) + 0.2 * np.cos(0.6 * y))
     path = CandidatePath("straight", np.array([[0.0, 0.0], [20.0, 0.5]]))
     assert met_by(hills, path, MODELS[0]).hazards.looked == 0
@@ -109,11 +111,14 @@ def test_a_screen_is_made_once_for_a_map_and_a_vehicle() -> None:
     sizes, x = swept_sizes(vehicle, scene.resolution), np.zeros((3, 2))
     first = screen_for(scene, vehicle, sizes, x, x)
     assert screen_for(scene, replace(vehicle), sizes, x, x) is first
-    other: Vehicle = replace(vehicle, ground_clearance=0.1)
-    assert screen_for(scene, other, swept_sizes(other, scene.resolution), x, x) is not first
+    low_vehicle: Vehicle = replace(vehicle, ground_clearance=0.1)
+    assert (
+        screen_for(scene, low_vehicle, swept_sizes(low_vehicle, scene.resolution), x, x)
+        is not first
+    )
 
 
-def test_a_large_map_is_looked_over_around_the_candidates() -> None:
+def test_a_large_map_is_screened_around_the_candidates() -> None:
     scene = ElevationMap(elevation=np.zeros((600, 600)), resolution=0.1, origin=(0.0, 0.0))
     vehicle = MODELS[0].vehicle
     sizes = swept_sizes(vehicle, scene.resolution)

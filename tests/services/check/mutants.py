@@ -49,7 +49,7 @@ UNSAFE = {
 """Violations from which a mutant is unsafe, in m, shares, m/s² and m/s."""
 
 STEEP = 0.1
-"""Share by which slopes are beyond what was trained where the way ends for certain."""
+"""Share by which slopes are beyond the trained ones where the path ends for certain."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def model_of(vehicle: str) -> Model:
 
 
 def questions(place: str, vehicle: str, data: Path, seed: int) -> Iterator[Question]:
-    """Every other one into ground that is known free for a part of the way only."""
+    """Every other one into a path that is known to be free for a part only."""
     ground = ground_of(place, data)
     for i, path in enumerate(candidates(place, ground, seed)):
         clear = PLACES[place].lengths[0] / 2.0 if i % 2 else np.inf
@@ -86,7 +86,7 @@ def questions(place: str, vehicle: str, data: Path, seed: int) -> Iterator[Quest
 
 
 def stripped(plan: SpeedPlan, name: str) -> ExternalPlan:
-    """What the checker gets of a plan."""
+    """Input of the checker."""
     return ExternalPlan(name=name, x=plan.x, y=plan.y, speed=plan.speed)
 
 
@@ -100,8 +100,8 @@ def grade_flipped(question: Question) -> SpeedPlan:
     """Uphill and downhill confused inside the planner."""
     honest = time_optimal_batch.terrain_profile
 
-    def flipped(*words: Any) -> Any:
-        profile = honest(*words)
+    def flipped(*arguments: Any) -> Any:
+        profile = honest(*arguments)
         return dataclasses.replace(profile, grade=-profile.grade, sin_grade=-profile.sin_grade)
 
     with _instead(time_optimal_batch, "terrain_profile", flipped):
@@ -167,14 +167,14 @@ def matters(mutant: SpeedPlan, honest: SpeedPlan, question: Question) -> bool:
 
 
 def _reach(honest: SpeedPlan, question: Question) -> float:
-    """Station that stops must not pass, where nobody argues: unknown, or a tenth too steep."""
+    """Station that stops must not pass, in clear cases: unknown, or a tenth too steep."""
     end = float(honest.station[-1])
     clear = min(question.clear - question.model.vehicle.shape.front, end)
     row = int(np.searchsorted(honest.station, honest.clear_distance - 1e-9))
-    why = Limiting(int(honest.limiting[row]))
+    limiting = Limiting(int(honest.limiting[row]))
     if honest.clear_distance >= clear - 1e-6 or row + 1 >= len(honest.station):
         return clear
-    if why is Limiting.UNKNOWN_TERRAIN:
+    if limiting is Limiting.UNKNOWN_TERRAIN:
         return float(honest.station[row + 1])
     braking = question.model.braking
     beyond = np.zeros_like(honest.station)

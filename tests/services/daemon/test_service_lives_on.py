@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,7 @@ import zenoh
 from slopewise.services.daemon.daemon import Service
 from slopewise.services.parameters import replies
 from slopewise.services.parameters.learner import Learner
+from slopewise.services.planning.plan_endpoint import PlanEndpoint
 from slopewise.services.settings.service_settings import Planning, ServiceConfig, ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.parameter_client import Robot, send_ground
@@ -91,6 +93,19 @@ def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for
         assert robot.stop(0.42 * G)["status"] == "taken"
         service.parameters.notices._duration = 0.0
         assert not any("evil" in flag for flag in robot.status()["flags"])
+
+
+def test_a_start_that_fails_ends_all_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(self: PlanEndpoint, session: zenoh.Session) -> None:
+        raise zenoh.ZError("no declaration")
+
+    monkeypatch.setattr(PlanEndpoint, "declare", fail)
+    before = set(threading.enumerate())
+    endpoints = (f"tcp/127.0.0.1:{free_port()}",)
+    config = ServiceConfig(model="atv", zenoh=ZenohSettings(listen=endpoints))
+    with pytest.raises(zenoh.ZError), Service(config):
+        pass
+    assert [thread.name for thread in set(threading.enumerate()) - before] == []
 
 
 @pytest.mark.parametrize("copy", ["whole", "empty"])

@@ -17,7 +17,7 @@ import pytest
 from slopewise.services.dashboard.live_state import LiveState, ProposalEntry
 from tests.services import browser
 from tests.services.command_line import slopewise
-from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, investigate
+from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, examine
 from tests.services.dashboard.page_fixtures import HOSTILE, served
 from tests.services.dashboard.test_proposal_state import proposal
 from tests.services.parameter_client import Robot, send_ground
@@ -110,7 +110,7 @@ def test_commands_that_a_running_service_shows_adopt_and_revert(tmp_path: Path) 
         robot = Robot(started, session)
         send_ground(robot)
         drive(robot)
-        investigate(robot)
+        examine(robot)
         offered = wait(url, "offered")
         scale = offered["effects"][0]["parameters"]["scale"]
         assert scale["value"] == pytest.approx(WEAKER, abs=0.02)

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 import zenoh
-from slopewise.services.guard.messages import GuardCommand, GuardMotion
 
+from slopewise.services.guard.guard_messages import GuardCommand, GuardMotion
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire import codec

@@ -66,7 +66,7 @@ def test_runs_that_start_their_own_clock_are_noticed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "field", "words"),
+    ("text", "field", "message"),
     [
         ("", "row 1", "got an empty file"),
         (f"{HEADER}\n", "row 2", "at least one row"),
@@ -107,11 +107,11 @@ def test_runs_that_start_their_own_clock_are_noticed(tmp_path: Path) -> None:
         (f"{HEADER},brake\n1,0,1,1,0,55\n", "row 2, column brake", "expected 0 … 1, got 55"),
     ],
 )
-def test_logs_that_cannot_be_used(tmp_path: Path, text: str, field: str, words: str) -> None:
+def test_logs_that_cannot_be_used(tmp_path: Path, text: str, field: str, message: str) -> None:
     path = written(tmp_path / "log.csv", text)
-    good = written(tmp_path / "good.csv", LOG)
-    with fault_in(path, field, words):
-        read_drive_log([good, path])
+    usable = written(tmp_path / "usable.csv", LOG)
+    with fault_in(path, field, message):
+        read_drive_log([usable, path])
 
 
 def test_no_files_and_missing_files(tmp_path: Path) -> None:
@@ -177,8 +177,8 @@ def test_any_text_is_a_log_or_one_line(tmp_path_factory: pytest.TempPathFactory,
 
 
 @pytest.mark.parametrize(
-    ("count", "told"),
+    ("count", "expected"),
     [(1, "0.csv"), (3, "0.csv, 1.csv, 2.csv"), (40, "0.csv, 1.csv, 2.csv … (40 logs)")],
 )
-def test_of_many_logs_a_sentence_names_a_few(count: int, told: str) -> None:
-    assert names_of([Path(f"{i}.csv") for i in range(count)]) == told
+def test_names_of_many_logs_lists_a_few(count: int, expected: str) -> None:
+    assert names_of([Path(f"{i}.csv") for i in range(count)]) == expected

@@ -93,28 +93,28 @@ def test_what_the_atv_leaves_out_is_commented_with_the_number_that_then_holds() 
         "front_brake_share",
         "speed_by_grade",
     }
-    told = set(re.findall(r"^# (\w+) = ", file.read_text(), re.MULTILINE)) & known
-    held = "|".join(told - examples)
+    commented = set(re.findall(r"^# (\w+) = ", file.read_text(), re.MULTILINE)) & known
+    held = "|".join(commented - examples)
     model = read_model(file)
-    said = model_from_dict(
+    explicit = model_from_dict(
         tomllib.loads(re.sub(rf"^# ({held}) = ", r"\1 = ", file.read_text(), flags=re.MULTILINE)),
         "atv",
     )
-    sizes, own = said.vehicle.shape, model.vehicle.shape
+    sizes, default_sizes = explicit.vehicle.shape, model.vehicle.shape
     assert sizes.assumed == ()
-    assert len(own.assumed) == 4
-    assert sizes[:-1] == pytest.approx(own[:-1], abs=1e-3)
-    assert said.braking.trained_roll == model.braking.trained_roll
-    assert dataclasses.replace(said.braking, roll_range=None) == model.braking
-    assert said.max_path_deviation == pytest.approx(model.max_path_deviation)
-    assert dataclasses.replace(said.limits, max_path_deviation=None) == model.limits
-    assert said.terrain.rolling_while_braking == model.terrain.rolling_while_braking
-    assert dataclasses.replace(said.terrain, braking_resistance=None) == model.terrain
+    assert len(default_sizes.assumed) == 4
+    assert sizes[:-1] == pytest.approx(default_sizes[:-1], abs=1e-3)
+    assert explicit.braking.trained_roll == model.braking.trained_roll
+    assert dataclasses.replace(explicit.braking, roll_range=None) == model.braking
+    assert explicit.max_path_deviation == pytest.approx(model.max_path_deviation)
+    assert dataclasses.replace(explicit.limits, max_path_deviation=None) == model.limits
+    assert explicit.terrain.rolling_while_braking == model.terrain.rolling_while_braking
+    assert dataclasses.replace(explicit.terrain, braking_resistance=None) == model.terrain
     for table, kind in KINDS.items():
         optional = {
             f.name for f in dataclasses.fields(kind) if f.default is not dataclasses.MISSING
         }
-        assert optional <= told | set(tomllib.loads(file.read_text())[table]) | {"uphill"}
+        assert optional <= commented | set(tomllib.loads(file.read_text())[table]) | {"uphill"}
 
 
 def test_slip_table_1_and_2_are_the_huskys() -> None:
@@ -131,7 +131,7 @@ def test_slip_table_1_and_2_are_the_huskys() -> None:
 
 
 @pytest.mark.parametrize(
-    ("where", "value", "field", "words"),
+    ("where", "value", "field", "message"),
     [
         ("vehicle.mass", -5.0, "vehicle.mass", "expected a finite number > 0 [kg], got -5.0"),
         ("vehicle.mass", 0, "vehicle.mass", "got 0.0"),
@@ -279,9 +279,9 @@ def test_slip_table_1_and_2_are_the_huskys() -> None:
     ],
 )
 def test_a_mistake_is_named_by_its_dotted_key(
-    tables: dict[str, Any], where: str, value: object, field: str, words: str
+    tables: dict[str, Any], where: str, value: object, field: str, message: str
 ) -> None:
-    with fault_in("m.toml", field, words):
+    with fault_in("m.toml", field, message):
         model_from_dict(put(tables, where, value), "m.toml")
 
 
@@ -306,7 +306,7 @@ def test_whole_numbers_are_floats(tables: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "field", "words"),
+    ("content", "field", "message"),
     [
         (b'name = "a"\n[vehicle\n', "line 2, column 9", "expected TOML, got: Expected ']'"),
         (b"name = ", "end of document", "expected TOML"),
@@ -317,10 +317,10 @@ def test_whole_numbers_are_floats(tables: dict[str, Any]) -> None:
         (b"name = \x00", "line 1, column 8", "expected TOML"),
     ],
 )
-def test_a_file_that_is_no_model(tmp_path: Path, content: bytes, field: str, words: str) -> None:
+def test_a_file_that_is_no_model(tmp_path: Path, content: bytes, field: str, message: str) -> None:
     path = tmp_path / "m.toml"
     path.write_bytes(content)
-    with fault_in(path, field, words):
+    with fault_in(path, field, message):
         read_model(path)
 
 

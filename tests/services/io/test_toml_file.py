@@ -10,7 +10,7 @@ from tests.services.faults import fault_in
 
 
 @pytest.mark.parametrize(
-    ("text", "place", "words"),
+    ("text", "place", "message"),
     [
         ("a = 1\n[b\n", "line 2, column 3", "expected TOML, got: Expected ']'"),
         ("a = ", "end of document", "expected TOML"),
@@ -18,14 +18,16 @@ from tests.services.faults import fault_in
         ("a = " + "[" * 5000, "", "expected TOML"),
     ],
 )
-def test_the_line_that_is_wrong_is_named(tmp_path: Path, text: str, place: str, words: str) -> None:
+def test_the_line_that_is_wrong_is_named(
+    tmp_path: Path, text: str, place: str, message: str
+) -> None:
     file = tmp_path / "a.toml"
     file.write_text(text)
-    with fault_in(file, place, words):
+    with fault_in(file, place, message):
         read_toml(file)
 
 
-def test_files_are_beside_the_settings_and_other_names_stay(tmp_path: Path) -> None:
+def test_file_names_are_resolved_and_other_names_stay(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text("")
     (tmp_path / "folder").mkdir()
     data: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Mappers that restart, lie about their count, or are heard late."""
+"""Mappers that restart, send wrong numbers, or are late."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def flags(store: MapStore) -> list[str]:
     return store.snapshot.warnings.active()
 
 
-def test_a_mapper_that_counts_from_one_again_is_heard_and_flagged_at_once() -> None:
+def test_a_restarted_count_is_accepted_with_the_third_map_and_flagged() -> None:
     store = MapStore()
     store.apply(update(50), "map")
     assert not store.apply(update(1, 1.0), "map")
@@ -44,34 +44,34 @@ def test_a_mapper_that_counts_from_one_again_is_heard_and_flagged_at_once() -> N
     assert store.apply(update(4, 4.0), "map")
 
 
-def test_the_ground_is_told_by_sender_and_digest() -> None:
-    """The same cells have the same digest, whoever sends them; each patch makes another one."""
-    one, other = MapStore(), MapStore()
+def test_a_map_is_identified_by_sender_and_digest() -> None:
+    """The digest depends on cells only, not on the sender; each patch changes it."""
+    first, second = MapStore(), MapStore()
 
-    def told(store: MapStore, *change: object, **more: object) -> tuple[str, str]:
+    def identity(store: MapStore, *change: object, **more: object) -> tuple[str, str]:
         assert store.apply(update(*change, **more), "map")  # type: ignore[arg-type]
         assert store.snapshot is not None
         return store.snapshot.id, store.snapshot.digest
 
-    whole = told(one, 7, 1.0, instance="a")
-    assert whole[0] == "mapper/a#7"
-    same = told(other, 1, 1.0)
-    assert same == ("mapper#1", whole[1])
+    original = identity(first, 7, 1.0, instance="a")
+    assert original[0] == "mapper/a#7"
+    same = identity(second, 1, 1.0)
+    assert same == ("mapper#1", original[1])
     patch = {"patch": True, "elevation": np.full((2, 2), 1.0)}
-    patched = told(one, 8, instance="a", **patch)
-    assert patched[1] != whole[1]
-    assert told(one, 9, instance="a", **patch)[1] != patched[1]
-    assert told(other, 2, **patch)[1] == patched[1]
-    assert told(other, 3, 1.0)[1] == whole[1]
+    patched = identity(first, 8, instance="a", **patch)
+    assert patched[1] != original[1]
+    assert identity(first, 9, instance="a", **patch)[1] != patched[1]
+    assert identity(second, 2, **patch)[1] == patched[1]
+    assert identity(second, 3, 1.0)[1] == original[1]
     ground = ElevationMap(
         elevation=np.full((20, 20), 1.0),
         resolution=0.5,
         origin=(0.0, 0.0),
-        height_std=other.snapshot.elevation_map.height_std,  # type: ignore[union-attr]
+        height_std=second.snapshot.elevation_map.height_std,  # type: ignore[union-attr]
     )
     begun = MapStore(ground, "hill.tif").snapshot
     assert begun is not None
-    assert (begun.id, begun.digest) == ("hill.tif", whole[1])
+    assert (begun.id, begun.digest) == ("hill.tif", original[1])
 
 
 def test_one_huge_sequence_does_not_freeze_the_map() -> None:
@@ -98,13 +98,13 @@ def test_an_instance_of_its_own_counts_for_itself() -> None:
     assert not store.apply(update(1, 5.0, instance="b"), "map")
 
 
-def test_patches_after_a_restart_are_incomplete_until_a_whole_map_comes() -> None:
-    for begins in ({"instance": "b", "sequence": 1}, {"sequence": 3}):
+def test_patches_after_a_restart_are_incomplete_until_the_next_whole_map() -> None:
+    for start in ({"instance": "b", "sequence": 1}, {"sequence": 3}):
         store = MapStore()
         store.apply(update(50), "map")
-        for n in (1, 2) if begins["sequence"] == 3 else ():
+        for n in (1, 2) if start["sequence"] == 3 else ():
             store.apply(update(n, 9.0, patch=True, elevation=np.full((2, 2), float(n))), "map")
-        patch = {"patch": True, "elevation": np.ones((2, 2)), **begins}
+        patch = {"patch": True, "elevation": np.ones((2, 2)), **start}
         assert store.apply(update(**patch), "map")  # type: ignore[arg-type]
         assert store.snapshot is not None
         assert store.snapshot.incomplete

@@ -1,4 +1,4 @@
-"""Predictions of whole tables against the simulation of single stops, integrated otherwise."""
+"""Prediction of speeds under a hypothesis, with build-up and fade of the brakes."""
 
 from __future__ import annotations
 
@@ -6,16 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from slopewise.models.discrepancy.data.prepare import prepare
+from slopewise.models.discrepancy.data.stop_ground import ground_of as place_of
+from slopewise.models.discrepancy.model.brakes import brought_force
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
-from slopewise.models.discrepancy.model.prediction import predict, simulate
+from slopewise.models.discrepancy.model.prediction import predict, simulate, wanted_force
+from slopewise.models.discrepancy.search.candidates import candidates
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.effects.surface_patch import share_inside
 from slopewise.models.parameters import Effect
+from slopewise.models.quantity import GRAVITY
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.discrepancy.logs import log, table
 from tests.models.models_for_tests import BASE
+
+# ------------------------------------------------------------------------------ prediction
+
 
 EFFECTS = {
     "aerodynamic_drag": {"c": 0.05},
@@ -52,57 +60,57 @@ def test_a_stop_is_that_of_the_simulation(name: str) -> None:
     time = np.linspace(0.0, 1.0, 401) * (1.3 * stops.standstill_time)[:, None]
     speed, way = simulate(stops, Hypothesis.configured(BASE).plus(effect), stops.held, time)
     for i in range(len(stops)):
-        other = simulate_stop(
+        reference = simulate_stop(
             replace(BASE, effect=(effect,)),
             _track(stops, i),
             float(stops.held[i]),
             session_time=float(stops.clock[i]),
         )
-        assert np.max(np.abs(speed[i] - other.speed_at(time[i]))) < 0.004
-        assert way[i, -1] == pytest.approx(other.distance, abs=0.004)
+        assert np.max(np.abs(speed[i] - reference.speed_at(time[i]))) < 0.004
+        assert way[i, -1] == pytest.approx(reference.distance, abs=0.004)
 
 
 def test_a_stop_over_a_crest_is_that_of_the_simulation() -> None:
     stops = table("crests").take([0, 5, 11, 20])
     effect = Effect(name="crest_unloading", parameters={"k": 2.0})
-    believed = Hypothesis.configured(BASE).plus(effect)
+    hypothesis = Hypothesis.configured(BASE).plus(effect)
     time = np.linspace(0.0, 1.0, 401) * (1.3 * stops.standstill_time)[:, None]
-    speed, way = simulate(stops, believed, stops.held, time)
+    speed, way = simulate(stops, hypothesis, stops.held, time)
     plain, _ = simulate(stops, Hypothesis.configured(BASE), stops.held, time)
     assert np.max(speed - plain) > 0.05
     for i in range(len(stops)):
         track = replace(_track(stops, i), bend=stops.vertical_curvature[i])
-        other = simulate_stop(replace(BASE, effect=(effect,)), track, float(stops.held[i]))
-        assert np.max(np.abs(speed[i] - other.speed_at(time[i]))) < 0.004
-        assert way[i, -1] == pytest.approx(other.distance, abs=0.004)
+        reference = simulate_stop(replace(BASE, effect=(effect,)), track, float(stops.held[i]))
+        assert np.max(np.abs(speed[i] - reference.speed_at(time[i]))) < 0.004
+        assert way[i, -1] == pytest.approx(reference.distance, abs=0.004)
 
 
-def test_crests_that_no_column_tells_are_those_of_the_grade() -> None:
+def test_crests_without_a_column_are_those_of_the_grade() -> None:
     columns, runs = log("crests")
     untold = {name: c for name, c in columns.items() if name != "vertical_curvature"}
     stops = prepare(untold, runs, BASE, None, DiscrepancySettings())[0]
-    told = table("crests")
-    assert "vertical_curvature" in told.logged - stops.logged
-    rolling = told.speed > 1.0
-    off = (stops.vertical_curvature - told.vertical_curvature)[rolling]
-    assert np.sqrt(np.mean(off**2)) < 0.5 * np.std(told.vertical_curvature[rolling])
+    logged = table("crests")
+    assert "vertical_curvature" in logged.logged - stops.logged
+    rolling = logged.speed > 1.0
+    error = (stops.vertical_curvature - logged.vertical_curvature)[rolling]
+    assert np.sqrt(np.mean(error**2)) < 0.5 * np.std(logged.vertical_curvature[rolling])
 
 
 def test_effects_of_the_model_count_like_those_added() -> None:
     stops = table("clean")
     effect = Effect(name="cross_slope", parameters={"k": 0.5})
     added = predict(stops, Hypothesis.configured(BASE).plus(effect))
-    own = predict(stops, Hypothesis.configured(replace(BASE, effect=(effect,))))
-    np.testing.assert_allclose(added, own, atol=1e-12)
+    predicted = predict(stops, Hypothesis.configured(replace(BASE, effect=(effect,))))
+    np.testing.assert_allclose(added, predicted, atol=1e-12)
 
 
 def test_a_step_change_holds_from_its_run_on() -> None:
     stops = table("clean")
     effect = Effect(name="step_change", parameters={"scale": 0.8, "run": 20.0})
     base = Hypothesis.configured(BASE)
-    off = predict(stops, base.plus(effect))[:, -1] - predict(stops, base)[:, -1]
-    assert np.all(off[stops.run < 20] == 0.0)
-    assert np.all(off[stops.run >= 20] < 0.0)
+    error = predict(stops, base.plus(effect))[:, -1] - predict(stops, base)[:, -1]
+    assert np.all(error[stops.run < 20] == 0.0)
+    assert np.all(error[stops.run >= 20] < 0.0)
 
 
 def test_hot_brakes_after_short_pauses_make_less() -> None:
@@ -119,6 +127,66 @@ def test_the_edge_of_a_patch_counts_in_part() -> None:
     x = np.linspace(0.0, 10.0, 21)[None, :]
     zero = np.zeros_like(x)
     for radius in (3.0, 3.1, 3.24, 3.4):
-        # The way inside is the radius, wherever the grid lies.
+        # The distance inside is the radius, for any position of the grid.
         inside = share_inside(x, zero, 0.0, 0.0, radius)[0]
         assert 0.5 * (np.sum(inside) - 0.5) == pytest.approx(radius, abs=1e-9)
+
+
+# ---------------------------------------------------------------------------------- brakes
+
+
+BASIS = Hypothesis.configured(BASE)
+LAG = Effect(name="brake_lag", parameters={"tau": 0.15})
+CAP = Effect(name="wheel_lockup", parameters={"mu": 0.42})
+FADE = Effect(name="brake_fade", parameters={"k": 0.03, "tau": 60.0})
+
+
+def test_brakes_that_fade_within_a_stop_heat_less_from_then_on() -> None:
+    stops = replace(table("clean"), warmed=((),) * len(table("clean")))
+    hypothesis = BASIS.plus(FADE)
+    demanded = wanted_force(stops, hypothesis, place_of(stops))
+    k, tau = FADE.parameters["k"], FADE.parameters["tau"]
+    onset = hypothesis.dead_time
+    given = []
+    for i in range(len(stops)):
+
+        def slope(t: float, q: np.ndarray, i: int = i) -> float:
+            force = np.interp(t, stops.time[i], demanded[i]) / (1.0 + k * q[0])
+            return GRAVITY * force * np.interp(t, stops.time[i], stops.speed[i]) - q[0] / tau
+
+        after = stops.time[i] > onset
+        q = solve_ivp(
+            slope, (onset, stops.time[i, -1]), [0.0], t_eval=stops.time[i, after], max_step=0.01
+        ).y[0]
+        given.append(demanded[i, after] / (1.0 + k * q))
+    # The mean force is the stop's own, here that of the integrator.
+    stops = replace(stops, force=np.array([float(np.mean(g)) for g in given]))
+    met = place_of(stops)
+    delivered = brought_force(stops, hypothesis, demanded, stops.speed, met, stops.time).given
+    for i, true in enumerate(given):
+        lost = 1.0 - true[-1] / demanded[i, -1]
+        assert lost > 0.005
+        error = np.abs(delivered[i, stops.time[i] > onset] - true)
+        assert np.max(error) < 0.03 * lost * demanded[i].max()
+
+
+@pytest.mark.parametrize("brakes", [[], [LAG], [CAP], [FADE], [LAG, CAP]])
+@pytest.mark.parametrize(
+    ("name", "strength"),
+    [("directional_surface", 1e-4), ("cross_slope", 1e-3), ("session_drift", 1e-8)],
+)
+def test_what_the_ground_adds_passes_through_the_brakes(
+    brakes: list[Effect], name: str, strength: float
+) -> None:
+    stops, hypothesis = table("clean"), BASIS
+    for effect in brakes:
+        hypothesis = hypothesis.plus(effect)
+    library, columns = candidates(stops, hypothesis)
+    i = next(i for i, c in enumerate(library) if c.name == name)
+    more = predict(stops, hypothesis.plus(library[i].effect(strength))) - predict(stops, hypothesis)
+    size = float(np.max(np.abs(more)))
+    assert size > 0.0
+    # Beyond first order: where a cap begins, and how the heat shifts within a stop.
+    assert np.max(np.abs(columns[:, :, i] * strength - more)) < 0.05 * size
+    if brakes == [CAP]:  # stops that slide from start to end do not see the ground
+        assert np.sum(np.max(np.abs(more), axis=1) < 1e-9) > 3

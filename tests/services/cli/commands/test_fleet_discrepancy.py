@@ -18,7 +18,7 @@ from benchmarks.fleet.fleet import cluster, workers_of
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.errors import InputError
 from slopewise.services.cli.commands import fleet_discrepancy
-from slopewise.services.fleet import finding, investigating
+from slopewise.services.fleet import discrepancy_task, finding_row
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.io.table import write_csv
 from tests.models.discrepancy.logs import WORLDS
@@ -94,7 +94,7 @@ def test_each_vehicle_has_a_row_a_line_and_its_files(local: Path) -> None:
     assert not (local / "vehicles" / "few").exists()
     page = (local / "report.html").read_text()
     assert "brake lag in 1" in page
-    assert "few is left out: " in page
+    assert "few is excluded: " in page
     for name in ("lag", "clean"):
         assert f'href="vehicles/{name}/report.html"' in page
         assert "data:image/svg+xml" in (local / "vehicles" / name / "report.html").read_text()
@@ -124,7 +124,7 @@ def test_a_scheduler_and_workers_one_of_them_killed_write_the_same_bytes(
         thread.join()
     assert len(killed) == 1
     assert not psutil.pid_exists(killed[0])
-    assert result.census.looked_at == 2
+    assert result.summary.examined == 2
     ours, theirs = content(tmp_path), content(local)
     assert [n for n in theirs if ours.get(n) != theirs[n]] == []
     assert ours.keys() == theirs.keys()
@@ -137,11 +137,11 @@ def test_a_second_run_looks_at_what_is_new_and_at_nothing_else(
     shutil.copytree(local, out)
     looked_at: list[str] = []
 
-    def breaks_off(task: investigating.VehicleTask) -> finding.Row:
+    def breaks_off(task: discrepancy_task.VehicleTask) -> finding_row.Row:
         looked_at.append(task.vehicle)
         raise np.linalg.LinAlgError("singular")
 
-    monkeypatch.setattr(investigating, "_looked_at", breaks_off)
+    monkeypatch.setattr(discrepancy_task, "_examine", breaks_off)
     assert run(logs, out).resumed == 4
     assert looked_at == []
     assert content(out) == content(local)
@@ -152,7 +152,7 @@ def test_a_second_run_looks_at_what_is_new_and_at_nothing_else(
     new = [moved / log.name for log in logs]
     result = run(new, out)
     assert (looked_at, result.resumed) == (["lag"], 3)
-    assert "LinAlgError: singular" in result.census.without["lag"]
+    assert "LinAlgError: singular" in result.summary.failed["lag"]
     assert not (out / "vehicles" / "lag" / "model.toml").exists()
     assert (out / "vehicles" / "clean" / "model.toml").exists()
     # A fault is tried again, a log that cannot be read is not.
@@ -172,19 +172,19 @@ def test_a_vehicle_that_ends_its_workers_is_told_and_tried_again(
     out = tmp_path / "out"
     shutil.copytree(local, out)
     row = next(r for r in pq.read_table(out / "findings").to_pylist() if r["vehicle"] == "lag")
-    task = investigating.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], str(out))
-    assert investigating.finished(task) == row
-    investigating.given_up(task)
-    told = finding.read(out, "lag", row["key"])
+    task = discrepancy_task.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], str(out))
+    assert discrepancy_task.finished(task) == row
+    discrepancy_task.failed_row(task)
+    told = finding_row.read(out, "lag", row["key"])
     assert told is not None
     assert told["status"] == "failed"
     assert "more memory" in told["reason"]
-    assert investigating.finished(task) is None
+    assert discrepancy_task.finished(task) is None
     assert not any(file.exists() for file in task.files)
     # Half a file is as good as none.
     torn = out / "findings" / "clean.parquet"
     torn.write_bytes(torn.read_bytes()[:100])
-    assert finding.read(out, "clean", "any") is None
+    assert finding_row.read(out, "clean", "any") is None
 
 
 def test_each_vehicle_may_have_a_model_of_its_own(
@@ -192,11 +192,11 @@ def test_each_vehicle_may_have_a_model_of_its_own(
 ) -> None:
     asked: dict[str, float] = {}
 
-    def looked_at(task: investigating.VehicleTask) -> finding.Row:
+    def looked_at(task: discrepancy_task.VehicleTask) -> finding_row.Row:
         asked[task.vehicle] = task.model["braking"]["b_b"]
-        return finding.without_answer(task.vehicle, task.key, finding.REFUSED, "enough")
+        return finding_row.failed_finding(task.vehicle, task.key, finding_row.REFUSED, "enough")
 
-    monkeypatch.setattr(investigating, "_looked_at", looked_at)
+    monkeypatch.setattr(discrepancy_task, "_examine", looked_at)
     base = read_model(find_model("atv"))
     models = tmp_path / "models"
     models.mkdir()

@@ -1,0 +1,403 @@
+"""The verifier against the slow reference of stops, and with violations planted one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import batch
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
+from slopewise.planner.verify.judge import VIOLATION_LIMITING, Judgement, Violations, check
+from slopewise.planner.verify.track import Track, track_of
+from tests.planner.scenes import (
+    G,
+    Tables,
+    arc,
+    ground_map,
+    min_loads,
+    model_of,
+    plan_one,
+    plane,
+    stop_on,
+    straight,
+    tables_with,
+)
+
+
+def hills(x: Any, y: Any) -> Any:
+    return 0.5 * np.sin(x / 3.0) + 0.3 * np.cos(y / 2.0)
+
+
+class Case:
+    """One candidate with its time-optimal profile, ready to be verified."""
+
+    def __init__(
+        self,
+        tables: Tables,
+        elevation_map: ElevationMap,
+        path: CandidatePath,
+        *,
+        spacing: float = 0.25,
+        **options: Any,
+    ) -> None:
+        self.tables, self.model = tables, model_of(tables)
+        part = batch([path], spacing)
+        self.solved: TimeOptimalBatch = time_optimal_batch(
+            elevation_map,
+            part,
+            self.model,
+            **options,
+        )
+        self.track: Track = track_of(self.solved.profile, self.solved.ground, 0, part.speed_limit)
+        self.speed_sq = self.solved.speed_sq[:, 0].copy()
+
+    def verify(self, speed_sq: np.ndarray | None = None, **options: Any) -> Judgement:
+        bounds, ground = self.solved.bounds, self.solved.ground
+        return check(
+            self.track,
+            self.speed_sq if speed_sq is None else speed_sq,
+            options.pop("clear", float(bounds.clear_distance[0])),
+            float(ground.distance_offset[0]),
+            ground.motion,
+            self.model,
+            even=track_of(self.solved.profile, bounds.even_ground, 0),
+            errors=ground.errors,
+            **options,
+        )
+
+    def kinds(self, speed_sq: np.ndarray, **options: Any) -> dict[str, float]:
+        """Violations and their amounts."""
+        violation = self.verify(np.ascontiguousarray(speed_sq), **options).violation
+        return {name: value for name, value in violation._asdict().items() if value > 0.0}
+
+
+# ------------------------------------------------------------------ the integrator itself
+
+MOTIONS: tuple[tuple[str, Mapping[str, float]], ...] = (
+    ("aerodynamic_drag", {"c": 0.03}),
+    ("headwind", {"c": 0.02, "wind": 6.0, "direction": 0.4}),
+    ("headwind", {"c": 0.01, "wind": -6.0, "direction": 0.4}),
+    ("viscous_resistance", {"c": 0.03}),
+    ("turning_resistance", {"k": 0.1}),
+    ("brake_lag", {"tau": 0.25}),
+    ("brake_fade", {"k": 0.02, "tau": 2.0}),
+    ("wheel_lockup", {"mu": 0.35}),
+)
+
+
+CREST_ERROR = 0.1
+"""Share by which a reported load may be below that of the ground between stations."""
+
+
+@pytest.mark.parametrize("effect", [None, *MOTIONS], ids=lambda e: e[0] if e else "none")
+@pytest.mark.parametrize("curvature", [0.0, 0.15])
+def test_stops_agree_with_the_slow_reference_within_a_millimetre(
+    effect: tuple[str, Mapping[str, float]] | None, curvature: float
+) -> None:
+    tables = tables_with(*([effect] if effect else []))
+    path = arc(14.0, curvature) if curvature else straight(14.0)
+    plan = plan_one(tables, ground_map(hills, resolution=0.1), path)
+    going = np.flatnonzero(plan.speed > 0.0)
+    for k in going[:: max(len(going) // 6, 1)]:
+        stop = stop_on(plan, tables, plan.station[k], plan.speed[k])
+        assert plan.stop_distance[k] == pytest.approx(stop.distance + 0.2, abs=1e-3)
+        rear, side = min_loads(plan, tables, stop)
+        # Between stations a plan takes the sharper crest of those on both sides.
+        assert side - CREST_ERROR <= plan.side_load[k] <= side + 2e-3
+        assert plan.rear_load[k] <= rear + 2e-3
+        if effect is None or effect[0] == "wheel_lockup":
+            assert plan.rear_load[k] >= rear - CREST_ERROR
+
+
+def stop_at(case: Case, time_step: float) -> np.ndarray:
+    return case.verify(time_step=time_step, between=0).stop_distance
+
+
+def test_the_integrator_converges_and_its_step_is_fine_enough() -> None:
+    """Smooth ground and a motion term: the error falls at least with the cube of the step."""
+    tables = tables_with(
+        ("aerodynamic_drag", {"c": 0.1}),
+        ("viscous_resistance", {"c": 0.05}),
+        braking={"dead_time": 0.0},
+    )
+    case = Case(tables, plane(rise=-0.1), straight(20.0))
+    exact = stop_at(case, 1e-4)
+    error = [np.abs(stop_at(case, h) - exact).max() for h in (0.08, 0.04, 0.02)]
+    assert error[2] < 1e-5
+    assert error[0] / error[1] > 3.5
+    assert error[1] / error[2] > 3.5
+
+
+def test_kinks_of_the_ground_cost_micrometres() -> None:
+    case = Case(tables_with(), ground_map(hills, resolution=0.1), arc(14.0, 0.1))
+    assert np.abs(stop_at(case, 0.02) - stop_at(case, 1e-3)).max() < 5e-5
+
+
+def test_a_lagging_brake_on_a_plane_is_its_closed_form() -> None:
+    """v(t) = v − g F (t − τ (1 − e^(−t/τ))) after the dead time."""
+    tau, force = 0.4, 0.40
+    tables = tables_with(
+        ("brake_lag", {"tau": tau}),
+        braking={"m_b": 0.0, "b_b": force, "dead_time": 0.2, "distance_offset": 0.0},
+    )
+    plan = plan_one(tables, plane(), straight(20.0))
+    k = int(np.argmax(plan.speed))
+    v = plan.speed[k]
+    t = np.linspace(0.0, 3.0, 3_000_001)
+    speed = v - G * force * (t - tau * (1.0 - np.exp(-t / tau)))
+    stop = 0.2 * v + float(np.trapezoid(np.maximum(speed, 0.0), t))
+    assert plan.stop_distance[k] == pytest.approx(stop, abs=5e-5)
+
+
+# --------------------------------------------------------------------------- planted breaches
+
+
+def faster(case: Case, factor: float, where: slice = slice(None)) -> np.ndarray:
+    speed_sq = case.speed_sq.copy()
+    speed_sq[where] *= factor
+    return speed_sq
+
+
+def test_what_the_planner_makes_is_innocent() -> None:
+    for case in (
+        Case(tables_with(), plane(), straight(20.0)),
+        Case(tables_with(), ground_map(hills), arc(14.0, 0.1)),
+        Case(tables_with(), plane(unknown=lambda x, y: x > 15.0), straight(20.0)),
+    ):
+        verdict = case.verify()
+        assert verdict.valid, verdict.violation
+        assert len(verdict.where) == 0
+        assert max(verdict.violation) == 0.0
+
+
+def test_a_stop_that_is_too_long_is_found_where_it_is() -> None:
+    case = Case(tables_with(limits={"decel": 9.0}), plane(), straight(20.0))
+    assert case.verify().valid
+    label = case.solved.bounds.limiting[:, 0] == Limiting.STOPPING_PATH
+    close = np.flatnonzero(label & (case.speed_sq > 1.0) & (case.speed_sq < 9.0))
+    k = int(close[2])
+    speed_sq = case.speed_sq.copy()
+    speed_sq[k] *= 1.05
+    assert case.kinds(speed_sq)["overrun"] > 0.01
+    where = case.verify(speed_sq).where
+    assert set(where) <= {k - 1, k}
+    assert len(where)
+    # And if the path ends earlier, by how much earlier.
+    assert case.kinds(case.speed_sq, clear=case.track.station[-1] - 0.5)["overrun"] == (
+        pytest.approx(0.5, abs=0.05)
+    )
+
+
+def test_a_breach_between_stations_only_is_found() -> None:
+    """Twice as fast from one station on: both ends of the segment alone are fine."""
+    limit = np.array([1.0, 3.0, 3.0, 3.0])
+    points = np.array([(0.0, 0.0), (6.0, 0.0), (6.2, 0.0), (20.0, 0.0)])
+    kappa = 0.6
+    tables = tables_with(limits={"lateral_accel": 0.5, "speed": 4.0, "accel": 50.0, "decel": 50.0})
+    case = Case(tables, plane(), CandidatePath("p", points, speed_limit=limit))
+    curvature = np.zeros_like(case.track.station)
+    curvature[10], curvature[11] = kappa, 0.0
+    case.track = case.track._replace(curvature=curvature)
+    # v² is allowed up to 0.5/κ at station 10 and anything at 11; in between v² κ has a hump.
+    speed_sq = np.zeros_like(case.speed_sq)
+    speed_sq[:10] = 0.1
+    speed_sq[10], speed_sq[11] = 0.5 / kappa, 8.0
+    strict = case.verify(speed_sq, between=0).violation
+    assert strict.lateral == 0.0
+    assert case.verify(speed_sq).violation.lateral > 0.5
+
+
+@pytest.mark.parametrize(
+    ("kind", "tables", "ground", "path"),
+    [
+        (
+            "speed",
+            tables_with(limits={"speed": 2.0, "accel": 50.0, "decel": 50.0}),
+            plane(),
+            straight(20.0),
+        ),
+        ("lateral", tables_with(limits={"lateral_accel": 0.5}), plane(), arc(12.0, 0.3)),
+        ("wheel_speed", tables_with(vehicle={"max_wheel_speed": 1.5}), plane(), straight(20.0)),
+        (
+            "wheel_load",
+            tables_with(
+                vehicle={"cg_z": 0.7},
+                limits={"lateral_accel": 20.0, "min_load": 0.3, "decel": 9.0, "accel": 9.0},
+            ),
+            plane(),
+            arc(10.0, 0.5),
+        ),
+        (
+            "axle_load",
+            tables_with(
+                vehicle={"cg_z": 0.72},
+                limits={"min_load": 0.2, "speed": 6.0},
+                braking={
+                    "m_b": 0.08,
+                    "b_b": 0.42,
+                    "m_m": 0.0,
+                    "b_m": 0.0,
+                    "speed_range": [0.5, 6.0],
+                },
+            ),
+            plane(rise=-0.2, x=(-3.0, 70.0)),
+            straight(60.0),
+        ),
+    ],
+)
+def test_speeds_above_a_bound_are_found_by_name(
+    kind: str, tables: Tables, ground: ElevationMap, path: CandidatePath
+) -> None:
+    case = Case(tables, ground, path)
+    middle = slice(len(case.speed_sq) // 2 - 4, len(case.speed_sq) // 2 + 4)
+    assert VIOLATION_LIMITING[kind] in case.solved.bounds.limiting[middle, 0]
+    assert kind in case.kinds(faster(case, 1.05, middle))
+    assert kind not in case.kinds(faster(case, 0.99))
+
+
+def test_the_limit_of_the_path_counts_as_well_as_the_models() -> None:
+    points = np.array([(0.0, 0.0), (20.0, 0.0)])
+    case = Case(
+        tables_with(), plane(), CandidatePath("p", points, speed_limit=np.array([1.0, 1.0]))
+    )
+    assert case.verify().valid
+    assert case.kinds(1.05 * case.speed_sq)["speed"] == pytest.approx(np.sqrt(1.05) - 1.0)
+
+
+def test_lateral_acceleration_is_that_in_the_tilted_plane() -> None:
+    """v² κ / cos φ: across a slope the same turn takes more of it."""
+    case = Case(tables_with(limits={"lateral_accel": 0.5}), plane(cross=0.25), straight(12.0))
+    curvature = -np.sign(case.track.roll) * 0.1
+    case.track = case.track._replace(curvature=curvature)
+    cos_roll = 1.0 / np.sqrt(1.0 + 0.25**2)
+    for share, breached in ((0.99, False), (1.01, True)):
+        speed_sq = np.minimum(case.speed_sq, share * 0.5 * cos_roll / 0.1)
+        assert ("lateral" in case.kinds(speed_sq)) == breached
+
+
+def test_the_dead_time_of_a_surface_holds_from_the_segment_in_which_it_starts() -> None:
+    tables = tables_with(limits={"speed": 2.0})
+    tables["braking"]["terrain"] = {"slick": {"dead_time": 1.5}}
+    ground = plane(classes=lambda x, y: x > 8.0, class_names=("", "slick"))
+    case = Case(tables, ground, straight(14.0), spacing=1.0)
+    dead, station = case.track.dead_time, case.track.station
+    k = int(np.flatnonzero(dead == 1.5)[0])
+    assert dead[k - 1] == 0.3
+    speed_sq = np.where(station < station[k], case.speed_sq, 0.0)
+    # A way that is free for a stop with the shorter dead time, from the station before.
+    clear = station[k - 1] + case.verify(speed_sq).stop_distance[k - 1] + 0.1
+    assert case.kinds(speed_sq, clear=clear).get("overrun", 0.0) == 0.0
+    case.track = case.track._replace(dead_time=np.where(station >= station[k - 1], 1.5, 0.3))
+    within = case.kinds(speed_sq, clear=clear)["overrun"]
+    assert 0.0 < within < 1.5 * np.sqrt(speed_sq[k - 1])
+
+
+@pytest.mark.parametrize("kind", ["accel", "decel"])
+def test_comfort_limits_are_found(kind: str) -> None:
+    case = Case(tables_with(), plane(), straight(20.0))
+    speed_sq = case.speed_sq.copy()
+    k = 4 if kind == "accel" else len(speed_sq) - 5
+    speed_sq[k] *= 1.1
+    assert kind in case.kinds(speed_sq)
+    verdict = case.verify(speed_sq)
+    assert set(verdict.where) <= {k - 1, k}
+
+
+def test_braking_beyond_service_is_fine_when_it_is_allowed() -> None:
+    case = Case(tables_with(), plane(), straight(20.0))
+    speed_sq = np.maximum(2.0 * 3.0 * (case.track.station[-1] - case.track.station), 0.0)
+    speed_sq = np.minimum(case.speed_sq.max(), speed_sq)
+    speed_sq[0] = 0.0
+    speed_sq[:25] = np.minimum(speed_sq[:25], case.speed_sq[:25])
+    assert "decel" in case.kinds(speed_sq)
+    assert "decel" not in case.kinds(speed_sq, decel=4.0)
+    # But never beyond what the brakes give: g (0.40 + 0.015 v).
+    assert "decel" in case.kinds(3.0 * speed_sq, decel=np.inf)
+
+
+def test_more_thrust_than_there_is_is_found() -> None:
+    weak = tables_with(vehicle={"max_drive_force": 1000.0}, limits={"accel": 5.0})
+    strong = tables_with(vehicle={"max_drive_force": 9000.0}, limits={"accel": 5.0})
+    able = Case(strong, plane(rise=0.05), straight(20.0))
+    weak_drive = Case(weak, plane(rise=0.05), straight(20.0))
+    assert able.verify().valid
+    assert "accel" in weak_drive.kinds(able.speed_sq)
+    few_watts = tables_with(
+        vehicle={"max_drive_force": 9000.0, "max_drive_power": 1500.0}, limits={"accel": 5.0}
+    )
+    assert "accel" in Case(few_watts, plane(rise=0.05), straight(20.0)).kinds(able.speed_sq)
+
+
+def test_the_front_axle_lifting_under_drive_is_found() -> None:
+    high = tables_with(
+        vehicle={"cg_z": 0.8, "cg_x": 0.45, "max_drive_force": 9000.0, "max_drive_power": 9e4},
+        limits={"accel": 4.0, "min_load": 0.25},
+    )
+    low = tables_with(
+        vehicle={"cg_z": 0.3, "max_drive_force": 9000.0, "max_drive_power": 9e4},
+        limits={"accel": 4.0, "min_load": 0.25},
+    )
+    calm = Case(low, plane(rise=0.1), straight(20.0))
+    case = Case(high, plane(rise=0.1), straight(20.0))
+    assert calm.verify().valid
+    assert case.verify().valid
+    assert "axle_load" in case.kinds(calm.speed_sq)
+
+
+def test_planned_braking_does_not_exceed_friction() -> None:
+    """Brakes that could do 4 m/s² on ground whose friction allows 1 m/s² downhill."""
+    slick = tables_with(braking={"sliding_friction": 0.25}, limits={"decel": 3.0})
+    grip = tables_with(limits={"decel": 3.0})
+    slope = plane(rise=-0.15)
+    fast = Case(grip, slope, straight(30.0))
+    case = Case(slick, slope, straight(30.0))
+    assert case.verify().valid
+    assert "decel" in case.kinds(fast.speed_sq)
+    accel = np.diff(case.speed_sq) / (2.0 * np.diff(case.track.station))
+    theta = np.arctan(-0.15)
+    assert -accel.min() <= G * (0.25 * np.cos(theta) + np.sin(theta)) + 1e-6
+
+
+def test_standing_plans_have_no_stop_but_loads() -> None:
+    case = Case(tables_with(), plane(rise=-0.2, cross=0.1), straight(20.0))
+    verdict = case.verify(np.zeros_like(case.speed_sq))
+    assert verdict.valid
+    np.testing.assert_array_equal(verdict.stop_distance, 0.0)
+    grade, roll = case.track.grade[0], case.track.roll[0]
+    rear = np.cos(roll) * np.cos(grade) + 0.55 / 0.6 * np.sin(grade)
+    side = np.cos(roll) * np.cos(grade) - 1.1 * np.cos(grade) * abs(np.sin(roll))
+    np.testing.assert_allclose(verdict.rear_load, rear, rtol=1e-9)
+    np.testing.assert_allclose(verdict.side_load, side, rtol=1e-9)
+
+
+def test_what_is_not_a_number_is_not_valid() -> None:
+    case = Case(tables_with(), plane(), straight(20.0))
+    speed_sq = case.speed_sq.copy()
+    speed_sq[30] = np.nan
+    assert not case.verify(speed_sq).valid
+
+
+@pytest.mark.parametrize("friction", [None, 0.5])
+def test_stops_that_run_off_the_path_are_finite_and_too_long(friction: float | None) -> None:
+    """Beyond its last station the ground continues with constant grade, not along a line."""
+    braking = {"dead_time": 0.5} | ({"sliding_friction": friction} if friction else {})
+    sharp = ground_map(lambda x, y: 0.15 * np.sin(5.0 * x), resolution=0.2)
+    case = Case(tables_with(braking=braking), sharp, straight(2.0))
+    for speed in (2.0, 3.0, 3.5, 4.0, 6.0):
+        fast = np.zeros_like(case.speed_sq)
+        fast[:3] = speed**2
+        verdict = case.verify(fast, decel=np.inf)
+        for values in (verdict.stop_distance, verdict.rear_load, verdict.side_load):
+            assert np.isfinite(values).all(), speed
+        assert not verdict.valid
+        assert verdict.violation.overrun > 0.0
+
+
+def test_every_offence_has_the_name_of_a_bound() -> None:
+    assert set(VIOLATION_LIMITING) == set(Violations._fields)
