@@ -15,50 +15,16 @@ from typing import Any
 import pytest
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.parameters import Model
-from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.parameters.store import Store, StoreError
-from slopewise.services.settings.learning_settings import Learning, StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.observations import ObservationAck, StopObservation
-from tests.services.robot_plant import G
+from tests.services.parameters.parameter_fixtures import ATV, level_force, started, stopped
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> Path:
     return tmp_path / "p.sqlite"
-
-
-def atv() -> Model:
-    return read_model(find_model("atv"))
-
-
-def started(store: Path | str, model: Model | None = None, **learning: Any) -> ParameterService:
-    config = ServiceConfig(
-        model="atv",
-        learning=Learning(**learning),
-        store=StoreSettings(path=str(store), retry=0.05),
-    )
-    return ParameterService(config, model or atv())
-
-
-def stopped(service: ParameterService, sequence: int, force: float, **more: Any) -> ObservationAck:
-    stop = StopObservation(
-        source="robot",
-        sequence=sequence,
-        time=float(sequence),
-        speed=2.0,
-        grade=0.0,
-        deceleration=force * G,
-        **more,
-    )
-    return service.observe("stop", stop, "obs/stop", float(sequence))
-
-
-def level_force(service: ParameterService) -> float:
-    return service.active.model.braking.level_force(2.0)
 
 
 @contextlib.contextmanager
@@ -74,7 +40,7 @@ def forge(tables: sqlite3.Connection, version: int, state: bytes) -> None:
     tables.execute(query, (state, zlib.crc32(state), version))
 
 
-def test_what_was_acknowledged_is_there_after_a_restart(store: Path) -> None:
+def test_acknowledged_stops_are_restored(store: Path) -> None:
     first = started(store)
     for n in range(1, 5):
         assert stopped(first, n, 0.12).durable
@@ -89,7 +55,7 @@ def test_what_was_acknowledged_is_there_after_a_restart(store: Path) -> None:
     again.close()
 
 
-def test_without_a_store_it_learns_and_says_that_nothing_is_kept() -> None:
+def test_without_a_store_receipts_are_not_durable() -> None:
     service = started("")
     receipt = stopped(service, 1, 0.42)
     assert receipt.status == "taken"
@@ -99,10 +65,10 @@ def test_without_a_store_it_learns_and_says_that_nothing_is_kept() -> None:
         service.roll_back(1, "", "me")
 
 
-def test_words_beside_the_model_are_told_without_planning_anew() -> None:
-    """Whoever makes them come and go would keep planners at work for nothing."""
-    heard: list[ActiveParameters] = []
-    service = ParameterService(ServiceConfig(model="atv"), atv(), apply=heard.append)
+def test_warnings_change_without_a_new_revision_of_the_model() -> None:
+    """Otherwise a sender that raises and clears them would keep planners busy."""
+    published: list[ActiveParameters] = []
+    service = ParameterService(ServiceConfig(model="atv"), ATV, apply=published.append)
     stopped(service, 1, 0.42)
     service.tick()
     before = service.active
@@ -110,15 +76,17 @@ def test_words_beside_the_model_are_told_without_planning_anew() -> None:
         assert stopped(service, n, 0.9, distance=30.0).status == "refused"
         service.tick()
     service.alive("nobody", is_alive=True)
-    told = service.active
-    assert told.flags == ("stops of robot contradict themselves",)
-    assert told.identity == before.identity
-    assert told.model is before.model
-    assert heard[-1] is told
+    after = service.active
+    assert after.flags == ("stops of robot contradict themselves",)
+    assert after.identity == before.identity
+    assert after.model is before.model
+    assert published[-1] is after
 
 
 @pytest.mark.parametrize("how", ["noise", "insane", "not JSON", "another vehicle"])
-def test_a_store_that_cannot_be_used_is_flagged_and_the_rest_goes_on(store: Path, how: str) -> None:
+def test_a_store_that_cannot_be_used_is_flagged_and_learning_continues(
+    store: Path, how: str
+) -> None:
     first = started(store)
     for n in range(1, 4):
         stopped(first, n, 0.12)
@@ -126,7 +94,7 @@ def test_a_store_that_cannot_be_used_is_flagged_and_the_rest_goes_on(store: Path
     stopped(first, 4, 0.11)
     newest = level_force(first)
     first.close()
-    model = atv()
+    model = ATV
     if how == "noise":
         store.write_bytes(os.urandom(20_000))
     elif how == "another vehicle":
@@ -136,17 +104,17 @@ def test_a_store_that_cannot_be_used_is_flagged_and_the_rest_goes_on(store: Path
         with raw(store) as tables:
             query = "SELECT version, state FROM change ORDER BY version DESC LIMIT 1"
             version, state = tables.execute(query).fetchone()
-            told = json.loads(state)
-            told["learned"]["published"] = [0.0, 0.0, 0.0, 9.0]
-            forge(tables, version, json.dumps(told).encode() if how == "insane" else b"{")
+            forged = json.loads(state)
+            forged["learned"]["published"] = [0.0, 0.0, 0.0, 9.0]
+            forge(tables, version, json.dumps(forged).encode() if how == "insane" else b"{")
     again = started(store, model)
-    words = {
+    warnings = {
         "noise": "corrupt-1",
         "insane": "older ones are: braking",
         "another vehicle": "of another vehicle",
     }
-    if how in words:
-        assert any(words[how] in flag for flag in again.flags())
+    if how in warnings:
+        assert any(warnings[how] in flag for flag in again.flags())
     if how in ("insane", "not JSON"):
         assert level_force(again) == pytest.approx(older, abs=1e-3)
     elif how == "noise":
@@ -156,7 +124,7 @@ def test_a_store_that_cannot_be_used_is_flagged_and_the_rest_goes_on(store: Path
     receipt = stopped(again, 9, 0.42)
     assert receipt.durable
     if how == "another vehicle":
-        assert receipt.version == 6, "versions go on"
+        assert receipt.version == 6, "versions continue"
         with pytest.raises(ParameterError, match="version"):
             again.roll_back(3, "", "me")
     again.close()
@@ -180,25 +148,25 @@ def test_a_roll_back_that_cannot_be_used_changes_nothing(store: Path) -> None:
 
 def test_a_store_that_fails_is_written_later(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     service = started(store)
-    heard: list[ActiveParameters] = []
-    service._apply = heard.append
+    published: list[ActiveParameters] = []
+    service._apply = published.append
     write = Store.write
 
     def fail(*_: Any) -> None:
-        # What is slower is planned with before the disk is asked.
-        assert heard[-1].version == service.history.version
+        # Slower parameters are published before the disk is written.
+        assert published[-1].version == service.history.version
         raise StoreError("the disk is gone")
 
     monkeypatch.setattr(Store, "write", fail)
     receipts = [stopped(service, n, 0.12) for n in range(1, 4)]
     assert [r.durable for r in receipts] == [False] * 3
-    assert "parameters are not kept: the disk is gone" in heard[-1].flags
+    assert "parameters are not kept: the disk is gone" in published[-1].flags
     assert level_force(service) == pytest.approx(0.12, abs=0.01)
     monkeypatch.setattr(Store, "write", write)
     service.history._tried = 0.0
     service.tick()
     assert service.history.durable
-    assert heard[-1].flags == ()
+    assert published[-1].flags == ()
     service.close()
     again = started(store)
     assert again.active.version == receipts[-1].version
@@ -206,7 +174,7 @@ def test_a_store_that_fails_is_written_later(store: Path, monkeypatch: pytest.Mo
     again.close()
 
 
-def test_with_age_uncertainty_grows_and_the_plan_service_is_told(store: Path) -> None:
+def test_uncertainty_grows_with_age(store: Path) -> None:
     service = started(store)
     for n in range(1, 4):
         stopped(service, n, 0.3)
@@ -223,11 +191,11 @@ def test_with_age_uncertainty_grows_and_the_plan_service_is_told(store: Path) ->
         tables.execute("UPDATE change SET boot = 'another', at = at + 1e9")
     lost = started(store)
     assert lost.active.uncertainty is not None
-    assert lost.active.uncertainty.age == 14_400.0, "a clock that went back tells nothing"
+    assert lost.active.uncertainty.age == 14_400.0, "a clock that was set back shows no age"
     lost.close()
 
 
-def test_surfaces_of_different_age_carry_their_own_scatter() -> None:
+def test_each_surface_has_the_scatter_of_its_age() -> None:
     service = started("")
     for n in range(1, 4):
         stopped(service, n, 0.3, surface="sand")
