@@ -9,7 +9,9 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import quantity, unit_guess, validate_quantities
 
 _WHEEL_WIDTH = 0.7
+"""Wheel width over radius, assumed where the model file has none [1]."""
 _CLEARANCE = 0.75
+"""Ground clearance over wheel radius, assumed where the model file has none [1]."""
 _STEP = 1.0 / 3.0
 """What stands in for a size that a model file leaves out, as a share of the wheel radius."""
 

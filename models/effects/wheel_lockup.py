@@ -16,6 +16,7 @@ from slopewise.models.laws.wheel_lockup import friction_cap
 
 _CAPS = (0.4, 0.6, 0.75, 0.87, 0.95)  # quantiles of the force that the search tries
 _LEAST_FRICTION = 0.02
+"""Lowest friction searched [1]: half of wet ice."""
 
 
 def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:

@@ -19,6 +19,7 @@ from slopewise.models.arrays import Elementwise
 from slopewise.models.quantity import GRAVITY
 
 _LEAST_TIME = 1e-12
+"""Keeps a stop of no duration from a division by zero [s]."""
 
 
 def force_ratio(

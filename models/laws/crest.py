@@ -20,6 +20,7 @@ from slopewise.models.arrays import Elementwise
 from slopewise.models.quantity import GRAVITY
 
 _HAIR = 1e-300
+"""Keeps 0/0 from NaN; below any curvature [1/m]."""
 
 
 def load_loss(speed: Elementwise, vertical_curvature: Elementwise) -> Elementwise:

@@ -14,8 +14,11 @@ from slopewise.models.arrays import Elementwise
 from slopewise.models.quantity import GRAVITY
 
 _LEAST_SPEED = 1e-6
+"""Keeps power over speed finite at rest [m/s]."""
 _LEAST_RESISTANCE = 1e-6
+"""Keeps power over resistance finite on ground that takes none [N]."""
 _HAIR = 1e-300
+"""Makes the sign of 0 positive: 0 lies within the domain."""
 
 
 def powered_accel_limit(

@@ -21,6 +21,7 @@ TURNING_SHARE = 0.8
 """Share of the friction that a slope leaves which a turn may use: 0.6 stay for the brakes."""
 
 _HAIR = 1e-300
+"""Makes the sign of 0 positive: 0 lies within the domain."""
 _NONE = 1e-12
 """In place of a curvature or a force of zero."""
 

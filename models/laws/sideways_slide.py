@@ -17,7 +17,9 @@ _LEAST_SLOWING = 0.03
 """Friction that leaves less than that hardly slows the vehicle [1]."""
 
 _SLOWEST = 0.01
+"""Share of the speed at lock-up below which the drift no longer changes the path [1]."""
 _LEVEL = 1e-6
+"""Exponent below which the power is taken by its logarithm [1]: the series is exact to rounding."""
 
 
 def share_along(

@@ -16,7 +16,9 @@ import numpy as np
 from slopewise.models.arrays import Elementwise
 
 _LEAST_LEVER = 1e-9
+"""Keeps the load transfer finite for a lever of zero [m]."""
 _HAIR = 1e-300
+"""Makes the sign of 0 positive: 0 lies within the domain."""
 
 
 def lockup_force_ratios(

@@ -19,6 +19,7 @@ from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.quantity import GRAVITY, quantity, validate_quantities
 
 HOUR = 3600.0
+"""[s]"""
 
 QUANTILE = 0.999
 """That plans survive unless told otherwise, offline as on the vehicle."""
