@@ -10,8 +10,8 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.effects import registry
-from slopewise.models.effects.brake_fade import kept_share
-from slopewise.models.laws.crest import kept_force
+from slopewise.models.effects.brake_fade import remaining_share
+from slopewise.models.laws.crest import remaining_force
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.services.check.brakes import Brakes
@@ -119,7 +119,7 @@ class StopField:
         """
         if self.motion.fade > 0.0:
             heat = np.maximum(heat, 0.0)
-            force = force * kept_share(heat, self.motion.fade, self.motion.fade_tau)
+            force = force * remaining_share(heat, self.motion.fade, self.motion.fade_tau)
         cap = here.friction * here.pose.upright
         if not self.as_learned:
             cap = braking_cap(self.model.vehicle, here.pose, here.friction, speed * speed)
@@ -134,7 +134,7 @@ class StopField:
     def _kept_over_crests(self, pose: Stance, speed: Floats) -> Floats:
         """As the effect of the model says; else the force falls as the normal force does."""
         if self.crest_share is not None:
-            kept: Floats = kept_force(speed, pose.bend, self.crest_share)
+            kept: Floats = remaining_force(speed, pose.bend, self.crest_share)
             return kept
         if self.as_learned:
             return np.ones_like(speed)

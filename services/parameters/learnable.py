@@ -37,7 +37,7 @@ def unable(model: Model, whose: str = "the model file") -> str:
         return f"braking is not learned: {whose} has uphill coefficients of their own"
     if model.braking.level < 1.0:
         return f"braking is not learned: {whose} is of a brake level below 1"
-    more = [e.name for e in model.effect if not LAWS[e.name].only_takes(e.parameters)]
+    more = [e.name for e in model.effect if not LAWS[e.name].only_reduces(e.parameters)]
     return f"braking is not learned: {whose} has the effect {more[0]}" if more else ""
 
 
