@@ -156,7 +156,7 @@ def stopping_distance_as_printed(
     """Stopping distance s = ½ a t_s² + t_delay v + s_offset [m] with t_s of (11), as printed.
 
     For comparison with the paper only. t_s holds the dead time already, so the delay is included
-    twice: with ``time_offset`` 0 the result is ½ a t_delay² + v t_delay longer than the true distance.
+    twice: with ``time_offset`` 0 the result exceeds the true distance by ½ a t_delay² + v t_delay.
     NaN where a < 0. Source: Braking (12), uncorrected.
 
     Args:

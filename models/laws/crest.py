@@ -58,7 +58,8 @@ def crest_speed_sq(
     would fly. Huge where the ground does not fall away, 0 where nothing can be lost; NaN of NaN.
 
     Args:
-        min_share_without_crest: smallest share of its level static load that any of them has without crest [1].
+        min_share_without_crest: smallest share of the level static load that any of them
+            has without the crest [1].
         min_share: share that each must keep [1].
         vertical_curvature: κ_v = dθ/ds, negative over a crest [1/m].
     """
