@@ -43,7 +43,7 @@ def test_one_direction_tells_nothing() -> None:
     found = from_headings(drive(np.zeros(12)))
     assert not found.known
     assert found.offset == 0.0
-    assert found.std == mount_offset.USUAL_MOUNTING
+    assert found.std == mount_offset.TYPICAL_MOUNTING_STD
 
 
 def test_known_grade_tells_it_and_gaps_do_not_matter() -> None:
