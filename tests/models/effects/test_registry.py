@@ -168,7 +168,7 @@ def _base() -> Hypothesis:
 @ALL
 def test_its_column_is_the_slope_of_the_prediction(name: str, law: EffectLaw) -> None:
     """One unit of a small strength changes the fall of the speed by the column."""
-    if law.search is None or law.search.whole:
+    if law.search is None or law.search.is_complete:
         return  # not linear in its only number
     stops, strength = table("crests"), 1e-6
     library, columns = candidates(stops, _base())
