@@ -10,13 +10,13 @@ import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
-from slopewise.services.parameters.in_use import ParametersInUse
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.services.io.bags import SPEED_LIMIT, typestore
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.planning.map_store import KnownGround
+from slopewise.services.parameters.active_parameters import ActiveParameters
+from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.settings import Timing
@@ -34,18 +34,18 @@ MODEL = read_model(find_model("atv"))
 
 @pytest.fixture(scope="module")
 def planner() -> PlanService:
-    return PlanService(ServiceConfig(model="atv"), ParametersInUse(MODEL))
+    return PlanService(ServiceConfig(model="atv"), ActiveParameters(MODEL))
 
 
 @pytest.fixture(scope="module")
-def ground() -> KnownGround:
+def ground() -> MapSnapshot:
     heights = np.zeros((49, 200))
     heights[:, round((KNOWN + 5.0) / CELL) :] = np.nan
     level = ElevationMap(elevation=heights, resolution=CELL, origin=(-5.0, -6.0))
-    return KnownGround(level, 1, time.monotonic())
+    return MapSnapshot(level, 1, time.monotonic())
 
 
-def ask(planner: PlanService, ground: KnownGround, x: float, speed: float, name: str) -> PlanReply:
+def ask(planner: PlanService, ground: MapSnapshot, x: float, speed: float, name: str) -> PlanReply:
     points = np.stack([np.linspace(0.0, 40.0, 120), np.zeros(120)], axis=1)
     request = PlanRequest(
         speed=speed, paths=[Path(name="p", points=points)], client=name, pose=(x, 0.0, 0.0)
@@ -62,7 +62,7 @@ def stopping_distance(speed: float) -> float:
 
 @pytest.mark.parametrize("late", [0.0, 0.2, 0.5, 1.0])
 def test_follower_at_the_limit_can_always_stop(
-    planner: PlanService, ground: KnownGround, late: float
+    planner: PlanService, ground: MapSnapshot, late: float
 ) -> None:
     """Toward unknown ground, with odometry of a while ago: from rest, or at 3.5 m/s."""
     speed = 3.5 if late else 0.0
@@ -82,7 +82,7 @@ def test_follower_at_the_limit_can_always_stop(
     assert KNOWN - 4.0 < driven[-1][0] < KNOWN  # it gets to where the ground ends, not farther
 
 
-def test_limit_at_rest_is_one_that_motors_can_do(planner: PlanService, ground: KnownGround) -> None:
+def test_limit_at_rest_is_one_that_motors_can_do(planner: PlanService, ground: MapSnapshot) -> None:
     reply = ask(planner, ground, 0.0, 0.0, "rest")
     advice = advice_from_reply(reply, 0.0, 0.0, TIMING)
     assert advice.limit >= TIMING.launch
@@ -91,7 +91,7 @@ def test_limit_at_rest_is_one_that_motors_can_do(planner: PlanService, ground: K
 
 
 def test_longer_limits_and_later_odometry_lower_the_limit(
-    planner: PlanService, ground: KnownGround
+    planner: PlanService, ground: MapSnapshot
 ) -> None:
     reply = ask(planner, ground, 16.0, 2.5, "ahead")
     timings = [Timing(life=life, launch=0.0) for life in (0.2, 0.6, 1.0)]
@@ -104,7 +104,7 @@ def test_longer_limits_and_later_odometry_lower_the_limit(
         assert limits == sorted(limits, reverse=True)
 
 
-def test_missing_plan_is_a_stop(planner: PlanService, ground: KnownGround) -> None:
+def test_missing_plan_is_a_stop(planner: PlanService, ground: MapSnapshot) -> None:
     for reply in (
         PlanReply(status="busy", reason="too many", service="s"),
         planner.answer(PlanRequest(speed=1.0, paths=[]), None, "test"),
@@ -122,7 +122,7 @@ def test_limit_that_would_lift_all_limits_cannot_be_sent(limit: float) -> None:
         ros.speed_limit(SpeedAdvice(limit, False, ""), 0)
 
 
-def test_messages_survive_their_bytes(planner: PlanService, ground: KnownGround) -> None:
+def test_messages_survive_their_bytes(planner: PlanService, ground: MapSnapshot) -> None:
     store, now = typestore(), 1_800_000_000_900_000_000
     plan = ask(planner, ground, 3.2, 1.0, "bytes").plans[0]
     message: Any = ros.profile(plan, place_on(plan, 3.2, 0.0), "odom", now)
