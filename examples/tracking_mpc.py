@@ -19,7 +19,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.closed_loop.drive import run_drive
+from benchmarks.closed_loop.drive_loop import run_drive
 from benchmarks.closed_loop.guarded import learned_model
 from benchmarks.closed_loop.policies import CYCLE, View
 from benchmarks.closed_loop.records import DrivenScene

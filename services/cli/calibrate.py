@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from slopewise.models.calibration.learn import Calibration
     from slopewise.models.calibration.surface_fit import SurfaceFit
     from slopewise.services.jobs.calibrate import CalibrateResult, RejectedLogError
-    from slopewise.services.report.brake_numbers import BrakeNumbers
 
 _SUSPECTS = 20
 """Excluded stretches that are listed; --json has all."""
@@ -104,7 +103,6 @@ def calibrate(options: CalibrateOptions) -> ExitStatus | None:
     from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs import calibrate as job
     from slopewise.services.jobs.calibration_summary import summarise, write_stops
-    from slopewise.services.report.brake_words import as_json as sheet_json
 
     if options.sheet is not None:
         from slopewise.services.report.brake_sheet import check_name
@@ -132,7 +130,7 @@ def calibrate(options: CalibrateOptions) -> ExitStatus | None:
         raise
     if options.out is not None:
         write_model(result.model, options.out)
-    sheet = None if options.sheet is None else sheet_json(_write_sheet(result, options))
+    sheet = None if options.sheet is None else _write_sheet(result, options)
     if options.stops is not None:
         write_stops(result, options.stops)
     if options.report is not None:
@@ -152,13 +150,13 @@ def _provenance(options: CalibrateOptions) -> dict[str, str]:
 
 
 def _write_page(result: CalibrateResult, options: CalibrateOptions, path: Path) -> None:
-    from slopewise.services.report.calibration_page import write_report
+    from slopewise.services.report.calibration_page import write_calibration_page
 
     c = result.calibration
     rows = {label: [cell(s) for s in c.surfaces] for label, cell in ROWS.items()}
     clock = {s.start: float(result.log.columns["t"][s.start]) for s in c.suspects}
     title = f"Brakes of {result.model.name}"
-    write_report(path, c, rows, clock, title=title, provenance=_provenance(options))
+    write_calibration_page(path, c, rows, clock, title=title, provenance=_provenance(options))
 
 
 def _write_rejected(rejected: RejectedLogError, options: CalibrateOptions) -> None:
@@ -167,10 +165,10 @@ def _write_rejected(rejected: RejectedLogError, options: CalibrateOptions) -> No
 
         write_rejected_stops(rejected, options.stops)
     if options.report is not None:
-        from slopewise.services.report.refused_page import RefusedLog, write_refused
+        from slopewise.services.report.calibration_page import RejectedLog, write_rejected_log
 
         run, t = rejected.log.columns["run"], rejected.log.columns["t"]
-        page = RefusedLog(
+        page = RejectedLog(
             str(rejected),
             rejected.windows,
             [f"{run[w.command]}, {t[w.command]:.2f} s" for w in rejected.windows],
@@ -180,15 +178,15 @@ def _write_rejected(rejected: RejectedLogError, options: CalibrateOptions) -> No
         provenance = _provenance(options)
         del provenance["map"]
         title = "Brakes that were not learned"
-        write_refused(options.report, page, title=title, provenance=provenance)
+        write_rejected_log(options.report, page, title=title, provenance=provenance)
 
 
-def _write_sheet(result: CalibrateResult, options: CalibrateOptions) -> BrakeNumbers:
+def _write_sheet(result: CalibrateResult, options: CalibrateOptions) -> dict[str, Any]:
     from slopewise.planner.ground.uncertainty import Uncertainty
     from slopewise.services.jobs.calibration_summary import cross_validation
     from slopewise.services.jobs.provenance import calibration_digests
     from slopewise.services.report.brake_numbers import BrakeNumbers
-    from slopewise.services.report.brake_sheet import write_sheet
+    from slopewise.services.report.brake_sheet import sheet_json, write_sheet
 
     assert options.sheet is not None
     base = result.calibration.surfaces[0]
@@ -202,7 +200,7 @@ def _write_sheet(result: CalibrateResult, options: CalibrateOptions) -> BrakeNum
         options.logs, options.model, result.model, out=options.out, map_file=options.map_file
     )
     write_sheet(options.sheet, numbers, facts, "\n".join(digests))
-    return numbers
+    return sheet_json(numbers)
 
 
 def _tables(result: CalibrateResult) -> Iterator[Any]:

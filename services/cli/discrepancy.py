@@ -90,7 +90,7 @@ def discrepancy(options: DiscrepancyOptions) -> None:
 def _write(result: DiscrepancyResult, options: DiscrepancyOptions) -> list[Path]:
     """Write DIR/discrepancy.json, DIR/model.toml, DIR/report.html; each all or nothing."""
     from slopewise.services.io.findings_file import PAGE, write_findings
-    from slopewise.services.report.discrepancy_page import write_report
+    from slopewise.services.report.discrepancy_page import write_discrepancy_page
 
     files = write_findings(result.findings, options.out)
     page = options.out / PAGE
@@ -100,7 +100,9 @@ def _write(result: DiscrepancyResult, options: DiscrepancyOptions) -> list[Path]
         "written": f"{datetime.now():%Y-%m-%d %H:%M}",
     }
     title = f"{result.findings.model.name} against its log"
-    write_report(page, result.findings, result.evidence, title=title, provenance=provenance)
+    write_discrepancy_page(
+        page, result.findings, result.evidence, title=title, provenance=provenance
+    )
     return [*files, page]
 
 

@@ -14,7 +14,7 @@ from slopewise.services.cli.options import AsJson
 from slopewise.services.cli.tables import line
 
 if TYPE_CHECKING:
-    from slopewise.services.doctor.facts import Facts, Misfit
+    from slopewise.services.doctor.robot_facts import ConfigIssue, RobotFacts
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ def doctor(options: DoctorOptions) -> ExitStatus | None:
     [bold]Example[/]  slopewise doctor --nav2 nav2_params.yaml --model mine.toml --bag drive.mcap
     """
     from slopewise.services.doctor.examine import CHECKS, examine
-    from slopewise.services.doctor.facts import MisfitSeverity
+    from slopewise.services.doctor.robot_facts import IssueSeverity
 
     facts = _facts(options)
     sources = {
@@ -67,25 +67,25 @@ def doctor(options: DoctorOptions) -> ExitStatus | None:
         "looked_at": names,
         "checks": len(CHECKS),
         "findings": [
-            {"check": i.check, "severity": i.severity.value, "words": i.words, "remedy": i.remedy}
+            {"check": i.check, "severity": i.severity.value, "words": i.message, "remedy": i.fix}
             for i in issues
         ],
     }
     print_result(options.as_json, summary, _tables(names, len(CHECKS), issues))
-    has_errors = any(issue.severity is MisfitSeverity.ERROR for issue in issues)
+    has_errors = any(issue.severity is IssueSeverity.ERROR for issue in issues)
     return ExitStatus.NOT_ADMISSIBLE if has_errors else None
 
 
-def _facts(options: DoctorOptions) -> Facts:
+def _facts(options: DoctorOptions) -> RobotFacts:
     """Read the sources.
 
     Raises:
         InputError: there is no source, or a file cannot be used.
     """
     from slopewise.models.errors import InputError
-    from slopewise.services.doctor.facts import Facts
+    from slopewise.services.doctor.message_collector import live_traffic, recorded_traffic
     from slopewise.services.doctor.nav2_file import read_nav2
-    from slopewise.services.doctor.sources import seen_in, seen_live
+    from slopewise.services.doctor.robot_facts import RobotFacts
     from slopewise.services.io.model_file import find_model, read_model
     from slopewise.services.ros.settings import read_settings
 
@@ -94,10 +94,10 @@ def _facts(options: DoctorOptions) -> Facts:
     edge = None if options.config is None else read_settings(options.config)
     if options.live > 0.0 and edge is None:
         raise InputError("--live", "", "expected --config ros.toml: where the robot is")
-    traffic = None if options.bag is None else seen_in(options.bag)
+    traffic = None if options.bag is None else recorded_traffic(options.bag)
     if options.live > 0.0 and edge is not None:
-        traffic = seen_live(edge, options.live)
-    return Facts(
+        traffic = live_traffic(edge, options.live)
+    return RobotFacts(
         read_model(find_model(options.model)) if options.model else None,
         edge,
         read_nav2(options.nav2) if options.nav2 else None,
@@ -105,14 +105,14 @@ def _facts(options: DoctorOptions) -> Facts:
     )
 
 
-def _tables(names: list[str], check_count: int, issues: list[Misfit]) -> Iterator[Any]:
+def _tables(names: list[str], check_count: int, issues: list[ConfigIssue]) -> Iterator[Any]:
     from rich.text import Text
 
     yield line(f"examined {', '.join(names)} with {check_count} checks")
     for issue in issues:
         severity = issue.severity.value
         colour = "red" if severity == "error" else "yellow"
-        yield Text.assemble((severity, colour), " ", (issue.check, "bold"), f": {issue.words}")
-        yield line(f"  → {issue.remedy}")
+        yield Text.assemble((severity, colour), " ", (issue.check, "bold"), f": {issue.message}")
+        yield line(f"  → {issue.fix}")
     if not issues:
         yield line("everything that could be checked fits", "green")

@@ -61,7 +61,7 @@ def export(options: ExportOptions) -> None:
     if options.c is not None:
         files += write_c(model, functions, options.c)
     rows = [
-        {"name": f.name, "inputs": dict(f.inputs), "output": dict([f.output]), "is": f.words}
+        {"name": f.name, "inputs": dict(f.inputs), "output": dict([f.output]), "is": f.meaning}
         for f in functions
     ]
     summary = {"model": model.name, "files": [str(file) for file in files], "functions": rows}

@@ -232,12 +232,12 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
     [bold]Examples[/]  slopewise fleet discrepancy logs/*.csv --models atv --out out/fleet
               slopewise fleet discrepancy logs/*/* --by-folder --models out/vehicles --out out/may
     """
+    from slopewise.services.fleet.fleet_page import write_fleet_page
     from slopewise.services.fleet.investigate_fleet import (
         PAGE,
         FleetDiscrepancyRequest,
         investigate_fleet,
     )
-    from slopewise.services.fleet.page import write_report
     from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs.discrepancy import discrepancy_settings
 
@@ -255,22 +255,29 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
     )
     result = investigate_fleet(request, quiet=options.as_json)
     page = options.out / PAGE
-    write_report(page, result.rows, result.census)
+    write_fleet_page(page, result.rows, result.totals)
     print_result(options.as_json, result.summary, _discrepancy_tables(result), page)
 
 
 def _discrepancy_tables(result: FleetDiscrepancyResult) -> Iterator[Any]:
     """The fleet by verdict and by effect, then the vehicles with the largest gaps."""
-    from slopewise.services.fleet import words as text
+    from slopewise.services.fleet import fleet_text
     from slopewise.services.fleet.investigate_fleet import LINES
 
-    c = result.census
+    c = result.totals
     verdicts = ", ".join(f"{count} {name}" for name, count in c.verdicts.items())
-    yield line(f"{c.looked_at} of {len(result.rows)} vehicles examined: {verdicts}")
-    if c.lacked:
+    yield line(f"{c.examined} of {len(result.rows)} vehicles examined: {verdicts}")
+    if c.effects:
         yield from table(
             ("effect", "missing in", "confidence", "of them right", "perhaps in", "numbers"),
-            ((e.name, *text.counted(e, c.looked_at), text.numbers(e)) for e in c.lacked),
+            (
+                (
+                    e.name,
+                    *fleet_text.prevalence_cells(e, c.examined),
+                    fleet_text.format_parameters(e),
+                )
+                for e in c.effects
+            ),
             left=("numbers",),
         )
     yield from table(
@@ -280,16 +287,16 @@ def _discrepancy_tables(result: FleetDiscrepancyResult) -> Iterator[Any]:
                 row["vehicle"],
                 row["stops"],
                 row["verdict"],
-                text.effect_words(row),
+                fleet_text.format_effects(row),
                 *(f"{row[f'stop_distance_{moment}']:.2f}" for moment in ("before", "after")),
             )
-            for row in text.by_surprise(result.rows)
+            for row in fleet_text.sort_by_prediction_error(result.rows)
         ),
         left=("verdict", "effects"),
         more=f"more, in {LINES}",
     )
-    yield line(text.chance_words(c), "dim")
-    yield from notes(text.left_out(c, LISTED))
+    yield line(fleet_text.format_false_alarms(c), "dim")
+    yield from notes(fleet_text.list_failed(c, LISTED))
     if result.resumed:
         yield f"{result.resumed} of them were examined by an earlier run"
     if result.unexpected:

@@ -149,7 +149,7 @@ def write_page(result: PlanResult, options: PlanOptions, path: Path) -> None:
 
     from slopewise.planner.kernels.interpreted import is_interpreting
     from slopewise.planner.settings import PlannerSettings
-    from slopewise.services.report.plan_page import write_report
+    from slopewise.services.report.plan_page import write_plan_page
 
     spacing = options.spacing or PlannerSettings().spacing_on(result.elevation_map.resolution)
     facts = {
@@ -163,7 +163,7 @@ def write_page(result: PlanResult, options: PlanOptions, path: Path) -> None:
         "planned in": f"{result.seconds:.2f} s{', not compiled yet' * is_interpreting()}",
         "date": time.strftime("%Y-%m-%d %H:%M"),
     }
-    write_report(
+    write_plan_page(
         path,
         result.elevation_map,
         result.plans,

@@ -71,7 +71,7 @@ def ros(options: RosOptions) -> None:
             raise InputError("ros", "", f"expected {module}, got none: pip install {extra}")
     import zenoh
 
-    from slopewise.services.ros.edge import Edge
+    from slopewise.services.ros.edge import RosEdge
     from slopewise.services.ros.settings import read_settings
     from slopewise.services.settings.service_settings import ZenohSettings
     from slopewise.services.settings.zenoh_session import zenoh_config
@@ -89,7 +89,7 @@ def ros(options: RosOptions) -> None:
             except zenoh.ZError:
                 expected = f"expected a router or service at {', '.join(peer.connect)}, got none"
                 raise InputError(str(options.config), f"{table}.connect", expected) from None
-        edge = stack.enter_context(Edge(settings, sessions[0], sessions[-1]))
+        edge = stack.enter_context(RosEdge(settings, sessions[0], sessions[-1]))
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: edge.stop())
         paths, endpoints = settings.topics.paths, settings.ros.connect

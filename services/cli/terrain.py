@@ -134,7 +134,7 @@ def _write_page(result: TerrainResult, options: TerrainOptions, path: Path, note
     """Write a page with details of the run that has most variety."""
     from slopewise.models.terrain.phases import Phase
     from slopewise.services.jobs.terrain import trace_run
-    from slopewise.services.report.terrain_page import TerrainPage, write_report
+    from slopewise.services.report.terrain_page import TerrainPage, write_terrain_page
 
     def variety(run: RunEvents) -> float:
         """Straights and turns; else many stretches."""
@@ -172,7 +172,7 @@ def _write_page(result: TerrainResult, options: TerrainOptions, path: Path, note
             "computed in": f"{result.seconds:.2f} s",
         },
     )
-    write_report(path, page)
+    write_terrain_page(path, page)
 
 
 def _verdict(result: TerrainResult) -> str:

@@ -15,7 +15,7 @@ from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.surface_fit import CalibrationSettings
 from slopewise.models.parameters import Model
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
-from slopewise.services.fleet.vehicles import LogTask, measure_vehicle, vehicles_of
+from slopewise.services.fleet.vehicle_logs import LogTask, measure_vehicle, vehicles_of
 from slopewise.services.io.files import fault, reason
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model, write_model
 from slopewise.services.io.no_data import NoData

@@ -12,19 +12,19 @@ from pathlib import Path
 from typing import Any
 
 from slopewise.models.discrepancy.settings import DiscrepancySettings
-from slopewise.services.fleet import finding
-from slopewise.services.fleet.census import Census, census
-from slopewise.services.fleet.finding import DONE, Row
-from slopewise.services.fleet.folder import open_folder, sweep
-from slopewise.services.fleet.investigating import (
+from slopewise.services.fleet import finding_row
+from slopewise.services.fleet.discrepancy_task import (
     VehicleTask,
+    failed_row,
     finished,
-    given_up,
     investigate_vehicle,
 )
+from slopewise.services.fleet.finding_row import DONE, Row
+from slopewise.services.fleet.fleet_summary import FleetSummary, summarise_fleet
 from slopewise.services.fleet.parts import map_digest
+from slopewise.services.fleet.result_folder import open_folder, remove_partial_files
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
-from slopewise.services.fleet.vehicles import vehicles_of
+from slopewise.services.fleet.vehicle_logs import vehicles_of
 from slopewise.services.io.files import check_file, fault, read_text, write_atomic
 from slopewise.services.io.findings_file import FINDINGS, source_of
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
@@ -72,7 +72,7 @@ class FleetDiscrepancyResult:
     """
 
     rows: list[Row]
-    census: Census
+    totals: FleetSummary
     resumed: int
     unexpected: int
     seconds: float
@@ -80,27 +80,27 @@ class FleetDiscrepancyResult:
     @property
     def summary(self) -> dict[str, Any]:
         """Output of `fleet discrepancy --json`; findings.jsonl has the findings of each vehicle."""
-        c = self.census
+        c = self.totals
         return {
             "vehicles": len(self.rows),
-            "looked_at": c.looked_at,
+            "looked_at": c.examined,
             "verdicts": c.verdicts,
-            "without_answer": c.without,
+            "without_answer": c.failed,
             "effects": [
                 {
                     "name": effect.name,
                     "vehicles": list(effect.vehicles),
-                    "perhaps": list(effect.perhaps),
+                    "perhaps": list(effect.ambiguous_in),
                     "confidence": None if effect.confidence is None else list(effect.confidence),
-                    "expected_right": effect.right,
+                    "expected_right": effect.expected_true,
                     "parameters": {
                         name: {"unit": unit, "least": low, "median": median, "most": high}
                         for name, (unit, low, median, high) in effect.parameters.items()
                     },
                 }
-                for effect in c.lacked
+                for effect in c.effects
             ],
-            "by_chance": c.by_chance,
+            "by_chance": c.expected_false,
             "resumed": self.resumed,
             "strays": self.unexpected,
             "seconds": self.seconds,
@@ -120,7 +120,7 @@ def investigate_fleet(
     grouped = vehicles_of(request.logs, request.by_folder)
     models = {name: _model_of(request.models, name) for name in grouped}
     digest = _digest(request)
-    folders = (finding.FINDINGS, finding.VEHICLES)
+    folders = (finding_row.FINDINGS, finding_row.VEHICLES)
     begun = open_folder(request.out, folders, digest, "map, options")
     tasks: list[VehicleTask] = []
     with progress_bar("reading logs", len(grouped), quiet=quiet) as advance:
@@ -131,20 +131,20 @@ def investigate_fleet(
     with progress_bar("comparing", len(tasks), quiet=quiet) as advance:
         advance(len(tasks) - len(missing))
         workers = Workers(request.workers, request.scheduler)
-        for _ in each_done(investigate_vehicle, missing, workers, given_up):
+        for _ in each_done(investigate_vehicle, missing, workers, failed_row):
             advance(1)
-    sweep(request.out, folders)
+    remove_partial_files(request.out, folders)
     rows = [_row(request.out, task) for task in tasks]
     _write_lines(request.out, rows)
     result = FleetDiscrepancyResult(
         rows,
-        census(rows, request.settings.false_alarm),
+        summarise_fleet(rows, request.settings.false_alarm),
         len(tasks) - len(missing),
-        len(list((request.out / finding.FINDINGS).glob("*.parquet"))) - len(tasks),
+        len(list((request.out / finding_row.FINDINGS).glob("*.parquet"))) - len(tasks),
         time.perf_counter() - begin,
     )
-    if not result.census.looked_at:
-        name, reason = next(iter(result.census.without.items()))
+    if not result.totals.examined:
+        name, reason = next(iter(result.totals.failed.items()))
         expected = "expected at least one vehicle that can be examined, got none"
         raise fault("fleet", "", f"{expected}; {name}: {reason}")
     return result
@@ -207,9 +207,9 @@ def _tasks(
 
 def _row(folder: Path, task: VehicleTask) -> Row:
     """The row on disk, so that a resumed run reports the same as an uninterrupted one."""
-    row = finding.read(folder, task.vehicle, task.key)
+    row = finding_row.read(folder, task.vehicle, task.key)
     if row is None:
-        file = folder / finding.FINDINGS / f"{task.vehicle}.parquet"
+        file = folder / finding_row.FINDINGS / f"{task.vehicle}.parquet"
         raise fault(file, "", "expected the row that was written, got none: is the folder shared?")
     return row
 
@@ -220,7 +220,7 @@ def _write_lines(folder: Path, rows: list[Row]) -> None:
     for row in rows:
         line = {name: row[name] for name in ("vehicle", "status", "reason")}
         if row["status"] == DONE:
-            file = folder / finding.VEHICLES / row["vehicle"] / FINDINGS
+            file = folder / finding_row.VEHICLES / row["vehicle"] / FINDINGS
             findings = json.loads(read_text(file))
             del findings["seconds"]
             line |= findings

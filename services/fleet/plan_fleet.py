@@ -13,12 +13,12 @@ import numpy as np
 from slopewise.models.errors import InputError
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.fleet import results
-from slopewise.services.fleet.folder import open_folder, sweep
-from slopewise.services.fleet.parts import FleetQuestion, PartName, parts_of
-from slopewise.services.fleet.planning import PlanTask, plan_part
+from slopewise.services.fleet import parquet_results
+from slopewise.services.fleet.map_windows import opened
+from slopewise.services.fleet.parts import FleetPlanSpec, PartName, parts_of
+from slopewise.services.fleet.plan_task import PlanTask, plan_part
+from slopewise.services.fleet.result_folder import open_folder, remove_partial_files
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
-from slopewise.services.fleet.windows import opened
 from slopewise.services.io.files import fault
 from slopewise.services.io.map_grid import MapInfo
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
@@ -84,7 +84,7 @@ def plan_fleet(request: FleetPlanRequest, *, quiet: bool = True) -> FleetPlanSum
     model = read_model(find_model(request.model_file))
     with opened(request.map_file, request.nodata) as ground:
         info, notes = ground.info, ground.assumed
-    spec = FleetQuestion(
+    spec = FleetPlanSpec(
         str(request.map_file.resolve()),
         model_to_dict(model),
         request.settings,
@@ -95,14 +95,16 @@ def plan_fleet(request: FleetPlanRequest, *, quiet: bool = True) -> FleetPlanSum
     )
     digest, out = spec.digest(), request.out
     _check_names(request.path_files)
-    open_folder(out, (results.PLANS, results.CANDIDATES), digest, "map, model, options")
+    open_folder(
+        out, (parquet_results.PLANS, parquet_results.CANDIDATES), digest, "map, model, options"
+    )
     names: list[PartName] = []
     with progress_bar("reading paths", len(request.path_files), quiet=quiet) as advance:
         for source in request.path_files:
             parts = parts_of(source, digest, info.extent, str(request.map_file))
             names += [part.name for part in parts]
             advance(1)
-    missing = [name for name in names if not results.finished(out, name.file)]
+    missing = [name for name in names if not parquet_results.is_finished(out, name.file)]
     candidates = sum(name.count for name in names)
     resumed = candidates - sum(name.count for name in missing)
     if missing and not request.scheduler:
@@ -112,8 +114,8 @@ def plan_fleet(request: FleetPlanRequest, *, quiet: bool = True) -> FleetPlanSum
         tasks = _tasks(request, spec, digest, info, missing)
         for count in each_done(plan_part, tasks, Workers(request.workers, request.scheduler)):
             advance(count)
-    sweep(out, (results.PLANS, results.CANDIDATES))
-    statuses, driven = results.count(out, [name.file for name in names])
+    remove_partial_files(out, (parquet_results.PLANS, parquet_results.CANDIDATES))
+    statuses, driven = parquet_results.count(out, [name.file for name in names])
     return FleetPlanSummary(
         model=model.name,
         admissible=driven > 0,
@@ -122,7 +124,7 @@ def plan_fleet(request: FleetPlanRequest, *, quiet: bool = True) -> FleetPlanSum
         resumed=resumed,
         driven=driven,
         statuses=dict(sorted(statuses.items())),
-        unexpected=len(list((out / results.CANDIDATES).glob("*.parquet"))) - len(names),
+        unexpected=len(list((out / parquet_results.CANDIDATES).glob("*.parquet"))) - len(names),
         seconds=time.perf_counter() - begin,
         notes=list(notes),
     )
@@ -130,7 +132,7 @@ def plan_fleet(request: FleetPlanRequest, *, quiet: bool = True) -> FleetPlanSum
 
 def _tasks(
     request: FleetPlanRequest,
-    spec: FleetQuestion,
+    spec: FleetPlanSpec,
     digest: str,
     info: MapInfo,
     missing: list[PartName],

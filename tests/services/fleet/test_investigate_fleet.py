@@ -14,11 +14,11 @@ import psutil
 import pyarrow.parquet as pq
 import pytest
 
-from benchmarks.fleet.fleet import cluster, workers_of
+from benchmarks.fleet.local_cluster import cluster, workers_of
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.errors import InputError
-from slopewise.services.fleet import finding, investigate_fleet, investigating
-from slopewise.services.fleet.page import write_report
+from slopewise.services.fleet import discrepancy_task, finding_row, investigate_fleet
+from slopewise.services.fleet.fleet_page import write_fleet_page
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.io.table import write_csv
 from tests.models.discrepancy.logs import WORLDS
@@ -51,7 +51,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def run(logs: list[Path], out: Path, **changes: object) -> investigate_fleet.FleetDiscrepancyResult:
     request = replace(REQUEST, logs=logs, out=out, **changes)
     result = investigate_fleet.investigate_fleet(request)
-    write_report(out / investigate_fleet.PAGE, result.rows, result.census)
+    write_fleet_page(out / investigate_fleet.PAGE, result.rows, result.totals)
     return result
 
 
@@ -102,7 +102,7 @@ def test_each_vehicle_has_a_row_a_line_and_its_files(local: Path) -> None:
     assert not (local / "vehicles" / "few").exists()
     page = (local / "report.html").read_text()
     assert "brake lag in 1" in page
-    assert "12 usable stops" in page
+    assert "few is excluded: " in page
     for name in ("lag", "clean"):
         assert f'href="vehicles/{name}/report.html"' in page
         assert "data:image/svg+xml" in (local / "vehicles" / name / "report.html").read_text()
@@ -132,7 +132,7 @@ def test_a_scheduler_and_workers_one_of_them_killed_write_the_same_bytes(
         thread.join()
     assert len(killed) == 1
     assert not psutil.pid_exists(killed[0])
-    assert result.census.looked_at == 2
+    assert result.totals.examined == 2
     ours, theirs = content(tmp_path), content(local)
     assert [n for n in theirs if ours.get(n) != theirs[n]] == []
     assert ours.keys() == theirs.keys()
@@ -145,11 +145,11 @@ def test_a_second_run_examines_new_logs_only(
     shutil.copytree(local, out)
     examined: list[str] = []
 
-    def breaks_off(task: investigating.VehicleTask) -> finding.Row:
+    def breaks_off(task: discrepancy_task.VehicleTask) -> finding_row.Row:
         examined.append(task.vehicle)
         raise np.linalg.LinAlgError("singular")
 
-    monkeypatch.setattr(investigating, "_looked_at", breaks_off)
+    monkeypatch.setattr(discrepancy_task, "_examine", breaks_off)
     assert run(logs, out).resumed == 4
     assert examined == []
     assert content(out) == content(local)
@@ -160,7 +160,7 @@ def test_a_second_run_examines_new_logs_only(
     new = [moved / log.name for log in logs]
     result = run(new, out)
     assert (examined, result.resumed) == (["lag"], 3)
-    assert "LinAlgError: singular" in result.census.without["lag"]
+    assert "LinAlgError: singular" in result.totals.failed["lag"]
     assert not (out / "vehicles" / "lag" / "model.toml").exists()
     assert (out / "vehicles" / "clean" / "model.toml").exists()
     # A fault is tried again, a log that cannot be read is not.
@@ -178,19 +178,19 @@ def test_a_vehicle_that_ends_its_workers_is_reported_and_tried_again(
     out = tmp_path / "out"
     shutil.copytree(local, out)
     row = next(r for r in pq.read_table(out / "findings").to_pylist() if r["vehicle"] == "lag")
-    task = investigating.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], str(out))
-    assert investigating.finished(task) == row
-    investigating.given_up(task)
-    row_now = finding.read(out, "lag", row["key"])
-    assert row_now is not None
-    assert row_now["status"] == "failed"
-    assert "more memory" in row_now["reason"]
-    assert investigating.finished(task) is None
+    task = discrepancy_task.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], str(out))
+    assert discrepancy_task.finished(task) == row
+    discrepancy_task.failed_row(task)
+    told = finding_row.read(out, "lag", row["key"])
+    assert told is not None
+    assert told["status"] == "failed"
+    assert "more memory" in told["reason"]
+    assert discrepancy_task.finished(task) is None
     assert not any(file.exists() for file in task.files)
     # Half a file is as good as none.
     torn = out / "findings" / "clean.parquet"
     torn.write_bytes(torn.read_bytes()[:100])
-    assert finding.read(out, "clean", "any") is None
+    assert finding_row.read(out, "clean", "any") is None
 
 
 def test_each_vehicle_may_have_a_separate_model(
@@ -198,11 +198,11 @@ def test_each_vehicle_may_have_a_separate_model(
 ) -> None:
     asked: dict[str, float] = {}
 
-    def reject(task: investigating.VehicleTask) -> finding.Row:
+    def examined(task: discrepancy_task.VehicleTask) -> finding_row.Row:
         asked[task.vehicle] = task.model["braking"]["b_b"]
-        return finding.without_answer(task.vehicle, task.key, finding.REFUSED, "enough")
+        return finding_row.failed_finding(task.vehicle, task.key, finding_row.REFUSED, "enough")
 
-    monkeypatch.setattr(investigating, "_looked_at", reject)
+    monkeypatch.setattr(discrepancy_task, "_examine", examined)
     base = read_model(find_model("atv"))
     models = tmp_path / "models"
     models.mkdir()

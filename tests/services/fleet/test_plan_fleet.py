@@ -17,7 +17,7 @@ from slopewise.models.errors import InputError
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.fleet import parts, plan_fleet, planning, windows
+from slopewise.services.fleet import map_windows, parts, plan_fleet, plan_task
 from slopewise.services.io.map_file import map_info, read_map
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.path_file import read_paths
@@ -112,12 +112,12 @@ def test_unknown_ground_all_around_is_a_status(
 def test_windows_hold_the_margin_and_are_bounded(
     inputs: tuple[Path, list[Path]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(windows, "SHARED_CELLS", 20_000)
+    monkeypatch.setattr(map_windows, "SHARED_CELLS", 20_000)
     paths, info = read_paths(inputs[1][0]), map_info(inputs[0])
-    cut = windows.windows(paths, info, 3.0)
-    assert sorted(i for window in cut for i in window.members) == list(range(len(paths)))
-    assert 1 < len(cut) < len(paths)
-    for window in cut:
+    found = map_windows.map_windows(paths, info, 3.0)
+    assert sorted(i for window in found for i in window.members) == list(range(len(paths)))
+    assert 1 < len(found) < len(paths)
+    for window in found:
         assert window.cells is not None
         rows, columns = window.cells
         assert (rows.stop - rows.start) * (columns.stop - columns.start) <= 20_000
@@ -127,17 +127,17 @@ def test_windows_hold_the_margin_and_are_bounded(
             assert rows.start * RESOLUTION <= max(low[1], 0.0)
             assert (columns.stop - 1) * RESOLUTION >= min(high[0], 255.5)
             assert (rows.stop - 1) * RESOLUTION >= min(high[1], 255.5)
-    monkeypatch.setattr(windows, "MOST_CELLS", 1000)
-    assert all(w.cells is None for w in windows.windows(paths[:1], info, 3.0))
+    monkeypatch.setattr(map_windows, "MAX_CELLS", 1000)
+    assert all(w.cells is None for w in map_windows.map_windows(paths[:1], info, 3.0))
 
 
 def test_a_second_run_plans_nothing_again(
     inputs: tuple[Path, list[Path]], tmp_path: Path, local: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     planned = []
-    plan = planning.plan_part
+    plan = plan_task.plan_part
 
-    def dies_after_two(task: planning.PlanTask) -> int:
+    def dies_after_two(task: plan_task.PlanTask) -> int:
         if len(planned) == 2:
             raise KeyboardInterrupt
         planned.append(task.part.name.file)
