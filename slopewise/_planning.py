@@ -96,7 +96,7 @@ def check_plan(
     the model, the map, the formulas of named effects and gravity.
 
     Args:
-        plan: plan of any planner: ``ExternalPlan(name="mine", x=x, y=y, speed=speed)``.
+        plan: plan of any planner: ``GivenPlan(name="mine", x=x, y=y, speed=speed)``.
         model: model that it has to hold for.
         elevation_map: ground as known now.
         clear: station up to which the path is known to be free, from the first station [m]; the

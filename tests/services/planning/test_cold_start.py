@@ -150,7 +150,7 @@ def test_no_job_is_switched_to_compiled_kernels_by_a_longer_one(compiled: list[s
             longer = executor.submit(cold_start.sooner, is_interpreting, many)
             assert asked.wait(10.0)
             compiled.append(set())
-            wait([longer], 3.0 * cold_start._PERIOD)
+            wait([longer], 3.0 * cold_start._POLL_INTERVAL)
             return is_interpreting(), longer
 
         in_python, longer = cold_start.sooner(job, lambda: 200.0)
