@@ -160,11 +160,11 @@ def complaints(schema: dict[str, Any], value: Any, where: str = "") -> list[str]
         return [where] if wrong else []
     if schema["type"] != "object":
         return []
-    known, found = schema.get("properties", {}), []
+    known, wrong_keys = schema.get("properties", {}), []
     for key, item in value.items():
         inside = known.get(key, schema.get("additionalProperties"))
-        found += complaints(inside, item, f"{where}.{key}") if inside else [f"{where}.{key}"]
-    return found + [f"{where}.{key}" for key in schema.get("required", []) if key not in value]
+        wrong_keys += complaints(inside, item, f"{where}.{key}") if inside else [f"{where}.{key}"]
+    return wrong_keys + [f"{where}.{key}" for key in schema.get("required", []) if key not in value]
 
 
 def test_the_schema_is_that_of_model_files() -> None:
