@@ -17,7 +17,7 @@ _ARENAS = 2
 """One for the planner's threads, one for zenoh's."""
 
 _MAX_ARENA_BLOCK = 1 << 20
-"""Larger blocks return to the system as soon as they are freed [bytes]: requests are smaller."""
+"""Larger blocks return to the system immediately when freed [bytes]: requests are smaller."""
 
 
 def limit_malloc_arenas() -> bool:

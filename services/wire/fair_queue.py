@@ -229,10 +229,11 @@ class FairQueue(Generic[T]):
         return rank
 
     def _older(self, entry: Waiting[T]) -> Waiting[T] | None:
-        """Waiting entry that a newer one of the same client replaces."""
+        """Waiting entry that a newer one of the same client replaces, unless it outranks it."""
         if not (self._newest_only and entry.sender):
             return None
-        return next((q for q in self._waiting if q.sender == entry.sender), None)
+        older = (q for q in self._waiting if q.sender == entry.sender)
+        return next((q for q in older if entry.outranks or not q.outranks), None)
 
     def _surplus(self) -> Waiting[T]:
         """Newest entry of the account with most entries; of equals, of the most time used."""

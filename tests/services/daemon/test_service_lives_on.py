@@ -35,22 +35,6 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
         yield robot
 
 
-def test_a_stop_without_deceleration_is_answered_and_degrades_nothing(robot: Robot) -> None:
-    before = robot.top_speed()
-    for grade in (0.0, -0.1, -0.8):
-        for deceleration in (5e-324, 1e-300, 1e-3):
-            fields = robot.stop_fields(deceleration, grade=grade)
-            receipt = robot.query("obs/stop", fields, "stop_observation", timeout=2.0)
-            assert receipt is not None, "no answer"
-            assert receipt["status"] == "refused"
-            assert "expected" in receipt["reason"]
-    status = robot.status()
-    assert status["degraded"] == []
-    assert status["counters"].get("faults", 0) == 0
-    assert robot.top_speed() == pytest.approx(before)
-    assert robot.stop(0.42 * G)["status"] == "taken"
-
-
 def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for_a_while(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -157,20 +141,3 @@ def test_every_number_that_can_be_set_has_a_range(robot: Robot) -> None:
     assert robot.plan()["parameters"]["version"] == version
     assert robot.set("terrain", motion_resistance=0.2, slip_track=1.3)["status"] == "ok"
     assert np.isfinite(robot.top_speed())
-
-
-def test_one_huge_sequence_silences_no_sender(robot: Robot) -> None:
-    for kind, more in (("stop", {}), ("terrain", {"surface": "sand"})):
-        for stamp in (None, 7.0):
-            sender = Robot(robot.service, robot.session, f"{kind} {stamp}")
-            receipts = []
-            for n, sequence in enumerate((2**53, *range(1, 20))):
-                fields = (
-                    sender.stop_fields(0.42 * G) if kind == "stop" else sender.fields(**more)
-                ) | {"sequence": sequence}
-                # A clock that is 3 s behind at every message, or none at all.
-                fields["time"] = time.monotonic() if stamp is None else stamp - 3.0 * n
-                receipts.append(sender.send(kind, fields))
-            assert {t["status"] for t in receipts} <= {"taken", "ignored", "refused"}
-            assert all(t["reason"] for t in receipts)
-            assert receipts[-1]["status"] != "ignored", receipts

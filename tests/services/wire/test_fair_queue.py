@@ -90,6 +90,16 @@ def test_a_newer_entry_of_a_named_sender_replaces_the_older_one_if_asked() -> No
             assert displaced is None
 
 
+def test_an_entry_with_higher_rank_is_not_replaced_by_one_of_the_same_name() -> None:
+    """Access to that rank can be restricted, names cannot."""
+    queue = FairQueue[str](8, newest_only=True)
+    queue.put(entry("driving", "robot", outranks=True))
+    assert queue.put(entry("spoofed", "robot")) is None
+    displaced = queue.put(entry("newer", "robot", outranks=True))
+    assert displaced is not None
+    assert displaced.item == "driving"
+
+
 def test_only_senders_that_used_less_or_outrank_come_in_between() -> None:
     queue = FairQueue[str](8)
     known(queue, "a", "b")
