@@ -181,10 +181,10 @@ def test_a_vehicle_that_ends_its_workers_is_reported_and_tried_again(
     task = discrepancy_task.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], str(out))
     assert discrepancy_task.finished(task) == row
     discrepancy_task.failed_row(task)
-    told = finding_row.read(out, "lag", row["key"])
-    assert told is not None
-    assert told["status"] == "failed"
-    assert "more memory" in told["reason"]
+    failed = finding_row.read(out, "lag", row["key"])
+    assert failed is not None
+    assert failed["status"] == "failed"
+    assert "more memory" in failed["reason"]
     assert discrepancy_task.finished(task) is None
     assert not any(file.exists() for file in task.files)
     # Half a file is as good as none.

@@ -114,10 +114,10 @@ def test_windows_hold_the_margin_and_are_bounded(
 ) -> None:
     monkeypatch.setattr(map_windows, "SHARED_CELLS", 20_000)
     paths, info = read_paths(inputs[1][0]), map_info(inputs[0])
-    found = map_windows.map_windows(paths, info, 3.0)
-    assert sorted(i for window in found for i in window.members) == list(range(len(paths)))
-    assert 1 < len(found) < len(paths)
-    for window in found:
+    windows = map_windows.map_windows(paths, info, 3.0)
+    assert sorted(i for window in windows for i in window.members) == list(range(len(paths)))
+    assert 1 < len(windows) < len(paths)
+    for window in windows:
         assert window.cells is not None
         rows, columns = window.cells
         assert (rows.stop - rows.start) * (columns.stop - columns.start) <= 20_000
