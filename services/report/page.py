@@ -9,12 +9,9 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from slopewise.services.io.files import write_atomic
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 MAX_ROWS = 50
 """Rows of a table of excluded data on a page; the rest is counted [1]."""
@@ -62,7 +59,7 @@ def render(
     server = " 'self'; connect-src 'self'" if asks_server else ""
     script = '"use strict";\n(() => {\n' + "\n".join(map(asset, scripts)) + "})();\n"
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
-    return (
+    text: str = (
         _environment()
         .get_template(template)
         .render(
@@ -76,6 +73,7 @@ def render(
             script=script,
         )
     )
+    return text
 
 
 def write_page(path: Path, text: str) -> None:
@@ -88,7 +86,7 @@ def write_page(path: Path, text: str) -> None:
 
 
 @cache
-def _environment() -> Environment:
+def _environment() -> Any:
     # Imported here: it takes 50 ms, and most commands write no page.
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 

@@ -65,7 +65,7 @@ def test_c_code_says_what_python_says(model: Model, tmp_path: Path) -> None:
     source, header, units = write_c(model, functions, tmp_path / "c")
     assert header.exists()
     library = tmp_path / "model.so"
-    flags = ["-O2", "-Wall", "-shared", "-fPIC"]
+    flags = ["-O1", "-Wall", "-shared", "-fPIC"]
     subprocess.run(["gcc", *flags, "-o", str(library), str(source), "-lm"], check=True)
     compiled, rng = ctypes.CDLL(str(library)), np.random.default_rng(1)
     for function in functions:
@@ -160,11 +160,11 @@ def complaints(schema: dict[str, Any], value: Any, where: str = "") -> list[str]
         return [where] if wrong else []
     if schema["type"] != "object":
         return []
-    known, found = schema.get("properties", {}), []
+    known, wrong_keys = schema.get("properties", {}), []
     for key, item in value.items():
         inside = known.get(key, schema.get("additionalProperties"))
-        found += complaints(inside, item, f"{where}.{key}") if inside else [f"{where}.{key}"]
-    return found + [f"{where}.{key}" for key in schema.get("required", []) if key not in value]
+        wrong_keys += complaints(inside, item, f"{where}.{key}") if inside else [f"{where}.{key}"]
+    return wrong_keys + [f"{where}.{key}" for key in schema.get("required", []) if key not in value]
 
 
 def test_the_schema_is_that_of_model_files() -> None:
