@@ -30,6 +30,7 @@ def files_of(room: str) -> list[Path]:
         file
         for file in folder.rglob("*")
         if file.suffix in COUNTED
+        and not file.name.endswith(".min.js")  # a library of others
         and "__pycache__" not in file.parts
         # Links of the one package to its rooms are counted there.
         and not any((ROOT / room / part).is_symlink() for part in file.relative_to(folder).parts)

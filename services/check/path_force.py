@@ -90,17 +90,8 @@ def path_force_along(
         class_names: names of the terrain classes of the map.
         width: z-score, standard deviations of the force that are subtracted; 0 is its mean.
     """
-    names = ["", *model.braking.terrain]
+    names, on = _touched(model, ground, class_names)
     tables = [model.braking.on(name) if name else model.braking for name in names]
-    on = np.zeros((len(names), len(ground.grade)), np.bool_)
-    for index, name in enumerate(class_names):
-        for surface in candidate_surfaces(model.braking.terrain, name):
-            on[names.index(surface)] |= ground.classes[index]
-    nameless = ~on.any(axis=0)
-    for surface in ("", *model.braking.states_of("")):
-        on[names.index(surface)] |= nameless
-    touched = np.flatnonzero(on.any(axis=1)).tolist()
-    names, tables, on = [names[i] for i in touched], [tables[i] for i in touched], on[touched]
     scale = registry.force_scale(model.effect)
     forces = [_force_of(table, model, ground.grade, scale) for table in tables]
     place = Place(ground.grade, ground.roll, line.x, line.y, line.heading, 0.0)
@@ -114,7 +105,7 @@ def path_force_along(
         return column
 
     return PathForce(
-        names=tuple(names),
+        names=names,
         on=on,
         slope=np.array([slope for slope, _ in forces]),
         intercept=np.array([intercept for _, intercept in forces]),
@@ -133,6 +124,22 @@ def path_force_along(
         grade_excess=np.where(on, outside, 0.0).max(axis=0),
         roll_excess=np.where(on, rolled, 0.0).max(axis=0),
     )
+
+
+def _touched(
+    model: Model, ground: LineGround, class_names: tuple[str, ...]
+) -> tuple[tuple[str, ...], Bools]:
+    """Names of the R surfaces that wheels touch, and (R, M) where; "" is the base."""
+    names = ["", *model.braking.terrain]
+    on = np.zeros((len(names), len(ground.grade)), np.bool_)
+    for index, name in enumerate(class_names):
+        for surface in candidate_surfaces(model.braking.terrain, name):
+            on[names.index(surface)] |= ground.classes[index]
+    nameless = ~on.any(axis=0)
+    for surface in ("", *model.braking.states_of("")):
+        on[names.index(surface)] |= nameless
+    touched = np.flatnonzero(on.any(axis=1)).tolist()
+    return tuple(names[i] for i in touched), on[touched]
 
 
 def _trained_speed_max(tables: list[Braking], grade: Floats) -> Floats:

@@ -48,8 +48,7 @@ def check_stops(
         rows: (N,) samples of the plan's rows.
     """
     brakes, model = field.brakes, field.model
-    moving = motion.moving & ground.known
-    lanes = np.flatnonzero(moving)
+    lanes = np.flatnonzero(motion.moving & ground.known)
     if len(lanes) == 0:
         return CheckedStops(np.zeros(len(rows)), np.ones(len(rows)), 0)
     start = ground.station[lanes]
@@ -85,15 +84,20 @@ def check_stops(
         )
     _loads_on(log, model, stops, lanes, len(clear))
     _hold_at(log, field, stops, spread)
+    return _nominal_at_rows(field, ground, motion, rows, give_up)._replace(lanes=len(lanes))
+
+
+def _nominal_at_rows(
+    field: StopDynamics, ground: LineGround, motion: Motion, rows: Ints, give_up: float
+) -> CheckedStops:
+    brakes = field.brakes
     distance, rear = np.zeros(len(rows)), np.ones(len(rows))
-    moves = moving[rows]
+    moves = (motion.moving & ground.known)[rows]
     first = rows[moves]
-    nominal = nominal_stops(
-        field, ground.station[first], motion.speed[first], brakes.dead_time[first], give_up
-    )
-    distance[moves] = nominal.end + brakes.offset - ground.station[first]
-    rear[moves] = nominal.rear
-    return CheckedStops(distance, rear, len(lanes))
+    start = ground.station[first]
+    stops = nominal_stops(field, start, motion.speed[first], brakes.dead_time[first], give_up)
+    distance[moves], rear[moves] = stops.end + brakes.offset - start, stops.rear
+    return CheckedStops(distance, rear, len(first))
 
 
 def check_places(

@@ -17,13 +17,13 @@ _ARENAS = 2
 """One for the planner's threads, one for zenoh's."""
 
 _MAX_ARENA_BLOCK = 1 << 20
-"""Larger blocks return to the system as soon as they are freed [bytes]: requests are smaller."""
+"""Larger blocks return to the system immediately when freed [bytes]: requests are smaller."""
 
 
 def limit_malloc_arenas() -> bool:
     """Use few arenas and separate large blocks; False if the C library has no such settings.
 
-    Threads that have an arena keep it: call it before any are started.
+    Threads keep the arena that they have: call it before any are started.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is None:

@@ -19,18 +19,17 @@ from slopewise.services.dashboard import prometheus_metrics, view
 from slopewise.services.dashboard.live_state import LiveState
 from slopewise.services.dashboard.token import cookie, has_valid_token
 from slopewise.services.planning.map_store import MapSnapshot
-from slopewise.services.report.limit_colours import limit_colours
-from slopewise.services.report.page import asset, page
-from slopewise.services.report.plan_data import relief
-from slopewise.services.report.png import data_uri
+from slopewise.services.report.page import render
+from slopewise.services.report.plan_labels import limit_colours
+from slopewise.services.report.relief import relief
 from slopewise.services.wire.plan_messages import ServiceStatus
 
 _SCRIPTS = (
-    "helpers.js",
-    "axes.js",
+    "uPlot.iife.min.js",
+    "page.js",
+    "painter.js",
+    "charts.js",
     "live_map.js",
-    "live_plan.js",
-    "live_learned.js",
     "live_finding.js",
     "live.js",
 )
@@ -113,15 +112,15 @@ class Site:
         return None
 
     def _html(self) -> str:
-        return page(
+        return render(
             "live.html",
-            {"icons": asset("icons.svg")},
+            {},
             title="slopewise live",
-            styles=("page.css", "colours.css", "live.css", "live_finding.css"),
-            own_style=limit_colours(),
+            styles=("uPlot.min.css", "page.css", "colours.css", "live.css", "live_finding.css"),
+            extra_style=limit_colours(),
             scripts=_SCRIPTS,
             data={},
-            own_server=True,
+            asks_server=True,
         )
 
     def _health(self) -> Answer:
@@ -144,7 +143,7 @@ class Site:
             begun = time.thread_time()
             if self._relief[0] != ground.version and time.monotonic() >= self._next_drawing:
                 picture, table = relief(ground.elevation_map, _MAX_CELLS)
-                content = {"version": ground.version, "picture": data_uri(picture), **table}
+                content = {"version": ground.version, "picture": picture, **table}
                 self._relief = ground.version, json.dumps(content, allow_nan=False).encode()
                 duration = time.thread_time() - begun
                 self._next_drawing = time.monotonic() + duration / _DRAWING_SHARE

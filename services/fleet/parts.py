@@ -1,8 +1,8 @@
 """Path files cut into parts that are planned, written and counted as one.
 
-How files are cut depends on nothing but their content, so that any number of workers gives the same
-parts with the same bytes. A part's key is a digest of all that its plans depend on: of the paths,
-the model, the map, the settings and the version. A part that is written under its key is finished.
+How files are cut depends only on their content, so that any number of workers gives the same
+parts with the same bytes. The key of a part is a digest of all that its plans depend on: paths,
+model, map, settings and version. A part that is written under its key is finished.
 """
 
 from __future__ import annotations
@@ -28,19 +28,21 @@ from slopewise.services.io.path_file import check_paths_on_map, read_paths
 PART = 500
 """Candidates of a part: a few seconds of work, some megabytes of results."""
 
-_ENDS = 1 << 16  # bytes at either end of a map that are looked at
-_FORMAT = 2  # of the results; another one is planned anew
+_END_BYTES = 1 << 16
+"""Bytes at either end of a map that its digest covers."""
+_FORMAT = 2
+"""Version of the results; results of another one are planned again."""
 
 
 @dataclass(frozen=True, slots=True)
-class FleetQuestion:
-    """What is asked about every path; plain values, so that it travels.
+class FleetPlanSpec:
+    """Inputs of every plan; plain values, so that it can be sent to workers.
 
     Attributes:
-        map_file: GeoTIFF, under the name by which the workers see it.
+        map_file: GeoTIFF, by its path on the workers.
         model: tables of a model file.
-        settings: of the planner. start_speed [m/s], clear [m], uncertainty, nodata: as `slopewise
-            plan` has them.
+        settings: planner settings.
+        start_speed [m/s], clear [m], uncertainty, nodata: as in `slopewise plan`.
     """
 
     map_file: str
@@ -52,8 +54,8 @@ class FleetQuestion:
     nodata: NoData = None
 
     def digest(self) -> str:
-        """Of all but the paths, and of the version that answers."""
-        told = [
+        """Digest of all but the paths, and of the version that plans."""
+        inputs = [
             _FORMAT,
             version("slopewise"),
             PART,
@@ -65,15 +67,15 @@ class FleetQuestion:
             repr(self.uncertainty),
             repr(self.nodata),
         ]
-        return hashlib.sha256("\n".join(map(str, told)).encode()).hexdigest()
+        return hashlib.sha256("\n".join(map(str, inputs)).encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True)
 class PartName:
-    """Where a part comes from, and the name that its results have.
+    """Origin of a part, and the name of its results.
 
     Attributes:
-        source: file of the paths. first, count: which of its candidates. key: see above.
+        source: file of the paths. first, count: range of its candidates. key: digest of its inputs.
     """
 
     source: Path
@@ -83,36 +85,36 @@ class PartName:
 
     @property
     def file(self) -> str:
-        """Name of its result files: readable in front, unmistakable behind."""
+        """Name of its result files: readable at the front, unique at the end."""
         return f"{self.source.stem[:60]}-{self.first:07d}-{self.key[:20]}.parquet"
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part with its paths, as a worker gets it."""
+    """A part with its paths, as sent to a worker."""
 
     name: PartName
     paths: tuple[CandidatePath, ...]
 
 
 def map_digest(path: Path) -> str:
-    """What tells one map from another without reading gigabytes: size, time, and both ends."""
+    """Digest of size, time and both ends of a map: identifies it without reading gigabytes."""
     check_file(path)
     stat = path.stat()
     digest = hashlib.sha256(f"{stat.st_size} {stat.st_mtime_ns}".encode())
     with path.open("rb") as file:
-        digest.update(file.read(_ENDS))
-        file.seek(max(stat.st_size - _ENDS, 0))
-        digest.update(file.read(_ENDS))
+        digest.update(file.read(_END_BYTES))
+        file.seek(max(stat.st_size - _END_BYTES, 0))
+        digest.update(file.read(_END_BYTES))
     return digest.hexdigest()
 
 
-def parts_of(source: Path, question: str, extent: Around, map_file: str) -> Iterator[Part]:
+def parts_of(source: Path, spec: str, extent: Around, map_file: str) -> Iterator[Part]:
     """The parts of one file.
 
     Args:
-        source: of paths. question: :meth:`FleetQuestion.digest`.
-        extent: of the map [m], on which every path has to begin.
+        source: path file. spec: :meth:`FleetPlanSpec.digest`.
+        extent: area of the map [m] on which every path has to begin.
 
     Raises:
         InputError: names row and column.
@@ -120,13 +122,13 @@ def parts_of(source: Path, question: str, extent: Around, map_file: str) -> Iter
     paths = read_paths(source)
     check_paths_on_map(paths, extent, str(source), map_file)
     for first in range(0, len(paths), PART):
-        some = tuple(paths[first : first + PART])
-        key = _key(question, source.name, first, some)
-        yield Part(PartName(source, first, len(some), key), some)
+        members = tuple(paths[first : first + PART])
+        key = _key(spec, source.name, first, members)
+        yield Part(PartName(source, first, len(members), key), members)
 
 
-def _key(question: str, source: str, first: int, paths: Sequence[CandidatePath]) -> str:
-    digest = hashlib.sha256(json.dumps([question, source, first]).encode())
+def _key(spec: str, source: str, first: int, paths: Sequence[CandidatePath]) -> str:
+    digest = hashlib.sha256(json.dumps([spec, source, first]).encode())
     for path in paths:
         digest.update(json.dumps([path.name, len(path.points)]).encode())
         for values in (path.points, path.speed_limit, path.yaw):

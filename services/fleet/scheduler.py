@@ -25,16 +25,18 @@ R = TypeVar("R")
 MEMORY = "1GiB"
 """Of a local worker; one that needs more is ended and started again."""
 
-_AHEAD = 2  # tasks waiting beside each one that runs
-_PATIENCE = 20.0  # [s] for a scheduler to answer
+_AHEAD = 2
+"""Tasks queued for each one that runs: a worker never waits for the client."""
+_CONNECT_TIMEOUT = 20.0
+"""For a scheduler to answer [s]: longer than a busy one takes on a slow network."""
 
 Task = tuple[str, T]
-"""A name of its own, and what to work on."""
+"""Unique name, and the argument of the function."""
 
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Who works.
+    """Local worker processes, or a running scheduler.
 
     Attributes:
         count: of local processes; 0 is this one, None one for each processor.
@@ -56,30 +58,29 @@ def each_done(
     function: Callable[[T], R],
     tasks: Iterable[Task[T]],
     workers: Workers,
-    given_up: Callable[[T], R] | None = None,
+    failed: Callable[[T], R] | None = None,
 ) -> Iterator[R]:
     """Results in the order in which they are done.
 
     Args:
-        function: of one task; importable, it runs in other processes.
+        function: applied to each task; importable, it runs in other processes.
         tasks: drawn as workers become free.
-        workers: who works.
-        given_up: result of a task that several workers died of; such a task is the end of all if
-            left out.
+        workers: local or of a scheduler.
+        failed: result of a task that ended several workers; omitted, such a task ends all.
 
     Raises:
-        InputError: no scheduler answers; and whatever the function raises.
+        InputError: no scheduler answers; and any error of the function.
     """
     if workers.count == 0 and not workers.scheduler:
         for _, task in tasks:
             yield on_one_thread(function, task)
         return
     with _client(workers) as client:
-        yield from _spread(client, function, iter(tasks), given_up)
+        yield from _spread(client, function, iter(tasks), failed)
 
 
 def on_one_thread(function: Callable[[T], R], task: T) -> R:
-    """The same sums in the same order, whoever does them.
+    """Run on one thread: the same sums in the same order on every worker.
 
     Linear algebra that several threads share adds up in another order, and its last digits differ.
     """
@@ -93,44 +94,44 @@ def _spread(
     client: Any,
     function: Callable[[T], R],
     tasks: Iterator[Task[T]],
-    given_up: Callable[[T], R] | None,
+    failed: Callable[[T], R] | None,
 ) -> Iterator[R]:
     from distributed import KilledWorker, as_completed
 
     threads = max(sum(client.nthreads().values()), 1)
-    out: dict[str, T] = {}
+    submitted: dict[str, T] = {}
 
-    def handed_out(some: int) -> list[Any]:
-        fresh = {f"{function.__name__}-{name}": task for name, task in islice(tasks, some)}
-        out.update(fresh)
+    def submit(count: int) -> list[Any]:
+        fresh = {f"{function.__name__}-{name}": task for name, task in islice(tasks, count)}
+        submitted.update(fresh)
         return [
             client.submit(on_one_thread, function, task, key=k, pure=False)
             for k, task in fresh.items()
         ]
 
     suspects: dict[str, T] = {}
-    running = as_completed(handed_out((1 + _AHEAD) * threads))
+    running = as_completed(submit((1 + _AHEAD) * threads))
     for future in running:
-        task = out.pop(future.key)
+        task = submitted.pop(future.key)
         done = []
         try:
             done.append(future.result())
         except KilledWorker:
             suspects[future.key] = task
         future.release()
-        for fresh in handed_out(1):
+        for fresh in submit(1):
             running.add(fresh)
         yield from done
-    # Tasks that waited on a worker are held for guilty with the one that it died of. Alone, each
-    # answers for itself.
+    # Tasks queued on a worker count as the cause of its death with the one that ran. Each is run
+    # again alone.
     for key, task in suspects.items():
         future = client.submit(on_one_thread, function, task, key=f"{key}-alone", pure=False)
         try:
             result = future.result()
         except KilledWorker:
-            if given_up is None:
+            if failed is None:
                 raise
-            result = given_up(task)
+            result = failed(task)
         future.release()
         yield result
 
@@ -140,17 +141,17 @@ def _client(workers: Workers) -> Iterator[Any]:
     from distributed import Client, LocalCluster
     from distributed.comm.addressing import get_address_host_port
 
-    for name in ("distributed", "bokeh", "tornado"):  # a worker that dies is no news for the user
+    for name in ("distributed", "bokeh", "tornado"):  # a worker that dies is handled here
         logging.getLogger(name).setLevel(logging.CRITICAL)
     if workers.scheduler:
         try:
             # A client that never got there hangs in its finaliser when it is collected.
-            place = get_address_host_port(workers.scheduler)
-            socket.create_connection(place, timeout=_PATIENCE).close()
-            client = Client(workers.scheduler, timeout=_PATIENCE)
+            address = get_address_host_port(workers.scheduler)
+            socket.create_connection(address, timeout=_CONNECT_TIMEOUT).close()
+            client = Client(workers.scheduler, timeout=_CONNECT_TIMEOUT)
         except (OSError, ValueError, TypeError) as error:
-            words = f"expected a Dask scheduler that answers, got {reason(error)}"
-            raise InputError("--scheduler", workers.scheduler, words) from None
+            message = f"expected a Dask scheduler that answers, got {reason(error)}"
+            raise InputError("--scheduler", workers.scheduler, message) from None
         with client:
             yield client
         return

@@ -1,4 +1,4 @@
-"""Tables of a TOML file into frozen dataclasses, strictly: each mistake is named by its dotted key.
+"""Tables of TOML files to frozen dataclasses and back; each mistake is named by its dotted key.
 
 The dataclasses are the format: their fields are the keys, the types of fields the types of values,
 a default makes a key optional. A whole number is accepted for a float, nothing else is converted.
@@ -13,6 +13,8 @@ import re
 from collections.abc import Collection, Mapping
 from types import MappingProxyType, NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+import numpy as np
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import describe_range
@@ -40,6 +42,34 @@ def unknown(key: str, known: Collection[str]) -> str:
     close = difflib.get_close_matches(key, list(known), n=1)
     hint = f"did you mean {close[0]}?" if close else f"expected one of {', '.join(known)}"
     return f"unknown key, {hint}"
+
+
+def encode_table(record: Any) -> dict[str, Any]:
+    """Tables of plain values of a dataclass, without absent or empty ones."""
+    table = {}
+    for field in dataclasses.fields(record):
+        item = getattr(record, field.name)
+        optional = not (field.default is field.default_factory is dataclasses.MISSING)
+        # An empty name has a meaning where the default is None.
+        empty = isinstance(item, str | tuple | Mapping) and not item
+        empty = empty and not (isinstance(item, str) and field.default is None)
+        if not (item is None or (optional and empty)):
+            table[field.name] = _encode(item)
+    return table
+
+
+def _encode(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        return encode_table(value)
+    if isinstance(value, Mapping):
+        return {str(key): _encode(item) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [_encode(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, float):
+        return float(value)  # numpy's float64 is one, too
+    return value
 
 
 def decode_table(kind: type[T], data: object, source: str, where: str = "") -> T:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from slopewise.models.effects import registry
 from slopewise.models.errors import ParameterError
@@ -16,7 +13,7 @@ from slopewise.models.parameters import Model
 from slopewise.models.plausibility import check_plausible
 from slopewise.models.surface_names import MAX_CLASSES
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.io.decode import decode_table, dotted
+from slopewise.services.io.decode import decode_table, dotted, encode_table
 from slopewise.services.io.files import (
     fault,
     find_shipped,
@@ -112,37 +109,12 @@ def _check_surfaces(model: Model, source: str) -> None:
 
 def model_to_dict(model: Model) -> dict[str, Any]:
     """Tables of plain values as TOML holds them, without absent or empty ones."""
-    tables: dict[str, Any] = _plain(model)
-    return tables
+    return encode_table(model)
 
 
 def vehicle_to_dict(vehicle: Vehicle) -> dict[str, Any]:
     """The table of the vehicle alone, as :func:`model_to_dict` gives it."""
-    table: dict[str, Any] = _plain(vehicle)
-    return table
-
-
-def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value):
-        table = {}
-        for field in dataclasses.fields(value):
-            item = getattr(value, field.name)
-            optional = not (field.default is field.default_factory is dataclasses.MISSING)
-            # An empty name has a meaning where the default is None.
-            empty = isinstance(item, str | tuple | Mapping) and not item
-            empty = empty and not (isinstance(item, str) and field.default is None)
-            if not (item is None or (optional and empty)):
-                table[field.name] = _plain(item)
-        return table
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, float):
-        return float(value)  # numpy's float64 is one, too
-    return value
+    return encode_table(vehicle)
 
 
 def shipped_models() -> dict[str, Path]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from slopewise.models.terrain.adaptation import AdaptationSettings
 from slopewise.models.terrain.change import ChangeSettings
-from slopewise.models.terrain.classes import FEATURES, TerrainClass, TerrainClasses
+from slopewise.models.terrain.classes import TerrainClass, TerrainClasses
 from slopewise.models.terrain.classifier import ClassifierSettings
 from slopewise.models.terrain.settings import (
     EstimatorSettings,
@@ -18,7 +17,7 @@ from slopewise.models.terrain.settings import (
 )
 from slopewise.models.terrain.signature_memory import MemorySettings
 from slopewise.models.terrain.signature_model import SignatureModel
-from slopewise.services.io.decode import decode_table
+from slopewise.services.io.decode import decode_table, encode_table
 from slopewise.services.io.files import find_shipped, read_toml, shipped_files, write_atomic
 from slopewise.services.io.signature_file import read_signatures
 
@@ -79,32 +78,9 @@ def write_terrains(terrains: TerrainFile, path: Path) -> None:
     """Write, all or nothing; :func:`read_terrains` gives the same again."""
     import tomli_w
 
-    tables: dict[str, object] = {
-        table: dataclasses.asdict(getattr(terrains, table))
-        for table in (
-            "filter",
-            "motion",
-            "resistance",
-            "classifier",
-            "change",
-            "adaptation",
-            "memory",
-        )
-    }
-    tables["terrain"] = [_class_table(terrain) for terrain in terrains.terrain]
-    head = {"name": terrains.name}
-    if terrains.signatures:
-        head["signatures"] = terrains.signatures
-    write_atomic(path, tomli_w.dumps({**head, **tables}).encode())
-
-
-def _class_table(terrain: TerrainClass) -> dict[str, object]:
-    table: dict[str, object] = {"name": terrain.name}
-    for name, feature in zip(FEATURES, terrain.features, strict=True):
-        if feature is not None:
-            given = dataclasses.asdict(feature)
-            table[name] = {key: value for key, value in given.items() if value is not None}
-    return table
+    tables = encode_table(terrains)
+    tables["terrain"] = tables.pop("terrain", [])  # a list of tables comes last in TOML
+    write_atomic(path, tomli_w.dumps(tables).encode())
 
 
 def shipped_terrains() -> dict[str, Path]:

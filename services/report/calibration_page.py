@@ -1,31 +1,52 @@
-"""The page of `slopewise calibrate`: what the stops say, how well it predicts, what was left out.
+"""Pages of `slopewise calibrate`: a calibration with its figures, or a log that was rejected.
 
-One HTML file that works offline and without a script.
+The figures are those of the papers, remade on the user's stops: Braking, Fig. 2 (one stop with its
+onset), Fig. 3 (force over slope and speed) and Fig. 6 (predicted and actual stopping distance).
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from string import Template
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from slopewise.models.calibration.learn import Calibration
+from slopewise.models.calibration.surface_fit import SurfaceFit
+from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_logs.drive_quality import Suspect
-from slopewise.models.stop_logs.find_stops import Usability
-from slopewise.services.io.files import write_atomic
-from slopewise.services.report.calibration_pictures import pictures
-from slopewise.services.report.page import asset, escaped, fact_list, notices, number_row, page
-from slopewise.services.report.words import plural
-
-_LISTED = 50
+from slopewise.models.stop_logs.find_stops import StopWindow, Usability
+from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, SHORT, draw_figures
+from slopewise.services.report.page import MAX_ROWS, render, write_page
+from slopewise.services.report.plan_labels import plural
 
 Rows = Mapping[str, Sequence[str]]
-"""Label -> one cell a surface, as they are shown."""
+"""Label -> one cell per surface, formatted."""
+
+_MAX_STOPS = 500
+"""Stops that the page of a rejected log lists [1]."""
+_SPEED_LINES = 3
+_STYLES = ("page.css", "calibration.css")
 
 
-def write_report(
+class RejectedLog(NamedTuple):
+    """Content of a log from which nothing is learned.
+
+    Attributes:
+        reason: why it is rejected. windows: stops found. places: run and time of each.
+        suspects: excluded intervals. clock: time at which each begins [s].
+    """
+
+    reason: str
+    windows: Sequence[StopWindow]
+    places: Sequence[str]
+    suspects: Sequence[Suspect]
+    clock: Mapping[int, float]
+
+
+def write_calibration_page(
     path: Path,
     calibration: Calibration,
     rows: Rows,
@@ -37,89 +58,180 @@ def write_report(
     """Write the page of a calibration, all or nothing.
 
     Args:
-        path: HTML file to write. calibration: what was learned.
-        rows: table of numbers. clock: time of the samples at which suspect stretches begin [s].
-        title: what was calibrated. provenance: logs, model, date: name -> value.
+        path: HTML file. calibration: result to show.
+        rows: table of numbers. clock: time at which excluded intervals begin, by sample [s].
+        title: heading. provenance: logs, model, date: name -> value.
 
     Raises:
-        InputError: the file cannot be written, or matplotlib is not installed.
+        InputError: the file cannot be written.
     """
-    text = render_report(calibration, rows, clock, title=title, provenance=provenance)
-    write_atomic(path, text.encode("utf-8", "replace"))
-
-
-def render_report(
-    calibration: Calibration,
-    rows: Rows,
-    clock: Mapping[int, float],
-    *,
-    title: str,
-    provenance: Mapping[str, str],
-) -> str:
-    """The page as text; see :func:`write_report`."""
-    surfaces = [surface.name or "base" for surface in calibration.surfaces]
-    fields = {
-        "title": escaped(title),
-        "verdict": escaped(_verdict(calibration)),
-        "facts": fact_list({**_shared(calibration), **provenance}),
-        "notes": notices((*calibration.objections, *calibration.warnings)),
-        "surfaces": "".join(f'<th class="number" scope="col">{escaped(n)}</th>' for n in surfaces),
-        "rows": "\n".join(number_row(label, cells) for label, cells in rows.items()),
-        "found": stops_found(
-            {Usability[name.upper()].value: n for name, n in calibration.verdicts.items()}
-        ),
-        "suspects": suspect_rows(calibration.suspects, clock),
-        **pictures(calibration),
+    counts = {Usability[name.upper()].value: n for name, n in calibration.verdicts.items()}
+    values = {
+        "title": title,
+        "verdict": _verdict(calibration),
+        "facts": {**_shared_facts(calibration), **provenance},
+        "notices": (*calibration.objections, *calibration.warnings),
+        "pictures": _figures(calibration),
+        "columns": [("", ""), *((s.name or "base", "number") for s in calibration.surfaces)],
+        "rows": [(label, *cells) for label, cells in rows.items()],
+        "stops": [],
+        "footer": "Lengths are along the ground. Every number is also in the model file and in the "
+        "table of stops, in SI units and radians.",
     }
-    return page(
-        "calibration.html",
-        fields,
-        title=f"{title} – slopewise calibrate",
-        styles=("page.css", "calibration.css"),
-        scripts=(),
-        data=None,
-    )
+    _write(path, values, counts, calibration.suspects, clock)
+
+
+def write_rejected_log(
+    path: Path, rejected: RejectedLog, *, title: str, provenance: Mapping[str, str]
+) -> None:
+    """Write the page of a rejected log, all or nothing.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    counts = dict(Counter(w.verdict.value for w in rejected.windows).most_common())
+    listed = list(zip(rejected.windows, rejected.places, strict=True))[:_MAX_STOPS]
+    values = {
+        "title": title,
+        "verdict": f"Rejected: {rejected.reason}",
+        "facts": provenance,
+        "notices": (),
+        "pictures": {},
+        "stops": [
+            (place, f"{w.held_speed:.2f}", w.reason or w.verdict.value) for w, place in listed
+        ],
+        "footer": "Nothing was learned. Speeds are in m/s, times in seconds on the clock of the "
+        "log.",
+    }
+    _write(path, values, counts, rejected.suspects, rejected.clock)
+
+
+def _write(
+    path: Path,
+    values: dict[str, Any],
+    counts: Mapping[str, int],
+    issues: Sequence[Suspect],
+    clock: Mapping[int, float],
+) -> None:
+    values |= {
+        "stop_counts": list(counts.items()),
+        "issues": [(f"{clock[s.start]:.2f} s", s.reason) for s in issues[:MAX_ROWS]],
+        "more_issues": len(issues) - MAX_ROWS,
+    }
+    title = f"{values['title']} – slopewise calibrate"
+    write_page(path, render("calibration.html", values, title=title, styles=_STYLES))
 
 
 def _verdict(calibration: Calibration) -> str:
     base = calibration.surfaces[0]
-    excess = np.array([r.bound_distance - r.samples.distance for r in base.records])
-    inside, ends = int(np.sum(excess >= 0.0)), excess[np.isfinite(excess)]
-    mean = float(np.mean(ends)) if len(ends) else float("inf")
+    margin = _distance_margins(base)
+    within, finite = int(np.sum(margin >= 0.0)), margin[np.isfinite(margin)]
+    mean = float(np.mean(finite)) if len(finite) else float("inf")
     return (
-        f"{inside} of {plural(len(base.records), 'stop')} ended within what a plan allows for, "
-        f"by a fit that had not seen them, {mean:.2f} m before its end on average."
+        f"{within} of {plural(len(base.records), 'stop')} ended within the distance that a plan "
+        f"allows, by a fit that had not seen them, {mean:.2f} m before its end on average."
     )
 
 
-def _shared(calibration: Calibration) -> dict[str, str]:
-    dead, dive, mount = calibration.dead_time, calibration.dive, calibration.mount
-    degrees = np.rad2deg(dive.per_deceleration)
-    askew = f"{np.rad2deg(mount.offset):+.2f}° by {mount.source}" if mount.known else "not known"
-    driven = calibration.speed_error
-    told = "not known" if driven is None else f"to ± {driven.value:.3f} m/s"
+def _distance_margins(surface: SurfaceFit) -> Any:
+    """(R,) predicted minus actual stopping distance of each record [m]."""
+    return np.array([r.bound_distance - r.samples.distance for r in surface.records])
+
+
+def _shared_facts(calibration: Calibration) -> dict[str, str]:
+    dead, mount, speed_error = calibration.dead_time, calibration.mount, calibration.speed_error
+    dive = np.rad2deg(calibration.dive.per_deceleration)
+    offset = f"{np.rad2deg(mount.offset):+.2f}° by {mount.source}" if mount.known else "not known"
     return {
-        "speeds driven": told,
+        "speeds driven": "not known"
+        if speed_error is None
+        else f"to ± {speed_error.value:.3f} m/s",
         "dead time": f"{dead.value:.3f} ± {dead.std:.3f} s, jitter {dead.between_stops:.3f} s",
-        "brake dive": f"{degrees:.2f}° per m/s²",
-        "pitch sensor mounted": askew,
+        "brake dive": f"{dive:.2f}° per m/s²",
+        "pitch sensor mounted": offset,
     }
 
 
-def stops_found(counts: Mapping[str, int]) -> str:
-    """A section that says how many stops there were of each kind."""
-    rows = "\n".join(number_row(kind, [str(count)]) for kind, count in counts.items())
-    return Template(asset("stops_found.html")).substitute(found=rows).strip()
-
-
-def suspect_rows(suspects: Sequence[Suspect], clock: Mapping[int, float]) -> str:
-    """A section that names stretches that were left out; nothing if there are none."""
-    if not suspects:
-        return ""
-    listed = "".join(number_row(f"{clock[s.start]:.2f} s", [s.reason]) for s in suspects[:_LISTED])
-    more = len(suspects) - _LISTED
-    further = f"<p>… and {more} more.</p>" if more > 0 else ""
-    return (
-        '<section class="panel numbers"><h2>Left out</h2><table><thead><tr><th>from</th>'
-        f"<th>why</th></tr></thead><tbody>{listed}</tbody></table>{further}</section>"
+def _figures(calibration: Calibration) -> dict[str, str]:
+    """Data URI of each figure, of the stops on the base surface."""
+    base = calibration.surfaces[0]
+    wide = (7.4, 4.2)
+    return draw_figures(
+        force=(wide, lambda figure: _draw_force(figure, base)),
+        distance=(wide, lambda figure: _draw_distance(figure, base)),
+        excess=(wide, lambda figure: _draw_margin(figure, base)),
+        stop=(wide, lambda figure: _draw_stop(figure, calibration.dead_time.value, base)),
     )
+
+
+def _draw_force(figure: Any, surface: SurfaceFit) -> None:
+    axes = figure.add_subplot()
+    speed = np.array([r.onset_speed for r in surface.records])
+    grade = np.rad2deg([r.grade for r in surface.records])
+    force = np.array([r.force_ratio for r in surface.records])
+    inlier = np.array([r.kept for r in surface.records], bool)
+    dots = axes.scatter(
+        grade[inlier], force[inlier], c=speed[inlier], s=18, cmap="viridis", zorder=3
+    )
+    figure.colorbar(dots, ax=axes, label="speed at onset, m/s")
+    if not inlier.all():
+        axes.scatter(grade[~inlier], force[~inlier], marker="x", c=SECOND, s=26, label="excluded")
+    theta = np.linspace(*surface.grade_range, 50)
+    for v in np.linspace(*surface.speed_range, _SPEED_LINES):
+        colour = dots.cmap(dots.norm(v))
+        middle = surface.fit.force_ratio(v, theta)
+        band = 2 * surface.fit.force_std(np.full_like(theta, v), theta)
+        axes.plot(np.rad2deg(theta), middle, color=colour, label=f"model at {v:.1f} m/s")
+        axes.fill_between(
+            np.rad2deg(theta), middle - band, middle + band, color=colour, alpha=0.15, lw=0
+        )
+    axes.set(xlabel="grade of the ground, °", ylabel="braking force over weight, F_b/W")
+    axes.legend(fontsize=8.5)
+
+
+def _draw_distance(figure: Any, surface: SurfaceFit) -> None:
+    axes = figure.add_subplot()
+    number = np.arange(1, len(surface.records) + 1)
+    actual = np.array([r.samples.distance for r in surface.records])
+    allowed = np.array([r.bound_distance for r in surface.records])
+    allowed[~np.isfinite(allowed)] = np.nan
+    axes.vlines(number, actual, allowed, color=FAINT, lw=0.7)
+    axes.plot(number, allowed, "^", ms=4, color=SECOND, label="allowed for at the quantile")
+    axes.plot(number, actual, "o", ms=3.2, color=FIRST, label="actual")
+    exceeded = allowed < actual
+    if exceeded.any():
+        axes.plot(number[exceeded], actual[exceeded], "o", ms=9, mfc="none", color=SHORT)
+    axes.set(xlabel="stop", ylabel="stopping distance, m", ylim=(0.0, None))
+    axes.legend(fontsize=8.5)
+
+
+def _draw_margin(figure: Any, surface: SurfaceFit) -> None:
+    axes = figure.add_subplot()
+    margin = _distance_margins(surface)
+    margin[~np.isfinite(margin)] = np.nan
+    axes.axhline(0.0, color=SHORT, lw=1.0)
+    axes.scatter([r.onset_speed for r in surface.records], margin, s=16, color=FIRST, zorder=3)
+    axes.set(xlabel="speed at onset, m/s", ylabel="predicted minus actual, m")
+
+
+def _draw_stop(figure: Any, dead_time: float, surface: SurfaceFit) -> None:
+    """The median stop by force: neither the best nor the worst of them."""
+    axes = figure.add_subplot()
+    inliers = sorted((r for r in surface.records if r.kept), key=lambda r: r.force_ratio)
+    record = inliers[len(inliers) // 2]
+    s, knee = record.samples, record.knee
+    axes.plot(s.time, s.speed, ".-", ms=3, lw=0.6, color=FIRST, label="measured")
+    deceleration = GRAVITY * (knee.force_ratio + np.sin(knee.mean_grade))
+    standstill = knee.onset_time + knee.onset_speed / max(deceleration, 1e-3)
+    axes.plot(
+        [s.time[0], knee.onset_time, standstill],
+        [knee.onset_speed, knee.onset_speed, 0.0],
+        color=SECOND,
+        lw=1.4,
+        label=f"held speed, onset, F_b/W = {knee.force_ratio:.3f}",
+    )
+    axes.axvline(0.0, color=INK, lw=0.8, ls=":")
+    axes.axvspan(0.0, dead_time, color=FAINT, alpha=0.18, lw=0)
+    axes.annotate("dead time", (0.0, 0.02), xycoords=("data", "axes fraction"), fontsize=8.5)
+    axes.set(xlabel="time since the stop command, s", ylabel="speed, m/s")
+    axes.legend(fontsize=8.5)

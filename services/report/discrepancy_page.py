@@ -1,38 +1,44 @@
-"""The page of `slopewise discrepancy`: what is missing, how sure, what it changes in metres.
-
-One HTML file that works offline and without a script.
-"""
+"""The page of `slopewise discrepancy`: missing effects, confidence, and the change in metres."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from slopewise.models.discrepancy.findings import Findings, Gap, LocatedAxis, NamedEffect, Verdict
-from slopewise.models.discrepancy.report.evidence import Evidence
+from slopewise.models.discrepancy.report.evidence import AxisResidual, Evidence
 from slopewise.models.discrepancy.report.words import answers, closed_words, sure_words
 from slopewise.models.effects.registry import LAWS
-from slopewise.services.io.files import write_atomic
-from slopewise.services.report.discrepancy_pictures import pictures
-from slopewise.services.report.page import escaped, fact_list, notices, number_row, page
-from slopewise.services.report.words import plural
+from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, draw_figures
+from slopewise.services.report.page import (
+    render,
+    write_page,
+)
+from slopewise.services.report.plan_labels import plural
 
-WORDS = {
+VERDICT_LABELS = {
     Verdict.NONE: ("nothing missing", "fine"),
     Verdict.PARAMETER_DRIFT: ("parameter drift", "fine"),
-    Verdict.MISSING_EFFECT: ("missing effect", "found"),
-    Verdict.AMBIGUOUS: ("ambiguous", "doubt"),
-    Verdict.UNIDENTIFIABLE: ("unidentifiable", "doubt"),
-    Verdict.UNKNOWN: ("unknown effect", "doubt"),
-    Verdict.TOO_NOISY: ("too noisy", "doubt"),
+    Verdict.MISSING_EFFECT: ("missing effect", "missing"),
+    Verdict.AMBIGUOUS: ("ambiguous", "unclear"),
+    Verdict.UNIDENTIFIABLE: ("unidentifiable", "unclear"),
+    Verdict.UNKNOWN: ("unknown effect", "unclear"),
+    Verdict.TOO_NOISY: ("too noisy", "unclear"),
 }
-"""What is shown of each verdict, and how."""
+"""Label of each verdict, and its style."""
+
+_AXES = 6
+"""Axes of the residual that are drawn."""
+_BINS, _MIN_BIN = 8, 3
+"""Bins of a mean along an axis, and values below which a bin has none."""
+_IN_DEGREES = ("rad", "rad/s")
 
 
-def write_report(
+def write_discrepancy_page(
     path: Path,
     findings: Findings,
     evidence: Evidence,
@@ -43,55 +49,39 @@ def write_report(
     """Write the page, all or nothing.
 
     Args:
-        path: HTML file to write. findings, evidence: of one log.
-        title: what was compared. provenance: logs, model, date: name -> value.
+        path: HTML file. findings, evidence: from one log.
+        title: heading. provenance: logs, model, date: name -> value.
 
     Raises:
-        InputError: the file cannot be written, or matplotlib is not installed.
+        InputError: the file cannot be written.
     """
-    text = render_report(findings, evidence, title=title, provenance=provenance)
-    write_atomic(path, text.encode("utf-8", "replace"))
-
-
-def render_report(
-    findings: Findings, evidence: Evidence, *, title: str, provenance: Mapping[str, str]
-) -> str:
-    """The page as text; see :func:`write_report`."""
-    drawn = pictures(findings, evidence)
-    word, kind = WORDS[findings.verdict]
-    facts = {
-        "who says so": f"slopewise {metadata.version('slopewise')} from "
-        f"{plural(findings.stops, 'stop')}",
-        "stopping distance": _metres(findings.stop_distance),
-        "safety offset now": f"{findings.model.braking.distance_offset:.2f} m",
-        **provenance,
-    }
-    fields = {
-        "title": escaped(title),
-        "word": escaped(word),
+    label, kind = VERDICT_LABELS[findings.verdict]
+    distance = findings.stop_distance
+    values = {
+        "title": title,
+        "label": label,
         "kind": kind,
-        "verdict": escaped(findings.summary),
-        "answers": fact_list(answers(findings)),
-        "facts": fact_list(facts),
-        "notes": notices(findings.notes),
-        "effects": _effects(findings.effects),
-        "closed": escaped(_closed(findings.gap)),
-        "located": "\n".join(map(_axis, findings.located)) or _nothing(),
-        "map": _map(drawn.pop("map", None)),
-        **drawn,
+        "verdict": findings.summary,
+        "answers": answers(findings),
+        "facts": {
+            "by": f"slopewise {metadata.version('slopewise')} from "
+            f"{plural(findings.stops, 'stop')}",
+            "stopping distance": f"{distance.before:.2f} m off before, "
+            f"{distance.after:.2f} m after (rms)",
+            "safety offset now": f"{findings.model.braking.distance_offset:.2f} m",
+            **provenance,
+        },
+        "notices": findings.notes,
+        "effects": [_effect_cells(effect) for effect in findings.effects],
+        "closed": _closed(findings.gap),
+        "located": [_axis_cells(axis) for axis in findings.located] or [("no axis", "", "", "")],
+        "pictures": _figures(findings, evidence),
     }
-    return page(
-        "discrepancy.html",
-        fields,
-        title=f"{title} – slopewise discrepancy",
-        styles=("page.css", "calibration.css", "discrepancy.css"),
-        scripts=(),
-        data=None,
+    styles = ("page.css", "calibration.css", "discrepancy.css")
+    text = render(
+        "discrepancy.html", values, title=f"{title} – slopewise discrepancy", styles=styles
     )
-
-
-def _metres(gap: Gap) -> str:
-    return f"{gap.before:.2f} m off before, {gap.after:.2f} m after (rms)"
+    write_page(path, text)
 
 
 def _closed(gap: Gap) -> str:
@@ -100,57 +90,167 @@ def _closed(gap: Gap) -> str:
     return f"Of the closable gap {closed_words(gap)}."
 
 
-def _effects(effects: tuple[NamedEffect, ...]) -> str:
-    if not effects:
-        return ""
-    head = "".join(
-        f'<th scope="col">{t}</th>'
-        for t in ("effect", "what is missing", "numbers", "how sure", "or it is", "where")
-    )
-    rows = "".join(map(_effect, effects))
-    return (
-        '<section class="panel numbers"><h2>What is missing</h2><div class="scroll" tabindex="0">'
-        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div></section>"
-    )
-
-
-def _effect(effect: NamedEffect) -> str:
-    values = "; ".join(
+def _effect_cells(effect: NamedEffect) -> tuple[str, ...]:
+    parameters = "; ".join(
         f"{name} = {p.value:.4g} ± {p.std:.2g} {p.unit if p.unit != '1' else ''}".rstrip()
         for name, p in effect.parameters.items()
     )
-    cells = (
+    return (
         effect.name,
         LAWS[effect.name].missing,
-        values,
+        parameters,
         sure_words(effect.confidence),
         ", ".join(effect.alternatives) or "–",
         effect.where,
     )
-    return "<tr>" + "".join(f"<td>{escaped(c)}</td>" for c in cells) + "</tr>"
 
 
-def _axis(axis: LocatedAxis) -> str:
+def _axis_cells(axis: LocatedAxis) -> tuple[str, ...]:
     low, high, unit = axis.low, axis.high, axis.unit
-    if unit in ("rad", "rad/s"):
+    if unit in _IN_DEGREES:
         low, high = float(np.rad2deg(low)), float(np.rad2deg(high))
         unit = unit.replace("rad", "°")
-    part = f"{low:.3g} … {high:.3g} {'' if unit == '1' else unit}".rstrip()
+    span = f"{low:.3g} … {high:.3g} {'' if unit == '1' else unit}".rstrip()
     chance = "< 0.001" if axis.p_value < 1e-3 else f"{axis.p_value:.3f}"
-    return number_row(axis.axis.replace("_", " "), (part, f"{axis.share_of_gap:.0%}", chance))
+    return axis.axis.replace("_", " "), span, f"{axis.share_of_gap:.0%}", chance
 
 
-def _nothing() -> str:
-    return '<tr><th scope="row">no axis</th><td></td><td></td><td></td></tr>'
+def _figures(findings: Findings, evidence: Evidence) -> dict[str, str]:
+    """Data URI of each figure; ``map`` is empty where the log has no positions."""
+    wide = (7.4, 4.0)
+    drawings: dict[str, Any] = {
+        "gap": ((7.4, 2.6), lambda figure: _draw_gaps(figure, findings)),
+        "stop": (wide, lambda figure: _draw_stop(figure, evidence)),
+        "distance": (wide, lambda figure: _draw_distance(figure, evidence)),
+        "axes": ((11.0, 6.2), lambda figure: _draw_axes(figure, evidence)),
+    }
+    if evidence.x is not None and evidence.y is not None:
+        drawings["map"] = ((11.0, 4.4), lambda figure: _draw_map(figure, evidence))
+    return {"map": "", **draw_figures(**drawings)}
 
 
-def _map(picture: str | None) -> str:
-    if picture is None:
-        return ""
-    return (
-        '<section class="panel wide"><h2>Where the stops were</h2>'
-        f'<div class="scroll" tabindex="0"><img src="{picture}" '
-        'alt="Missing force of each stop on the map, before and after"></div>'
-        "<p>Each dot is a stop: red, the vehicle braked harder than the model says; blue, less."
-        "</p></section>"
+def _draw_gaps(figure: Any, findings: Findings) -> None:
+    for i, gap in enumerate((findings.gap, findings.stop_distance)):
+        _draw_gap(figure.add_subplot(1, 2, i + 1), gap)
+
+
+def _draw_gap(axes: Any, gap: Gap) -> None:
+    values = (gap.before, gap.refit, gap.after)
+    names = ("as configured", "refitted", "with what\nwas found")
+    bars = axes.barh(names, values, color=(SECOND, FAINT, FIRST), height=0.6)  # words: ok (chart)
+    axes.bar_label(bars, fmt="%.3f", padding=3, fontsize=9)
+    axes.axvline(gap.noise_floor, color=INK, lw=1.0, ls=":")
+    axes.annotate(
+        "floor",
+        (gap.noise_floor, 1.0),
+        xycoords=("data", "axes fraction"),
+        fontsize=8.5,
+        xytext=(3, 2),
+        textcoords="offset points",
     )
+    axes.invert_yaxis()
+    axes.set(xlabel=f"{gap.metric} [{gap.unit}]", xlim=(0.0, 1.18 * max(*values, gap.noise_floor)))
+    axes.grid(axis="y", visible=False)
+
+
+def _draw_stop(figure: Any, evidence: Evidence) -> None:
+    axes = figure.add_subplot()
+    axes.plot(evidence.time, evidence.speed, ".", ms=6, color=INK, label="measured")
+    axes.plot(evidence.time, evidence.speed_before, color=SECOND, lw=1.6, label="as configured")
+    if evidence.changed:
+        speed = evidence.speed_after
+        axes.plot(evidence.time, speed, color=FIRST, lw=1.6, label="with what was found")
+    axes.axvline(0.0, color=INK, lw=0.8, ls=":")
+    axes.set(xlabel="time since the stop command [s]", ylabel="speed [m/s]", ylim=(0.0, None))
+    axes.legend(fontsize=8.5)
+
+
+def _draw_distance(figure: Any, evidence: Evidence) -> None:
+    axes = figure.add_subplot()
+    # By the prediction: sorted by the measurement, mere scatter would look like a trend.
+    order = np.argsort(evidence.configured)
+    number = np.arange(1, len(order) + 1)
+    predictions = [(evidence.configured, SECOND, "as configured")]
+    if evidence.changed:
+        predictions.append((evidence.found, FIRST, "with what was found"))
+    for predicted, colour, label in predictions:
+        error = predicted[order] - evidence.distance[order]
+        axes.plot(number, error, "o", ms=3.4, color=colour, label=label, alpha=0.85)
+    axes.axhline(0.0, color=INK, lw=0.8)
+    axes.set(
+        xlabel="stops, shortest predicted first",
+        ylabel="predicted less measured\nstopping distance [m]",
+    )
+    axes.legend(fontsize=8.5)
+
+
+def _draw_axes(figure: Any, evidence: Evidence) -> None:
+    shown = [a for a in evidence.axes if a.name != "place"][:_AXES]
+    for i, axis in enumerate(shown):
+        axes = figure.add_subplot(2, (_AXES + 1) // 2, i + 1)
+        _draw_residual(axes, axis, evidence.scatter)
+        if i == 0:
+            axes.legend(fontsize=8, loc="best")
+
+
+def _draw_residual(axes: Any, axis: AxisResidual, scatter: float) -> None:
+    in_degrees = axis.unit in _IN_DEGREES
+    value = np.rad2deg(axis.value) if in_degrees else axis.value
+    unit = axis.unit.replace("rad", "°") if in_degrees else axis.unit
+    axes.axhspan(-scatter, scatter, color=FAINT, alpha=0.22, lw=0)
+    axes.axhline(0.0, color=INK, lw=0.8)
+    for residual, colour, label in (
+        (axis.before, SECOND, "refitted"),
+        (axis.after, FIRST, "with what was found"),
+    ):
+        axes.plot(value, residual, ".", ms=1.6, color=colour, alpha=0.25)
+        middle, mean, band = _binned_means(value.ravel(), residual.ravel())
+        axes.fill_between(middle, mean - band, mean + band, color=colour, alpha=0.25, lw=0)
+        axes.plot(middle, mean, color=colour, lw=1.5, label=label)
+    low, high = np.nanquantile(axis.before, [0.02, 0.98])
+    reach = max(-low, high, 3.0 * scatter)
+    label = axis.name.replace("_", " ") + (f" [{unit}]" if unit and unit != "1" else "")
+    axes.set(xlabel=label, ylabel="missing force / weight", ylim=(-reach, reach))
+    chance = "1 in 1000 or less" if axis.p_value < 1e-3 else f"p = {axis.p_value:.2g}"
+    axes.set_title(f"by chance: {chance}", fontsize=9, loc="right")
+
+
+def _binned_means(value: Any, residual: Any) -> tuple[Any, Any, Any]:
+    """Middle, mean and two standard errors of bins with equal numbers of values."""
+    finite = np.isfinite(value) & np.isfinite(residual)
+    value, residual = value[finite], residual[finite]
+    parts = [p for p in np.array_split(np.argsort(value), _BINS) if len(p) >= _MIN_BIN]
+    middle = np.array([np.mean(value[p]) for p in parts])
+    mean = np.array([np.mean(residual[p]) for p in parts])
+    band = np.array([2.0 * np.std(residual[p], ddof=1) / np.sqrt(len(p)) for p in parts])
+    return middle, mean, band
+
+
+def _draw_map(figure: Any, evidence: Evidence) -> None:
+    if not evidence.axes:
+        return
+    before, after = (_row_means(r) for r in (evidence.axes[0].before, evidence.axes[0].after))
+    reach = max(float(np.nanquantile(np.abs(before), 0.95)), 1e-6)
+    for i, (residual, title) in enumerate(((before, "refitted"), (after, "with what was found"))):
+        axes = figure.add_subplot(1, 2, i + 1)
+        dots = axes.scatter(
+            evidence.x,
+            evidence.y,
+            c=residual,
+            s=26,
+            cmap="RdBu_r",
+            vmin=-reach,
+            vmax=reach,
+            edgecolors=INK,
+            linewidths=0.3,
+        )
+        axes.set_title(title, fontsize=9.5)
+        axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    figure.colorbar(dots, ax=figure.axes, label="missing force / weight", shrink=0.9)
+
+
+def _row_means(values: Any) -> Any:
+    """(S,) means over the finite values of each row, NaN where a row has no finite value."""
+    finite = np.isfinite(values)
+    count = np.where(finite.any(axis=1), finite.sum(axis=1), np.nan)
+    return np.where(finite, values, 0.0).sum(axis=1) / count

@@ -1,14 +1,16 @@
-"""Figures of a page: matplotlib without a screen, SVG inside the page."""
+"""Figures of pages: matplotlib without a screen, SVG inside the page."""
 
 from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 INK, FIRST, SECOND, THIRD, FAINT = "#1b1d1f", "#0b5c8f", "#d55e00", "#00694f", "#8a9097"
+SHORT = "#a82a0c"
+"""Colour of a prediction that a stop exceeded."""
 COLOURS = (FIRST, SECOND, THIRD, "#76388c", "#8a5300", "#cc79a7", "#3a9bdc", "#585f66")
 
 _STYLE: Any = {
@@ -28,10 +30,13 @@ _STYLE: Any = {
     "svg.hashsalt": "slopewise",
 }
 
+Drawing = tuple[tuple[float, float], Callable[[Any], None]]
+"""Size of a figure [inch], and the function that draws on it."""
+
 
 @contextmanager
-def house_style() -> Iterator[type[Any]]:
-    """The style of all figures; yields matplotlib's Figure."""
+def figure_style() -> Iterator[type[Any]]:
+    """Style of all figures; yields matplotlib's Figure."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -39,8 +44,19 @@ def house_style() -> Iterator[type[Any]]:
         yield Figure
 
 
+def draw_figures(**drawings: Drawing) -> dict[str, str]:
+    """Draw figures with a constrained layout; returns the data URI of each as SVG."""
+    uris = {}
+    with figure_style() as make_figure:
+        for name, (size, draw) in drawings.items():
+            figure = make_figure(size, layout="constrained")
+            draw(figure)
+            uris[name] = svg_uri(figure)
+    return uris
+
+
 def svg_uri(figure: Any) -> str:
-    """A figure as an address that holds it."""
+    """Data URI of a figure as SVG."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
     return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")

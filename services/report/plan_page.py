@@ -1,43 +1,66 @@
 """The page of `slopewise plan`: map, candidates, and what limits each of them where.
 
-One HTML file that works offline: relief, plans, style and script are all inside. It is drawn by a
-script of its own; verdict and table of candidates are plain HTML and can be read without it.
+Map and charts are drawn by the script of the page; verdict and table of candidates are plain HTML.
 """
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from slopewise.models.arrays import Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
+from slopewise.planner.explain.bound_curves import bound_curves
 from slopewise.planner.explain.explain import Explanation
-from slopewise.planner.plan import SpeedPlan, Status
-from slopewise.services.io.files import write_atomic
-from slopewise.services.report.limit_colours import limit_colours
-from slopewise.services.report.page import asset, escaped, fact_list, page
-from slopewise.services.report.plan_data import page_data
-from slopewise.services.report.plan_reasons import reasons
-from slopewise.services.report.plan_summary import PlanSummary, chosen, summarise, verdict
-from slopewise.services.report.png import data_uri
-from slopewise.services.report.words import LIMITING_MEANING, STATUS_MEANING, word
-
-_SCRIPTS = (
-    "helpers.js",
-    "state.js",
-    "axes.js",
-    "map.js",
-    "charts.js",
-    "details.js",
-    "table.js",
-    "main.js",
+from slopewise.planner.limiting import BOUNDS, Limiting
+from slopewise.planner.plan import Obstacle, SpeedPlan, Status
+from slopewise.services.report.page import render, write_page
+from slopewise.services.report.plan_labels import (
+    LIMITING_MEANING,
+    STATUS_MEANING,
+    limit_colours,
+    limiting_label,
 )
-_NONE = '<td class="number" data-value="">–</td>'
+from slopewise.services.report.plan_summary import PlanSummary, best_plan, summarise, verdict
+from slopewise.services.report.relief import relief
+
+SCRIPTS = (
+    "uPlot.iife.min.js",
+    "page.js",
+    "painter.js",
+    "charts.js",
+    "plan_state.js",
+    "plan_map.js",
+    "plan_charts.js",
+    "plan_details.js",
+)
+STYLES = ("uPlot.min.css", "page.css", "colours.css", "plan.css")
+
+_MAX_STATIONS, _MAX_PLAN_STATIONS, _MIN_PLAN_STATIONS = 40_000, 4_000, 24
+"""Stations of all plans on one page, and of one plan; beyond, plans are thinned [1]."""
+_DECIMALS = {
+    "station": 3,
+    "z": 3,
+    "grade": 4,
+    "roll": 4,
+    "curvature": 4,
+    "speed": 3,
+    "accel": 3,
+    "time": 2,
+    "speed_bound": 3,
+    "stop_distance": 3,
+    "rear_load": 3,
+    "side_load": 3,
+}
 
 
-def write_report(
+def write_plan_page(
     path: Path,
     elevation_map: ElevationMap,
     plans: Sequence[SpeedPlan],
@@ -50,66 +73,60 @@ def write_report(
     """Write the page of some plans, all or nothing.
 
     Args:
-        path: HTML file to write.
+        path: HTML file.
         elevation_map: ground that was planned on.
         plans: best first; their order is their rank.
         model: vehicle and limits that were planned with.
-        title: what was planned, in a few words.
-        provenance: map, paths, date and whatever else tells the page from others: name -> value.
-        explanation: of the best plan, None to leave it out.
+        title: heading.
+        provenance: map, paths, date and further facts: name -> value.
+        explanation: why the best plan is not faster; None to omit it.
 
     Raises:
         InputError: the file cannot be written.
     """
-    text = render_report(
-        elevation_map, plans, model, title=title, provenance=provenance, explanation=explanation
-    )
-    write_atomic(path, text.encode("utf-8", "replace"))
-
-
-def render_report(
-    elevation_map: ElevationMap,
-    plans: Sequence[SpeedPlan],
-    model: Model,
-    *,
-    title: str,
-    provenance: Mapping[str, str],
-    explanation: Explanation | None = None,
-) -> str:
-    """The page as text; see :func:`write_report`."""
     summaries = [summarise(plan, rank) for rank, plan in enumerate(plans, start=1)]
-    best = chosen(plans)
-    picture, data = page_data(elevation_map, plans, summaries, model, best)
-    fields = {
-        "title": escaped(title),
-        "verdict": escaped(verdict(plans)),
-        "choice": _choice(summaries, best),
-        "provenance": fact_list(provenance),
-        "model": fact_list(model_facts(model)),
-        "model_name": escaped(model.name),
-        "relief": data_uri(picture),
-        "options": "".join(
-            f'<option value="{i}">{s.rank} · {escaped(s.name)} · {s.status.value}</option>'
-            for i, s in enumerate(summaries)
-        ),
-        "rows": "\n".join(_row(i, summary) for i, summary in enumerate(summaries)),
-        "reasons": reasons(explanation),
-        "icons": asset("icons.svg"),
-        "empty": "" if plans else " hidden",
+    best = best_plan(plans)
+    picture, ground = relief(elevation_map)
+    values = {
+        "title": title,
+        "verdict": verdict(plans),
+        "best": None if best is None else summaries[best],
+        "best_way": "" if best is None else _format_drive(summaries[best]),
+        "provenance": provenance,
+        "model": _model_facts(model),
+        "model_name": model.name,
+        "relief": picture,
+        "summaries": summaries,
+        "statuses": list(Status),
+        "status_meaning": STATUS_MEANING,
+        "limiting_meaning": LIMITING_MEANING,
+        "limiting_label": limiting_label,
+        "explanation": explanation,
+        "costs": _costs(explanation),
     }
-    return page(
+    text = render(
         "plan.html",
-        fields,
+        values,
         title=f"{title} – slopewise plan",
-        styles=("page.css", "colours.css", "plan.css", "reasons.css"),
-        own_style=limit_colours(),
-        scripts=_SCRIPTS,
-        data=data,
+        styles=STYLES,
+        extra_style=limit_colours(),
+        scripts=SCRIPTS,
+        data=_page_data(ground, elevation_map, plans, summaries, model),
     )
+    write_page(path, text)
 
 
-def model_facts(model: Model) -> dict[str, str]:
-    """What a reader wants to know of the model that a plan was made with."""
+def _format_drive(summary: PlanSummary) -> str:
+    """How far, how long and how fast a plan drives."""
+    distance = f"{summary.progress:.1f} m"
+    if summary.status is not Status.OK and summary.progress < summary.length - 0.05:
+        distance += f" of {summary.length:.1f} m"
+    time = "" if summary.travel_time is None else f" in {summary.travel_time:.1f} s"
+    top = "" if summary.max_speed is None else f", at most {summary.max_speed:.2f} m/s"
+    return f"{distance}{time}{top}."
+
+
+def _model_facts(model: Model) -> dict[str, str]:
     vehicle, braking, limits = model.vehicle, model.braking, model.limits
     low, high = np.rad2deg(braking.grade_range)
     slow, fast = braking.speed_range
@@ -130,63 +147,144 @@ def model_facts(model: Model) -> dict[str, str]:
     return facts
 
 
-def _choice(summaries: Sequence[PlanSummary], best: int | None) -> str:
-    if not summaries:
-        return ""
-    if best is None:
-        return "None of them may be driven."
-    s = summaries[best]
-    name = f"<strong>{escaped(s.name)}</strong>"
-    if s.status is Status.DEGRADED:
-        name += f" ({s.status.value})"
-    way = f"{s.progress:.1f} m"
-    if s.status is not Status.OK and s.progress < s.length - 0.05:
-        way += f" of {s.length:.1f} m"
-    time = "" if s.travel_time is None else f" in {s.travel_time:.1f} s"
-    top = "" if s.max_speed is None else f", at most {s.max_speed:.2f} m/s"
-    return f"Best: {name}, {way}{time}{top}."
+def _costs(explanation: Explanation | None) -> list[tuple[Limiting, float, float, float]]:
+    """Bounds that cost time: how long each limits [s], gain [s] and reach [m] without it."""
+    if explanation is None:
+        return []
+    limited = {cost.limiting: 0.0 for cost in explanation.costs}
+    for stretch in explanation.stretches:
+        limited[stretch.limiting] += stretch.seconds
+    return [
+        (cost.limiting, limited[cost.limiting], cost.seconds, cost.reach)
+        for cost in explanation.costs
+        if cost.seconds > 0.0 or limited[cost.limiting] > 0.0
+    ]
 
 
-def badge(status: Status) -> str:
-    """A status as a coloured word with a sign of its own."""
-    name = status.value
-    return (
-        f'<span class="badge {name}" title="{escaped(STATUS_MEANING[status])}">'
-        f'<svg aria-hidden="true"><use href="#icon-{name}"/></svg>{name}</span>'
-    )
+def _page_data(
+    ground: dict[str, Any],
+    elevation_map: ElevationMap,
+    plans: Sequence[SpeedPlan],
+    summaries: Sequence[PlanSummary],
+    model: Model,
+) -> dict[str, Any]:
+    """Everything that the script reads."""
+    share = _MAX_STATIONS // max(len(plans), 1)
+    max_stations = max(min(share, _MAX_PLAN_STATIONS), _MIN_PLAN_STATIONS)
+    limits = model.limits
+    return {
+        "map": ground,
+        "plans": [
+            plan_table(
+                plan,
+                summary,
+                elevation_map.origin,
+                max_stations,
+                bound_curves(elevation_map, plan, model),
+            )
+            for plan, summary in zip(plans, summaries, strict=True)
+        ],
+        "selected": best_plan(plans) or 0,
+        "limiting": [
+            {
+                "key": code.label,
+                "word": limiting_label(code),
+                "meaning": bound.meaning,
+                "dark": bound.dark_text,
+            }
+            for code, bound in BOUNDS.items()
+        ],
+        "limits": {
+            "speed": _number(limits.speed),
+            "accel": _number(limits.accel),
+            "decel": _number(limits.decel),
+            "min_load": _number(limits.min_load),
+            "grade_range": _numbers(np.asarray(model.braking.grade_range), 4),
+        },
+    }
 
 
-def _row(index: int, s: PlanSummary) -> str:
-    share = "" if s.limits_most is None else f" {s.limits_share:.0%}"
-    limits = "–"
-    if s.limits_most is not None:
-        limits = (
-            f'<span class="swatch" data-limiting="{s.limits_most.label}"></span>'
-            f'<span title="{escaped(LIMITING_MEANING.get(s.limits_most, ""))}">'
-            f"{escaped(word(s.limits_most))}</span><small>{share}</small>"
-        )
-    cells = (
-        f'<td class="number" data-value="{s.rank}">{s.rank}</td>',
-        f'<th scope="row" data-value="{escaped(s.name)}">'
-        f'<button type="button" class="pick">{escaped(s.name)}</button></th>',
-        f'<td data-value="{list(Status).index(s.status)}">{badge(s.status)}</td>',
-        '<td class="spark"></td>',
-        _number(s.travel_time, ".1f"),
-        _number(s.progress, ".1f", f"<small> / {s.length:.1f}</small>"),
-        _number(s.mean_speed, ".2f"),
-        _number(s.max_speed, ".2f"),
-        _number(s.margin, ".2f"),
-        _number(s.rear_load, ".0%"),
-        _number(s.path_deviation, ".2f"),
-        f'<td data-value="{"" if s.limits_most is None else escaped(word(s.limits_most))}">'
-        f"{limits}</td>",
-        f'<td class="reason" data-value="{escaped(s.reason)}">{escaped(s.reason) or "–"}</td>',
-    )
-    return f'<tr data-plan="{index}">{"".join(cells)}</tr>'
+def plan_table(
+    plan: SpeedPlan,
+    summary: PlanSummary,
+    origin: tuple[float, float],
+    max_stations: int,
+    bounds: Mapping[Limiting, Floats],
+) -> dict[str, Any]:
+    """One plan: its summary and columns, positions relative to the map's origin.
+
+    Args:
+        max_stations: beyond it the plan is thinned.
+        bounds: (N,) speed that each bound alone allows [m/s].
+    """
+    at = thinned(plan, max_stations)
+    columns: dict[str, Any] = {
+        name: _numbers(getattr(plan, name)[at], decimals) for name, decimals in _DECIMALS.items()
+    }
+    columns["x"] = _numbers(plan.x[at] - origin[0], 3)
+    columns["y"] = _numbers(plan.y[at] - origin[1], 3)
+    columns["limiting"] = [int(code) for code in plan.limiting[at]]
+    return {
+        "name": plan.candidate,
+        "status": plan.status.value,
+        "reason": plan.reason,
+        "rank": summary.rank,
+        "stations": len(plan.station),
+        "clear": _number(plan.clear_distance),
+        "time": _number(summary.travel_time),
+        "progress": _number(summary.progress),
+        "length": _number(summary.length),
+        "mean": _number(summary.mean_speed),
+        "max": _number(summary.max_speed),
+        "margin": _number(summary.margin),
+        "rear": _number(summary.rear_load),
+        "side": _number(summary.side_load),
+        "beside": _number(summary.path_deviation),  # words: ok (key of the page's data)
+        "limits": None if summary.longest_limit is None else int(summary.longest_limit),
+        "obstacle": _obstacle(plan.obstacle, origin),
+        "columns": columns,
+        "bounds": [
+            {"code": int(bound), "speed": _numbers(speed[at], 3)}
+            for bound, speed in bounds.items()
+            if np.isfinite(speed).any()
+        ],
+    }
 
 
-def _number(value: float | None, form: str, behind: str = "") -> str:
-    if value is None:
-        return _NONE
-    text = f"{value:{form}}".replace("-", "−")
-    return f'<td class="number" data-value="{value:.6g}">{text}{behind}</td>'
+def _obstacle(obstacle: Obstacle | None, origin: tuple[float, float]) -> dict[str, Any] | None:
+    """Obstacle that ends the clear distance, if it is one on the ground."""
+    if obstacle is None:
+        return None
+    return {
+        "code": int(obstacle.bound),
+        "x": _number(obstacle.x - origin[0]),
+        "y": _number(obstacle.y - origin[1]),
+        "height": _number(obstacle.height),
+        "words": obstacle.words,
+    }
+
+
+def thinned(plan: SpeedPlan, max_stations: int) -> Ints:
+    """Indices of about ``max_stations``: evenly, where it comes to rest, and extremes between."""
+    count = len(plan.station)
+    if count <= max_stations:
+        return np.arange(count)
+    indices = set(np.linspace(0, count - 1, max(max_stations // 2, 2)).astype(np.int64).tolist())
+    moving = np.flatnonzero(plan.speed > 0.0)
+    if len(moving):
+        indices.add(min(int(moving[-1]) + 1, count - 1))
+    edges = np.linspace(0, count, max(max_stations // 8, 2)).astype(np.int64)
+    for first, behind in itertools.pairwise(edges.tolist()):
+        for values in (plan.speed, np.minimum(plan.rear_load, plan.side_load)):
+            part = np.nan_to_num(values[first:behind])
+            indices |= {int(first + part.argmin()), int(first + part.argmax())}
+    return np.array(sorted(indices), np.int64)
+
+
+def _numbers(values: Floats, decimals: int) -> list[float | None]:
+    """Rounded values; None where one is not finite, which JSON cannot express."""
+    return [v if math.isfinite(v) else None for v in np.round(values, decimals).tolist()]
+
+
+def _number(value: float | None, decimals: int = 3) -> float | None:
+    return round(value, decimals) if value is not None and math.isfinite(value) else None

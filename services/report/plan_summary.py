@@ -1,4 +1,4 @@
-"""What a page says of each plan in a row of its table, and of all of them in a sentence."""
+"""Numbers of each plan, and one sentence on all of them."""
 
 from __future__ import annotations
 
@@ -12,29 +12,30 @@ import numpy as np
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import SpeedPlan, Status
 
-_HOW = (
+_OUTCOMES = (
     (Status.OK, "reaches the end of its path", "reach the end of their paths"),
     (Status.BLOCKED, "stops short of the end of its path", "stop short of the end of their paths"),
     (Status.DEGRADED, "needs a fallback", "need a fallback"),
     (Status.INFEASIBLE, "is infeasible", "are infeasible"),
 )
+"""Status, and the predicate of one candidate and of several."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanSummary:
-    """One plan in numbers; None is "there is none", e.g. no margin of a plan that never moves.
+    """One plan in numbers; None where a number does not exist, e.g. the margin at standstill.
 
     Attributes:
         rank: 1 is best.
-        name, status, reason: of the plan.
+        name, status, reason: as in the plan.
         travel_time: until the last movement ends [s].
         progress, length: where it comes to rest, and where the path ends [m].
         mean_speed, max_speed: [m/s].
-        margin: least distance that an emergency stop leaves of the clear distance [m].
-        rear_load, side_load: least in any emergency stop, shares of the level static loads.
-        limits_most: what limits along most of the driven way.
-        limits_share: share of the driven way along which it does.
-        path_deviation: how far the plan leads from the path that was given at most [m].
+        margin: smallest margin of an emergency stop to the clear distance [m].
+        rear_load, side_load: smallest in any emergency stop, shares of the level static loads [1].
+        longest_limit: bound that holds along most of the driven distance.
+        limits_share: share of the driven distance along which it holds [1].
+        path_deviation: largest distance between the plan and the given path [m].
     """
 
     rank: int
@@ -49,17 +50,17 @@ class PlanSummary:
     margin: float | None
     rear_load: float | None
     side_load: float | None
-    limits_most: Limiting | None
+    longest_limit: Limiting | None
     limits_share: float
     path_deviation: float | None
 
 
 def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
-    """Numbers of one plan."""
+    """Summarise one plan."""
     moving = plan.speed > 0.0
     last = min(int(np.flatnonzero(moving)[-1]) + 1, len(moving) - 1) if moving.any() else 0
     driven = slice(0, last + 1)
-    limits_most, limits_share = _limits_most(plan, last)
+    longest_limit, limits_share = _find_longest_limit(plan, last)
     time = _finite(plan.travel_time)
     with np.errstate(invalid="ignore"):  # inf - inf, where nothing limits
         margin = _finite(plan.least_margin)
@@ -74,9 +75,9 @@ def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
         mean_speed=plan.progress / time if time else None,
         max_speed=_finite(np.max(plan.speed)),
         margin=margin,
-        rear_load=_least(plan.rear_load[driven]),
-        side_load=_least(plan.side_load[driven]),
-        limits_most=limits_most,
+        rear_load=_smallest(plan.rear_load[driven]),
+        side_load=_smallest(plan.side_load[driven]),
+        longest_limit=longest_limit,
         limits_share=limits_share,
         path_deviation=None if plan.path_deviation is None else plan.path_deviation.largest,
     )
@@ -86,41 +87,43 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _least(values: np.ndarray) -> float | None:
+def _smallest(values: np.ndarray) -> float | None:
     known = values[np.isfinite(values)]
     return float(known.min()) if known.size else None
 
 
-def _limits_most(plan: SpeedPlan, last: int) -> tuple[Limiting | None, float]:
-    """Longest share of the driven way; what holds at a station holds up to the next."""
+def _find_longest_limit(plan: SpeedPlan, last: int) -> tuple[Limiting | None, float]:
+    """Bound along most of the driven distance; it holds from its station to the next."""
     if last == 0:
         return None, 0.0
     lengths = np.bincount(
         plan.limiting[:last], weights=np.diff(plan.station[: last + 1]), minlength=len(Limiting)
     )
-    most = int(lengths.argmax())
-    return Limiting(most), float(lengths[most] / lengths.sum())
+    longest = int(lengths.argmax())
+    return Limiting(longest), float(lengths[longest] / lengths.sum())
 
 
-def chosen(plans: Sequence[SpeedPlan]) -> int | None:
-    """Index of the best ranked plan that may be driven; None if there is none."""
+def best_plan(plans: Sequence[SpeedPlan]) -> int | None:
+    """Index of the best ranked plan that may be driven; None if no plan may be driven."""
     return next((i for i, plan in enumerate(plans) if plan.admissible), None)
 
 
 def verdict(plans: Sequence[SpeedPlan]) -> str:
-    """How the planning went, in one or two sentences."""
+    """Sentence on the outcome of the planning."""
     if not plans:
         return "There was no candidate to plan."
     count = Counter(plan.status for plan in plans)
-    said = [
-        f"{count[status]} {one if count[status] == 1 else many}"
-        for status, one, many in _HOW
+    parts = [
+        f"{count[status]} {singular if count[status] == 1 else several}"
+        for status, singular, several in _OUTCOMES
         if count[status]
     ]
-    if len(said) > 1:
+    if len(parts) > 1:
         if count[Status.OK] and count[Status.BLOCKED]:
             short = count[Status.BLOCKED]
-            said[1] = f"{short} {'stops' if short == 1 else 'stop'} short of it"
-        return f"Of {len(plans)} candidates, {', '.join(said[:-1])} and {said[-1]}."
-    _, one, many = next(how for how in _HOW if count[how[0]])
-    return f"All {len(plans)} candidates {many}." if len(plans) > 1 else f"The candidate {one}."
+            parts[1] = f"{short} {'stops' if short == 1 else 'stop'} short of it"
+        return f"Of {len(plans)} candidates, {', '.join(parts[:-1])} and {parts[-1]}."
+    _, singular, several = next(outcome for outcome in _OUTCOMES if count[outcome[0]])
+    if len(plans) == 1:
+        return f"The candidate {singular}."
+    return f"All {len(plans)} candidates {several}."

@@ -13,7 +13,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.report.hillshade import shade
+from slopewise.services.report.relief import shade
 
 _MAX_VERTICES = 60_000
 """Ground is drawn coarser beyond that; viewers build an object for each."""
@@ -31,8 +31,10 @@ _SPEEDS = np.array(
     ],
     np.float64,
 )
+"""Red, green, blue of matplotlib's colour map `plasma` at 0, 1/4, 1/2, 3/4 and 1."""
+
 NOT_DRIVEN = (110, 110, 110)
-"""Of what lies beyond the place where a plan stops."""
+"""Grey of the path beyond the place where a plan stops."""
 
 
 @dataclass(frozen=True, slots=True)

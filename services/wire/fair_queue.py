@@ -13,6 +13,7 @@ import math
 import threading
 import time
 from collections import Counter, deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -128,7 +129,7 @@ class FairQueue(Generic[T]):
             eligible = self._eligible(only_driving)
             if self._is_closed or not eligible:
                 return None
-            entry = min(eligible, key=self._rank)
+            entry = min(eligible, key=self._rank_at(time.monotonic()))
             self._waiting.remove(entry)
             self._driving_count += only_driving
             return entry
@@ -148,8 +149,9 @@ class FairQueue(Generic[T]):
             candidates = [q for q in self._waiting if q.sender != entry.sender]
             if not candidates or self._is_closed:
                 return None
-            first = min(candidates, key=self._rank)
-            if self._rank(first)[:2] >= self._rank(entry)[:2]:
+            rank = self._rank_at(time.monotonic())
+            first = min(candidates, key=rank)
+            if rank(first)[:2] >= rank(entry)[:2]:
                 return None
             self._waiting.remove(first)
             return first
@@ -217,23 +219,29 @@ class FairQueue(Generic[T]):
     def _eligible(self, only_driving: bool) -> list[Waiting[T]]:
         return [q for q in self._waiting if q.is_driving] if only_driving else self._waiting
 
-    def _rank(self, entry: Waiting[T]) -> tuple[bool, float, bool, float]:
-        used = self.shares.used(entry.sender)
-        return not entry.outranks, used, entry.size > _LARGE, entry.arrived
+    def _rank_at(self, now: float) -> Callable[[Waiting[T]], tuple[bool, float, bool, float]]:
+        """Order of service; at one moment, so that entries of one account keep their order."""
+
+        def rank(entry: Waiting[T]) -> tuple[bool, float, bool, float]:
+            used = self.shares.used(entry.sender, now)
+            return not entry.outranks, used, entry.size > _LARGE, entry.arrived
+
+        return rank
 
     def _older(self, entry: Waiting[T]) -> Waiting[T] | None:
-        """Waiting entry that a newer one of the same client replaces."""
+        """Waiting entry that a newer one of the same client replaces, unless it outranks it."""
         if not (self._newest_only and entry.sender):
             return None
-        return next((q for q in self._waiting if q.sender == entry.sender), None)
+        older = (q for q in self._waiting if q.sender == entry.sender)
+        return next((q for q in older if entry.outranks or not q.outranks), None)
 
     def _surplus(self) -> Waiting[T]:
         """Newest entry of the account with most entries; of equals, of the most time used."""
         accounts = {q: self.shares.account_of(q.sender) for q in self._waiting}
-        counts = Counter(accounts.values())
+        counts, now = Counter(accounts.values()), time.monotonic()
 
         def surplus(entry: Waiting[T]) -> tuple[bool, int, float, float]:
-            used = self.shares.used(entry.sender)
+            used = self.shares.used(entry.sender, now)
             return not entry.outranks, counts[accounts[entry]], used, entry.arrived
 
         return max(self._waiting, key=surplus)

@@ -47,11 +47,11 @@ class FairShare:
         """Name of a sender's account."""
         return sender if sender in self._accounts else NEWCOMERS
 
-    def used(self, sender: str) -> float:
-        """Time that a sender, or those that share its account, used recently [s]."""
+    def used(self, sender: str, now: float) -> float:
+        """Time that a sender, or those that share its account, used recently [s]; ``now``: [s]."""
         with self._lock:
             account = self._of(sender)
-            return account.used * math.exp((account.charged_at - time.monotonic()) / _DECAY_TIME)
+            return account.used * math.exp((account.charged_at - now) / _DECAY_TIME)
 
     def charge(self, sender: str, seconds: float) -> None:
         """Add time to a sender's account [s]."""

@@ -202,7 +202,8 @@ class PlanReply(Message, frozen=True):
     Attributes:
         status: that of the chosen plan, or `busy`, or `error`; the latter two have no plans.
         reason: its explanation. service: id of the service. sequence: that of the request.
-        parameters: those of the plans. map_version, map_age: version and age [s] of the map.
+        parameters: with which the plans were made. map_version: version of the map.
+        map_age: its age [s].
         map_id: source and number of the last map update. map_hash: SHA-256 of a whole map's cells;
             with each patch, of the hash before it and the cells of the patch.
         command: command to follow now; None if the reply has no plan.

@@ -2,7 +2,7 @@
 
 Nothing here is code of the service or of its client: sessions and payloads are made by hand, from
 what the documentation says of keys and schemas. `python -m tests.services.attackers ENDPOINT
-NAMESPACE KINDS SECONDS [PAGE]` runs some of them, each with a session of its own.
+NAMESPACE KINDS SECONDS [PAGE]` runs some of them, each with a separate session.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ def block(values: object) -> dict[str, object]:
     return {"shape": array.shape, "data": array.tobytes()}
 
 
-def straight(length: float, points: int, bend: float = 0.0) -> dict[str, object]:
+def straight(length: float, points: int, curvature: float = 0.0) -> dict[str, object]:
     along = np.linspace(0.0, length, points)
-    return block(np.stack([along, bend * along**2], axis=1))
+    return block(np.stack([along, curvature * along**2], axis=1))
 
 
 class Attacker:
-    """One with a session of its own."""
+    """An attacker with a separate session."""
 
     def __init__(self, endpoint: str, namespace: str, seed: int, page: int = 0) -> None:
         config = zenoh.Config.from_json5(
@@ -56,7 +56,7 @@ class Attacker:
         return f"{self.namespace}/v1/{name}"
 
     def ask(self, fields: dict[str, object], selector: str = "") -> None:
-        """A question; nobody waits for the answer."""
+        """Send a request without waiting for the reply."""
         self.session.get(
             self.key("plan") + selector,
             payload=msgspec.msgpack.encode(fields),
@@ -91,42 +91,42 @@ class Attacker:
         return 1.0
 
     def flood(self) -> float:
-        """Small questions as fast as may be."""
+        """Small requests as fast as possible."""
         for _ in range(20):
             self.ask({"speed": 1.0, "paths": [{"name": "a", "points": straight(20.0, 30)}]})
         return 0.1
 
     def names(self) -> float:
-        """A new name for each question."""
+        """A new name for each request."""
         for _ in range(5):
             self.count += 1
-            one = {"name": "a", "points": straight(20.0, 30)}
+            path = {"name": "a", "points": straight(20.0, 30)}
             pose = (0.0, 0.0, 0.0)
             self.ask(
-                {"speed": 1.0, "paths": [one], "client": f"{self.me}.{self.count}", "pose": pose}
+                {"speed": 1.0, "paths": [path], "client": f"{self.me}.{self.count}", "pose": pose}
             )
         return 0.1
 
     def stops(self) -> float:
         """Brakes that are better than any."""
-        told = self.observation(
+        fields = self.observation(
             speed=self.random.uniform(1.0, 4.0),
             grade=self.random.uniform(-0.2, 0.2),
             deceleration=self.random.uniform(7.0, 10.0),
             deceleration_std=0.01,
         )
-        self.put("obs/stop", "stop_observation", told)
+        self.put("obs/stop", "stop_observation", fields)
         return 0.05
 
     def contradictions(self) -> float:
-        told = self.observation(
+        fields = self.observation(
             speed=2.0, grade=0.0, deceleration=9.0, distance=30.0, dead_time=0.3
         )
-        self.put("obs/stop", "stop_observation", told)
+        self.put("obs/stop", "stop_observation", fields)
         return 0.1
 
     def surfaces(self) -> float:
-        """Ground that nobody ever heard of."""
+        """Surfaces that do not exist."""
         self.put(
             "obs/stop",
             "stop_observation",
@@ -142,21 +142,21 @@ class Attacker:
     def counts(self) -> float:
         """Numbers and clocks from far away."""
         far = {"sequence": self.random.choice([2**53, 0, 1, 2**40]), "time": 1e18}
-        told = self.observation(speed=2.0, grade=0.0, deceleration=9.0)
-        self.put("obs/stop", "stop_observation", told | far | {"source": "robot"})
+        fields = self.observation(speed=2.0, grade=0.0, deceleration=9.0)
+        self.put("obs/stop", "stop_observation", fields | far | {"source": "robot"})
         return 0.2
 
     def maps(self) -> float:
-        """Ground that is none, and updates that do not fit."""
+        """Malformed maps, and updates that do not fit."""
         far = self.random.choice([1e-300, 1e300, 1e-9, float("nan")])
-        told = {
+        fields = {
             "source": self.me,
             "sequence": 2**53,
             "resolution": far,
             "origin": (1e300, 0.0),
             "elevation": block(np.zeros((40, 40))),
         }
-        self.put("map", "map_update", told)
+        self.put("map", "map_update", fields)
         return 0.1
 
     def noise(self) -> float:
@@ -173,16 +173,16 @@ class Attacker:
         return 0.1
 
     def half_open(self) -> float:
-        """Connections to the page that never say what they want."""
+        """Connections to the page without a complete request."""
         held = []
         for _ in range(40 if self.page else 0):
             with contextlib.suppress(OSError):
-                one = socket.create_connection(("127.0.0.1", self.page), timeout=1.0)
-                one.sendall(b"GET / HT")
-                held.append(one)
+                connection = socket.create_connection(("127.0.0.1", self.page), timeout=1.0)
+                connection.sendall(b"GET / HT")
+                held.append(connection)
         time.sleep(2.0)
-        for one in held:
-            one.close()
+        for connection in held:
+            connection.close()
         return 0.1
 
 
@@ -211,7 +211,7 @@ def _go_on(act: Callable[[], float], until: float) -> None:
 
 
 def main(endpoint: str, namespace: str, kinds: str, seconds: str, page: str = "0") -> None:
-    """Attack for so long."""
+    """Attack for a duration [s]."""
     os.nice(10)
     until = time.monotonic() + float(seconds)
     threads = []

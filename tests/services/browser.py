@@ -1,4 +1,4 @@
-"""A page as a browser shows it, without a screen."""
+"""Pages in a browser without a screen."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
     browser = shutil.which("chromium") or shutil.which("chromium-browser")
     if browser is None:
-        pytest.skip("needs chromium to look at the page")
+        pytest.skip("needs chromium to show the page")
     command = [
         browser,
         "--headless",
@@ -25,13 +25,13 @@ def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
         *arguments,
     ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    told = re.findall(r"CONSOLE[^\n]*", done.stderr)
-    assert not told, told
+    errors = re.findall(r"CONSOLE[^\n]*", done.stderr)
+    assert not errors, errors
     return done
 
 
 def text_of(url: str, width: int = 1400, tries: int = 5) -> str:
-    """The document once its script has shown all, as HTML; the script had nothing to complain."""
+    """Document as HTML once its script has shown all; the script reported no error."""
     for _ in range(tries):
         shown = _run(f"--window-size={width},1200", "--dump-dom", url).stdout
         # The browser's clock may run out before a busy machine has answered.

@@ -92,7 +92,7 @@ class _Bytes:
         assert data[:4] == b"\x00\x01\x00\x00"
         self.data, self.at = data[4:], 0
 
-    def one(self, code: str) -> Any:
+    def number(self, code: str) -> Any:
         size = struct.calcsize(code)
         self.at += -self.at % size
         (value,) = struct.unpack_from("<" + code, self.data, self.at)
@@ -100,34 +100,34 @@ class _Bytes:
         return value
 
     def text(self) -> str:
-        size = self.one("I")
+        size = self.number("I")
         self.at += size
         return self.data[self.at - size : self.at - 1].decode()
 
 
 def decode(data: bytes) -> Decoded:
     b = _Bytes(data)
-    b.one("i"), b.one("I"), b.text()
-    resolution, *length = (b.one("d") for _ in range(3))
-    position = [b.one("d") for _ in range(7)][:2]
-    names = [b.text() for _ in range(b.one("I"))]
-    basic = [b.text() for _ in range(b.one("I"))]
+    b.number("i"), b.number("I"), b.text()
+    resolution, *length = (b.number("d") for _ in range(3))
+    position = [b.number("d") for _ in range(7)][:2]
+    names = [b.text() for _ in range(b.number("I"))]
+    basic = [b.text() for _ in range(b.number("I"))]
     layers = {}
-    for i in range(b.one("I")):
+    for i in range(b.number("I")):
         dims = []
-        for _ in range(b.one("I")):
-            label, size, _stride = b.text(), b.one("I"), b.one("I")
+        for _ in range(b.number("I")):
+            label, size, _stride = b.text(), b.number("I"), b.number("I")
             dims.append((label, size))
         assert [label for label, _ in dims] == ["column_index", "row_index"]
-        b.one("I")
+        b.number("I")
         columns, rows = (size for _, size in dims)
         values = np.empty((rows, columns))
-        assert b.one("I") == rows * columns
+        assert b.number("I") == rows * columns
         for column in range(columns):
             for row in range(rows):
-                values[row, column] = b.one("f")
+                values[row, column] = b.number("f")
         layers[names[i]] = values
-    start = b.one("H"), b.one("H")
+    start = b.number("H"), b.number("H")
     assert b.at == len(b.data)
     return Decoded(resolution, tuple(length), tuple(position), basic, layers, start)  # type: ignore[arg-type]
 

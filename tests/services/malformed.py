@@ -1,4 +1,4 @@
-"""Payloads as broken senders and ill-willed ones make them, out of payloads that are right."""
+"""Payloads of faulty senders and of attackers, derived from valid payloads."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _ODD_NUMBERS = (
     -3.0,
     100.0,
 )
-_ODD_WORDS = (
+_ODD_TEXTS = (
     "",
     "a",
     "x" * 10_000,
@@ -82,8 +82,8 @@ class Malformed:
         self._written = [codec.encode(message, Format.JSON) for message in valid]
         self._raw = [msgspec.msgpack.decode(payload) for payload in packed]
 
-    def one(self) -> tuple[bytes, str]:
-        """A payload, and the encoding that travels beside it."""
+    def draw(self) -> tuple[bytes, str]:
+        """A payload and its encoding."""
         random = self._random
         i = random.randrange(len(self._raw))
         written = random.choice(list(Format))
@@ -138,7 +138,7 @@ class Malformed:
         if isinstance(inside, dict) and what < 0.12:
             del inside[key]
         elif isinstance(inside, dict) and what < 0.2:
-            inside[random.choice(_ODD_WORDS)[:200]] = self._value()
+            inside[random.choice(_ODD_TEXTS)[:200]] = self._value()
         elif isinstance(deeper, bytes) and what < 0.7 and len(deeper) >= 8:
             at = 8 * random.randrange(len(deeper) // 8)
             number = struct.pack("<d", float(random.choice(_ODD_NUMBERS)))
@@ -151,7 +151,7 @@ class Malformed:
         return random.choice(
             (
                 lambda: random.choice(_ODD_NUMBERS),
-                lambda: random.choice(_ODD_WORDS),
+                lambda: random.choice(_ODD_TEXTS),
                 lambda: None,
                 lambda: random.random() < 0.5,
                 lambda: [],

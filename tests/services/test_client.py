@@ -96,8 +96,8 @@ def test_nobody_there() -> None:
         PlanClient(opened, namespace="nobody/here", timeout=0.2) as client,
     ):
         is_safe(client.plan(1.0, fan()), 1.0)
-        for bad in (float("nan"), float("inf"), -1.0):
-            assert client.safe_stop(bad, "").speed.max() == 0.0
+        for value in (float("nan"), float("inf"), -1.0):
+            assert client.safe_stop(value, "").speed.max() == 0.0
         with pytest.raises(ParameterError, match="timeout"):
             PlanClient(opened, timeout=0.0)
 
@@ -105,12 +105,12 @@ def test_nobody_there() -> None:
 def test_the_command_asks_a_running_service(service: Running, tmp_path: Path) -> None:
     write_map_npz(scenes.plane(), tmp_path / "map.npz")
     write_paths_csv([scenes.straight(20.0)], tmp_path / "paths.csv")
-    words = ["query", tmp_path / "paths.csv", "--speed", "1", "--json"]
+    message = ["query", tmp_path / "paths.csv", "--speed", "1", "--json"]
     where = ["--connect", service.endpoint, "--namespace", service.namespace]
-    got = slopewise(*words, *where, "--map", tmp_path / "map.npz")
+    got = slopewise(*message, *where, "--map", tmp_path / "map.npz")
     assert got.returncode == 0, got.stderr
     reply = json.loads(got.stdout)
     assert reply["status"] == "ok"
     assert reply["plans"][0]["progress"] == pytest.approx(20.0, abs=1.0)
     nobody = f"tcp/127.0.0.1:{free_port()}"
-    one_line_of(here(*words, "--connect", nobody), "--connect: expected a service at")
+    one_line_of(here(*message, "--connect", nobody), "--connect: expected a service at")

@@ -1,29 +1,29 @@
-// What the model leaves out, by stored stops: adopted and taken back on a command line, never here.
+// The model change proposed from stored stops: adopted and reverted on a command line, never here.
 
-const LOOKS = { adopted: "ok", nothing: "ok", refused: "infeasible", offered: "offered", reverted: "reverted" };
-let findingShown = "";
+const BADGES = { adopted: "ok", nothing: "ok", refused: "infeasible", offered: "offered", reverted: "reverted" };
+let shownFinding = "";
 
 function showFinding(finding) {
-  const told = JSON.stringify(finding);
-  // A command that somebody marks to copy it stays marked as long as nothing changes.
-  if (told === findingShown) return;
-  findingShown = told;
-  element("finding").replaceChildren(...(finding ? findingOf(finding) : [make("p", { class: "none" }, "Nothing has been found on stored stops.")]));
+  const text = JSON.stringify(finding);
+  // A command that is marked for copying stays marked as long as nothing changes.
+  if (text === shownFinding) return;
+  shownFinding = text;
+  element("finding").replaceChildren(...(finding ? findingOf(finding) : [note("Nothing has been found on stored stops.")]));
 }
 
 function findingOf(finding) {
   const state = finding.state === "nothing" ? [finding.words] : [finding.state, finding.words];
-  const found = new Date(1000 * finding.at).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
-  const facts = [["found", found], ["on", `${finding.stops} stops`], ["who asked", finding.cause], ["offer", finding.id]];
-  const effects = finding.effects.flatMap((effect) => Object.entries(effect.parameters).map(([name, told]) =>
-    make("div", {}, make("dt", {}, `${words(effect.name)}, ${words(name)}`), make("dd", {}, uncertain(told)))));
+  const date = new Date(1000 * finding.at).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
+  const facts = [["found", date], ["on", `${finding.stops} stops`], ["who asked", finding.cause], ["offer", finding.id]];
+  const effects = finding.effects.flatMap((effect) => Object.entries(effect.parameters).map(([name, value]) =>
+    [`${spaced(effect.name)}, ${spaced(name)}`, formatUncertain(value)]));
   return [
-    make("p", { class: "state" }, badge(LOOKS[finding.state], state[0]), ...state.slice(1)),
-    make("p", { class: "summary" }, make("b", {}, words(finding.verdict)), ` – ${finding.summary}`),
-    make("dl", { class: "values" }, ...effects),
+    make("p", { class: "state" }, badge(BADGES[finding.state], state[0]), ...state.slice(1)),
+    make("p", { class: "summary" }, make("b", {}, spaced(finding.verdict)), ` – ${finding.summary}`),
+    make("dl", { class: "values" }, ...definitions(effects)),
     gapOf(finding),
-    ...(finding.notes.length ? [make("ul", { class: "doubts", "aria-label": "Doubts" }, ...finding.notes.map((note) => make("li", {}, note)))] : []),
-    make("dl", { class: "facts" }, ...facts.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value)))),
+    ...(finding.notes.length ? [make("ul", { class: "warnings", "aria-label": "Warnings" }, ...finding.notes.map((note) => make("li", {}, note)))] : []),
+    make("dl", { class: "facts" }, ...definitions(facts)),
     ...(finding.command ? [make("p", { class: "typed" }, `To ${finding.purpose}, an operator types `, commandLine(finding.command))] : []),
   ];
 }
@@ -34,8 +34,8 @@ function commandLine(command) {
   return make("code", {}, ...parts.slice(0, -1));
 }
 
-// As many digits as the standard deviation leaves: two of its own.
-function uncertain({ value, std, unit }) {
+// Rounded to two digits of the standard deviation.
+function formatUncertain({ value, std, unit }) {
   const digits = std > 0 ? Math.min(Math.max(1 - Math.floor(Math.log10(std)), 0), 9) : 4;
   return `${number(value, digits)} ± ${number(std, digits)}${unit === "1" ? "" : `\u202f${unit}`}`;
 }
@@ -43,10 +43,10 @@ function uncertain({ value, std, unit }) {
 function gapOf(finding) {
   const rows = [["before", "as configured", finding.before], ["after", "with it", finding.after], ["floor", "floor", finding.floor]];
   const known = rows.filter(([, , value]) => value !== null);
-  const [, most] = span(known.map(([, , value]) => value));
-  const bars = known.map(([key, name, value]) => make("div", { class: key }, make("dt", {}, name),
-    make("dd", {}, make("span", { class: "bar", style: `width: ${((100 * value) / (most || 1)).toFixed(1)}%` }), make("b", {}, number(value, 3, "m")))));
-  const [least, longest] = finding.longer.map((by) => (by > 0 ? "+" : "") + number(by, 2));
-  return make("figure", {}, make("dl", { class: "gap" }, ...bars), make("figcaption", {},
-    `${known.length ? "stopping distance off on stops held out, rms; " : ""}adopted, stops change by ${least} … ${longest}\u202fm beside the model file`));
+  const [, largest] = span(known.map(([, , value]) => value));
+  const rowsOfGap = known.map(([key, name, value]) => make("div", { class: key }, make("dt", {}, name),
+    make("dd", {}, make("span", { class: "bar", style: `width: ${((100 * value) / (largest || 1)).toFixed(1)}%` }), make("b", {}, number(value, 3, "m")))));
+  const [smallest, greatest] = finding.longer.map((by) => (by > 0 ? "+" : "") + number(by, 2));
+  return make("figure", {}, make("dl", { class: "gap" }, ...rowsOfGap), make("figcaption", {},
+    `${known.length ? "stopping distance error on held-out stops, rms; " : ""}adopted, stops change by ${smallest} … ${greatest}\u202fm compared with the model file`));
 }

@@ -16,7 +16,7 @@ Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def model_with(**tables: Mapping[str, Any]) -> Model:
-    """The quad with other numbers; held speed in the dead time unless said."""
+    """The quad with other numbers; held speed in the dead time by default."""
     out = tables_with()
     out["braking"]["drive_in_dead_time"] = "held"
     for table, values in tables.items():
@@ -30,7 +30,7 @@ def model_with(**tables: Mapping[str, Any]) -> Model:
 def ground(
     surface: Surface | None = None, *, resolution: float = 0.2, size: float = 30.0, **layers: Any
 ) -> ElevationMap:
-    """Heights of a surface over x −5 … size and y −10 … 10; level if there is none."""
+    """Heights of a surface over x −5 … size and y −10 … 10; level by default."""
     x = np.arange(-5.0, size + resolution, resolution)
     y = np.arange(-10.0, 10.0 + resolution, resolution)
     heights = np.zeros((len(y), len(x))) if surface is None else surface(*np.meshgrid(x, y))
@@ -48,7 +48,7 @@ def trapezoid(
     accel: float = 0.9,
     decel: float | None = None,
     length: float = 20.0,
-    rests: float = 17.0,
+    stop_at: float = 17.0,
     spacing: float = 0.1,
     begin: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -56,7 +56,7 @@ def trapezoid(
     s = np.linspace(0.0, length, round(length / spacing) + 1)
     slowing = accel if decel is None else decel
     up = begin**2 + 2.0 * accel * s
-    down = 2.0 * slowing * np.maximum(rests - s, 0.0)
+    down = 2.0 * slowing * np.maximum(stop_at - s, 0.0)
     return s, np.sqrt(np.minimum(np.minimum(up, down), top**2))
 
 

@@ -49,7 +49,7 @@ UNSAFE = {
 """Violations from which a mutant is unsafe, in m, shares, m/s² and m/s."""
 
 STEEP = 0.1
-"""Share beyond the trained slopes from which a path ends for certain."""
+"""Share by which slopes are beyond the trained ones where the path ends for certain."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def model_of(vehicle: str) -> Model:
 
 
 def questions(place: str, vehicle: str, data: Path, seed: int) -> Iterator[Question]:
-    """Every second one has a clear distance of half a path."""
+    """Every other one into a path that is known to be free for a part only."""
     ground = ground_of(place, data)
     for i, path in enumerate(candidates(place, ground, seed)):
         clear = PLACES[place].lengths[0] / 2.0 if i % 2 else np.inf
@@ -167,7 +167,7 @@ def matters(mutant: SpeedPlan, honest: SpeedPlan, question: Question) -> bool:
 
 
 def _reach(honest: SpeedPlan, question: Question) -> float:
-    """Station that stops must not pass in any case: unknown, or a tenth too steep."""
+    """Station that stops must not pass, in clear cases: unknown, or a tenth too steep."""
     end = float(honest.station[-1])
     clear = min(question.clear - question.model.vehicle.shape.front, end)
     row = int(np.searchsorted(honest.station, honest.clear_distance - 1e-9))

@@ -1,4 +1,4 @@
-"""Every rule bites: 10 % within it nothing is found, 10 % beyond it the right kind is."""
+"""Every rule bites: 10 % within it nothing is reported, 10 % beyond it the right kind is."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def speed_limit_of_the_path(share: float) -> Scene:
 
 def stopping_path(share: float) -> Scene:
     s, v = trapezoid(3.0)
-    front = 0.60 + 0.28  # the way has to be free for the front of the vehicle
+    front = 0.60 + 0.28  # the path has to be free for the front of the vehicle
     return Scene(straight(s, v), model_with(), ground(), furthest(s, v, share) + front)
 
 
@@ -120,7 +120,7 @@ def tip_over(share: float) -> Scene:
 
 def front_axle_under_drive(share: float) -> Scene:
     s, v = trapezoid(1.0, accel=0.9, decel=0.1)
-    # Uphill the front is light, and brakes that hardly brake leave the rear alone.
+    # Uphill the front is light, and weak brakes leave the rear alone.
     model = model_with(
         braking={"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.25},
         limits={"min_load": share * (np.cos(0.2) - 0.55 / 0.6 * (np.sin(0.2) + 0.9 / G))},
@@ -161,7 +161,7 @@ def lateral(share: float) -> Scene:
 
 def lateral_on_a_bank(share: float) -> Scene:
     """The turn leads straight downhill at first, and across the slope, which pushes outward."""
-    s, v = trapezoid(np.sqrt(4.0 * 2.0 * share), length=3.0, rests=2.8, accel=20.0)
+    s, v = trapezoid(np.sqrt(4.0 * 2.0 * share), length=3.0, stop_at=2.8, accel=20.0)
     bank = 0.05
     model = model_with(
         limits={"lateral_accel": 2.0 + G * np.sin(bank), "accel": 50.0, "decel": 50.0},
@@ -206,8 +206,8 @@ def brakes_downhill(share: float) -> Scene:
 
 def friction(share: float) -> Scene:
     s, v = trapezoid(2.5)
-    most = np.hypot(2.5**2 / 4.0, 0.9) / G
-    model = model_with(braking={"sliding_friction": most / share})
+    max_ratio = np.hypot(2.5**2 / 4.0, 0.9) / G
+    model = model_with(braking={"sliding_friction": max_ratio / share})
     return Scene(round_turn(s, v, 4.0), model, ground())
 
 
@@ -339,7 +339,7 @@ def test_a_sound_plan_has_no_violation() -> None:
         assert report.stops > 4 * np.count_nonzero(v) - 4
 
 
-def test_what_is_said_of_a_violation() -> None:
+def test_violation_names_row_station_kind_and_size() -> None:
     s, v = trapezoid(3.0, begin=1.0)
     report = check_plan_on_map(straight(s, 1.2 * v), model_with(limits={"speed": 3.0}), ground())
     worst = report.worst()["speed_limit"]
@@ -352,7 +352,7 @@ def test_what_is_said_of_a_violation() -> None:
     assert rows == sorted(rows)
 
 
-def test_numbers_that_are_told_for_every_row() -> None:
+def test_report_has_numbers_of_every_row() -> None:
     s, v = trapezoid(3.0)
     report = check_plan_on_map(straight(s, v), model_with(), ground())
     np.testing.assert_allclose(report.station, s, atol=1e-9)
@@ -368,9 +368,9 @@ def test_a_plan_that_does_not_rest_at_its_end_overruns_it() -> None:
     assert "stopping_path" in {
         x.kind for x in check_plan_on_map(cut, model_with(), ground()).violations
     }
-    # That the way is known free further on does not make the path longer.
-    found = check_plan_on_map(cut, model_with(), ground(), clear=30.0).violations
-    assert "stopping_path" in {x.kind for x in found}
+    # A longer clear distance does not make the path longer.
+    violations = check_plan_on_map(cut, model_with(), ground(), clear=30.0).violations
+    assert "stopping_path" in {x.kind for x in violations}
 
 
 def test_columns_are_not_needed_and_station_may_begin_anywhere() -> None:
@@ -384,7 +384,7 @@ def test_columns_are_not_needed_and_station_may_begin_anywhere() -> None:
 
 
 def test_degraded_plans_may_brake_hard_from_a_start_that_is_too_fast() -> None:
-    s, v = trapezoid(4.0, begin=4.0, decel=2.5, rests=3.2)
+    s, v = trapezoid(4.0, begin=4.0, decel=2.5, stop_at=3.2)
     model = model_with(limits={"speed": 3.0})
     assert {x.kind for x in check_plan_on_map(straight(s, v), model, ground()).violations} == {
         "decel",
@@ -393,8 +393,8 @@ def test_degraded_plans_may_brake_hard_from_a_start_that_is_too_fast() -> None:
     assert check_plan_on_map(straight(s, v, status="degraded"), model, ground()).valid
 
 
-def test_infeasible_plans_are_taken_by_their_word() -> None:
-    s, v = trapezoid(4.0, begin=4.0, decel=4.0, rests=2.0)
+def test_infeasible_plans_are_not_checked_for_stops() -> None:
+    s, v = trapezoid(4.0, begin=4.0, decel=4.0, stop_at=2.0)
     report = check_plan_on_map(
         straight(s, v, status="infeasible"), model_with(), ground(), clear=1.0
     )
@@ -410,21 +410,21 @@ def test_rows_at_one_place_count_once() -> None:
     assert "speed_limit" in {x.kind for x in report.violations}
 
 
-def test_coarse_maps_show_no_steps_and_that_is_said() -> None:
+def test_coarse_maps_show_no_steps_and_the_report_notes_it() -> None:
     s, v = trapezoid(1.0)
     report = check_plan_on_map(straight(s, v), model_with(), ground(resolution=0.5))
-    assert sum("steps were not looked for" in note for note in report.notes) == 1
+    assert sum("steps were not checked" in note for note in report.notes) == 1
 
 
 @pytest.mark.parametrize("decimals", [2, 3])
-def test_rounded_positions_do_not_look_like_turns(decimals: int) -> None:
+def test_rounded_positions_are_not_turns(decimals: int) -> None:
     s, v = trapezoid(2.5)
     plan = round_turn(s, v, 4.0)
     x, y = np.round(plan.x, decimals), np.round(plan.y, decimals)
     assert check_plan_on_map(replace(plan, x=x, y=y), model_with(), ground()).valid
 
 
-def test_what_cannot_be_judged_is_an_error() -> None:
+def test_unusable_input_is_an_error() -> None:
     s, v = trapezoid(3.0)
     with pytest.raises(ParameterError, match="a first row on the map"):
         check_plan_on_map(straight(s + 500.0, v), model_with(), ground())
@@ -432,7 +432,7 @@ def test_what_cannot_be_judged_is_an_error() -> None:
         check_plan_on_map(straight(s, v), model_with(), ground(), clear=-1.0)
 
 
-def test_a_plan_that_stands_is_sound() -> None:
+def test_plan_at_rest_is_valid() -> None:
     report = check_plan_on_map(
         ExternalPlan(name="here", x=[1.0], y=[1.0], speed=[0.0]), model_with(), ground()
     )
@@ -440,9 +440,9 @@ def test_a_plan_that_stands_is_sound() -> None:
     assert report.stops == 0
 
 
-def test_a_plan_that_comes_to_rest_where_it_is_stands() -> None:
-    x, aside = np.array([1.0, 1.0 + 1e-9]), np.ones(2)
-    crawls = ExternalPlan(name="crawls", x=x, y=aside, speed=np.array([6e-5, 0.0]))
+def test_plan_that_stops_at_its_start_is_at_rest() -> None:
+    x, y = np.array([1.0, 1.0 + 1e-9]), np.ones(2)
+    crawls = ExternalPlan(name="crawls", x=x, y=y, speed=np.array([6e-5, 0.0]))
     assert check_plan_on_map(crawls, model_with(), ground()).valid
     with pytest.raises(ParameterError, match="different places"):
-        ExternalPlan(name="jumps", x=x, y=aside, speed=np.array([6e-3, 0.0]))
+        ExternalPlan(name="jumps", x=x, y=y, speed=np.array([6e-3, 0.0]))

@@ -16,12 +16,12 @@ from slopewise.services.check.plan_line import line_of
 from tests.services.check.drives import ground, model_with, round_turn, slope, straight
 
 
-def test_heights_are_bilinear_and_unknown_beside_unknown_cells() -> None:
+def test_heights_are_bilinear_and_unknown_next_to_unknown_cells() -> None:
     z = np.array([[0.0, 1.0, 2.0], [2.0, 3.0, np.nan]])
     heights = ElevationMap(elevation=z, resolution=0.5, origin=(1.0, 2.0))
     x, y = np.array([1.0, 1.25, 1.25, 1.75, 0.9, 2.0]), np.array([2.0, 2.0, 2.25, 2.25, 2.0, 2.0])
-    found = height_of(heights, x, y)
-    np.testing.assert_allclose(found, [0.0, 0.5, 1.5, np.nan, np.nan, 2.0 * np.nan])
+    height = height_of(heights, x, y)
+    np.testing.assert_allclose(height, [0.0, 0.5, 1.5, np.nan, np.nan, 2.0 * np.nan])
     # On the rim itself, with all its cells known, ground is known.
     assert (
         height_of(heights, np.array([1.5]), np.array([2.5]))[0] != 3.0
@@ -61,13 +61,13 @@ def test_agrees_with_the_profile_of_the_planner_at_its_stations() -> None:
         vehicle.track_width,
     )
     rows = line.at_row
-    for own, theirs, atol in (
+    for checked, planned, atol in (
         (under.station, profile.station, 1e-9),
         (under.grade, profile.grade, 2e-3),
         (under.roll, profile.roll, 2e-3),
         (line.curvature, profile.curvature, 1e-3),
     ):
-        np.testing.assert_allclose(own[rows][1:-1], theirs[1:-1, 0], atol=atol)
+        np.testing.assert_allclose(checked[rows][1:-1], planned[1:-1, 0], atol=atol)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3, 1e-2])

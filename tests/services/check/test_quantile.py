@@ -1,4 +1,4 @@
-"""Plans at a quantile before the judge at the same one, and plans by the mean before it."""
+"""Plans at a quantile pass the checker at the same one; plans by the mean do not."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def path(course: float) -> CandidatePath:
 
 
 def plans(model: Model, quantile: float | None) -> list[SpeedPlan]:
-    told = None if quantile is None else Uncertainty(quantile=quantile)
-    planner = CandidatePlanner(model, uncertainty=told)
+    uncertainty = None if quantile is None else Uncertainty(quantile=quantile)
+    planner = CandidatePlanner(model, uncertainty=uncertainty)
     return planner.plan(GROUND, [path(c) for c in (0.3, 1.7, 3.0, 4.4)], clear=12.0)
 
 

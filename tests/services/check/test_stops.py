@@ -35,10 +35,10 @@ def field_of(model: Model, surface: Surface | None = None, size: float = 40.0) -
 def stops_on(
     field: StopDynamics, station: float = 2.0, dead_time: float = 0.3
 ) -> tuple[StopEnds, StopEnds]:
-    """As plans tell them, and at worst."""
+    """Nominal and worst-case stops."""
     count = len(SPEEDS)
-    words = (field, np.full(count, station), SPEEDS, np.full(count, dead_time), 1e3)
-    return nominal_stops(*words), worst_case_stops(*words)
+    arguments = (field, np.full(count, station), SPEEDS, np.full(count, dead_time), 1e3)
+    return nominal_stops(*arguments), worst_case_stops(*arguments)
 
 
 @pytest.mark.parametrize("grade", [-0.2, 0.0, 0.2])
@@ -128,7 +128,7 @@ def test_a_vehicle_that_does_not_stop_is_not_followed_for_ever() -> None:
     assert (stops.end > 10.0).all()
 
 
-def test_the_least_force_of_all_surfaces_that_wheels_touch_counts() -> None:
+def test_lowest_force_of_all_touched_surfaces_is_used() -> None:
     model = model_with(braking={"terrain": {"ice": {"b_b": 0.2, "dead_time": 0.5}}})
     layers = ground(size=40.0)
     classes = np.zeros_like(layers.elevation, np.int64)
@@ -147,12 +147,12 @@ def test_the_least_force_of_all_surfaces_that_wheels_touch_counts() -> None:
     np.testing.assert_allclose(held.rear, 1.0 - 0.55 / 0.6 * fast / G, atol=1e-6)
 
 
-def test_crests_banks_and_locked_axles_take_what_plans_do_not_tell() -> None:
+def test_crests_banks_and_locked_axles_lengthen_worst_case_stops() -> None:
     crests, _ = stops_on(field_of(model_with(), waves))
     _, real = stops_on(field_of(model_with(), waves))
     assert (real.end[1:] > crests.end[1:]).all()
     slippery = model_with(braking={"sliding_friction": 0.42})
-    told, real = stops_on(field_of(slippery, slope(0.0, 0.2)))
+    nominal, real = stops_on(field_of(slippery, slope(0.0, 0.2)))
     left = np.sqrt((0.42 * np.cos(0.2)) ** 2 - np.sin(0.2) ** 2)
     np.testing.assert_allclose(real.end - 2.0, 0.3 * SPEEDS + SPEEDS**2 / (2 * G * left), atol=3e-4)
-    assert (real.end > told.end).all()
+    assert (real.end > nominal.end).all()

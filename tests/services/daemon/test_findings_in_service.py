@@ -1,4 +1,4 @@
-"""What the model leaves out, found, offered, adopted and taken back by a running service."""
+"""A missing effect, found, proposed, adopted and withdrawn by a running service."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ import zenoh
 from rich.console import Console
 
 from slopewise.models.errors import InputError
-from slopewise.services.cli.arguments.robot import ParamsOptions
-from slopewise.services.cli.commands.params import run, show
+from slopewise.services.cli.params import ParamsOptions, request, tables
 from tests.services.parameter_client import Robot, block, column, send_ground
 from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import Running, running
@@ -35,7 +34,7 @@ WEAKER = 0.75
 
 
 def force(speed: float, grade: float) -> float:
-    """F_b/W of the shipped model file, as it is printed in it."""
+    """F_b/W of the shipped model file, as printed in it."""
     return (-0.03 * speed - 0.35) * grade + 0.015 * speed + 0.40
 
 
@@ -55,8 +54,8 @@ def drive(robot: Robot, stops: int = 26, weaker: float = WEAKER, seed: int = 1) 
         assert receipt["status"] == "taken", receipt
 
 
-def look(robot: Robot) -> dict[str, Any]:
-    """Have the stops looked at; the reply once that is done."""
+def examine(robot: Robot) -> dict[str, Any]:
+    """Request an examination of the stops; returns the reply once it is done."""
     began = ask(robot, start=True, who="ann")
     assert (began["status"], began["investigating"]) == ("ok", True), began
     until = time.monotonic() + 60.0
@@ -64,7 +63,7 @@ def look(robot: Robot) -> dict[str, Any]:
         reply = ask(robot)
         if not reply["investigating"]:
             return reply
-        # Planning goes on meanwhile.
+        # Planning continues in the meantime.
         assert robot.plan()["status"] == "ok"
         time.sleep(0.1)
     raise AssertionError("it did not end")
@@ -110,9 +109,9 @@ def session(service: Running) -> Iterator[zenoh.Session]:
 
 @pytest.fixture(scope="module")
 def robot(service: Running, session: zenoh.Session) -> Robot:
-    one = Robot(service, session)
-    send_ground(one)
-    return one
+    robot = Robot(service, session)
+    send_ground(robot)
+    return robot
 
 
 def test_a_finding_is_offered_adopted_planned_with_and_taken_back(robot: Robot) -> None:
@@ -125,7 +124,7 @@ def test_a_finding_is_offered_adopted_planned_with_and_taken_back(robot: Robot) 
     # So that the model file's coefficients are what the finding is compared with in plans.
     assert robot.roll_back(1)["status"] == "ok"
     assert stopping(robot) == pytest.approx(before)
-    reply = look(robot)
+    reply = examine(robot)
     offer = reply["offer"]
     assert offer["verdict"] == "missing_effect", reply["investigation"]
     assert [e["name"] for e in offer["findings"]["effects"]] == ["step_change"]
@@ -153,8 +152,8 @@ def test_a_finding_is_offered_adopted_planned_with_and_taken_back(robot: Robot) 
     assert group["who"] == "ann"
     # Brakes of 0.43 W made 0.3225: v²/2a is a third longer, the dead time's way stays.
     path = 2.0 * 2.0 / (2.0 * 9.80665)
-    least = path * (1.0 / (WEAKER * force(2.0, 0.0)) - 1.0 / force(2.0, 0.0))
-    assert stopping(robot) > before + 0.95 * least
+    expected = path * (1.0 / (WEAKER * force(2.0, 0.0)) - 1.0 / force(2.0, 0.0))
+    assert stopping(robot) > before + 0.95 * expected
     reply = robot.plan()
     assert reply["parameters"]["fingerprint"] == vehicle
     assert not any(flag.startswith("offer") for flag in reply["flags"])
@@ -171,38 +170,39 @@ def test_a_finding_is_offered_adopted_planned_with_and_taken_back(robot: Robot) 
     assert stopping(robot) == pytest.approx(before, abs=0.02)
     again = robot.roll_back(done["version"], "effects")
     assert again["status"] == "ok"
-    assert stopping(robot) > before + 0.95 * least
+    assert stopping(robot) > before + 0.95 * expected
 
 
 def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
     with running(tmp_path, planning=SETTINGS) as started, started.session() as session:
-        one = Robot(started, session)
-        send_ground(one)
-        before = stopping(one)
-        drive(one, seed=2)
+        robot = Robot(started, session)
+        send_ground(robot)
+        before = stopping(robot)
+        drive(robot, seed=2)
         job = ParamsOptions(connect=started.endpoint, namespace=started.namespace)
-        found = run(replace(job, investigate=True))
-        assert found.offer is not None, found.investigation
-        offer = found.offer.id
+        outcome = request(replace(job, investigate=True))
+        assert outcome.offer is not None, outcome.investigation
+        offer = outcome.offer.id
         screen = Console(width=200, record=True, file=io.StringIO())
-        show(found, replace(job, investigate=True), screen)
-        told = screen.export_text()
-        for words in ("missing_effect", "step_change: scale = 0.7", f"params --adopt {offer}"):
-            assert words in told, told
+        for part in tables(outcome, replace(job, investigate=True)):
+            screen.print(part)
+        text = screen.export_text()
+        for part in ("missing_effect", "step_change: scale = 0.7", f"params --adopt {offer}"):
+            assert part in text, text
         with pytest.raises(InputError, match="one that there is"):
-            run(replace(job, adopt="nonsense"))
+            request(replace(job, adopt="nonsense"))
         with pytest.raises(InputError, match="--adopt"):
-            run(replace(job, faster=True))
-        reply = run(replace(job, adopt=offer))
+            request(replace(job, faster=True))
+        reply = request(replace(job, adopt=offer))
         assert {g.group: g.valid for g in reply.groups}["effects"]
-        adopted = stopping(one)
+        adopted = stopping(robot)
         assert adopted > before + 0.05
         port = int(started.endpoint.rpartition(":")[2])
     with running(tmp_path, planning=SETTINGS, port=port) as started, started.session() as session:
-        one = Robot(started, session)
-        send_ground(one)
-        assert stopping(one) == pytest.approx(adopted, abs=0.02)
-        assert one.group("effects")["notes"]["adopted"] == offer
+        robot = Robot(started, session)
+        send_ground(robot)
+        assert stopping(robot) == pytest.approx(adopted, abs=0.02)
+        assert robot.group("effects")["notes"]["adopted"] == offer
 
 
 def test_by_schedule_and_where_the_settings_allow_it_plans_get_slower_by_themselves(
@@ -211,15 +211,15 @@ def test_by_schedule_and_where_the_settings_allow_it_plans_get_slower_by_themsel
     settings = SETTINGS.replace("refresh = 0.2", "refresh = 0.2\nenabled = false")
     settings += "every = 0.5\nfresh = 24\nadopt_slower = true\n"
     with running(tmp_path, planning=settings) as started, started.session() as session:
-        one = Robot(started, session)
-        send_ground(one)
-        before = stopping(one)
-        drive(one, seed=5)
+        robot = Robot(started, session)
+        send_ground(robot)
+        before = stopping(robot)
+        drive(robot, seed=5)
         until = time.monotonic() + 60.0
-        while not (group := one.group("effects"))["valid"]:
-            assert time.monotonic() < until, one.parameters()["investigation"]
+        while not (group := robot.group("effects"))["valid"]:
+            assert time.monotonic() < until, robot.parameters()["investigation"]
             time.sleep(0.1)
         assert group["who"] == "service, as the settings allow"
-        assert stopping(one) > before + 0.05
-        causes = [h["cause"] for h in one.parameters("effects", history=5)["history"]]
+        assert stopping(robot) > before + 0.05
+        causes = [h["cause"] for h in robot.parameters("effects", history=5)["history"]]
         assert [c.split()[0] for c in causes] == ["adopted", "offered"]

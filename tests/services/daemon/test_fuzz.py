@@ -1,4 +1,4 @@
-"""Whatever comes in on a key: no crash, nothing learned from it, and an answer or a count."""
+"""Malformed payloads on all keys: no crash, nothing learned, and a reply or a count."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ from slopewise.services.wire.plan_messages import PlanRequest, ServiceStatus
 from tests.services.malformed import Malformed
 from tests.services.service_process import fan, flat, running
 
-_MOST = 1_000_000
+_MAX_BYTES = 1_000_000
 _NIGHTLY = 125_000  # for each of eight keys
 _TOGETHER = 250
-_LOOKED_AT = 25
-"""At every so many payloads all parameters are compared, at each of them their version."""
+_COMPARED_EVERY = 25
+"""Payloads between two comparisons of all parameters; their version is always compared."""
 
 _POINTS = np.array([[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [3.0, 0.0]])
 _COLUMNS = ["t", "v", "v_cmd", "pitch", "roll"]
 
 Handler = Callable[[bytes, str], str]
-"""Handles a payload with its encoding as the service does; says what became of it in a word."""
+"""Handles a payload with its encoding as the service does; returns the status."""
 
 
 def messages() -> dict[str, list[msgspec.Struct]]:
     """Messages that are right, by key."""
     samples = np.stack([np.arange(6) * 0.1, *np.full((2, 6), 1.0), *np.zeros((2, 6))])
-    told = {"source": "s", "sequence": 1, "time": 1.0}
+    header = {"source": "s", "sequence": 1, "time": 1.0}
     return {
         "plan": [
             PlanRequest(speed=1.0, paths=[Candidate(name="a", points=_POINTS)], clear=3.0),
@@ -71,7 +71,7 @@ def messages() -> dict[str, list[msgspec.Struct]]:
         ],
         "obs/stop": [
             StopObservation(
-                **told,
+                **header,
                 speed=2.0,
                 grade=0.1,
                 deceleration=3.0,
@@ -81,8 +81,8 @@ def messages() -> dict[str, list[msgspec.Struct]]:
                 surface="sand",
             )
         ],
-        "obs/drive": [DriveSamples(**told, columns=_COLUMNS, values=samples, surface="sand")],
-        "obs/terrain": [TerrainLabel(**told, surface="sand", probability=0.9)],
+        "obs/drive": [DriveSamples(**header, columns=_COLUMNS, values=samples, surface="sand")],
+        "obs/terrain": [TerrainLabel(**header, surface="sand", probability=0.9)],
         "params": [ParameterQuestion(group="braking", history=3)],
         "params/set": [
             SetParameters(group="limits", values={"speed": 2.0}),
@@ -119,12 +119,12 @@ class Desk:
     def handle(self, key: str, payload: bytes, encoding: str) -> str:
         kind = type(messages_of[key][0])
         try:
-            message = codec.decode(kind, payload, encoding, key, _MOST)
+            message = codec.decode(kind, payload, encoding, key, _MAX_BYTES)
             return str(self._do(key, message))
         except InputError as error:
-            told = str(error)
-        assert told.isprintable()
-        assert len(told) < 2000
+            text = str(error)
+        assert text.isprintable()
+        assert len(text) < 2000
         return "error"
 
     def _do(self, key: str, message: Any) -> str:
@@ -155,48 +155,48 @@ _ACCEPTED = ("taken", "ok", "blocked", "infeasible", "degraded")
 
 
 def fuzz(key: str, seed: int, count: int, desk: Desk) -> Counter[str]:
-    """Hand in so many payloads; what became of them."""
+    """Hand in ``count`` payloads; returns the number of each status."""
     supply = Malformed(messages_of[key], seed)
     became: Counter[str] = Counter()
-    known, ground = desk.known(), desk.maps.ground
+    known, ground = desk.known(), desk.maps.snapshot
     version = desk.parameters.active.version
     for n in range(count):
-        payload, encoding = supply.one()
+        payload, encoding = supply.draw()
         status = desk.handle(key, payload, encoding)
         became[status] += 1
         if status in _ACCEPTED:
-            known, ground = desk.known(), desk.maps.ground
+            known, ground = desk.known(), desk.maps.snapshot
             version = desk.parameters.active.version
         assert desk.parameters.active.version == version, payload
-        assert desk.maps.ground is ground, payload
-        if n % _LOOKED_AT == 0 or n == count - 1:
+        assert desk.maps.snapshot is ground, payload
+        if n % _COMPARED_EVERY == 0 or n == count - 1:
             assert desk.known() == known, payload
     return became
 
 
 def limits_hold(desk: Desk) -> None:
-    """Whatever was believed: plans are made with a model that is one, no faster than limits say."""
+    """Plans are made with a valid model, no faster than its limits."""
     request = PlanRequest(speed=0.0, paths=[Candidate(name="a", points=_POINTS)])
     reply = desk.plans.answer(request, desk.ground, "plan")
-    most = desk.parameters.active.model.limits.speed
-    assert reply.plans[0].column("speed").max() <= most + 1e-9
+    limit = desk.parameters.active.model.limits.speed
+    assert reply.plans[0].column("speed").max() <= limit + 1e-9
 
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
-    made = Desk(tmp_path_factory.mktemp("fuzz"))
-    yield made
-    made.parameters.close()
+    desk = Desk(tmp_path_factory.mktemp("fuzz"))
+    yield desk
+    desk.parameters.close()
 
 
 @pytest.mark.parametrize("key", KEYS)
 def test_right_messages_are_taken(key: str, tmp_path: Path) -> None:
     """Or else the mutants would be of nothing."""
-    own = Desk(tmp_path)
+    desk = Desk(tmp_path)
     for message in messages_of[key][:1]:
         encoding = codec.encoding_of(type(message), codec.Format.MESSAGEPACK)
         payload = codec.encode(message, codec.Format.MESSAGEPACK)
-        assert own.handle(key, payload, encoding) in _ACCEPTED
+        assert desk.handle(key, payload, encoding) in _ACCEPTED
 
 
 @pytest.mark.parametrize("field", ["speed", "session_time", "brake_heat", "clear", "pose"])
@@ -221,18 +221,18 @@ def test_nothing_malformed_crashes_or_is_learned_from(key: str, desk: Desk) -> N
 @pytest.mark.nightly
 @pytest.mark.parametrize("key", KEYS)
 def test_a_million_malformed_payloads_in_all(key: str, tmp_path: Path) -> None:
-    own = Desk(tmp_path)
+    desk = Desk(tmp_path)
     became: Counter[str] = Counter()
 
     @settings(max_examples=_NIGHTLY // _TOGETHER, database=None)
     @given(st.integers(0, 2**63))
     def some(seed: int) -> None:
-        became.update(fuzz(key, seed, _TOGETHER, own))
+        became.update(fuzz(key, seed, _TOGETHER, desk))
 
     # What was right by chance does not count.
-    while sum(count for word, count in became.items() if word not in _ACCEPTED) < _NIGHTLY:
+    while sum(count for status, count in became.items() if status not in _ACCEPTED) < _NIGHTLY:
         some()
-    limits_hold(own)
+    limits_hold(desk)
 
 
 def test_a_real_service_answers_or_counts_all_of_it(tmp_path: Path) -> None:
@@ -242,16 +242,18 @@ def test_a_real_service_answers_or_counts_all_of_it(tmp_path: Path) -> None:
         started.session() as session,
         PlanClient(session, namespace=started.namespace, timeout=5.0) as client,
     ):
-        heard: list[ServiceStatus] = []
+        received: list[ServiceStatus] = []
 
-        def hear(sample: Any) -> None:
-            told = str(sample.encoding)
-            heard.append(codec.decode(ServiceStatus, sample.payload, told, "status", _MOST))
+        def receive(sample: Any) -> None:
+            encoding = str(sample.encoding)
+            received.append(
+                codec.decode(ServiceStatus, sample.payload, encoding, "status", _MAX_BYTES)
+            )
 
         for key in KEYS:
             supply = Malformed(messages_of[key], 7)
             for _ in range(count):
-                payload, encoding = supply.one()
+                payload, encoding = supply.draw()
                 name = started.key(key)
                 if key == "map":
                     session.put(name, payload, encoding=encoding)
@@ -260,17 +262,17 @@ def test_a_real_service_answers_or_counts_all_of_it(tmp_path: Path) -> None:
                 assert len(answers) == 1, (key, payload)
                 assert answers[0].ok is not None, (key, payload)
         client.put_map(flat(source="after"))
-        with session.declare_subscriber(started.key("status"), hear):
+        with session.declare_subscriber(started.key("status"), receive):
             until = time.monotonic() + 5.0
             while time.monotonic() < until and not (
-                heard and _maps(heard[-1]) >= count + 1 and len(heard) > 1
+                received and _maps(received[-1]) >= count + 1 and len(received) > 1
             ):
                 time.sleep(0.05)
-        last = heard[-1].counters
+        last = received[-1].counters
         assert last.get("faults", 0) == 0, last
         assert last.get("queries_lost", 0) == last.get("observations_lost", 0) == 0
         assert last["queries"] == last["refused"] + last["answered"] + last.get("busy", 0)
-        assert _maps(heard[-1]) == count + 1
+        assert _maps(received[-1]) == count + 1
         assert client.plan(1.0, fan(2)).reply is not None
 
 

@@ -1,4 +1,4 @@
-"""A robot drives from ground to ground, in a process of its own, with a plant of its own."""
+"""A robot drives from ground to ground, in a separate process, with a separate plant."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Drive:
         self.versions: list[int] = []
 
     def leg(self, name: str, surface: Surface) -> float:
-        """Top speed of the plan; the stop happens in the plant, and is told as samples."""
+        """Top speed of the plan; the stop happens in the plant, and is sent as samples."""
         robot = self.robot
         if self.labelled:
             robot.send("terrain", robot.fields(surface=name))
@@ -99,7 +99,7 @@ class Drive:
 
 def test_unnamed_ground_slows_plans_within_two_stops(service: Running) -> None:
     with service.session() as session:
-        robot = Robot(service, session, "nobody names the ground")
+        robot = Robot(service, session, "unnamed ground")
         send_ground(robot)
         drive = Drive(robot, labelled=False)
         asphalt = [drive.leg("", ASPHALT) for _ in range(24)]
@@ -108,7 +108,7 @@ def test_unnamed_ground_slows_plans_within_two_stops(service: Running) -> None:
         for surface, legs in ((SAND, 12), (ICE, 8)):
             before = drive.overruns
             tops = [drive.leg("", surface) for _ in range(legs)]
-            # Nothing tells of the change but the stops themselves: two of them may go too far.
+            # Only stops show the change: two of them may go too far.
             assert drive.overruns - before <= 2
             assert max(tops[2:]) < asphalt[-1]
             assert robot.level_force() == pytest.approx(surface.force, rel=0.08)
@@ -118,7 +118,7 @@ def test_unnamed_ground_slows_plans_within_two_stops(service: Running) -> None:
 
 def test_named_ground_is_never_overrun_and_becomes_known(service: Running) -> None:
     with service.session() as session:
-        robot = Robot(service, session, "somebody names the ground")
+        robot = Robot(service, session, "named ground")
         assert robot.roll_back(1)["status"] == "ok"
         drive = Drive(robot, labelled=True)
         grounds = (("asphalt", ASPHALT, 24), ("sand", SAND, 20), ("ice", ICE, 14))

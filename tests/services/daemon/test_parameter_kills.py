@@ -1,4 +1,4 @@
-"""Killed while it learns: the store opens, no receipt was in vain, plans come again at once."""
+"""Killed while it learns: the store opens, no acknowledged stop is lost, plans resume soon."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Sender:
         self.sequence = 0
 
     def send(self, robot: Robot) -> bool:
-        """One stop; False once nobody answers."""
+        """One stop; False once no reply comes."""
         stop = robot.stop_fields(G * (0.42 + 0.01 * (self.sequence % 3)))
         fields = {**stop, "sequence": self.sequence + 1}
         receipt = robot.query("obs/stop", fields, "stop_observation", timeout=2.0)
@@ -53,7 +53,7 @@ def killed_and_killed_again(
 ) -> tuple[Sender, np.ndarray]:
     """As often as that, at random moments; clock and processor (n, 2) to the first plan [s].
 
-    Of so many starts only one is from nothing, and only such a start is timed.
+    Of ``every`` starts only one is from nothing, and only such a start is timed.
     """
     chance, sender, starts, port = random.Random(seed), Sender(), [], free_port()
     for number in range(times):
@@ -90,13 +90,13 @@ def soon(starts: np.ndarray) -> bool:
 
 def check(robot: Robot, sender: Sender) -> None:
     """Everything acknowledged is in the history, once, with its version or an earlier one."""
-    kept: dict[int, int] = {}
+    stored: dict[int, int] = {}
     for entry in robot.parameters("braking", history=10_000)["history"]:
         sequence = int(entry["cause"].partition(":")[0].removeprefix("stop "))
-        assert sequence not in kept, "learned twice"
-        kept[sequence] = entry["version"]
+        assert sequence not in stored, "learned twice"
+        stored[sequence] = entry["version"]
     for sequence, version in sender.acknowledged.items():
-        assert kept[sequence] <= version
+        assert stored[sequence] <= version
 
 
 def test_killed_a_few_times(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Routers that restart, receivers that stand still: with real processes."""
+"""Routers that restart, receivers that hang: with real processes."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps([endpoint]))
 config.insert_json5("scouting/multicast/enabled", "false")
-# Through the sockets, as over a network: shared memory would hide a receiver that stands still.
+# Through the sockets, as over a network: shared memory would hide a receiver that hangs.
 config.insert_json5("transport/shared_memory/enabled", "false")
-key, question = f"{namespace}/v1/plan", open(payload, "rb").read()
-hear = lambda _: None
+key, request = f"{namespace}/v1/plan", open(payload, "rb").read()
+ignore = lambda _: None
 with zenoh.open(config) as session:
-    hears = session.declare_subscriber(f"{namespace}/**", hear)
+    subscriber = session.declare_subscriber(f"{namespace}/**", ignore)
     print("ready", flush=True)
     while True:
-        session.get(key, hear, payload=question, encoding=encoding, timeout=60.0)
+        session.get(key, ignore, payload=request, encoding=encoding, timeout=60.0)
         time.sleep(0.05)
 """
 
@@ -64,7 +64,7 @@ def process(code: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def answered(client: PlanClient, seconds: float) -> PlanReply | None:
-    """The first reply with plans in so many seconds; the client's own stop meanwhile."""
+    """The first reply with plans within a duration [s]; the client's stop before it."""
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         outcome = client.plan(1.0, fan(2))
@@ -75,9 +75,9 @@ def answered(client: PlanClient, seconds: float) -> PlanReply | None:
     return None
 
 
-def test_a_receiver_that_stands_still_holds_up_nobody(tmp_path: Path) -> None:
-    question = tmp_path / "question"
-    question.write_bytes(codec.encode(PlanRequest(speed=1.0, paths=fan(10)), Format.MESSAGEPACK))
+def test_a_stopped_receiver_delays_no_other_client(tmp_path: Path) -> None:
+    request = tmp_path / "request"
+    request.write_bytes(codec.encode(PlanRequest(speed=1.0, paths=fan(10)), Format.MESSAGEPACK))
     encoding = codec.encoding_of(PlanRequest, Format.MESSAGEPACK)
     with (
         running(tmp_path) as started,
@@ -87,7 +87,7 @@ def test_a_receiver_that_stands_still_holds_up_nobody(tmp_path: Path) -> None:
         client.put_map(flat())
         assert answered(client, 10.0) is not None
         with process(
-            _GREEDY, started.endpoint, started.namespace, str(question), encoding
+            _GREEDY, started.endpoint, started.namespace, str(request), encoding
         ) as greedy:
             time.sleep(1.0)
             greedy.send_signal(signal.SIGSTOP)

@@ -1,4 +1,4 @@
-"""Real processes and certificates: whoever is not allowed to changes nothing."""
+"""Real processes and certificates: a client without the right changes nothing."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from tests.services.service_process import Running, fan, flat, running
 
 NAMESPACE = "slopewise/robot"
 _SETTLED = 0.4
-"""Whatever was sent has arrived by then, or never will [s]."""
+"""Time after which a message that has not arrived never will [s]."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("mtls")
-    certificates.make(made)
-    return made
+    folder = tmp_path_factory.mktemp("mtls")
+    certificates.make(folder)
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -94,17 +94,17 @@ def test_mapping_brings_ground_and_navigation_gets_plans_on_it(
 @pytest.mark.parametrize("name", ["navigation", "estimator", "stranger"])
 def test_ground_of_anybody_else_is_not_let_in(folder: Path, service: Running, name: str) -> None:
     before = map_version(folder, service)
-    with as_(folder, service, name) as other:
-        send_map(other, service, elevation=np.full((49, 193), 7.0))
+    with as_(folder, service, name) as second:
+        send_map(second, service, elevation=np.full((49, 193), 7.0))
         time.sleep(_SETTLED)
     assert map_version(folder, service) == before
 
 
 @pytest.mark.parametrize("name", ["mapping", "estimator", "stranger"])
-def test_who_may_not_ask_gets_the_own_stop(folder: Path, service: Running, name: str) -> None:
+def test_without_access_the_client_stops(folder: Path, service: Running, name: str) -> None:
     with (
-        as_(folder, service, name) as other,
-        PlanClient(other, namespace=NAMESPACE, timeout=0.5) as asking,
+        as_(folder, service, name) as second,
+        PlanClient(second, namespace=NAMESPACE, timeout=0.5) as asking,
     ):
         outcome = asking.plan(1.0, fan(3))
     assert outcome.reply is None
@@ -142,11 +142,11 @@ def test_tls_alone_shows_the_service_s_certificate(folder: Path, tmp_path: Path)
             PlanClient(session, namespace=started.namespace, timeout=2.0) as asking,
         ):
             assert asking.plan(0.0, []).reply is not None
-        other = tmp_path / "other"
-        other.mkdir()
-        certificates.make(other)
+        foreign = tmp_path / "foreign"
+        foreign.mkdir()
+        certificates.make(foreign)
         with pytest.raises(InputError, match="lets this client in"):
-            client_session(started.endpoint, str(other / "tls-client.json5"))
+            client_session(started.endpoint, str(foreign / "tls-client.json5"))
         with pytest.raises(InputError, match="lets this client in"):
             client_session(started.endpoint.replace("tls/", "tcp/"))
 
@@ -155,19 +155,19 @@ def test_tls_alone_shows_the_service_s_certificate(folder: Path, tmp_path: Path)
 
 
 def ask(session: zenoh.Session, key: str, message: object = None) -> list[object]:
-    """OK replies to a query, decoded; none where nobody may answer."""
+    """OK replies to a query, decoded; empty where no service may answer."""
     written: dict[str, object] = {}
     if message is not None:
         written["payload"] = codec.encode(message, Format.MESSAGEPACK)
         written["encoding"] = codec.encoding_of(type(message), Format.MESSAGEPACK)
     kinds = {codec.schema_of(kind): kind for kind in (ParameterReply, ObservationAck)}
-    found = []
+    messages = []
     for reply in session.get(key, timeout=1.0, **written):
         if reply.ok is not None:
-            told = str(reply.ok.encoding)
-            kind = kinds[told.partition(";")[2]]
-            found.append(codec.decode(kind, reply.ok.payload, told, key, 10**8))
-    return found
+            encoding = str(reply.ok.encoding)
+            kind = kinds[encoding.partition(";")[2]]
+            messages.append(codec.decode(kind, reply.ok.payload, encoding, key, 10**8))
+    return messages
 
 
 def parameters(folder: Path, service: Running) -> bytes:
@@ -222,25 +222,25 @@ def test_only_who_may_changes_parameters(folder: Path, service: Running, name: s
     assert first.parameters is not None
     assert again.parameters is not None
     assert again.parameters.version == first.parameters.version
-    for one, other in zip(again.plans, first.plans, strict=True):
-        np.testing.assert_array_equal(one.values, other.values)
+    for plan_again, plan in zip(again.plans, first.plans, strict=True):
+        np.testing.assert_array_equal(plan_again.values, plan.values)
 
 
 def test_everybody_with_a_role_may_read_parameters(folder: Path, service: Running) -> None:
     for name in ("navigation", "mapping", "estimator", "operator"):
         with as_(folder, service, name) as reader:
             (reply,) = ask(reader, service.key("params"))
-            (one,) = ask(reader, service.key("params/braking"))
+            (braking,) = ask(reader, service.key("params/braking"))
             (effects,) = ask(reader, service.key("params/effects"))
-        assert reply.status == one.status == "ok"
+        assert reply.status == braking.status == "ok"
         assert {group.group for group in reply.groups} >= {"braking", "limits"}
-        assert [group.group for group in one.groups] == ["braking"]
+        assert [group.group for group in braking.groups] == ["braking"]
         assert [group.group for group in effects.groups] == ["effects"]
-    with as_(folder, service, "stranger") as stranger:
-        assert ask(stranger, service.key("params")) == []
+    with as_(folder, service, "stranger") as unknown:
+        assert ask(unknown, service.key("params")) == []
 
 
-def test_an_estimator_teaches_and_an_operator_sets(folder: Path, service: Running) -> None:
+def test_an_estimator_sends_stops_and_an_operator_sets(folder: Path, service: Running) -> None:
     with as_(folder, service, "estimator") as estimator:
         (receipt,) = ask(estimator, service.key("obs/stop"), stop("estimator"))
     assert receipt.status == "taken", receipt
@@ -250,29 +250,31 @@ def test_an_estimator_teaches_and_an_operator_sets(folder: Path, service: Runnin
         assert reply.status == "ok", reply
         absurd = SetParameters(group="limits", values={"speed": -1.0})
         (refused,) = ask(operator, service.key("params/set"), absurd)
-        (looked,) = ask(operator, service.key("discrepancy"), DiscrepancyQuestion(start=True))
+        (examined,) = ask(operator, service.key("discrepancy"), DiscrepancyQuestion(start=True))
         (adopted,) = ask(operator, service.key("params/adopt"), AdoptOffer(offer="none"))
-    assert looked.status == adopted.status == "refused"
-    assert "samples" in looked.reason
+    assert examined.status == adopted.status == "refused"
+    assert "samples" in examined.reason
     assert refused.status == "refused"
     assert refused.version == reply.version > receipt.version - 1
     answer = planned_on_a_new_map(folder, service)
     assert answer.plans[0].column("speed").max() <= 1.5 + 1e-9
 
 
-def degraded(session: zenoh.Session, service: Running, wanted: bool) -> bool:
+def degraded(session: zenoh.Session, service: Running, expected: bool) -> bool:
     """Whether the status says so within five seconds."""
-    heard: list[ServiceStatus] = []
+    received: list[ServiceStatus] = []
 
-    def hear(sample: zenoh.Sample) -> None:
-        told = str(sample.encoding)
-        heard.append(codec.decode(ServiceStatus, sample.payload, told, "status", 10**6))
+    def receive(sample: zenoh.Sample) -> None:
+        encoding = str(sample.encoding)
+        received.append(codec.decode(ServiceStatus, sample.payload, encoding, "status", 10**6))
 
-    with session.declare_subscriber(service.key("status"), hear):
+    with session.declare_subscriber(service.key("status"), receive):
         until = time.monotonic() + 5.0
-        while time.monotonic() < until and not (heard and bool(heard[-1].degraded) is wanted):
+        while time.monotonic() < until and not (
+            received and bool(received[-1].degraded) is expected
+        ):
             time.sleep(0.05)
-    return bool(heard) and bool(heard[-1].degraded) is wanted
+    return bool(received) and bool(received[-1].degraded) is expected
 
 
 def test_an_estimator_shows_that_it_lives_and_nobody_else_for_it(
@@ -291,7 +293,7 @@ def test_an_estimator_shows_that_it_lives_and_nobody_else_for_it(
             assert degraded(operator, started, True)
             forged.undeclare()
         with as_(folder, started, "estimator") as estimator:
-            # A token lives as long as somebody holds it.
+            # A token lives as long as its session.
             token = estimator.liveliness().declare_token(started.key("alive/slip"))
             assert degraded(operator, started, False)
             token.undeclare()
@@ -309,17 +311,17 @@ def test_an_estimators_certificate_cannot_hold_the_planners_token(
         as_(folder, service, "estimator") as estimator,
         as_(folder, service, "operator") as operator,
     ):
-        heard: list[zenoh.Sample] = []
-        with operator.liveliness().declare_subscriber(service.key("alive/*"), heard.append):
+        received: list[zenoh.Sample] = []
+        with operator.liveliness().declare_subscriber(service.key("alive/*"), received.append):
             time.sleep(_SETTLED)
-            before = len(heard)
+            before = len(received)
             forged = estimator.liveliness().declare_token(service.key("alive/planner"))
-            own = estimator.liveliness().declare_token(service.key("alive/slip"))
+            token = estimator.liveliness().declare_token(service.key("alive/slip"))
             time.sleep(_SETTLED)
-            told = [str(sample.key_expr) for sample in heard[before:]]
+            encoding = [str(sample.key_expr) for sample in received[before:]]
             forged.undeclare()
             time.sleep(_SETTLED)
-            assert told == [service.key("alive/slip")]
-            assert not [s for s in heard if s.kind == zenoh.SampleKind.DELETE]
+            assert encoding == [service.key("alive/slip")]
+            assert not [s for s in received if s.kind == zenoh.SampleKind.DELETE]
         assert service.key("alive/planner") in seen(operator)
-        own.undeclare()
+        token.undeclare()

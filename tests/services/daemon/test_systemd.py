@@ -13,18 +13,18 @@ from slopewise.services.daemon import systemd
 from tests.services.service_process import running
 
 UNIT = Path(__file__).parents[3] / "configs" / "systemd" / "slopewise.service"
-_MOST_EXPOSED = 2.0
+_MAX_EXPOSURE = 2.0
 """Of 10, as `systemd-analyze security` counts."""
 
 
 def listening(address: str) -> socket.socket:
-    heard = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-    heard.bind(address)
-    heard.settimeout(5.0)
-    return heard
+    receiver = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    receiver.bind(address)
+    receiver.settimeout(5.0)
+    return receiver
 
 
-def test_nobody_listens_without_systemd(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_systemd_no_state_is_received(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
     assert not systemd.notify_systemd(systemd.READY)
     monkeypatch.setenv("NOTIFY_SOCKET", "/nowhere/at/all")
@@ -32,24 +32,24 @@ def test_nobody_listens_without_systemd(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_abstract_sockets_are_reached(monkeypatch: pytest.MonkeyPatch) -> None:
-    with listening("\0slopewise-test") as heard:
+    with listening("\0slopewise-test") as receiver:
         monkeypatch.setenv("NOTIFY_SOCKET", "@slopewise-test")
         assert systemd.notify_systemd(systemd.ALIVE)
-        assert heard.recv(100) == b"WATCHDOG=1"
+        assert receiver.recv(100) == b"WATCHDOG=1"
 
 
-def test_a_service_tells_that_it_is_ready_and_lives(
+def test_a_service_reports_that_it_is_ready_and_alive(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     address = str(tmp_path / "notify")
-    with listening(address) as heard:
+    with listening(address) as receiver:
         monkeypatch.setenv("NOTIFY_SOCKET", address)
         with running(tmp_path, fresh=True):
-            assert heard.recv(100) in (b"READY=1", b"WATCHDOG=1")
-            told = {heard.recv(100) for _ in range(3)}
-        assert b"WATCHDOG=1" in told
-        while b"STOPPING=1" not in told:
-            told.add(heard.recv(100))
+            assert receiver.recv(100) in (b"READY=1", b"WATCHDOG=1")
+            states = {receiver.recv(100) for _ in range(3)}
+        assert b"WATCHDOG=1" in states
+        while b"STOPPING=1" not in states:
+            states.add(receiver.recv(100))
 
 
 @pytest.fixture
@@ -84,6 +84,6 @@ def test_the_unit_leaves_little_open(unit: Path) -> None:
         timeout=60,
         check=False,
     )
-    told = re.search(r"Overall exposure level[^:]*: ([\d.]+)", done.stdout)
-    assert told is not None, done.stdout + done.stderr
-    assert float(told[1]) <= _MOST_EXPOSED
+    states = re.search(r"Overall exposure level[^:]*: ([\d.]+)", done.stdout)
+    assert states is not None, done.stdout + done.stderr
+    assert float(states[1]) <= _MAX_EXPOSURE

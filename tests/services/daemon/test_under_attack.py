@@ -1,4 +1,4 @@
-"""One honest robot beside many attackers; `SLOPEWISE_ATTACK` seconds of it, a few by default."""
+"""One honest robot among many attackers; `SLOPEWISE_ATTACK` seconds of it, a few by default."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ SECONDS = float(os.environ.get("SLOPEWISE_ATTACK", "12"))
 WARM, ALONE = (30.0, 10.0) if LONG else (6.0, 6.0)
 IN_TIME = 0.1
 SHARE = 0.99 if LONG else 0.4
-"""Of what the robot is answered alone, at least. The long form has a machine of its own. Beside
+"""Of what the robot is answered alone, at least. The long form has a whole machine. With
 other tests on two processors a third of the answers may come late through no fault of the service;
-a robot that is starved, as without shares of its own, is told "busy" nearly every time.
+a robot that is starved, as without a separate share, is answered "busy" nearly every time.
 """
 MORE_MEMORY = 1.05 if LONG else 1.2
-"""Than in the first seconds under attack, medians: much comes and goes with a question."""
+"""Than in the first seconds under attack, medians: much comes and goes with a request."""
 
 
 class Honest:
-    """A robot that asks twenty times a second, and drives by what it is told."""
+    """A robot that asks twenty times a second, and drives by the replies."""
 
     def __init__(self, service: Running, session: zenoh.Session) -> None:
         self.service, self.session = service, session
@@ -46,7 +46,7 @@ class Honest:
     def ask(self) -> str:
         self.asked += 1
         paths = [{"name": f"{i}", "points": straight(20.0, 40, 0.002 * (i - 1))} for i in range(3)]
-        question = {
+        request = {
             "speed": 0.0,
             "paths": paths,
             "client": "robot",
@@ -56,18 +56,20 @@ class Honest:
         begun = time.monotonic()
         for reply in self.querier.get(
             parameters=f"deadline={0.8 * IN_TIME}",
-            payload=msgspec.msgpack.encode(question),
+            payload=msgspec.msgpack.encode(request),
             encoding=f"{MACHINE};slopewise.plan_request.v1",
         ):
             if reply.ok is None:
                 continue
-            told = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
-            if told["plans"]:
+            reply_fields = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
+            if reply_fields["plans"]:
                 self.answered += 1
                 self.took.append(time.monotonic() - begun)
-                self.flags |= set(told["flags"])
-                self.fastest = max(self.fastest, *(speeds_of(p).max() for p in told["plans"]))
-            return str(told["status"])
+                self.flags |= set(reply_fields["flags"])
+                self.fastest = max(
+                    self.fastest, *(speeds_of(p).max() for p in reply_fields["plans"])
+                )
+            return str(reply_fields["status"])
         return "nobody"
 
     def drive(self, seconds: float) -> float:
@@ -161,9 +163,9 @@ def test_deadlines_that_are_none_are_refused(service: Running, text: str) -> Non
             timeout=3.0,
         )
         assert reply.ok is not None
-        told = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
-        assert told["status"] == "error"
-        assert "deadline: expected a finite number of seconds > 0" in told["reason"]
+        reply_fields = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
+        assert reply_fields["status"] == "error"
+        assert "deadline: expected a finite number of seconds > 0" in reply_fields["reason"]
 
 
 def test_the_reserved_key_is_answered(service: Running) -> None:
@@ -186,7 +188,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 
 
 @pytest.mark.timeout(900)
-def test_24_attackers_beside_one_robot(tmp_path: Path) -> None:
+def test_24_attackers_and_one_robot(tmp_path: Path) -> None:
     port = free_port()
     # Whether there is time to smooth a plan makes it a little faster or slower, too.
     settings = 'smooth = false\n[store]\npath = "p.sqlite"'
@@ -221,7 +223,7 @@ def test_24_attackers_beside_one_robot(tmp_path: Path) -> None:
         )
         assert honest.fastest <= fastest + 1e-9
         counters = status["counters"]
-        # A quick machine gives up none of the questions that it has taken: that has its own test.
+        # A quick machine gives up none of the requests that it has begun: that has its own test.
         for kind in (
             "busy",
             "refused",
@@ -231,7 +233,7 @@ def test_24_attackers_beside_one_robot(tmp_path: Path) -> None:
             "params_malformed",
         ):
             assert counters.get(kind, 0) > 0, kind
-        # Which of them come out of order, twice or late depends on who is heard first.
+        # Which of them come out of order, twice or late depends on which sender comes first.
         untimely = ("stop_out_of_order", "stop_duplicate", "stop_late", "stop_future")
         assert sum(counters.get(kind, 0) for kind in untimely) > 0
         # On a machine that is busy otherwise the robot alone is not always answered in time either.

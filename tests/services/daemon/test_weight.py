@@ -1,4 +1,4 @@
-"""What the service takes of a machine: no module that it does not use, and memory that is bounded.
+"""Imports and memory of the service: no unused module, and bounded memory.
 
 `docs/deploy.md` has the figures.
 """
@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from slopewise.services.client import PlanClient
-from slopewise.services.planning.cold_start import compile_first
+from slopewise.services.jobs.cold_start import compile_first
 from tests.services.service_process import fan, flat, running
 
 UNUSED = (
@@ -32,15 +32,15 @@ UNUSED = (
     "scipy.ndimage",
     "scipy.cluster",
 )
-MOST = 300.0
-"""[MB] resident after 100 questions; 272 were measured."""
-MOST_MORE = 25.0
-"""[MB] that 100 questions may add to what it has after its start."""
+MAX_RESIDENT = 300.0
+"""[MB] resident after 100 requests; 272 were measured."""
+MAX_GROWTH = 25.0
+"""[MB] that 100 requests may add to what it has after its start."""
 
 
 def test_nothing_is_imported_that_serving_does_not_use() -> None:
     code = (
-        "import sys, slopewise.services.cli.commands.serve, slopewise.services.daemon.daemon; "
+        "import sys, slopewise.services.cli.app, slopewise.services.daemon.daemon; "
         f"print([m for m in {UNUSED!r} if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -50,19 +50,19 @@ def test_nothing_is_imported_that_serving_does_not_use() -> None:
 def resident(process: int) -> float:
     """[MB]."""
     status = Path(f"/proc/{process}/status").read_text()
-    found = re.search(r"^VmRSS:\s+(\d+) kB", status, re.MULTILINE)
-    assert found is not None
-    return int(found[1]) / 1024
+    line = re.search(r"^VmRSS:\s+(\d+) kB", status, re.MULTILINE)
+    assert line is not None
+    return int(line[1]) / 1024
 
 
 @pytest.mark.nightly
 def test_memory_where_nothing_was_compiled_before(tmp_path: Path) -> None:
     """The compiler's own memory is that of another process."""
-    kept = tmp_path / "compiled"
-    kept.mkdir()
-    with running(tmp_path, environment={"NUMBA_CACHE_DIR": str(kept)}) as started:
-        assert resident(started.process.pid) < MOST
-    assert list(kept.glob("**/*.nbi"))
+    cache = tmp_path / "compiled"
+    cache.mkdir()
+    with running(tmp_path, environment={"NUMBA_CACHE_DIR": str(cache)}) as started:
+        assert resident(started.process.pid) < MAX_RESIDENT
+    assert list(cache.glob("**/*.nbi"))
 
 
 def test_memory_after_a_hundred_questions(tmp_path: Path) -> None:
@@ -72,10 +72,10 @@ def test_memory_after_a_hundred_questions(tmp_path: Path) -> None:
         uneven = 0.05 * np.random.default_rng(0).standard_normal((240, 480))
         with PlanClient(session, namespace=started.namespace, name="weight", timeout=5.0) as client:
             client.put_map(flat(elevation=uneven, origin=(-5.0, -30.0)))
-            # What is kept of a question is kept of a small one, too; the large ones weigh most.
+            # Memory retained for a request is retained for a small one, too; large ones need most.
             for candidates in (64, 8, 8, 8) * 25:
                 outcome = client.plan(1.0, fan(candidates), pose=(0.0, 0.0, 0.0))
                 assert outcome.reply is not None
         end = resident(started.process.pid)
-    assert end < MOST
-    assert end - begin < MOST_MORE
+    assert end < MAX_RESIDENT
+    assert end - begin < MAX_GROWTH

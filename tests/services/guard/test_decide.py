@@ -107,9 +107,9 @@ def test_reverse_driving_is_decided_by_the_ground_behind() -> None:
     assert (reversed_.action, reversed_.command) == ("slow", STILL)
 
 
-@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
-def test_values_that_are_not_finite_are_a_stop(bad: float) -> None:
-    for values in ((bad, 1.0), (1.0, bad), (1.0, 1.0, bad)):
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf")])
+def test_values_that_are_not_finite_are_a_stop(wrong: float) -> None:
+    for values in ((wrong, 1.0), (1.0, wrong), (1.0, 1.0, wrong)):
         assert decided(*values).action == "stop"
 
 

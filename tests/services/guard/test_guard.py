@@ -98,7 +98,7 @@ def test_base_that_is_faster_than_commanded_is_stopped() -> None:
     assert "m/s faster than commanded" in decision.reason
 
 
-def test_overspeed_gives_brakes_their_time() -> None:
+def test_brakes_have_their_time_before_overspeed() -> None:
     monitor = OverspeedMonitor(dead_time=0.3, decel=1.0)
     for k in range(200):
         now = 0.05 * k

@@ -67,8 +67,8 @@ def messages(seconds: float = 3.0):  # type: ignore[no-untyped-def]
             ),
         )
         if k % 5 == 0:
-            told = twist(linear=vector(x=2.0 if t < 1.0 else 0.0), angular=vector())
-            yield "/cmd_vel", "geometry_msgs/msg/Twist", at + 1_000_000, told
+            command = twist(linear=vector(x=2.0 if t < 1.0 else 0.0), angular=vector())
+            yield "/cmd_vel", "geometry_msgs/msg/Twist", at + 1_000_000, command
             yield (
                 "/imu/data",
                 "sensor_msgs/msg/Imu",
@@ -132,7 +132,7 @@ def test_several_recordings_are_runs(tmp_path: Path, topics: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "field", "words"),
+    ("old", "new", "field", "message"),
     [
         ('"/odom"', '"/odometry"', "topic /odometry", "expected one of /cmd_vel, /imu/data"),
         ("linear.x", "linear.speed", "topics.toml", "has no speed"),
@@ -140,7 +140,7 @@ def test_several_recordings_are_runs(tmp_path: Path, topics: Path) -> None:
     ],
 )
 def test_mappings_that_do_not_fit(
-    tmp_path: Path, topics: Path, old: str, new: str, field: str, words: str
+    tmp_path: Path, topics: Path, old: str, new: str, field: str, message: str
 ) -> None:
     topics.write_text(TOPICS.replace(old, new))
     bag = written(tmp_path / "drive", StoragePlugin.MCAP)
@@ -148,11 +148,11 @@ def test_mappings_that_do_not_fit(
         read_logs([bag], topics)
     assert error.value.source == str(bag)
     assert field in str(error.value)
-    assert words in str(error.value)
+    assert message in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("text", "field", "words"),
+    ("text", "field", "message"),
     [
         ("[v]\ntopic = 3\n", "v.topic", "expected text"),
         ('[v]\ntopic = "/odom"\n', "v.field", "either field or quaternion"),
@@ -163,10 +163,10 @@ def test_mappings_that_do_not_fit(
     ],
 )
 def test_mappings_that_cannot_be_used(
-    tmp_path: Path, topics: Path, text: str, field: str, words: str
+    tmp_path: Path, topics: Path, text: str, field: str, message: str
 ) -> None:
     topics.write_text(text)
-    with fault_in(topics, field, words):
+    with fault_in(topics, field, message):
         read_logs([tmp_path / "drive.mcap"], topics)
 
 

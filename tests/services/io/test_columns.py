@@ -44,7 +44,7 @@ def test_names_units_signs_and_factors(tmp_path: Path) -> None:
     assert log.further == ()
 
 
-def test_either_way_round_where_the_file_leaves_no_doubt(tmp_path: Path) -> None:
+def test_either_way_round_where_the_file_is_unambiguous(tmp_path: Path) -> None:
     text = (
         LOG.replace("stamp,segment,speed,told,slope", "t,run,{},v_cmd,pitch")
         .replace("-5.7295779513", "0")
@@ -79,7 +79,7 @@ BASE = "time=stamp:ms,run=segment,speed=speed:km/h,command=told:km/h"
 
 
 @pytest.mark.parametrize(
-    ("names", "field", "words"),
+    ("names", "field", "message"),
     [
         ("speed", "speed", "expected NAME=COLUMN or NAME=COLUMN:UNIT, such as speed=v:km/h"),
         ("speed=:km/h", "speed=:km/h", "expected NAME=COLUMN"),
@@ -90,8 +90,8 @@ BASE = "time=stamp:ms,run=segment,speed=speed:km/h,command=told:km/h"
         ("run=segment:s", "run=segment:s", "expected no unit, run is text"),
     ],
 )
-def test_entries_that_cannot_be_read(tmp_path: Path, names: str, field: str, words: str) -> None:
-    with fault_in("--columns", field, words):
+def test_entries_that_cannot_be_read(tmp_path: Path, names: str, field: str, message: str) -> None:
+    with fault_in("--columns", field, message):
         read(tmp_path, names)
 
 
@@ -107,8 +107,8 @@ def test_a_column_that_is_not_there_is_named_with_its_entry(tmp_path: Path) -> N
 
 def test_two_meanings_are_no_guess(tmp_path: Path) -> None:
     text = "t,v,v_cmd,pitch,speed\n0,1,1,0,3.6\n"
-    words = "a file with columns v and speed: write v=speed or v=v"
-    with fault_in("--columns", "speed=v:km/h", words):
+    message = "a file with columns v and speed: write v=speed or v=v"
+    with fault_in("--columns", "speed=v:km/h", message):
         read(tmp_path, "speed=v:km/h", text)
     assert read(tmp_path, "v=speed:km/h", text).columns["v"][0] == pytest.approx(1.0)
     assert read(tmp_path, "v=v:km/h", text).columns["v"][0] == pytest.approx(1.0 / 3.6)
@@ -121,9 +121,9 @@ def test_cells_are_named_as_the_file_has_them(tmp_path: Path) -> None:
 
 def test_all_missing_columns_at_once(tmp_path: Path) -> None:
     fields = "column v, column v_cmd, column pitch"
-    words = "missing columns, got the header t,speed,Pitch; is pitch Pitch?"
+    message = "missing columns, got the header t,speed,Pitch; is pitch Pitch?"
     stop = "a stop is where v_cmd goes to 0 while the vehicle rolls; coast-downs, without a command"
-    with fault_in(tmp_path / "log.csv", fields, words, stop):
+    with fault_in(tmp_path / "log.csv", fields, message, stop):
         read(tmp_path, "", "t,speed,Pitch\n0,1,0\n")
 
 

@@ -1,4 +1,4 @@
-"""Maps and paths out of recordings: written by rosbags, and public ones decoded by hand."""
+"""Maps and paths of recordings: written by rosbags, and public ones decoded by hand."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ def test_cells_lie_where_the_message_says(start: tuple[int, int], by_column: boo
 
 
 def test_cells_without_a_basic_layer_are_unknown() -> None:
-    other = np.zeros((7, 5))
-    other[2, 3] = np.nan
-    message = grid_maps.grid_map(HEIGHTS, more={"seen": other}, basic=("elevation", "seen"))
+    partial = np.zeros((7, 5))
+    partial[2, 3] = np.nan
+    message = grid_maps.grid_map(HEIGHTS, more={"seen": partial}, basic=("elevation", "seen"))
     known = np.isfinite(elevation_map_of(message).elevation)
     assert np.count_nonzero(~known) == 1
     assert not known[::-1, ::-1].T[2, 3]
@@ -70,13 +70,13 @@ def error_of(**layers: np.ndarray) -> float:
 
 def test_a_variance_is_how_far_heights_are_off() -> None:
     std = RNG.uniform(0.01, 0.1, HEIGHTS.shape).astype(np.float32)
-    most = pytest.approx(float(np.quantile(std, 0.95)), rel=1e-4)
-    assert error_of(variance=std**2) == most
+    expected = pytest.approx(float(np.quantile(std, 0.95)), rel=1e-4)
+    assert error_of(variance=std**2) == expected
     untold = np.where(std < 0.02, np.nan, std**2)
     assert error_of(variance=untold) >= error_of(variance=std**2) > 0.0
     # Bounds are those of the fused map; the variance of a raw one goes before them.
     bounds = {"lower_bound": HEIGHTS - 2.0 * std, "upper_bound": HEIGHTS + 2.0 * std}
-    assert error_of(**bounds) == most
+    assert error_of(**bounds) == expected
     assert error_of(variance=0.0 * std + 0.01, **bounds) == pytest.approx(0.1)
 
 
@@ -93,7 +93,7 @@ def test_a_place_that_is_off_is_a_height_that_is_off_on_a_slope() -> None:
     assert elevation_map_of(message).height_std == pytest.approx(expected, rel=1e-5)
 
 
-def test_layers_that_tell_nothing_are_not_believed() -> None:
+def test_layers_without_an_error_are_ignored() -> None:
     assumed = pytest.approx(0.045)
     assert error_of() == assumed
     zero = np.zeros_like(HEIGHTS)
@@ -103,7 +103,7 @@ def test_layers_that_tell_nothing_are_not_believed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "field", "words"),
+    ("change", "field", "message_part"),
     [
         (lambda m: setattr(m.info, "resolution", float("nan")), "info.resolution", "> 0"),
         (lambda m: setattr(m.info, "length_x", 3.3), "info.length_x", "whole cells"),
@@ -119,10 +119,10 @@ def test_layers_that_tell_nothing_are_not_believed() -> None:
         (lambda m: setattr(m.info.pose.position, "x", float("inf")), "info.pose.position", "fin"),
     ],
 )
-def test_grid_maps_that_are_none(change: Any, field: str, words: str) -> None:
+def test_grid_maps_that_cannot_be_used(change: Any, field: str, message_part: str) -> None:
     message = grid_maps.grid_map(HEIGHTS)
     change(message)
-    with pytest.raises(ParameterError, match=words) as error:
+    with pytest.raises(ParameterError, match=message_part) as error:
         elevation_map_of(message)
     assert error.value.field == field
 
@@ -167,7 +167,7 @@ def test_the_last_map_of_a_recording(tmp_path: Path, plugin: Any) -> None:
 
 
 def test_a_recorded_map_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Grid, frame and heights come out of one decoding, until the recording is another one."""
+    """Grid, frame and heights need one decoding, until the recording is another one."""
     recording = bag(tmp_path / "b", ("/map", GRID_MAP, grid_maps.grid_map(HEIGHTS)))
     decoded = []
     plain = elevation_map_of
@@ -185,8 +185,8 @@ def test_a_recorded_map_is_decoded_once(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_what_cannot_be_guessed_is_asked(tmp_path: Path) -> None:
-    one = grid_maps.grid_map(HEIGHTS)
-    recording = bag(tmp_path / "b", ("/a", GRID_MAP, one), ("/b", GRID_MAP, one))
+    message = grid_maps.grid_map(HEIGHTS)
+    recording = bag(tmp_path / "b", ("/a", GRID_MAP, message), ("/b", GRID_MAP, message))
     with fault_in(recording, "topics", "/a, /b"):
         read_map(recording)
     with fault_in(recording, "topics", "a topic of nav_msgs/msg/Path, got /a (grid_map_msgs"):
@@ -209,9 +209,9 @@ def test_paths_of_a_recording(tmp_path: Path) -> None:
     assert [c.name for c in read_paths(recording, mapping)] == ["/plan#0", "/plan#1"]
     with fault_in(recording, "/plan, header.frame_id", "expected frame odom", "got map"):
         read_bag_paths(recording, None, "odom")
-    bent = bag(tmp_path / "c", ("/p", PATH, grid_maps.path(LINE, pose_frame="base_link")))
-    with fault_in(bent, "/p, header.frame_id", "got base_link"):
-        read_bag_paths(bent, None, "map")
+    moved = bag(tmp_path / "c", ("/p", PATH, grid_maps.path(LINE, pose_frame="base_link")))
+    with fault_in(moved, "/p, header.frame_id", "got base_link"):
+        read_bag_paths(moved, None, "map")
     empty = bag(tmp_path / "d", ("/p", PATH, grid_maps.path(LINE[:1])))
     with fault_in(empty, "/p, points", "at least 2 points"):
         read_paths(empty)
@@ -275,9 +275,18 @@ def test_public_recordings_are_planned_on_and_pictured(
     )
     if name == RECORDINGS[0]:  # letters in unknown ground: nothing to stand on
         paths.write_text("candidate,x,y\nmiddle,0.0,-1.0\nmiddle,0.0,1.0\n")
-    words = ["plan", str(folder), str(paths), "--model", "husky", "--json", "--report", str(page)]
+    arguments = [
+        "plan",
+        str(folder),
+        str(paths),
+        "--model",
+        "husky",
+        "--json",
+        "--report",
+        str(page),
+    ]
     with_scene = find_spec("foxglove") is not None
-    done = CliRunner().invoke(app, [*words, *(["--out", str(scene)] if with_scene else [])])
+    done = CliRunner().invoke(app, [*arguments, *(["--out", str(scene)] if with_scene else [])])
     plans = {plan["candidate"]: plan for plan in json.loads(done.output)["plans"]}
     if name == RECORDINGS[0]:
         assert done.exit_code == 3

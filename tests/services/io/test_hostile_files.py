@@ -1,4 +1,4 @@
-"""Files that somebody made to do harm, or by mistake: one line, no crash, little memory."""
+"""Hostile and broken files: one line, no crash, little memory."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ATV = find_model("atv").read_text()
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("a." * 100_000 + "b = 1\n", "line 1: expected keys of at most 20 parts"),
         ("x = 1\n[" + '"a" . ' * 30_000 + "b]\n", "line 2: expected keys of at most 20 parts"),
@@ -33,14 +33,14 @@ ATV = find_model("atv").read_text()
     ],
 )
 def test_toml_that_would_take_gigabytes_is_refused_in_little(
-    tmp_path: Path, text: str, words: str
+    tmp_path: Path, text: str, message: str
 ) -> None:
     file = tmp_path / "m.toml"
     file.write_text(text)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(InputError) as error:
         read_toml(file)
-    assert words in str(error.value)
+    assert message in str(error.value)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000
 
 
@@ -126,7 +126,7 @@ def test_a_map_without_coordinate_system_says_what_it_is_taken_for(tmp_path: Pat
 
     from slopewise.services.io.map_file import read_map
 
-    for crs, words in ((None, "taken to be in metres"), ("EPSG:32632", "")):
+    for crs, message in ((None, "taken to be in metres"), ("EPSG:32632", "")):
         file = tmp_path / "g.tif"
         with rasterio.open(
             file,
@@ -141,7 +141,7 @@ def test_a_map_without_coordinate_system_says_what_it_is_taken_for(tmp_path: Pat
         ) as raster:
             raster.write(np.zeros((9, 9)), 1)
         assumed = read_map(file).assumed
-        assert words in " ".join(assumed)
+        assert message in " ".join(assumed)
         assert bool(assumed) is (crs is None)
 
 
@@ -151,15 +151,15 @@ def test_a_table_under_a_name_of_another_kind_is_refused(tmp_path: Path, name: s
         tmp_path / "m.npz", elevation=np.zeros((40, 90)), resolution=0.5, origin=np.array([-5, -9])
     )
     (tmp_path / "p.csv").write_text("x,y\n" + "".join(f"{i},0\n" for i in range(20)))
-    words = ["plan", "m.npz", "p.csv", "--model", "atv", "--out", name]
-    done = WarmProcess(words, {"PATH": ""}, folder=tmp_path).finished(60.0)
+    arguments = ["plan", "m.npz", "p.csv", "--model", "atv", "--out", name]
+    done = WarmProcess(arguments, {"PATH": ""}, folder=tmp_path).finished(60.0)
     assert done.returncode == 2
     assert "expected a name that ends in .csv" in done.stderr
     assert not (tmp_path / name).exists()
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("km/h", 3.6), ("miles per hour", 1 / 0.44704)])
-def test_what_speeds_in_another_unit_teach_is_recognised(unit: str, factor: float) -> None:
+def test_coefficients_of_another_unit_are_recognised(unit: str, factor: float) -> None:
     known = read_model(find_model("atv")).braking
     grades = np.linspace(-0.2, 0.2, 30)
     force = factor * (known.b_m * grades + known.b_b) + (factor - 1.0) * np.sin(grades)

@@ -33,10 +33,10 @@ def geotiff(path: Path, heights: Any = HEIGHTS, **profile: Any) -> Path:
     heights = np.atleast_3d(np.asarray(heights).T).T  # (bands, rows, columns)
     units = profile.pop("unit", None)
     scales = profile.pop("scale", None)
-    wanted = {"crs": UTM, "transform": NORTH_UP, "dtype": heights.dtype, **profile}
+    settings = {"crs": UTM, "transform": NORTH_UP, "dtype": heights.dtype, **profile}
     bands, rows, columns = heights.shape
     with rasterio.open(
-        path, "w", driver="GTiff", count=bands, height=rows, width=columns, **wanted
+        path, "w", driver="GTiff", count=bands, height=rows, width=columns, **settings
     ) as dataset:
         dataset.write(heights)
         if units:
@@ -69,7 +69,7 @@ def same(a: ElevationMap, b: ElevationMap) -> bool:
 
 
 @pytest.mark.parametrize("name", ["giswqs_dem.tif", "TM1_564_146.tif"])
-def test_every_sampled_point_has_the_height_that_rasterio_gives_it(name: str) -> None:
+def test_every_sampled_point_has_the_height_of_rasterio(name: str) -> None:
     path = real_data(f"dem/{name}")
     elevation_map = read_map(path)
     x_min, x_max, y_min, y_max = elevation_map.extent
@@ -82,8 +82,8 @@ def test_every_sampled_point_has_the_height_that_rasterio_gives_it(name: str) ->
     for (x, y), height in zip(points, expected.tolist(), strict=True):
         column = (x - elevation_map.origin[0]) / elevation_map.resolution
         row = (y - elevation_map.origin[1]) / elevation_map.resolution
-        found = elevation_map.elevation[round(row), round(column)]
-        assert found == height or (np.isnan(found) and height == nodata)
+        height_here = elevation_map.elevation[round(row), round(column)]
+        assert height_here == height or (np.isnan(height_here) and height == nodata)
     # Bilinear between centres, by the affine transform and the raster as it lies in the file.
     raw[raw == nodata] = np.nan
     for x, y in RNG.uniform((x_min, y_min), (x_max, y_max), (500, 2)).tolist():
@@ -93,30 +93,30 @@ def test_every_sampled_point_has_the_height_that_rasterio_gives_it(name: str) ->
         a, b = u - j, v - i
         corners = raw[i : i + 2, j : j + 2]
         height = np.array([1 - b, b]) @ corners @ np.array([1 - a, a])
-        found = height_at(
+        height_here = height_at(
             elevation_map.elevation,
             (x - elevation_map.origin[0]) / elevation_map.resolution,
             (y - elevation_map.origin[1]) / elevation_map.resolution,
         )
-        assert found == pytest.approx(height, abs=1e-6, nan_ok=True)
+        assert height_here == pytest.approx(height, abs=1e-6, nan_ok=True)
 
 
 @pytest.mark.parametrize("name", ["giswqs_dem.tif", "TM1_564_146.tif"])
 def test_a_part_of_a_real_map_is_the_whole_one_cut(name: str) -> None:
     path = real_data(f"dem/{name}")
-    whole = read_map(path)
+    complete = read_map(path)
     info = map_info(path)
-    assert info.extent == whole.extent
-    assert (info.rows, info.columns) == whole.elevation.shape
-    x_min, x_max, y_min, y_max = whole.extent
+    assert info.extent == complete.extent
+    assert (info.rows, info.columns) == complete.elevation.shape
+    x_min, x_max, y_min, y_max = complete.extent
     for _ in range(10):
         xs = np.sort(RNG.uniform(x_min - 20, x_max + 20, 2))
         ys = np.sort(RNG.uniform(y_min - 20, y_max + 20, 2))
         part = read_map(path, around=(xs[0], xs[1], ys[0], ys[1]))
-        column = round((part.origin[0] - whole.origin[0]) / whole.resolution)
-        row = round((part.origin[1] - whole.origin[1]) / whole.resolution)
+        column = round((part.origin[0] - complete.origin[0]) / complete.resolution)
+        row = round((part.origin[1] - complete.origin[1]) / complete.resolution)
         rows, columns = part.elevation.shape
-        cut = whole.elevation[row : row + rows, column : column + columns]
+        cut = complete.elevation[row : row + rows, column : column + columns]
         np.testing.assert_array_equal(part.elevation, cut)
         assert part.extent[0] <= max(xs[0], x_min)
         assert part.extent[1] >= min(xs[1], x_max)
@@ -130,8 +130,8 @@ def test_rows_and_origin(tmp_path: Path) -> None:
     assert elevation_map.resolution == 0.5
     assert elevation_map.origin == (1000.25, 2000.0 - 12 * 0.5 + 0.25)
     south_up = Affine(0.5, 0.0, 1000.0, 0.0, 0.5, 1994.0)
-    other = read_map(geotiff(tmp_path / "s.tif", HEIGHTS[::-1], transform=south_up))
-    assert same(elevation_map, other)
+    south_up_map = read_map(geotiff(tmp_path / "s.tif", HEIGHTS[::-1], transform=south_up))
+    assert same(elevation_map, south_up_map)
 
 
 def test_only_the_window_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -217,7 +217,7 @@ def test_the_first_of_many_bands_is_the_elevation(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("crs", "words"),
+    ("crs", "message"),
     [
         ("EPSG:4326", "WGS 84 (degrees)"),
         ("EPSG:4979", "WGS 84 (degrees)"),
@@ -228,10 +228,10 @@ def test_the_first_of_many_bands_is_the_elevation(tmp_path: Path) -> None:
         ('LOCAL_CS["site",UNIT["foot",0.3048]]', "got foot in site"),
     ],
 )
-def test_coordinates_that_are_not_metres(tmp_path: Path, crs: str, words: str) -> None:
+def test_coordinates_that_are_not_metres(tmp_path: Path, crs: str, message: str) -> None:
     path = geotiff(tmp_path / "m.tif", crs=crs)
     for read in (map_info, read_map):
-        with fault_in(path, "crs", words):
+        with fault_in(path, "crs", message):
             read(path)
 
 
@@ -248,7 +248,7 @@ def test_degrees_without_a_coordinate_system(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("profile", "field", "words"),
+    ("profile", "field", "message"),
     [
         (
             {"transform": Affine(0.49, 0.09, 1000, 0.09, -0.49, 2000)},
@@ -271,11 +271,11 @@ def test_degrees_without_a_coordinate_system(tmp_path: Path) -> None:
 )
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 def test_grids_that_cannot_be_used(
-    tmp_path: Path, profile: dict[str, Any], field: str, words: str
+    tmp_path: Path, profile: dict[str, Any], field: str, message: str
 ) -> None:
     path = geotiff(tmp_path / "m.tif", **profile)
     for read in (map_info, read_map):
-        with fault_in(path, field, words):
+        with fault_in(path, field, message):
             read(path)
 
 
@@ -419,7 +419,7 @@ NEGATIVE = np.where(HEIGHTS[1, 2] == HEIGHTS, -1, 0)
 
 
 @pytest.mark.parametrize(
-    ("arrays", "field", "words"),
+    ("arrays", "field", "message"),
     [
         ({"elevation": None}, "elevation", "missing array, expected it besides origin, resolution"),
         ({"resolution": None}, "resolution", "missing array"),
@@ -465,14 +465,14 @@ NEGATIVE = np.where(HEIGHTS[1, 2] == HEIGHTS, -1, 0)
     ],
 )
 def test_npz_that_cannot_be_used(
-    tmp_path: Path, arrays: dict[str, Any], field: str, words: str
+    tmp_path: Path, arrays: dict[str, Any], field: str, message: str
 ) -> None:
     path = npz(tmp_path / "m.npz", **arrays)
-    with fault_in(path, field, words):
+    with fault_in(path, field, message):
         read_map(path)
 
 
-def test_a_header_that_promises_too_much_is_not_believed(tmp_path: Path) -> None:
+def test_header_of_a_huge_array_is_refused(tmp_path: Path) -> None:
     path = npz(tmp_path / "m.npz", elevation=None)
     with zipfile.ZipFile(path, "a") as archive, archive.open("elevation.npy", "w") as file:
         header = {"descr": "<f8", "fortran_order": False, "shape": (10**6, 10**6)}

@@ -18,7 +18,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.cli.app import app
-from slopewise.services.fleet import windows
+from slopewise.services.fleet import map_windows
 from slopewise.services.guard.guard_map import apply_update
 from slopewise.services.io.map_file import read_map
 from slopewise.services.io.map_grid import footprint_margin
@@ -227,15 +227,15 @@ def test_a_window_of_markers_alone_is_detected_by_the_rest_of_the_file(tmp_path:
         read_map(path, around=(x, x + 20.0, y, y + 20.0))
     part = read_map(path, around=(x, x + 20.0, y, y + 120.0))
     assert np.isnan(part.elevation).any()
-    with windows.opened(path) as ground:
+    with map_windows.opened(path) as ground:
         assert any("-500" in message for message in ground.assumed)  # before any window was read
         vehicle: Vehicle = read_model(find_model("atv")).vehicle
         line = np.stack([np.linspace(x, x + 20.0, 30), np.full(30, y)], axis=1)
-        (window,) = windows.windows(
+        (window,) = map_windows.map_windows(
             [CandidatePath("a", line)], ground.info, footprint_margin(vehicle, ground.info)
         )
         assert window.cells is not None
-        part = windows.ground_in(ground, window.cells)
+        part = map_windows.ground_in(ground, window.cells)
         assert np.isfinite(part.elevation).sum() == 1  # the one behind the window
 
 

@@ -13,7 +13,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError
 from slopewise.services.io.map_file import map_info
 from slopewise.services.io.path_file import check_paths_on_map, read_paths, write_paths_csv
-from tests.services.faults import fault_in, real_data
+from tests.services.faults import bad_inputs, fault_in, real_data
 
 LINE = [[0.0, 1.0], [2.0, 3.0], [4.0, 5.5]]
 
@@ -26,8 +26,8 @@ def written(path: Path, content: str | bytes | dict[str, Any]) -> Path:
 
 
 def same(a: CandidatePath, b: CandidatePath) -> bool:
-    def equal(one: Any, other: Any) -> bool:
-        return (one is None) == (other is None) and (one is None or np.array_equal(one, other))
+    def equal(p: Any, q: Any) -> bool:
+        return (p is None) == (q is None) and (p is None or np.array_equal(p, q))
 
     pairs = ((a.points, b.points), (a.speed_limit, b.speed_limit), (a.yaw, b.yaw))
     return a.name == b.name and all(equal(*pair) for pair in pairs)
@@ -63,44 +63,18 @@ def test_several_candidates_in_the_order_of_their_first_row(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("text", "field", "words"),
+    ("text", "field", "message"),
     [
-        ("", "row 1", "expected a header, got an empty file"),
-        ("\n\n", "row 1", "got an empty file"),
-        ("x,y\n", "row 2", "expected at least one row, got the header only"),
-        ("x,y\n0,0\n1,nan\n", "row 3, column y", "expected a finite number [m], got 'nan'"),
-        ("x,y\n0,0\n\ninf,1\n", "row 4, column x", "expected a finite number [m], got 'inf'"),
-        ("x,y\n0,0\n1,\n", "row 3, column y", "expected a finite number [m], got nothing"),
-        ("x,y\n0,0\n 1,2 m\n", "row 3, column y", "got '2 m'"),
-        ("x,y\n0,0\n1_000,2\n", "row 3, column x", "got '1_000'"),
-        ("x,y\n0,0\n1,5,2\n", "row 3", "expected 2 columns as in the header, got 3"),
-        ("x,y\n0,0\n1\n", "row 3", "expected 2 columns as in the header, got 1"),
-        (
-            "x;y\n0;0\n",
-            "column x, column y",
-            "missing columns, got the header x;y; expected commas",
-        ),
-        ("0,0\n1,1\n", "column 0", "expected each column once, got it twice"),
-        ("0,1\n1,1\n", "column x, column y", "got the header 0,1; expected names in the first row"),
-        ("x,z\n1,1\n", "column y", "missing column, got the header x,z"),
-        ("X,Y\n1,1\n", "column x, column y", "is x X?; is y Y?"),
-        ("x,y,x\n1,1,1\n", "column x", "expected each column once, got it twice"),
-        ("x,y\n1,1\n", "candidate p", "expected at least 2 points, got 1 (row 2)"),
-        ("x,y,candidate\n1,1,a\n1,1,b\n2,2,a\n", "candidate b", "at least 2 points, got 1 (row 3)"),
-        ("x,y,candidate\n1,1,a\n1,2, \n", "row 3, column candidate", "expected a name"),
-        ("x,y,speed_limit\n1,1,2\n1,2,-1\n", "row 3, column speed_limit", "got -1"),
-        ("x,y,speed_limit\n1,1,nan\n1,2,nan\n", "row 2, column speed_limit", "got nan"),
-        ("x,y,speed_limit\n1,1,\n1,2,inf\n", "row 3, column speed_limit", "got 'inf'"),
-        ("x,y,speed_limit\n1,1,2\n1,2,\n", "row 3, column speed_limit", "in every row of p"),
-        ("x,y,yaw\n1,1,north\n1,2,\n", "row 2, column yaw", "finite number [rad], got 'north'"),
-        ('x,y\n1,1\n1,"2\n', "row 3", "expected CSV"),
+        *bad_inputs("paths"),
         (b"x,y\n\xff\xff", "byte 4", "UTF-8"),
         (b"\x89PNG\r\n\x1a\n\x00\x00", "byte 0", "UTF-8"),
     ],
 )
-def test_csv_that_cannot_be_used(tmp_path: Path, text: str | bytes, field: str, words: str) -> None:
+def test_csv_that_cannot_be_used(
+    tmp_path: Path, text: str | bytes, field: str, message: str
+) -> None:
     path = written(tmp_path / "p.csv", text)
-    with fault_in(path, field, words):
+    with fault_in(path, field, message):
         read_paths(path)
 
 
@@ -201,7 +175,7 @@ CRS84 = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}
 
 
 @pytest.mark.parametrize(
-    ("data", "field", "words"),
+    ("data", "field", "message"),
     [
         ("", "line 1, column 1", "expected JSON"),
         ('{"type": "Feature",', "line 1, column 20", "expected JSON"),
@@ -260,10 +234,10 @@ CRS84 = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}
     ],
 )
 def test_geojson_that_cannot_be_used(
-    tmp_path: Path, data: str | dict[str, Any], field: str, words: str
+    tmp_path: Path, data: str | dict[str, Any], field: str, message: str
 ) -> None:
     path = written(tmp_path / "p.geojson", data)
-    with fault_in(path, field, words):
+    with fault_in(path, field, message):
         read_paths(path)
 
 
@@ -274,7 +248,7 @@ EXTENT = (429_252.8, 429_651.8, 5_150_485.9, 5_150_884.9)
 
 def test_a_path_has_to_begin_on_the_map() -> None:
     on = CandidatePath("on", np.array([[429_300.0, 5_150_500.0], [0.0, 0.0]]))
-    off = CandidatePath("off", np.array([[429_300.0, 5_150_400.25], [429_300.0, 5_150_500.0]]))
+    outside = CandidatePath("off", np.array([[429_300.0, 5_150_400.25], [429_300.0, 5_150_500.0]]))
     check_paths_on_map([on], EXTENT, "p.csv", "m.tif")
     with fault_in(
         "p.csv",
@@ -282,7 +256,7 @@ def test_a_path_has_to_begin_on_the_map() -> None:
         "expected a point on the map m.tif (x 429252.8 … 429651.8, y 5150485.9 … 5150884.9 m)",
         "got x 429300, y 5150400.25",
     ):
-        check_paths_on_map([on, off], EXTENT, "p.csv", "m.tif")
+        check_paths_on_map([on, outside], EXTENT, "p.csv", "m.tif")
 
 
 def test_degrees_are_recognised() -> None:
@@ -300,6 +274,6 @@ def test_a_path_off_a_real_map() -> None:
     x_min, x_max, y_min, y_max = info.extent
     inside = np.array([[x_min, y_max], [x_max, y_min]])
     check_paths_on_map([CandidatePath("a", inside)], info.extent, "p.csv", str(source))
-    beside = inside - np.array([1.0, 0.0])
+    shifted = inside - np.array([1.0, 0.0])
     with fault_in("p.csv", "candidate b, point 1", str(source)):
-        check_paths_on_map([CandidatePath("b", beside)], info.extent, "p.csv", str(source))
+        check_paths_on_map([CandidatePath("b", shifted)], info.extent, "p.csv", str(source))

@@ -1,4 +1,4 @@
-"""The example readers on the public recordings: stops counted by eye, sessions left out."""
+"""The example readers on the public recordings: stops counted by eye, held-out sessions."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def log_of(columns: dict[str, np.ndarray], path: Path) -> DriveLog:
 
 # Counted by eye on plots of speed and command over time, commands to stop at 0.3 m/s or faster:
 # Husky: changes of direction, or stops, from a plateau of at least 0.3 m/s: 72 or 73.
-# Cuadriga, forward: 23, one of them at 0.25 m/s, seven that went on at once or came down slowly.
-# Car: 13, 4 and 4 in the first three sessions, and 141 in the fourth, most of them let go early.
+# Cuadriga, forward: 23, one of them at 0.25 m/s, seven that drove on or slowed down gradually.
+# Car: 13, 4 and 4 in the first three sessions, and 141 in the fourth, most of them released early.
 @pytest.mark.parametrize(
-    ("reader", "folder", "by_eye", "least_usable"),
+    ("reader", "folder", "by_eye", "min_usable"),
     [
         (husky_drive, "stops/drive_norlab", 73, 60),
         (cuadriga, "stops/cuadriga", 23, 13),
@@ -38,13 +38,13 @@ def log_of(columns: dict[str, np.ndarray], path: Path) -> DriveLog:
     ],
 )
 def test_stops_are_found_as_an_eye_finds_them(
-    tmp_path: Path, reader: object, folder: str, by_eye: int, least_usable: int
+    tmp_path: Path, reader: object, folder: str, by_eye: int, min_usable: int
 ) -> None:
     columns = reader.read(real_data(folder))  # type: ignore[attr-defined]
     log = log_of(columns, tmp_path / "log.csv")
     learned = learn(log.columns, log.runs, KNOWN)
     assert len(learned.windows) == pytest.approx(by_eye, rel=0.1)
-    assert learned.verdicts["usable"] >= least_usable
+    assert learned.verdicts["usable"] >= min_usable
     assert 0.0 <= learned.dead_time.value < 0.8
     low, high = learned.braking.speed_range
     assert learned.braking.level_force(0.5 * (low + high)) > 0.03
@@ -64,14 +64,18 @@ def test_husky_stops_of_sessions_left_out_end_within_their_prediction(tmp_path: 
 def test_how_well_real_vehicles_hold_a_speed(tmp_path: Path) -> None:
     """Cuadriga drives long stretches at one command; the Husky's windows change it every 6 s."""
     log = log_of(cuadriga.read(real_data("stops/cuadriga")), tmp_path / "slopes.csv")
-    good = usable(len(log.columns["t"]), find_suspects(log.columns, log.runs), ["v", "v_cmd"])
-    found = speed_error(log.columns, log.runs, good)
-    assert found is not None
-    assert 0.03 < found.value < 0.08
-    assert abs(found.bias) < 0.01
-    assert found.stretches > 30
-    other = log_of(husky_drive.read(real_data("stops/drive_norlab")), tmp_path / "windows.csv")
-    assert speed_error(other.columns, other.runs, np.ones(len(other.columns["t"]), bool)) is None
+    usable_samples = usable(
+        len(log.columns["t"]), find_suspects(log.columns, log.runs), ["v", "v_cmd"]
+    )
+    error = speed_error(log.columns, log.runs, usable_samples)
+    assert error is not None
+    assert 0.03 < error.value < 0.08
+    assert abs(error.bias) < 0.01
+    assert error.stretches > 30
+    windows = log_of(husky_drive.read(real_data("stops/drive_norlab")), tmp_path / "windows.csv")
+    assert (
+        speed_error(windows.columns, windows.runs, np.ones(len(windows.columns["t"]), bool)) is None
+    )
 
 
 @pytest.mark.nightly

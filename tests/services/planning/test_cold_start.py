@@ -1,4 +1,4 @@
-"""Whoever waits for the compiler is told, in one line and before it begins."""
+"""A process that waits for the compiler reports it, in one line and before it begins."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from slopewise.planner.kernels.ahead import written_down
 from slopewise.planner.kernels.interpreted import interpret, is_interpreting
 from slopewise.planner.kernels.kept import compiling, is_compiling
 from slopewise.planner.path import batch
-from slopewise.services.planning import cold_start
+from slopewise.services.jobs import cold_start
 
 ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
 def compiled(monkeypatch: pytest.MonkeyPatch) -> list[set[str]]:
-    """What was compiled, by nobody."""
+    """Compiled code without an owner."""
     asked: list[set[str]] = []
 
     def compile_ahead(some: Any, progress: Callable[[int], None]) -> list[str]:
@@ -41,7 +41,7 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[set[str]]:
 
     monkeypatch.setattr(cold_start, "compile_ahead", compile_ahead)
     monkeypatch.setattr(kept, "is_compiled", lambda: bool(asked))
-    cold_start._say.cache_clear()
+    cold_start._print_once.cache_clear()
     return asked
 
 
@@ -51,12 +51,12 @@ def test_the_first_run_compiles_and_says_so_in_one_line(
     cold_start.compile_first("plans come after that")
     cold_start.compile_first("plans come after that")
     out, err = capfd.readouterr()
-    words = "slopewise: compiling, once after each installation; plans come after that\n"
-    assert (out, err) == ("", words)
+    line = "slopewise: compiling, once after each installation; plans come after that\n"
+    assert (out, err) == ("", line)
     assert compiled == [set(written_down())]
 
 
-def test_code_that_cannot_be_kept_is_not_compiled_twice(
+def test_code_that_cannot_be_cached_is_not_compiled_twice(
     compiled: list[set[str]], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(kept, "_folder", lambda: None)
@@ -92,21 +92,21 @@ def test_a_folder_for_compiled_code_is_made(
 @pytest.fixture
 def meanwhile(compiled: list[set[str]], monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
     """Compilers that another process runs, which compile nothing."""
-    told: list[Any] = []
+    printed: list[Any] = []
 
     class Compiler:
         ended: int | None = None
 
         def __init__(self, command: list[str], **_: Any) -> None:
             self.command = command
-            told.append(self)
+            printed.append(self)
 
         def poll(self) -> int | None:
             return self.ended
 
     monkeypatch.setattr(cold_start.subprocess, "Popen", Compiler)
     monkeypatch.setattr(cold_start, "_compiler", None)
-    yield told
+    yield printed
     interpret(False)
 
 
@@ -122,12 +122,12 @@ def test_a_few_paths_are_planned_in_python_while_another_process_compiles(
 def test_compiled_code_is_taken_to_as_soon_as_it_is_there(
     compiled: list[set[str]], meanwhile: list[Any]
 ) -> None:
-    with ThreadPoolExecutor(1) as other:
+    with ThreadPoolExecutor(1) as executor:
 
         def job() -> tuple[bool, bool, Future[bool]]:
             compiled.append(set())
             # A job of another thread changes nothing for one that runs.
-            begun = other.submit(cold_start.sooner, is_interpreting, lambda: 200.0)
+            begun = executor.submit(cold_start.sooner, is_interpreting, lambda: 200.0)
             return is_interpreting(), wait([begun], 0.3).not_done == {begun}, begun
 
         in_python, waits, after = cold_start.sooner(job, lambda: 200.0)
@@ -144,13 +144,13 @@ def test_no_job_is_switched_to_compiled_kernels_by_a_longer_one(compiled: list[s
         asked.set()
         return cold_start.FEW + 1.0
 
-    with ThreadPoolExecutor(1) as other:
+    with ThreadPoolExecutor(1) as executor:
 
         def job() -> tuple[bool, Future[bool]]:
-            longer = other.submit(cold_start.sooner, is_interpreting, many)
+            longer = executor.submit(cold_start.sooner, is_interpreting, many)
             assert asked.wait(10.0)
             compiled.append(set())
-            wait([longer], 3.0 * cold_start._LOOK)
+            wait([longer], 3.0 * cold_start._PERIOD)
             return is_interpreting(), longer
 
         in_python, longer = cold_start.sooner(job, lambda: 200.0)
@@ -178,7 +178,7 @@ def test_threads_that_plan_all_the_time_get_to_compiled_code(compiled: list[set[
         done = [threads.submit(plan_until_compiled) for _ in range(3)]
         time.sleep(0.1)
         compiled.append(set())
-        assert all(one.result(20.0) for one in done)
+        assert all(future.result(20.0) for future in done)
 
 
 def test_a_compiler_that_ends_early_is_not_started_again_and_again(meanwhile: list[Any]) -> None:

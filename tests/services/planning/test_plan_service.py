@@ -56,17 +56,17 @@ def ask(
     )
     (reply,) = replies
     assert reply.ok is not None
-    told = str(reply.ok.encoding)
-    return codec.decode(PlanReply, reply.ok.payload, told, "reply", LARGEST)
+    encoding = str(reply.ok.encoding)
+    return codec.decode(PlanReply, reply.ok.payload, encoding, "reply", LARGEST)
 
 
 def counters(session: zenoh.Session, service: Running) -> ServiceStatus:
-    heard: list[zenoh.Sample] = []
-    with session.declare_subscriber(service.key("status"), heard.append):
+    received: list[zenoh.Sample] = []
+    with session.declare_subscriber(service.key("status"), received.append):
         until = time.monotonic() + 5.0
-        while len(heard) < 2 and time.monotonic() < until:
+        while len(received) < 2 and time.monotonic() < until:
             time.sleep(0.02)
-    last = heard[-1]
+    last = received[-1]
     return codec.decode(ServiceStatus, last.payload, str(last.encoding), "status", LARGEST)
 
 
@@ -144,36 +144,36 @@ def test_one_bad_candidate_is_refused_and_the_others_planned(
     client: PlanClient, session: zenoh.Session, service: Running
 ) -> None:
     mapped(client, session, service)
-    good = fan(1)[0].points
-    nan = good.copy()
+    points = fan(1)[0].points
+    nan = points.copy()
     nan[5, 1] = np.nan
     cusp = np.array([[0.0, 0.0], [5.0, 0.0], [0.5, 0.01]])
-    bad = {
+    faults = {
         "nan": (nan, "finite"),
         "inf": (np.where(np.isnan(nan), np.inf, nan), "finite"),
-        "few": (good[:2], "points"),
+        "few": (points[:2], "points"),
         "none": (np.empty((0, 2)), "points"),
-        "flat": (good.ravel(), "shape"),
-        "wide": (np.hstack([good, good]), "shape"),
-        "same": (good[[0, 1, 1, 2]], "differs"),
+        "flat": (points.ravel(), "shape"),
+        "wide": (np.hstack([points, points]), "shape"),
+        "same": (points[[0, 1, 1, 2]], "differs"),
         "cusp": (cusp, "cusps"),
-        "huge": (good * 1e200, "finite"),
-        "long": (good * 1e5, "at most"),
+        "huge": (points * 1e200, "finite"),
+        "long": (points * 1e5, "at most"),
     }
-    paths = [Candidate(name=name, points=points) for name, (points, _) in bad.items()]
-    paths.append(Candidate(name="limit", points=good, speed_limit=np.full(len(good), -1.0)))
-    paths.append(Candidate(name="clear", points=good, clear=float("nan")))
-    paths.append(Candidate(name="good", points=good))
-    paths.append(Candidate(name="good", points=good))
+    paths = [Candidate(name=name, points=points) for name, (points, _) in faults.items()]
+    paths.append(Candidate(name="limit", points=points, speed_limit=np.full(len(points), -1.0)))
+    paths.append(Candidate(name="clear", points=points, clear=float("nan")))
+    paths.append(Candidate(name="good", points=points))
+    paths.append(Candidate(name="good", points=points))
     outcome = client.plan(1.0, paths)
     reply = outcome.reply
     assert reply is not None, outcome.stop
     assert reply.status == "ok"
     assert [plan.candidate for plan in reply.plans] == ["good"]
     reasons = {c.name: c.reason for c in reply.ranking if not c.usable}
-    assert set(reasons) == {*bad, "limit", "clear", "good"}
-    for name, (_, words) in bad.items():
-        assert words in reasons[name], (name, reasons[name])
+    assert set(reasons) == {*faults, "limit", "clear", "good"}
+    for name, (_, part) in faults.items():
+        assert part in reasons[name], (name, reasons[name])
 
 
 def test_only_bad_candidates_mean_full_braking(client: PlanClient) -> None:
@@ -200,12 +200,12 @@ def test_a_named_client_drives_on_what_it_drives(
         second = robot.plan(first.command.speed, later, pose=(float(along[0]), 0.0, 0.0)).reply
         assert second is not None
         assert second.chosen == first.chosen
-        beside = robot.plan(1.0, fan(3), pose=(0.0, 4.0, 0.0)).reply
-    assert beside is not None
-    assert {c.usable for c in beside.ranking} == {False}
-    assert "beside the vehicle" in beside.ranking[0].reason
-    assert beside.command is not None
-    assert beside.command.stop
+        moved_off = robot.plan(1.0, fan(3), pose=(0.0, 4.0, 0.0)).reply
+    assert moved_off is not None
+    assert {c.usable for c in moved_off.ranking} == {False}
+    assert "beside the vehicle" in moved_off.ranking[0].reason
+    assert moved_off.command is not None
+    assert moved_off.command.stop
 
 
 def test_people_are_answered_in_json(
@@ -229,7 +229,7 @@ def test_people_are_answered_in_json(
 
 
 @pytest.mark.parametrize(
-    ("payload", "words"),
+    ("payload", "part"),
     [
         (b"", "expected slopewise.plan_request.v1"),
         (b"\xff" * 100, "expected object"),
@@ -241,14 +241,14 @@ def test_people_are_answered_in_json(
     ],
     ids=["empty", "noise", "oversize", "nan", "backwards", "nowhere", "unknown"],
 )
-def test_bad_questions_get_an_answer_that_says_why(
-    session: zenoh.Session, service: Running, payload: bytes, words: str
+def test_bad_questions_are_answered_with_a_reason(
+    session: zenoh.Session, service: Running, payload: bytes, part: str
 ) -> None:
-    told = codec.encoding_of(PlanRequest, Format.MESSAGEPACK)
+    encoding = codec.encoding_of(PlanRequest, Format.MESSAGEPACK)
     before = counters(session, service).counters.get("refused", 0)
-    reply = ask(session, service, payload, told)
+    reply = ask(session, service, payload, encoding)
     assert reply.status == "error"
-    assert words in reply.reason
+    assert part in reply.reason
     assert reply.plans == []
     assert reply.command is None
     assert counters(session, service).counters["refused"] == before + 1
@@ -284,7 +284,7 @@ def test_bad_and_old_maps_are_counted_and_change_nothing(
     assert gained["map_updates_refused"] == 5
 
 
-def test_busy_comes_before_the_deadline_and_the_service_recovers(tmp_path: Path) -> None:
+def test_busy_is_sent_before_the_deadline_and_the_service_recovers(tmp_path: Path) -> None:
     settings = "workers = 1\nqueue = 2"
     with (
         running(tmp_path, planning=settings) as started,
@@ -294,14 +294,14 @@ def test_busy_comes_before_the_deadline_and_the_service_recovers(tmp_path: Path)
         mapped(asking, opened, started)
         request = PlanRequest(speed=1.0, paths=fan(200))
         payload = codec.encode(request, Format.MESSAGEPACK)
-        told = codec.encoding_of(PlanRequest, Format.MESSAGEPACK)
+        encoding = codec.encoding_of(PlanRequest, Format.MESSAGEPACK)
         deadline = 0.3
         begun = time.monotonic()
         open_queries = [
             opened.get(
                 f"{started.key('plan')}?deadline={deadline}",
                 payload=payload,
-                encoding=told,
+                encoding=encoding,
                 timeout=5.0,
             )
             for _ in range(30)
@@ -310,15 +310,15 @@ def test_busy_comes_before_the_deadline_and_the_service_recovers(tmp_path: Path)
         for query in open_queries:
             (reply,) = list(query)
             assert reply.ok is not None
-            told_back = str(reply.ok.encoding)
-            got = codec.decode(PlanReply, reply.ok.payload, told_back, "reply", LARGEST)
+            reply_encoding = str(reply.ok.encoding)
+            got = codec.decode(PlanReply, reply.ok.payload, reply_encoding, "reply", LARGEST)
             statuses.append(got.status)
         took = time.monotonic() - begun
         assert statuses.count("busy") >= 20
         assert took < 3.0
         assert asking.plan(1.0, fan(2)).reply is not None
-        told_by = counters(opened, started)
-        assert told_by.counters["busy"] == statuses.count("busy")
+        status = counters(opened, started)
+        assert status.counters["busy"] == statuses.count("busy")
 
 
 def test_alive_while_it_lives(tmp_path: Path) -> None:
@@ -374,7 +374,7 @@ def test_a_patch_makes_a_map_no_more_exact() -> None:
         store.apply(flat(7, height_std=float("nan")), "map")
 
 
-def test_a_lost_patch_is_flagged_until_a_whole_map_comes() -> None:
+def test_a_lost_patch_is_flagged_until_the_next_whole_map() -> None:
     store = MapStore()
     patch = {"patch": True, "elevation": np.zeros((2, 2)), "origin": (-3.0, -6.0)}
     store.apply(flat(1), "map")

@@ -94,7 +94,7 @@ def test_a_path_with_a_cusp_is_rejected_and_the_remaining_ones_are_resampled() -
 # ---------------------------------------------------------------------- deadlines
 
 
-def test_a_request_that_takes_longer_than_its_deadline_is_rejected() -> None:
+def test_a_request_with_more_work_than_time_is_rejected() -> None:
     costs = CostEstimator()
     costs.record(100, 0.5, named=False)
     costs.check(100, 0.4, named=False)

@@ -1,4 +1,4 @@
-"""The brake sheet as a page: models of all kinds are drawn, and what it says is what there is."""
+"""The brake sheet as a page: models of all kinds are drawn, and its text states the numbers."""
 
 from __future__ import annotations
 
@@ -14,9 +14,14 @@ from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.report.brake_numbers import BrakeNumbers
-from slopewise.services.report.brake_sheet import write_sheet
-from slopewise.services.report.brake_table import shown_distances
-from slopewise.services.report.brake_words import as_json, brake_rows, danger, explained, slope_rows
+from slopewise.services.report.brake_sheet import (
+    brake_rows,
+    rule_notes,
+    sheet_json,
+    slope_rows,
+    unsafe_rule_warning,
+    write_sheet,
+)
 
 
 def of(**of_braking: object) -> BrakeNumbers:
@@ -66,35 +71,32 @@ def test_the_same_model_has_the_same_sheet(ending: str, tmp_path: Path) -> None:
     assert b"<b>a.csv" not in first.read_bytes()
 
 
-def test_a_stop_that_does_not_end_is_told_and_drawn_as_none() -> None:
+def test_stop_that_does_not_end_is_null() -> None:
     weak = KINDS["brakes that do not hold the steepest descent"]
-    table = shown_distances(weak)
-    assert np.isinf(table.allowed[-1, 0])
-    assert "does not end" in danger(weak, table)
-    told = as_json(weak)
-    assert told["allowed_distance"][-1][0] is None
-    assert told["slopes"]["stops_downhill"]["claimed"] < 0.26
+    assert np.isinf(weak.sheet_table.allowed[-1, 0])
+    assert "does not end" in unsafe_rule_warning(weak)
+    sheet = sheet_json(weak)
+    assert sheet["allowed_distance"][-1][0] is None
+    assert sheet["slopes"]["stops_downhill"]["claimed"] < 0.26
     assert "+" not in slope_rows(weak)["stops uphill, downhill"].split(", ")[1]
 
 
-def test_where_nothing_is_trained_downhill_no_danger_is_claimed() -> None:
+def test_without_trained_descent_no_rule_is_called_unsafe() -> None:
     numbers = KINDS["trained uphill only"]
-    table = shown_distances(numbers)
-    assert danger(numbers, table).startswith("On the trained grades no stop is longer")
-    assert "on no trained grade" in explained(numbers, table)
+    assert "unsafe" not in unsafe_rule_warning(numbers)
+    assert "on no trained grade" in rule_notes(numbers)
 
 
-def test_the_weaker_state_counts_and_other_surfaces_are_told_the_worst_first() -> None:
+def test_other_surfaces_are_listed_longest_stop_first() -> None:
     numbers = KINDS["surfaces and a weaker state"]
-    assert numbers.least_force(2.0, 0.0) < of().least_force(2.0, 0.0) - 0.04
-    rows = brake_rows(numbers, shown_distances(numbers))
+    rows = brake_rows(numbers)
     ice, sand = rows["longest stop on others"].split(", ")
     assert ice == "ice –"
     assert sand.startswith("<sand> ")
     assert float(sand.split()[1]) > 4.0
-    assert "longest stop on others" not in brake_rows(of(), shown_distances(of()))
+    assert "longest stop on others" not in brake_rows(of())
 
 
-def test_another_ending_is_refused(tmp_path: Path) -> None:
+def test_another_ending_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"\.html or \.pdf"):
         write_sheet(tmp_path / "sheet.png", of(), {}, "")

@@ -47,7 +47,7 @@ def test_a_surface_has_holes_where_ground_is_unknown() -> None:
 
 def test_large_ground_is_drawn_coarser() -> None:
     ground = ElevationMap(elevation=np.zeros((300, 400)), resolution=0.5, origin=(0.0, 0.0))
-    mesh = drawing.surface(ground, most=1000)
+    mesh = drawing.surface(ground, max_vertices=1000)
     assert len(mesh.vertices) <= 1200
     assert mesh.vertices[:, 0].max() > 0.95 * ground.extent[1]
 
@@ -76,7 +76,7 @@ def messages_in(path: Path) -> dict[str, list[tuple[int, Any]]]:
     reader = pytest.importorskip("mcap.reader", reason="mcap is not installed")
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
-    found: dict[str, list[tuple[int, Any]]] = {}
+    messages: dict[str, list[tuple[int, Any]]] = {}
     with path.open("rb") as stream:
         for schema, channel, message in reader.make_reader(
             stream, validate_crcs=True
@@ -92,8 +92,8 @@ def messages_in(path: Path) -> dict[str, list[tuple[int, Any]]]:
                 kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
                 decoded = kind.FromString(message.data)
                 assert schema.name.startswith("foxglove.")
-            found.setdefault(channel.topic, []).append((message.log_time, decoded))
-    return found
+            messages.setdefault(channel.topic, []).append((message.log_time, decoded))
+    return messages
 
 
 def test_mcap_holds_what_was_planned(planned: Any, tmp_path: Path) -> None:
@@ -103,9 +103,9 @@ def test_mcap_holds_what_was_planned(planned: Any, tmp_path: Path) -> None:
     ground, plans, model = planned
     file = tmp_path / "plan.mcap"
     write_mcap(file, ground, plans, model.vehicle, BEGIN)
-    found = messages_in(file)
-    assert set(found) == {"/map", "/candidates", "/vehicle", "/tf", "/plan"}
-    ((_, scene),) = found["/candidates"]
+    messages = messages_in(file)
+    assert set(messages) == {"/map", "/candidates", "/vehicle", "/tf", "/plan"}
+    ((_, scene),) = messages["/candidates"]
     assert [entity.id for entity in scene.entities] == ["left", "right"]
     for entity, plan in zip(scene.entities, plans, strict=True):
         (line,) = entity.lines
@@ -113,21 +113,21 @@ def test_mcap_holds_what_was_planned(planned: Any, tmp_path: Path) -> None:
         np.testing.assert_allclose([p.x for p in line.points], plan.x)
         assert entity.frame_id == "map"
     best = plans[0]
-    rows = found["/plan"]
+    rows = messages["/plan"]
     np.testing.assert_allclose([row["speed_m_s"] for _, row in rows], best.speed[: len(rows)])
     times = np.array([at - BEGIN for at, _ in rows]) * 1e-9
     np.testing.assert_allclose(times, best.time[: len(rows)], atol=1e-8)
     assert min(row["margin_m"] for _, row in rows[:-1]) >= 0.0
-    last = found["/tf"][-1][1]
+    last = messages["/tf"][-1][1]
     assert (last.parent_frame_id, last.child_frame_id) == ("map", "vehicle")
     assert last.translation.x == pytest.approx(float(best.x[len(rows) - 1]))
-    ((_, map_scene),) = found["/map"]
+    ((_, map_scene),) = messages["/map"]
     (triangles,) = map_scene.entities[0].triangles
     assert len(triangles.points) == np.isfinite(ground.elevation).sum()
     assert max(triangles.indices) == len(triangles.points) - 1
 
 
-def test_rerun_takes_its_file(planned: Any, tmp_path: Path) -> None:
+def test_rerun_reads_its_file(planned: Any, tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="the viz extra is not installed")
     from slopewise.services.scene.rerun_file import write_rrd
 
@@ -137,9 +137,9 @@ def test_rerun_takes_its_file(planned: Any, tmp_path: Path) -> None:
     tool = shutil.which("rerun")
     if tool is None:
         pytest.skip("the command rerun is not on the path")
-    for words in (["verify"], ["stats"]):
+    for arguments in (["verify"], ["stats"]):
         done = subprocess.run(
-            [tool, "rrd", *words, str(file)],
+            [tool, "rrd", *arguments, str(file)],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,

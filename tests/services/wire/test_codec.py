@@ -13,7 +13,7 @@ from slopewise.services.wire.plan_messages import MapUpdate, Path, PlanRequest
 from tests.services.faults import fault_in
 
 KEY = "robot/v1/plan"
-MOST = 1_000_000
+MAX_BYTES = 1_000_000
 
 
 def request(**changes: object) -> PlanRequest:
@@ -22,9 +22,10 @@ def request(**changes: object) -> PlanRequest:
     return PlanRequest(**(fields | changes))  # type: ignore[arg-type]
 
 
-def read(payload: bytes, encoding: str | None = None, most: int = MOST) -> PlanRequest:
-    told = codec.encoding_of(PlanRequest, Format.MESSAGEPACK) if encoding is None else encoding
-    return codec.decode(PlanRequest, payload, told, KEY, most)
+def read(payload: bytes, encoding: str | None = None, max_bytes: int = MAX_BYTES) -> PlanRequest:
+    if encoding is None:
+        encoding = codec.encoding_of(PlanRequest, Format.MESSAGEPACK)
+    return codec.decode(PlanRequest, payload, encoding, KEY, max_bytes)
 
 
 @pytest.mark.parametrize("written", Format)
@@ -53,7 +54,7 @@ def test_unknown_ground_is_null_for_people() -> None:
     sent = MapUpdate(source="s", sequence=1, elevation=heights, resolution=1.0, origin=(0.0, 0.0))
     payload = codec.encode(sent, Format.JSON)
     assert b"[[0.0,null],[1.0,2.0]]" in payload
-    got = codec.decode(MapUpdate, payload, "application/json", "m", MOST)
+    got = codec.decode(MapUpdate, payload, "application/json", "m", MAX_BYTES)
     np.testing.assert_array_equal(got.elevation, heights)
 
 
@@ -67,7 +68,7 @@ def points(value: object) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("payload", "field", "words"),
+    ("payload", "field", "expected"),
     [
         (b"", "", "expected slopewise.plan_request.v1"),
         (b"\xc1", "", "expected slopewise.plan_request.v1"),
@@ -90,13 +91,13 @@ def points(value: object) -> bytes:
         (points([["1", "2"]]), "paths[0].points", "str"),
     ],
 )
-def test_what_is_wrong_is_named(payload: bytes, field: str, words: str) -> None:
-    with fault_in(KEY, field, words):
+def test_errors_name_the_field(payload: bytes, field: str, expected: str) -> None:
+    with fault_in(KEY, field, expected):
         read(payload)
 
 
 @pytest.mark.parametrize("encoding", ["", "text/plain", "application/msgpack", "zenoh/bytes"])
-def test_format_and_schema_have_to_be_told(encoding: str) -> None:
+def test_format_and_schema_are_required(encoding: str) -> None:
     with fault_in(KEY, "encoding", "expected"):
         read(codec.encode(request(), Format.MESSAGEPACK), encoding)
 
@@ -111,7 +112,7 @@ def test_people_may_leave_the_schema_out() -> None:
     assert read(codec.encode(request(), Format.JSON), "application/json").speed == 1.5
 
 
-def test_what_is_too_large_is_not_looked_at() -> None:
+def test_a_large_payload_is_not_decoded() -> None:
     class Heavy:
         def __len__(self) -> int:
             return 10**12

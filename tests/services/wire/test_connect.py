@@ -14,12 +14,12 @@ from slopewise.services.wire.connect import client_session, error_text, options
 from tests.services.service_process import free_port, running
 
 
-def test_nobody_there_is_said() -> None:
+def test_a_missing_service_is_reported() -> None:
     with pytest.raises(InputError, match="--connect: expected a service at tcp"):
         client_session(f"tcp/127.0.0.1:{free_port()}")
 
 
-def test_places_in_the_source_of_zenoh_are_left_out() -> None:
+def test_positions_in_the_source_of_zenoh_are_removed() -> None:
     error = zenoh.ZError("No way [in use at /src/x/tcp.rs:61.] at /src/y/unicast.rs:338.")
     assert error_text(error) == "No way [in use]"
 
@@ -42,7 +42,7 @@ def test_an_address_in_use_is_one_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("namespace", "settings", "words"),
+    ("namespace", "settings", "expected"),
     [
         ("slopewise/robot", {}, ""),
         ("slopewise/robot", {"listen": ("tcp/0.0.0.0:7447",)}, ""),
@@ -63,8 +63,6 @@ def test_an_address_in_use_is_one_line(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_options_say_where_the_service_is(
-    namespace: str, settings: dict[str, Any], words: str
-) -> None:
+def test_options_reach_the_service(namespace: str, settings: dict[str, Any], expected: str) -> None:
     config = ServiceConfig(model="atv", namespace=namespace, zenoh=ZenohSettings(**settings))
-    assert " ".join(options(config)) == words
+    assert " ".join(options(config)) == expected

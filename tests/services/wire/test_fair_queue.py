@@ -26,7 +26,7 @@ def served(queue: FairQueue[str]) -> list[str]:
     return [waiting.item for _ in range(len(queue)) if (waiting := queue.take()) is not None]
 
 
-def test_the_sender_that_used_the_least_time_is_served_first() -> None:
+def test_the_sender_with_the_lowest_used_time_is_served_first() -> None:
     queue = FairQueue[str](8)
     known(queue, "busy", "modest")
     queue.shares.charge("busy", 1.0)
@@ -38,7 +38,20 @@ def test_the_sender_that_used_the_least_time_is_served_first() -> None:
     assert served(queue) == ["driving", "modest", "another new name", "busy"]
 
 
-def test_entries_of_one_account_are_served_in_order_small_ones_first() -> None:
+def test_entries_of_one_account_keep_their_order_while_its_time_decays() -> None:
+    queue = FairQueue[str](300)
+    for account in ("known", "a new name"):
+        known(queue, "known")
+        queue.shares.charge(account, 1.0)
+        for n in range(100):
+            queue.put(entry(f"{n}", account))
+        assert served(queue) == [f"{n}" for n in range(100)]
+        for n in range(400):
+            queue.put(entry(f"{n}", account))
+        assert served(queue) == [f"{n}" for n in range(300)], "the newest are rejected"
+
+
+def test_small_entries_of_one_account_are_served_first() -> None:
     queue = FairQueue[str](8)
     queue.put(entry("large", "a", size=100_000))
     queue.put(entry("first", "b"))
@@ -46,7 +59,7 @@ def test_entries_of_one_account_are_served_in_order_small_ones_first() -> None:
     assert served(queue) == ["first", "second", "large"]
 
 
-def test_the_account_with_most_entries_loses_its_newest_when_the_queue_is_full() -> None:
+def test_the_newest_entry_of_the_largest_account_is_rejected_when_the_queue_is_full() -> None:
     queue = FairQueue[str](3)
     known(queue, "robot")
     for n in range(3):
@@ -77,6 +90,16 @@ def test_a_newer_entry_of_a_named_sender_replaces_the_older_one_if_asked() -> No
             assert displaced is None
 
 
+def test_an_entry_with_higher_rank_is_not_replaced_by_one_of_the_same_name() -> None:
+    """Access to that rank can be restricted, names cannot."""
+    queue = FairQueue[str](8, newest_only=True)
+    queue.put(entry("driving", "robot", outranks=True))
+    assert queue.put(entry("spoofed", "robot")) is None
+    displaced = queue.put(entry("newer", "robot", outranks=True))
+    assert displaced is not None
+    assert displaced.item == "driving"
+
+
 def test_only_senders_that_used_less_or_outrank_come_in_between() -> None:
     queue = FairQueue[str](8)
     known(queue, "a", "b")
@@ -97,7 +120,7 @@ def test_only_senders_that_used_less_or_outrank_come_in_between() -> None:
     assert queue.take_before(working) is not None
 
 
-def test_the_reserved_worker_takes_driving_clients_only() -> None:
+def test_the_reserved_worker_serves_driving_clients_only() -> None:
     queue = FairQueue[str](8)
     queue.put(entry("other"))
     assert queue.take(only_driving=True, timeout=0.01) is None
@@ -169,7 +192,6 @@ def test_used_time_decays_and_names_are_bounded(monkeypatch: pytest.MonkeyPatch)
     for n in range(300):
         shares.note_answer(f"{n}")
     shares.charge("0", 2.0)
-    assert shares.used("a new name") == shares.used("0") == 2.0
+    assert shares.used("a new name", now) == shares.used("0", now) == 2.0
     shares.charge("299", 1.0)
-    monkeypatch.setattr(time, "monotonic", lambda: now + 5.0)
-    assert shares.used("299") == pytest.approx(1.0 / math.e)
+    assert shares.used("299", now + 5.0) == pytest.approx(1.0 / math.e)

@@ -1,0 +1,151 @@
+"""Results as partitioned Parquet: `plans/` one row per station, `candidates/` one per candidate.
+
+A part is finished once its file in `candidates/` is there: it is written last, and all or nothing.
+The same plans give the same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slopewise.planner.plan import SpeedPlan
+from slopewise.services.io.files import fault, write_atomic
+from slopewise.services.io.plan_file import driven, summary
+
+REFUSED = "refused"
+"""Status of a candidate that cannot be driven forward; its reason explains it."""
+
+PLANS, CANDIDATES = "plans", "candidates"
+
+
+class RejectedCandidate(NamedTuple):
+    """A candidate that cannot be planned, with the reason."""
+
+    candidate: str
+    reason: str
+
+
+def write_part(
+    folder: Path, file: str, source: str, answers: Sequence[SpeedPlan | RejectedCandidate]
+) -> None:
+    """Write a part, finished with the second file.
+
+    Raises:
+        InputError: the folder cannot be written to.
+    """
+    import pyarrow as pa
+
+    plans = [answer for answer in answers if isinstance(answer, SpeedPlan)]
+    write_parquet(folder / PLANS / file, _stations(plans, source, pa))
+    rows = [_row(answer, source) for answer in answers]
+    table = pa.Table.from_pylist(rows, schema=_candidates(pa))
+    write_parquet(folder / CANDIDATES / file, table)
+
+
+def is_finished(folder: Path, file: str) -> bool:
+    """True if the part was written completely."""
+    return (folder / CANDIDATES / file).is_file() and (folder / PLANS / file).is_file()
+
+
+def count(folder: Path, files: Iterable[str]) -> tuple[Counter[str], int]:
+    """Candidates of these parts by status, and the number that may be driven."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    statuses: Counter[str] = Counter()
+    admissible = 0
+    for file in files:
+        path = folder / CANDIDATES / file
+        try:
+            table = pq.read_table(path, columns=["status", "admissible"])
+        except (pa.ArrowException, OSError):
+            message = "expected an intact part: remove it and run again, got something else"
+            raise fault(path, "", message) from None
+        statuses.update(table["status"].to_pylist())
+        admissible += sum(table["admissible"].to_pylist())
+    return statuses, admissible
+
+
+def _row(answer: SpeedPlan | RejectedCandidate, source: str) -> dict[str, Any]:
+    if isinstance(answer, RejectedCandidate):
+        rejected = {"candidate": answer.candidate, "status": REFUSED, "reason": answer.reason}
+        return {"source": source, "admissible": False, **rejected}
+    deviation = answer.path_deviation
+    row = {"source": source, "admissible": answer.admissible, **summary(answer)}
+    return {**row, "path_deviation": None if deviation is None else deviation.largest}
+
+
+def _candidates(pa: Any) -> Any:
+    numbers = (
+        "travel_time",
+        "progress",
+        "length",
+        "max_speed",
+        "clear_distance",
+        "least_margin",
+        "least_rear_load",
+        "path_deviation",
+    )
+    return pa.schema(
+        [
+            ("source", pa.string()),
+            ("candidate", pa.string()),
+            ("status", pa.string()),
+            ("reason", pa.string()),
+            ("admissible", pa.bool_()),
+            *((name, pa.float64()) for name in numbers),
+        ]
+    )
+
+
+_TEXT = ("candidate", "limiting", "status", "reason")
+_NUMBERS = (
+    "station",
+    "x",
+    "y",
+    "z",
+    "grade",
+    "roll",
+    "curvature",
+    "speed",
+    "accel",
+    "time",
+    "speed_bound",
+    "stop_distance",
+    "clear_distance",
+    "rear_load",
+    "side_load",
+    "path_deviation",
+)
+
+
+def _stations(plans: Sequence[SpeedPlan], source: str, pa: Any) -> Any:
+    """Columns of a plan file, and the file of the path."""
+    parts = [driven(plan) for plan in plans]
+    rows = sum(len(part["station"]) for part in parts)
+    columns: dict[str, Any] = {"source": pa.array([source] * rows, pa.string())}
+    for name in _TEXT:
+        columns[name] = pa.array([cell for part in parts for cell in part[name]], pa.string())
+    for name in _NUMBERS:
+        values = np.concatenate([part[name] for part in parts]) if parts else np.empty(0)
+        columns[name] = pa.array(values, pa.float64())
+    return pa.table(columns)
+
+
+def write_parquet(path: Path, table: Any) -> None:
+    """Write a pyarrow table, all or nothing.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    import pyarrow.parquet as pq
+
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    write_atomic(path, buffer.getvalue())

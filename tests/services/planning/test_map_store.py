@@ -1,0 +1,141 @@
+"""Mappers that restart, send wrong numbers, or are late."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.services.planning.map_store import MapStore
+from slopewise.services.wire.plan_messages import MapUpdate
+
+
+def update(sequence: int, height: float = 0.0, **more: object) -> MapUpdate:
+    fields: dict[str, object] = {
+        "source": "mapper",
+        "sequence": sequence,
+        "resolution": 0.5,
+        "origin": (0.0, 0.0),
+        "elevation": np.full((20, 20), height),
+    }
+    return MapUpdate(**(fields | more))  # type: ignore[arg-type]
+
+
+def height(store: MapStore) -> float:
+    assert store.snapshot is not None
+    return float(store.snapshot.elevation_map.elevation[0, 0])
+
+
+def flags(store: MapStore) -> list[str]:
+    assert store.snapshot is not None
+    return store.snapshot.warnings.active()
+
+
+def test_a_restarted_count_is_accepted_with_the_third_map_and_flagged() -> None:
+    store = MapStore()
+    store.apply(update(50), "map")
+    assert not store.apply(update(1, 1.0), "map")
+    assert flags(store) == ["maps of mapper count backwards: ignored"]
+    assert not store.apply(update(2, 2.0), "map")
+    assert store.apply(update(3, 3.0), "map")
+    assert height(store) == 3.0
+    assert flags(store) == ["maps of mapper: the source restarted its count"]
+    assert store.restarts == 1
+    assert store.apply(update(4, 4.0), "map")
+
+
+def test_a_map_is_identified_by_sender_and_digest() -> None:
+    """The digest depends on cells only, not on the sender; each patch changes it."""
+    first, second = MapStore(), MapStore()
+
+    def identity(store: MapStore, *change: object, **more: object) -> tuple[str, str]:
+        assert store.apply(update(*change, **more), "map")  # type: ignore[arg-type]
+        assert store.snapshot is not None
+        return store.snapshot.id, store.snapshot.digest
+
+    original = identity(first, 7, 1.0, instance="a")
+    assert original[0] == "mapper/a#7"
+    same = identity(second, 1, 1.0)
+    assert same == ("mapper#1", original[1])
+    patch = {"patch": True, "elevation": np.full((2, 2), 1.0)}
+    patched = identity(first, 8, instance="a", **patch)
+    assert patched[1] != original[1]
+    assert identity(first, 9, instance="a", **patch)[1] != patched[1]
+    assert identity(second, 2, **patch)[1] == patched[1]
+    assert identity(second, 3, 1.0)[1] == original[1]
+    ground = ElevationMap(
+        elevation=np.full((20, 20), 1.0),
+        resolution=0.5,
+        origin=(0.0, 0.0),
+        height_std=second.snapshot.elevation_map.height_std,  # type: ignore[union-attr]
+    )
+    begun = MapStore(ground, "hill.tif").snapshot
+    assert begun is not None
+    assert (begun.id, begun.digest) == ("hill.tif", original[1])
+
+
+def test_one_huge_sequence_does_not_freeze_the_map() -> None:
+    store = MapStore()
+    store.apply(update(7), "map")
+    store.apply(update(2**53, 1.0), "map")
+    assert store.apply(update(8, 2.0), "map")
+    assert height(store) == 2.0
+    assert "uses two counts" in flags(store)[0]
+
+
+def test_a_huge_sequence_first_of_all_freezes_it_for_two_maps_only() -> None:
+    store = MapStore()
+    store.apply(update(2**53), "map")
+    assert [store.apply(update(n, float(n)), "map") for n in (1, 2, 3)] == [False, False, True]
+
+
+def test_an_instance_of_its_own_counts_for_itself() -> None:
+    store = MapStore()
+    store.apply(update(50, instance="a"), "map")
+    assert store.apply(update(1, 1.0, instance="b"), "map")
+    assert height(store) == 1.0
+    assert "was restarted" in flags(store)[0]
+    assert not store.apply(update(1, 5.0, instance="b"), "map")
+
+
+def test_patches_after_a_restart_are_incomplete_until_the_next_whole_map() -> None:
+    for start in ({"instance": "b", "sequence": 1}, {"sequence": 3}):
+        store = MapStore()
+        store.apply(update(50), "map")
+        for n in (1, 2) if start["sequence"] == 3 else ():
+            store.apply(update(n, 9.0, patch=True, elevation=np.full((2, 2), float(n))), "map")
+        patch = {"patch": True, "elevation": np.ones((2, 2)), **start}
+        assert store.apply(update(**patch), "map")  # type: ignore[arg-type]
+        assert store.snapshot is not None
+        assert store.snapshot.incomplete
+
+
+def test_the_same_maps_again_are_no_restart() -> None:
+    store = MapStore()
+    for n in range(1, 9):
+        store.apply(update(n, float(n)), "map")
+    for _ in range(3):
+        assert not any(store.apply(update(n, float(n)), "map") for n in range(1, 9))
+    assert height(store) == 8.0
+
+
+def test_the_age_of_a_map_counts_from_when_it_was_seen() -> None:
+    store, ages = MapStore(), []
+    for n, (seen, arrived) in enumerate([(5000.0, 0.0), (5001.0, 1.0), (5002.0, 12.0)]):
+        store.apply(update(n, float(n), time=seen), "map", arrived)
+        assert store.snapshot is not None
+        ages.append(store.snapshot.delay)
+    assert ages == pytest.approx([0.0, 0.0, 10.0])
+    store.apply(update(9, 9.0, time=5013.0 - 300.0), "map", 13.0)
+    assert store.snapshot is not None
+    assert store.snapshot.delay == pytest.approx(300.0)
+
+
+def test_one_time_stamp_of_the_far_future_makes_no_honest_map_old() -> None:
+    store = MapStore()
+    store.apply(update(1, time=100.0), "map", 0.0)
+    store.apply(update(2, 1.0, time=1e18), "map", 1.0)
+    assert "the clock of mapper was set" in flags(store)
+    store.apply(update(3, 2.0, time=102.0), "map", 2.0)
+    assert store.snapshot is not None
+    assert store.snapshot.delay == 0.0
