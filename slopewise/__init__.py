@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from slopewise.planner.horizon.answer import PlanarState
     from slopewise.planner.plan import SpeedPlan
     from slopewise.services.check.check_report import CheckReport
-    from slopewise.services.check.external_plan import ExternalPlan
+    from slopewise.services.check.external_plan import GivenPlan
     from slopewise.services.client import PlanClient
     from slopewise.services.io.drive_log import DriveLog
 
@@ -36,7 +36,7 @@ __all__ = [
     "CheckReport",
     "DriveLog",
     "ElevationMap",
-    "ExternalPlan",
+    "GivenPlan",
     "Horizon",
     "Model",
     "PlanClient",
@@ -59,7 +59,7 @@ _HOMES = {
     "CheckReport": "slopewise.services.check.check_report",
     "DriveLog": "slopewise.services.io.drive_log",
     "ElevationMap": "slopewise.models.elevation_map",
-    "ExternalPlan": "slopewise.services.check.external_plan",
+    "GivenPlan": "slopewise.services.check.external_plan",
     "Horizon": "slopewise._planning",
     "Model": "slopewise.models.parameters",
     "PlanClient": "slopewise.services.client",

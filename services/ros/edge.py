@@ -68,7 +68,7 @@ class RosEdge:
             clock: monotonic clock [s].
         """
         self.settings, self._clock = settings, clock
-        topics, ours, service = settings.topics, settings.ros, settings.service
+        topics, ours = settings.topics, settings.ros
         node = Node(ros_session, ours.domain, ours.namespace, ours.node, clock, ours.distribution)
         self.node, self.inbox = node, node.inbox
         self._paths = tuple(node.subscribe(topic, PATH) for topic in topics.paths)
@@ -83,20 +83,7 @@ class RosEdge:
                 (topics.diagnostics, ros.DIAGNOSTICS),
             )
         )
-        required = [*self._paths, self._limit.topic, *self._state.topics[:1], self._map]
-        required += [self._stop.topic] if self._stop is not None else []
-        self._connections = ConnectionWatch(
-            [*filter(None, required)], service_session, service.namespace, ours.node
-        )
-        self._client = PlanClient(
-            service_session,
-            namespace=service.namespace,
-            name=f"ros-{ours.node}",
-            timeout=service.timeout,
-            deceleration=settings.stop.deceleration,
-            dead_time=settings.stop.dead_time,
-        )
-        self._map_client = PlanClient(service_session, namespace=service.namespace)
+        self._connect(service_session)
         self._source, self._maps = f"ros-{uuid4().hex[:12]}", 0
         self._assumed: tuple[str, ...] = ()
         self._frame = ours.frame
@@ -109,6 +96,24 @@ class RosEdge:
             threading.Thread(target=loop, name=loop.__name__, daemon=True)
             for loop in (self._run, self._take_maps)
         ]
+
+    def _connect(self, service_session: zenoh.Session) -> None:
+        """Clients of the service, and the watch of topics without a counterpart."""
+        ours, service = self.settings.ros, self.settings.service
+        required = [*self._paths, self._limit.topic, *self._state.topics[:1], self._map]
+        required += [self._stop.topic] if self._stop is not None else []
+        self._connections = ConnectionWatch(
+            [*filter(None, required)], service_session, service.namespace, ours.node
+        )
+        self._client = PlanClient(
+            service_session,
+            namespace=service.namespace,
+            name=f"ros-{ours.node}",
+            timeout=service.timeout,
+            deceleration=self.settings.stop.deceleration,
+            dead_time=self.settings.stop.dead_time,
+        )
+        self._map_client = PlanClient(service_session, namespace=service.namespace)
 
     def __enter__(self) -> RosEdge:
         """Start; the first limits are stops."""
