@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from examples.neglected_effects import LOADS, METRES, OTHERS, Row, Stop
+from examples.neglected_effects import FURTHER, LOADS, METRES, Row, Stop
 from slopewise.models.laws import slip_track, tip_over
 from slopewise.services.io.model_file import find_model, read_model
 
@@ -85,7 +85,7 @@ def tables(names: Iterable[str] = NAMES) -> str:
             "**Share of the level static load on an axle, side or wheel, steepest downhill**\n",
             _table(LOADS, stops, _share),
             "**Other shares**\n",
-            _table(OTHERS, stops, _share),
+            _table(FURTHER, stops, _share),
         )
     )
 

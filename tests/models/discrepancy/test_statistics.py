@@ -129,7 +129,7 @@ OF_SINGLE_EFFECTS = {
 
 def chosen_numbers(path: Path) -> list[str]:
     """Constants of a module that are or hold a number beyond 0, 1 and 2."""
-    names = []
+    constants = []
     for node in ast.parse(path.read_text()).body:
         if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
             continue
@@ -141,8 +141,8 @@ def chosen_numbers(path: Path) -> list[str]:
             if isinstance(n, ast.Constant) and isinstance(n.value, int | float)
         ]
         if any(n not in (0, 1, 2) for n in numbers) and not OF_SINGLE_EFFECTS & set(names):
-            names += names
-    return names
+            constants += names
+    return constants
 
 
 def test_every_threshold_has_its_fields():
