@@ -26,7 +26,7 @@ nightly: $(VENV)/.installed-dev  ## thousands of generated cases, all real terra
 	$(BIN)/python -m pytest -n $(JOBS) -m nightly --timeout 7200
 
 bench: $(VENV)/.installed-dev  ## the planner beside its peers
-	$(BIN)/slopewise bench --json out/bench.json --plot out/bench.html
+	$(BIN)/slopewise bench --json out/bench.json
 
 docs: $(VENV)/.installed-dev  ## what is generated in README.md and docs/, and docs/ as a site in out/docs
 	$(BIN)/python docs/site/samples.py

@@ -1,1 +1,1 @@
-"""How fast the planner is, beside others on the same problems."""
+"""Benchmarks of planner, calibration, discovery of missing effects, fleet and service."""

@@ -29,19 +29,19 @@ def fan(x: float, y: float, length: float, count: int = 8) -> list[CandidatePath
 
 
 def run() -> None:
-    """Read the words, write the paths, hand both to `slopewise plan`."""
+    """Read the arguments, write the paths, hand both to `slopewise plan`."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("map", type=Path)
     parser.add_argument("--model", default="atv")
     parser.add_argument("--length", type=float, default=40.0)
     parser.add_argument("--out", type=Path, default=Path("out/across"))
-    words = parser.parse_args()
-    x_min, x_max, y_min, y_max = map_info(words.map).extent
-    words.out.mkdir(parents=True, exist_ok=True)
-    paths = words.out / "paths.csv"
-    write_paths_csv(fan(0.5 * (x_min + x_max), 0.5 * (y_min + y_max), words.length), paths)
-    out = ["--out", str(words.out / "plan.csv"), "--report", str(words.out / "report.html")]
-    main(["plan", str(words.map), str(paths), "--model", words.model, *out])
+    arguments = parser.parse_args()
+    x_min, x_max, y_min, y_max = map_info(arguments.map).extent
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    paths = arguments.out / "paths.csv"
+    write_paths_csv(fan(0.5 * (x_min + x_max), 0.5 * (y_min + y_max), arguments.length), paths)
+    out = ["--out", str(arguments.out / "plan.csv"), "--report", str(arguments.out / "report.html")]
+    main(["plan", str(arguments.map), str(paths), "--model", arguments.model, *out])
 
 
 if __name__ == "__main__":

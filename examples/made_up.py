@@ -1,4 +1,4 @@
-"""Write a made-up map, paths and drive log, to try the commands of README with.
+"""Write a generated map, paths and drive log, to try the commands of README with.
 
 python examples/made_up.py [FOLDER]
 
@@ -53,8 +53,8 @@ def paths() -> list[CandidatePath]:
     along = np.linspace(0.0, 40.0, 81)
     start = np.array((EAST + 40.0, NORTH - 60.0))
     return [
-        CandidatePath(name, start + np.stack((along, bend * along**2), axis=1))
-        for name, bend in (("left", 0.006), ("straight", 0.0), ("right", -0.006))
+        CandidatePath(name, start + np.stack((along, half_curvature * along**2), axis=1))
+        for name, half_curvature in (("left", 0.006), ("straight", 0.0), ("right", -0.006))
     ]
 
 

@@ -1,7 +1,7 @@
-"""A mock navigation stack: asks a running service in every cycle, and drives what it is told.
+"""A mock navigation stack: requests plans of a running service in every cycle, and drives them.
 
 In one terminal ``slopewise serve --config configs/service.toml`` (with ``[page] enabled = true``
-there is something to look at), in another ``python examples/mock_navigation.py --seconds 60``.
+there is something to see), in another ``python examples/mock_navigation.py --seconds 60``.
 
 The robot is a point that follows its plan perfectly, round and round a loop over generated hills.
 It sees only the ground around it, and sends what it sees as patches of the map. Of slopewise it
@@ -33,7 +33,7 @@ OWN_BRAKES = 1.5  # [m/s²] that the stack's own stop counts on
 
 
 def hills() -> np.ndarray:
-    """Heights of the whole ground (rows, columns) [m]; the robot does not know them."""
+    """Heights of the is_complete ground (rows, columns) [m]; the robot does not know them."""
     x, y = np.meshgrid(CELL * np.arange(COLUMNS), CELL * np.arange(ROWS))
     return 1.2 * np.sin(x / 9.0) + 0.9 * np.cos(y / 8.0) + 0.4 * np.sin((x + y) / 5.0)
 
@@ -83,17 +83,17 @@ class Robot:
         self.known = np.full(self.ground.shape, np.nan)
 
     def sees(self) -> MapUpdate:
-        """The first time the whole map, unknown but for what is in sight; then a patch around."""
+        """First the complete map, unknown except what is in sight; then a patch around it."""
         rows, columns = np.indices(self.ground.shape)
         away = np.hypot(CELL * columns - self.x, CELL * rows - self.y)
         cells = np.nonzero(away <= SIGHT)
-        whole = self.sequence == 0
+        is_complete = self.sequence == 0
         cut = (
             np.s_[:, :]
-            if whole
+            if is_complete
             else np.s_[cells[0].min() : cells[0].max() + 1, cells[1].min() : cells[1].max() + 1]
         )
-        first = (0, 0) if whole else (int(cells[1].min()), int(cells[0].min()))
+        first = (0, 0) if is_complete else (int(cells[1].min()), int(cells[0].min()))
         self.known[cells] = self.ground[cells]
         self.sequence += 1
         return MapUpdate(
@@ -102,7 +102,7 @@ class Robot:
             elevation=self.known[cut],
             resolution=CELL,
             origin=(CELL * first[0], CELL * first[1]),
-            patch=not whole,
+            patch=not is_complete,
         )
 
     def candidates(self) -> list[Path]:
@@ -114,15 +114,15 @@ class Robot:
         blend = share**2 * (3.0 - 2.0 * share)
         return [
             Path(
-                name=f"{wanted:+.1f} m",
+                name=f"{offset:+.1f} m",
                 points=self.loop.points[at]
-                + (side + (wanted - side) * blend)[:, None] * self.loop.left[at],
+                + (side + (offset - side) * blend)[:, None] * self.loop.left[at],
             )
-            for wanted in np.linspace(-SIDEWAYS, SIDEWAYS, FAN)
+            for offset in np.linspace(-SIDEWAYS, SIDEWAYS, FAN)
         ]
 
     def drive(self, outcome: ClientAnswer, period: float) -> None:
-        """A period of what was said; brakes by itself where nothing was."""
+        """Drive a period of the reply; brake without one."""
         reply = outcome.reply
         command = None if reply is None else reply.command
         if reply is None or command is None or command.stop:
@@ -152,7 +152,7 @@ class Robot:
 
 @dataclass
 class Drive:
-    """What happened: seconds of each answer, own stops, late cycles, and x, y, speed per cycle."""
+    """Result of a drive: seconds of each reply, own stops, late cycles, and the states."""
 
     took: list[float] = field(default_factory=list)
     stops: int = 0
@@ -163,7 +163,7 @@ class Drive:
 def drive_around(
     robot: Robot, client: PlanClient, period: float, cycles: int, *, paced: bool = True
 ) -> Drive:
-    """Ask and drive for so many cycles of a period [s]; unpaced, as fast as answers come."""
+    """Request and drive a number of cycles of a period [s]; unpaced, as fast as replies come."""
     done = Drive()
     begun = time.monotonic()
     for cycle in range(cycles):
@@ -187,7 +187,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--connect", default="tcp/127.0.0.1:7447")
     parser.add_argument("--namespace", default="slopewise/robot")
-    parser.add_argument("--rate", type=float, default=10.0, help="questions a second")
+    parser.add_argument("--rate", type=float, default=10.0, help="requests per second")
     parser.add_argument("--seconds", type=float, default=30.0)
     given = parser.parse_args()
     settings = ZenohSettings(mode="client", connect=(given.connect,))
@@ -206,7 +206,7 @@ def main() -> None:
     ms = 1e3 * np.percentile(done.took, [50, 99])
     laps, top = robot.driven / robot.loop.length, max(speed for *_, speed in done.track)
     print(
-        f"{len(done.took)} questions, {done.stops} own stops, {done.late} cycles late; answers in "
+        f"{len(done.took)} requests, {done.stops} own stops, {done.late} cycles late; answers in "
         f"{ms[0]:.1f} ms (99 %: {ms[1]:.1f} ms); {robot.driven:.1f} m driven, "
         f"{laps:.1f} laps, at most {top:.2f} m/s"
     )

@@ -38,7 +38,7 @@ class Stop(NamedTuple):
 
     @property
     def net(self) -> float:
-        """What is left of it beside gravity, a_x/g."""
+        """Remainder of it besides gravity, a_x/g."""
         return self.force + math.sin(self.grade)
 
     @property
@@ -88,7 +88,7 @@ def _ride(stop: Stop) -> float:
 
 
 def _corner(stop: Stop) -> float:
-    """How far a front corner cuts out of the path [m]."""
+    """Distance by which a front corner leaves the path [m]."""
     vehicle = stop.model.vehicle
     return vehicle.shape.front * math.sin(math.atan(0.1 * vehicle.wheelbase * stop.turn))
 
@@ -105,7 +105,7 @@ METRES = (
         "v_o t_s",
         lambda s: 1.5 * s.seconds,
         "room is lost",
-        "nothing: `--clear` has to tell what will still be free",
+        "nothing: `--clear` has to be what will still be free",
     ),
     Row(
         "a map that is 0.5 s old where things move",
@@ -137,7 +137,7 @@ METRES = (
         "v t",
         lambda s: 0.05 * s.speed,
         "longer",
-        "nothing: whoever asks says where the vehicle is now",
+        "nothing: the request has the pose of the vehicle now",
     ),
     Row(
         "slow build-up of the force",
@@ -198,7 +198,7 @@ METRES = (
     Row(
         "inertia of wheels and motors",
         "5 % of the mass",
-        "sin θ → sin θ/1.05 beside a learned F",
+        "sin θ → sin θ/1.05 with a learned F",
         lambda s: s.longer(force=math.sin(s.grade) * (1.0 / (1.0 + ROTATING) - 1.0)),
         "longer uphill, shorter downhill",
         "`b_m`, if learned on slopes",
@@ -217,7 +217,7 @@ METRES = (
         "front · sin atan(0.1 L κ)",
         _corner,
         "a corner leaves the path sideways",
-        "nothing: paths need that much room",
+        "nothing: paths need that much space",
     ),
 )
 
@@ -297,7 +297,7 @@ LOADS = (
     ),
 )
 
-OTHERS = (
+FURTHER = (
     Row(
         "cos² θ of a path drawn in plan view",
         "steepest grade",

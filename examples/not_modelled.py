@@ -35,8 +35,10 @@ def _table(rows: Iterable[Row], stops: Stops, cell: Callable[..., str]) -> str:
     ]
     for row in rows:
         cells = "".join(f" {cell(*(row.value(s) for s in pair))} |" for pair in stops)
-        words = f"| {row.name} | {row.size} | {row.formula} |{cells} {row.does} | {row.covered} |"
-        lines.append(words)
+        arguments = (
+            f"| {row.name} | {row.size} | {row.formula} |{cells} {row.does} | {row.covered} |"
+        )
+        lines.append(arguments)
     return "\n".join(lines) + "\n"
 
 
@@ -49,7 +51,7 @@ def _share(level: float, down: float) -> str:
 
 
 def _vehicles(stops: Stops) -> str:
-    """The stops that all else is beside."""
+    """The stops that all else is compared with."""
     lines = [
         "| vehicle | speed | level: F_b/W, stop | steepest downhill: F_b/W, stop | rear load there "
         "| top rim speed in the sharpest turn |",
@@ -80,7 +82,7 @@ def tables(names: Iterable[str] = NAMES) -> str:
             _vehicles(stops),
             "**Metres of a stop: on the level / on the steepest trained downhill**\n",
             _table(METRES, stops, _metres),
-            "**Loads: of an axle's, a side's or a wheel's level static load, steepest downhill**\n",
+            "**Share of the level static load on an axle, side or wheel, steepest downhill**\n",
             _table(LOADS, stops, _share),
             "**Other shares**\n",
             _table(OTHERS, stops, _share),
@@ -93,12 +95,12 @@ def run() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("models", nargs="*", default=NAMES)
     parser.add_argument("--into", type=Path)
-    words = parser.parse_args()
-    text = tables(words.models)
-    if words.into is None:
+    arguments = parser.parse_args()
+    text = tables(arguments.models)
+    if arguments.into is None:
         print(text)
         return
-    words.into.write_text(_PLACE.sub(lambda _: text, words.into.read_text()))
+    arguments.into.write_text(_PLACE.sub(lambda _: text, arguments.into.read_text()))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""A tracking controller of one's own that keeps the stopping path: CasADi and OSQP.
+"""A separate tracking controller that keeps the stopping path: CasADi and OSQP.
 
 Twelve steps of 0.2 s; station, speed and acceleration. The model comes out of
 `slopewise.services.export`, as `slopewise export --casadi` writes it: at each step, station plus
-stopping distance has to end before what is known free. That constraint is linear around the last
-solution, and solved three times over, because a stopping distance bends upwards. It is driven in
+stopping distance has to end before what is known to be free. That constraint is linear around the
+last solution, and solved three times over, because a stopping distance is convex. It is driven in
 the closed-loop world of the benchmarks:
 
     python examples/tracking_mpc.py --drives 3
@@ -19,7 +19,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.closed_loop.drive import run_drive
+from benchmarks.closed_loop.drive_loop import run_drive
 from benchmarks.closed_loop.guarded import learned_model
 from benchmarks.closed_loop.policies import CYCLE, View
 from benchmarks.closed_loop.records import DrivenScene
@@ -31,7 +31,7 @@ from slopewise.services.export.functions import functions_of
 STEPS, STEP = 12, 0.2  # [s]
 PASSES = 3
 RESERVE = 0.3  # [m] for errors of localisation and tracking
-LOOK = 10.0  # [m] over which the steepest way down counts
+LOOKAHEAD = 10.0  # [m] over which the steepest way down counts
 SLACK = 1e4
 
 
@@ -47,35 +47,35 @@ class TrackingMpc:
             model: learned. reference: speed to be tracked [m/s].
         """
         self._limits, self._reference = model.limits, reference
-        wanted = "stopping_distance"
-        self._distance = [f.function for f in functions_of(model) if f.name.startswith(wanted)]
+        name = "stopping_distance"
+        self._distance = [f.function for f in functions_of(model) if f.name.startswith(name)]
         s, v, a = (ca.SX.sym(name, STEPS) for name in ("s", "v", "a"))
         slack = ca.SX.sym("slack")
-        begin, around, slope, most = (
+        begin, around, slope, max_speed = (
             ca.SX.sym("begin", 2),
             ca.SX.sym("around", STEPS),
             ca.SX.sym("slope", STEPS),
-            ca.SX.sym("most"),
+            ca.SX.sym("max_speed"),
         )
         before_s, before_v = ca.vertcat(begin[0], s[:-1]), ca.vertcat(begin[1], v[:-1])
         moves = ca.vertcat(
             s - before_s - STEP * before_v - 0.5 * STEP**2 * a, v - before_v - STEP * a
         )
         stops = s + around + slope * v - slack
-        cost = ca.sumsqr(v - most) + 0.05 * ca.sumsqr(a) + 0.2 * ca.sumsqr(a[1:] - a[:-1])
+        cost = ca.sumsqr(v - max_speed) + 0.05 * ca.sumsqr(a) + 0.2 * ca.sumsqr(a[1:] - a[:-1])
         variables = ca.vertcat(s, v, a, slack)
         problem = {
             "x": variables,
             "f": cost + SLACK * slack**2,
             "g": ca.vertcat(moves, stops),
-            "p": ca.vertcat(begin, around, slope, most),
+            "p": ca.vertcat(begin, around, slope, max_speed),
         }
         quiet = {"osqp": {"verbose": False, "eps_abs": 1e-4, "eps_rel": 1e-4, "max_iter": 8000}}
         self._solver = ca.qpsol("mpc", "osqp", problem, {**quiet, "error_on_fail": False})
         self._last = np.zeros(STEPS)
 
     def command(self, view: View) -> DriveCommand:
-        """One cycle: the first acceleration of the plan, or full brakes where there is none."""
+        """One cycle: the first acceleration of the plan, or full brakes without one."""
         speed, grade = max(view.state.speed, 0.0), self._steepest(view)
         free = max(min(view.clear, view.known) - RESERVE, 0.0)
         if speed > 0.1 and self._needed(speed, grade)[0] > free:
@@ -98,22 +98,22 @@ class TrackingMpc:
         return self._needed(max(view.state.speed, 0.0), self._steepest(view))[0]
 
     def _solve(self, speed: float, free: float, grade: float, view: View) -> Any:
-        told = [self._needed(float(v), grade) for v in self._last]
-        slope = np.array([d for _, d in told])
-        around = np.array([distance for distance, _ in told]) - slope * self._last
-        most = min(self._reference, self._limits.speed, self._turn(view))
+        needed = [self._needed(float(v), grade) for v in self._last]
+        slope = np.array([d for _, d in needed])
+        around = np.array([distance for distance, _ in needed]) - slope * self._last
+        max_speed = min(self._reference, self._limits.speed, self._turn(view))
         low = np.concatenate(
             (np.full(STEPS, -1.0), np.zeros(STEPS), np.full(STEPS, -self._limits.decel), [0.0])
         )
         high = np.concatenate(
             (
                 np.full(STEPS, 1e3),
-                np.full(STEPS, max(most, speed)),
+                np.full(STEPS, max(max_speed, speed)),
                 np.full(STEPS, self._limits.accel),
                 [1e3],
             )
         )
-        parameters = np.concatenate(([0.0, speed], around, slope, [most]))
+        parameters = np.concatenate(([0.0, speed], around, slope, [max_speed]))
         bounds = np.zeros(2 * STEPS)
         solved = self._solver(
             p=parameters,
@@ -135,7 +135,7 @@ class TrackingMpc:
     @staticmethod
     def _steepest(view: View) -> float:
         route = view.route
-        ahead = (route.station >= view.station) & (route.station <= view.station + LOOK)
+        ahead = (route.station >= view.station) & (route.station <= view.station + LOOKAHEAD)
         return float(route.grade[ahead].min()) if ahead.any() else 0.0
 
     def _turn(self, view: View) -> float:
@@ -154,7 +154,7 @@ def drive(number: int, reference: float = 3.5) -> DrivenScene:
 
 
 def main() -> None:
-    """Drive, and say what came of it."""
+    """Drive, and print the result."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--drives", type=int, default=3)
     for number in range(parser.parse_args().drives):

@@ -26,7 +26,7 @@ arithmetic and numpy's elementwise functions (``sqrt``, ``cos``, ``fmax``, …) 
 on a value, ``where``, ``clip`` or ``maximum``, and calls no other law: then casadi can
 differentiate it and numba can compile it as it stands.
 
-Outside its domain a law gives NaN, never a number that could be believed. ``fmax`` and ``fmin``
+Outside its domain a law gives NaN, never a plausible number. ``fmax`` and ``fmin``
 drop a NaN, and a quotient or a square hides a wrong sign, so a law multiplies by one of these,
 which are 1 within the domain and change no digit of it:
 

@@ -17,7 +17,7 @@ class CandidatePath:
     Attributes:
         name: how plans and reports call it.
         points: (n, 2) positions of the middle of the wheelbase [m], at least 2.
-        speed_limit: (n,) highest speed at each point [m/s], None if there is none.
+        speed_limit: (n,) highest speed at each point [m/s], None without limits.
         yaw: (n,) heading of the vehicle [rad]; only checked against the direction of travel.
     """
 
@@ -33,8 +33,8 @@ class CandidatePath:
         if len(points) < 2:
             raise ParameterError("points", f"at least 2 points, got {len(points)}")
         if not np.all(np.isfinite(points)):
-            bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-            raise ParameterError(f"points[{bad}]", "finite coordinates [m]")
+            first = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+            raise ParameterError(f"points[{first}]", "finite coordinates [m]")
         object.__setattr__(self, "points", read_only(points))
         for name in ("speed_limit", "yaw"):
             values = getattr(self, name)

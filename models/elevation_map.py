@@ -13,7 +13,7 @@ import numpy as np
 from slopewise.models.arrays import Floats, Ints, read_only
 from slopewise.models.errors import ParameterError
 
-_FEWEST_CELLS = 2
+_MIN_CELL_COUNT = 2
 """Cells along an edge that bilinear heights need [1]."""
 
 
@@ -25,7 +25,7 @@ class ElevationMap:
         elevation: (rows, cols) heights, row 0 at minimum y; NaN is unknown ground.
         resolution: edge of a cell [m].
         origin: (x, y) of the centre of cell [0, 0] [m].
-        terrain_class: (rows, cols) index into ``class_names``, or None where nobody classified.
+        terrain_class: (rows, cols) index into ``class_names``, or None without classes.
         class_names: name of each class; index 0 is the base surface.
         height_std: error of the heights of cells against each other [m], one for all.
         assumed: assumptions made of its source, in sentences.
@@ -41,7 +41,7 @@ class ElevationMap:
 
     def __post_init__(self) -> None:
         elevation = np.array(self.elevation, dtype=np.float64, order="C")
-        if elevation.ndim != 2 or min(elevation.shape) < _FEWEST_CELLS:
+        if elevation.ndim != 2 or min(elevation.shape) < _MIN_CELL_COUNT:
             raise ParameterError(
                 "elevation", f"at least 2 x 2 cells (rows, cols), got shape {elevation.shape}"
             )

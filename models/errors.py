@@ -1,4 +1,4 @@
-"""What can be wrong with what a user hands in. Infeasible is not here: that is a status."""
+"""Errors of input. An infeasible plan is a status, not an error."""
 
 from __future__ import annotations
 

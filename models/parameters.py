@@ -42,11 +42,11 @@ class Braking:
     Attributes:
         speed_range: lowest and highest onset speed that the coefficients were learned on [m/s].
         grade_range: likewise the grades [rad], uphill positive.
-        roll_range: likewise the rolls [rad], left side up positive; left out, as far to either side
-            as the steeper end of ``grade_range``.
+        roll_range: likewise the rolls [rad], left side up positive; by default as far to
+            either side as the steeper end of ``grade_range``.
         speed_by_grade: corners (grade [rad], highest speed [m/s]) of what was driven, concave over
-            the grade; left out, every speed of ``speed_range`` was driven on every grade.
-        covariance: of m_m, b_m, m_b, b_b, in their units; left out, they count as exact.
+            the grade; by default every speed of ``speed_range`` was driven on every grade.
+        covariance: of m_m, b_m, m_b, b_b, in their units; exact by default.
         drive_in_dead_time: what the drive does between stop command and onset: the speed is held,
             or the drive is cut and the vehicle rolls; of either, the longer stop counts.
         extrapolate: plan on ground steeper than trained, with a margin, instead of not at all.
@@ -146,8 +146,8 @@ class Braking:
             raise ParameterError("speed_range", f"speeds >= 0, got {self.speed_range[0]:g}")
         validate_covariance("covariance", self.covariance, 4)
         if not self.dead_band < self.saturation:
-            words = f"more than the dead band of {self.dead_band:g}, got {self.saturation:g}"
-            raise ParameterError("saturation", words)
+            expected = f"more than the dead band of {self.dead_band:g}, got {self.saturation:g}"
+            raise ParameterError("saturation", expected)
         if not self.level_force(self.speed_range[0]) > 0.0:
             raise ParameterError(
                 "b_b", "brakes that slow the vehicle on level ground, m_b v + b_b > 0"
@@ -160,12 +160,12 @@ class Braking:
                 raise ParameterError(f"terrain.{name}.{error.field}", error.expected) from None
             of = self.terrain[name].state_of
             if of and (of not in self.terrain or of == name):
-                words = f'"" for the base or another surface of the file, got "{of}"'
-                raise ParameterError(f"terrain.{name}.state_of", words)
+                expected = f'"" for the base or another surface of the file, got "{of}"'
+                raise ParameterError(f"terrain.{name}.state_of", expected)
 
     @property
     def trained_roll(self) -> tuple[float, float]:
-        """Rolls that stops were learned on [rad]; as far as the grades where nothing is said."""
+        """Rolls that stops were learned on [rad]; as far as the grades by default."""
         if self.roll_range is not None:
             return self.roll_range
         widest = max(abs(self.grade_range[0]), abs(self.grade_range[1]))
@@ -176,7 +176,7 @@ class Braking:
         return self.m_b * onset_speed + self.b_b
 
     def share_at(self, level: float | None = None) -> float:
-        """Share of what the brakes can do at an application, that of the file if left out.
+        """Share of the full force at an application, that of the file by default.
 
         Linear between dead band and saturation.
         """
@@ -189,7 +189,7 @@ class Braking:
         return states_of(self.terrain, surface)
 
     def on(self, surface: str) -> Braking:
-        """The braking model on a named surface; one without a table of its own is the base."""
+        """The braking model on a named surface; one without a table is the base."""
         table = self.terrain.get(surface)
         return dataclasses.replace(self, terrain={}, **({} if table is None else table.given))
 
@@ -204,7 +204,7 @@ class Terrain:
     braking_resistance: float | None = quantity(
         "1",
         "The f_r that counts as part of the braking force at a level below 1; "
-        "motion_resistance if left out or higher.",
+        "motion_resistance by default or if higher.",
         (0.0, 1.0),
         default=None,
         at_least=0.0,
@@ -220,13 +220,13 @@ class Terrain:
     @property
     def rolling_while_braking(self) -> float:
         """The f_r of Braking (6) that stays when the brakes are applied in part only [1]."""
-        told = self.braking_resistance
-        return self.motion_resistance if told is None else min(told, self.motion_resistance)
+        share = self.braking_resistance
+        return self.motion_resistance if share is None else min(share, self.motion_resistance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What a plan may ask of the vehicle and its load."""
+    """Limits of plans on the vehicle and its load."""
 
     speed: float = quantity("m/s", "Highest planned speed.", (0.01, 40.0), above=0.0)
     accel: float = quantity("m/s²", "Highest planned acceleration.", (0.01, 12.0), above=0.0)

@@ -60,11 +60,11 @@ def quantity(
     """A dataclass field that holds a physical quantity.
 
     Args:
-        unit: SI unit as shown to people ("kg", "m/s", "1" for dimensionless).
+        unit: SI unit as shown to users ("kg", "m/s", "1" for dimensionless).
         text: one sentence that says what it is.
         plausible: lowest and highest value that a model file may hold; beyond, it is a mistake,
             mostly of the unit. Values that are computed may lie there.
-        default: left out, the field is required.
+        default: without it the field is required.
         above: exclusive lower bound.
         at_least: inclusive lower bound.
         at_most: inclusive upper bound.
@@ -83,15 +83,15 @@ def quantity(
 
 
 def describe_range(metadata: Any) -> str:
-    """The allowed range of a quantity in words, e.g. ``a number > 0 [kg]``."""
-    words = []
+    """Text of the allowed range of a quantity, e.g. ``a number > 0 [kg]``."""
+    bounds = []
     if metadata["above"] > -math.inf:
-        words.append(f"> {metadata['above']:g}")
+        bounds.append(f"> {metadata['above']:g}")
     if metadata["at_least"] > -math.inf:
-        words.append(f">= {metadata['at_least']:g}")
+        bounds.append(f">= {metadata['at_least']:g}")
     if metadata["at_most"] < math.inf:
-        words.append(f"<= {metadata['at_most']:g}")
-    return f"a finite number {' and '.join(words)}".rstrip() + f" [{metadata['unit']}]"
+        bounds.append(f"<= {metadata['at_most']:g}")
+    return f"a finite number {' and '.join(bounds)}".rstrip() + f" [{metadata['unit']}]"
 
 
 def describe_plausible(metadata: Any) -> str:
@@ -173,8 +173,8 @@ def validate_angles(name: str, bounds: tuple[float, float]) -> None:
     """
     validate_range(name, bounds)
     if max(abs(bounds[0]), abs(bounds[1])) > STEEPEST:
-        words = f"radians between -{STEEPEST:.2f} and {STEEPEST:.2f}"
-        raise ParameterError(name, f"{words}, got [{bounds[0]:g}, {bounds[1]:g}]: degrees?")
+        expected = f"radians between -{STEEPEST:.2f} and {STEEPEST:.2f}"
+        raise ParameterError(name, f"{expected}, got [{bounds[0]:g}, {bounds[1]:g}]: degrees?")
 
 
 def validate_covariance(name: str, covariance: Matrix | None, size: int) -> None:
@@ -187,13 +187,13 @@ def validate_covariance(name: str, covariance: Matrix | None, size: int) -> None
         return
     if len(covariance) != size or any(len(row) != size for row in covariance):
         raise ParameterError(name, f"a {size} x {size} matrix")
-    if flaw := _expected_of(tuple(map(tuple, covariance))):
-        raise ParameterError(name, flaw)
+    if expected := _expected_of(tuple(map(tuple, covariance))):
+        raise ParameterError(name, expected)
 
 
 @lru_cache(maxsize=512)
 def _expected_of(covariance: Matrix) -> str:
-    """What a square matrix fails to be; "" where it is a covariance.
+    """Expected property that a square matrix lacks; "" for a covariance.
 
     Models are made again and again with the same ones: each surface of a model has its own.
     """

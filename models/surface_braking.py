@@ -1,4 +1,4 @@
-"""What differs from the base in the braking model: on one surface, or uphill."""
+"""Differences from the base braking model: on one surface, or uphill."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import STEEPEST, Matrix, quantity, validate_quantities
 
-MOST_CORNERS = 24
-"""Lines that a plan holds each station against."""
+MAX_CORNER_COUNT = 24
+"""Lines of the trained hull [1]: bounds the cost per station."""
 
 _STRAIGHT = 1e-6
 """Change of the slope of neighbouring lines that rounding may make [m/s per rad]."""
@@ -31,16 +31,15 @@ class UphillBraking:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurfaceBraking:
-    """What differs on one named surface; every key left out is that of ``[braking]``.
+    """Differences on one named surface; every missing key is that of ``[braking]``.
 
     Attributes:
         covariance, speed_range, grade_range, roll_range, uphill: See [braking].
-        speed_by_grade: likewise; that of ``[braking]`` does not hold beside ranges of its own.
-        class_id: number by which a map calls the surface; left out, its place among the tables,
+        speed_by_grade: likewise; that of ``[braking]`` is dropped if the surface has ranges.
+        class_id: number by which a map calls the surface; by default its place among the tables,
             counted from 1.
-        state_of: the surface of which this is no ground of its own but a state of the brakes that
-            nobody can foresee, "" for the base; wherever a plan takes the one, it takes the worse
-            of the two.
+        state_of: the surface of which this is an unforeseeable state of the brakes instead of
+            another ground, "" for the base; plans use the worse of the two.
     """
 
     m_m: float | None = quantity("s/m", "See [braking].", default=None)
@@ -68,7 +67,7 @@ class SurfaceBraking:
 
     @property
     def given(self) -> dict[str, Any]:
-        """What differs, by the keys of ``[braking]``."""
+        """Differing values, by the keys of ``[braking]``."""
         values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         del values["class_id"], values["state_of"]
         given = {name: value for name, value in values.items() if value is not None}
@@ -88,9 +87,9 @@ def validate_hull(name: str, corners: Matrix | None) -> None:
     """
     if corners is None:
         return
-    if not 2 <= len(corners) <= MOST_CORNERS or any(len(row) != 2 for row in corners):
-        words = f"2 … {MOST_CORNERS} pairs of grade and speed, got {len(corners)} rows"
-        raise ParameterError(name, words)
+    if not 2 <= len(corners) <= MAX_CORNER_COUNT or any(len(row) != 2 for row in corners):
+        expected = f"2 … {MAX_CORNER_COUNT} pairs of grade and speed, got {len(corners)} rows"
+        raise ParameterError(name, expected)
     table = np.array(corners)
     if not np.isfinite(table).all() or np.any(table[:, 1] < 0.0):
         raise ParameterError(name, "finite grades and speeds >= 0")

@@ -9,21 +9,23 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import quantity, unit_guess, validate_quantities
 
 _WHEEL_WIDTH = 0.7
+"""Wheel width over radius, assumed where the model file has none [1]."""
 _CLEARANCE = 0.75
+"""Ground clearance over wheel radius, assumed where the model file has none [1]."""
 _STEP = 1.0 / 3.0
-"""What stands in for a size that a model file leaves out, as a share of the wheel radius."""
+"""Step height and wheel travel over wheel radius, assumed where the model file has none [1]."""
 
 
 class Shape(NamedTuple):
-    """Sizes that decide what the vehicle can pass over and beside [m], defaults filled in.
+    """Sizes that decide what the vehicle can pass over and next to [m], defaults filled in.
 
     Attributes:
         width: of body and wheels, the wider.
         front, rear: ends of the body, ahead of and behind the middle of the wheelbase.
         clearance: underside above level ground.
         max_step: that a wheel may climb or fall. wheel_travel: below the plane of the others.
-        wheel_width: of a tyre.
-        assumed: names of those that the model file leaves out.
+        wheel_width: width of a tyre.
+        assumed: names of those missing in the model file.
     """
 
     width: float
@@ -72,57 +74,56 @@ class Vehicle:
 
     width: float | None = quantity(
         "m",
-        "Widest part of body and wheels; track width and wheel width if left out.",
+        "Widest part of body and wheels; track width and wheel width by default.",
         (0.05, 15.0),
         default=None,
         above=0.0,
     )
     front_overhang: float | None = quantity(
         "m",
-        "Body ahead of the front axle; the wheel radius if left out.",
+        "Body ahead of the front axle; the wheel radius by default.",
         (0.0, 10.0),
         default=None,
         at_least=0.0,
     )
     rear_overhang: float | None = quantity(
         "m",
-        "Body behind the rear axle; the wheel radius if left out.",
+        "Body behind the rear axle; the wheel radius by default.",
         (0.0, 10.0),
         default=None,
         at_least=0.0,
     )
     ground_clearance: float | None = quantity(
         "m",
-        "Underside of the body above level ground; 3/4 of the wheel radius if left out.",
+        "Underside of the body above level ground; 3/4 of the wheel radius by default.",
         (0.0, 3.0),
         default=None,
         at_least=0.0,
     )
     max_step: float | None = quantity(
         "m",
-        "Highest step that a wheel may climb or fall; 1/3 of its radius if left out.",
+        "Highest step that a wheel may climb or fall; 1/3 of its radius by default.",
         (1e-3, 2.0),
         default=None,
         above=0.0,
     )
     wheel_width: float | None = quantity(
         "m",
-        "Width of a tyre; 0.7 of the wheel radius if left out.",
+        "Width of a tyre; 0.7 of the wheel radius by default.",
         (2e-3, 2.0),
         default=None,
         above=0.0,
     )
     wheel_travel: float | None = quantity(
         "m",
-        "How far a wheel reaches below the plane of the other three; 1/3 of its radius if "
-        "left out.",
+        "How far a wheel reaches below the plane of the other three; 1/3 of its radius by default.",
         (1e-3, 2.0),
         default=None,
         above=0.0,
     )
     front_brake_share: float | None = quantity(
         "1",
-        "Part of the braking force on the front axle; left out, that of the static load, or, "
+        "Part of the braking force on the front axle; by default that of the static load, or, "
         "skid-steered, wheels of a side that turn as one.",
         default=None,
         at_least=0.0,
@@ -153,7 +154,7 @@ class Vehicle:
 
     @property
     def shape(self) -> Shape:
-        """The sizes of body and wheels; those left out follow the wheel radius."""
+        """The sizes of body and wheels; missing ones follow the wheel radius."""
         radius = self.wheel_radius
         wheel_width = _WHEEL_WIDTH * radius if self.wheel_width is None else self.wheel_width
         defaults = {
@@ -180,7 +181,7 @@ class Vehicle:
 
     @property
     def brake_share(self) -> float | None:
-        """Part of the braking force on the front axle [1]; None where no axle locks by itself."""
+        """Part of the braking force on the front axle [1]; None where no axle locks alone."""
         if self.front_brake_share is None and self.drive == "ackermann":
             return self.cg_x / self.wheelbase
         return self.front_brake_share

@@ -25,6 +25,7 @@ MAX_STATIONS = 200_000
 """Stations of one candidate: 20 km at 0.1 m. More is a mistake in units."""
 
 _FEWEST = 3
+"""Stations that curvature needs [1]."""
 
 _ROUNDED = 0.85
 """Share of the allowed deviation that corners are rounded by: the rest is for the straight lines

@@ -23,6 +23,8 @@ _MAX_REPLY = 256_000_000
 """Bytes of a reply: 64 candidates of 2,000 stations and 20 columns are 20 MB."""
 
 _SAMPLES = 50
+"""Samples of a safe stop: 0.1 m/s apart from 5 m/s."""
+
 _SERVICE_SHARE = 0.8
 """Share of the time-out that the service may use; the rest is for the wire, 20 ms of 0.1 s."""
 

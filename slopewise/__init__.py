@@ -7,8 +7,8 @@
     for plan in slopewise.plan(model, ground, paths, start_speed=1.5):
         print(plan.candidate, plan.status.value, plan.travel_time, plan.reason)
 
-The names below are the ones that stay as they are from release to release; everything else may
-move. SI units and radians throughout. A name is loaded when it is first used.
+The names below are stable from release to release; everything else may move. SI units and radians
+throughout. A name is loaded when it is first used.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from slopewise.files import read_drive_log, read_map, read_model, read_paths, write_model
-    from slopewise.learning import calibrate, find_discrepancies
+    from slopewise._calibration import calibrate, find_discrepancies
+    from slopewise._io import read_drive_log, read_map, read_model, read_paths, write_model
+    from slopewise._planning import Horizon, check_plan, plan
     from slopewise.models.candidate_path import CandidatePath
     from slopewise.models.elevation_map import ElevationMap
     from slopewise.models.errors import SlopewiseError
     from slopewise.models.parameters import Model
     from slopewise.planner.horizon.answer import PlanarState
     from slopewise.planner.plan import SpeedPlan
-    from slopewise.planning import Horizon, check_plan, plan
     from slopewise.services.check.check_report import CheckReport
     from slopewise.services.check.external_plan import GivenPlan
     from slopewise.services.client import PlanClient
@@ -60,21 +60,21 @@ _HOMES = {
     "DriveLog": "slopewise.services.io.drive_log",
     "ElevationMap": "slopewise.models.elevation_map",
     "GivenPlan": "slopewise.services.check.external_plan",
-    "Horizon": "slopewise.planning",
+    "Horizon": "slopewise._planning",
     "Model": "slopewise.models.parameters",
     "PlanClient": "slopewise.services.client",
     "PlanarState": "slopewise.planner.horizon.answer",
     "SlopewiseError": "slopewise.models.errors",
     "SpeedPlan": "slopewise.planner.plan",
-    "calibrate": "slopewise.learning",
-    "check_plan": "slopewise.planning",
-    "find_discrepancies": "slopewise.learning",
-    "plan": "slopewise.planning",
-    "read_drive_log": "slopewise.files",
-    "read_map": "slopewise.files",
-    "read_model": "slopewise.files",
-    "read_paths": "slopewise.files",
-    "write_model": "slopewise.files",
+    "calibrate": "slopewise._calibration",
+    "check_plan": "slopewise._planning",
+    "find_discrepancies": "slopewise._calibration",
+    "plan": "slopewise._planning",
+    "read_drive_log": "slopewise._io",
+    "read_map": "slopewise._io",
+    "read_model": "slopewise._io",
+    "read_paths": "slopewise._io",
+    "write_model": "slopewise._io",
 }
 
 

@@ -15,7 +15,7 @@ from hypothesis.internal.conjecture.providers import Constants, HypothesisProvid
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
-from slopewise.services.planning.cold_start import compile_first
+from slopewise.services.jobs.cold_start import compile_first
 from tests.planner import scenes
 
 _CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}

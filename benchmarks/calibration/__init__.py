@@ -1,1 +1,1 @@
-"""Do the margins of a calibration hold, and how much do they cost?"""
+"""Coverage of the margins of a calibration, and their cost."""

@@ -1,15 +1,15 @@
 """The paper's Fig. 6 on engines' vehicles: `python -m benchmarks.calibration.engine_stops`
 
 A log of one vehicle is calibrated as `slopewise calibrate` does; fresh stops of the same vehicle,
-driven in the same physics, are held against what the model predicts and what a plan allows at a
-quantile. Two engines: MuJoCo's four wheels, and the multi-body car of PyPI
-`commonroad-vehicle-models`. Nothing hidden acts in either. The figure's stops begin at 1 to 4 m/s
-and no scatter of the brakes is added to its engine; `--fastest` and `--scatter` ask for more.
+in the same physics, are compared with the prediction and the allowed distance at a quantile. Two
+engines: MuJoCo's four wheels, and the multi-body car of PyPI `commonroad-vehicle-models`; without
+hidden effects. The figure's stops begin at 1 to 4 m/s without scatter of the brakes; `--fastest`
+and `--scatter` change that.
 
-The allowance is integrated over time on the ground that each fresh stop really met, by formulas of
-its own; from the model file it takes the force lower by √(φᵀ S φ), the longer dead time and the
-constant. Logs have the pitch of a body that dives; with ``ground`` calibration is given the ground
-under it, too, as a map would.
+The allowed distance is integrated over time on the true ground of each fresh stop, by formulas of
+this module; from the model file it takes the force reduced by √(φᵀ S φ), the longer dead time and
+the constant. Logs have the pitch of a body that dives; with ``ground``, calibration also receives
+the grade of a map.
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.discovery import engine_sets, multibody_sets, worlds
-from benchmarks.discovery.physics import Stops
-from benchmarks.discovery.plant import DrivenStops
-from benchmarks.discovery.sealed import runs_of
-from benchmarks.discovery.sensing import Columns, log
-from benchmarks.discovery.world_outcomes import WorldOrder
 from slopewise.models.arrays import Floats
 from slopewise.models.calibration.learn import learn
 from slopewise.models.parameters import Braking
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.ground.uncertainty import Uncertainty
+
+from ..discrepancy import engine_sets, multibody_sets, worlds
+from ..discrepancy.blind_run import runs_of
+from ..discrepancy.effect_plant import DrivenStops
+from ..discrepancy.plant_physics import Stops
+from ..discrepancy.sensing import Columns, log
+from ..discrepancy.world_outcomes import WorldSpec
 
 WORLDS: dict[str, worlds.World[Any]] = {
     "MuJoCo, four wheels": engine_sets.ENGINE,
@@ -42,8 +43,9 @@ WORLDS: dict[str, worlds.World[Any]] = {
 }
 _NOISE = 0.02  # [m/s] of the logged speed
 _MAP = 0.005  # [rad] error of a map's grade
-_STEP, _LONGEST = 0.005, 30.0  # [s]
-_DRAWS = 50
+_STEP, _MAX_STOP = 0.005, 30.0  # [s] of the integration
+_MAX_DRAWS = 50  # of stops that are slow enough
+# A rough model file, as before any calibration.
 _KNOWN = Braking(
     m_m=0.0,
     b_m=0.0,
@@ -56,12 +58,15 @@ _KNOWN = Braking(
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
-    """What is driven and asked.
+class StopQuery:
+    """Conditions of a comparison.
 
     Attributes:
-        stops: in the log. fresh: held against it. scatter: of the force from stop to stop [1].
-        fastest: speed at which stops begin, 1 m/s being the slowest [m/s]. quantile: one-sided.
+        stops: number of stops in the log.
+        fresh: number of fresh stops.
+        scatter: force scatter from stop to stop [1].
+        fastest: highest speed at which stops begin; the lowest is 1 m/s [m/s].
+        quantile: one-sided probability [1].
     """
 
     stops: int = 100
@@ -72,21 +77,24 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class HeldStops:
-    """Fresh stops of one vehicle beside their predictions.
+class ComparedStops:
+    """Fresh stops of one vehicle compared with their predictions.
 
     Attributes:
         off: mean of measured less predicted by the model's mean [m].
-        beyond: stops that are longer than allowed. nearest: least of allowed less measured [m].
-        excess: mean of allowed less measured [m]; share: of the measured distance.
-        offset: constant of the model [m]. objections: why calibration would refuse the log.
-    """
+        beyond: number of stops that are longer than allowed.
+        nearest: minimum of allowed less measured [m].
+        excess: mean of allowed less measured [m].
+        share: excess over the measured distance [1].
+        offset: constant of the model [m].
+        objections: reasons for which calibration would reject the log.
+    """  # words: ok, keys of its JSON
 
     world: str
     ground: bool
     seed: int
-    asked: Question
-    off: float
+    asked: StopQuery
+    off: float  # words: ok
     beyond: int
     nearest: float
     excess: float
@@ -95,57 +103,57 @@ class HeldStops:
     objections: tuple[str, ...]
 
 
-def hold(name: str, seed: int, asked: Question, *, ground: bool = False) -> HeldStops:
-    """Calibrate one log, with or without the ground of a map, and hold fresh stops against it."""
+def check_stops(name: str, seed: int, asked: StopQuery, *, ground: bool = False) -> ComparedStops:
+    """Calibrate one log, with or without the grade of a map, and compare fresh stops with it."""
     world = WORLDS[name]
     rng = np.random.default_rng([seed, 6])
     scene = _scene(world, asked.stops, asked, rng)
-    nature = world.nature(WorldOrder("", seed), scene, rng)
+    nature = world.nature(WorldSpec("", seed), scene, rng)
     driven = world.drive(nature, scene)
     columns = log(driven, scene, _NOISE, rng)
     by_map = _mapped(columns, driven, scene, rng) if ground else None
     learned = learn(columns, runs_of(columns), _KNOWN, ground=by_map)
-    drawn = _scene(world, asked.fresh, asked, rng)
-    actual = world.drive(nature, drawn)
+    fresh = _scene(world, asked.fresh, asked, rng)
+    actual = world.drive(nature, fresh)
     b = learned.braking
-    met = _ground(drawn, actual.station)
-    mean = allowed(b, actual, met, 0.5) - b.distance_offset
-    most = allowed(b, actual, met, asked.quantile)
-    spare = most - actual.distance
-    return HeldStops(
+    true_grade = _ground(fresh, actual.station)
+    mean = allowed(b, actual, true_grade, 0.5) - b.distance_offset
+    margin = allowed(b, actual, true_grade, asked.quantile) - actual.distance
+    return ComparedStops(
         name,
         ground,
         seed,
         asked,
         float(np.mean(actual.distance - mean)),
-        int(np.sum(spare < 0.0)),
-        float(spare.min()),
-        float(spare.mean()),
-        float(np.mean(spare / actual.distance)),
+        int(np.sum(margin < 0.0)),
+        float(margin.min()),
+        float(margin.mean()),
+        float(np.mean(margin / actual.distance)),
         b.distance_offset,
         learned.objections,
     )
 
 
 def _scene(
-    world: worlds.World[Any], count: int, asked: Question, rng: np.random.Generator
+    world: worlds.World[Any], count: int, asked: StopQuery, rng: np.random.Generator
 ) -> Stops:
-    """So many stops that do not begin faster than asked."""
-    drawn: Stops = world.scene(count, asked.scatter, rng)
-    clock, kept = drawn.clock, Stops(*(column[:0] for column in drawn))
-    for _ in range(_DRAWS):
-        slow = drawn.speed <= asked.fastest
-        pairs = zip(kept, drawn, strict=True)
-        kept = Stops(*(np.concatenate((column, more[slow])) for column, more in pairs))
-        if len(kept.speed) >= count:
-            # The clock of a stop tells its run, and goes on from stop to stop.
-            return Stops(*(column[:count] for column in kept))._replace(clock=clock)
-        drawn = world.scene(count, asked.scatter, rng)
+    """Draw stops up to the fastest speed."""
+    candidates: Stops = world.scene(count, asked.scatter, rng)
+    clock = candidates.clock
+    slow_stops = Stops(*(column[:0] for column in candidates))
+    for _ in range(_MAX_DRAWS):
+        slow = candidates.speed <= asked.fastest
+        pairs = zip(slow_stops, candidates, strict=True)
+        slow_stops = Stops(*(np.concatenate((column, more[slow])) for column, more in pairs))
+        if len(slow_stops.speed) >= count:
+            # The clock must increase from stop to stop.
+            return Stops(*(column[:count] for column in slow_stops))._replace(clock=clock)
+        candidates = world.scene(count, asked.scatter, rng)
     raise ValueError(f"too few stops begin at {asked.fastest:g} m/s or slower")
 
 
 def _ground(stops: Stops, station: Floats) -> Floats:
-    """(n, samples) grade of the ground at stations since the command [rad]."""
+    """Grade of the ground at stations since the command, shape (n, samples) [rad]."""
     phase = stops.wave_phase[:, None] + 2.0 * np.pi * station / stops.wave_length[:, None]
     grade: Floats = stops.grade[:, None] + stops.wave[:, None] * np.sin(phase)
     return grade
@@ -154,7 +162,7 @@ def _ground(stops: Stops, station: Floats) -> Floats:
 def _mapped(
     columns: Columns, driven: DrivenStops, stops: Stops, rng: np.random.Generator
 ) -> Floats:
-    """(samples,) grade by a map at each row of a log."""
+    """Grade of a map at each row of a log, shape (samples,) [rad]."""
     grade = _ground(stops, driven.station)
     rows = []
     for i, run in enumerate(runs_of(columns)):
@@ -165,13 +173,15 @@ def _mapped(
 
 
 def allowed(braking: Braking, driven: DrivenStops, grade: Floats, quantile: float) -> Floats:
-    """(n,) how far stops may go by a model file at a quantile [m], the worst of its states.
+    """Allowed distance of stops at a quantile, the worst of the model's states, shape (n,) [m].
 
     Args:
-        braking: of the model file. driven: stops. grade: (n, samples) of the ground [rad].
-        quantile: one-sided.
+        braking: braking model.
+        driven: driven stops.
+        grade: grade of the ground, shape (n, samples) [rad].
+        quantile: one-sided probability [1].
     """
-    told = Uncertainty(quantile=quantile)
+    uncertainty = Uncertainty(quantile=quantile)
     command = int(np.searchsorted(driven.time, 0.0))
     speed = driven.speed[:, command]
     station = driven.station[:, command:] - driven.station[:, command, None]
@@ -180,15 +190,15 @@ def allowed(braking: Braking, driven: DrivenStops, grade: Floats, quantile: floa
     for name in ("", *braking.states_of("")):
         on = braking.on(name) if name else braking
         beta = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
-        matrix = told.force_matrix(on)
+        matrix = uncertainty.force_matrix(on)
 
         def force_on(theta: Floats, beta: Floats = beta, matrix: Floats = matrix) -> Floats:
             x = np.column_stack((speed * theta, theta, speed, np.ones_like(speed)))
             lower: Floats = x @ beta - np.sqrt(np.einsum("ni,ij,nj->n", x, matrix, x))
             return lower
 
-        way = _stop(speed, told.dead_time(on), station, grade, force_on)
-        worst = np.maximum(worst, way + on.distance_offset)
+        distance = _stop(speed, uncertainty.dead_time(on), station, grade, force_on)
+        worst = np.maximum(worst, distance + on.distance_offset)
     return worst
 
 
@@ -199,59 +209,59 @@ def _stop(
     grade: Floats,
     force_on: Callable[[Floats], Floats],
 ) -> Floats:
-    """(n,) way until rest [m]; inf where a stop does not end."""
-    way, v = speed * dead_time, speed.copy()
+    """Stopping distance, shape (n,) [m]; inf without standstill."""
+    distance, v = speed * dead_time, speed.copy()
 
     def deceleration(s: Floats) -> Floats:
-        theta = np.array([np.interp(*one) for one in zip(s, station, grade, strict=True)])
-        found: Floats = GRAVITY * (force_on(theta) + np.sin(theta))
-        return found
+        theta = np.array([np.interp(*row) for row in zip(s, station, grade, strict=True)])
+        decel: Floats = GRAVITY * (force_on(theta) + np.sin(theta))
+        return decel
 
-    for _ in range(round(_LONGEST / _STEP)):
-        middle = way + 0.5 * _STEP * v
+    for _ in range(round(_MAX_STOP / _STEP)):
+        middle = distance + 0.5 * _STEP * v
         slower = v - _STEP * deceleration(middle)
-        rests = slower <= 0.0
-        part = np.where(rests, v / np.maximum(v - slower, 1e-12), 1.0)
-        way = way + 0.5 * _STEP * part * (v + np.maximum(slower, 0.0))
+        stopped = slower <= 0.0
+        part = np.where(stopped, v / np.maximum(v - slower, 1e-12), 1.0)
+        distance = distance + 0.5 * _STEP * part * (v + np.maximum(slower, 0.0))
         v = np.maximum(slower, 0.0)
         if not v.any():
-            return way
-    return np.where(v > 0.0, np.inf, way)
+            return distance
+    return np.where(v > 0.0, np.inf, distance)
 
 
 def main() -> None:
-    """Measure, print a table, write JSON where asked."""
-    usual = Question()
+    """Measure, print a table, write JSON on request."""
+    default = StopQuery()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=3, help="logs of each vehicle")
-    parser.add_argument("--stops", type=int, default=usual.stops, help="in each log")
-    parser.add_argument("--fresh", type=int, default=usual.fresh, help="held against each")
-    parser.add_argument("--scatter", type=float, default=usual.scatter, help="of the force [1]")
-    parser.add_argument("--fastest", type=float, default=usual.fastest, help="onset, up to 5 m/s")
-    parser.add_argument("--quantile", type=float, default=usual.quantile)
+    parser.add_argument("--stops", type=int, default=default.stops, help="in each log")
+    parser.add_argument("--fresh", type=int, default=default.fresh, help="compared with each")
+    parser.add_argument("--scatter", type=float, default=default.scatter, help="of the force [1]")
+    parser.add_argument("--fastest", type=float, default=default.fastest, help="onset, up to 5 m/s")
+    parser.add_argument("--quantile", type=float, default=default.quantile)
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    asked = Question(given.stops, given.fresh, given.scatter, given.fastest, given.quantile)
+    asked = StopQuery(given.stops, given.fresh, given.scatter, given.fastest, given.quantile)
     rows = []
     names = ("grade by", "log", "off m", "beyond", "nearest m", "excess m", "share", "offset m")
     print(f"{'world':22}" + "".join(f"{name:>10}" for name in names))
     for name in WORLDS:
         for ground, seed in itertools.product((False, True), range(given.seeds)):
-            held = hold(name, seed, asked, ground=ground)
-            rows.append(held)
-            told = (
+            row = check_stops(name, seed, asked, ground=ground)
+            rows.append(row)
+            cells = (
                 "map" if ground else "pitch",
                 str(seed),
-                f"{held.off:.3f}",
-                str(held.beyond),
-                f"{held.nearest:.3f}",
-                f"{held.excess:.3f}",
-                f"{held.share:.1%}",
-                f"{held.offset:.3f}",
+                f"{row.off:.3f}",
+                str(row.beyond),
+                f"{row.nearest:.3f}",
+                f"{row.excess:.3f}",
+                f"{row.share:.1%}",
+                f"{row.offset:.3f}",
             )
-            print(f"{name:22}" + "".join(f"{value:>10}" for value in told), flush=True)
-            for words in held.objections:
-                print(f"  refused: {words}")
+            print(f"{name:22}" + "".join(f"{value:>10}" for value in cells), flush=True)
+            for reason in row.objections:
+                print(f"  rejected: {reason}")
     if given.json:
         given.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
 

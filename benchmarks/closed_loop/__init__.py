@@ -1,1 +1,1 @@
-"""The planner in the loop of a physics engine that knows none of its laws."""
+"""Closed loop with a physics engine: learn a braking model from stops, then drive with it."""

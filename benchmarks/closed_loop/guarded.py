@@ -1,4 +1,4 @@
-"""The guard between a policy and the base of the closed loop; and a policy that needs one.
+"""The guard between a policy and the base of the closed loop, and a policy that needs it.
 
 ``python -m benchmarks.closed_loop.guarded --drives 300`` drives a reckless planner behind the guard
 over the scenes of the closed loop, and slopewise's own with and without it.
@@ -31,23 +31,25 @@ from slopewise.services.guard.decide import (
 from slopewise.services.guard.guard_map import GuardMap
 from slopewise.services.guard.guard_model import brake_table, guard_model
 
-from .drive import run_drive
+from .drive_loop import run_drive
 from .moving_horizon import MovingHorizon
-from .policies import CYCLE, Policy, View
+from .policies import CYCLE, RESERVE, Policy, View
 from .quad import LIMITS, QUAD, ROLLING
 from .records import DrivenScene
 from .scenes import dem_folder, scene
 from .tracking import DriveCommand
 
-_LOOK = 0.35  # [s] ahead, where the sharpest turn of the route counts
-_TIPPED = 0.02  # share of its level load below which an axle or side has lifted
-_RESERVE = 0.15  # [m] of the clear distance, for errors of localisation; the guard's default
+_PREVIEW = (0.5, 0.35)  # [m], [s] ahead, where the curvature of the route is taken
+_TIPPED = 0.02  # share of its level load below which an axle or side has lifted [1]
 _GOAL = (2.5, 6.0)  # [m/s]
-_HOLDS = (1.0, 4.0)  # [s]
+_HOLD_TIME = (1.0, 4.0)  # [s] of a goal
+_MAX_LATENCY = 0.2  # [s] of the reckless planner's commands
+_COMMAND_AGE = 0.02  # [s], as the guard measures it on a robot
+_LOAD_SHARE = 0.5  # of `min_load`, kept in every stop; the default of the guard's settings [1]
 
 
 class Reckless:
-    """Full speed towards goals that change at random, whatever is in the way."""
+    """Full speed towards goals that change at random, even on blocked routes."""
 
     name, exact = "reckless", False
 
@@ -56,31 +58,30 @@ class Reckless:
         self._goal, self._until = 0.0, -1.0
 
     def command(self, view: View) -> DriveCommand:
-        """Towards the goal, as hard as the vehicle can."""
+        """Command the goal, as hard as the vehicle can."""
         if view.state.time >= self._until:
             self._goal = float(self._rng.uniform(*_GOAL))
-            self._until = view.state.time + float(self._rng.uniform(*_HOLDS))
+            self._until = view.state.time + float(self._rng.uniform(*_HOLD_TIME))
         return DriveCommand(speed=self._goal, accel=0.0)
 
     def stopping_distance(self, view: View) -> float:
-        """It knows of none."""
+        """NaN: no prediction."""
         return math.nan
 
 
 class Guarded:
-    """A policy whose commands come late, and go through the guard."""
+    """A policy whose commands arrive late and pass the guard.
+
+    Attributes:
+        actions: count of each action of the guard.
+        seconds: time of each decision [s].
+    """
 
     exact = False
 
-    def __init__(self, policy: Policy, model: Model, latency: float, stands: float = CYCLE) -> None:
-        """Guard with a model.
-
-        Args:
-            policy: that plans. latency: of its commands [s]. stands: of the guard's settings.
-        """
+    def __init__(self, policy: Policy, model: Model, latency: float) -> None:
         self.name = f"guarded {policy.name}"
-        self._policy, self._late = policy, round(latency / CYCLE)
-        self._stands = stands
+        self._policy, self._delay = policy, round(latency / CYCLE)
         self._waiting: deque[DriveCommand] = deque()
         self._model = guard_model(model)
         self._tables = (brake_table(self._model),)
@@ -88,72 +89,77 @@ class Guarded:
         self._ground: GuardMap | None = None
         self.actions: Counter[str] = Counter()
         self.seconds: list[float] = []
-        self.log: list[tuple[float, float, float, float, float, str]] = []
 
     def command(self, view: View) -> DriveCommand:
-        """What the guard leaves of what the policy wanted a while ago."""
+        """Pass the policy's delayed command through the guard."""
         self._waiting.append(self._policy.command(view))
-        wanted = self._waiting.popleft() if len(self._waiting) > self._late else DriveCommand()
-        if wanted.stop:
+        late = len(self._waiting) > self._delay
+        command = self._waiting.popleft() if late else DriveCommand()
+        if command.stop:
             self._waiting.clear()
-            return wanted
-        speed = max(wanted.speed + wanted.accel * CYCLE, 0.0)
-        decision = self._judge(view, speed)
+            return command
+        speed = max(command.speed + command.accel * CYCLE, 0.0)
+        decision = self._decide(view, speed)
         self.actions[decision.action] += 1
-        given = decision.command.speed
-        state, clear = view.state, view.station + view.clear
-        self.log.append((view.station, state.speed, speed, given, clear, decision.action))
         if decision.action == "pass":
-            return self._bounded(view, wanted, speed)
+            return self._limited(view, command, speed)
         if decision.action == "stop":
             self._waiting.clear()
             return DriveCommand(stop=True, reason=f"guard: {decision.reason}")
-        return self._bounded(view, replace(wanted, reason=decision.reason), decision.command.speed)
+        slowed = replace(command, reason=decision.reason)
+        return self._limited(view, slowed, decision.command.speed)
 
     def stopping_distance(self, view: View) -> float:
-        """As the policy says."""
+        """Prediction of the policy [m]."""
         self._waiting.clear()
         return self._policy.stopping_distance(view)
 
-    def _bounded(self, view: View, wanted: DriveCommand, speed: float) -> DriveCommand:
-        """Towards a speed, as quick as base and policy are."""
-        if self._policy.name != "reckless" and speed >= wanted.speed:
-            return wanted
+    def _limited(self, view: View, command: DriveCommand, speed: float) -> DriveCommand:
+        """Approach a speed within the limits of base and policy."""
+        if self._policy.name != "reckless" and speed >= command.speed:
+            return command
         now = max(view.state.speed, 0.0)
         accel = np.clip((speed - now) / CYCLE, -2.0 * LIMITS.decel, LIMITS.accel)
-        return DriveCommand(speed=now, accel=float(accel), reason=wanted.reason)
+        return DriveCommand(speed=now, accel=float(accel), reason=command.reason)
 
-    def _judge(self, view: View, speed: float) -> GuardDecision:
+    def _decide(self, view: View, speed: float) -> GuardDecision:
         if view.elevation_map is not self._map:
             known = self._map = view.elevation_map
-            classes, names = known.terrain_class, known.class_names
-            self._ground = GuardMap(known.elevation, known.resolution, known.origin, classes, names)
+            self._ground = GuardMap(
+                known.elevation,
+                known.resolution,
+                known.origin,
+                known.terrain_class,
+                known.class_names,
+            )
         assert self._ground is not None
         state, route = view.state, view.route
-        ahead = view.station + np.array((0.0, 0.5, 1.0)) * (0.5 + _LOOK * max(state.speed, 0.0))
+        reach = _PREVIEW[0] + _PREVIEW[1] * max(state.speed, 0.0)
+        ahead = view.station + np.array((0.0, 0.5, 1.0)) * reach
         headings = [route.at(float(min(s, route.length)), route.heading) for s in ahead]
-        turn = float(np.angle(np.exp(1j * (headings[2] - headings[0])))) / float(
-            ahead[2] - ahead[0]
-        )
-        # What is clear is told for the middle of the wheelbase.
-        clear = max(view.clear - _RESERVE, 0.0)
-        it = GuardScene(self._model, self._tables, self._ground, clear)
+        turn = float(np.angle(np.exp(1j * (headings[2] - headings[0]))))
+        curvature = turn / float(ahead[2] - ahead[0])
+        # The clear distance is that of the middle of the wheelbase.
+        clear = max(view.clear - RESERVE, 0.0)
+        guard_scene = GuardScene(self._model, self._tables, self._ground, clear)
         motion = VehicleMotion(Pose2d(state.x, state.y, state.yaw), max(state.speed, 0.0))
-        command = BaseCommand(speed, turn * max(speed, state.speed))
-        begun = time.perf_counter()
-        decision = decide(it, motion, command, hold_time=self._stands, late=0.02, load=0.5)
-        self.seconds.append(time.perf_counter() - begun)
+        command = BaseCommand(speed, curvature * max(speed, state.speed))
+        start = time.perf_counter()
+        decision = decide(
+            guard_scene, motion, command, hold_time=CYCLE, late=_COMMAND_AGE, load=_LOAD_SHARE
+        )
+        self.seconds.append(time.perf_counter() - start)
         return decision
 
 
 def learned_model(results: Path) -> Model:
-    """The model that the closed loop learned last, out of its results."""
-    told = json.loads(results.read_text())["learned"]["slopewise"]
+    """Model learned by the last closed-loop run, from its results."""
+    learned = json.loads(results.read_text())["learned"]["slopewise"]
     tables = {}
-    for name, values in told["surfaces"].items():
+    for name, values in learned["surfaces"].items():
         ranges: dict[str, Any] = {k: tuple(values[k]) for k in ("speed_range", "grade_range")}
         numbers = {k: v for k, v in values.items() if k not in ranges}
-        tables[name] = SurfaceBraking(**numbers, **ranges, dead_time=told["dead_time"])
+        tables[name] = SurfaceBraking(**numbers, **ranges, dead_time=learned["dead_time"])
     weakest = min(tables.values(), key=lambda table: table.b_b or 0.0)
     base = {name: getattr(weakest, name) for name in ("m_m", "b_m", "m_b", "b_b", "dead_time")}
     braking = Braking(
@@ -166,35 +172,36 @@ def learned_model(results: Path) -> Model:
     return Model(name="learned", vehicle=QUAD, braking=braking, terrain=ROLLING, limits=LIMITS)
 
 
-def drive(number: int, model: Model, kind: str, dem: Path | None) -> tuple[DrivenScene, Any]:
-    """One drive of a kind: reckless, bare, sane or plain."""
+def drive(number: int, model: Model, kind: str, dem: Path | None) -> tuple[DrivenScene, Policy]:
+    """One drive of a kind: "reckless" and "sane" behind the guard, "plain" without it."""
     terrain, route, course = scene(number, dem)
-    latency = float(np.random.default_rng((12, number)).uniform(0.0, 0.2))
+    latency = float(np.random.default_rng((12, number)).uniform(0.0, _MAX_LATENCY))
     policy: Policy
     if kind == "reckless":
         policy = Guarded(Reckless(number), model, latency)
     elif kind == "sane":
         policy = Guarded(MovingHorizon(model), model, 0.0)
     else:
-        policy = MovingHorizon(model) if kind == "plain" else Reckless(number)
-    driven = run_drive(terrain, route, course, policy, number)
-    return driven, policy
+        policy = MovingHorizon(model)
+    return run_drive(terrain, route, course, policy, number), policy
 
 
-def summary(drives: list[tuple[DrivenScene, Any]]) -> dict[str, Any]:
-    """What came of drives of one kind."""
+def summary(drives: list[tuple[DrivenScene, Policy]]) -> dict[str, Any]:
+    """Figures of drives of one kind."""
     actions: Counter[str] = Counter()
+    seconds: list[float] = []
     for _, policy in drives:
-        actions.update(getattr(policy, "actions", {}))
+        if isinstance(policy, Guarded):
+            actions.update(policy.actions)
+            seconds += policy.seconds
     scenes = [scene for scene, _ in drives]
-    seconds = [s for _, policy in drives for s in getattr(policy, "seconds", [])]
     return {
         "drives": len(scenes),
         "past_clear": sum(s.past_clear for s in scenes),
         "farthest_m": max(s.farthest for s in scenes),
         "collisions": sum(s.collisions for s in scenes),
-        "tipped": sum(float(s.least_share.min()) < _TIPPED for s in scenes),
-        "least_share": min(float(s.least_share.min()) for s in scenes),
+        "tipped": sum(float(s.min_load_shares.min()) < _TIPPED for s in scenes),
+        "least_share": min(float(s.min_load_shares.min()) for s in scenes),
         "mean_speed": sum(s.distance for s in scenes) / sum(s.moving_time for s in scenes),
         "finished": sum(s.finished for s in scenes),
         "actions": dict(actions),
@@ -202,45 +209,21 @@ def summary(drives: list[tuple[DrivenScene, Any]]) -> dict[str, Any]:
     }
 
 
-def draw(policy: Guarded, path: Path) -> None:
-    """One drive: what was wanted, what was given, what was driven, and how far was clear."""
-    from matplotlib.figure import Figure
-
-    station, driven, wanted, given, clear = np.array([row[:5] for row in policy.log]).T
-    figure = Figure(figsize=(10.0, 4.5), layout="constrained")
-    axes = figure.subplots()
-    axes.step(station, wanted, where="post", color="0.75", label="wanted by the planner")
-    axes.plot(station, driven, color="tab:blue", label="driven")
-    for action, colour in (("slow", "tab:orange"), ("stop", "tab:red")):
-        here = np.array([row[5] == action for row in policy.log])
-        axes.plot(station[here], given[here], ".", color=colour, label=f"{action}: given")
-    left = axes.twinx()
-    left.plot(station, clear - station, color="tab:green", lw=0.8, label="clear ahead [m]")
-    left.set_ylabel("clear ahead [m]", color="tab:green")
-    axes.set_xlabel("station [m]")
-    axes.set_ylabel("speed [m/s]")
-    axes.legend(loc="upper right")
-    axes.set_title("A reckless planner behind the guard")
-    figure.savefig(path)
-
-
 def main() -> None:
-    """Drive, and print what came of it."""
-    parser = argparse.ArgumentParser()
+    """Drive, and print the figures of each kind."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--drives", type=int, default=300)
     parser.add_argument("--sane", type=int, default=40)
     parser.add_argument("--results", type=Path, default=Path("docs/results/closed-loop.json"))
-    parser.add_argument("--picture", type=Path, help="of the first reckless drive")
-    given = parser.parse_args()
-    model, dem = learned_model(given.results), dem_folder()
-    for kind, count in (("sane", given.sane), ("plain", given.sane), ("reckless", given.drives)):
-        done = []
+    options = parser.parse_args()
+    model, dem = learned_model(options.results), dem_folder()
+    counts = {"sane": options.sane, "plain": options.sane, "reckless": options.drives}
+    for kind, count in counts.items():
+        drives = []
         for number in range(count):
-            done.append(drive(number, model, kind, dem))
-            if given.picture and kind == "reckless" and number == 0:
-                draw(done[0][1], given.picture)
+            drives.append(drive(number, model, kind, dem))
             if number % 10 == 9 or number == count - 1:
-                print(kind, json.dumps(summary(done)), flush=True)
+                print(kind, json.dumps(summary(drives)), flush=True)
 
 
 if __name__ == "__main__":

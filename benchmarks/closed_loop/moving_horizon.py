@@ -1,8 +1,6 @@
-"""The moving horizon as a policy: smoothed plans, each of which continues the one before."""
+"""The moving horizon as a policy: smoothed plans, each of which continues the previous one."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,33 +10,23 @@ from slopewise.planner.horizon.answer import PlanarState
 from slopewise.planner.horizon.horizon import Horizon, HorizonSettings
 from slopewise.planner.path import PathBatch
 
-from .policies import CYCLE, HORIZON, Planned, View, free_for_the_front, with_lead
+from .policies import CYCLE, HORIZON, RESERVE, Planned, View, clear_of_front, with_lead
 from .tracking import DriveCommand
 
 _STRIDE = 2  # points of the route from one station to the next
 _BEHIND = 20  # points of the route behind the vehicle
-_BUDGET = 0.05  # [s] other processes share the machine
-
-
-class _Ahead(NamedTuple):
-    """The route around the vehicle, on the same stations every time, and where it begins [m]."""
-
-    paths: PathBatch
-    begins: float
+_BUDGET = 0.05  # [s] of a cycle; other processes share the machine
 
 
 class MovingHorizon:
-    """What a robot runs.
+    """The planner of a robot.
 
-    The learned offset and force hold the scatter of stops already: no quantile is added to it.
+    The learned offset and force hold the scatter of stops already, so it plans at the median.
     """
 
-    exact = False
+    name, exact = "slopewise", False
 
-    def __init__(self, model: Model, *, name: str = "slopewise", reserve: float = 0.15) -> None:
-        """Plan with a model; see :class:`Planned`."""
-        self.name = name
-        self._reserve = reserve
+    def __init__(self, model: Model) -> None:
         self._stops = Planned(model)
         self._horizon = Horizon(
             model,
@@ -47,32 +35,33 @@ class MovingHorizon:
         )
 
     def command(self, view: View) -> DriveCommand:
-        """One cycle of the horizon."""
+        """Run one cycle of the horizon."""
         seen = view.state
         state = PlanarState(x=seen.x, y=seen.y, heading=seen.yaw, speed=max(seen.speed, 0.0))
-        ahead = _ahead(view)
-        clear = free_for_the_front(view.station + view.clear - self._reserve - ahead.begins)
-        answer = self._horizon.step(state, ahead.paths, view.elevation_map, clear=clear)
-        wanted = answer.command
-        if wanted.stop:
+        paths, first_station = _route_around(view)
+        clear = clear_of_front(view.station + view.clear - RESERVE - first_station)
+        answer = self._horizon.step(state, paths, view.elevation_map, clear=clear)
+        command = answer.command
+        if command.stop:
             self._horizon.forget()
             return DriveCommand(stop=True, reason=answer.reason)
         if answer.chosen is None:
             return DriveCommand(reason=answer.reason)
-        speed, accel = with_lead(answer.chosen, answer.chosen.travel_time - wanted.valid_for)
+        speed, accel = with_lead(answer.chosen, answer.chosen.travel_time - command.valid_for)
         return DriveCommand(speed=speed, accel=accel, reason=answer.reason)
 
     def stopping_distance(self, view: View) -> float:
-        """What the model says of full brakes from here; what was planned is void then."""
+        """Stopping distance of the model; the current plan ends with the stop [m]."""
         self._horizon.forget()
         return self._stops.stopping_distance(view)
 
 
-def _ahead(view: View) -> _Ahead:
+def _route_around(view: View) -> tuple[PathBatch, float]:
+    """The route around the vehicle, always on the same stations, and its first station [m]."""
     route = view.route
     here = int(np.searchsorted(route.station, view.station))
     first = max(here - _BEHIND, 0) // _STRIDE * _STRIDE
     last = int(np.searchsorted(route.station, view.station + HORIZON))
     x, y = (np.ascontiguousarray(c[first:last:_STRIDE, None]) for c in (route.x, route.y))
     paths = PathBatch(("route",), x, y, np.array([len(x)]), None)
-    return _Ahead(paths, float(route.station[first]))
+    return paths, float(route.station[first])

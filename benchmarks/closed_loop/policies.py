@@ -1,7 +1,7 @@
-"""Who decides on the speed: the planner, and what people use without one.
+"""Policies that decide on the speed: the planner, and the usual ways without one.
 
-A policy sees a :class:`View` ten times a second and answers with a command. To put another planner
-into the loop, write one more class of this shape.
+A policy receives a :class:`View` ten times a second and returns a command. Another planner joins
+the loop as one more class of this shape.
 """
 
 from __future__ import annotations
@@ -26,25 +26,33 @@ from .sensors import EstimatedState
 from .tracking import DriveCommand
 
 CYCLE = 0.1
-"""Between two decisions [s]."""
+"""Time between two decisions [s]."""
 
 HORIZON = 15.0
-"""Of a path that is planned [m]."""
+"""Planned length of the path [m]."""
 
-_LEAD = (0.1, 0.3)  # [s] ahead of now
+RESERVE = 0.15
+"""Part of the clear distance reserved for errors of localisation and tracking [m]."""
+
+_LEAD = (0.1, 0.3)  # [s] ahead of now, in which the acceleration is commanded
+_SPEED_TOLERANCE = 0.1  # [m/s] by which planned and measured speed may differ
+_RESPONSE = 3.0 * CYCLE  # [s] in which a baseline approaches its speed
+_FULL_STOP_SPEED = 0.3  # [m/s] above which a baseline brakes in full
+_MIN_CLEAR = 0.3  # [m] below which a baseline stays at rest
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What the robot knows in one cycle.
+    """The robot's knowledge in one cycle.
 
     Attributes:
-        state: estimate of its motion. station: along the route [m].
-        route: to be followed.
+        state: estimate of its motion.
+        station: along the route [m].
+        route: route to follow.
         elevation_map: ground as known.
         clear: along the route, for the middle of the wheelbase, until the front of the vehicle is
             at the nearest obstacle or the end of sight [m].
-        known: along the route to ground that is unknown [m].
+        known: along the route to unknown ground [m].
     """
 
     state: EstimatedState
@@ -61,176 +69,158 @@ def with_lead(plan: SpeedPlan, time: float) -> tuple[float, float]:
     return float(now), float((last - first) / (_LEAD[1] - _LEAD[0]))
 
 
-def free_for_the_front(clear: float) -> float:
-    """What a planner is told: how far the way is free for the front of the vehicle [m].
-
-    Args:
-        clear: of the middle of the wheelbase, as in a :class:`View` [m].
-    """
+def clear_of_front(clear: float) -> float:
+    """Clear distance of the front of the vehicle, from that of the middle of the wheelbase [m]."""
     return max(clear, 0.0) + QUAD.shape.front
 
 
 class Policy(Protocol):
-    """Decides on speed.
+    """Decides on the speed.
 
     Attributes:
-        name: in tables.
-        exact: it is given exact sensors, an exact map and all obstacles to come.
+        name: shown in tables.
+        exact: whether it has exact sensors, an exact map and foresight of all obstacles.
     """
 
     name: str
     exact: bool
 
     def command(self, view: View) -> DriveCommand:
-        """The answer of one cycle."""
+        """Return the command of one cycle."""
 
     def stopping_distance(self, view: View) -> float:
-        """Predicted for full brakes now [m]; NaN if the policy knows of no such thing."""
+        """Predicted distance of full braking now [m]; NaN without a prediction."""
 
 
 class Planned:
     """The bare planner: in every cycle the fastest plan from here, not smoothed."""
 
-    def __init__(
-        self,
-        model: Model,
-        *,
-        name: str = "without memory",
-        exact: bool = False,
-        reserve: float = 0.15,
-    ) -> None:
-        """Plan with a model.
-
-        Args:
-            model: learned.
-            name: in tables. exact: see :class:`Policy`.
-            reserve: kept of the clear distance for errors of localisation and tracking [m].
-        """
+    def __init__(self, model: Model, *, name: str = "without memory", exact: bool = False) -> None:
         self.name, self.exact = name, exact
-        self._reserve = reserve
         self._planner = CandidatePlanner(model, PlannerSettings(smooth=False))
-        self._wanted = 0.0
-        self.plan: SpeedPlan | None = None
+        self._target = 0.0
 
     def command(self, view: View) -> DriveCommand:
-        """Plan from the speed that was to be reached by now, or near the measured one."""
-        speed = float(np.clip(self._wanted, view.state.speed - 0.1, view.state.speed + 0.1))
-        plan = self.plan = self._plan(view, max(speed, 0.0), view.clear - self._reserve)
+        """Plan from the target speed, or near the measured one."""
+        measured = view.state.speed
+        speed = np.clip(self._target, measured - _SPEED_TOLERANCE, measured + _SPEED_TOLERANCE)
+        plan = self._plan(view, max(float(speed), 0.0), view.clear - RESERVE)
         if plan.status is Status.INFEASIBLE:
-            self._wanted = 0.0
+            self._target = 0.0
             return DriveCommand(stop=True, reason=plan.reason)
-        speed, accel = with_lead(plan, 0.0)
-        self._wanted = max(speed + accel * CYCLE, 0.0)
-        return DriveCommand(speed=speed, accel=accel, reason=plan.reason)
+        now, accel = with_lead(plan, 0.0)
+        self._target = max(now + accel * CYCLE, 0.0)
+        return DriveCommand(speed=now, accel=accel, reason=plan.reason)
 
     def stopping_distance(self, view: View) -> float:
-        """What the model says of full brakes from here, its safety offset included."""
-        speed = max(view.state.speed, 0.0)
-        self._wanted = 0.0
-        return float(self._plan(view, speed, math.inf).stop_distance[0])
+        """Stopping distance of the model, its safety offset included [m]."""
+        self._target = 0.0
+        return float(self._plan(view, max(view.state.speed, 0.0), math.inf).stop_distance[0])
 
     def _plan(self, view: View, speed: float, clear: float) -> SpeedPlan:
-        points = view.route.points(view.station, HORIZON)
-        path = CandidatePath("route", points)
+        path = CandidatePath("route", view.route.points(view.station, HORIZON))
         (plan,) = self._planner.plan(
-            view.elevation_map, [path], start_speed=speed, clear=free_for_the_front(clear)
+            view.elevation_map, [path], start_speed=speed, clear=clear_of_front(clear)
         )
         return plan
 
 
-class _Plain:
-    """What baselines share: a wanted speed, reached at the service accelerations."""
+class _Baseline:
+    """A target speed that is approached at the service accelerations."""
 
     exact = False
 
     def __init__(self, model: Model, name: str) -> None:
         self.name = name
         self._limits = model.limits
-        # What one learns on level ground: a single deceleration, that of the middle surface.
+        # Learned on level ground: one deceleration, that of the middle surface at 2.5 m/s.
         level = sorted(model.braking.on(s).level_force(2.5) for s in ("", *model.braking.terrain))
         self._deceleration = GRAVITY * level[len(level) // 2]
 
     def command(self, view: View) -> DriveCommand:
-        """Towards the wanted speed; full brakes if what is known ends within v²/2a."""
+        """Approach the target speed; brake in full if the known route ends within v²/2a."""
         speed = max(view.state.speed, 0.0)
-        free = min(view.clear, view.known)
-        if speed > 0.3 and free < speed**2 / (2.0 * self._deceleration):
-            return DriveCommand(stop=True, reason="the known way ends")
-        wanted = min(self._wanted(view, free), self._limits.speed)
-        if free < 0.3:
-            wanted = 0.0
-        accel = np.clip((wanted - speed) / (3.0 * CYCLE), -self._limits.decel, self._limits.accel)
+        clear = min(view.clear, view.known)
+        if speed > _FULL_STOP_SPEED and clear < speed**2 / (2.0 * self._deceleration):
+            return DriveCommand(stop=True, reason="the known route ends")
+        target = min(self._target_speed(view, clear), self._limits.speed)
+        if clear < _MIN_CLEAR:
+            target = 0.0
+        accel = np.clip((target - speed) / _RESPONSE, -self._limits.decel, self._limits.accel)
         return DriveCommand(speed=speed, accel=float(accel))
 
     def stopping_distance(self, view: View) -> float:
-        """v²/2a of level ground."""
+        """Stopping distance v²/2a of level ground [m]."""
         return float(view.state.speed**2 / (2.0 * self._deceleration))
 
-    def _wanted(self, view: View, free: float) -> float:
+    def _target_speed(self, view: View, clear: float) -> float:
         raise NotImplementedError
 
 
-class FixedSpeed(_Plain):
+class FixedSpeed(_Baseline):
     """One speed for everything."""
 
     def __init__(self, model: Model, speed: float) -> None:
         super().__init__(model, f"fixed {speed:g} m/s")
         self._speed = speed
 
-    def _wanted(self, view: View, free: float) -> float:
+    def _target_speed(self, view: View, clear: float) -> float:
         return self._speed
 
 
-class LevelStop(_Plain):
+class LevelStop(_Baseline):
     """As fast as a stop on level ground, v²/2a, fits into the clear distance."""
 
     def __init__(self, model: Model) -> None:
         super().__init__(model, "level v²/2a")
 
-    def _wanted(self, view: View, free: float) -> float:
-        return math.sqrt(2.0 * self._deceleration * max(free, 0.0))
+    def _target_speed(self, view: View, clear: float) -> float:
+        return math.sqrt(2.0 * self._deceleration * max(clear, 0.0))
 
 
-class CurvatureOnly(_Plain):
-    """Slower in bends, as regulated pure pursuit is, and nothing else."""
+class CurvatureOnly(_Baseline):
+    """Slower in curves, as regulated pure pursuit is, and without any other limit."""
 
     def __init__(self, model: Model) -> None:
         super().__init__(model, "curvature only")
 
-    def _wanted(self, view: View, free: float) -> float:
+    def _target_speed(self, view: View, clear: float) -> float:
         points = view.route.points(view.station, 4.0)
         steps = np.diff(points, axis=0)
         turns = np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
-        sharpest = float(np.max(np.abs(turns) / np.hypot(*steps[1:].T)))
-        return math.sqrt(self._limits.lateral_accel / max(sharpest, 1e-3))
+        curvature = float(np.max(np.abs(turns) / np.hypot(*steps[1:].T)))
+        return math.sqrt(self._limits.lateral_accel / max(curvature, 1e-3))
 
 
-class Blind:
-    """Holds one speed after another whatever comes: for learning stops, on ground that is free."""
+class ScriptedSpeed:
+    """Hold one drawn speed after another on free ground, to learn from the stops."""
 
-    name, exact = "blind", False
+    name = "scripted"
 
-    def __init__(self, rng: np.random.Generator, accel: float, fastest: float) -> None:
-        self._rng, self._accel, self._fastest = rng, accel, fastest
-        self._target = rng.uniform(0.6, fastest)
+    def __init__(
+        self, rng: np.random.Generator, accel: float, max_speed: float, *, exact: bool
+    ) -> None:
+        self._rng, self._accel, self._max_speed = rng, accel, max_speed
+        self._target = rng.uniform(0.6, max_speed)
         self._stood = False
+        self.exact = exact
 
     def command(self, view: View) -> DriveCommand:
-        """Towards a speed that is drawn anew after every standstill."""
+        """Approach a speed that is drawn again after every standstill."""
         speed = max(view.state.speed, 0.0)
         if speed < 0.05 and not self._stood:
-            self._target = self._rng.uniform(0.6, self._fastest)
+            self._target = self._rng.uniform(0.6, self._max_speed)
         self._stood = speed < 0.05
         if view.route.length - view.station < 6.0:
             return DriveCommand(stop=True, reason="the route ends")
-        accel = np.clip((self._target - speed) / (3.0 * CYCLE), -self._accel, self._accel)
+        accel = np.clip((self._target - speed) / _RESPONSE, -self._accel, self._accel)
         return DriveCommand(speed=speed, accel=float(accel))
 
     def stopping_distance(self, view: View) -> float:
-        """It knows of none."""
+        """NaN: no prediction."""
         return math.nan
 
 
-def foresighted(model: Model) -> Planned:
-    """The upper bound: exact model, exact sensors, all obstacles known from the start."""
+def oracle_policy(model: Model) -> Planned:
+    """The upper bound: exact model, exact sensors, foresight of all obstacles."""
     return Planned(replace(model, name="perfect"), name="perfect knowledge", exact=True)

@@ -1,4 +1,4 @@
-"""The vehicle of the closed loop: what its maker would tell, and what only its world knows."""
+"""The vehicle of the closed loop: its data sheet, and what only its world knows."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from slopewise.models.parameters import Limits, Terrain
 from slopewise.models.vehicle import Vehicle
 
 OVERHANG = 0.95
-"""From the middle of the wheelbase to the front of the body [m]."""
+"""Distance from the middle of the wheelbase to the front of the body [m]."""
 
 QUAD = Vehicle(
     mass=500.0,
@@ -24,28 +24,35 @@ QUAD = Vehicle(
     front_overhang=OVERHANG - 0.6,
     rear_overhang=OVERHANG - 0.6,
 )
-"""Data sheet: weighed and measured, so the planner may know it."""
+"""Data sheet, known to the planner."""
+
+WHEEL_PLACES = [
+    (x * QUAD.wheelbase, y * QUAD.track_width) for x in (0.5, -0.5) for y in (0.5, -0.5)
+]
+"""Wheel contacts in the body frame [m]."""
 
 ROLLING = Terrain(motion_resistance=0.08, lateral_resistance=0.2, slip_track=1.0)
-"""Data sheet: the most that rolling costs on any of the surfaces."""
+"""Data sheet: the largest rolling resistance of the surfaces."""
 
 LIMITS = Limits(speed=4.0, accel=1.5, decel=2.0, jerk=4.0, lateral_accel=2.0, min_load=0.2)
+"""Limits of the plans; 4 m/s is the fastest speed of the paper's stops."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueVehicle:
-    """What the physics engine has and nobody tells the planner.
+    """Parameters of the physics engine that the planner never sees.
 
     Attributes:
-        friction: of the tyres on each surface [1].
-        resistance: rolling resistance on each surface, share of the load [1].
-        brake_ratio: full brake torque at the rims as share of the weight [1].
-        front_share: of the brake torque [1].
+        friction: friction of the tyres on each surface [1].
+        resistance: rolling resistance on each surface over the load [1].
+        brake_ratio: full brake torque at the rims over the weight [1].
+        front_share: front share of the brake torque [1].
         brake_scatter: standard deviation of the brake torque from stop to stop [1].
-        dead_time: of the brakes' hydraulics [s]; build_up: first-order time constant [s].
-        spring, damper: of one wheel [N/m], [N s/m].
-        wheel_mass: [kg].
-        slip: share of wheel slip at which the anti-lock lets go [1].
+        dead_time: dead time of the hydraulics [s].
+        build_up: their first-order time constant [s].
+        spring, damper: suspension of one wheel [N/m], [N s/m].
+        wheel_mass: mass of one wheel [kg].
+        slip: wheel slip at which the anti-lock releases [1].
     """
 
     friction: tuple[float, ...] = (0.90, 0.66, 0.54)

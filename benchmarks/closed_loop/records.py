@@ -1,4 +1,4 @@
-"""What is kept of a drive: its stops, its worst moments, its course."""
+"""Record of a drive: its stops, its worst moments, its history."""
 
 from __future__ import annotations
 
@@ -11,31 +11,37 @@ from slopewise.models.arrays import Floats
 
 @dataclass(frozen=True, slots=True)
 class StopTrace:
-    """A stop as the robot's own log has it; arrays are (n,), a row a tick from the command on.
+    """A stop in the robot's own log, one row per tick from the command, arrays of shape (n,).
 
     Attributes:
-        time: since the command [s]. speed: odometry [m/s]. pitch: IMU, dive and mount [rad].
-        held: odometry at the command [m/s].
-        station: localised, along the route [m]. station0: at the command [m].
+        time: time since the command [s].
+        speed: odometry [m/s].
+        pitch: IMU, with dive and mount offset [rad].
+        station: localised station along the route [m].
+        command_speed: odometry at the command [m/s].
+        command_station: localised station at the command [m].
     """
 
     time: Floats
     speed: Floats
     pitch: Floats
     station: Floats
-    held: float
-    station0: float
+    command_speed: float
+    command_station: float
 
 
 @dataclass(frozen=True, slots=True)
 class ForcedStop:
-    """One emergency stop, judged by the truth.
+    """One emergency stop, by the truth.
 
     Attributes:
-        speed: at the command [m/s]. grade: of the ground there [rad]. surface: there.
-        actual: way from command to rest [m]. predicted: by the policy, offset included [m].
-        left: of the clear distance at rest, below 0 if it was not enough [m].
-        forced: by a wall, not by the policy itself.
+        speed: true speed at the command [m/s].
+        grade: grade of the ground there [rad].
+        surface: name of the surface there.
+        actual: distance from command to rest [m].
+        predicted: distance predicted by the policy, offset included [m].
+        left: clear distance left at rest, below 0 if exceeded [m].
+        forced: whether a wall forced it, not the policy.
         trace: the robot's own log.
     """
 
@@ -51,21 +57,24 @@ class ForcedStop:
 
 @dataclass(slots=True)
 class DrivenScene:
-    """What came of one drive.
+    """Outcome of one drive.
 
     Attributes:
-        policy, source: who drove, on which ground.
-        finished: it came to the end. distance: [m]; moving_time: without waiting before what
-            barred the way [s].
+        policy, source: name of the policy, origin of the ground.
+        finished: whether the end was reached.
+        distance: driven distance [m].
+        moving_time: time without waiting at blocked stations [s].
         stops: emergency stops from above walking pace.
-        collisions: walls touched. past_clear: times that it stood or drove beyond a barrier;
-        farthest: worst of them [m].
-        least_share: least filtered load of front, rear, left, right, as share of level; (4,).
-        least_wheel: least filtered load of any wheel, as share of level.
+        collisions: walls touched.
+        past_clear: times that the vehicle passed a barrier.
+        farthest: largest distance beyond one [m].
+        min_load_shares: minimum filtered load of front, rear, left, right over level,
+            shape (4,) [1].
+        min_wheel_load: minimum filtered load of any wheel over level [1].
         track_error: largest distance from the route [m].
-        reasons: why the policy stopped by itself.
-        history: (n, 8) time, station, speed, told station, limit, grade, roll, surface; a cycle a
-            row.
+        reasons: of stops by the policy itself.
+        history: one row per cycle of time, station, speed, reported clear station, limit, grade,
+            roll, surface, shape (n, 8).
     """
 
     policy: str
@@ -77,13 +86,13 @@ class DrivenScene:
     collisions: int = 0
     past_clear: int = 0
     farthest: float = -np.inf
-    least_share: Floats = field(default_factory=lambda: np.ones(4))
-    least_wheel: float = 1.0
+    min_load_shares: Floats = field(default_factory=lambda: np.ones(4))
+    min_wheel_load: float = 1.0
     track_error: float = 0.0
     reasons: list[str] = field(default_factory=list)
     history: Floats = field(default_factory=lambda: np.zeros((0, 8)))
 
     @property
     def mean_speed(self) -> float:
-        """[m/s]."""
+        """Mean speed while moving [m/s]."""
         return self.distance / self.moving_time if self.moving_time > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""Where test drives go, drawn from a number: the same for every policy and on every machine."""
+"""Ground and route of test drives, the same for every policy and on every machine."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from pathlib import Path
 import numpy as np
 
 from .course import Course
+from .loop_terrain import PhysicsGround, crop, hills
 from .quad import QUAD
 from .route import Route, draw_route
-from .terrain import PhysicsGround, crop, hills
 
 LEARNED, TESTED = (0.0, 0.4), (0.4, 1.0)
-"""Rows of each elevation model, as shares: ground to learn on, and ground that only tests see."""
+"""Rows of each elevation model, as shares: ground to learn on, ground for tests alone."""
 
-_SERIES = 5
-_ATTEMPTS = 200
+_SERIES = 5  # of seeds
+_ATTEMPTS = 200  # grounds that are tried for a route
 
 
 def dem_folder() -> Path | None:
-    """Folder of public elevation models, None where there is none."""
-    beside = Path(__file__).resolve().parents[2].parent / "shared" / "data"
-    folder = Path(os.environ.get("SLOPEWISE_DATA", beside)) / "dem"
+    """Folder of public elevation models, None without any."""
+    default = Path(__file__).resolve().parents[2].parent / "shared" / "data"
+    folder = Path(os.environ.get("SLOPEWISE_DATA", default)) / "dem"
     return folder if any(folder.glob("*.tif")) else None
 
 
 def scene(number: int, dem: Path | None) -> tuple[PhysicsGround, Route, Course]:
-    """Ground, route and what happens on it.
+    """Ground, route and course of a drive.
 
     Args:
-        number: of the drive.
-        dem: elevation models; two of three drives go over them, all over hills if None.
+        number: number of the drive.
+        dem: elevation models for two of three drives; None for generated hills alone.
 
     Raises:
-        RuntimeError: no ground with a route; it would take a folder of cliffs.
+        RuntimeError: no ground has a route.
     """
     rng = np.random.default_rng((_SERIES, number))
     for _ in range(_ATTEMPTS):

@@ -1,4 +1,4 @@
-"""What the robot believes of its motion: odometry, localisation and attitude, with their errors."""
+"""The robot's estimate of its motion: odometry, localisation and attitude, with their errors."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from .world import TICK, DrivenWorld
 _ODOMETRY_NOISE = 0.05  # [m/s] of one reading
 _ODOMETRY_SCALE = 0.004  # one standard deviation of a drive's scale error
 _ACCELEROMETER_NOISE = 0.3  # [m/s²]
-_TRUST = 0.10  # [s] time constant with which odometry corrects the integrated acceleration
-_POSITION_NOISE = 0.02  # [m] wandering
-_POSITION_TIME = 2.0  # [s] over which it wanders
+_CORRECTION_TIME = 0.10  # [s] in which odometry corrects the integrated acceleration
+_POSITION_NOISE = 0.02  # [m] random walk, one standard deviation
+_POSITION_TIME = 2.0  # [s] its time constant
 _PITCH_NOISE = 0.003  # [rad]
-_PITCH_MOUNT = 0.01  # [rad] one standard deviation of how askew the unit is mounted
+_PITCH_MOUNT = 0.01  # [rad] one standard deviation of the mount offset
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +23,10 @@ class EstimatedState:
     """The robot's estimate.
 
     Attributes:
-        time: [s]. x, y: middle of the wheelbase [m]. yaw: [rad]. speed: [m/s].
-        pitch: of the body, nose down positive: ground, dive and mount together [rad].
+        time: [s].
+        x, y, yaw: pose of the middle of the wheelbase [m], [rad].
+        speed: [m/s].
+        pitch: pitch of the body with dive and mount offset, nose down positive [rad].
     """
 
     time: float
@@ -36,7 +38,7 @@ class EstimatedState:
 
 
 class Sensors:
-    """Estimates at every tick; exact if there is no generator."""
+    """Estimator, called at every tick; exact without a generator."""
 
     def __init__(self, world: DrivenWorld, rng: np.random.Generator | None) -> None:
         self._world, self._rng = world, rng
@@ -46,7 +48,7 @@ class Sensors:
         self._mount = 0.0 if rng is None else _PITCH_MOUNT * rng.standard_normal()
 
     def read(self) -> EstimatedState:
-        """Call once every tick."""
+        """Return the estimate; called once every tick."""
         world, rng = self._world, self._rng
         x, y, yaw = world.pose
         if rng is None:
@@ -56,7 +58,7 @@ class Sensors:
         self._last = speed
         seen = speed * self._scale + _ODOMETRY_NOISE * rng.standard_normal()
         self._speed += forward * TICK
-        self._speed += (seen - self._speed) * TICK / _TRUST
+        self._speed += (seen - self._speed) * TICK / _CORRECTION_TIME
         keep = np.exp(-TICK / _POSITION_TIME)
         self._wander *= keep
         self._wander += _POSITION_NOISE * np.sqrt(1.0 - keep**2) * rng.standard_normal(2)

@@ -1,4 +1,4 @@
-"""One stop out of the robot's log, as a fit needs it."""
+"""One stop from the robot's log, prepared for the fit."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ from slopewise.models.arrays import Floats, Ints
 from slopewise.models.laws.crest import load_loss
 from slopewise.models.stops.simulation import GroundTrack
 
+from .loop_terrain import SURFACES
 from .records import DrivenScene, StopTrace
-from .terrain import SURFACES
 
-_STANDS = 0.06  # [m/s] odometry below that is standstill
+_STANDSTILL_SPEED = 0.06  # [m/s] of odometry, above its noise
 _AROUND = 0.3  # [m] before and after a stop that must be of the same surface
-_SPAN = (-1.0, 15.0)  # [m] of ground that is kept
+_SPAN = (-1.0, 15.0)  # [m] of stored ground, longer than any stop
 
 
 @dataclass(frozen=True, slots=True)
 class MappedGround:
-    """Ground along a route by the robot's map; arrays are (n,).
+    """Ground along a route by the robot's map, arrays of shape (n,).
 
     Attributes:
-        station: [m]. grade, roll: [rad]. surfaces: under the wheels, bit i is ``SURFACES[i]``.
+        station: [m].
+        grade, roll: [rad].
+        surfaces: under the wheels, bit i is ``SURFACES[i]``.
     """
 
     station: Floats
@@ -37,10 +39,11 @@ class StopSample:
     """One logged stop.
 
     Attributes:
-        surface: on which it was. speed: odometry at the command [m/s].
-        distance: from command to rest [m]. stop_time: from command to rest [s].
-        track: ground ahead from the command on, by the map.
-        body_grade: −pitch of the body, averaged while braking [rad]: with dive and mount.
+        surface: name of the surface.
+        speed: odometry at the command [m/s].
+        distance, stop_time: from command to rest [m], [s].
+        track: ground ahead of the command, by the map.
+        body_grade: −pitch of the body while braking, with dive and mount offset [rad].
     """
 
     surface: str
@@ -52,45 +55,45 @@ class StopSample:
 
     @property
     def grade(self) -> float:
-        """Of the ground, averaged over the way [rad]."""
+        """Grade of the ground, averaged over the distance [rad]."""
         return float(np.mean(self._along(self.track.grade)))
 
     @property
-    def lean(self) -> float:
-        """Size of the roll, averaged over the way [rad]."""
+    def abs_roll(self) -> float:
+        """Size of the roll, averaged over the distance [rad]."""
         return float(np.mean(np.abs(self._along(self.track.roll))))
 
     def while_braking(self, values: Floats, dead_time: float) -> Floats:
-        """A column of the track at even steps of time from onset to rest, braked evenly."""
+        """A column of the track at equal steps of time from onset to rest, at constant force."""
         left = 1.0 - (np.arange(20) + 0.5) / 20.0
         onset = min(self.speed * dead_time, 0.9 * self.distance)
         where = onset + (self.distance - onset) * (1.0 - left**2)
-        found: Floats = np.interp(where, self.track.station, values)
-        return found
+        column: Floats = np.interp(where, self.track.station, values)
+        return column
 
     def crest(self, dead_time: float) -> float:
-        """Share of the weight that crests took, averaged over the time of braking."""
+        """Share of the weight lost on crests, averaged over the time of braking [1]."""
         left = 1.0 - (np.arange(20) + 0.5) / 20.0
         station, grade = self.track.station, self.track.grade
-        bend = np.diff(grade) / np.diff(station)
-        there = np.searchsorted(station, self.while_braking(station, dead_time), "right") - 1
-        lost = load_loss(self.speed * left, bend[np.minimum(there, len(bend) - 1)])
+        curvature = np.diff(grade) / np.diff(station)
+        cell = np.searchsorted(station, self.while_braking(station, dead_time), "right") - 1
+        lost = load_loss(self.speed * left, curvature[np.minimum(cell, len(curvature) - 1)])
         return float(np.mean(lost))
 
     def _along(self, values: Floats) -> Floats:
         where = np.linspace(0.0, self.distance, 20)
-        found: Floats = np.interp(where, self.track.station, values)
-        return found
+        column: Floats = np.interp(where, self.track.station, values)
+        return column
 
 
 def sample(trace: StopTrace, ground: MappedGround) -> StopSample | None:
-    """Read one stop; None if it does not reach standstill or surfaces meet on its way."""
-    rests = np.flatnonzero(trace.speed < _STANDS)
-    if len(rests) == 0 or trace.held < 2.0 * _STANDS:
+    """Read one stop; None if it does not reach standstill or crosses surfaces."""
+    standing = np.flatnonzero(trace.speed < _STANDSTILL_SPEED)
+    if len(standing) == 0 or trace.command_speed < 2.0 * _STANDSTILL_SPEED:
         return None
-    end = int(rests[0])
-    ahead = ground.station - trace.station0
-    distance = float(np.mean(trace.station[-10:]) - trace.station0)
+    end = int(standing[0])
+    ahead = ground.station - trace.command_station
+    distance = float(np.mean(trace.station[-10:]) - trace.command_station)
     touched = ground.surfaces[(ahead > -_AROUND) & (ahead < distance + _AROUND)]
     if np.any(touched != touched[0]) or int(touched[0]).bit_count() != 1:
         return None
@@ -99,16 +102,18 @@ def sample(trace: StopTrace, ground: MappedGround) -> StopSample | None:
     track = GroundTrack(ahead[near], ground.grade[near], ground.roll[near], zero, zero, zero, zero)
     return StopSample(
         surface=SURFACES[int(touched[0]).bit_length() - 1],
-        speed=trace.held,
+        speed=trace.command_speed,
         distance=distance,
-        # The last of the speed goes as fast as what went before.
-        stop_time=float(trace.time[end]) * trace.held / (trace.held - float(trace.speed[end])),
+        # The remaining speed is lost at the mean deceleration.
+        stop_time=float(trace.time[end])
+        * trace.command_speed
+        / (trace.command_speed - float(trace.speed[end])),
         track=track,
         body_grade=-float(np.mean(trace.pitch[: end + 1])),
     )
 
 
 def samples_of(drive: DrivenScene, ground: MappedGround) -> list[StopSample]:
-    """All stops of one drive that are of use."""
-    found = (sample(stop.trace, ground) for stop in drive.stops)
-    return [s for s in found if s is not None]
+    """Usable stops of one drive."""
+    samples = (sample(stop.trace, ground) for stop in drive.stops)
+    return [s for s in samples if s is not None]

@@ -1,8 +1,8 @@
-"""The vehicle in the physics engine: brakes with a build-up of their own, tyres, contact loads.
+"""The vehicle in the physics engine: brakes with their build-up, tyres, contact loads.
 
-The engine (MuJoCo) solves rigid bodies, suspension and Coulomb friction. What is added here is what
-a vehicle has beside them: a drive, brakes behind a hydraulic line, an anti-lock, and rolling
-resistance. None of it knows a law of `models`.
+The engine (MuJoCo) solves rigid bodies, suspension and Coulomb friction. Added here are a drive,
+brakes behind a hydraulic line, an anti-lock, and rolling resistance. None of it uses a law of
+`models`.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from slopewise.models.arrays import Floats, Ints
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.vehicle import Vehicle
 
+from .drive_scene_xml import TIME_STEP, WHEELS, scene_xml
+from .loop_terrain import PhysicsGround
 from .quad import HIDDEN, QUAD, TrueVehicle
-from .scene_xml import TIME_STEP, WHEELS, scene_xml
-from .terrain import PhysicsGround
 
 TICK = 0.01
-"""Between two looks at drive, brakes and tyres [s]."""
+"""Period of drive, brakes and tyres [s]."""
 
 _STEPS = round(TICK / TIME_STEP)
-_LIFT = 0.05  # [m] dropped from when it is set down
-_SETTLE = 1.0  # [s] for the suspension to come to rest
-_LET_GO, _TAKE_UP = 0.75, 0.08  # anti-lock: factor down, share up, each tick
-_CRAWL = 0.5  # [m/s] slower than that the anti-lock sleeps
-_LOCK = 0.6  # [rad] of the front wheels
-_DEEP = -50.0  # [m] where the wall waits
+_LIFT = 0.05  # [m] above the ground at the reset
+_SETTLE = 1.0  # [s] until the suspension rests
+_RELEASE, _APPLY = 0.75, 0.08  # anti-lock: factor down, share up, each tick [1]
+_MIN_SLIP_SPEED = 0.5  # [m/s] below which the anti-lock is inactive
+_MAX_STEER = 0.6  # [rad] of the front wheels
+_DEEP = -50.0  # [m] height of the unused wall
 _WALL_HALF = 0.3  # [m]
 
 
@@ -37,11 +37,11 @@ class DrivenWorld:
     """One vehicle on one terrain, stepped by ticks.
 
     Attributes:
-        time: since it was set down [s].
+        time: since the reset [s].
         pose: x, y [m] and yaw [rad] of the middle of the wheelbase, at the height of the axles.
-        speed: of that point along the body [m/s].
-        pitch: of the body, nose down positive [rad]: ground, dive and all.
-        collided: it touched the wall.
+        speed: speed of that point along the body [m/s].
+        pitch: pitch of the body with dive, nose down positive [rad].
+        collided: whether it touched the wall.
     """
 
     def __init__(
@@ -52,9 +52,7 @@ class DrivenWorld:
         hidden: TrueVehicle = HIDDEN,
     ) -> None:
         self.terrain = terrain
-        self.model = mujoco.MjModel.from_xml_string(scene_xml(terrain, vehicle, hidden))
-        relief = max(float(terrain.height.max()), 1e-3)
-        self.model.hfield_data[:] = (terrain.height / relief).ravel()
+        self.model = mujoco.MjModel.from_xml_string(scene_xml(vehicle, hidden))
         self.data = mujoco.MjData(self.model)
         self._vehicle, self._hidden, self._rng = vehicle, hidden, rng
 
@@ -79,11 +77,11 @@ class DrivenWorld:
         self.reset(0.5 * terrain.size, 0.5 * terrain.size, 0.0)
 
     def reset(self, x: float, y: float, yaw: float) -> None:
-        """Set the vehicle down, parallel to the ground, and let it come to rest, brakes on."""
+        """Put the vehicle parallel to the ground and let it settle with brakes on."""
         mujoco.mj_resetData(self.model, self.data)
         self.wall(None)
         self._pressure = np.zeros(4)
-        self._held, self._driven = np.ones(4), np.ones(4)
+        self._release, self._driven = np.ones(4), np.ones(4)
         self._strength = 1.0
         self._line = [0.0] * max(round(self._hidden.dead_time / TICK), 1)
         self.time = 0.0
@@ -96,19 +94,19 @@ class DrivenWorld:
         position = np.array([x, y, height]) + normal * (self._vehicle.wheel_radius + _LIFT)
         self.data.qpos[:3] = position
         mujoco.mju_mat2Quat(self.data.qpos[3:7], frame.ravel())
-        # Where the wheels are decides where the ground is laid under them.
+        # The planes under the wheels follow from their places.
         mujoco.mj_kinematics(self.model, self.data)
-        self.look()
+        self.update_motion()
         for _ in range(round(_SETTLE / TICK)):
             self.tick(0.0, 1.0, 0.0)
         self.time = 0.0
 
     def _plane(self, x: float, y: float) -> tuple[float, Floats]:
         """Height and normal of the ground over the size of the vehicle."""
-        reach = 0.5 * self._vehicle.wheelbase
-        offsets = ((0.0, 0.0), (reach, 0.0), (-reach, 0.0), (0.0, reach), (0.0, -reach))
+        half = 0.5 * self._vehicle.wheelbase
+        offsets = ((0.0, 0.0), (half, 0.0), (-half, 0.0), (0.0, half), (0.0, -half))
         h = [self.height(x + dx, y + dy) for dx, dy in offsets]
-        normal = np.array([-(h[1] - h[2]) / (2 * reach), -(h[3] - h[4]) / (2 * reach), 1.0])
+        normal = np.array([-(h[1] - h[2]) / (2 * half), -(h[3] - h[4]) / (2 * half), 1.0])
         return max(h), normal / np.linalg.norm(normal)
 
     def height(self, x: float, y: float) -> float:
@@ -116,7 +114,7 @@ class DrivenWorld:
         return float(self._ground(np.array([x]), np.array([y]))[0][0])
 
     def wall(self, pose: tuple[float, float, float] | None) -> None:
-        """Put the wall with its near face at x, y, square to a heading; None takes it away."""
+        """Put the wall with its near face at x, y, square to a heading; None removes it."""
         if pose is None:
             self.data.mocap_pos[self._wall] = (0.0, 0.0, _DEEP)
             return
@@ -129,9 +127,9 @@ class DrivenWorld:
         """Advance by :data:`TICK`.
 
         Args:
-            thrust: of all wheels together [N].
-            brake: wanted brake application, 0 … 1; 1 is the emergency stop.
-            steer: wanted curvature of the path of the middle of the wheelbase [1/m].
+            thrust: total of all wheels [N].
+            brake: commanded application, 0 … 1; 1 is the emergency stop [1].
+            steer: commanded path curvature of the middle of the wheelbase [1/m].
         """
         data, hidden, radius = self.data, self._hidden, self._vehicle.wheel_radius
         surface = self._surfaces()
@@ -142,25 +140,25 @@ class DrivenWorld:
             self._strength = 1.0 + hidden.brake_scatter * float(self._rng.standard_normal())
         self.braking = emergency
         self._line.append(min(max(brake, 0.0), 1.0))
-        wanted = self._line.pop(0) * self._full * self._strength
-        self._pressure = wanted + (self._pressure - wanted) * self._lag
+        command = self._line.pop(0) * self._full * self._strength
+        self._pressure = command + (self._pressure - command) * self._lag
         spin = data.qvel[self._spin]
         self._anti_lock(spin)
         loads = np.maximum(self.loads, 0.0)
-        torque = self._pressure * self._held + self._resistance[surface] * loads * radius
+        torque = self._pressure * self._release + self._resistance[surface] * loads * radius
         self.model.dof_frictionloss[self._spin] = np.maximum(torque, 0.1)
         data.ctrl[:4] = self._traction(thrust * radius / 4.0, spin)
         data.ctrl[4:6] = self._steering(steer)
         mujoco.mj_step(self.model, data, nstep=_STEPS)
         if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
             raise RuntimeError(f"the physics engine diverged at {self.time:.2f} s")
-        self.look()
+        self.update_motion()
         self.time += TICK
         if data.mocap_pos[self._wall, 2] > _DEEP and data.ncon:
             self.collided = self.collided or bool(np.any(data.contact.geom == self._wall_geom))
 
     def _lay_tiles(self) -> None:
-        """Lay the plane of each wheel where the wheel will be in the middle of the tick."""
+        """Put the plane of each wheel under its place in the middle of the tick."""
         _, _, yaw = self.pose
         ahead = 0.5 * TICK * self.speed
         where = self.data.geom_xpos[self._tyres]
@@ -174,7 +172,7 @@ class DrivenWorld:
         self.data.mocap_quat[self._tiles] = turn
 
     def _ground(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Height and slopes towards y and x, bilinear, (k,) each."""
+        """Height and slopes towards y and x, bilinear, shape (k,) each."""
         last = len(self.terrain.height) - 2
         per_cell = (last + 1) / self.terrain.size
         u, v = x * per_cell, y * per_cell
@@ -192,27 +190,27 @@ class DrivenWorld:
 
     def _anti_lock(self, spin: Floats) -> None:
         speed = self.speed
-        if speed < _CRAWL:
-            self._held[:] = 1.0
+        if speed < _MIN_SLIP_SPEED:
+            self._release[:] = 1.0
             return
         slip = 1.0 - spin * self._vehicle.wheel_radius / speed
         locking = (slip > self._hidden.slip) & (self._pressure > 0.05 * self._full)
-        self._held = np.where(locking, self._held * _LET_GO, self._held + _TAKE_UP)
-        self._held = np.minimum(np.maximum(self._held, 0.05), 1.0)
+        self._release = np.where(locking, self._release * _RELEASE, self._release + _APPLY)
+        self._release = np.minimum(np.maximum(self._release, 0.05), 1.0)
 
     def _traction(self, torque: float, spin: Floats) -> Floats:
-        """Torque of each wheel; a wheel that spins gets less."""
+        """Torque of each wheel, less for a spinning one [N m]."""
         spinning = spin * self._vehicle.wheel_radius > max(1.15 * self.speed, self.speed + 0.25)
-        self._driven = np.where(spinning, self._driven * _LET_GO, self._driven + _TAKE_UP)
+        self._driven = np.where(spinning, self._driven * _RELEASE, self._driven + _APPLY)
         self._driven = np.minimum(np.maximum(self._driven, 0.05), 1.0)
         return torque * self._driven
 
     def _steering(self, curvature: float) -> tuple[float, float]:
-        """Angles of both front wheels about the point that the vehicle turns around."""
+        """Steering angles of the front wheels (Ackermann) [rad]."""
         length, half = self._vehicle.wheelbase, 0.5 * self._vehicle.track_width
         left = math.atan2(length * curvature, 1.0 - half * curvature)
         right = math.atan2(length * curvature, 1.0 + half * curvature)
-        return min(max(left, -_LOCK), _LOCK), min(max(right, -_LOCK), _LOCK)
+        return min(max(left, -_MAX_STEER), _MAX_STEER), min(max(right, -_MAX_STEER), _MAX_STEER)
 
     def _surfaces(self) -> Ints:
         where = self.data.geom_xpos[self._tyres]
@@ -227,12 +225,12 @@ class DrivenWorld:
 
     @property
     def loads(self) -> Floats:
-        """Normal load of front left, front right, rear left, rear right wheel [N], (4,)."""
+        """Normal loads, front left, front right, rear left, rear right, shape (4,) [N]."""
         loads: Floats = self.data.sensordata
         return loads
 
-    def look(self) -> None:
-        """Motion of the middle of the wheelbase, once a step: many ask for it."""
+    def update_motion(self) -> None:
+        """Compute speed, pose and pitch, once per step."""
         w, i, j, k = (float(q) for q in self.data.qpos[3:7])
         ahead = (1.0 - 2.0 * (j * j + k * k), 2.0 * (i * j + w * k), 2.0 * (i * k - w * j))
         east, north, up = (float(v) for v in self.data.qvel[:3])

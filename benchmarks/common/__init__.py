@@ -1,1 +1,1 @@
-"""What all benchmarks share: scene, times, judge, tables."""
+"""Shared by all benchmarks: scene, timing, campaigns that resume, tables."""

@@ -1,4 +1,4 @@
-"""Ground, vehicle and candidates of the benchmark, drawn from a seed: the same on every machine."""
+"""Ground, vehicle and candidates of the planner benchmarks, the same on every machine."""
 
 from __future__ import annotations
 
@@ -16,21 +16,22 @@ from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time
 SPACING = 0.25
 """Between stations in the plan view [m]."""
 
-_SEED = 7
-_SIZE = 80.0  # [m] edge of the map
-_RESOLUTION = 0.2  # [m]
-_STEEPEST = np.deg2rad(13.0)
-_ROUGHNESS = 0.01  # [m]
+_SEED = 7  # of grounds and candidates
+_SIZE = 80.0  # [m] edge of the map, enough for 100 stations from its middle
+_RESOLUTION = 0.2  # [m] finer than a wheel, so that the swept footprint is checked in full
+_MAX_GRADE = np.deg2rad(13.0)  # within the trained grades of the vehicle
+_ROUGHNESS = 0.01  # [m] noise of the cells, one standard deviation
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class BenchmarkScene:
     """M candidates of N stations on one map.
 
     Attributes:
         elevation_map: ground.
         model: vehicle, braking, limits.
-        x, y: (N, M) positions [m]; count: (M,) stations.
+        x, y: positions, shape (N, M) [m].
+        count: number of stations, shape (M,).
     """
 
     elevation_map: ElevationMap
@@ -40,32 +41,32 @@ class Scene:
     count: Ints
 
     def plan(self) -> TimeOptimalBatch:
-        """From poses to time-optimal plans with their cost."""
+        """Solve all candidates, from poses to time-optimal plans with their cost."""
         names = tuple(str(j) for j in range(len(self.count)))
         paths = PathBatch(names, self.x, self.y, self.count, None)
         return time_optimal_batch(self.elevation_map, paths, self.model)
 
 
-def fan(stations: int, candidates: int) -> Scene:
-    """Arcs from one pose, as a local planner draws them; patches of unknown ground bar some."""
+def fan(stations: int, candidates: int) -> BenchmarkScene:
+    """Arcs from one pose, as of a local planner; patches of unknown ground block some."""
     rng = np.random.default_rng(_SEED)
     travelled = SPACING * np.arange(stations)[:, None]
     heading = rng.uniform(-0.6, 0.6, candidates) + rng.uniform(-0.05, 0.05, candidates) * travelled
     x = 10.0 + SPACING * np.cumsum(np.cos(heading), axis=0)
     y = 0.5 * _SIZE + SPACING * np.cumsum(np.sin(heading), axis=0)
-    return Scene(hills(patches=12), atv(), x, y, np.full(candidates, stations))
+    return BenchmarkScene(hills(patches=12), atv(), x, y, np.full(candidates, stations))
 
 
-def laps(stations: int, candidates: int) -> Scene:
-    """Rounds on known ground: paths as long as one likes."""
+def laps(stations: int, candidates: int) -> BenchmarkScene:
+    """Concentric circles on known ground, for paths of any length."""
     radius = np.linspace(15.0, 35.0, candidates)
     angle = SPACING * np.arange(stations)[:, None] / radius
     x, y = 0.5 * _SIZE + radius * np.cos(angle), 0.5 * _SIZE + radius * np.sin(angle)
-    return Scene(hills(patches=0), atv(), x, y, np.full(candidates, stations))
+    return BenchmarkScene(hills(patches=0), atv(), x, y, np.full(candidates, stations))
 
 
 def hills(patches: int) -> ElevationMap:
-    """Waves of many lengths, none steeper than the vehicle was trained for, and a little noise."""
+    """Waves of many lengths within the trained grades, with roughness and unknown patches."""
     rng = np.random.default_rng(_SEED)
     along = np.arange(0.0, _SIZE, _RESOLUTION)
     x, y = np.meshgrid(along, along)
@@ -75,7 +76,7 @@ def hills(patches: int) -> ElevationMap:
         wave = 2.0 * np.pi / length * (np.cos(turn) * x + np.sin(turn) * y) + phase
         height += length * np.sin(wave)
     slope = np.hypot(*np.gradient(height, _RESOLUTION))
-    height *= np.tan(_STEEPEST) / slope.max()
+    height *= np.tan(_MAX_GRADE) / slope.max()
     height += rng.normal(0.0, _ROUGHNESS, height.shape)
     for _ in range(patches):
         row, column = rng.integers(0, len(along), 2)

@@ -1,1 +1,1 @@
-"""Many paths over a large map."""
+"""Paths of a fleet over a large map."""

@@ -1,1 +1,1 @@
-"""Obstacles around a vehicle's limits: what plans make of them, and what happens if driven."""
+"""Obstacles around a vehicle's limits: blocked or passed by plans, and driven in an engine."""

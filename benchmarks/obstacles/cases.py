@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,27 +13,41 @@ from slopewise.models.parameters import Model
 from slopewise.models.vehicle import Vehicle
 
 from .shapes import FAR, Block, Slope, height_of
-from .truth import Size, size_of
+from .true_sizes import Size, size_of
 
 LENGTH = 10.0
-"""Of the path, in vehicle lengths; the obstacle is in its middle."""
+"""Length of the path in wheelbases; the obstacle is in its middle."""
 
-RESOLUTIONS = (0.05, 0.08, 0.12, 0.16, 0.20, 0.24)
-_SMALLEST, _LARGEST = 0.3, 3.0
-_NOISE = 0.01  # of the wheel radius
-_FEWEST_CELLS = 2.5
-_STEEPEST = np.deg2rad(10.0)
+KINDS = (
+    "rock under a wheel",
+    "rock between the wheels",
+    "log",
+    "step up",
+    "drop",
+    "ditch",
+    "hole",
+    "wall",
+)
+RESOLUTIONS = (0.05, 0.08, 0.12, 0.16, 0.20, 0.24)  # [m]
+_SMALLEST, _LARGEST = 0.3, 3.0  # sizes over the limits of the vehicle [1]
+_NOISE = 0.01  # of the cells over the wheel radius [1]
+_MIN_CELLS = 2.5  # of a shape that a map can show
+_MAX_GRADE = np.deg2rad(10.0)  # of the plane, along and across
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class ObstacleCase:
     """One obstacle in front of one vehicle.
 
     Attributes:
-        kind: of obstacle. vehicle: name of its model.
-        block: the obstacle, in the frame of the path. slope: that it stands on.
-        resolution: of the map [m]. heading: of the path on the map [rad]. seed: of the noise.
-        sure, possible: its sizes, see :mod:`.truth`.
+        kind: kind of obstacle.
+        vehicle: name of its model.
+        block: the obstacle, in the frame of the path.
+        slope: plane under it.
+        resolution: resolution of the map [m].
+        heading: heading of the path on the map [rad].
+        seed: determines the noise.
+        certain, possible: its sizes, see :mod:`.true_sizes`.
     """
 
     kind: str
@@ -43,23 +57,23 @@ class Case:
     resolution: float
     heading: float
     seed: int
-    sure: Size
+    certain: Size
     possible: Size
 
 
-def cases(wanted: int, models: Mapping[str, Model], seed: int) -> Iterator[Case]:
-    """So many cases; the same ones for the same seed."""
+def cases(count: int, models: Mapping[str, Model], seed: int) -> Iterator[ObstacleCase]:
+    """Yield cases; a seed determines them."""
     rng = np.random.default_rng(seed)
-    names, kinds = list(models), list(_KINDS)
-    for n in range(wanted):
+    names, kinds = list(models), KINDS
+    for n in range(count):
         name, kind = names[n % len(names)], kinds[(n // len(names)) % len(kinds)]
         vehicle = models[name].vehicle
-        # On cells larger than the wheel the planner says that it cannot see steps.
+        # On cells larger than the wheel the planner reports that it cannot resolve steps.
         fine = [r for r in RESOLUTIONS if r <= vehicle.wheel_radius]
         resolution = float(rng.choice(fine))
-        block = _KINDS[kind](rng, vehicle, resolution)
-        slope = Slope(*(np.tan(rng.uniform(-_STEEPEST, _STEEPEST, 2)) * (rng.random() < 0.7)))
-        yield Case(
+        block = _draw_block(kind, rng, vehicle, resolution)
+        slope = Slope(*(np.tan(rng.uniform(-_MAX_GRADE, _MAX_GRADE, 2)) * (rng.random() < 0.7)))
+        yield ObstacleCase(
             kind,
             name,
             block,
@@ -72,13 +86,13 @@ def cases(wanted: int, models: Mapping[str, Model], seed: int) -> Iterator[Case]
 
 
 def _sizes(block: Block, resolution: float, vehicle: Vehicle) -> tuple[Size, Size]:
-    """What is there for sure, and what may be: outlines are shown to about a cell."""
-    of = [size_of(block.grown(by), vehicle) for by in (-resolution, 0.0, resolution)]
-    return Size(*map(min, zip(*of, strict=True))), Size(*map(max, zip(*of, strict=True)))
+    """Certain and possible size: a map shows outlines to about a cell."""
+    sizes = [size_of(block.grown(by), vehicle) for by in (-resolution, 0.0, resolution)]
+    return Size(*map(min, zip(*sizes, strict=True))), Size(*map(max, zip(*sizes, strict=True)))
 
 
-def map_of(case: Case, vehicle: Vehicle, *, empty: bool = False) -> ElevationMap:
-    """The map of a case, each cell the middle one of the heights in it; or without the obstacle."""
+def map_of(case: ObstacleCase, vehicle: Vehicle, *, empty: bool = False) -> ElevationMap:
+    """Map of a case, each cell the median of the heights in it; optionally without obstacle."""
     half = 0.5 * LENGTH * vehicle.wheelbase + 4.0 * vehicle.wheelbase
     cells = int(2.0 * half / case.resolution)
     along = (np.arange(cells) - 0.5 * (cells - 1)) * case.resolution
@@ -101,98 +115,55 @@ def map_of(case: Case, vehicle: Vehicle, *, empty: bool = False) -> ElevationMap
     )
 
 
-def path_of(case: Case, vehicle: Vehicle) -> CandidatePath:
-    """Straight over the middle of the map."""
+def path_of(case: ObstacleCase, vehicle: Vehicle) -> CandidatePath:
+    """Straight path over the middle of the map."""
     half = 0.5 * LENGTH * vehicle.wheelbase
     ahead = np.array([np.cos(case.heading), np.sin(case.heading)])
     return CandidatePath(case.kind, np.stack([-half * ahead, half * ahead]))
 
 
-# ------------------------------------------------------------------------------------ kinds
+def _draw_block(kind: str, rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
+    """Draw an obstacle of a kind, around the limits of the vehicle."""
+    step = vehicle.shape.max_step
 
-_Draw = Callable[[np.random.Generator, Vehicle, float], Block]
+    def share() -> float:
+        return float(np.exp(rng.uniform(np.log(_SMALLEST), np.log(_LARGEST))))
 
+    def half_length() -> float:
+        shortest = _MIN_CELLS * resolution
+        return 0.5 * float(rng.uniform(shortest, shortest + 2.0 * vehicle.wheel_radius))
 
-def _share(rng: np.random.Generator) -> float:
-    return float(np.exp(rng.uniform(np.log(_SMALLEST), np.log(_LARGEST))))
+    def uniform(size: float) -> float:
+        return float(rng.uniform(-size, size))
 
-
-def _length(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> float:
-    """Half a length that the map can show."""
-    least = _FEWEST_CELLS * resolution
-    return 0.5 * float(rng.uniform(least, least + 2.0 * vehicle.wheel_radius))
-
-
-def _rock_under_wheel(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
-    side = float(rng.choice([-0.5, 0.5])) * vehicle.track_width
-    half = _length(rng, vehicle, resolution)
-    y = side + float(rng.uniform(-0.5, 0.5)) * vehicle.shape.wheel_width
-    return Block(
-        0.0, y, float(rng.uniform(-0.8, 0.8)), half, half, _share(rng) * vehicle.shape.max_step
-    )
-
-
-def _rock_between(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
-    half = min(_length(rng, vehicle, resolution), 0.3 * vehicle.track_width)
-    y = float(rng.uniform(-0.15, 0.15)) * vehicle.track_width
-    return Block(
-        0.0, y, float(rng.uniform(-0.8, 0.8)), half, half, _share(rng) * vehicle.shape.clearance
-    )
-
-
-def _log(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
-    half = _length(rng, vehicle, resolution)
-    return Block(
-        0.0, 0.0, float(rng.uniform(-0.6, 0.6)), half, FAR, _share(rng) * vehicle.shape.max_step
-    )
-
-
-def _step(sign: float) -> _Draw:
-    def draw(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
-        yaw = float(rng.uniform(-0.6, 0.6))
-        return Block(
-            FAR * np.cos(yaw),
-            FAR * np.sin(yaw),
-            yaw,
-            FAR,
-            2.0 * FAR,
-            sign * _share(rng) * vehicle.shape.max_step,
-        )
-
-    return draw
-
-
-def _ditch(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
-    half = 0.5 * max(float(rng.uniform(0.3, 7.0)) * vehicle.wheel_radius, 2.5 * resolution)
-    return Block(
-        0.0, 0.0, float(rng.uniform(-0.5, 0.5)), half, FAR, -_share(rng) * vehicle.shape.max_step
-    )
-
-
-def _hole(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
-    side = float(rng.choice([-0.5, 0.5])) * vehicle.track_width
-    half = max(_length(rng, vehicle, resolution), 0.8 * vehicle.shape.wheel_width)
-    y = side + float(rng.uniform(-0.3, 0.3)) * half
-    return Block(
-        0.0, y, float(rng.uniform(-0.8, 0.8)), half, half, -_share(rng) * vehicle.shape.max_step
-    )
-
-
-def _wall(rng: np.random.Generator, vehicle: Vehicle, resolution: float) -> Block:
-    side = float(rng.choice([-1.0, 1.0]))
-    near = 0.5 * vehicle.shape.width / _share(rng)
-    half = _length(rng, vehicle, resolution)
+    match kind:
+        case "rock under a wheel":
+            side = float(rng.choice([-0.5, 0.5])) * vehicle.track_width
+            half = half_length()
+            y = side + uniform(0.5) * vehicle.shape.wheel_width
+            return Block(0.0, y, uniform(0.8), half, half, share() * step)
+        case "rock between the wheels":
+            half = min(half_length(), 0.3 * vehicle.track_width)
+            y = uniform(0.15) * vehicle.track_width
+            return Block(0.0, y, uniform(0.8), half, half, share() * vehicle.shape.clearance)
+        case "log":
+            half = half_length()
+            return Block(0.0, 0.0, uniform(0.6), half, FAR, share() * step)
+        case "step up" | "drop":
+            yaw = uniform(0.6)
+            height = (1.0 if kind == "step up" else -1.0) * share() * step
+            return Block(FAR * np.cos(yaw), FAR * np.sin(yaw), yaw, FAR, 2.0 * FAR, height)
+        case "ditch":
+            length = float(rng.uniform(0.3, 7.0)) * vehicle.wheel_radius
+            half = 0.5 * max(length, _MIN_CELLS * resolution)
+            return Block(0.0, 0.0, uniform(0.5), half, FAR, -share() * step)
+        case "hole":
+            side = float(rng.choice([-0.5, 0.5])) * vehicle.track_width
+            half = max(half_length(), 0.8 * vehicle.shape.wheel_width)
+            y = side + uniform(0.3) * half
+            return Block(0.0, y, uniform(0.8), half, half, -share() * step)
+    sign = float(rng.choice([-1.0, 1.0]))
+    near = 0.5 * vehicle.shape.width / share()
+    half = half_length()
     height = float(rng.uniform(1.5, 4.0)) * vehicle.shape.clearance
-    return Block(0.0, side * (near + half), 0.0, 4.0 * half, half, height)
-
-
-_KINDS: Mapping[str, _Draw] = {
-    "rock under a wheel": _rock_under_wheel,
-    "rock between the wheels": _rock_between,
-    "log": _log,
-    "step up": _step(1.0),
-    "drop": _step(-1.0),
-    "ditch": _ditch,
-    "hole": _hole,
-    "wall": _wall,
-}
+    return Block(0.0, sign * (near + half), 0.0, 4.0 * half, half, height)

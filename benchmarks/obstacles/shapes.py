@@ -9,7 +9,7 @@ import numpy as np
 from slopewise.models.arrays import Bools, Floats
 
 FAR = 60.0
-"""Half length of what has no end [m]."""
+"""Half length of an endless shape [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,8 @@ class Block:
     The path runs along x of this frame, through y = 0.
 
     Attributes:
-        x, y: of its middle [m]. yaw: of its long sides against the path [rad].
+        x, y: place of its middle [m].
+        yaw: direction of its long sides from the path [rad].
         half_length, half_width: along and across its own x [m].
         height: above the plane, below it if negative [m].
     """
@@ -32,7 +33,7 @@ class Block:
     height: float
 
     def grown(self, by: float) -> Block:
-        """The same, wider on all sides; smaller if ``by`` is negative [m]."""
+        """Return it wider on all sides, smaller if ``by`` is negative [m]."""
         return Block(
             self.x,
             self.y,
@@ -42,8 +43,8 @@ class Block:
             self.height,
         )
 
-    def holds(self, x: Floats, y: Floats) -> Bools:
-        """Which points are inside."""
+    def contains(self, x: Floats, y: Floats) -> Bools:
+        """Mask of the points inside."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         along = c * (x - self.x) + s * (y - self.y)
         across = c * (y - self.y) - s * (x - self.x)
@@ -52,27 +53,27 @@ class Block:
 
     @property
     def corners(self) -> Floats:
-        """(4, 2) in order round it [m]."""
+        """Corners in order around it, shape (4, 2) [m]."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         u = self.half_length * np.array([1.0, -1.0, -1.0, 1.0])
         v = self.half_width * np.array([1.0, 1.0, -1.0, -1.0])
         return np.column_stack([self.x + c * u - s * v, self.y + s * u + c * v])
 
     def span_between(self, x_min: float, x_max: float) -> tuple[float, float] | None:
-        """Least and most y where x is within a range, None if it is nowhere [m]."""
+        """Smallest and largest y where x is within a range, None outside [m]."""
         points = self.corners
-        found = [p[1] for p in points if x_min <= p[0] <= x_max]
+        sides = [p[1] for p in points if x_min <= p[0] <= x_max]
         for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
             for x in (x_min, x_max):
                 if (first[0] - x) * (second[0] - x) < 0.0:
                     share = (x - first[0]) / (second[0] - first[0])
-                    found.append(first[1] + share * (second[1] - first[1]))
-        return (float(min(found)), float(max(found))) if found else None
+                    sides.append(first[1] + share * (second[1] - first[1]))
+        return (float(min(sides)), float(max(sides))) if sides else None
 
 
 @dataclass(frozen=True, slots=True)
 class Slope:
-    """The plane that obstacles stand on: rise along the path and to its left [1]."""
+    """Plane under obstacles: rise along the path and to its left [1]."""
 
     along: float
     across: float
@@ -80,5 +81,5 @@ class Slope:
 
 def height_of(block: Block, slope: Slope, x: Floats, y: Floats) -> Floats:
     """Height of the ground at points of the path's frame [m]."""
-    on_it: Floats = np.where(block.holds(x, y), block.height, 0.0)
-    return slope.along * x + slope.across * y + on_it
+    raised: Floats = np.where(block.contains(x, y), block.height, 0.0)
+    return slope.along * x + slope.across * y + raised

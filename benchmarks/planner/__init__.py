@@ -1,1 +1,1 @@
-"""The planner beside its peers."""
+"""Speed and optimality of the planner, compared with other tools and with lower bounds."""

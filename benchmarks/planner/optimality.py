@@ -1,7 +1,7 @@
-"""How much time smoothed plans lose against the optimum, over many generated problems.
+"""Travel time of smoothed plans above the optimum, over many generated problems.
 
-Each problem is drawn anew: ground, path, limits, speed and acceleration at the start, and the clear
-distance. The planner smooths it as it does for any plan; IPOPT solves the same problem with the
+Ground, path, limits, speed and acceleration at the start and clear distance are drawn for each
+problem. The planner smooths it as it does for any plan; IPOPT solves the same problem with the
 exact constraints.
 """
 
@@ -25,15 +25,18 @@ from slopewise.planner.profile.reference import JerkLimitedReference
 from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 
-from ..common.judge import smooth_excess, travel_time
-from ..common.measure import machine, summary, timed
+from ..common.campaign import BenchmarkRequest, Progress
+from ..common.profile_quality import smooth_excess, stations_of, travel_time
 from ..common.scene import SPACING, atv, hills
-from ..common.tables import duration, table_of
+from ..common.text_tables import duration, table_of
+from ..common.timing import machine, summary, timed
 
 INSTANCES, QUICK_INSTANCES = 500, 40
-WANTED_EXCESS, WANTED_RATIO = 0.01, 10.0
-_STATIONS = (60, 80, 100, 150)
-_SEED = 11
+TARGET_EXCESS, TARGET_RATIO = 0.01, 10.0
+"""Largest excess of travel time, and smallest ratio of solution times, that are aimed at [1]."""
+
+_STATIONS = (60, 80, 100, 150)  # of a problem
+_SEED = 11  # of all problems
 
 Result = dict[str, Any]
 
@@ -43,7 +46,7 @@ class Instance:
     """One generated problem.
 
     Attributes:
-        name: what was drawn, for people.
+        name: description of the drawn problem.
         problem: jerk-limited, below the time-optimal profile.
     """
 
@@ -51,78 +54,70 @@ class Instance:
     problem: SmoothingProblem
 
 
-def instances(wanted: int, seed: int = _SEED) -> Iterator[Instance]:
-    """So many problems of vehicles that move; the same ones for the same seed."""
+def instances(count: int, seed: int = _SEED) -> Iterator[Instance]:
+    """Yield problems of vehicles that move; a seed determines them."""
     rng = np.random.default_rng(seed)
     grounds = [hills(patches) for patches in (0, 12)]
-    found = 0
-    while found < wanted:
+    while count > 0:
         instance = _draw(rng, grounds)
         if instance is not None:
-            found += 1
+            count -= 1
             yield instance
 
 
-def run(quick: bool = False, progress: Callable[[int], None] | None = None) -> Result:
-    """Solve all of them both ways; the result is plain data, ready for JSON."""
+def run(request: BenchmarkRequest, progress: Progress) -> Result:
+    """Solve all problems by the planner and by IPOPT."""
+    count = QUICK_INSTANCES if request.quick else INSTANCES
+    advance = progress("optimality", count)
     rows = []
-    for instance in instances(total(quick)):
-        rows.append(compared(instance))
-        if progress is not None:
-            progress(1)
-    both = [row for row in rows if row["excess"] is not None]
-    excess = np.array([row["excess"] for row in both])
-    own, ipopt = ([row[name] for row in rows] for name in ("planner", "ipopt"))
+    for instance in instances(count):
+        rows.append(compare(instance))
+        advance(1)
+    solved = [row for row in rows if row["excess"] is not None]
+    excess = np.array([row["excess"] for row in solved])
+    planner, ipopt = ([row[name] for row in rows] for name in ("planner", "ipopt"))
     return {
-        "quick": quick,
+        "quick": request.quick,
         "machine": machine(),
         "instances": len(rows),
-        "solved_by_both": len(both),
+        "solved_by_both": len(solved),
         "unsolved": [row for row in rows if row["excess"] is None],
         "excess": _distribution(excess),
-        "above": [row for row in both if row["excess"] > WANTED_EXCESS],
-        "breach": max(row["breach"] for row in both),
-        "seconds": {"planner": summary(own), "IPOPT": summary(ipopt)},
-        "ratio": _ratios(ipopt, own),
-        "wanted": {"excess": WANTED_EXCESS, "ratio": WANTED_RATIO},
+        "above": [row for row in solved if row["excess"] > TARGET_EXCESS],
+        "breach": max(row["breach"] for row in solved),
+        "seconds": {"planner": summary(planner), "IPOPT": summary(ipopt)},
+        "ratio": _ratios(ipopt, planner),
+        "wanted": {"excess": TARGET_EXCESS, "ratio": TARGET_RATIO},
     }
 
 
-def total(quick: bool) -> int:
-    """Problems that :func:`run` reports to ``progress``."""
-    return QUICK_INSTANCES if quick else INSTANCES
-
-
-def compared(instance: Instance) -> Result:
-    """One problem both ways: excess of travel time, and seconds."""
+def compare(instance: Instance) -> Result:
+    """Excess of travel time and seconds of one problem, solved by both."""
     problem = instance.problem
     reference = _reference(len(problem.speed_sq_max))
-    own, answer = _second(partial(smooth, problem))
-    ipopt, optimum = _second(partial(reference.solve, problem))
+    planner, smoothed = _timed_again(partial(smooth, problem))
+    ipopt, optimum = _timed_again(partial(reference.solve, problem))
     row: Result = {
         "name": instance.name,
-        "planner": own,
+        "planner": planner,
         "ipopt": ipopt,
         "excess": None,
         "breach": None,
-        "reason": answer.reason or optimum.reason,
+        "reason": smoothed.reason or optimum.reason,
     }
-    if answer.speed_sq is None or optimum.speed_sq is None:
+    if smoothed.speed_sq is None or optimum.speed_sq is None:
         return row
-    row["excess"] = _time(problem, answer.speed_sq) / optimum.travel_time - 1.0
+    time = travel_time(stations_of(problem), smoothed.speed_sq)
+    row["excess"] = time / optimum.travel_time - 1.0
     row["travel_time"] = optimum.travel_time
-    row["breach"] = smooth_excess(problem, answer.speed_sq)
+    row["breach"] = smooth_excess(problem, smoothed.speed_sq)
     return row
 
 
-def _second(action: Callable[[], Any]) -> tuple[float, Any]:
-    """Seconds and result of an action that ran once before, uncounted."""
+def _timed_again(action: Callable[[], Any]) -> tuple[float, Any]:
+    """Seconds and result of an action that ran once before, untimed."""
     action()
     return timed(action)
-
-
-def _time(problem: SmoothingProblem, speed_sq: Floats) -> float:
-    return travel_time(np.concatenate(([0.0], np.cumsum(problem.ds))), speed_sq)
 
 
 @cache
@@ -136,14 +131,14 @@ def _distribution(values: Floats) -> dict[str, float]:
 
 
 def _ratios(slow: Any, quick: Any) -> dict[str, float]:
-    """How many times quicker, problem by problem."""
+    """Ratios of solution times, problem by problem."""
     ratio = np.asarray(slow) / np.asarray(quick)
-    wanted = float(np.mean(ratio >= WANTED_RATIO))
-    return {"median": float(np.median(ratio)), "least": float(ratio.min()), "share": wanted}
+    share = float(np.mean(ratio >= TARGET_RATIO))
+    return {"median": float(np.median(ratio)), "least": float(ratio.min()), "share": share}
 
 
 def _draw(rng: np.random.Generator, grounds: list[ElevationMap]) -> Instance | None:
-    """One problem; None where the vehicle does not get away from its start."""
+    """Draw one problem; None where the vehicle cannot leave its start."""
     stations = int(rng.choice(_STATIONS))
     model, ground = _vehicle(rng), grounds[int(rng.integers(len(grounds)))]
     x, y = _path(rng, stations)
@@ -151,7 +146,7 @@ def _draw(rng: np.random.Generator, grounds: list[ElevationMap]) -> Instance | N
     clear = float(rng.choice([np.inf, rng.uniform(4.0, 20.0)]))
     path = PathBatch(("path",), x, y, np.array([stations]), None)
     solved = time_optimal_batch(ground, path, model, start_speed=start, clear=clear)
-    # A start that is too fast for service braking is not for smoothing.
+    # A start too fast for service braking is braked hard, not smoothed.
     if solved.speed_sq[:, 0].max() < 0.25 or solved.reachable_start_sq[0] < start**2:
         return None
     top = solved.profile_of(0)
@@ -188,18 +183,17 @@ def _vehicle(rng: np.random.Generator) -> Model:
 def _path(rng: np.random.Generator, stations: int) -> tuple[Floats, Floats]:
     """A winding path inside the map, (N, 1) each."""
     s = SPACING * np.arange(stations)
-    bend = rng.uniform(-0.08, 0.08) + rng.uniform(0.0, 0.15) * np.sin(
+    curvature = rng.uniform(-0.08, 0.08) + rng.uniform(0.0, 0.15) * np.sin(
         2.0 * np.pi * s / rng.uniform(6.0, 30.0) + rng.uniform(0.0, 6.3)
     )
-    heading = rng.uniform(-np.pi, np.pi) + SPACING * np.cumsum(bend)
+    heading = rng.uniform(-np.pi, np.pi) + SPACING * np.cumsum(curvature)
     east, north = SPACING * np.cumsum(np.cos(heading)), SPACING * np.cumsum(np.sin(heading))
     x, y = rng.uniform(38.0, 42.0, 2)
     return (x + east)[:, None], (y + north)[:, None]
 
 
-def show(result: Result, console: Console | None = None) -> None:
-    """Print a table, and every problem that misses what is wanted."""
-    screen = console or Console()
+def show(result: Result, console: Console) -> None:
+    """Print the table and every problem that misses its target."""
     table = table_of("Smoothed plans against the optimum by IPOPT", "")
     table.add_row("problems solved by both", f"{result['solved_by_both']}")
     for name, value in result["excess"].items():
@@ -209,8 +203,8 @@ def show(result: Result, console: Console | None = None) -> None:
     for name, text in (("median", "{:.1f}×"), ("least", "{:.1f}×"), ("share", "{:.0%}")):
         label = "10 times as fast, share" if name == "share" else f"times as fast, {name}"
         table.add_row(label, text.format(result["ratio"][name]))
-    screen.print(table)
+    console.print(table)
     for row in result["above"]:
-        screen.print(f"{row['excess']:.2%} above the optimum: {row['name']}")
+        console.print(f"{row['excess']:.2%} above the optimum: {row['name']}")
     for row in result["unsolved"]:
-        screen.print(f"not solved: {row['name']}: {row['reason']}")
+        console.print(f"not solved: {row['name']}: {row['reason']}")

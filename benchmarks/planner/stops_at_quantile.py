@@ -1,6 +1,6 @@
-"""Do plans at a quantile keep it? Emergency stops with drawn force, dead time, speed and map error.
+"""Emergency stops from plans at a quantile, with drawn force, dead time, speed and map error.
 
-Every stop is integrated here, along the ground as it is, by lines that share nothing with the
+Every stop is integrated here, along the true ground, by lines that share nothing with the
 planner: force and dead time scatter from stop to stop, the coefficients are drawn from their
 covariance, the speed misses its set point, the drive is held or cut during the dead time, and the
 heights that the planner was given differ from the ground. Shared with the planner: the form of the
@@ -26,22 +26,23 @@ from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.files import shipped_files
 from slopewise.services.io.model_file import read_model
 
-G = 9.80665
-_STEP = 0.02
-_LONGEST = 40.0
-_FORCE_STD, _DEAD_TIME_STD, _SPEED_ERROR = 0.03, 0.03, 0.05
-_HEIGHT_STD = 0.02
+G = 9.80665  # [m/s²]
+_STEP = 0.02  # [m] of the integration, along the ground
+_MAX_STOP = 40.0  # [m] after which a stop counts as endless
+_FORCE_STD, _DEAD_TIME_STD, _SPEED_ERROR = 0.03, 0.03, 0.05  # [1], [s], [m/s] of good brakes
+_HEIGHT_STD = 0.02  # [m] of a lidar map
 
 
 @dataclass(frozen=True, slots=True)
 class QuantileResult:
-    """What the drawn stops did.
+    """Outcome of the drawn stops.
 
     Attributes:
-        stops, beyond: how many; how many ended beyond the clear distance.
-        upper: 95 % bound of their share (Clopper–Pearson).
-        worst: longest way beyond [m].
-        mean_speed_share: of plans at the quantile, against plans that know everything exactly.
+        stops: count of the stops.
+        beyond: count of those that ended beyond the clear distance.
+        upper: 95 % bound of their share (Clopper–Pearson) [1].
+        worst: longest distance beyond [m].
+        mean_speed_share: mean speed at the quantile, over that of plans without uncertainty [1].
     """
 
     stops: int
@@ -52,7 +53,7 @@ class QuantileResult:
 
     @property
     def share(self) -> float:
-        """Of the stops that ended beyond."""
+        """Share of the stops that ended beyond [1]."""
         return self.beyond / self.stops
 
 
@@ -83,7 +84,7 @@ def hills(rng: np.random.Generator, size: float = 60.0, resolution: float = 0.25
 
 
 def measured(ground: ElevationMap, rng: np.random.Generator) -> ElevationMap:
-    """The map that the planner gets of it."""
+    """Noisy map of the ground, for the planner."""
     noise = rng.normal(0.0, _HEIGHT_STD, ground.elevation.shape)
     return replace(ground, elevation=ground.elevation + noise, height_std=_HEIGHT_STD)
 
@@ -94,29 +95,30 @@ def run(stops: int = 100_000, quantile: float = 0.999, seed: int = 1) -> Quantil
     model, uncertainty = scattering_model(), Uncertainty(quantile=quantile)
     exact = replace(model.braking, speed_error=0.0, drive_in_dead_time="held")
     planner = CandidatePlanner(model, PlannerSettings(), uncertainty)
-    knowing = CandidatePlanner(replace(model, braking=exact), PlannerSettings())
-    done, beyond, worst, share, shares = 0, 0, -np.inf, 0.0, 0
-    while done < stops:
+    exact_planner = CandidatePlanner(replace(model, braking=exact), PlannerSettings())
+    count, beyond, worst = 0, 0, -np.inf
+    shares: list[float] = []
+    while count < stops:
         ground = hills(rng)
-        seen = measured(ground, rng)
+        noisy_map = measured(ground, rng)
         paths = [_path(rng, i) for i in range(20)]
         clear = rng.uniform(5.0, 18.0, len(paths))
-        plans = planner.plan(seen, paths, clear=clear)
-        others = knowing.plan(ground, paths, clear=clear)
-        for plan, other in zip(plans, others, strict=True):
+        plans = planner.plan(noisy_map, paths, clear=clear)
+        references = exact_planner.plan(ground, paths, clear=clear)
+        for plan, reference in zip(plans, references, strict=True):
             moving = np.flatnonzero(plan.speed > 0.0)
             if len(moving) == 0:
                 continue
-            if plan.progress > 0.9 * other.progress > 0.0:
-                share += (plan.progress / plan.travel_time) / (other.progress / other.travel_time)
-                shares += 1
-            drawn = rng.choice(moving, min(250, stops - done))
-            over = _overruns(plan, drawn, ground, model, rng)
-            done += len(drawn)
+            if plan.progress > 0.9 * reference.progress > 0.0:
+                mean_speed = reference.progress / reference.travel_time
+                shares.append((plan.progress / plan.travel_time) / mean_speed)
+            onsets = rng.choice(moving, min(250, stops - count))
+            over = _overruns(plan, onsets, ground, model, rng)
+            count += len(onsets)
             beyond += int(np.sum(over > 0.0))
             worst = max(worst, float(over.max(initial=-np.inf)))
-    upper = float(beta.ppf(0.95, beyond + 1, done - beyond)) if beyond < done else 1.0
-    return QuantileResult(done, beyond, upper, worst, share / max(shares, 1))
+    upper = float(beta.ppf(0.95, beyond + 1, count - beyond)) if beyond < count else 1.0
+    return QuantileResult(count, beyond, upper, worst, sum(shares) / max(len(shares), 1))
 
 
 def _path(rng: np.random.Generator, index: int) -> CandidatePath:
@@ -131,24 +133,24 @@ def _path(rng: np.random.Generator, index: int) -> CandidatePath:
 
 def _overruns(
     plan: SpeedPlan,
-    drawn: np.ndarray,
+    onsets: np.ndarray,
     ground: ElevationMap,
     model: Model,
     rng: np.random.Generator,
 ) -> Floats:
-    """By how much stops from the drawn stations end beyond the clear distance, (K,) [m]."""
+    """Distance of stops from these stations beyond the clear distance, shape (K,) [m]."""
     b = model.braking
-    fine = np.arange(0.0, plan.station[-1] + _LONGEST, _STEP)
+    fine = np.arange(0.0, plan.station[-1] + _MAX_STOP, _STEP)
     sine = _true_sine(plan, ground, model, fine)
-    s = plan.station[drawn].astype(np.float64)
-    v = np.maximum(plan.speed[drawn] + rng.normal(0.0, b.speed_error, len(drawn)), 1e-3)
-    dead = np.maximum(rng.normal(b.dead_time, b.dead_time_std, len(drawn)), 0.0)
-    cut = rng.random(len(drawn)) < 0.5
-    coefficients = _coefficients(b, rng, len(drawn))
-    scatter = rng.normal(0.0, b.force_std, len(drawn))
+    s = plan.station[onsets].astype(np.float64)
+    v = np.maximum(plan.speed[onsets] + rng.normal(0.0, b.speed_error, len(onsets)), 1e-3)
+    dead = np.maximum(rng.normal(b.dead_time, b.dead_time_std, len(onsets)), 0.0)
+    cut = rng.random(len(onsets)) < 0.5
+    coefficients = _coefficients(b, rng, len(onsets))
+    scatter = rng.normal(0.0, b.force_std, len(onsets))
     speed_sq, left = v * v, dead.copy()
-    onset = np.full(len(drawn), np.nan)
-    resting = np.zeros(len(drawn), np.bool_)
+    onset = np.full(len(onsets), np.nan)
+    resting = np.zeros(len(onsets), np.bool_)
     while not resting.all() and float(s[~resting].max()) < fine[-1] - 1.0:
         at = np.clip((s / _STEP).astype(int), 0, len(fine) - 1)
         speed = np.sqrt(np.maximum(speed_sq, 0.0))
@@ -174,28 +176,28 @@ def _coefficients(b: Braking, rng: np.random.Generator, count: int) -> Floats:
     mean = np.array([b.m_m, b.b_m, b.m_b, b.b_b])
     if b.covariance is None:
         return np.tile(mean[:, None], (1, count))
-    drawn: Floats = rng.multivariate_normal(mean, np.array(b.covariance), count).T
-    return drawn
+    coefficients: Floats = rng.multivariate_normal(mean, np.array(b.covariance), count).T
+    return coefficients
 
 
 def _true_sine(plan: SpeedPlan, ground: ElevationMap, model: Model, fine: Floats) -> Floats:
-    """Sine of the grade under the wheels on the ground as it is, along the plan's own stations."""
+    """Sine of the true grade under the wheels, along the plan's own stations."""
     half_l, half_w = 0.5 * model.vehicle.wheelbase, 0.5 * model.vehicle.track_width
     x, y = np.interp(fine, plan.station, plan.x), np.interp(fine, plan.station, plan.y)
     hx, hy = np.gradient(plan.x), np.gradient(plan.y)
     norm = np.hypot(hx, hy)
     hx, hy = (np.interp(fine, plan.station, h / norm) for h in (hx, hy))
 
-    def height(ahead: float, aside: float) -> Floats:
-        u = (x + ahead * hx - aside * hy) / ground.resolution
-        w = (y + ahead * hy + aside * hx) / ground.resolution
+    def height(x_body: float, y_body: float) -> Floats:
+        u = (x + x_body * hx - y_body * hy) / ground.resolution
+        w = (y + x_body * hy + y_body * hx) / ground.resolution
         j = np.clip(u.astype(int), 0, ground.elevation.shape[1] - 2)
         i = np.clip(w.astype(int), 0, ground.elevation.shape[0] - 2)
         a, c, z = u - j, w - i, ground.elevation
         low = z[i, j] * (1.0 - a) + z[i, j + 1] * a
         high = z[i + 1, j] * (1.0 - a) + z[i + 1, j + 1] * a
-        met: Floats = low * (1.0 - c) + high * c
-        return met
+        between: Floats = low * (1.0 - c) + high * c
+        return between
 
     front = 0.5 * (height(half_l, half_w) + height(half_l, -half_w))
     rear = 0.5 * (height(-half_l, half_w) + height(-half_l, -half_w))

@@ -1,10 +1,9 @@
-"""Round trip of a question for plans over zenoh, between two processes on the loopback.
+"""Round trip of a plan request over zenoh, between two processes on the loopback.
 
-``python -m benchmarks.service.round_trip [--questions 500] [--candidates 20] [--rate 50 --seconds
-60]``, each candidate of 100 points. What the wire costs is the round trip minus the planner's own
-time, which the reply tells. With a rate, memory of the service is watched, too. Nothing of the
-service is
-imported here: both sides are commands and payloads as anybody sees them.
+``python -m benchmarks.service.round_trip [--requests 500] [--candidates 20] [--rate 50 --seconds
+60]``, each candidate of 100 points. The cost of the wire is the round trip minus the planner's own
+time, which the reply contains. With a rate, memory of the service is measured, too. The service is
+not imported: both sides are commands and payloads as any client uses them.
 """
 
 from __future__ import annotations
@@ -23,13 +22,14 @@ import msgspec
 import numpy as np
 import zenoh
 
-_POINTS, _LENGTH = 100, 25.0
+_POINTS, _LENGTH = 100, 25.0  # of a candidate, [m]
 _FORMAT = "application/msgpack;slopewise.{}.v1"
-_PAGE = 4096
+_PAGE = 4096  # [bytes] of memory
+_WARM_UP = 20  # requests that are not timed
 
 
-def measure(questions: int, candidates: int, rate: float, seconds: float) -> dict[str, Any]:
-    """Start a service, ask, stop it; times in ms."""
+def measure(requests: int, candidates: int, rate: float, seconds: float) -> dict[str, Any]:
+    """Start a service, send requests, stop it; times in ms."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
@@ -39,23 +39,17 @@ def measure(questions: int, candidates: int, rate: float, seconds: float) -> dic
             f'model = "atv"\nnamespace = "bench"\n[zenoh]\nlisten = ["{endpoint}"]\n'
             "[planning]\ndeadline = 5.0\n"
         )
-        begun = time.perf_counter()
-        command = [
-            sys.executable,
-            "-m",
-            "slopewise.services.cli",
-            "serve",
-            "--config",
-            str(settings),
-        ]
+        start = time.perf_counter()
+        module = [sys.executable, "-m", "slopewise.services.cli"]
+        command = [*module, "serve", "--config", str(settings)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         try:
             assert process.stdout is not None
             process.stdout.readline()
-            started = time.perf_counter() - begun
-            drawn = _fan(candidates)
-            found = _ask(endpoint, process.pid, drawn, questions, rate, seconds)
-            return {"start": started, **found}
+            started = time.perf_counter() - start
+            fan = _fan(candidates)
+            figures = _run(endpoint, process.pid, fan, requests, rate, seconds)
+            return {"start": started, **figures}
         finally:
             process.terminate()
             process.wait(10.0)
@@ -63,15 +57,15 @@ def measure(questions: int, candidates: int, rate: float, seconds: float) -> dic
 
 def _fan(candidates: int) -> list[np.ndarray]:
     along = np.linspace(0.0, _LENGTH, _POINTS)
-    bends = np.linspace(-0.004, 0.004, candidates)
-    return [np.stack([along, bend * along**2], axis=1) for bend in bends]
+    curvatures = np.linspace(-0.004, 0.004, candidates)
+    return [np.stack([along, c * along**2], axis=1) for c in curvatures]
 
 
-def _ask(
+def _run(
     endpoint: str,
     process: int,
-    drawn: list[np.ndarray],
-    questions: int,
+    fan: list[np.ndarray],
+    requests: int,
     rate: float,
     seconds: float,
 ) -> dict[str, Any]:
@@ -91,14 +85,14 @@ def _ask(
         session.put("bench/v1/map", payload, encoding=_FORMAT.format("map_update"))
         time.sleep(0.5)
         querier = session.declare_querier("bench/v1/plan", timeout=5.0, express=True)
-        for _ in range(20):
-            _once(querier, drawn)
+        for _ in range(_WARM_UP):
+            _once(querier, fan)
         result: dict[str, Any] = {}
         for client in ("", "robot"):
-            times = np.array([_once(querier, drawn, client) for _ in range(questions)])
+            times = np.array([_once(querier, fan, client) for _ in range(requests)])
             result["named" if client else "alone"] = _figures(times)
         if rate > 0.0:
-            result["sustained"] = _sustained(querier, process, drawn, rate, seconds)
+            result["sustained"] = _sustained(querier, process, fan, rate, seconds)
         return result
 
 
@@ -106,18 +100,18 @@ def _block(array: np.ndarray) -> dict[str, Any]:
     return {"shape": array.shape, "data": np.ascontiguousarray(array, "<f8").tobytes()}
 
 
-def _once(querier: Any, drawn: list[np.ndarray], client: str = "") -> tuple[float, float]:
+def _once(querier: Any, fan: list[np.ndarray], client: str = "") -> tuple[float, float]:
     """Round trip, encoding and decoding included, and the planner's own time [s]."""
-    begun = time.perf_counter()
-    paths = [{"name": f"c{j}", "points": _block(points)} for j, points in enumerate(drawn)]
-    question = {"speed": 1.0, "paths": paths, "client": client, "pose": [0.0, 0.0, 0.0]}
-    payload = msgspec.msgpack.encode(question)
+    start = time.perf_counter()
+    paths = [{"name": f"c{j}", "points": _block(points)} for j, points in enumerate(fan)]
+    request = {"speed": 1.0, "paths": paths, "client": client, "pose": [0.0, 0.0, 0.0]}
+    payload = msgspec.msgpack.encode(request)
     (reply,) = querier.get(payload=payload, encoding=_FORMAT.format("plan_request"))
-    answer = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
-    took = time.perf_counter() - begun
-    if answer["status"] not in ("ok", "degraded") or not answer["plans"]:
-        raise RuntimeError(f"no plan: {answer['status']}: {answer['reason']}")
-    return took, answer["seconds"]["planner"]
+    plans = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
+    seconds = time.perf_counter() - start
+    if plans["status"] not in ("ok", "degraded") or not plans["plans"]:
+        raise RuntimeError(f"no plan: {plans['status']}: {plans['reason']}")
+    return seconds, plans["seconds"]["planner"]
 
 
 def _figures(times: np.ndarray) -> dict[str, float]:
@@ -134,33 +128,33 @@ def _figures(times: np.ndarray) -> dict[str, float]:
 
 
 def _sustained(
-    querier: Any, process: int, drawn: list[np.ndarray], rate: float, seconds: float
+    querier: Any, process: int, fan: list[np.ndarray], rate: float, seconds: float
 ) -> dict[str, Any]:
-    """Questions at an even rate; memory of the service at the quarters of the time."""
+    """Requests at a constant rate; memory of the service at the quarters of the time."""
     times, memory = [], []
-    begun = time.perf_counter()
+    start = time.perf_counter()
     count = int(rate * seconds)
     for n in range(count):
-        time.sleep(max(begun + n / rate - time.perf_counter(), 0.0))
-        times.append(_once(querier, drawn, "robot"))
+        time.sleep(max(start + n / rate - time.perf_counter(), 0.0))
+        times.append(_once(querier, fan, "robot"))
         if n + 1 in (count // 4, count // 2, 3 * count // 4, count):
             pages = Path(f"/proc/{process}/statm").read_text().split()[1]
             memory.append(int(pages) * _PAGE / 1e6)
-    took = time.perf_counter() - begun
+    elapsed = time.perf_counter() - start
     figures: dict[str, Any] = _figures(np.array(times))
-    return {**figures, "rate": count / took, "memory_mb": memory}
+    return {**figures, "rate": count / elapsed, "memory_mb": memory}
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--questions", type=int, default=500)
+    parser.add_argument("--requests", type=int, default=500)
     parser.add_argument("--candidates", type=int, default=20)
     parser.add_argument("--rate", type=float, default=0.0)
     parser.add_argument("--seconds", type=float, default=60.0)
     given = parser.parse_args()
     print(
-        json.dumps(measure(given.questions, given.candidates, given.rate, given.seconds), indent=1)
+        json.dumps(measure(given.requests, given.candidates, given.rate, given.seconds), indent=1)
     )
 
 

@@ -1,14 +1,14 @@
 """Tables of docs/benchmarks.md, written into it from stored `slopewise bench --json` results.
 
 A table on the page is the table that the command shows, made by the same code from the file. It
-stands between two comments; where there is no file, what stands there stays:
+stands between two comments; without a file the page stays unchanged there:
 
     <!-- results: cycle -->
     measured so far: …
     <!-- end of results -->
 
 `python docs/site/results.py` writes the tables; `python docs/site/results.py NAME FILE [NOTE]` puts
-a result into docs/results before, with date, machine and what a reader has to know about the run.
+a result into docs/results before, with date, machine and a note on the run.
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ import os
 import platform
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from datetime import date
-from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -28,21 +27,13 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from benchmarks.__main__ import BENCHMARKS, benchmark
+
 _PLACE = re.compile(
     r"(?P<begin>^<!-- results: (?P<name>[\w-]+) -->\n)(?P<so_far>.*?)"
     r"(?P<end>^<!-- end of results -->\n)",
     re.DOTALL | re.MULTILINE,
 )
-_SHOWN = {
-    "planner": "benchmarks.planner.planner_speed:show",
-    "cycle": "benchmarks.planner.cycle:show",
-    "optimality": "benchmarks.planner.optimality:show",
-    "closed-loop": "benchmarks.closed_loop.tables:tables",
-    "discrepancy": "benchmarks.discovery.tables:tables",
-    "fleet": "benchmarks.fleet.fleet:show",
-    "obstacles": "benchmarks.obstacles.obstacles:show",
-}
-"""What makes tables of a result: a function that prints to a screen, or gives them."""
 _FACTS = "measured"
 
 
@@ -50,23 +41,23 @@ class ResultError(Exception):
     """A stored result that the page cannot show."""
 
 
-class Screen:
-    """Takes what a command would print, as Markdown."""
+class ResultTable:
+    """Collects the output of a command as Markdown."""
 
     def __init__(self) -> None:
         self.parts: list[str] = []
 
     def print(self, *things: object, **_: object) -> None:
-        """A table, or a line."""
+        """Add tables or lines."""
         for thing in things:
             self.parts.append(_table(thing) if isinstance(thing, Table) else _cell(thing))
 
 
 def filled(page: str, folder: Path) -> str:
-    """The page with a table wherever there is a result.
+    """Fill the page with the tables of all results.
 
     Raises:
-        ResultError: a result has no place, or is not what its benchmark writes now.
+        ResultError: a result has no place, or another form than its benchmark writes now.
     """
     files = {_name(file): file for file in sorted(folder.glob("*.json"))}
     places = {match["name"] for match in _PLACE.finditer(page)}
@@ -83,29 +74,26 @@ def filled(page: str, folder: Path) -> str:
 
 
 def shown(name: str, file: Path) -> str:
-    """One result as Markdown: when and where measured, then its tables.
+    """One result as Markdown: time and machine, then its tables.
 
     Raises:
-        ResultError: names the file, and what is wrong with it.
+        ResultError: names the file and its fault.
     """
-    if name not in _SHOWN:
-        raise ResultError(f"{file}: expected one of {', '.join(_SHOWN)}, got {name}")
-    module, function = _SHOWN[name].split(":")
-    make: Callable[..., Any] = getattr(import_module(module), function)
-    screen = Screen()
+    if name not in BENCHMARKS:
+        raise ResultError(f"{file}: expected one of {', '.join(BENCHMARKS)}, got {name}")
+    screen = ResultTable()
     try:
         result = json.loads(file.read_text())
-        given = make(result, screen) if function == "show" else make(result)
-        for table in given or ():
-            screen.print(table)
+        benchmark(name).show(result, screen)
     except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
-        words = f"expected what `slopewise bench` writes now, got {type(error).__name__}: {error}"
-        raise ResultError(f"{file}: {words}") from error
+        fault = f"{type(error).__name__}: {error}"
+        expected = "expected the form that `slopewise bench` writes now"
+        raise ResultError(f"{file}: {expected}, got {fault}") from error
     return "\n\n".join([_when(result, file), *screen.parts]) + "\n"
 
 
 def facts() -> dict[str, Any]:
-    """Of today and this machine."""
+    """Date, version and machine."""
     return {
         "date": f"{date.today()}",
         "version": version("slopewise"),
@@ -117,8 +105,8 @@ def facts() -> dict[str, Any]:
 
 
 def _processor() -> str:
-    found = re.search(r"^model name\s*: (.*)$", _read(Path("/proc/cpuinfo")), re.MULTILINE)
-    return found[1] if found else platform.machine()
+    match = re.search(r"^model name\s*: (.*)$", _read(Path("/proc/cpuinfo")), re.MULTILINE)
+    return match[1] if match else platform.machine()
 
 
 def _read(path: Path) -> str:
@@ -130,15 +118,16 @@ def _name(file: Path) -> str:
 
 
 def _when(result: dict[str, Any], file: Path) -> str:
-    told = result.get(_FACTS, {})
+    measured = result.get(_FACTS, {})
     parts = ["Small run (`--quick`)" if result.get("quick") else "Measured"]
-    if told:
-        parts.append(f"on {told['date']} with slopewise {told['version']} on {told['cores']} cores")
-        parts.append(f"({told['processor']}, {told['memory'] / 1e9:.0f} GB),")
-        parts.append(f"Python {told['python']}")
+    if measured:
+        parts.append(f"on {measured['date']} with slopewise {measured['version']}")
+        parts.append(f"on {measured['cores']} cores")
+        parts.append(f"({measured['processor']}, {measured['memory'] / 1e9:.0f} GB),")
+        parts.append(f"Python {measured['python']}")
     if {"sets", "planned"} <= result.keys():
         parts.append(f"({result['sets']} of {result['planned']} sets)")
-    note = f" {told['note']}" if told.get("note") else ""
+    note = f" {measured['note']}" if measured.get("note") else ""
     return f"{' '.join(parts)}: [all figures](results/{file.name}).{note}"
 
 
@@ -158,7 +147,7 @@ def _line(cells: Iterable[str]) -> str:
 
 
 def _cell(value: object) -> str:
-    """Text without colours; what is red on a screen is bold."""
+    """Text without colours; red text becomes bold."""
     text = value if isinstance(value, Text) else Text.from_markup(str(value))
     plain = " ".join(text.plain.split()).replace("|", "&#124;").replace("<", "&lt;")
     red = any("red" in str(span.style) for span in text.spans)
@@ -166,21 +155,21 @@ def _cell(value: object) -> str:
 
 
 def _keep(name: str, file: Path, folder: Path, note: str = "") -> Path:
-    """Put a result where the page finds it."""
+    """Store a result for the page."""
     result = json.loads(file.read_text())
-    kept = folder / f"{name}.json"
+    stored = folder / f"{name}.json"
     result[_FACTS] = facts() | ({"note": note} if note else {})
     folder.mkdir(exist_ok=True)
-    kept.write_text(json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
-    shown(name, kept)
-    return kept
+    stored.write_text(json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+    shown(name, stored)
+    return stored
 
 
-def main(words: list[str]) -> None:
-    """Keep a result if one is given, then write all tables into the page."""
+def main(arguments: list[str]) -> None:
+    """Store a result if one is given, then write all tables into the page."""
     docs = Path(__file__).parents[1]
-    if words:
-        print(_keep(words[0], Path(words[1]), docs / "results", *words[2:]))
+    if arguments:
+        print(_keep(arguments[0], Path(arguments[1]), docs / "results", *arguments[2:]))
     page = docs / "benchmarks.md"
     page.write_text(filled(page.read_text(), docs / "results"))
 

@@ -1,4 +1,4 @@
-"""What the readers share: joining runs and writing them as a drive log."""
+"""Shared by the readers: joining runs and writing them as a drive log."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def joined(runs: Sequence[Columns], pause: float = 60.0) -> Columns:
     return {name: np.concatenate(values) for name, values in parts.items()}
 
 
-def main(read: Callable[[Path], Columns], words: str) -> None:
+def main(read: Callable[[Path], Columns], description: str) -> None:
     """`python -m examples.recordings.NAME FOLDER OUT.csv`."""
     if len(sys.argv) != 3:
-        print(f"usage: FOLDER OUT.csv\n{words}", file=sys.stderr)
+        print(f"usage: FOLDER OUT.csv\n{description}", file=sys.stderr)
         sys.exit(2)
     columns = read(Path(sys.argv[1]))
     texts = {name: list(v) if v.dtype.kind in "UO" else v for name, v in columns.items()}

@@ -1,10 +1,10 @@
 """A 1/10 car that was driven by hand with hard stops, as a drive log.
 
-One folder a session, with commandData.csv and odomData.csv: seconds and nanoseconds, then command
+One folder per session, with commandData.csv and odomData.csv: seconds and nanoseconds, then command
 or speed. What has to be known:
 
-- commands and speeds have clocks of their own rate: the command is the last one before the sample;
-- the driver often lets go of the brakes before the car stands;
+- commands and speeds have clocks of different rates: the command is the last one before the sample;
+- the driver often releases the brakes before the car stands;
 - in one session the wheels never follow the command: no stop is lost, none is gained;
 - the attitude is in degrees although its description says SI, and the floor is level: pitch is 0.
 
@@ -33,8 +33,8 @@ def _run(session: Path) -> Columns:
     odometry = np.genfromtxt(session / "odomData.csv", delimiter=",", skip_header=1)
     begin = odometry[0, 1]
     time = (odometry[:, 1] - begin) + 1e-9 * odometry[:, 2]
-    told = (command[:, 1] - begin) + 1e-9 * command[:, 2]
-    last = np.clip(np.searchsorted(told, time, side="right") - 1, 0, None)
+    sent = (command[:, 1] - begin) + 1e-9 * command[:, 2]
+    last = np.clip(np.searchsorted(sent, time, side="right") - 1, 0, None)
     return {
         "run": np.full(len(time), session.name),
         "t": time,

@@ -3,11 +3,11 @@
 One CSV at 20 Hz, windows of two seconds one after the other. What has to be known:
 
 - commands and speeds are of the wheels, in rad/s; the vehicle's are their mean;
-- speeds and commands differ by a factor: commands only tell when it was told to stop;
+- speeds and commands differ by a factor: only the time of a stop command is used;
 - commands step from one direction straight to the other. The way to standstill is the same as that
   of a stop, so a reversal is written as a stop, and driving backwards as driving forwards;
 - most steps turn as well, so no yaw rate is written: straight stops alone would be too few;
-- where a window does not go on from the one before it, a new run begins.
+- where a window does not continue the one before it, a new run begins.
 
 Run it: ``python -m examples.recordings.husky_drive FOLDER out.csv``.
 """
@@ -56,13 +56,13 @@ def _stops(
         rolling = np.abs(speed[max(k - 4, 0) : k + 1].mean()) >= _ROLLING
         if not rolling or command[k] * direction > 0.02 or k - begin < 4:
             continue
-        told = np.maximum(command[begin:end] * direction, 0.0)
+        commands = np.maximum(command[begin:end] * direction, 0.0)
         runs.append(
             {
                 "run": np.full(end - begin, str(first + len(runs))),
                 "t": _STEP * np.arange(end - begin),
                 "v": speed[begin:end] * direction,
-                "v_cmd": np.where(np.arange(begin, end) < k, np.maximum(told, 0.05), 0.0),
+                "v_cmd": np.where(np.arange(begin, end) < k, np.maximum(commands, 0.05), 0.0),
                 "pitch": pitch[begin:end] * direction,
             }
         )

@@ -1,6 +1,6 @@
-"""Sessions left out of real recordings. `python -m examples.recordings.sessions_left_out DATA`
+"""Held-out sessions of real recordings. `python -m examples.recordings.sessions_left_out DATA`
 
-Each session is predicted by what all others taught; DATA holds the recordings of
+Each session is predicted by a fit to all others; DATA holds the recordings of
 examples/recordings in its folder `stops`.
 """
 
@@ -32,7 +32,7 @@ _SIXTHS = 6
 
 
 def main() -> None:
-    """Print a table, a row a recording and a third of its speeds."""
+    """Print a table, one row per recording and third of its speeds."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
     given = parser.parse_args()

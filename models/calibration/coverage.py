@@ -82,7 +82,7 @@ def covered(
         lambda v: b.m_m * v + b.b_m,
         lambda _, mount: (mount, lambda v: b.m_m * v + b.b_m),
         ground=ground,
-        fewest=1,
+        min_count=1,
     )
     records = measured_beside(log.measured, model, columns).records
     allowed = np.array([allowed_distance(b, r, quantile) for r in records])

@@ -203,7 +203,7 @@ def measure_log(
         believed,
         ground=ground,
         settings=stops,
-        fewest=fewest,
+        min_count=fewest,
     )
 
 

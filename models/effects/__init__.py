@@ -1,1 +1,1 @@
-"""Named effects that the base braking model leaves out."""
+"""Named effects that extend the base braking model."""

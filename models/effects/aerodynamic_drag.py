@@ -19,7 +19,7 @@ def deceleration(
     """Deceleration c v² [m/s²].
 
     Args:
-        speed: v [m/s]. curvature, yaw: of no account. c: [1/m].
+        speed: v [m/s]. curvature, yaw: unused. c: [1/m].
     """
     return c * speed * speed
 

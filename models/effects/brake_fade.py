@@ -14,7 +14,7 @@ from slopewise.models.effects.stops_seen import StopsSeen
 _COOLING = (20.0, 40.0, 100.0, 300.0, 1000.0)  # [s] of the search
 
 
-def kept_share(heat: Elementwise, k: Elementwise, tau: Elementwise) -> Elementwise:
+def remaining_share(heat: Elementwise, k: Elementwise, tau: Elementwise) -> Elementwise:
     """Share of F_b that hot brakes keep, 1/(1 + k q).
 
     Args:
@@ -32,7 +32,7 @@ def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
 EFFECT = EffectLaw(
     missing="force falls as the brake heats and recovers as it cools",
     enters=Enters.FADE,
-    law=kept_share,
+    law=remaining_share,
     parameters={
         "k": Parameter(
             unit="kg/J",
@@ -50,7 +50,7 @@ EFFECT = EffectLaw(
             bounds=POSITIVE,
             step=1e-6,
             relative_step=0.1,
-            usual=(20.0, 3600.0),
+            typical=(20.0, 3600.0),
             longer_stop=1,
             lighter_rear=-1,
         ),
@@ -58,7 +58,9 @@ EFFECT = EffectLaw(
     depends_on=frozenset(("heat",)),
     axis="brake_heat",
     experiment="stop with cold brakes, and again right after five hard stops",
-    search=Search(columns=_columns, strength="k", one_sided=True, starts=2, pause_tells=True),
+    search=Search(
+        columns=_columns, strength="k", one_sided=True, starts=2, pauses_distinguish=True
+    ),
     once=True,
-    only_takes=lambda _: True,
+    only_reduces=lambda _: True,
 )

@@ -15,7 +15,7 @@ def missing_share(since: Elementwise, tau: Elementwise) -> Elementwise:
     """Share of a constant F that is still missing, e^(−t/τ).
 
     Args:
-        since: time t since the onset, or since the force was last looked at [s]. tau: [s], > 0.
+        since: time t since the onset, or since the last evaluation of the force [s]. tau: [s], > 0.
     """
     return np.exp(-since / tau)
 
@@ -30,14 +30,14 @@ EFFECT = EffectLaw(
             plausible=(0.0, 3.0),
             bounds=POSITIVE,
             step=0.1,
-            usual=(0.0, 1.0),
+            typical=(0.0, 1.0),
             longer_stop=1,
             lighter_rear=-1,
         )
     },
     axis="time_since_onset",
     experiment="log the brake pressure, or the speed at 100 Hz, around the onset",
-    unsearched="fitted beside every explanation, because no brake bites at once",
+    unsearched="fitted with every explanation, because every brake builds up its force",
     once=True,
-    only_takes=lambda _: True,
+    only_reduces=lambda _: True,
 )

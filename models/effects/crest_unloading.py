@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from slopewise.models.arrays import Floats
 from slopewise.models.effects.effect_law import POSITIVE, EffectLaw, Enters, Parameter, Search
 from slopewise.models.effects.stops_seen import StopsSeen
-from slopewise.models.laws.crest import kept_force, load_loss
+from slopewise.models.laws.crest import load_loss, remaining_force
 
 
 def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
@@ -21,7 +21,7 @@ def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
 EFFECT = EffectLaw(
     missing="force falls with the load over a crest",
     enters=Enters.CREST,
-    law=kept_force,
+    law=remaining_force,
     parameters={
         "k": Parameter(
             unit="1",

@@ -24,7 +24,7 @@ def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
     yield {}, np.fabs(stops.roll)
 
 
-def _only_takes(values: Values) -> bool:
+def _only_reduces(values: Values) -> bool:
     return values["k"] <= 0.0
 
 
@@ -40,7 +40,7 @@ EFFECT = EffectLaw(
         columns=_columns, strength="k", one_sided=False, shows_along=("roll",), seen_below=0.05
     ),
     kinks_at_level=True,
-    most_force=lambda _: {"k": 0.35},
+    max_force=lambda _: {"k": 0.35},
     per_slope=1.0,
-    only_takes=_only_takes,
+    only_reduces=_only_reduces,
 )

@@ -42,5 +42,5 @@ EFFECT = EffectLaw(
     search=Search(
         columns=_columns, strength="k", one_sided=True, shows_along=("heading",), seen_below=0.05
     ),
-    most_force=lambda _: {"k": 1.0},
+    max_force=lambda _: {"k": 1.0},
 )

@@ -1,4 +1,4 @@
-"""What an effect says of itself: everything that the rest of the product asks it for.
+"""Definition of an effect: everything that other packages need of it.
 
 One file of this folder describes one effect; :mod:`slopewise.models.effects.registry` collects
 them. Planner, simulation, search and reports know the attributes below and no effect by its name.
@@ -58,13 +58,13 @@ class Parameter:
     """One number of an effect.
 
     Attributes:
-        unit: SI. bounds: physical sign and size. default: where it may be left out.
-        usual: sizes beyond which the effect is hardly what its name says.
+        unit: SI. bounds: physical sign and size. default: value of an optional parameter.
+        typical: sizes beyond which another cause is more likely than the effect.
         plausible: sizes beyond which a model file has a mistake, mostly of the unit.
         step, relative_step: by which a fit tries it, the larger of both, the second as a share of
             its value. fitted: a fit moves it; a run's number, say, it does not.
-        longer_stop: sign of the change that makes stops longer wherever they are, 0 if that depends
-            on the place: both ends then count, by :attr:`EffectLaw.most_force`.
+        longer_stop: sign of the change that makes stops longer at any place, 0 if that depends
+            on the place: both ends are then used, by :attr:`EffectLaw.max_force`.
         lighter_rear: the same for the change that unloads the rear axle more while braking.
     """
 
@@ -72,7 +72,7 @@ class Parameter:
     step: float
     bounds: tuple[float, float] = ANY
     default: float | None = None
-    usual: tuple[float, float] = ANY
+    typical: tuple[float, float] = ANY
     plausible: tuple[float, float] = ANY
     relative_step: float = 0.0
     fitted: bool = True
@@ -85,8 +85,8 @@ class Parameter:
 
     @property
     def fit_bounds(self) -> tuple[float, float]:
-        """What is both physical and usual."""
-        return max(self.bounds[0], self.usual[0]), min(self.bounds[1], self.usual[1])
+        """Bounds that are both physical and typical."""
+        return max(self.bounds[0], self.typical[0]), min(self.bounds[1], self.typical[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,16 +98,16 @@ class Search:
             one unit of the strength adds to the braking.
         strength: parameter that columns are multiplied with. one_sided: it cannot be negative.
         offset: strength without effect.
-        whole: a column is that of the effect with its inner parameters, which are all it has.
+        is_complete: a column is that of the effect with its inner parameters, which are all it has.
         starts: points of the grid from which numbers are refined, the strongest ones.
-        chosen: numbers that naming the effect chooses, all parameters if left out.
+        chosen: numbers that naming the effect chooses, all parameters by default.
         other_form: the same change by another parameter, from the values found and the median
             force; None where there is only one form.
         shape, shape_one_way: effects of one shape imitate any curve together; the second is the
             shape in logs of one heading.
         shows_along, seen_below: axes of the search, one of which has to show it with such a
             p-value before a weak case is named; () where none has to.
-        pause_tells: stops after pauses of different length tell it from others.
+        pauses_distinguish: stops after pauses of different length distinguish it from others.
         placed: its inner parameters are the circle `x`, `y`, `radius`, which has no slope to follow
             and is found by trying.
     """
@@ -116,7 +116,7 @@ class Search:
     strength: str
     one_sided: bool
     offset: float = 0.0
-    whole: bool = False
+    is_complete: bool = False
     starts: int = 1
     chosen: int | None = None
     other_form: Callable[[Values, float], dict[str, float]] | None = None
@@ -124,7 +124,7 @@ class Search:
     shape_one_way: str = ""
     shows_along: tuple[str, ...] = ()
     seen_below: float = 1.0
-    pause_tells: bool = False
+    pauses_distinguish: bool = False
     placed: bool = False
 
 
@@ -138,24 +138,24 @@ def _never(_: Values) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectLaw:
-    """What is known of one effect before any data.
+    """One effect, before any data.
 
     Attributes:
-        missing: what the base model leaves out, in words.
+        missing: description of what the base model does not contain.
         enters, law: where it enters, and its one formula.
         parameters: by name, in the order in which the law takes them.
-        depends_on: what must be known beside speed and grade, of :data:`CHANNELS`.
-        axis: along which it changes the force. where: the same for its parameters, in words.
-        experiment: what to drive to tell it from the model's own coefficients.
+        depends_on: channels required besides speed and grade, of :data:`CHANNELS`.
+        axis: quantity along which it changes the force. where: description of that for parameters.
+        experiment: stops that distinguish it from the model's coefficients.
         search: how logs are searched for it; None with `unsearched`, the reason.
         once: a model has at most one of it; others add up.
         kinks_at_level: zero on level ground, with a kink there.
         grown: its parameters with edges moved outward by a length [m]; None without edges.
-        along: the law along whole stops, (S, M), where samples at an edge count in part.
-        most_force: the most that a change of each parameter changes F_b/W, on slopes of 20° and
+        along: the law along whole stops, (S, M), where samples at an edge have partial weight.
+        max_force: the most that a change of each parameter changes F_b/W, on slopes of 20° and
             within four hours. per_slope: the most that `k` is multiplied with for each radian by
             which grade or roll is off.
-        only_takes: it takes force and gives none, so that counting it twice is on the safe side.
+        only_reduces: it reduces the force and adds none, so that including it twice is safe.
         may_add: it gives force somewhere that the model without it does not.
     """
 
@@ -173,9 +173,9 @@ class EffectLaw:
     kinks_at_level: bool = False
     grown: Callable[[Values, float], dict[str, float]] | None = None
     along: Callable[..., Any] | None = None
-    most_force: Callable[[Values], dict[str, float]] = _no_force
+    max_force: Callable[[Values], dict[str, float]] = _no_force
     per_slope: float = 0.0
-    only_takes: Callable[[Values], bool] = _never
+    only_reduces: Callable[[Values], bool] = _never
     may_add: Callable[[Values], bool] | None = None
 
     @property
@@ -185,7 +185,7 @@ class EffectLaw:
 
     def adds(self, values: Values) -> bool:
         """Whether it gives force somewhere that the model without it does not."""
-        return not self.only_takes(values) if self.may_add is None else self.may_add(values)
+        return not self.only_reduces(values) if self.may_add is None else self.may_add(values)
 
 
 CHANNELS: dict[str, tuple[str, ...]] = {

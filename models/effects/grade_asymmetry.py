@@ -43,7 +43,7 @@ EFFECT = EffectLaw(
         seen_below=0.01,
     ),
     kinks_at_level=True,
-    most_force=lambda _: {"k": 0.35},
+    max_force=lambda _: {"k": 0.35},
     per_slope=1.0,
     may_add=lambda p: p["k"] > 0.0,
 )

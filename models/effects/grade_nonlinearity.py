@@ -39,6 +39,6 @@ EFFECT = EffectLaw(
         shows_along=("grade", "abs_grade"),
         seen_below=0.01,
     ),
-    most_force=lambda _: {"k": 0.12},
+    max_force=lambda _: {"k": 0.12},
     per_slope=0.7,
 )

@@ -40,7 +40,7 @@ def deceleration(
     """Deceleration by the wind alone [m/s²], negative from behind.
 
     Args:
-        speed: v [m/s]. curvature: of no account. yaw: [rad]. c: [1/m]. wind: [m/s].
+        speed: v [m/s]. curvature: unused. yaw: [rad]. c: [1/m]. wind: [m/s].
         direction: the vehicle heads there when it meets the wind [rad].
     """
     relative = speed + wind * np.cos(yaw - direction)
@@ -55,7 +55,7 @@ def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
             yield {"wind": wind, "direction": direction}, share
 
 
-def _most_force(values: Values) -> dict[str, float]:
+def _max_force(values: Values) -> dict[str, float]:
     """Wind helps in one direction and pushes in the other: c (u |u| − v²), u = v + wind cos(…)."""
     c, wind = abs(values["c"]), abs(values["wind"])
     relative = _FASTEST + wind
@@ -73,7 +73,7 @@ EFFECT = EffectLaw(
     parameters={
         "c": Parameter(unit="1/m", plausible=(0.0, 0.5), bounds=POSITIVE, step=0.01),
         "wind": Parameter(
-            unit="m/s", plausible=(-60.0, 60.0), bounds=ANY, step=1.0, usual=(0.0, 20.0)
+            unit="m/s", plausible=(-60.0, 60.0), bounds=ANY, step=1.0, typical=(0.0, 20.0)
         ),
         "direction": Parameter(unit="rad", plausible=(-7.0, 7.0), bounds=ANY, step=0.2),
     },
@@ -82,5 +82,5 @@ EFFECT = EffectLaw(
     experiment="stop in the opposite direction",
     search=Search(columns=_columns, strength="c", one_sided=True, starts=2, shape_one_way="speed"),
     once=True,
-    most_force=_most_force,
+    max_force=_max_force,
 )

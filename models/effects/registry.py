@@ -1,11 +1,11 @@
-"""All effects that the base braking model leaves out, and what they come to together.
+"""All effects that extend the base braking model, and their sum.
 
 The base is Braking (7)–(8): a force fixed by grade and by the speed at brake onset, after a pure
 dead time. Each effect has one file in this folder that says everything about it, and one line here.
 
-Where several act on the force: ground terms and lasting changes make the force that is wanted,
-pressure builds it up (lag), hot pads make less of it (fade), friction caps what is left, and a
-crest takes its share of that. Motion terms add to the deceleration.
+Where several act on the force: ground terms and lasting changes make the demanded force,
+pressure builds it up (lag), hot pads reduce it (fade), friction caps the result, and a crest takes
+its share of that. Motion terms add to the deceleration.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ MOTION_LAWS = tuple(name for name, law in LAWS.items() if law.enters is Enters.M
 
 
 def law_of(effect: Effect) -> EffectLaw:
-    """What is known of an effect.
+    """Definition of an effect.
 
     Raises:
-        ParameterError: of an unknown name.
+        ParameterError: unknown name.
     """
     law = LAWS.get(effect.name)
     if law is None:
@@ -89,7 +89,7 @@ def validate(effect: Effect) -> dict[str, float]:
 
 
 class MotionTerms(NamedTuple):
-    """What acts while the vehicle brakes, in the form that an integrator wants.
+    """Terms that act while the vehicle brakes, in the form that an integrator requires.
 
     Attributes:
         values: parameters of all :data:`MOTION_LAWS`, one effect after the other; 0 if absent.
@@ -144,7 +144,7 @@ def motion(
                 friction = min(friction, values[0])
             case _:
                 pass
-    flat = tuple(value for own in sums.values() for value in own)
+    flat = tuple(value for values in sums.values() for value in values)
     return MotionTerms(flat, any(flat), lag, fade, max(fade_tau, 1e-3), heat, friction)
 
 
@@ -162,10 +162,10 @@ def motion_deceleration(
     """
     total, first = 0.0 * speed, 0
     for name in MOTION_LAWS:
-        own = terms.values[first : first + len(LAWS[name].parameters)]
-        first += len(own)
-        if any(own):
-            total = total + LAWS[name].law(speed, curvature, yaw, *own)
+        values = terms.values[first : first + len(LAWS[name].parameters)]
+        first += len(values)
+        if any(values):
+            total = total + LAWS[name].law(speed, curvature, yaw, *values)
     return total
 
 
@@ -173,8 +173,8 @@ def ground_term(effects: Iterable[Effect], place: Place) -> Elementwise:
     """Sum of the ground terms of F_b/W; elementwise in the place.
 
     Args:
-        effects: validated here; those that are no ground terms count for nothing, and of lasting
-            changes only what they add.
+        effects: validated here; those without a ground term are ignored, and lasting changes
+            contribute only their addition.
         place: [rad], [m], [s].
     """
     total = 0.0 * place.grade

@@ -23,7 +23,7 @@ def force_term(place: Place, k: Elementwise) -> Elementwise:
 
 
 def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
-    yield {}, stops.clock[:, None] * np.ones_like(stops.wanted)
+    yield {}, stops.clock[:, None] * np.ones_like(stops.demanded)
 
 
 EFFECT = EffectLaw(
@@ -41,8 +41,8 @@ EFFECT = EffectLaw(
         shape="session",
         shows_along=("run", "time"),
         seen_below=0.05,
-        pause_tells=True,
+        pauses_distinguish=True,
     ),
-    most_force=lambda _: {"k": _LONGEST},
+    max_force=lambda _: {"k": _LONGEST},
     may_add=lambda p: p["k"] > 0.0,
 )

@@ -18,7 +18,7 @@ from slopewise.models.effects.effect_law import (
     Search,
     Values,
 )
-from slopewise.models.effects.stops_seen import FEWEST, StopsSeen
+from slopewise.models.effects.stops_seen import MIN_STOP_COUNT, StopsSeen
 
 
 def changed_force(
@@ -27,7 +27,7 @@ def changed_force(
     """F_b/W after the change [1].
 
     Args:
-        force: F_b/W before it [1]. scale, delta: [1]. run: of no account once it has come.
+        force: F_b/W before it [1]. scale, delta: [1]. run: unused, the change is in force.
     """
     return force * scale + delta
 
@@ -35,8 +35,8 @@ def changed_force(
 def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
     for first in np.unique(stops.run)[1:]:
         later = stops.run >= first
-        if min(int(later.sum()), int((~later).sum())) >= FEWEST:
-            yield {"run": float(first)}, stops.wanted * later[:, None]
+        if min(int(later.sum()), int((~later).sum())) >= MIN_STOP_COUNT:
+            yield {"run": float(first)}, stops.demanded * later[:, None]
 
 
 def _by_delta(values: Values, force: float) -> dict[str, float]:
@@ -66,9 +66,9 @@ EFFECT = EffectLaw(
         shape="session",
         shows_along=("run", "time"),
         seen_below=0.05,
-        pause_tells=True,
+        pauses_distinguish=True,
     ),
     where=lambda p: f"from the log's run {p['run']:.0f} on, the first being 0",
-    most_force=lambda _: {"scale": 1.0, "delta": 1.0},
+    max_force=lambda _: {"scale": 1.0, "delta": 1.0},
     may_add=lambda p: p.get("scale", 1.0) > 1.0 or p.get("delta", 0.0) > 0.0,
 )

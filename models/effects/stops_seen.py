@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from slopewise.models.arrays import Floats, Ints
 
-FEWEST = 3
+MIN_STOP_COUNT = 3
 """Stops without which nothing is seen: on each side of a change, or in a place."""
 
 
@@ -20,8 +20,8 @@ class StopsSeen:
         grade, roll, yaw: (S, M) [rad]. yaw_rate: (S, M) [rad/s]. x, y: (S, M) [m].
         vertical_curvature: (S, M) change of grade along the ground [1/m].
         clock: (S,) of the stop command since the session began [s]. run: (S,) its number.
-        wanted, built, given: (S, M) F_b/W by surface and brakes, once it has built up, and what
-            fade and friction leave of it.
+        demanded, built, given: (S, M) F_b/W by surface and brakes, after its build-up, and after
+            fade and friction.
         passes: (S, M) share of a small change of the built-up force that they let through.
         heat: (S, M) of the brakes for a cooling time constant [J/kg].
     """
@@ -36,7 +36,7 @@ class StopsSeen:
     vertical_curvature: Floats
     clock: Floats
     run: Ints
-    wanted: Floats
+    demanded: Floats
     built: Floats
     given: Floats
     passes: Floats

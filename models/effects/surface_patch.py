@@ -16,7 +16,7 @@ from slopewise.models.effects.effect_law import (
     Search,
     Values,
 )
-from slopewise.models.effects.stops_seen import FEWEST, StopsSeen
+from slopewise.models.effects.stops_seen import MIN_STOP_COUNT, StopsSeen
 
 _LATTICE = 9  # centres that the search tries along the longer side of the field
 _RADII = (0.07, 0.14, 0.25)  # of the field
@@ -28,7 +28,7 @@ def force_term(
     """Term of F_b/W, δ inside the circle and 0 outside [1].
 
     Args:
-        place: its x and y count [m]. delta: [1]. x, y, radius: of the circle [m].
+        place: only x and y are used [m]. delta: [1]. x, y, radius: circle [m].
     """
     return delta * (np.hypot(place.x - x, place.y - y) <= radius)
 
@@ -36,7 +36,7 @@ def force_term(
 def share_inside(x: Floats, y: Floats, centre_x: float, centre_y: float, radius: float) -> Floats:
     """(S, M) share of the distance around each time that lies inside a circle.
 
-    A time next to the edge counts in part, so that it does not matter where the times lie.
+    A time next to the edge has partial weight, so that it does not matter where the times lie.
 
     Args:
         x, y: (S, M) positions along each stop [m]. centre_x, centre_y, radius: [m].
@@ -52,7 +52,7 @@ def share_inside(x: Floats, y: Floats, centre_x: float, centre_y: float, radius:
 def holds_stops(inside: Floats) -> bool:
     """Whether a circle holds enough stops to be seen, and not all of all stops."""
     touched = int((inside > 0.0).any(axis=1).sum())
-    return touched >= FEWEST and bool((inside < 1.0).any())
+    return touched >= MIN_STOP_COUNT and bool((inside < 1.0).any())
 
 
 def _along(place: Place, delta: float, x: float, y: float, radius: float) -> Floats:
@@ -112,6 +112,6 @@ EFFECT = EffectLaw(
     where=_where,
     grown=_grown,
     along=_along,
-    most_force=lambda _: {"delta": 1.0},
+    max_force=lambda _: {"delta": 1.0},
     may_add=lambda p: p["delta"] > 0.0,
 )

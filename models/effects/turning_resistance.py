@@ -22,13 +22,13 @@ def deceleration(
     """Deceleration g k |κ| v [m/s²].
 
     Args:
-        speed: v [m/s]. curvature: κ of the path [1/m]. yaw: of no account. k: [s/rad].
+        speed: v [m/s]. curvature: κ of the path [1/m]. yaw: unused. k: [s/rad].
     """
     return GRAVITY * (k * np.fabs(curvature)) * speed
 
 
 def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
-    # A log tells ω_z = κ v itself; near standstill its quotient with v tells nothing.
+    # A log measures ω_z = κ v; near standstill its quotient with v is noise.
     yield {}, deceleration(1.0, stops.yaw_rate, 0.0, 1.0) / GRAVITY
 
 

@@ -19,7 +19,7 @@ def deceleration(
     """Deceleration g c v [m/s²].
 
     Args:
-        speed: v [m/s]. curvature, yaw: of no account. c: [s/m].
+        speed: v [m/s]. curvature, yaw: unused. c: [s/m].
     """
     return GRAVITY * c * speed
 

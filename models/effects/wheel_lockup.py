@@ -15,12 +15,13 @@ from slopewise.models.effects.stops_seen import StopsSeen
 from slopewise.models.laws.wheel_lockup import friction_cap
 
 _CAPS = (0.4, 0.6, 0.75, 0.87, 0.95)  # quantiles of the force that the search tries
-_LEAST_FRICTION = 0.02
+_MIN_FRICTION = 0.02
+"""Lowest friction searched [1]: half of wet ice."""
 
 
 def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
     upright = np.cos(stops.grade) * np.cos(stops.roll)
-    for mu in np.maximum(np.quantile(stops.given / upright, _CAPS), _LEAST_FRICTION):
+    for mu in np.maximum(np.quantile(stops.given / upright, _CAPS), _MIN_FRICTION):
         yield {"mu": float(mu)}, -np.maximum(stops.given - mu * upright, 0.0)
 
 
@@ -40,6 +41,6 @@ EFFECT = EffectLaw(
     },
     axis="grade",
     experiment="stop with less brake: locked wheels give the same force",
-    search=Search(columns=_columns, strength="mu", one_sided=True, whole=True, shape="slope"),
-    only_takes=lambda _: True,
+    search=Search(columns=_columns, strength="mu", one_sided=True, is_complete=True, shape="slope"),
+    only_reduces=lambda _: True,
 )

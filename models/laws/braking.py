@@ -18,7 +18,8 @@ import numpy as np
 from slopewise.models.arrays import Elementwise
 from slopewise.models.quantity import GRAVITY
 
-_LEAST_TIME = 1e-12
+_MIN_TIME = 1e-12
+"""Keeps a stop of no duration from a division by zero [s]."""
 
 
 def force_ratio(
@@ -100,7 +101,7 @@ def mean_deceleration(
         onset_speed: speed at ``onset_time`` [m/s].
         onset_time: t_i, the stop command plus the dead time [s].
         stop_time: t_f > t_i, the first time the speed crosses zero [s]; the body rocks back
-            afterwards, so later crossings mean nothing.
+            afterwards, so later crossings carry no information.
     """
     duration = stop_time - onset_time
     return onset_speed / (duration / np.sqrt(np.sign(duration)))
@@ -154,8 +155,8 @@ def stopping_distance_as_printed(
 ) -> Elementwise:
     """Stopping distance s = ½ a t_s² + t_delay v + s_offset [m] with t_s of (11), as printed.
 
-    For comparison with the paper only. t_s holds the dead time already, so the delay counts twice:
-    with ``time_offset`` 0 the result is ½ a t_delay² + v t_delay longer than the true distance.
+    For comparison with the paper only. t_s holds the dead time already, so the delay is included
+    twice: with ``time_offset`` 0 the result exceeds the true distance by ½ a t_delay² + v t_delay.
     NaN where a < 0. Source: Braking (12), uncorrected.
 
     Args:
@@ -193,4 +194,4 @@ def speed_of_stopping_distance(
     d = 0.5 * (spare + np.fabs(spare))
     slowing = deceleration / np.sqrt(np.sign(deceleration))
     time = dead_time + np.sqrt(dead_time * dead_time + 2.0 * d / slowing)
-    return 2.0 * d / (np.fmax(time, _LEAST_TIME) * np.sign(1.0 + np.fabs(time)))
+    return 2.0 * d / (np.fmax(time, _MIN_TIME) * np.sign(1.0 + np.fabs(time)))

@@ -19,7 +19,8 @@ import numpy as np
 from slopewise.models.arrays import Elementwise
 from slopewise.models.quantity import GRAVITY
 
-_HAIR = 1e-300
+_EPSILON = 1e-300
+"""Keeps 0/0 from NaN; below any curvature [1/m]."""
 
 
 def load_loss(speed: Elementwise, vertical_curvature: Elementwise) -> Elementwise:
@@ -33,10 +34,10 @@ def load_loss(speed: Elementwise, vertical_curvature: Elementwise) -> Elementwis
     return speed * speed * falling / GRAVITY
 
 
-def kept_force(
+def remaining_force(
     speed: Elementwise, vertical_curvature: Elementwise, share: Elementwise
 ) -> Elementwise:
-    """Share of F_b that is left over a crest, max(0, 1 − k load loss); NaN of NaN.
+    """Share of F_b that remains over a crest, max(0, 1 − k load loss); NaN of NaN.
 
     Args:
         speed: v [m/s].
@@ -44,12 +45,12 @@ def kept_force(
         share: k, how much of the lost load the force loses; 1 if friction decides.
     """
     falling = 0.5 * (np.fabs(vertical_curvature) - vertical_curvature)
-    kept = 1.0 - share * (speed * speed * falling / GRAVITY)
-    return 0.5 * (kept + np.fabs(kept))
+    remaining = 1.0 - share * (speed * speed * falling / GRAVITY)
+    return 0.5 * (remaining + np.fabs(remaining))
 
 
 def crest_speed_sq(
-    least_share: Elementwise, min_share: Elementwise, vertical_curvature: Elementwise
+    min_share_without_crest: Elementwise, min_share: Elementwise, vertical_curvature: Elementwise
 ) -> Elementwise:
     """Highest v² over a crest at which every axle, side and wheel keeps its share [m²/s²].
 
@@ -57,14 +58,15 @@ def crest_speed_sq(
     would fly. Huge where the ground does not fall away, 0 where nothing can be lost; NaN of NaN.
 
     Args:
-        least_share: least share of its level static load that any of them has without crest [1].
+        min_share_without_crest: smallest share of the level static load that any of them
+            has without the crest [1].
         min_share: share that each must keep [1].
         vertical_curvature: κ_v = dθ/ds, negative over a crest [1/m].
     """
-    over = least_share - min_share
+    over = min_share_without_crest - min_share
     spare = 0.5 * (over + np.fabs(over))
     falling = 0.5 * (np.fabs(vertical_curvature) - vertical_curvature)
-    return GRAVITY * spare / (falling + _HAIR)
+    return GRAVITY * spare / (falling + _EPSILON)
 
 
 def dip_speed_sq(vertical_accel: Elementwise, vertical_curvature: Elementwise) -> Elementwise:
@@ -75,4 +77,4 @@ def dip_speed_sq(vertical_accel: Elementwise, vertical_curvature: Elementwise) -
         vertical_curvature: κ_v = dθ/ds, positive in a dip [1/m].
     """
     rising = 0.5 * (np.fabs(vertical_curvature) + vertical_curvature)
-    return vertical_accel / (rising + _HAIR)
+    return vertical_accel / (rising + _EPSILON)

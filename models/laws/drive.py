@@ -1,4 +1,4 @@
-"""What the drive can do: acceleration and sustained speed within force and power.
+"""Limits of the drive: acceleration and sustained speed within force and power.
 
 Newton's second law along the slope, with the resistances of motion and turning as one share of the
 normal load. Validity: wheels do not spin. Omits: the inertia of rotating parts, losses between
@@ -13,9 +13,12 @@ import numpy as np
 from slopewise.models.arrays import Elementwise
 from slopewise.models.quantity import GRAVITY
 
-_LEAST_SPEED = 1e-6
-_LEAST_RESISTANCE = 1e-6
-_HAIR = 1e-300
+_MIN_SPEED = 1e-6
+"""Keeps power over speed finite at rest [m/s]."""
+_MIN_RESISTANCE = 1e-6
+"""Keeps power over resistance finite on ground that takes none [N]."""
+_EPSILON = 1e-300
+"""Makes the sign of 0 positive: 0 lies within the domain."""
 
 
 def powered_accel_limit(
@@ -40,10 +43,10 @@ def powered_accel_limit(
         max_drive_power: P, highest power of all wheels together [W].
         resistance_ratio: f, motion and turning resistance as a share of the normal load [1].
     """
-    thrust = np.fmin(max_drive_force, max_drive_power / np.fmax(speed, _LEAST_SPEED))
-    told = np.sign(1.0 + np.fabs(speed) + np.fabs(max_drive_force) + np.fabs(max_drive_power))
+    thrust = np.fmin(max_drive_force, max_drive_power / np.fmax(speed, _MIN_SPEED))
+    is_number = np.sign(1.0 + np.fabs(speed) + np.fabs(max_drive_force) + np.fabs(max_drive_power))
     resistance = np.sin(grade) + resistance_ratio * np.cos(grade) * np.cos(roll)
-    return thrust * told / mass - GRAVITY * resistance
+    return thrust * is_number / mass - GRAVITY * resistance
 
 
 def sustained_speed(
@@ -56,7 +59,7 @@ def sustained_speed(
 
     Downhill, where nothing has to be held, the denominator is taken as 10⁻⁶ W and the result is
     huge but finite. NaN where f < 0. Holds where the drive force suffices, as
-    :func:`powered_accel_limit` says. Roll is left out, which errs to the slow side.
+    :func:`powered_accel_limit` says. Roll is omitted, which errs to the slow side.
 
     Args:
         grade: θ [rad], uphill positive.
@@ -64,7 +67,7 @@ def sustained_speed(
         max_drive_power: P, highest power of all wheels together [W].
         resistance_ratio: f, motion and turning resistance as a share of the normal load [1].
     """
-    rolling = resistance_ratio * np.sqrt(np.sign(resistance_ratio + _HAIR))
+    rolling = resistance_ratio * np.sqrt(np.sign(resistance_ratio + _EPSILON))
     resistance = np.sin(grade) + rolling * np.cos(grade)
-    held = np.fmax(resistance, _LEAST_RESISTANCE) * np.sign(1.0 + np.fabs(resistance))
+    held = np.fmax(resistance, _MIN_RESISTANCE) * np.sign(1.0 + np.fabs(resistance))
     return max_drive_power / (mass * GRAVITY * held)

@@ -5,7 +5,7 @@ force F_y = W (sin φ cos θ + κ v²/g), which a bank that falls away from the 
 
 Validity: one coefficient of friction in all directions, the vehicle as one point. Omits: single
 wheels and axles (:mod:`slopewise.models.laws.wheel_lockup`), yaw moments, and that skid-steered
-wheels slip sideways in every turn, which lowers what is left along the way.
+wheels slip sideways in every turn, which lowers the remainder along the path.
 
 Source: neither paper; the friction ellipse of vehicle dynamics, with the loads of Slip (18)–(21).
 """
@@ -20,7 +20,8 @@ from slopewise.models.quantity import GRAVITY
 TURNING_SHARE = 0.8
 """Share of the friction that a slope leaves which a turn may use: 0.6 stay for the brakes."""
 
-_HAIR = 1e-300
+_EPSILON = 1e-300
+"""Makes the sign of 0 positive: 0 lies within the domain."""
 _NONE = 1e-12
 """In place of a curvature or a force of zero."""
 
@@ -62,9 +63,9 @@ def braking_left(
     Args:
         friction: μ [1]. normal: N/W [1]. side_force: F_y/W [1].
     """
-    held = friction * np.sqrt(np.sign(friction + _HAIR)) * normal
-    room = (held - side_force) * (held + side_force)
-    return np.sqrt(0.5 * (room + np.fabs(room)))
+    held = friction * np.sqrt(np.sign(friction + _EPSILON)) * normal
+    product = (held - side_force) * (held + side_force)
+    return np.sqrt(0.5 * (product + np.fabs(product)))
 
 
 def lateral_speed_sq(
@@ -75,38 +76,37 @@ def lateral_speed_sq(
     friction: Elementwise,
     along: Elementwise,
 ) -> Elementwise:
-    """Highest v² at which bank, turn and crest leave friction for the way itself [m²/s²].
+    """Highest v² at which bank, turn and crest leave friction along the path [m²/s²].
 
-    |F_y| ≤ s N with s = 0.8 μ + 0.2 b, b = |sin φ| cos θ/c, c = cos θ cos φ: of the friction that
-    the bank leaves a turn takes at most :data:`TURNING_SHARE`. Nor does it take more than
-    √(μ² − k²), with k halfway between what is needed along the way and μ, so that the vehicle can
-    still speed up; over a crest the load stays large enough for a quarter of that way. Never below
-    b: where the bank alone is held, standing is allowed. huge where no speed is too
-    high; NaN where μ < 0.
+    |F_y| ≤ s N with s = 0.8 μ + 0.2 b, b = |sin φ| cos θ/c, c = cos θ cos φ. A turn takes at most
+    :data:`TURNING_SHARE` of the friction that the bank leaves. Nor does it take more than
+    √(μ² − k²), with k halfway between the need along the path and μ, so that the vehicle can still
+    speed up; over a crest the load stays large enough for a quarter of that. Never below b: where
+    the bank alone is held, standing is allowed. Huge where no speed is too high; NaN where μ < 0.
 
     Args:
         grade: θ [rad]. roll: φ [rad], left side up positive.
         curvature: κ [1/m], left turn positive.
-        vertical_curvature: κ_v [1/m]; only the load lost over a crest counts.
+        vertical_curvature: κ_v [1/m]; only the load lost over a crest is used.
         friction: μ [1].
         along: F_x/N needed to hold the speed or the vehicle [1].
     """
     upright = np.cos(grade) * np.cos(roll)
     bank = np.sin(roll) * np.cos(grade)
     taken = np.abs(bank) / upright
-    kept = along + 0.5 * np.fmax(friction - along, 0.0)
+    reserved = along + 0.5 * np.fmax(friction - along, 0.0)
     held = along + 0.25 * np.fmax(friction - along, 0.0)
     share = TURNING_SHARE * friction + (1.0 - TURNING_SHARE) * taken
-    share = np.fmin(share, np.sqrt(np.fmax(friction * friction - kept * kept, 0.0)))
+    share = np.fmin(share, np.sqrt(np.fmax(friction * friction - reserved * reserved, 0.0)))
     share = np.fmax(share, taken)
-    bend, falls = np.abs(curvature), np.fmax(-vertical_curvature, 0.0)
+    turn, falls = np.abs(curvature), np.fmax(-vertical_curvature, 0.0)
     # A left turn (κ > 0) on ground that rises to the left pushes outward twice.
     outward = np.sign(curvature) * bank
-    out = np.fmax(share * upright - outward, 0.0) / np.fmax(bend + share * falls, _NONE)
-    down = np.fmax(share * upright + outward, 0.0) / np.fmax(share * falls - bend, _NONE)
-    over = upright * np.fmax(1.0 - held / np.fmax(kept, _NONE), 0.0) / np.fmax(falls, _NONE)
-    # A maximum or minimum forgets what is not a number: this does not.
-    sound = _HAIR * (
+    out = np.fmax(share * upright - outward, 0.0) / np.fmax(turn + share * falls, _NONE)
+    down = np.fmax(share * upright + outward, 0.0) / np.fmax(share * falls - turn, _NONE)
+    over = upright * np.fmax(1.0 - held / np.fmax(reserved, _NONE), 0.0) / np.fmax(falls, _NONE)
+    # A maximum or minimum drops NaN: this does not.
+    sound = _EPSILON * (
         np.sqrt(friction)
         + np.fabs(grade)
         + np.fabs(roll)

@@ -48,7 +48,7 @@ def path_lateral_accel(
     n. With T the unit tangent, T × T' is κ_g n for the curvature κ_g within the plane, and its
     vertical part over the cube of the horizontal part cos θ of T is the plan-view curvature:
     κ = κ_g n_z / cos³ θ. As n_z = cos θ cos φ, κ_g = κ cos² θ / cos φ. The factor cos² θ <= 1 is
-    dropped, which errs to the safe side wherever standing still is within
+    dropped, which errs to the safe side in all cases where standing still is within
     :func:`lateral_accel_limits`. Omits: the curvature and twist of the ground.
 
     Args:

@@ -25,7 +25,7 @@ def slip_track(v_right: Elementwise, v_left: Elementwise, yaw_rate: Elementwise)
 def wheel_speeds(
     speed: Elementwise, yaw_rate: Elementwise, slip_track: Elementwise
 ) -> tuple[Elementwise, Elementwise]:
-    """Rim speeds (left, right) [m/s] that move the body as wanted, v ∓ ω_z B_s/2.
+    """Rim speeds (left, right) [m/s] that move the body as commanded, v ∓ ω_z B_s/2.
 
     Both sides are taken to slip alike, their poles of turning placed evenly. Source: Slip (3).
 

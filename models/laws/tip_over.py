@@ -19,6 +19,7 @@ from slopewise.models.arrays import Elementwise
 from slopewise.models.quantity import GRAVITY
 
 _STEEP = 1e9
+"""Slope that no vehicle stands on, returned outside the domain [1]."""
 
 
 def grade_limit(

@@ -15,8 +15,10 @@ import numpy as np
 
 from slopewise.models.arrays import Elementwise
 
-_LEAST_LEVER = 1e-9
-_HAIR = 1e-300
+_MIN_LEVER = 1e-9
+"""Keeps the load transfer finite for a lever of zero [m]."""
+_EPSILON = 1e-300
+"""Makes the sign of 0 positive: 0 lies within the domain."""
 
 
 def lockup_force_ratios(
@@ -35,7 +37,7 @@ def lockup_force_ratios(
     force and it never locks; a number above 10⁶ stands for that. The lower one is never above
     :func:`friction_cap`, and both equal it for the ideal share β = (cg_x + μ_s cg_z)/L. NaN unless
     0 <= β <= 1 and μ_s >= 0.
-    For judging an axle by itself; no bound of the planner divides the force so far.
+    For checking a single axle; no bound of the planner divides the force so far.
 
     Args:
         grade: θ [rad], uphill positive.
@@ -46,12 +48,12 @@ def lockup_force_ratios(
         cg_x: centre of gravity ahead of the rear axle [m].
         cg_z: height of the centre of gravity [m].
     """
-    inside = np.sqrt(np.sign(front_brake_share * (1.0 - front_brake_share) + _HAIR))
-    mu = sliding_friction * np.sqrt(np.sign(sliding_friction + _HAIR))
+    inside = np.sqrt(np.sign(front_brake_share * (1.0 - front_brake_share) + _EPSILON))
+    mu = sliding_friction * np.sqrt(np.sign(sliding_friction + _EPSILON))
     friction = mu * np.cos(grade) * np.cos(roll) * inside
     transfer = mu * cg_z
     lever = front_brake_share * wheelbase - transfer
-    front = np.fmax(lever, _LEAST_LEVER) * np.sign(1.0 + np.fabs(lever))
+    front = np.fmax(lever, _MIN_LEVER) * np.sign(1.0 + np.fabs(lever))
     rear = (1.0 - front_brake_share) * wheelbase + transfer
     return friction * cg_x / front, friction * (wheelbase - cg_x) / rear
 
@@ -68,5 +70,5 @@ def friction_cap(
         roll: φ [rad], left side up positive.
         sliding_friction: μ_s [1].
     """
-    mu = sliding_friction * np.sqrt(np.sign(sliding_friction + _HAIR))
+    mu = sliding_friction * np.sqrt(np.sign(sliding_friction + _EPSILON))
     return mu * np.cos(grade) * np.cos(roll)

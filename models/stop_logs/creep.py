@@ -1,4 +1,4 @@
-"""How well speeds are held before a stop, out of all stops of a log.
+"""How well speeds are held before a stop, from all stops of a log.
 
 The knee of a stop begins with a level whose slope, the creep, may be anything as far as one stop
 knows. Where all stops of a log show that speeds are held, the speed at the onset is known better,
@@ -17,19 +17,19 @@ from slopewise.models.arrays import Floats
 from slopewise.models.stop_logs import random_effects
 from slopewise.models.stop_logs.onset import CREEP, HELD, Knee
 
-_FEWEST = 30  # stops without which their spread says little about how speeds are held
+_MIN_STOP_COUNT = 30  # stops without which their spread says little about how speeds are held
 
 
 def held_weights(knees: Sequence[Knee | None], noise: Floats) -> Floats:
     """(n,) weight of the evidence that the speed was held, for :func:`.onset.fit_knee` [s²].
 
     Args:
-        knees: first fits, with the weak weight; None where there is none.
-        noise: speed noise of each stop that has one, correlation allowed for [m/s].
+        knees: first fits, with the weak weight; None without a fit.
+        noise: speed noise of each stop with a fit, correlation included [m/s].
     """
     weights = np.full(len(knees), HELD)
     measured = [knee for knee in knees if knee is not None]
-    if len(measured) < _FEWEST:
+    if len(measured) < _MIN_STOP_COUNT:
         return weights
     creep = np.array([knee.creep for knee in measured])
     std = noise * np.sqrt([knee.creep_variance for knee in measured])
@@ -39,7 +39,7 @@ def held_weights(knees: Sequence[Knee | None], noise: Floats) -> Floats:
     # A spread that is not seen may still be as large as chance could hide.
     hidden = float(np.mean(std**2)) * np.sqrt(2.0 / len(creep))
     spread = np.sqrt(fit.scatter**2 + float(fit.coefficients[0]) ** 2 + hidden)
-    # A stop that crept unlike all others keeps its own creep.
-    own = np.where(fit.kept, np.minimum((noise / spread) ** 2, 1e6), HELD)
-    weights[[knee is not None for knee in knees]] = np.maximum(own, HELD)
+    # A stop that crept unlike all others keeps its creep.
+    retained = np.where(fit.kept, np.minimum((noise / spread) ** 2, 1e6), HELD)
+    weights[[knee is not None for knee in knees]] = np.maximum(retained, HELD)
     return weights

@@ -1,4 +1,4 @@
-"""The dead time of the brakes out of the onsets of all stops.
+"""The dead time of the brakes from the onsets of all stops.
 
 It is a property of the hardware, so all stops share it up to a scatter from stop to stop. Knowing
 it sharpens each single stop: onset and force of a knee are correlated, and an onset pulled towards
@@ -78,15 +78,15 @@ def sharpen(knees: Sequence[Knee], noise: Floats, common: DeadTime) -> Sharpened
     speed = np.array([knee.onset_speed for knee in knees])
     force = np.array([knee.force_ratio for knee in knees])
     spread = covariance[:, 1, 1] + common.between_stops**2
-    off = common.value - onset
-    # An onset far from all others is one of a kind: its own stop knows better.
-    believed = np.abs(off) <= 5.0 * np.sqrt(spread)
-    by_force = np.where(believed, covariance[:, 1, 2] / spread, 0.0)
-    by_speed = np.where(believed, covariance[:, 0, 1] / spread, 0.0)
+    shift = common.value - onset
+    # An onset far from all others is not pulled towards them.
+    is_typical = np.abs(shift) <= 5.0 * np.sqrt(spread)
+    by_force = np.where(is_typical, covariance[:, 1, 2] / spread, 0.0)
+    by_speed = np.where(is_typical, covariance[:, 0, 1] / spread, 0.0)
     variance = covariance[:, 2, 2] - by_force * covariance[:, 1, 2]
     return Sharpened(
-        speed + by_speed * off,
-        force + by_force * off,
+        speed + by_speed * shift,
+        force + by_force * shift,
         np.sqrt(np.maximum(variance, 1e-12)),
         by_force,
     )

@@ -1,12 +1,12 @@
 """Stretches of a drive log that nothing may be learned from, each with its reason.
 
 A sensor that failed still writes numbers: an encoder that froze, a sentinel for "no value", a gap
-in time, a channel in other units than its name says. Such samples are marked, never repaired: what
-learns from a log leaves them out and says how many there were.
+in time, a channel in other units than its name says. Such samples are marked, never repaired:
+learning excludes them and reports their number.
 
 Validity: logs of wheeled vehicles below 40 m/s. Omits: errors that look like motion, such as wheel
 slip, drift of an attitude filter, or degrees on ground so level that they read as steep radians.
-Source: none; the thresholds are stated beside each check.
+Source: none; each threshold is stated with its check.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ _MOVING = 0.15  # [m/s] slower than that, the same value again and again is stan
 _FROZEN_FOR = 1.0  # [s] at least, and
 _FROZEN_TIMES = 10.0  # times as many samples as a value of this channel usually lasts
 _JUMP = 1.5  # [m/s] off its neighbours for one or two samples: no vehicle does that
-_GAP_TIMES, _GAP = 5.0, 0.3  # a gap is longer than so many usual steps, and than this [s]
+_GAP_TIMES, _GAP = 5.0, 0.3  # a gap exceeds this multiple of the median step, and this [s]
 
 
 class SuspectKind(Enum):
-    """What is wrong with a stretch."""
+    """Kind of fault of a stretch."""
 
     NOT_FINITE = "not finite"
     SENTINEL = "sentinel"
@@ -83,15 +83,15 @@ def find_suspects(
             and units are those of a drive log.
         runs: samples of each run; time increases within each.
     """
-    found: list[Suspect] = []
+    suspects: list[Suspect] = []
     for run in runs:
         part = {
             name: np.asarray(values[run], np.float64)
             for name, values in columns.items()
             if values.dtype.kind in "fiub"
         }
-        found += _suspects_of_run(part, run.start)
-    return tuple(sorted(found, key=lambda s: (s.start, s.stop, s.channel)))
+        suspects += _suspects_of_run(part, run.start)
+    return tuple(sorted(suspects, key=lambda s: (s.start, s.stop, s.channel)))
 
 
 def usable(
@@ -101,42 +101,42 @@ def usable(
 
     Args:
         count: samples of the log.
-        stretches: as found. channels: those that matter; all if left out. Gaps always matter.
+        stretches: as found. channels: those that matter, by default all. Gaps always matter.
     """
-    good = np.ones(count, np.bool_)
+    is_usable = np.ones(count, np.bool_)
     matter = None if channels is None else {*channels, "t"}
     for stretch in stretches:
         if matter is None or stretch.channel in matter:
-            good[stretch.start : stretch.stop] = False
-    return good
+            is_usable[stretch.start : stretch.stop] = False
+    return is_usable
 
 
 def _suspects_of_run(part: dict[str, Floats], begin: int) -> list[Suspect]:
     t = part["t"]
-    found = []
+    suspects = []
     for k in _gaps(t):
-        words = f"no samples for {t[k + 1] - t[k]:.2f} s"
-        found.append(Suspect(begin + k, begin + k + 2, "t", SuspectKind.GAP, words))
+        reason = f"no samples for {t[k + 1] - t[k]:.2f} s"
+        suspects.append(Suspect(begin + k, begin + k + 2, "t", SuspectKind.GAP, reason))
     for name, values in part.items():
         if name == "t":
             continue
         for a, b, kind, reason in _suspects_of_channel(name, values, part):
-            found.append(Suspect(begin + a, begin + b, name, kind, reason))
+            suspects.append(Suspect(begin + a, begin + b, name, kind, reason))
     for name, reason in unit_suspects.find(part):
-        found.append(Suspect(begin, begin + len(t), name, SuspectKind.UNITS, reason))
-    return found
+        suspects.append(Suspect(begin, begin + len(t), name, SuspectKind.UNITS, reason))
+    return suspects
 
 
 def _suspects_of_channel(
     name: str, values: Floats, part: dict[str, Floats]
 ) -> list[tuple[int, int, SuspectKind, str]]:
-    found = []
+    suspects = []
     if name in _LARGEST:
         # A column that a log does not have at all is NaN throughout: absent, not suspect.
         missing = ~np.isfinite(values)
         if not missing.all():
             for a, b in stretches_of(missing):
-                found.append((a, b, SuspectKind.NOT_FINITE, f"{name} is not a number"))
+                suspects.append((a, b, SuspectKind.NOT_FINITE, f"{name} is not a number"))
         size = np.abs(np.where(missing, 0.0, values))
         beyond = size > _LARGEST[name]
         # A sentinel may lie within the limit: then it is far from everything else.
@@ -144,20 +144,20 @@ def _suspects_of_channel(
         beyond |= marker & (size > _FAR * np.max(size, where=~(marker | beyond), initial=0.0))
         for a, b in stretches_of(beyond):
             sentinel = np.isin(size[a:b], _SENTINELS).any()
-            words = "stands for no value" if sentinel else "is beyond any vehicle"
-            found.append((a, b, SuspectKind.SENTINEL, f"{name} of {values[a]:g} {words}"))
-        good = ~(missing | beyond)
+            fault = "stands for no value" if sentinel else "is beyond any vehicle"
+            suspects.append((a, b, SuspectKind.SENTINEL, f"{name} of {values[a]:g} {fault}"))
+        valid = ~(missing | beyond)
         if name in ("v", "v_left", "v_right"):
-            for a, b in _jumps(values, good):
-                found.append(
+            for a, b in _jumps(values, valid):
+                suspects.append(
                     (a, b, SuspectKind.JUMP, f"{name} jumps to {values[a]:.2f} m/s and back")
                 )
     if name in _FREEZES:
         for a, b in _frozen(name, values, part):
             seconds = part["t"][b - 1] - part["t"][a]
-            words = f"{name} stays at exactly {values[a]:g} for {seconds:.1f} s"
-            found.append((a, b, SuspectKind.FROZEN, words))
-    return found
+            reason = f"{name} stays at exactly {values[a]:g} for {seconds:.1f} s"
+            suspects.append((a, b, SuspectKind.FROZEN, reason))
+    return suspects
 
 
 def stretches_of(mask: Bools) -> list[tuple[int, int]]:
@@ -173,19 +173,19 @@ def _gaps(t: Floats) -> list[int]:
     return [int(k) for k in np.flatnonzero(step > max(_GAP_TIMES * float(np.median(step)), _GAP))]
 
 
-def _jumps(values: Floats, good: Bools) -> list[tuple[int, int]]:
+def _jumps(values: Floats, valid: Bools) -> list[tuple[int, int]]:
     """One or two samples that leave a steady neighbourhood and come back to it."""
     if len(values) < 5:
         return []
     around = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, mode="edge"), 5)
-    off = np.abs(values - np.median(around, axis=1)) > _JUMP
-    return stretches_of(off & good)
+    is_far = np.abs(values - np.median(around, axis=1)) > _JUMP
+    return stretches_of(is_far & valid)
 
 
 def _frozen(name: str, values: Floats, part: dict[str, Floats]) -> list[tuple[int, int]]:
     """The same value, bit by bit, for longer than this channel ever keeps one while it moves.
 
-    In a log without noise values last long by nature, so how long is asked of the log itself.
+    In a log without noise values last long by nature, so the log gives the typical duration.
     After the stop command a rolling speed that does not change at all is frozen in any log.
     Wheel speeds that both stand still while the command does are set points, in a log that held
     measured ones before as well: one sensor freezes alone, and not only while nothing is asked.
@@ -202,22 +202,22 @@ def _frozen(name: str, values: Floats, part: dict[str, Floats]) -> list[tuple[in
     matters = (moved >= 0.9 * length) & np.isfinite(values[starts])
     if not matters.any():
         return []
-    usual = float(np.median(np.repeat(length[matters], length[matters])))
+    typical = float(np.median(np.repeat(length[matters], length[matters])))
     # A sensor may freeze while the vehicle comes to rest: enough of the stretch has to be driven.
-    enough = (moved >= max(8.0, _FROZEN_TIMES * usual)) & np.isfinite(values[starts])
+    enough = (moved >= max(8.0, _FROZEN_TIMES * typical)) & np.isfinite(values[starts])
     frozen = enough & (lasting >= _FROZEN_FOR)
     if name == "v" and "v_cmd" in part:
-        told = np.append(np.flatnonzero(part["v_cmd"] <= 0.0), len(t))
-        first = told[np.searchsorted(told, starts)]
-        since_told = np.where(first < stops, t[stops - 1] - t[np.minimum(first, stops - 1)], 0.0)
-        frozen |= matters & (since_told >= _FROZEN_FOR)
-    found = [(int(a), int(b)) for a, b in zip(starts[frozen], stops[frozen], strict=True)]
+        commands = np.append(np.flatnonzero(part["v_cmd"] <= 0.0), len(t))
+        first = commands[np.searchsorted(commands, starts)]
+        since_command = np.where(first < stops, t[stops - 1] - t[np.minimum(first, stops - 1)], 0.0)
+        frozen |= matters & (since_command >= _FROZEN_FOR)
+    stretches = [(int(a), int(b)) for a, b in zip(starts[frozen], stops[frozen], strict=True)]
     if name in _WHEELS:
-        found = [(a, b) for a, b in found if not _set_points(part, a, b)]
-    return found
+        stretches = [(a, b) for a, b in stretches if not _set_points(part, a, b)]
+    return stretches
 
 
 def _set_points(part: dict[str, Floats], start: int, stop: int) -> bool:
-    """Do both wheel speeds and the command stay the same over samples [start, stop)?"""
+    """Return True if wheel speeds and command are constant over samples [start, stop)."""
     names = (*_WHEELS, "v_cmd")
     return all(name in part and np.ptp(part[name][start:stop]) == 0.0 for name in names)

@@ -1,9 +1,9 @@
 """Stops in a drive log: where each begins and ends, and which of them a braking model may learn.
 
-A stop begins with the first sample at which a rolling vehicle is told to stand and ends with the
-first zero crossing of its speed; the suspension rocks back afterwards, so later crossings mean
-nothing. Stops that show something else than full, straight, undisturbed braking are found, too, and
-left out with a reason.
+A stop begins with the first sample at which a rolling vehicle receives the stop command and ends
+with the first zero crossing of its speed; the suspension rocks back afterwards, so later crossings
+carry no information. Stops other than full, straight, undisturbed braking are found, too, and
+excluded with a reason.
 
 Source: Braking Sec. 2 (procedure), (1).
 """
@@ -23,10 +23,10 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.stop_logs.speed_floor import speed_floor
 from slopewise.models.stop_logs.stop_channels import application
 
-TOLD = 0.01
+STOP_COMMAND_MAX_SPEED = 0.01
 """A command of at most this is the stop command [m/s]."""
 
-_MOST_SETTLED = 0.4, 0.12
+_SETTLED_LIMITS = 0.4, 0.12
 """Standstill is below this share of the held speed, and below this speed [m/s], however noisy."""
 
 _STRAIGHT = 0.35
@@ -36,32 +36,32 @@ _SOON = 1.0  # [s] after it has settled, a speed that reads 0 at rest does
 
 
 class Usability(Enum):
-    """Whether the braking model may learn from a stop, and if not why."""
+    """Usability of a stop for the braking model, with the reason if it is unusable."""
 
     USABLE = "usable"
-    ABORTED = "aborted: told to drive on before it stood"
+    ABORTED = "aborted: commanded to drive before it stood"
     UNFINISHED = "unfinished: the log ends before it stood"
     RAMPED = "ramped: the command came down gradually"
-    REVERSED = "reversed: told to drive backwards"
+    REVERSED = "reversed: commanded to drive backwards"
     TURNING = "turning while it braked"
     PARTIAL = "brakes applied in part only"
     SLOW = "slower than the least speed"
-    COASTED = "coasted: told to stand, with the brakes left at 0"
+    COASTED = "coasted: commanded to stand, with the brakes at 0"
     SPARSE = "too few samples while it braked"
     SUSPECT = "suspect samples"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopSettings:
-    """What counts as a stop. Times in s, speeds in m/s.
+    """Definition of a stop. Times in s, speeds in m/s.
 
     Attributes:
-        least_speed: slower vehicles have nothing to stop; None takes what the log's own noise
-            leaves.
+        least_speed: slower vehicles have nothing to stop; None takes the log's noise
+            floor.
         held_for: before the command, over which the speed is averaged.
         before, after: how much of the log around a stop belongs to it.
         ramp: a command that came down over a longer time than that is no step.
-        step: share of the speed that the command has to drop at once.
+        step: share of the speed that the command has to drop in one step.
         turn_rate: mean |yaw rate| from which a stop is no longer straight [rad/s]; None takes 0.35,
             and no limit where what turning costs is known.
         full_brake: brake application from which it counts as full [1].
@@ -95,16 +95,16 @@ class StopSettings:
                 continue
             if not value > 0.0 or (value == np.inf and name not in ("turn_rate", "longest")):
                 raise ParameterError(name, f"a finite number > 0, got {value:g}")
-        for name, least in (("ramp", 0.0), ("fewest", 3)):
-            if not least <= getattr(self, name) < np.inf:
-                words = f"a finite number >= {least:g}, got {getattr(self, name):g}"
-                raise ParameterError(name, words)
+        for name, lowest in (("ramp", 0.0), ("fewest", 3)):
+            if not lowest <= getattr(self, name) < np.inf:
+                expected = f"a finite number >= {lowest:g}, got {getattr(self, name):g}"
+                raise ParameterError(name, expected)
         for name in ("step", "full_brake"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ParameterError(name, f"a share 0 … 1, got {getattr(self, name):g}")
         if self.least_speed is not None and not self.settled_speed < self.least_speed:
-            words = f"less than the least speed of {self.least_speed:g} m/s"
-            raise ParameterError("settled_speed", f"{words}, got {self.settled_speed:g}")
+            expected = f"less than the least speed of {self.least_speed:g} m/s"
+            raise ParameterError("settled_speed", f"{expected}, got {self.settled_speed:g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,7 @@ class StopWindow:
             first sample at standstill (or the last of an unfinished stop), one behind the last.
         held_speed: mean speed just before the command [m/s].
         verdict, reason: whether it may be learned from; the reason adds numbers.
-        level: application of the brakes, as the log tells it.
+        level: application of the brakes, by the log.
     """
 
     begin: int
@@ -137,7 +137,7 @@ class StopWindow:
 def find_stops(
     columns: Mapping[str, NDArray[Any]],
     run: slice,
-    good: Bools,
+    usable: Bools,
     settings: StopSettings | None = None,
 ) -> list[StopWindow]:
     """Every stop of one run, usable or not.
@@ -146,13 +146,13 @@ def find_stops(
         columns: channels by name, (n,): ``t`` [s], ``v`` and ``v_cmd`` [m/s]; ``yaw_rate``
             [rad/s] and ``brake`` [1] where the log has them.
         run: samples of the run.
-        good: (n,) samples that may be used, see
+        usable: (n,) samples that may be used, see
         :func:`slopewise.models.stop_logs.drive_quality.usable`.
-        settings: what counts as a stop.
+        settings: definition of a stop.
     """
-    wanted = settings or StopSettings()
+    settings = settings or StopSettings()
     part = {name: values[run] for name, values in columns.items() if values.dtype.kind in "fiub"}
-    search = _Search(part, good[run], wanted)
+    search = _Search(part, usable[run], settings)
     offset = run.start
     return [
         StopWindow(
@@ -172,30 +172,32 @@ def find_stops(
 class _Search:
     """One run while it is searched; indices count from its first sample."""
 
-    def __init__(self, part: Mapping[str, Floats], good: Bools, settings: StopSettings) -> None:
+    def __init__(self, part: Mapping[str, Floats], usable: Bools, settings: StopSettings) -> None:
         self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
-        self.part, self.good, self.settings = part, good, settings
-        self.told = self.v_cmd <= TOLD
-        self.floor = speed_floor(self.t, self.v, np.abs(self.v_cmd) <= TOLD, good)
+        self.part, self.usable, self.settings = part, usable, settings
+        self.is_stop = self.v_cmd <= STOP_COMMAND_MAX_SPEED
+        self.floor = speed_floor(
+            self.t, self.v, np.abs(self.v_cmd) <= STOP_COMMAND_MAX_SPEED, usable
+        )
 
     def windows(self) -> list[StopWindow]:
-        starts = np.flatnonzero(self.told & ~np.concatenate(([True], self.told[:-1])))
-        found = []
+        starts = np.flatnonzero(self.is_stop & ~np.concatenate(([True], self.is_stop[:-1])))
+        windows = []
         for i in starts.tolist():
             before = self._samples(self.t[i] - self.settings.held_for, i + 1)
-            rolling = self.v[before][self.good[before]]
+            rolling = self.v[before][self.usable[before]]
             held = float(np.mean(rolling)) if len(rolling) else 0.0
-            least = self.settings.least_speed
+            lowest = self.settings.least_speed
             slowest = max(self.floor.slowest, self.settings.settled_speed)
-            if held >= (slowest if least is None else min(least, slowest)):
-                found.append(self._window(i, held))
-        return found
+            if held >= (slowest if lowest is None else min(lowest, slowest)):
+                windows.append(self._window(i, held))
+        return windows
 
     def _settled_speed(self, held: float) -> float:
-        """Speed that counts as standstill after a held one: what is read at rest [m/s]."""
-        least = self.settings.settled_speed
-        share, most = _MOST_SETTLED
-        return min(max(self.floor.standing, least), max(min(share * held, most), least))
+        """Speed below which the vehicle stands, from the reading at rest [m/s]."""
+        lowest = self.settings.settled_speed
+        share, highest = _SETTLED_LIMITS
+        return min(max(self.floor.standing, lowest), max(min(share * held, highest), lowest))
 
     def _samples(self, since: float, stop: int) -> slice:
         return slice(int(np.searchsorted(self.t, since - 1e-9)), stop)
@@ -203,9 +205,11 @@ class _Search:
     def _window(self, i: int, held: float) -> StopWindow:
         s = self.settings
         begin = self._samples(self.t[i] - s.before, i).start
-        stopped = np.flatnonzero(self.told[begin:i])  # an earlier stop does not belong to this one
+        stopped = np.flatnonzero(
+            self.is_stop[begin:i]
+        )  # an earlier stop does not belong to this one
         begin += int(stopped[-1]) + 1 if len(stopped) else 0
-        again = np.flatnonzero(~self.told[i:])
+        again = np.flatnonzero(~self.is_stop[i:])
         released = i + int(again[0]) if len(again) else len(self.t)
         last = int(np.searchsorted(self.t, self.t[i] + s.longest, side="right"))
         standstill = self._standstill(i, min(last, len(self.t)), held)
@@ -232,12 +236,12 @@ class _Search:
 
     def _standstill(self, i: int, stop: int, held: float) -> int | None:
         """First sample at zero or below; the first of a settled stretch that meets no zero soon."""
-        v, good = self.v[i:stop], self.good[i:stop]
-        crossed = np.flatnonzero(good & (v <= 0.0))
+        v, usable = self.v[i:stop], self.usable[i:stop]
+        crossed = np.flatnonzero(usable & (v <= 0.0))
         settled = self._settled_speed(held)
-        # Noise that reaches down to zero by itself tells standstill better than its own height.
+        # Noise that reaches down to zero shows standstill better than its amplitude.
         soon = _SOON if settled > self.settings.settled_speed else 0.0
-        slow = good & (v <= settled)
+        slow = usable & (v <= settled)
         edges = np.flatnonzero(np.diff(np.concatenate(([0], slow.astype(np.int8), [0]))))
         first = int(crossed[0]) if len(crossed) else None
         for a, b in zip(edges[::2], edges[1::2], strict=True):
@@ -256,17 +260,17 @@ class _Search:
         if s.least_speed is not None and held < s.least_speed:
             return Usability.SLOW, f"{held:.2f} m/s, below the least speed of {s.least_speed:g} m/s"
         near = self._samples(self.t[i] - 0.5 * s.before, standstill + 1)
-        if not self.good[near].all():
-            return Usability.SUSPECT, f"{int((~self.good[near]).sum())} suspect samples"
-        if self.v_cmd[i] < -TOLD:
+        if not self.usable[near].all():
+            return Usability.SUSPECT, f"{int((~self.usable[near]).sum())} suspect samples"
+        if self.v_cmd[i] < -STOP_COMMAND_MAX_SPEED:
             return Usability.REVERSED, f"command of {self.v_cmd[i]:.2f} m/s"
         # A command that came down before it reached zero is no step. Commands may be off by a
         # factor from the speed, so they are also compared with themselves.
-        usual = min(held, float(np.max(self.v_cmd[begin:i])))
+        typical = min(held, float(np.max(self.v_cmd[begin:i])))
         moment = max(int(np.searchsorted(self.t, self.t[i] - s.ramp)), begin)
-        if float(np.max(self.v_cmd[min(moment, i - 1) : i])) < s.step * usual:
-            words = f"command had come down to {self.v_cmd[i - 1]:.2f} m/s before it went to 0"
-            return Usability.RAMPED, words
+        if float(np.max(self.v_cmd[min(moment, i - 1) : i])) < s.step * typical:
+            reason = f"command had come down to {self.v_cmd[i - 1]:.2f} m/s before it went to 0"
+            return Usability.RAMPED, reason
         if "yaw_rate" in self.part:
             rate = np.abs(self.part["yaw_rate"][braking])
             mean = float(np.mean(rate[np.isfinite(rate)])) if np.isfinite(rate).any() else 0.0
@@ -277,8 +281,8 @@ class _Search:
             return Usability.COASTED, "brake application of 0 until it stood"
         level, held_on = application(brake, s.uneven)
         if level < s.full_brake and not (s.partial and held_on):
-            words = "" if held_on else ", and not held there"
-            return Usability.PARTIAL, f"brakes applied to {level:.0%}{words}"
+            addition = "" if held_on else ", and not held there"
+            return Usability.PARTIAL, f"brakes applied to {level:.0%}{addition}"
         falling = np.flatnonzero(self.v[braking] > 0.9 * held)
         onset = int(falling[-1]) if len(falling) else 0
         if standstill - i - onset < s.fewest:

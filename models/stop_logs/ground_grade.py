@@ -1,4 +1,4 @@
-"""The grade of the ground out of the pitch of a body that dives and a sensor that is mounted askew.
+"""The grade of the ground from the pitch of a body that dives and a misaligned sensor.
 
 pitch = −θ + mount + dive · (a(t) − g sin θ): a body leans with the specific force that it feels
 through its suspension, the deceleration a(t) less gravity along the slope. On a soft one the dive
@@ -6,8 +6,8 @@ is about 1° at 3.5 m/s²; taken for ground, it makes every downhill look steepe
 measured, and predictions downhill too short. Gravity's part is there all the time: a body leans
 towards the foot of a slope, and its pitch is steeper than the ground by a share of g · dive.
 
-The dive shows in each stop by itself: the body pitches when the brakes take hold and comes back
-when the vehicle stands, while the ground goes on smoothly with the distance. The mount does not: a
+The dive shows in each single stop: the body pitches when the brakes take hold and comes back
+when the vehicle stands, while the ground continues smoothly. The mount does not show: a
 constant offset looks like ground. It takes a map, heights, or the same ground driven in several
 directions (:mod:`slopewise.models.stop_logs.mount_offset`).
 
@@ -28,10 +28,10 @@ from slopewise.models.stop_logs import random_effects
 
 _SETTLING = (0.0, 0.03, 0.06, 0.1, 0.15, 0.22, 0.3)  # [s] time constants tried
 _DIVE_PRIOR = 0.02  # [rad s²/m] twice the dive of a soft suspension
-_FEWEST = 8  # samples of pitch that a stop must have
-_FEWEST_GRADES = 5
+_MIN_SAMPLE_COUNT = 8  # samples of pitch that a stop must have
+_MIN_GRADE_COUNT = 5
 """Grades in a stop from which a slope along it is fitted [1]; fewer give their mean."""
-_LEAST_SHARE = 1e-3  # of the dive's shape that ground cannot explain
+_MIN_SHARE = 1e-3  # of the dive's shape that ground cannot explain
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class StopPitch:
     Attributes:
         time: (n,) since the stop command [s], from before it to some time after standstill.
         station: (n,) distance since the first sample [m]. pitch: (n,) [rad], nose down positive.
-        onset_time, standstill_time: of the braking [s]. deceleration: its mean [m/s²].
+        onset_time, standstill_time: start and end of braking [s]. deceleration: its mean [m/s²].
     """
 
     time: Floats
@@ -94,10 +94,12 @@ def felt_deceleration(
 def estimate_dive(stops: Sequence[StopPitch]) -> Dive:
     """The dive that the pitch of all stops has in common.
 
-    In each stop the ground is a parabola over the distance; what is left of the pitch follows the
-    deceleration. Stops are weighed by what they tell, odd ones left out.
+    In each stop the ground is a parabola over the distance; the remainder of the pitch follows
+    the deceleration. Stops are weighted by their information, outliers rejected.
     """
-    usable = [s for s in stops if len(s.time) >= _FEWEST and s.standstill_time > s.onset_time]
+    usable = [
+        s for s in stops if len(s.time) >= _MIN_SAMPLE_COUNT and s.standstill_time > s.onset_time
+    ]
     if not usable:
         return Dive()
     grounds = [_ground(stop.station) for stop in usable]
@@ -123,7 +125,7 @@ def _estimate(
         felt = shape - ground @ (ground.T @ shape)
         pitch = stop.pitch - ground @ (ground.T @ stop.pitch)
         power = float(felt @ felt)
-        if power < _LEAST_SHARE * float(shape @ shape) or power <= 0.0:
+        if power < _MIN_SHARE * float(shape @ shape) or power <= 0.0:
             continue
         single.append(float(felt @ pitch) / power)
         information.append(power)
@@ -149,17 +151,17 @@ def shrunk(grade: Floats, noise: Floats) -> Floats:
     """(n,) best estimates of grades that were measured with noise: drawn towards their mean.
 
     An error of the grade is also one of the gravity-free force, with the opposite sign. On ground
-    as level as the sensor can tell, a regression on the measured grades would find these errors and
-    a slope coefficient near −1. Slopes well beyond the noise are left as they are.
+    that is level within the noise, a regression on the measured grades would find these errors and
+    a slope coefficient near −1. Slopes well beyond the noise are not changed.
 
     Args:
         grade: (n,) [rad]. noise: (n,) standard deviations [rad].
     """
     n = len(grade)
-    if n < _FEWEST_GRADES:
+    if n < _MIN_GRADE_COUNT:
         return grade
-    own = float(np.mean(noise**2))
-    real = float(np.var(grade, ddof=1)) - own * (1.0 + 3.0 * np.sqrt(2.0 / (n - 1)))
+    variance = float(np.mean(noise**2))
+    real = float(np.var(grade, ddof=1)) - variance * (1.0 + 3.0 * np.sqrt(2.0 / (n - 1)))
     trust = max(real, 0.0) / (max(real, 0.0) + noise**2 + 1e-18)
     result: Floats = np.mean(grade) + trust * (grade - np.mean(grade))
     return result

@@ -1,7 +1,7 @@
 """Measuring all stops of a log together: ground under them, onsets, forces.
 
-What single stops cannot know they know together: how the body dives, how noisy the speed is, how
-long the brakes are dead, how well speeds are held. The order: knees on the raw grade, dive and
+All stops together determine what a single one cannot: dive of the body, noise of the speed, dead
+time of the brakes, how well speeds are held. The order: knees on the raw grade, dive and
 mount, knees on the ground.
 """
 
@@ -20,11 +20,11 @@ from slopewise.models.stop_logs.mount_offset import Mount
 from slopewise.models.stop_logs.onset import HELD, Knee, fit_knee
 from slopewise.models.stop_logs.stop_record import StopRecord, StopSamples
 
-_POOLED = 20.0  # samples of its own that weigh as much as the noise of all stops
-_MOST_CORRELATED = 0.9
+_POOLED = 20.0  # samples of one stop that weigh as much as the noise of all stops
+_MAX_CORRELATION = 0.9
 """Highest correlation of neighbouring residuals [1]: with 0.9, 19 samples count as one; more would
 be a trend that the fit missed."""
-_FEWEST_AFTER = 0.4  # [s] of standstill without which a stop shows no dive
+_MIN_STANDSTILL = 0.4  # [s] of standstill without which a stop shows no dive
 
 Slope = Callable[[float], float]
 """Change of F_b/W with grade at an onset speed: m(v) of Braking (7)."""
@@ -36,8 +36,8 @@ class Measured:
 
     Attributes:
         records: stops that could be measured, in order. unmeasured: those that could not.
-        dead_time: of the brakes. by_dead_time: (n,) change of each force with it [1/s].
-        dive: of the body.
+        dead_time: dead time of the brakes. by_dead_time: (n,) change of each force with it [1/s].
+        dive: dive of the body.
     """
 
     records: tuple[StopRecord, ...]
@@ -53,9 +53,9 @@ def measure(
     """Measure stops.
 
     Args:
-        stops: as they were cut out of the log.
-        mount: of the pitch sensor.
-        slope: as far as it is known; it only matters where the grade varies along a stop.
+        stops: samples extracted from the log.
+        mount: offset of the pitch sensor.
+        slope: current estimate; it only matters where the grade varies along a stop.
         dive: if it is known already, such as from an earlier call.
     """
     # The dive is in proportion to the deceleration, which the first knees give.
@@ -65,16 +65,16 @@ def measure(
     grounds = [_ground(s, k, mount, dive) for s, k in zip(stops, first, strict=True)]
     held = held_weights(first, speed_noise([knee for knee in first if knee is not None]))
     knees = [_knee(s, g, slope, h) for s, g, h in zip(stops, grounds, held.tolist(), strict=True)]
-    good = [i for i, knee in enumerate(knees) if knee is not None]
+    usable = [i for i, knee in enumerate(knees) if knee is not None]
     missing = tuple(stop for stop, knee in zip(stops, knees, strict=True) if knee is None)
-    if not good:
+    if not usable:
         return Measured((), missing, DeadTime(0.0, 0.0, 0.0), np.empty(0), dive)
     measured = [knee for knee in knees if knee is not None]
     noise = speed_noise(measured)
     common = dead_time(measured, noise)
     sharp = sharpen(measured, noise, common)
     seen = np.array([knee.mean_grade for knee in measured])
-    grade = shrunk(seen, _grade_noise([stops[i] for i in good]))
+    grade = shrunk(seen, _grade_noise([stops[i] for i in usable]))
     force = sharp.force_ratio + np.sin(seen) - np.sin(grade)
     records = tuple(
         StopRecord(
@@ -87,13 +87,13 @@ def measure(
             float(force[j]),
             float(sharp.force_std[j]),
         )
-        for j, i in enumerate(good)
+        for j, i in enumerate(usable)
     )
     return Measured(records, missing, common, sharp.by_dead_time, dive)
 
 
 def _grade_noise(stops: Sequence[StopSamples]) -> Floats:
-    """(stops,) noise of each mean grade, out of how much the pitch changes between samples [rad].
+    """(stops,) noise of each mean grade, from the changes of the pitch between samples [rad].
 
     A grade from a map has none.
     """
@@ -106,10 +106,10 @@ def _grade_noise(stops: Sequence[StopSamples]) -> Floats:
 
 
 def speed_noise(knees: Sequence[Knee]) -> Floats:
-    """(n,) noise of each stop [m/s]: its own residuals and those of all, weighed by samples.
+    """(n,) noise of each stop [m/s]: its own residuals and those of all, weighted by samples.
 
-    Correlated residuals say less than their number: the variance is that of a first-order
-    autoregression's mean.
+    Correlated residuals carry less information: the variance is that of the mean of a first-order
+    autoregression.
     """
     if not knees:
         return np.empty(0)
@@ -119,7 +119,7 @@ def speed_noise(knees: Sequence[Knee]) -> Floats:
     variance = (_POOLED * pooled + count * rms**2) / (_POOLED + count)
     rho = float(np.median([knee.correlation for knee in knees]))
     # Four fitted parameters make white residuals look anticorrelated.
-    rho = float(np.clip(rho + 2.0 / float(np.median(count)), 0.0, _MOST_CORRELATED))
+    rho = float(np.clip(rho + 2.0 / float(np.median(count)), 0.0, _MAX_CORRELATION))
     noise: Floats = np.sqrt(variance * (1.0 + rho) / (1.0 - rho))
     return noise
 
@@ -128,7 +128,7 @@ def _dive(stops: Sequence[StopSamples], knees: Sequence[Knee | None]) -> Dive:
     pitches = []
     for stop, knee in zip(stops, knees, strict=True):
         still = float(stop.time[-1]) - stop.standstill_time
-        if knee is None or still < _FEWEST_AFTER or not np.isfinite(stop.pitch).all():
+        if knee is None or still < _MIN_STANDSTILL or not np.isfinite(stop.pitch).all():
             continue
         pitches.append(
             StopPitch(
@@ -155,7 +155,7 @@ def _mean_deceleration(stop: StopSamples, knee: Knee) -> float:
 
 
 def _ground(stop: StopSamples, knee: Knee | None, mount: Mount, dive: Dive) -> Floats:
-    """Grade of the ground at the samples: the map's where there is one, else out of the pitch."""
+    """Grade of the ground at the samples: the map's where there is one, else from the pitch."""
     grade = mount.offset - stop.pitch
     if knee is not None:
         grade = (grade + dive_pitch(stop, knee, dive)) / dive.steeper

@@ -1,9 +1,8 @@
 """The stops of a log, found and measured: the one pipeline for everything that learns from stops.
 
-Suspect samples are left out; stops are found, cut out and measured on the ground as the body's
-pitch shows it; the mount of the pitch sensor follows; then they are measured again with what is
-believed of it and of the slope coefficient. What to believe is the only thing in which
-calibration and discrepancy differ.
+Suspect samples are excluded; stops are found, extracted and measured on the ground by the body's
+pitch; the mount of the pitch sensor follows; then they are measured again with an estimate of it
+and of the slope coefficient. Calibration and discrepancy differ only in that estimate.
 """
 
 from __future__ import annotations
@@ -30,19 +29,19 @@ _A_STOP = (
     "stands"
 )
 
-Believed = Callable[[Measured, Mount], tuple[Mount, Slope] | None]
-"""From the first measurement and the mount that the log tells: mount and slope coefficient to
-measure with once more, None to leave it at the first."""
+Estimate = Callable[[Measured, Mount], tuple[Mount, Slope] | None]
+"""Mount and slope coefficient for a second measurement, from the first one and the mount of the
+log; None to keep the first."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredLog:
-    """The stops of a log as they were measured, before anything is fitted to their forces.
+    """The measured stops of a log, before anything is fitted to their forces.
 
     Attributes:
         measured: stops with grade, force and dead time.
-        mount: of the pitch sensor, as taken out of the grades.
-        windows: every stop of the log, usable or not. suspects: stretches left out.
+        mount: offset of the pitch sensor, subtracted from the grades.
+        windows: every stop of the log, usable or not. suspects: excluded stretches.
     """
 
     measured: Measured
@@ -57,7 +56,7 @@ class MeasuredLog:
 
 
 def is_mapped(ground: Floats | None) -> bool:
-    """Whether a map tells the grade at every sample (n,), so that no pitch is needed."""
+    """Return True if a map has the grade at every sample (n,), so that no pitch is needed."""
     return ground is not None and bool(np.isfinite(ground).all())
 
 
@@ -65,53 +64,57 @@ def measure_stops(
     columns: Mapping[str, NDArray[Any]],
     runs: Sequence[slice],
     slope: Slope,
-    believed: Believed,
+    estimate: Estimate,
     *,
     ground: Floats | None = None,
     settings: StopSettings | None = None,
-    fewest: int = 0,
+    min_count: int = 0,
 ) -> MeasuredLog:
     """Find and measure the stops of a log.
 
     Args:
         columns: channels of a drive log, (n,): ``t`` [s], ``v``, ``v_cmd`` [m/s], ``pitch`` [rad]
             and what else it has. runs: samples of each run.
-        slope: coefficient as far as it is known; it matters where the grade varies along a stop.
-        believed: what to measure with once more.
+        slope: current estimate of the coefficient; it matters where the grade varies along a stop.
+        estimate: of mount and slope, for a second measurement.
         ground: (n,) grade of the ground by a map [rad], NaN where unknown; None without a map.
-        settings: what counts as a stop. fewest: stops without which there is nothing to learn.
+        settings: definition of a stop. min_count: smallest number of usable stops.
 
     Raises:
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
     """
     suspects = find_suspects(columns, runs)
     matter = ["v", "v_cmd"] if is_mapped(ground) else ["v", "v_cmd", "pitch"]
-    good = usable(len(columns["t"]), suspects, matter)
-    windows = tuple(w for run in runs for w in find_stops(columns, run, good, settings))
+    is_usable = usable(len(columns["t"]), suspects, matter)
+    windows = tuple(w for run in runs for w in find_stops(columns, run, is_usable, settings))
     stops = [cut(columns, w, ground) for w in windows if w.usable]
-    if len(stops) < fewest:
-        raise ParameterError("stops", _why(too_few(fewest, len(stops), windows), windows, suspects))
+    if len(stops) < min_count:
+        raise ParameterError(
+            "stops", _reason(too_few(min_count, len(stops), windows), windows, suspects)
+        )
     measured, mount = measure(stops, Mount(), slope), Mount()
-    if (count := len(measured.records)) < fewest:
-        raise ParameterError("stops", _why(too_few(fewest, count, windows), windows, suspects))
-    again = believed(measured, mount_of_log(columns, runs, good, ground, measured))
+    if (count := len(measured.records)) < min_count:
+        raise ParameterError(
+            "stops", _reason(too_few(min_count, count, windows), windows, suspects)
+        )
+    again = estimate(measured, mount_of_log(columns, runs, is_usable, ground, measured))
     if again is not None:
         mount, slope = again
         measured = measure(stops, mount, slope, measured.dive)
     return MeasuredLog(measured, mount, windows, suspects)
 
 
-def too_few(fewest: int, count: int, windows: Sequence[StopWindow]) -> str:
-    """What is expected, beside what was found."""
-    return f"at least {fewest} usable stops, got {count} of {len(windows)} found"
+def too_few(min_count: int, count: int, windows: Sequence[StopWindow]) -> str:
+    """Message: expected and actual number of usable stops."""
+    return f"at least {min_count} usable stops, got {count} of {len(windows)} found"
 
 
-def _why(words: str, windows: Sequence[StopWindow], suspects: Sequence[Suspect]) -> str:
+def _reason(message: str, windows: Sequence[StopWindow], suspects: Sequence[Suspect]) -> str:
     unusable = Counter(w.verdict for w in windows if w.verdict is not Usability.USABLE)
     if len(windows) == unusable[Usability.COASTED]:
-        words += f"; {_A_STOP}"
+        message += f"; {_A_STOP}"
     if unusable:
-        words += "; " + ", ".join(f"{n} {v.name.lower()}" for v, n in unusable.most_common())
+        message += "; " + ", ".join(f"{n} {v.name.lower()}" for v, n in unusable.most_common())
     for s in suspects[:2]:
-        words += f"; {s.channel}: {s.reason}"
-    return words
+        message += f"; {s.channel}: {s.reason}"
+    return message

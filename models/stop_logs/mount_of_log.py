@@ -23,15 +23,15 @@ _PLACE = ("x", "y", "z", "yaw")
 def mount_of_log(
     columns: Mapping[str, NDArray[Any]],
     runs: Sequence[slice],
-    good: Bools,
+    usable: Bools,
     ground: Floats | None,
     measured: Measured,
 ) -> Mount:
-    """Offset of the pitch sensor, unknown where nothing tells it.
+    """Offset of the pitch sensor, unknown if no channel determines it.
 
     Args:
         columns: channels of a drive log, (n,). runs: samples of each run.
-        good: (n,) samples that may be used. ground: (n,) grade by a map [rad], None without.
+        usable: (n,) samples that may be used. ground: (n,) grade by a map [rad], None without.
         measured: stops with the dive of the body.
     """
     pitch = np.array(columns["pitch"], np.float64)
@@ -59,10 +59,10 @@ def mount_of_log(
             : window.standstill - window.begin
         ]
         use[window.command : window.standstill] = True
-    use &= good
+    use &= usable
     if ground is not None:
         return mount_offset.from_grade(pitch, ground, use, "map")
-    mount = mount_offset.from_grade(pitch, heights, use, "heights along the way")
+    mount = mount_offset.from_grade(pitch, heights, use, "heights along the path")
     if not mount.known and {"x", "y"} <= columns.keys():
         mount = mount_offset.from_headings(pitch, columns["x"], columns["y"], heading, use)
     return mount

@@ -1,9 +1,9 @@
-"""How far a pitch sensor is mounted off the body's axis, out of ground that is known.
+"""Mount offset of a pitch sensor from the body's axis, from known ground.
 
 Ground is known from a map or from heights along the path, or because it was driven in several
-directions: a plane under the same place shows its slope with opposite signs on the way out and
-back, the mount with the same one. Without any of these the offset cannot be told from grade; it is
-then taken to be nothing, with the uncertainty of a usual mounting.
+directions: a plane under the same place shows its slope with opposite signs in both
+directions, the mount with the same one. Without any of these the offset cannot be distinguished
+from grade; it is then zero, with the uncertainty of a typical mounting.
 
 Validity: small angles, no drift of the sensor. Source: none; the identifiability follows from
 Braking (2).
@@ -17,13 +17,13 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
 
-USUAL_MOUNTING = 0.5 * np.pi / 180.0
-"""Standard deviation of a mounting that nobody checked [rad]."""
+TYPICAL_MOUNTING_STD = 0.5 * np.pi / 180.0
+"""Standard deviation of an unchecked mounting [rad]."""
 
 _CELL = 2.0  # [m] ground within is a plane
 _STEADY = 0.5  # [m/s²] harder braking or drive pitches the body
-_LEAST_STEP = 1.0  # [m]
-_FEWEST = 20
+_MIN_STEP = 1.0  # [m]
+_MIN_SAMPLE_COUNT = 20
 """Samples from which a mount offset is estimated [1]."""
 _BLOCKS = 40
 """Blocks whose medians give the offset's error [1]: blocks, since neighbouring samples share
@@ -35,12 +35,12 @@ class Mount:
     """The offset [rad], nose down positive, its standard deviation, and where it is known from."""
 
     offset: float = 0.0
-    std: float = USUAL_MOUNTING
+    std: float = TYPICAL_MOUNTING_STD
     source: str = ""
 
     @property
     def known(self) -> bool:
-        """The log told it."""
+        """The log determined it."""
         return bool(self.source)
 
 
@@ -56,14 +56,14 @@ def steady(time: Floats, speed: Floats) -> Bools:
 
 
 def from_grade(pitch: Floats, grade: Floats, use: Bools, source: str) -> Mount:
-    """Offset beside a grade that is known, (n,) [rad] each; NaN where it is not."""
+    """Offset from a known grade, (n,) [rad] each; NaN where it is unknown."""
     use = use & np.isfinite(grade) & np.isfinite(pitch)
-    if int(use.sum()) < _FEWEST:
+    if int(use.sum()) < _MIN_SAMPLE_COUNT:
         return Mount()
-    off = (pitch + grade)[use]
-    blocks = [float(np.median(b)) for b in np.array_split(off, min(_BLOCKS, len(off) // 5))]
+    offset = (pitch + grade)[use]
+    blocks = [float(np.median(b)) for b in np.array_split(offset, min(_BLOCKS, len(offset) // 5))]
     std = float(np.std(blocks, ddof=1)) / np.sqrt(len(blocks)) if len(blocks) > 1 else np.inf
-    return _believed(float(np.median(off)), std, source)
+    return _if_known(float(np.median(offset)), std, source)
 
 
 def from_heights(station: Floats, height: Floats) -> Floats:
@@ -71,37 +71,37 @@ def from_heights(station: Floats, height: Floats) -> Floats:
     ahead = np.interp(station + _CELL, station, height)
     behind = np.interp(station - _CELL, station, height)
     length = np.minimum(station + _CELL, station[-1]) - np.maximum(station - _CELL, station[0])
-    good = length > _LEAST_STEP
-    rise = np.divide(ahead - behind, length, out=np.full_like(length, np.nan), where=good)
+    is_long = length > _MIN_STEP
+    rise = np.divide(ahead - behind, length, out=np.full_like(length, np.nan), where=is_long)
     grade: Floats = np.arcsin(np.clip(rise, -1.0, 1.0))
     return grade
 
 
 def course(station: Floats, x: Floats, y: Floats) -> Floats:
-    """(n,) direction of travel out of positions, over half a metre to each side [rad].
+    """(n,) direction of travel from positions, over half a metre to each side [rad].
 
     NaN where the vehicle did not move far enough to have one.
     """
-    ahead, behind = station + 0.5 * _LEAST_STEP, station - 0.5 * _LEAST_STEP
+    ahead, behind = station + 0.5 * _MIN_STEP, station - 0.5 * _MIN_STEP
     dx = np.interp(ahead, station, x) - np.interp(behind, station, x)
     dy = np.interp(ahead, station, y) - np.interp(behind, station, y)
-    moved = np.hypot(dx, dy) > 0.3 * _LEAST_STEP
+    moved = np.hypot(dx, dy) > 0.3 * _MIN_STEP
     direction: Floats = np.where(moved, np.arctan2(dy, dx), np.nan)
     return direction
 
 
 def from_headings(pitch: Floats, x: Floats, y: Floats, heading: Floats, use: Bools) -> Mount:
-    """Offset out of ground that was driven in several directions.
+    """Offset from ground that was driven in several directions.
 
     In each cell pitch = −(g_x cos ψ + g_y sin ψ) + offset with its own slopes g; the offset is what
-    all cells share. A cell that was driven in one direction only tells nothing.
+    all cells share. A cell that was driven in one direction only carries no information.
 
     Args:
         pitch, heading: (n,) [rad]. x, y: (n,) positions [m].
         use: (n,) steady samples, see :func:`steady`.
     """
     use = use & np.isfinite(pitch) & np.isfinite(x) & np.isfinite(y) & np.isfinite(heading)
-    if int(use.sum()) < _FEWEST:
+    if int(use.sum()) < _MIN_SAMPLE_COUNT:
         return Mount()
     place = np.column_stack((np.floor(x[use] / _CELL), np.floor(y[use] / _CELL)))
     _, cell = np.unique(place, axis=0, return_inverse=True)
@@ -114,25 +114,27 @@ def from_headings(pitch: Floats, x: Floats, y: Floats, heading: Floats, use: Boo
             continue
         plane, singular, _ = np.linalg.svd(slopes[members], full_matrices=False)
         plane = plane[:, singular > 0.05 * np.sqrt(len(members))]
-        one = 1.0 - plane @ plane.sum(axis=0)
-        power = float(one @ one)
+        residual = 1.0 - plane @ plane.sum(axis=0)
+        power = float(residual @ residual)
         if power > 0.02 * len(members):
-            ones_with.append(float(one @ pitch[use][members]))
+            ones_with.append(float(residual @ pitch[use][members]))
             ones_power.append(power)
     if len(ones_power) < 3:
         return Mount()
     total, power_of = np.array(ones_with), np.array(ones_power)
     offset = float(np.sum(total) / np.sum(power_of))
-    off = total - offset * power_of
-    std = float(np.sqrt(np.sum(off**2)) / np.sum(power_of)) * np.sqrt(len(off) / (len(off) - 1))
-    return _believed(offset, std, "ground driven in several directions")
+    error = total - offset * power_of
+    std = float(np.sqrt(np.sum(error**2)) / np.sum(power_of)) * np.sqrt(
+        len(error) / (len(error) - 1)
+    )
+    return _if_known(offset, std, "ground driven in several directions")
 
 
-def _believed(offset: float, std: float, source: str) -> Mount:
-    """Weighed against a usual mounting; one that is known no better is not known.
+def _if_known(offset: float, std: float, source: str) -> Mount:
+    """Mount with its source; unknown if it is no better than a typical mounting.
 
     A mounting that is far off was meant so, and the prior must not pull it back.
     """
-    if not std < USUAL_MOUNTING:
+    if not std < TYPICAL_MOUNTING_STD:
         return Mount()
     return Mount(offset, std, source)

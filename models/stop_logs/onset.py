@@ -1,4 +1,4 @@
-"""What one stop measures: when the brakes took hold, at which speed, and with which force.
+"""Onset fit of one stop: when the brakes took hold, at which speed, and with which force.
 
 The speed of a stop is a held level, a knee at the onset, and a fall whose slope is the force and
 gravity: v(t) = v_i − g ∫ (F_b/W + sin θ) dt from the onset on. With θ(t) known the integral is
@@ -20,12 +20,12 @@ from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
 
 CREEP = 0.4  # [m/s²] how far a held speed may be from held, as a standard deviation
-HELD = (0.03 / CREEP) ** 2  # the same as a weight beside speed noise of 3 cm/s [s²]
+HELD = (0.03 / CREEP) ** 2  # the same as a weight relative to speed noise of 3 cm/s [s²]
 _COARSE, _FINE = 24, 12  # onset times tried
 _EARLIEST = -0.05  # [s] commands are logged up to a sample late
 _LOW = 0.05  # share of the held speed below which sensors and brakes do other things
 _EARLY = 0.05  # [s] noise makes the speed cross zero that much too early
-_FEWEST = 3
+_MIN_SAMPLE_COUNT = 3
 """Samples after the onset that a slope of the speed needs [1]."""
 _STILL_FAST = 0.7  # share of the held speed that the vehicle has at the onset, at least
 
@@ -38,7 +38,7 @@ class Knee:
         onset_speed: v_i [m/s]. onset_time: since the stop command [s].
         force_ratio: F_b/W at the mean grade of the braking.
         covariance: (3, 3) of onset_speed, onset_time, force_ratio for a speed noise of 1 m/s.
-        rms: of the residuals [m/s]. correlation: of each residual with the one before.
+        rms: root mean square of the residuals [m/s]. correlation: between consecutive residuals.
         samples: number of them. mean_grade: time average of θ from onset to standstill [rad].
         creep: change of the held speed before the onset [m/s²]. creep_variance: its variance for a
             speed noise of 1 m/s. held_weight: it was fitted with [s²].
@@ -70,11 +70,11 @@ def fit_knee(
     Args:
         time: (n,) since the stop command [s], increasing, from before it to standstill or after.
         speed: (n,) [m/s]. grade: (n,) θ of the ground [rad], uphill positive.
-        standstill_time: of the first zero crossing since the command [s].
-        slope: change of F_b/W with grade, m v_i + b, as far as it is known; it matters where the
+        standstill_time: time of the first zero crossing since the command [s].
+        slope: change of F_b/W with grade, m v_i + b, current estimate; it matters where the
             grade varies along the stop.
-        held_weight: of the evidence that held speeds are held: (speed noise over the standard
-            deviation of the creep)² [s²].
+        held_weight: weight of the evidence that held speeds are held: (speed noise over the
+            standard deviation of the creep)² [s²].
 
     Returns:
         None where there are too few samples or the speed does not fall.
@@ -86,19 +86,19 @@ def fit_knee(
     # Which samples belong to the fall must not depend on their own noise: the first cut is by the
     # crossing, the second by the first fit.
     t, v = _until(time, speed, (1.0 - _LOW) * standstill_time)
-    if len(t) < _FEWEST + 2 or latest <= 0.0:
+    if len(t) < _MIN_SAMPLE_COUNT + 2 or latest <= 0.0:
         return None
     onset = _best_onset(t, v, pull, standstill_time, _EARLIEST, latest, _COARSE)
     first = _solve(t, v, pull, np.array([onset]), standstill_time).solution[0]
     fall = _fall_time(first, pull, onset, standstill_time)
     t, v = _until(time, speed, min(onset + (1.0 - _LOW) * fall, standstill_time + _EARLY))
-    if len(t) < _FEWEST + 2:
+    if len(t) < _MIN_SAMPLE_COUNT + 2:
         return None
     near = 2.0 * (latest - _EARLIEST) / _COARSE
     low, high = max(onset - near, _EARLIEST), min(onset + near, latest)
     onset = _best_onset(t, v, pull, onset + fall, low, high, _FINE)
     solved = _solve(t, v, pull, np.array([onset]), onset + fall)
-    if int((t > onset).sum()) < _FEWEST:
+    if int((t > onset).sum()) < _MIN_SAMPLE_COUNT:
         return None
     return _knee(solved, t, pull, onset, onset + fall)
 
@@ -124,8 +124,8 @@ def _best_onset(
     cost = _solve(t, v, pull, onsets, standstill_time).cost
     k = min(max(int(cost.argmin()), 1), count - 2)
     before, here, after = cost[k - 1 : k + 2].tolist()
-    bend = before - 2.0 * here + after
-    shift = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
+    second_difference = before - 2.0 * here + after
+    shift = 0.5 * (before - after) / second_difference if second_difference > 0.0 else 0.0
     return float(onsets[k] + min(max(shift, -1.0), 1.0) * (onsets[1] - onsets[0]))
 
 
@@ -169,7 +169,7 @@ class _Solved(NamedTuple):
     """Held speed, creep before the onset and force for each of K onset times.
 
     Attributes:
-        before, fall: (K, n) columns of the design beside one of ones: time before the onset [s],
+        before, fall: (K, n) columns of the design next to one of ones: time before the onset [s],
             speed that gravity takes after it [m/s].
         solution: (K, 3). residual: (K, n) [m/s]. cost: (K,) [m²/s²].
     """
@@ -185,20 +185,20 @@ def _solve(t: Floats, v: Floats, pull: _Pull, onset: Floats, standstill_time: fl
     since = t - onset[:, None]
     before = np.minimum(since, 0.0)
     fall = -GRAVITY * np.maximum(since, 0.0)
-    wanted = v + GRAVITY * pull.after(onset, standstill_time, since)
+    target = v + GRAVITY * pull.after(onset, standstill_time, since)
     # Normal equations by elimination: no sample is both before and after the onset.
     ones = np.ones(len(t))
     by_before, by_fall = before @ ones, fall @ ones
     # Held speeds are held: the creep needs evidence.
     creep_weight = np.einsum("kn,kn->k", before, before) + pull.held
     fall_weight = np.einsum("kn,kn->k", fall, fall) + 1e-9
-    to_before = np.einsum("kn,kn->k", before, wanted)
-    to_fall = np.einsum("kn,kn->k", fall, wanted)
-    right = wanted @ ones - by_before * to_before / creep_weight - by_fall * to_fall / fall_weight
+    to_before = np.einsum("kn,kn->k", before, target)
+    to_fall = np.einsum("kn,kn->k", fall, target)
+    right = target @ ones - by_before * to_before / creep_weight - by_fall * to_fall / fall_weight
     speed = right / (len(t) - by_before**2 / creep_weight - by_fall**2 / fall_weight)
     creep = (to_before - by_before * speed) / creep_weight
     force = (to_fall - by_fall * speed) / fall_weight
-    residual = wanted - speed[:, None] - creep[:, None] * before - force[:, None] * fall
+    residual = target - speed[:, None] - creep[:, None] * before - force[:, None] * fall
     cost = np.einsum("kn,kn->k", residual, residual) + pull.held * creep**2
     return _Solved(before, fall, np.array((speed, creep, force)).T, residual, cost)
 

@@ -2,8 +2,8 @@
 
 Each observation has a measurement variance that is known and a share in a scatter that is not:
 stops differ from each other by more than their sensors err. The scatter is estimated by restricted
-maximum likelihood, observations that fit neither are left out, and the covariance is scaled by what
-the residuals really show (Knapp and Hartung 2003).
+maximum likelihood, observations that fit neither are rejected, and the covariance is scaled by what
+the residuals show (Knapp and Hartung 2003).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _PASSES = 20
 """Iterations of mean and spread at most [1]; it ends by its tolerance."""
 _MAD = 1.4826
 """Standard deviation of a normal law over its median absolute deviation [1]."""
-_MOST_REJECTED = 0.4
+_MAX_REJECTED_SHARE = 0.4
 """Share of values that may be rejected as outliers [1]: below the half at which a median breaks
 down."""
 
@@ -34,7 +34,7 @@ class LinearFit:
         scatter: standard deviation from observation to observation beyond the measurement noise.
         kept: (n,) observations that the fit rests on.
         residuals: (n,) y − X β of all. variance: (n,) measurement noise and scatter together.
-        gain: (p, n) change of the coefficients with each observation, 0 for those left out.
+        gain: (p, n) change of the coefficients with each observation, 0 for rejected ones.
     """
 
     coefficients: Floats
@@ -55,12 +55,12 @@ def fit(
     *,
     reject: float = _REJECT,
 ) -> LinearFit:
-    """Fit with a weak prior, which decides only where the observations say nothing.
+    """Fit with a weak prior, which decides only where the observations carry no information.
 
     Args:
         design: (n, p). observed: (n,). noise: (n,) standard deviations of the measurement.
         prior_mean: (p,). prior_covariance: (p, p), positive definite.
-        reject: standard deviations from which an observation is left out.
+        reject: standard deviations from which an observation is rejected.
     """
     information: Floats = np.asarray(np.linalg.inv(prior_covariance), np.float64)
     start = _start(design, observed, noise, prior_mean, information)
@@ -84,7 +84,7 @@ def fit(
 
 
 def _start(design: Floats, observed: Floats, noise: Floats, mean: Floats, info: Floats) -> Floats:
-    """Where gross errors pull little: absolute residuals count, their squares only near zero."""
+    """Where gross errors pull little: absolute residuals are used, their squares only near zero."""
     root = np.linalg.cholesky(info).T
     scale = max(float(np.median(noise)), 1e-6)
     weight = 1.0 / np.maximum(noise, scale)
@@ -99,7 +99,7 @@ def _start(design: Floats, observed: Floats, noise: Floats, mean: Floats, info: 
 
 def _within(residuals: Floats, noise: Floats, scatter: float, reject: float) -> Bools:
     scaled = np.abs(residuals) / np.sqrt(noise**2 + scatter**2 + 1e-18)
-    limit = max(reject, float(np.quantile(scaled, 1.0 - _MOST_REJECTED)))
+    limit = max(reject, float(np.quantile(scaled, 1.0 - _MAX_REJECTED_SHARE)))
     return scaled <= limit
 
 
@@ -120,8 +120,8 @@ def _scatter(design: Floats, observed: Floats, noise: Floats, info: Floats, mean
         variance = noise**2 + np.exp(2.0 * log_scatter)
         beta, covariance = _solve(design, observed, variance, info, mean)
         residual = observed - design @ beta
-        off = beta - mean
-        quadratic = residual @ (residual / variance) + off @ info @ off
+        shift = beta - mean
+        quadratic = residual @ (residual / variance) + shift @ info @ shift
         return float(np.sum(np.log(variance)) - np.linalg.slogdet(covariance)[1] + quadratic)
 
     typical = max(

@@ -11,34 +11,34 @@ from numpy.typing import NDArray
 from slopewise.models.arrays import Floats
 from slopewise.models.stop_logs.find_stops import StopWindow
 
-_BEFORE = 1.0  # [s] looked at
+_BEFORE = 1.0  # [s] examined
 _SUNK = 0.95
 """Share of its largest value there that the last command before 0 has at most."""
 
-_MOST = 0.5
-"""Share of the stops from which it is said."""
+_MIN_SHARE = 0.5
+"""Share of the stops from which it is reported [1]."""
 
 
 def sinking_commands(
     columns: Mapping[str, NDArray[Any]], windows: Sequence[StopWindow]
 ) -> tuple[str, ...]:
-    """A sentence where most stops that are learned from were told by and by, else none.
+    """Warning where the command sank gradually in most usable stops, else empty.
 
     Args:
         columns: channels of a drive log, (n,): ``t`` [s] and ``v_cmd`` [m/s].
         windows: stops of the log.
     """
-    kept = np.array([_last_command(columns, w) for w in windows if w.usable])
-    sunk = kept[kept <= _SUNK]
-    if len(kept) == 0 or len(sunk) <= _MOST * len(kept):
+    last = np.array([_last_command(columns, w) for w in windows if w.usable])
+    sunk = last[last <= _SUNK]
+    if len(last) == 0 or len(sunk) <= _MIN_SHARE * len(last):
         return ()
     share = f"{100.0 * float(np.median(sunk)):.0f} %"
-    words = (
-        f"in {len(sunk)} of {len(kept)} stops the commanded speed sank before it was 0, to {share} "
-        "of what it had been: the vehicle slowed before it was told to stop, and the dead time is "
-        "too short for a command that falls at once"
+    warning = (
+        f"in {len(sunk)} of {len(last)} stops the commanded speed sank before it was 0, to {share} "
+        "of what it had been: the vehicle slowed before the stop command, and the dead time is "
+        "too short for a command that falls in one step"
     )
-    return (words,)
+    return (warning,)
 
 
 def _last_command(columns: Mapping[str, NDArray[Any]], window: StopWindow) -> float:

@@ -10,10 +10,10 @@ _HELD_ON = 0.85  # share of the samples of a stop at one application; the rest i
 
 
 def application(brake: Floats | None, uneven: float) -> tuple[float, bool]:
-    """Application of the brakes during a stop, and whether it is held; full where nothing is told.
+    """Application of the brakes during a stop, and whether it is held; full without the channel.
 
     Args:
-        brake: (n,) 0 … 1, NaN where it is not told, 0 where it is yet to come.
+        brake: (n,) 0 … 1, NaN where it is missing, 0 where it is yet to come.
         uneven: how far from the median [1].
     """
     if brake is None:

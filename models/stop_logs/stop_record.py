@@ -1,4 +1,4 @@
-"""One stop of a log as it was measured: the row that everything learned from stops rests on."""
+"""One measured stop of a log: the row that all learning from stops is based on."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class StopSamples:
 
     Attributes:
         window: where in the log. run, terrain: names, "" for ground without a name.
-        time: since the stop command [s]. speed: [m/s]. pitch: of the body [rad], nose down
-            positive. grade: known from a map [rad], NaN where it is not, None without a map.
+        time: since the stop command [s]. speed: [m/s]. pitch: pitch of the body [rad], nose
+            down positive. grade: known from a map [rad], NaN where it is not, None without a map.
         station: distance since the first sample, forward only [m].
-        standstill_time: of the first zero crossing since the command [s].
+        standstill_time: time of the first zero crossing since the command [s].
         distance: from the command to standstill [m].
-        clock: of the stop command in the log [s].
+        clock: time of the stop command in the log [s].
     """
 
     window: StopWindow
@@ -53,24 +53,24 @@ class StopSamples:
 
 @dataclass(frozen=True, slots=True)
 class StopRecord:
-    """One measured stop beside what the fitted model says of it.
+    """One measured stop, and the fitted model's prediction of it.
 
     Attributes:
-        samples: where it comes from. knee: onset, speed and force by itself.
+        samples: where it comes from. knee: onset, speed and force of this stop alone.
         ground: (n,) grade of the ground at the samples [rad].
-        noise: of the speed, correlation allowed for [m/s].
+        noise: speed noise, correlation included [m/s].
         onset_speed: v_i [m/s]. grade: mean while braking [rad]. force_ratio: F_b/W.
         force_std: its measurement noise.
         onset_shift: by how much named effects make the onset look later [s].
-        applied: share of what the brakes can do; force_ratio is as if it were 1. resistance: of
+        applied: share of full brake application; force_ratio is as if it were 1. resistance: of
             rolling, which stays when it is less [1].
         by_effects: by how much they make the stop longer [m].
-        kept: False if it fits no other stop and the coefficients do not rest on it.
+        kept: False if it fits no other stop and the coefficients ignore it.
         in_weaker_state: it fits no other stop but those of a weaker state of the brakes.
-        predicted_distance, predicted_time: by a fit without this stop, without safety offsets
-            [m], [s]; inf if the model does not stop here.
+        predicted_distance, predicted_time: prediction of a fit without this stop, without safety
+            offsets [m], [s]; inf if the model does not stop here.
         without: (4,) coefficients of the fit that has not seen it.
-        bound_distance: what a plan at the quantile allows for this stop, offset included [m].
+        bound_distance: distance that plans at the quantile reserve for this stop, with offset [m].
     """
 
     samples: StopSamples
@@ -94,9 +94,9 @@ class StopRecord:
 
     def at_level(self, coefficients: Floats) -> Floats:
         """(4,) coefficients of full brakes as they act at the application of this stop."""
-        own = self.applied * coefficients
-        own[3] += (1.0 - self.applied) * self.resistance
-        return own
+        at_level = self.applied * coefficients
+        at_level[3] += (1.0 - self.applied) * self.resistance
+        return at_level
 
     @property
     def force_at_level(self) -> float:

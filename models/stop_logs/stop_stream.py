@@ -1,13 +1,13 @@
-"""Stops out of a stream of samples: constant time and memory a sample, nothing kept.
+"""Stops from a stream of samples: constant time and memory per sample.
 
 It is the pipeline of :mod:`slopewise.models.stop_logs.measured_log` for a robot whose log has no
-end: each stop by itself, and the measurement of :mod:`slopewise.models.stop_logs.onset` by running
-sums. The sum v + g ∫ sin θ dt falls along a straight line whose slope is −g F_b/W, whatever the
-slope of the ground does meanwhile. The line is taken from the dead time on until little speed is
+end: each stop alone, and the measurement of :mod:`slopewise.models.stop_logs.onset` by running
+sums. The sum v + g ∫ sin θ dt falls along a straight line whose slope is −g F_b/W, for any
+change of the slope meanwhile. The line is taken from the dead time on until little speed is
 left.
 
-Validity: as of the onset. Near standstill the last samples are chosen by a speed that is noisy
-itself: at 6 cm/s noise the force of a stop from 1 m/s comes out up to 2 % too low, which is the
+Validity: that of the onset. Near standstill the last samples are chosen by a noisy
+speed: at 6 cm/s noise the force of a stop from 1 m/s comes out up to 2 % too low, which is the
 safe side.
 Source: Braking (1), (2), Sec. 4.2.
 """
@@ -18,14 +18,14 @@ import math
 from dataclasses import dataclass
 
 from slopewise.models.quantity import GRAVITY
-from slopewise.models.stop_logs.find_stops import TOLD
+from slopewise.models.stop_logs.find_stops import STOP_COMMAND_MAX_SPEED
 
 _HOLDING = 0.1  # [s] time constant of the mean of the held speed
 _SETTLE = 0.05  # [s] after the dead time, before the line begins
 _LITTLE = 0.15  # share of the held speed below which the line has ended
-_FEWEST = 4
+_MIN_SAMPLE_COUNT = 4
 """Samples that the fit of a stop in progress needs [1]."""
-_LONGEST_STEP = 0.5  # [s] a stop with a gap in it is none
+_LONGEST_STEP = 0.5  # [s] a stop with a gap is discarded
 _STANDING = 0.02  # [m/s]
 
 
@@ -34,7 +34,7 @@ class StreamedStop:
     """One stop as the stream measured it.
 
     Attributes:
-        time: of the stop command, on the clock of the samples [s].
+        time: time of the stop command, on the clock of the samples [s].
         onset_speed: [m/s]. grade: mean of the line [rad]. force_ratio: F_b/W.
         force_std: of it, by the residuals of the line.
         dead_time: from command to onset by where the line meets the held speed [s].
@@ -52,7 +52,7 @@ class StopStream:
     """Feed samples in, get stops out.
 
     Args:
-        dead_time: as known so far [s]. least_speed: slower vehicles have nothing to stop [m/s].
+        dead_time: current estimate [s]. least_speed: slower motion is ignored [m/s].
         mount: offset of the pitch sensor [rad]. dive: pitch under braking [rad s²/m].
     """
 
@@ -60,10 +60,10 @@ class StopStream:
         self, dead_time: float, *, least_speed: float = 0.5, mount: float = 0.0, dive: float = 0.0
     ) -> None:
         self.dead_time, self.mount, self.dive = dead_time, mount, dive
-        self._least = least_speed
+        self._min_speed = least_speed
         self._time = math.nan
         self._held = 0.0
-        self._told = True
+        self._is_stop = True
         self._active = False
         self._command = self._pull = 0.0
         self._sums = [0.0] * 8  # count, t, w, tt, tw, ww, v, θ
@@ -75,8 +75,8 @@ class StopStream:
 
         Args:
             time: [s]; samples that do not come later than the one before are ignored.
-            speed, command: [m/s]. pitch: of the body, nose down positive [rad].
-            grade: of the ground from a map [rad]; NaN takes it from the pitch.
+            speed, command: [m/s]. pitch: pitch of the body, nose down positive [rad].
+            grade: grade of the ground from a map [rad]; NaN takes it from the pitch.
         """
         step = time - self._time
         if not (math.isfinite(time) and math.isfinite(speed) and math.isfinite(command)):
@@ -85,12 +85,12 @@ class StopStream:
         if step <= 0.0:
             return None
         self._time = time
-        told = command <= TOLD
-        if not told or not step <= _LONGEST_STEP:
+        is_stop = command <= STOP_COMMAND_MAX_SPEED
+        if not is_stop or not step <= _LONGEST_STEP:
             self._active = False
-        elif not self._told:
+        elif not self._is_stop:
             self._begin(time)
-        self._told = told
+        self._is_stop = is_stop
         if not self._active:
             share = min(step / _HOLDING, 1.0) if step <= _LONGEST_STEP else 1.0
             self._held += share * (speed - self._held)
@@ -98,7 +98,7 @@ class StopStream:
         return self._brake(time - self._command, step, speed, pitch, grade)
 
     def _begin(self, time: float) -> None:
-        self._active = self._held >= self._least
+        self._active = self._held >= self._min_speed
         self._command, self._pull = time, 0.0
         self._sums = [0.0] * 8
 
@@ -129,7 +129,7 @@ class StopStream:
     def _finish(self) -> StreamedStop | None:
         n, t, w, tt, tw, ww, v, theta = self._sums
         held, self._held = self._held, 0.0
-        if n < _FEWEST:
+        if n < _MIN_SAMPLE_COUNT:
             return None
         middle, grade = t / n, theta / n
         power = tt - t * middle

@@ -22,7 +22,7 @@ _SPEED_FACTORS = {
 _RATIO_TOLERANCE = 0.04  # knots and miles per hour differ by 15 %
 _STEEP = 0.7  # [rad] 40°: no vehicle spends a twentieth of its time on that
 _FASTEST_TURN = 8.0  # [rad/s]
-_LEAST_DISTANCE = 5.0  # [m]
+_MIN_DISTANCE = 5.0  # [m]
 
 
 def find(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
@@ -67,28 +67,28 @@ def _speed(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
     if v is None or not {"x", "y"} <= channels.keys():
         return
     x, y = channels["x"], channels["y"]
-    good = np.isfinite(v) & np.isfinite(x) & np.isfinite(y)
-    if good.sum() < 10:
+    valid = np.isfinite(v) & np.isfinite(x) & np.isfinite(y)
+    if valid.sum() < 10:
         return
-    t, v, x, y = channels["t"][good], v[good], x[good], y[good]
+    t, v, x, y = channels["t"][valid], v[valid], x[valid], y[valid]
     # Over whole seconds, so that the noise of positions does not add up to distance.
     marks = np.unique(np.searchsorted(t, np.arange(t[0], t[-1], 1.0)).clip(0, len(t) - 1))
     distance = float(np.sum(np.hypot(np.diff(x[marks]), np.diff(y[marks]))))
     integrated = float(np.trapezoid(np.abs(v), t))
-    if distance < _LEAST_DISTANCE or integrated < _LEAST_DISTANCE:
+    if distance < _MIN_DISTANCE or integrated < _MIN_DISTANCE:
         return
     for unit, factor in _SPEED_FACTORS.items():
         if abs(integrated / distance / factor - 1.0) < _RATIO_TOLERANCE:
-            words = f"{integrated / distance:.2f} times what x, y travel, which looks like {unit}"
-            yield "v", f"expected m/s, got {words}"
+            ratio = f"{integrated / distance:.2f} times what x, y travel, which looks like {unit}"
+            yield "v", f"expected m/s, got {ratio}"
 
 
 def _accelerations(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
     for name, values in channels.items():
-        good = _finite(values)
-        if not name.endswith(("accel_z", "acceleration_z")) or not len(good):
+        finite = _finite(values)
+        if not name.endswith(("accel_z", "acceleration_z")) or not len(finite):
             continue
-        if abs(float(np.median(np.abs(good))) - 1.0) < 0.2:
+        if abs(float(np.median(np.abs(finite))) - 1.0) < 0.2:
             yield name, f"expected about {GRAVITY:.1f} m/s² upright, got about 1: looks like g"
 
 

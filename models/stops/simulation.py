@@ -1,8 +1,8 @@
 """Forward simulation of stops: the braking model with its effects, integrated in time.
 
 The one slow reference of the emergency stop: scipy's adaptive integrator in time, with the ground
-looked up anew at every step. With the planner's bound (:mod:`slopewise.planner.bounds`), which
-marches over distance, and with its judge (:mod:`slopewise.planner.verify`) it shares the laws of
+looked up at every step. With the planner's bound (:mod:`slopewise.planner.bounds`), which
+marches over distance, and with its verifier (:mod:`slopewise.planner.verify`) it shares the laws of
 :mod:`slopewise.models.laws` and :mod:`slopewise.models.effects` and nothing else: neither
 integration nor terrain nor the linear bounds of the force. It replays the stops of a drive log, so
 that measurement and model can be laid side by side.
@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 
 from slopewise.models.arrays import Floats
 from slopewise.models.effects import registry
-from slopewise.models.effects.brake_fade import kept_share
+from slopewise.models.effects.brake_fade import remaining_share
 from slopewise.models.effects.effect_law import Place
 from slopewise.models.laws import braking, crest, wheel_lockup
 from slopewise.models.parameters import Braking, Model
@@ -35,12 +35,12 @@ _ROLLING = 0.05  # [m/s] slower than that there is nothing to stop
 
 @dataclass(frozen=True, slots=True)
 class GroundTrack:
-    """Ground along the way, linear between n points; one point means the same everywhere.
+    """Ground along the path, linear between n points; one point means the same everywhere.
 
     Attributes:
         station: (n,) increasing [m].
         grade, roll, yaw: (n,) [rad]. curvature: (n,) [1/m]. x, y: (n,) map coordinates [m].
-        bend: (n,) change of the grade along the ground [1/m]; left out, that of `grade`.
+        grade_change: (n,) change of the grade along the ground [1/m]; by default that of `grade`.
     """
 
     station: Floats
@@ -50,7 +50,7 @@ class GroundTrack:
     curvature: Floats
     x: Floats
     y: Floats
-    bend: Floats | None = None
+    grade_change: Floats | None = None
 
     @classmethod
     def of_grade(cls, grade: float) -> GroundTrack:
@@ -59,7 +59,7 @@ class GroundTrack:
         return cls(zero, np.array([grade]), zero, zero, zero, zero, zero)
 
     def reader(self) -> Callable[[float], dict[str, float]]:
-        """What tells grade, roll, yaw, curvature, x and y at a station, a thousand times a stop."""
+        """Interpolate grade, roll, yaw, curvature, x and y at any station."""
         rows = np.column_stack([getattr(self, name) for name in _PLACE]).tolist()
         stations, last = self.station.tolist(), len(rows) - 1
 
@@ -79,8 +79,8 @@ class GroundTrack:
 
     def vertical_curvature(self, station: float) -> float:
         """Change of grade along the ground at a station, or of the segment it is in [1/m]."""
-        if self.bend is not None:
-            return float(np.interp(station, self.station, self.bend))
+        if self.grade_change is not None:
+            return float(np.interp(station, self.station, self.grade_change))
         if len(self.station) < 2 or not self.station[0] <= station <= self.station[-1]:
             return 0.0
         i = int(np.searchsorted(self.station, station, "right")) - 1
@@ -129,7 +129,7 @@ def force_ratio(
         on: braking model of the surface.
         place: as of :meth:`GroundTrack.reader`.
         onset_speed: v_i; below the trained range the coefficients at its lower end hold [m/s].
-        session_time: [s]. level: share of full application, that of the model if left out.
+        session_time: [s]. level: share of full application, that of the model by default.
     """
     grade = place["grade"]
     slope = on.uphill if on.uphill is not None and grade > 0.0 else on
@@ -158,12 +158,12 @@ def simulate_stop(
 
     Args:
         model: one model file.
-        track: ground along the way.
+        track: ground along the path.
         speed: at the stop command [m/s].
-        station: of the stop command [m].
+        station: station of the stop command [m].
         surface: named surface, "" for the base.
         session_time: since the session began [s]. heat: brake heat per mass now [J/kg].
-        level: share of full brake application, that of the model if left out.
+        level: share of full brake application, that of the model by default.
 
     Source: Braking (2), (7), (8), (12) along a varying slope; effects as in
         `slopewise.models.effects.registry`.
@@ -177,20 +177,20 @@ def simulate_stop(
     def rates(_: float, state: Floats) -> list[float]:
         s, v, f, q = state.tolist()
         place = ground_at(s)
-        wanted = force_ratio(model, on, place, speed, session_time, level)
-        force = f if motion.lag > 0.0 else wanted
-        force *= kept_share(max(q, 0.0), motion.fade, motion.fade_tau)
+        demanded = force_ratio(model, on, place, speed, session_time, level)
+        force = f if motion.lag > 0.0 else demanded
+        force *= remaining_share(max(q, 0.0), motion.fade, motion.fade_tau)
         if math.isfinite(motion.friction):
             cap = wheel_lockup.friction_cap(place["grade"], place["roll"], motion.friction)
             force = min(force, float(cap))
         rolling = max(v, 0.0)
         if crests is not None:
-            force *= float(crest.kept_force(rolling, track.vertical_curvature(s), crests))
+            force *= float(crest.remaining_force(rolling, track.vertical_curvature(s), crests))
         decel = float(braking.deceleration(force, place["grade"]))
         if motion.moves:
             turn, yaw = place["curvature"], place["yaw"]
             decel += registry.motion_deceleration(rolling, turn, yaw, motion)
-        growth = (wanted - f) / motion.lag if motion.lag > 0.0 else 0.0
+        growth = (demanded - f) / motion.lag if motion.lag > 0.0 else 0.0
         return [v, -decel, growth, GRAVITY * max(force, 0.0) * rolling - q / motion.fade_tau]
 
     def standstill(_: float, state: Floats) -> float:
@@ -216,13 +216,13 @@ def simulate_stop(
 
 
 def stop_commands(time: Floats, speed: Floats, command: Floats) -> list[int]:
-    """Samples at which a rolling vehicle is told to stop.
+    """Samples at which a rolling vehicle receives a stop command.
 
     Args:
         time, speed, command: (n,) samples of one run [s], [m/s], [m/s]; command 0 means stop.
     """
-    told = command <= 0.0
-    starts = np.flatnonzero(told & ~np.concatenate(([False], told[:-1])))
+    is_stop = command <= 0.0
+    starts = np.flatnonzero(is_stop & ~np.concatenate(([False], is_stop[:-1])))
     return [int(i) for i in starts if _held_speed(time, speed, int(i)) > _ROLLING]
 
 
@@ -233,12 +233,12 @@ def _held_speed(time: Floats, speed: Floats, i: int) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunChannels:
-    """What a drive log tells of one run, n samples; channels that it lacks are None.
+    """Channels of one run of a drive log, n samples; missing channels are None.
 
     Attributes:
         time: [s]. speed, command: measured and commanded [m/s]. pitch: nose down positive [rad].
         roll, yaw: [rad]. yaw_rate: [rad/s]. x, y: map coordinates [m]. brake: application, 0..1.
-        vertical_curvature: change of grade along the ground [1/m]; left out, that of the pitch.
+        vertical_curvature: change of grade along the ground [1/m]; by default that of the pitch.
     """
 
     time: Floats
@@ -254,7 +254,7 @@ class RunChannels:
     vertical_curvature: Floats | None = None
 
     def track(self) -> GroundTrack:
-        """The ground under the run; flat and straight where it is not told."""
+        """The ground under the run; flat and straight where the channel is missing."""
         v, zero = self.speed, np.zeros_like(self.time)
         steps = 0.5 * np.maximum(v[1:] + v[:-1], 0.0) * np.diff(self.time)
         rate = zero if self.yaw_rate is None else self.yaw_rate
@@ -266,11 +266,11 @@ class RunChannels:
             curvature=np.divide(rate, v, out=np.zeros_like(rate), where=v > 0.3),
             x=zero if self.x is None else self.x,
             y=zero if self.y is None else self.y,
-            bend=self.vertical_curvature,
+            grade_change=self.vertical_curvature,
         )
 
     def level(self, begin: int, end: int) -> float | None:
-        """Brake level that a stop was driven with; None where the log does not tell."""
+        """Brake level that a stop was driven with; None where the log lacks it."""
         if self.brake is None:
             return None
         applied = self.brake[begin:end]
@@ -281,12 +281,12 @@ class RunChannels:
 def replay(model: Model, run: RunChannels, surface: str = "") -> Floats:
     """Speed that the model gives for the commands of one run.
 
-    From each stop command the model drives until the next command to move. In between it has
-    nothing to say, and the simulation follows the measurement.
+    From each stop command the model drives until the next command to move. In between it is
+    undefined, and the simulation follows the measurement.
 
     Args:
         model: one model file.
-        run: what the log tells.
+        run: channels of the log.
         surface: named surface of the run.
 
     Returns:

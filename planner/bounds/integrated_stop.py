@@ -27,6 +27,7 @@ from slopewise.planner.kernels.limits import PlanningLimits
 from slopewise.planner.limiting import Limiting
 
 _TRIALS = 40
+"""Brackets of the speed at most [1]: bisection alone reaches 1e-12 of the first bracket."""
 _GUESSES = 8
 """Trials that are guessed from where stops end; then, and where loads decide, they bisect."""
 

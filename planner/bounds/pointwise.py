@@ -23,6 +23,7 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.swept.hazards import HazardRows
 
 _OPEN = -1
+"""Label of a station that nothing blocks; no member of Limiting."""
 _SPEED_LIMIT = int(Limiting.SPEED_LIMIT)
 _STOPPING_PATH = int(Limiting.STOPPING_PATH)
 _TIP_OVER = int(Limiting.TIP_OVER)

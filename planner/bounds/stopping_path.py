@@ -36,6 +36,8 @@ STOPPED, OVERRUN, REAR_LOAD, SIDE_LOAD = range(4)
 """How an integrated stop ends."""
 
 _SUBSTEPS = 2
+"""Steps of a stop in a segment [1]: v² is close to linear within, halves keep its error below 1
+mm."""
 
 _LOAD_GUARD = 5e-4
 """Share kept free under brakes for what changes within half a step."""

@@ -22,7 +22,9 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import SpeedPlan
 
 _FAR = 1e6
+"""Replaces a limit that a curve is drawn without [m/s, m/s², W/kg]."""
 _HEADROOM = 1.5
+"""Speed axis of the curves over the speed limit [1]."""
 
 
 def bound_curves(

@@ -19,6 +19,7 @@ _FAR = 1e3
 """Factor by which a limit, or a distance to the centre of gravity, is out of reach."""
 
 _ANY_GRADE = (-1.5, 1.5)
+"""Grades of a model that is valid everywhere [rad]: nearly vertical."""
 
 
 def without(bound: Limiting, assumptions: Assumptions) -> Assumptions:

@@ -19,6 +19,8 @@ from slopewise.planner.ground.surface_table import FRICTION, SLOWEST, surface_ta
 from slopewise.planner.ground.uncertainty import Uncertainty
 
 _KEPT = 4
+"""Models whose surface tables are kept [1]: a service plans with one, a comparison with two to
+four."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.quantity import GRAVITY, quantity, validate_quantities
 
 HOUR = 3600.0
+"""[s]"""
 
 QUANTILE = 0.999
 """That plans survive unless told otherwise, offline as on the vehicle."""
@@ -159,7 +160,7 @@ class Uncertainty:
         """
         margin = 0.0
         if effect.covariance is not None:
-            most = LAWS[effect.name].most_force(effect.parameters)
+            most = LAWS[effect.name].max_force(effect.parameters)
             factor = np.array([most.get(name, 0.0) for name in effect.parameters])
             # Each factor may have either sign where the vehicle is.
             spread = factor * np.sqrt(np.diag(np.array(effect.covariance)))

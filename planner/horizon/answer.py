@@ -108,6 +108,7 @@ class SpeedCommand:
 
 
 FULL_STOP = SpeedCommand(0.0, 0.0, True, 0.0)
+"""Command of a client that has no plan: stand still, brakes fully on [m/s, m/s²]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from slopewise.planner.kernels.compiled import kernel
 from slopewise.planner.raw_polyline import arc, project
 
 _WINDOW = 1.0
+"""Half length of the path searched for the vehicle [m], besides its odometry's drift."""
 _DRIFT = 0.1
 """A point is looked for on so much of another path, a metre and a share of the distance to it."""
 

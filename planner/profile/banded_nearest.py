@@ -21,6 +21,7 @@ from slopewise.planner.kernels.compiled import inlined, kernel, row_pass
 from slopewise.planner.kernels.rows import copy_row
 
 _ITERATIONS = 60
+"""Iterations at most [1]; eleven are typical, and a program that takes 60 does not converge."""
 _TOLERANCE = 1e-5
 """Of constraints and of optimality, in their own units."""
 
@@ -28,10 +29,12 @@ _STEP = 0.995
 """Share of the way to the border that a step may go."""
 
 _LEAST = 1e-12
+"""Smallest slack and multiplier [scaled]: keeps their quotients finite."""
 _CENTRED = 0.01
 """Share of the tolerance up to which slack times force of each row may differ from none."""
 
 _LOST = 1e12
+"""Residual from which the iteration has diverged [scaled]."""
 
 
 class _Program(NamedTuple):

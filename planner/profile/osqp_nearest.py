@@ -14,6 +14,7 @@ from scipy import sparse
 from slopewise.models.arrays import Bools, Floats
 
 _TOLERANCE = 1e-4
+"""Absolute and relative tolerance of OSQP [scaled]: below the tightening of the constraints."""
 _ITERATIONS = 4000
 """In which it gets there nineteen times out of twenty; that nothing is feasible takes it 250."""
 

@@ -29,6 +29,7 @@ _Numbers = tuple[Floats, Floats, Floats, Floats, float, float]
 """Of a problem: its attributes in their order, NaN for an acceleration that does not matter."""
 
 _LINEARISATIONS = 4
+"""Programs per smoothing at most [1]: the second is needed by one problem in sixteen."""
 
 _WORTH = 0.05
 """Share of the distance to the time-optimal profile for which tangents are taken anew."""

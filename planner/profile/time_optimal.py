@@ -22,6 +22,7 @@ from slopewise.planner.kernels.limits import PlanningLimits
 from slopewise.planner.kernels.workspace import empty
 
 _SURELY = 1.0 + 1e-9
+"""Factor by which a required deceleration is rounded up [1]."""
 _SLOW = 1e-3
 """Below this speed power is no matter [m/s]."""
 

@@ -10,6 +10,7 @@ from slopewise.planner.swept.screen import Judged, Screen, screen_of
 from slopewise.planner.swept.sizes import SweptSizes
 
 _KEPT = 4
+"""Maps whose broad phase is kept [1]: one in use, the next, and those of two comparisons."""
 
 _BESIDE = 0.1
 """Share of the candidates' extent by which more is looked over of a map that stays: whoever asks

@@ -19,6 +19,7 @@ _FITTED = 1.1
 
 _ROUNDING = 1e-3  # [m]
 _HALF_DIAGONAL = 0.71
+"""Half the diagonal of a square over its edge, rounded up [1]."""
 
 
 def cells_of(sizes: SweptSizes, resolution: float) -> int:

@@ -27,6 +27,7 @@ SLOPE_OPEN = 0.055
 """So much of the slope around a wheel explains no climb [1]: a step at the limit adds as much."""
 
 _ABYSS = 0.5 * NO_GROUND
+"""Heights below are no ground [m]: half of the marker, since heights are interpolated."""
 
 
 class Slopes(NamedTuple):

@@ -41,6 +41,7 @@ BETWEEN = 3
 """Points inside each segment from which a stop is tried as well."""
 
 _TOLERANCE = 1e-6
+"""Smallest violation [SI unit of the limit]: rounding of sums along a path."""
 (
     _OVERRUN,
     _AXLE,

@@ -10,8 +10,8 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.effects import registry
-from slopewise.models.effects.brake_fade import kept_share
-from slopewise.models.laws.crest import kept_force
+from slopewise.models.effects.brake_fade import remaining_share
+from slopewise.models.laws.crest import remaining_force
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.services.check.friction import braking_cap
@@ -125,7 +125,7 @@ class StopDynamics:
         """
         if self.motion.fade > 0.0:
             heat = np.maximum(heat, 0.0)
-            force = force * kept_share(heat, self.motion.fade, self.motion.fade_tau)
+            force = force * remaining_share(heat, self.motion.fade, self.motion.fade_tau)
         cap = here.friction * here.pose.normal_ratio
         if not self.nominal:
             cap = braking_cap(self.model.vehicle, here.pose, here.friction, speed * speed)
@@ -140,7 +140,7 @@ class StopDynamics:
     def _crest_force_share(self, pose: BodyAttitude, speed: Floats) -> Floats:
         """As the effect of the model says; else the force falls as the normal force does."""
         if self.crest_share is not None:
-            share: Floats = kept_force(speed, pose.vertical_curvature, self.crest_share)
+            share: Floats = remaining_force(speed, pose.vertical_curvature, self.crest_share)
             return share
         if self.nominal:
             return np.ones_like(speed)

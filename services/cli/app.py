@@ -1,8 +1,7 @@
-"""The command line. Commands read their words in `slopewise.services.cli.arguments`, and do their
-work in `slopewise.services.cli.commands`.
+"""The command line: its commands, exit status, and the line of an error.
 
 Exit status: 0 done; 2 bad input, one line on standard error; 3 no admissible candidate, a plan
-that breaks a rule, or a robot that does not fit; 1 a fault of the program.
+with violations, a result that is not usable, or a robot with errors; 1 a fault of the program.
 """
 
 from __future__ import annotations
@@ -14,12 +13,27 @@ from typing import Annotated, Any
 import typer
 
 from slopewise.models.errors import SlopewiseError
-from slopewise.services.cli.arguments import benchmarks, files, fleet, robot
+from slopewise.services.cli import (
+    bench,
+    calibrate,
+    check,
+    coverage,
+    demo,
+    discrepancy,
+    doctor,
+    export,
+    fleet,
+    params,
+    plan,
+    query,
+    replay,
+    run,
+    simulate,
+    terrain,
+)
+from slopewise.services.cli.command import ExitStatus
 
-BAD_INPUT = 2
-FAULT = 1
-
-# Recent versions of typer bring a click of their own, so its classes are taken from typer.
+# Recent versions of typer include a copy of click, so its classes are taken from typer.
 _UsageError: Any = typer.BadParameter.__base__
 
 app = typer.Typer(
@@ -33,10 +47,37 @@ app = typer.Typer(
     "vehicle can stop on ground that is known, without tipping.\n\n"
     "[bold]Try[/]  slopewise demo",
 )
-app.add_typer(files.app)
-app.add_typer(benchmarks.app)
-app.add_typer(robot.app)
-app.add_typer(fleet.app, name="fleet")
+fleet_app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    help="Many paths over large maps, the logs of many vehicles: on several processes or machines.",
+)
+
+for _command in (
+    plan.plan,
+    check.check,
+    calibrate.calibrate,
+    coverage.coverage,
+    terrain.terrain,
+    simulate.simulate,
+    discrepancy.discrepancy,
+    demo.demo,
+    run.serve,
+    run.warm_up,
+    run.ros,
+    run.guard,
+    doctor.doctor,
+    export.export,
+    query.query,
+    params.params,
+    replay.replay,
+):
+    app.command()(_command)
+app.command(context_settings=bench.CONTEXT)(bench.bench)
+fleet_app.command("plan")(fleet.fleet_plan)
+fleet_app.command("calibrate")(fleet.fleet_calibrate)
+fleet_app.command("discrepancy")(fleet.fleet_discrepancy)
+app.add_typer(fleet_app, name="fleet")
 
 
 @app.callback(invoke_without_command=True)
@@ -58,22 +99,22 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         status = app(args=arguments, prog_name="slopewise", standalone_mode=False)
     except _UsageError as error:
-        _fail(f"{error.format_message()} (see slopewise --help)", BAD_INPUT)
+        _fail(f"{error.format_message()} (see slopewise --help)", ExitStatus.BAD_INPUT)
     except SlopewiseError as error:
-        _fail(" ".join(str(error).split()), BAD_INPUT)
+        _fail(" ".join(str(error).split()), ExitStatus.BAD_INPUT)
     except OSError as error:
-        _fail(f"{error.filename or 'file'}: {error.strerror or error}", BAD_INPUT)
+        _fail(f"{error.filename or 'file'}: {error.strerror or error}", ExitStatus.BAD_INPUT)
     except typer.Abort:
-        _fail("stopped", 130)
+        _fail("stopped", ExitStatus.STOPPED)
     except Exception as error:
         if os.environ.get("SLOPEWISE_DEBUG"):
             raise
         text = f"fault of slopewise, not of your input: {type(error).__name__}: {error}"
-        _fail(f"{text} (SLOPEWISE_DEBUG=1 shows where)", FAULT)
+        _fail(f"{text} (SLOPEWISE_DEBUG=1 shows where)", ExitStatus.FAULT)
     sys.exit(status if isinstance(status, int) else 0)
 
 
-def _fail(line: str, status: int) -> None:
+def _fail(line: str, status: ExitStatus) -> None:
     sys.stdout.flush()
     print(f"slopewise: {line}", file=sys.stderr)
     sys.exit(status)

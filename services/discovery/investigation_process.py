@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from slopewise.services.discovery.proposal_builder import InvestigationOutcome, is_valid
 from slopewise.services.discovery.stop_store import StoredStop, read_stops
-from slopewise.services.wire.model_proposal import ModelProposal, StopDistanceChange
+from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.plan_messages import Message
 
 JOB, OUTCOME = "job.json", "outcome.json"
@@ -96,10 +96,6 @@ def _investigate(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
         return InvestigationOutcome(reason=str(error), damaged=damaged)
     report = findings_as_json(findings)
     adopted = cautious(findings.model, file)
-    changes = [compare_stops(adopted, model) for model in (file, active)]
-    by_file, by_active = (
-        StopDistanceChange(least=c.least, most=c.most, where=c.where) for c in changes
-    )
     offer = ModelProposal(
         id=hashlib.sha256(f"{data}{basis}".encode()).hexdigest()[:12],
         at=time.time(),
@@ -109,8 +105,8 @@ def _investigate(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
         findings=report,
         data=data,
         stops=findings.stops,
-        beside_file=by_file,
-        beside_use=by_active,
+        beside_file=compare_stops(adopted, file),
+        beside_use=compare_stops(adopted, active),
         valid=is_valid(report),
         changes=findings.model != basis,
         notes=list(findings.notes),

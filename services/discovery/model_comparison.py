@@ -17,6 +17,7 @@ import numpy as np
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.services.wire.model_proposal import StopDistanceChange
 
 _MAX_DISTANCE = 1000.0
 """Distance of a stop that never ends [m]."""
@@ -38,20 +39,6 @@ _FAR_AWAY = 1e7
 """Coordinate without any surface patch [m]."""
 
 Range = tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class StopDistanceChange:
-    """Change of stopping distances from one model to another, dead time and offset included.
-
-    Attributes:
-        least, most: smallest and largest change on the grid [m], negative where stops are
-            shorter. where: conditions of the smallest.
-    """
-
-    least: float  # words: ok, as in the message
-    most: float  # words: ok, as in the message
-    where: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +66,7 @@ def compare_stops(after: Model, before: Model) -> StopDistanceChange:
         largest = max(largest, change)
         if change < smallest:
             smallest, where = change, str(case)
-    return StopDistanceChange(smallest, largest, where)
+    return StopDistanceChange(least=smallest, most=largest, where=where)
 
 
 def cautious(finding: Model, file: Model) -> Model:

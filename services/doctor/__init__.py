@@ -1,1 +1,1 @@
-"""Looks at a robot and says what does not fit: its parameter files, a recording, or live."""
+"""Checks of a robot and of its files: configuration issues, with their fixes."""

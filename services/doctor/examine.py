@@ -1,31 +1,33 @@
-"""All checks, in the order in which their findings are shown."""
+"""All checks, in the order in which their issues are shown."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from slopewise.services.doctor import chain, motion, vehicle
-from slopewise.services.doctor.facts import Facts, Misfit, MisfitSeverity
+from slopewise.services.doctor import command_chain_checks as chain
+from slopewise.services.doctor import observed_motion_checks as observed
+from slopewise.services.doctor import vehicle_checks as vehicle
+from slopewise.services.doctor.robot_facts import ConfigIssue, IssueSeverity, RobotFacts
 
-CHECKS: tuple[Callable[[Facts], Iterator[Misfit]], ...] = (
-    motion.check_silence,
-    motion.check_obedience,
-    motion.check_limits,
+CHECKS: tuple[Callable[[RobotFacts], Iterator[ConfigIssue]], ...] = (
+    observed.check_silence,
+    observed.check_speed_limit_obeyed,
+    observed.check_limits,
     chain.check_chain,
     chain.check_smoother,
     chain.check_speed_limit,
     vehicle.check_footprint,
     vehicle.check_edge,
     vehicle.check_times,
-    motion.check_clock,
-    motion.check_rates,
-    motion.check_map,
-    motion.check_frames,
-    motion.check_odometry,
+    observed.check_clock,
+    observed.check_rates,
+    observed.check_map,
+    observed.check_frames,
+    observed.check_odometry,
 )
 
 
-def examine(facts: Facts) -> list[Misfit]:
-    """What does not fit, errors first."""
-    found = [finding for check in CHECKS for finding in check(facts)]
-    return sorted(found, key=lambda finding: finding.severity is not MisfitSeverity.ERROR)
+def examine(facts: RobotFacts) -> list[ConfigIssue]:
+    """Issues of all checks, errors first."""
+    issues = [issue for check in CHECKS for issue in check(facts)]
+    return sorted(issues, key=lambda issue: issue.severity is not IssueSeverity.ERROR)

@@ -1,4 +1,4 @@
-"""Parameters of Nav2 and of bases, out of the YAML files that ROS 2 nodes are started with."""
+"""Parameters of Nav2 and of bases, from the YAML files that ROS 2 nodes are started with."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from slopewise.models.errors import InputError
-from slopewise.services.doctor.facts import Nav2Facts
+from slopewise.services.doctor.robot_facts import Nav2Facts
 from slopewise.services.io.files import fault, read_text, reason
 
 _PARAMETERS = "ros__parameters"
 
 
 def read_nav2(paths: list[Path]) -> Nav2Facts:
-    """All nodes of some files; of a node in several files, later ones add to it.
+    """Parameters of all nodes in some files; later files add to a node.
 
     Raises:
-        InputError: no YAML, or no parameters of nodes.
+        InputError: a file is not YAML, or has no parameters of nodes.
     """
     try:
         from ruamel.yaml import YAML
@@ -31,32 +31,32 @@ def read_nav2(paths: list[Path]) -> Nav2Facts:
             data = YAML(typ="safe").load(read_text(path))
         except YAMLError as error:
             raise fault(path, "", f"expected YAML, got: {reason(error)}") from None
-        found = dict(_nodes(data, ""))
-        if not found:
+        tables = dict(_nodes(data, ""))
+        if not tables:
             raise fault(path, _PARAMETERS, "expected parameters of nodes, got none")
-        for name, table in found.items():
+        for name, table in tables.items():
             nodes.setdefault(name, {}).update(table)
-    return Nav2Facts(nodes, ", ".join(map(str, paths)))
+    return Nav2Facts(nodes)
 
 
 def _nodes(data: Any, name: str) -> list[tuple[str, Mapping[str, Any]]]:
     if not isinstance(data, Mapping):
         return []
-    found: list[tuple[str, Mapping[str, Any]]] = []
+    nodes: list[tuple[str, Mapping[str, Any]]] = []
     for key, value in data.items():
         if key == _PARAMETERS and isinstance(value, Mapping):
-            found.append((name, _nested(value)))
+            nodes.append((name, _nested(value)))
         else:
-            found += _nodes(value, str(key).strip("/").rpartition("/")[2])
-    return found
+            nodes += _nodes(value, str(key).strip("/").rpartition("/")[2])
+    return nodes
 
 
 def _nested(table: Mapping[str, Any]) -> dict[str, Any]:
-    """``FollowPath.vx_max: 1`` as a table of its own, as ROS 2 takes it."""
-    made: dict[str, Any] = {}
+    """Parameters with keys such as ``FollowPath.vx_max`` as nested tables."""
+    nested: dict[str, Any] = {}
     for key, value in table.items():
         *outer, last = str(key).split(".")
-        inside = made
+        inside = nested
         for part in outer:
             inside = inside.setdefault(part, {})
         value = _nested(value) if isinstance(value, Mapping) else value
@@ -64,4 +64,4 @@ def _nested(table: Mapping[str, Any]) -> dict[str, Any]:
             inside[last].update(value)
         else:
             inside[last] = value
-    return made
+    return nested

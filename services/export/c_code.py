@@ -31,32 +31,32 @@ _RANGES = {
 }
 
 
-def sample_inputs(one: ModelFunction, count: int, rng: np.random.Generator) -> np.ndarray:
+def sample_inputs(function: ModelFunction, count: int, rng: np.random.Generator) -> np.ndarray:
     """Points (count, inputs) within usual ranges, SI."""
-    return np.column_stack([rng.uniform(*_RANGES[name], count) for name, _ in one.inputs])
+    return np.column_stack([rng.uniform(*_RANGES[name], count) for name, _ in function.inputs])
 
 
-def write_c(model: Model, made: list[ModelFunction], folder: Path) -> list[Path]:
+def write_c(model: Model, functions: list[ModelFunction], folder: Path) -> list[Path]:
     """Write NAME.c, NAME.h (CasADi's), and NAME_model.h: units, and vectors to test by.
 
     Args:
-        model: that functions are of. made: by
+        model: subject of the functions. functions: by
         :func:`slopewise.services.export.functions.functions_of`.
         folder: made if it is not there.
     """
     folder.mkdir(parents=True, exist_ok=True)
     name = re.sub(r"\W", "_", model.name) or "model"
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True, "verbose": False})
-    for one in made:
-        generator.add(one.function)
-        generator.add(derivative_of(one))
+    for function in functions:
+        generator.add(function.function)
+        generator.add(derivative_of(function))
     generator.generate(f"{folder}/")
     header = folder / f"{name}_model.h"
-    write_atomic(header, _header(model, name, made).encode())
+    write_atomic(header, _header(model, name, functions).encode())
     return [folder / f"{name}.c", folder / f"{name}.h", header]
 
 
-def _header(model: Model, name: str, made: list[ModelFunction]) -> str:
+def _header(model: Model, name: str, functions: list[ModelFunction]) -> str:
     guard = f"{name.upper()}_MODEL_H"
     lines = [
         f"/* The model {model.name!r}: what functions of {name}.h take and give. SI units.",
@@ -71,25 +71,26 @@ def _header(model: Model, name: str, made: list[ModelFunction]) -> str:
         "",
     ]
     rng = np.random.default_rng(0)
-    for one in made:
-        inputs = ", ".join(f"{i} [{unit}]" for i, unit in one.inputs)
+    for function in functions:
+        inputs = ", ".join(f"{i} [{unit}]" for i, unit in function.inputs)
         lines.append(
-            f"/* {one.name}({inputs}) -> {one.output[0]} [{one.output[1]}]: {one.words} */"
+            f"/* {function.name}({inputs}) -> {function.output[0]} [{function.output[1]}]: "
+            f"{function.meaning} */"
         )
-        points = sample_inputs(one, _VECTORS, rng)
-        values = np.array([float(one.function(*point)) for point in points])
+        points = sample_inputs(function, _VECTORS, rng)
+        values = np.array([float(function.function(*point)) for point in points])
         lines += [
-            _array(f"test_{one.name}_in", points, f"[{len(points)}][{len(one.inputs)}]"),
-            _array(f"test_{one.name}_out", values[:, None], f"[{len(points)}]"),
+            _array(f"test_{function.name}_in", points, f"[{len(points)}][{len(function.inputs)}]"),
+            _array(f"test_{function.name}_out", values[:, None], f"[{len(points)}]"),
             "",
         ]
     return "\n".join([*lines, f"#endif /* {guard} */", ""])
 
 
 def _array(name: str, rows: Any, shape: str) -> str:
-    one = rows.shape[1] == 1
+    is_flat = rows.shape[1] == 1
     body = [", ".join(_number(float(v)) for v in row) for row in rows]
-    inside = ", ".join(body if one else (f"{{{row}}}" for row in body))
+    inside = ", ".join(body if is_flat else (f"{{{row}}}" for row in body))
     return f"static const double {name}{shape} = {{{inside}}};"
 
 

@@ -1,9 +1,9 @@
-"""Laws of one model as CasADi functions, for people with solvers and controllers of their own.
+"""Laws of one model as CasADi functions, for other solvers and controllers.
 
 They are the laws of :mod:`slopewise.models.laws` themselves, called with symbols, so there is no
 second writing of any formula; a stop on an even slope is that of
-:mod:`slopewise.services.export.even_slope`. What a stop along changing ground is, is left to
-whoever integrates it.
+:mod:`slopewise.services.export.even_slope`. What a stop along changing ground is, is left to the
+user's integration.
 """
 
 from __future__ import annotations
@@ -35,14 +35,15 @@ class ModelFunction:
     """One function.
 
     Attributes:
-        function: of CasADi. inputs: names with units. output: name and unit. words: what it is.
+        function: CasADi function. inputs: names with units. output: name and unit.
+        meaning: what it computes.
         evaluate: the same by numpy, of arrays in the order of the inputs.
     """
 
     function: Any
     inputs: tuple[tuple[str, str], ...]
     output: tuple[str, str]
-    words: str
+    meaning: str
     evaluate: Callable[..., Any]
 
     @property
@@ -58,35 +59,39 @@ def functions_of(model: Model) -> list[ModelFunction]:
     """
     with contextlib.suppress(AttributeError):
         ca.GlobalOptions.setNumpyMode(-1)  # symbols in, symbols out
-    found = []
+    functions = []
     for surface in ("", *model.braking.terrain):
-        found += _of_surface(model, surface)
+        functions += _of_surface(model, surface)
     vehicle, terms = model.vehicle, registry.motion(model.effect)
     sizes = vehicle.wheelbase, vehicle.cg_x, vehicle.cg_z
     slowing = ("deceleration", "m/s^2, positive while slowing")
-    aside = ("lateral_accel", "m/s^2, left positive")
+    lateral = ("lateral_accel", "m/s^2, left positive")
     share = ("share", "1, of the level static load")
     for name, law in (
         ("front_load_share", wheel_loads.front_load_share),
         ("rear_load_share", wheel_loads.rear_load_share),
     ):
-        words = f"load of the {name.partition('_')[0]} axle"
+        meaning = f"load of the {name.partition('_')[0]} axle"
         inputs = (_GRADE, _ROLL, slowing)
-        found.append(
-            _made(name, inputs, share, words, lambda g, r, a, law=law: law(g, r, a, *sizes))
+        functions.append(
+            _model_function(
+                name, inputs, share, meaning, lambda g, r, a, law=law: law(g, r, a, *sizes)
+            )
         )
     wide = vehicle.track_width, vehicle.cg_z
     for name, side in (
         ("left_load_share", wheel_loads.left_load_share),
         ("right_load_share", wheel_loads.right_load_share),
     ):
-        words = f"load of the {name.partition('_')[0]} side"
-        inputs = (_GRADE, _ROLL, aside)
-        found.append(
-            _made(name, inputs, share, words, lambda g, r, a, law=side: law(g, r, a, *wide))
+        meaning = f"load of the {name.partition('_')[0]} side"
+        inputs = (_GRADE, _ROLL, lateral)
+        functions.append(
+            _model_function(
+                name, inputs, share, meaning, lambda g, r, a, law=side: law(g, r, a, *wide)
+            )
         )
-    found.append(
-        _made(
+    functions.append(
+        _model_function(
             "motion_deceleration",
             (_SPEED, ("curvature", "1/m"), ("yaw", "rad")),
             ("deceleration", "m/s^2"),
@@ -94,7 +99,7 @@ def functions_of(model: Model) -> list[ModelFunction]:
             lambda v, k, yaw: registry.motion_deceleration(v, k, yaw, terms) + 0.0 * (k + yaw),
         )
     )
-    return found
+    return functions
 
 
 def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
@@ -127,29 +132,31 @@ def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
     state, here = (_SPEED, _GRADE, _GROUND), f"{on}, straight along a constant grade"
     decel = ("deceleration", "m/s^2")
     return [
-        _made(
+        _model_function(
             f"force_ratio{end}",
             state,
             ("force_ratio", "1"),
             f"least F_b/W of full, cold brakes{on}; 0 on grades that were not trained",
             ratio,
         ),
-        _made(f"deceleration{end}", state, decel, f"least of full, cold brakes{on}", slowing),
-        _made(
+        _model_function(
+            f"deceleration{end}", state, decel, f"least of full, cold brakes{on}", slowing
+        ),
+        _model_function(
             f"max_deceleration{end}",
             state,
             decel,
             f"most of full brakes{on}: for the loads of axles",
             strongest,
         ),
-        _made(
+        _model_function(
             f"stopping_distance{end}",
             state,
             ("distance", "m"),
             f"from command to rest{here}; infinite where no stop is known",
             distance,
         ),
-        _made(
+        _model_function(
             f"speed_bound{end}",
             (("distance", "m"), _GRADE, _GROUND),
             ("speed", "m/s"),
@@ -171,34 +178,40 @@ def _ground_force(model: Model, end: str, on: str) -> ModelFunction:
         return registry.ground_term(model.effect, here) + 0.0 * (roll + x + y + yaw + time)
 
     meaning = f"what effects of the place add to F_b/W{on}"
-    return _made(f"ground_force{end}", tuple(inputs), ("force_ratio", "1"), meaning, term)
+    return _model_function(f"ground_force{end}", tuple(inputs), ("force_ratio", "1"), meaning, term)
 
 
-def _made(
+def _model_function(
     name: str,
     inputs: tuple[tuple[str, str], ...],
     output: tuple[str, str],
-    words: str,
+    meaning: str,
     law: Callable[..., Any],
 ) -> ModelFunction:
     symbols = [ca.SX.sym(symbol) for symbol, _ in inputs]
     value = ca.SX(law(*symbols))
     function = ca.Function(name, symbols, [value], [symbol for symbol, _ in inputs], [output[0]])
-    return ModelFunction(function, inputs, output, words, law)
+    return ModelFunction(function, inputs, output, meaning, law)
 
 
-def derivative_of(one: ModelFunction) -> Any:
+def derivative_of(model_function: ModelFunction) -> Any:
     """The function ``d_…``: derivatives by each input, (1, inputs)."""
-    symbols = [ca.SX.sym(symbol) for symbol, _ in one.inputs]
-    value = one.function(*symbols)
+    symbols = [ca.SX.sym(symbol) for symbol, _ in model_function.inputs]
+    value = model_function.function(*symbols)
     row = ca.horzcat(*(ca.jacobian(value, symbol) for symbol in symbols))
-    return ca.Function(f"d_{one.name}", symbols, [row], [s for s, _ in one.inputs], ["derivatives"])
+    return ca.Function(
+        f"d_{model_function.name}",
+        symbols,
+        [row],
+        [s for s, _ in model_function.inputs],
+        ["derivatives"],
+    )
 
 
-def write_functions(made: list[ModelFunction], path: Path) -> None:
-    """All functions and their derivatives into a file of CasADi's own."""
+def write_functions(model_functions: list[ModelFunction], path: Path) -> None:
+    """Write all functions and their derivatives into a file of CasADi."""
     # The serialiser knows functions by their addresses: none may be freed before the last is in.
-    functions = [f for one in made for f in (one.function, derivative_of(one))]
+    functions = [f for m in model_functions for f in (m.function, derivative_of(m))]
     out = ca.FileSerializer(str(path))
     out.pack(len(functions))
     for function in functions:
@@ -206,7 +219,7 @@ def write_functions(made: list[ModelFunction], path: Path) -> None:
 
 
 def read_functions(path: Path) -> dict[str, Any]:
-    """What :func:`write_functions` wrote, by name."""
+    """Read the functions of :func:`write_functions`, by name."""
     given = ca.FileDeserializer(str(path))
     functions = [given.unpack() for _ in range(given.unpack())]
     return {str(function.name()): function for function in functions}

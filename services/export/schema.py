@@ -1,4 +1,4 @@
-"""The JSON schema of model files, out of the dataclasses that read them."""
+"""The JSON schema of model files, from the dataclasses that read them."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def _table(kind: Any) -> dict[str, Any]:
     hints, properties, required = get_type_hints(kind), {}, []
     for field in dataclasses.fields(kind):
         entry = _of(hints[field.name])
-        told = field.metadata
-        if "unit" in told:
-            entry["description"] = f"{told['text']} [{told['unit']}]"
-            for key, word in (
+        rule = field.metadata
+        if "unit" in rule:
+            entry["description"] = f"{rule['text']} [{rule['unit']}]"
+            for key, keyword in (
                 ("above", "exclusiveMinimum"),
                 ("at_least", "minimum"),
                 ("at_most", "maximum"),
             ):
-                if np.isfinite(told[key]):
-                    entry[word] = told[key]
+                if np.isfinite(rule[key]):
+                    entry[keyword] = rule[key]
         properties[field.name] = entry
         if field.default is field.default_factory is dataclasses.MISSING:
             required.append(field.name)
@@ -56,8 +56,8 @@ def _of(kind: Any) -> dict[str, Any]:
     if origin is Literal:
         return {"enum": list(inside)}
     if origin in (Union, types.UnionType):
-        own = [k for k in inside if k is not type(None)]
-        return _of(own[-1])
+        kinds = [k for k in inside if k is not type(None)]
+        return _of(kinds[-1])
     if origin in (dict, types.MappingProxyType, Mapping):
         return {"type": "object", "additionalProperties": _of(inside[1])}
     if origin is tuple and Ellipsis not in inside:

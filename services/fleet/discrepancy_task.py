@@ -31,7 +31,7 @@ class VehicleTask:
 
     Attributes:
         vehicle: its name. logs: its drive logs. model: tables of its model file.
-        model_file, begun: for its page. source: for the effects that are found.
+        model_file, begun: shown on its page. source: provenance of effects that are found.
         key: digest of all inputs. folder: shared by all workers.
         map_file, topics, settings, nodata: as in `slopewise discrepancy`. page: draw one.
     """

@@ -36,7 +36,7 @@ _FORMAT = 2
 
 @dataclass(frozen=True, slots=True)
 class FleetPlanSpec:
-    """What to plan on every path; plain values, so that it can be sent to workers.
+    """Inputs of every plan; plain values, so that it can be sent to workers.
 
     Attributes:
         map_file: GeoTIFF, by its path on the workers.

@@ -70,6 +70,6 @@ def measure_vehicle(task: LogTask) -> VehicleStops:
         measured = measure_log(log.columns, log.runs, model.braking, ground=ground, fewest=FEWEST)
     except ParameterError as error:
         return VehicleStops(task.vehicle, note=f"{error.field}: expected {error.expected}")
-    beside = measured_beside(measured.measured, model, log.columns)
-    measured = dataclasses.replace(measured, measured=beside)
+    compensated = measured_beside(measured.measured, model, log.columns)
+    measured = dataclasses.replace(measured, measured=compensated)
     return vehicle_stops(task.vehicle, measured, is_mapped(ground))

@@ -124,19 +124,8 @@ def decide(
     forward = command.speed >= 0.0 if moving < _STANDSTILL else fastest >= 0.0
     reverses = min(moving, requested) >= _STANDSTILL and (command.speed >= 0.0) != forward
     # Driving the other way is decided once the vehicle stands.
-    target = 0.0 if reverses else requested
-    turn = command.yaw_rate / max(abs(motion.speed), requested, _STANDSTILL)
-    curvature = min(max(turn if forward else -turn, -_MAX_CURVATURE), _MAX_CURVATURE)
-    top = max(moving, target)
-    arc = arc_ahead(
-        scene.model,
-        scene.tables[0],
-        scene.ground,
-        motion.pose,
-        curvature,
-        forward=forward,
-        length=_arc_length(scene, top, hold_time + late),
-    )
+    top = moving if reverses else max(moving, requested)
+    arc = _arc(scene, motion, command, top, hold_time + late, forward=forward)
     end = min(scene.clear, max(arc.end - 1, 0) * arc.step if arc.reason else math.inf)
     speeds = np.append(top * np.arange(1, _SPEEDS) / _SPEEDS, (top, moving))
     held = np.append(np.full(_SPEEDS, hold_time + late), late)
@@ -152,6 +141,23 @@ def decide(
     if reverses:
         return GuardDecision("slow", STILL, False, "it has to stand before it drives back")
     return _limited(scene.model, motion, command, allowed, reason)
+
+
+def _arc(
+    scene: GuardScene,
+    motion: VehicleMotion,
+    command: BaseCommand,
+    top: float,
+    held: float,
+    *,
+    forward: bool,
+) -> CommandArc:
+    """Arc of a command, as far as a stop from the highest speed may reach [m/s], [s]."""
+    turn = command.yaw_rate / max(abs(motion.speed), abs(command.speed), _STANDSTILL)
+    curvature = min(max(turn if forward else -turn, -_MAX_CURVATURE), _MAX_CURVATURE)
+    length = _arc_length(scene, top, held)
+    table, ground, pose = scene.tables[0], scene.ground, motion.pose
+    return arc_ahead(scene.model, table, ground, pose, curvature, forward=forward, length=length)
 
 
 def _limited(

@@ -14,6 +14,7 @@ from slopewise.services.io.table import Table
 from slopewise.services.io.topics import Channel, infer_channels
 
 _MIN_SAMPLES = 2
+"""Fewest samples with an interval between them."""
 
 
 def bag_table(path: Path, channels: dict[str, Channel], mapping: str, *, infer: bool) -> Table:

@@ -26,8 +26,10 @@ GRID_MAP = "grid_map_msgs/msg/GridMap"
 PATH = "nav_msgs/msg/Path"
 SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
 
-_ENCAPSULATION = 4
+_ENCAPSULATION = 4  # bytes
 _ALIGNMENT, _MAX_ALIGNMENT = 4, 8
+"""Bytes of the header of CDR, and alignments of its numbers (OMG DDSI-RTPS, 10)."""
+
 _GRID_MAP_INFO = "float64 resolution\nfloat64 length_x\nfloat64 length_y\ngeometry_msgs/Pose pose\n"
 _GRID_MAP = (
     "grid_map_msgs/GridMapInfo info\nstring[] layers\nstring[] basic_layers\n"

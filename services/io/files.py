@@ -23,6 +23,8 @@ _MAX_TOML_BYTES = 1_000_000
 """Fifty times the largest settings; tomllib takes a second for that much."""
 
 _MAX_KEY_PARTS = 20
+"""Parts of a dotted key: settings have at most four."""
+
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 _DEEP = re.compile(rf"{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{_MAX_KEY_PARTS}}}")
 """tomllib stores every part of a dotted key with all parts before it: memory by the square."""

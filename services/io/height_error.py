@@ -25,7 +25,7 @@ QUANTILE = 0.95
 
 _ON_ROBOT = (0.02, 0.05)
 _SURVEYED = (0.04, 0.02)
-"""Constant [m] and share of a cell's edge [1] of both origins, see above."""
+"""Constant [m] and share of a cell's edge [1]; reasons and source in the module's docstring."""
 
 _BOUNDS_SPACING = 4.0
 """Standard deviations between the bounds of a cell's height, as `elevation_mapping` has them."""

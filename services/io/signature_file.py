@@ -14,6 +14,7 @@ from slopewise.models.terrain.signature_model import LinearPicture, NormalPictur
 from slopewise.services.io.files import fault, write_atomic
 
 _VERSION = 1
+"""Version of the file's format."""
 _NUMBERS = ("temperature", "threshold", "known_refused")
 
 

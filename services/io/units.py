@@ -23,7 +23,7 @@ OPTIONAL = {
 REPLAYED = {"vertical_curvature": "1/m"}
 """Read by replays only."""
 
-_DEGREE = math.pi / 180.0
+_DEGREE = math.pi / 180.0  # [rad]
 _SPEEDS = {"km/h": 1.0 / 3.6, "mph": 0.44704, "knots": 0.514444, "kn": 0.514444}
 FACTORS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {

@@ -42,7 +42,7 @@ _MAX_REJECTING_SOURCES = 64
 _MAX_LISTED = 5
 """Surfaces in one warning [1]."""
 
-_DEAD_TIMES = 5
+DEAD_TIME_COUNT = 5
 """Last stops whose median dead time is used [1]: two odd ones change nothing."""
 
 _TOLERANCE = 1e-9
@@ -83,7 +83,7 @@ class BrakingForces:
         )
         self._updated: dict[str, float] = {}
         self._rejections: dict[tuple[str, str], int] = {}
-        self.dead_times: deque[float] = deque(maxlen=_DEAD_TIMES)
+        self.dead_times: deque[float] = deque(maxlen=DEAD_TIME_COUNT)
         self._aged = time.monotonic()
         self._stronger: list[str] = []
         # Cached until something changes: one stop needs them several times.
@@ -109,8 +109,7 @@ class BrakingForces:
             ParameterError: too many surfaces.
         """
         self._add_surface(surface)
-        used = self._planning_surface(surface)
-        predicted = predicted_distance(used, self.dead_time(), stop)
+        predicted = predicted_distance(self._planning_surface(surface), self.dead_time(), stop)
         if distance is None:
             distance = measured_distance(stop, self.prior.dead_time)
         planned = self.planned_force(surface, stop.onset_speed, stop.grade)
@@ -126,12 +125,12 @@ class BrakingForces:
             self.dead_times.append(stop.dead_time)
         self._changed()
         return LearnedStop(
-            at=now,
-            source=source,
-            surface=surface,
-            speed=stop.onset_speed,
-            grade=stop.grade,
-            predicted=predicted,
+            now,
+            source,
+            surface,
+            stop.onset_speed,
+            stop.grade,
+            predicted,
             actual=distance,
             outcome=outcome.value,
         )
@@ -157,10 +156,7 @@ class BrakingForces:
         """Lower the base to the force of the terrain driven now; True if it changed.
 
         The base represents terrain without a name: plans must not use more force than is known of
-        the terrain now.
-
-        Args:
-            surface: name of the terrain now, "" unknown. before: its name until now.
+        the terrain now. ``surface``, ``before``: its name now and until now, "" unknown.
         """
         learned = self.learned()
         force = learned.get(surface) if surface else None
@@ -329,14 +325,9 @@ class BrakingForces:
         known = self.prior_on(surface).covariance
         return known or tuple(map(tuple, np.diag(np.square(DEFAULT_COEFFICIENT_STD)).tolist()))
 
-    def set_dead_time(self, dead_time: float) -> None:
-        """Plan with a dead time until later stops show another [s]."""
-        self.dead_times = deque([dead_time] * _DEAD_TIMES, maxlen=_DEAD_TIMES)
-        self._changed()
-
-    def restore_dead_times(self, dead_times: Collection[float]) -> None:
+    def use_dead_times(self, dead_times: Collection[float]) -> None:
         """Replace the dead times of the last stops [s]."""
-        self.dead_times = deque(dead_times, maxlen=_DEAD_TIMES)
+        self.dead_times = deque(dead_times, maxlen=DEAD_TIME_COUNT)
         self._changed()
 
     def _corners(self, surface: str) -> Floats:

@@ -16,7 +16,7 @@ from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.learned_force import LearnedForce
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.services.parameters.braking_forces import BrakingForces
+from slopewise.services.parameters.braking_forces import DEAD_TIME_COUNT, BrakingForces
 from slopewise.services.parameters.parameter_group import GroupDescription, ParameterGroups, State
 from slopewise.services.parameters.stop_plausibility import MAX_DEAD_TIME
 from slopewise.services.settings.learning_settings import Learning
@@ -122,7 +122,7 @@ class BrakingGroups(ParameterGroups):
         same_prior = state is None or state["prior"] == self._digest
         self.forces.put(surface, force, age, confident=same_prior)
         if not surface:
-            self.forces.restore_dead_times(dead_times)
+            self.forces.use_dead_times(dead_times)
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
         """Apply an operator's coefficients; above the model file's, stops have to confirm them."""
@@ -135,7 +135,7 @@ class BrakingGroups(ParameterGroups):
             force = LearnedForce(coefficients, matrix, coefficients, False, 0, 0)
             self.forces.put(surface, force, 0.0, confident=True)
         if _DEAD_TIME in values:
-            self.forces.set_dead_time(values[_DEAD_TIME])
+            self.forces.use_dead_times([values[_DEAD_TIME]] * DEAD_TIME_COUNT)
 
     def _check_values(
         self, surface: str, values: Mapping[str, float], known: Mapping[str, float]

@@ -65,7 +65,7 @@ def unsupported_reason(model: Model, owner: str = "the model file") -> str:
         return f"braking is not learned: {owner} has separate uphill coefficients"
     if model.braking.level < 1.0:
         return f"braking is not learned: {owner} is of a brake level below 1"
-    more = [e.name for e in model.effect if not LAWS[e.name].only_takes(e.parameters)]
+    more = [e.name for e in model.effect if not LAWS[e.name].only_reduces(e.parameters)]
     return f"braking is not learned: {owner} has the effect {more[0]}" if more else ""
 
 

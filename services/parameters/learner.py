@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Collection
 
 from slopewise.models.laws import braking
 from slopewise.models.parameters import Model
@@ -20,7 +19,7 @@ from slopewise.services.parameters.current_terrain import CurrentTerrain, monito
 from slopewise.services.parameters.learned_stop import LearnedStop
 from slopewise.services.parameters.learner_state import LearnerState
 from slopewise.services.parameters.observation_filter import columns_of
-from slopewise.services.parameters.parameter_group import DriveUpdate, State
+from slopewise.services.parameters.parameter_group import DriveUpdate
 from slopewise.services.parameters.stop_plausibility import (
     StopRateLimiter,
     contradiction,
@@ -28,7 +27,6 @@ from slopewise.services.parameters.stop_plausibility import (
 )
 from slopewise.services.parameters.stop_streams import StopStreams
 from slopewise.services.settings.learning_settings import Learning
-from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.observations import (
     DriveSamples,
     RobotObservation,
@@ -185,21 +183,7 @@ class Learner:
             return set()
         return {BASE} if self.state.braking.forces.lower_base(surface, before) else set()
 
-    # ------------------------------------------------------------------ changes of the whole
-
-    def propose(self, proposal: ModelProposal) -> None:
-        """Replace the proposal that waits for an operator."""
-        self.state = self.state.propose(replace(self.state.effects, proposal=proposal))
-
-    def adopt(self, proposal_id: str, *, faster: bool) -> str:
-        """Plan and learn on top of the proposal, see :meth:`LearnerState.adopt`; what it is."""
-        self.state = self.state.adopt(proposal_id, faster=faster)
-        proposal = self.state.effects.proposal
-        return "" if proposal is None else proposal.text()
-
-    def load(self, states: Mapping[str, tuple[State | None, float]]) -> None:
-        """Replace groups by stored states with their ages [s], all or none."""
-        self.state = self.state.load(states)
+    # ------------------------------------------------------------------ planning
 
     def restrict_to_file(self) -> set[str]:
         """Plan nowhere faster than the model file until stops arrive; the groups that changed."""
@@ -208,8 +192,6 @@ class Learner:
     def assume_untrained(self) -> set[str]:
         """Plan as on ground without stops where nothing is known; the groups that changed."""
         return set() if self.state.unsupported_reason else self.state.braking.assume_untrained()
-
-    # ------------------------------------------------------------------ planning
 
     def age(self) -> None:
         """Age what was learned by the time since the last call."""

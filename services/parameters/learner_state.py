@@ -20,6 +20,7 @@ from slopewise.services.parameters.group_registry import GROUPS
 from slopewise.services.parameters.learned_stop import counts_twice, unsupported_reason
 from slopewise.services.parameters.parameter_group import ParameterGroups, State
 from slopewise.services.settings.learning_settings import Learning
+from slopewise.services.wire.model_proposal import ModelProposal
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +88,9 @@ class LearnerState:
 
     # ------------------------------------------------------------------ changes
 
-    def propose(self, effects: EffectsGroup) -> LearnerState:
+    def propose(self, proposal: ModelProposal) -> LearnerState:
         """With another proposal; plans are the same."""
-        return replace(self, effects=effects)
+        return replace(self, effects=replace(self.effects, proposal=proposal))
 
     def adopt(self, proposal_id: str, *, faster: bool) -> LearnerState:
         """Plan and learn on top of the proposed finding, see :meth:`EffectsGroup.adopt`.

@@ -166,11 +166,12 @@ class ParameterService:
             ParameterError: says what was expected.
         """
         try:
-            summary = self.learner.adopt(proposal, faster=faster)
+            self.learner.state = state = self.learner.state.adopt(proposal, faster=faster)
         except ParameterError as error:
             self.rejected = (proposal, str(error))
             raise
         self.rejected = ("", "")
+        summary = "" if state.effects.proposal is None else state.effects.proposal.text()
         self._commit({EFFECTS}, f"adopted {proposal}, {summary}", who, learned=False)
         # Braking is learned on top of another model from now on.
         self.changed |= set(self.learner.state.names())
@@ -198,7 +199,7 @@ class ParameterService:
         if outcome is None or outcome.offer is None:
             return
         proposal = outcome.offer
-        self.learner.propose(proposal)
+        self.learner.state = self.learner.state.propose(proposal)
         self.rejected = ("", "")
         self._commit({EFFECTS}, f"offered {proposal.id}, {proposal.text()}", proposal.cause)
         allowed = self._config.discrepancy.adopt_slower

@@ -70,7 +70,8 @@ class ParameterRestorer:
         now, is_newest = BootTime.now(), True
         for change, state in self._history.newest(group):
             try:
-                self._learner.load({group: (state, change.moment.age(now, self._oldest))})
+                age = change.moment.age(now, self._oldest)
+                self._learner.state = self._learner.state.load({group: (state, age)})
             except (ValueError, KeyError, TypeError) as error:
                 _log.warning("%s of version %d: %s", group, change.version, error)
                 is_newest = False
@@ -84,7 +85,7 @@ class ParameterRestorer:
         stored = self._history.groups()
         lost = [g for g, last in self._history.last.items() if last.cause == LOST]
         for group in [g for g in lost if g not in stored]:
-            self._learner.load({group: (None, 0.0)})
+            self._learner.state = self._learner.state.load({group: (None, 0.0)})
             del self._history.last[group]
 
     def roll_back(self, version: int, group: str) -> dict[str, BootTime]:
@@ -110,7 +111,7 @@ class ParameterRestorer:
                 moments[name] = now if change is None else change.moment
                 states[name] = stored, moments[name].age(now, self._oldest)
         try:
-            self._learner.load(states)
+            self._learner.state = state.load(states)
         except (ValueError, KeyError, TypeError) as error:
             raise ParameterError("version", f"one that can be used: {error}") from None
         return moments

@@ -51,7 +51,7 @@ def write_sheet(path: Path, numbers: BrakeNumbers, facts: Mapping[str, str], tra
 
     Args:
         path: .html or .pdf.
-        numbers: of the surface. facts: results from the stops, name -> value.
+        numbers: brake numbers of one surface. facts: results from the stops, name -> value.
         trace: lines with the files it was made from.
 
     Raises:
@@ -112,7 +112,7 @@ def _finite(distances: Any) -> list[list[float | None]]:
 
 
 def unsafe_rule_warning(numbers: BrakeNumbers) -> str:
-    """Where rules that know no slope give too short a stop, in a sentence."""
+    """Sentence on where rules without slope give too short a stop."""
     table = numbers.sheet_table
     top, descent = float(table.speeds[-1]), float(table.grades[0])
     needed = float(table.allowed[-1, 0]) - numbers.offset
@@ -151,12 +151,12 @@ def brake_rows(numbers: BrakeNumbers) -> dict[str, str]:
 def _other_surfaces(numbers: BrakeNumbers, speed: float) -> dict[str, str]:
     """Longest stops of the sheet on other surfaces of the model, the longest first."""
     b = numbers.model.braking
-    others = {n for n, table in b.terrain.items() if table.state_of is None} - {numbers.surface}
+    surfaces = {n for n, table in b.terrain.items() if table.state_of is None} - {numbers.surface}
     longest = {
         n: replace(numbers, surface=n).allowed_distance(
             min(speed, b.on(n).speed_range[1]), b.grade_range[0]
         )
-        for n in others
+        for n in surfaces
     }
     listed = sorted(longest, key=lambda n: (-longest[n], n))[:_MAX_SURFACES]
     texts = (
@@ -172,7 +172,7 @@ def slope_rows(numbers: BrakeNumbers) -> dict[str, str]:
     slow, fast = b.speed_range
     low, high = b.grade_range
 
-    def both(uphill: SteepestSlope, downhill: SteepestSlope) -> str:
+    def format_slopes(uphill: SteepestSlope, downhill: SteepestSlope) -> str:
         return ", ".join(
             f"{np.rad2deg(slope.claimed):.1f}°{'+' if slope.law > slope.claimed else ''}"
             for slope in (uphill, downhill)
@@ -180,8 +180,8 @@ def slope_rows(numbers: BrakeNumbers) -> dict[str, str]:
 
     load, min_load = numbers.least_rear_load(), numbers.model.limits.min_load
     return {
-        "stops uphill, downhill": both(numbers.stops(1.0), numbers.stops(-1.0)),
-        "holds uphill, downhill": both(numbers.holds(1.0), numbers.holds(-1.0)),
+        "stops uphill, downhill": format_slopes(numbers.stops(1.0), numbers.stops(-1.0)),
+        "holds uphill, downhill": format_slopes(numbers.holds(1.0), numbers.holds(-1.0)),
         "rear axle, steepest stop": f"{load:.0%} of level, {min_load:.0%} required",
         "trained speeds": f"{slow:.2f} … {fast:.2f} m/s",
         "trained grades": f"{_degrees(low)} … {_degrees(high)}",
@@ -190,7 +190,7 @@ def slope_rows(numbers: BrakeNumbers) -> dict[str, str]:
 
 
 def rule_notes(numbers: BrakeNumbers) -> str:
-    """What is compared in the table of rules, in lines."""
+    """Lines below the table of rules: what is compared."""
     top, accel = float(numbers.sheet_table.speeds[-1]), numbers.model.limits.accel
 
     def below(grade: float | None) -> str:
@@ -235,7 +235,7 @@ def _draw(
     _draw_rows(figure, _MIDDLE, "Slopes and evidence", {**slope_rows(numbers), **facts})
     head = f"Stopping distance, m: at the {quantile} with offset / mean"
     figure.text(_LEFT, 0.727, head, fontsize=10.5, weight="bold")
-    y = _draw_distances(figure, 0.714, numbers) - 1.2 * _LINE
+    y = _draw_distances(figure, 0.714, numbers) - 1.7 * _LINE
     figure.text(_LEFT, y, "Compared with rules without slope", fontsize=10.5, weight="bold")
     warning = unsafe_rule_warning(numbers)
     figure.text(_LEFT, y - 0.009, warning, fontsize=7.8, va="top", color=SHORT)

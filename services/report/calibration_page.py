@@ -35,7 +35,7 @@ class RejectedLog(NamedTuple):
     """Content of a log from which nothing is learned.
 
     Attributes:
-        reason: for the rejection. windows: stops found. places: run and time of each.
+        reason: why it is rejected. windows: stops found. places: run and time of each.
         suspects: excluded intervals. clock: time at which each begins [s].
     """
 
@@ -60,7 +60,7 @@ def write_calibration_page(
     Args:
         path: HTML file. calibration: result to show.
         rows: table of numbers. clock: time at which excluded intervals begin, by sample [s].
-        title: of the page. provenance: logs, model, date: name -> value.
+        title: heading. provenance: logs, model, date: name -> value.
 
     Raises:
         InputError: the file cannot be written.

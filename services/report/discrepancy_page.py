@@ -50,7 +50,7 @@ def write_discrepancy_page(
 
     Args:
         path: HTML file. findings, evidence: from one log.
-        title: of the page. provenance: logs, model, date: name -> value.
+        title: heading. provenance: logs, model, date: name -> value.
 
     Raises:
         InputError: the file cannot be written.
@@ -250,7 +250,7 @@ def _draw_map(figure: Any, evidence: Evidence) -> None:
 
 
 def _row_means(values: Any) -> Any:
-    """(S,) means over the finite values of each row, NaN where there are none."""
+    """(S,) means over the finite values of each row, NaN where a row has no finite value."""
     finite = np.isfinite(values)
     count = np.where(finite.any(axis=1), finite.sum(axis=1), np.nan)
     return np.where(finite, values, 0.0).sum(axis=1) / count

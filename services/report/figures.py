@@ -46,13 +46,13 @@ def figure_style() -> Iterator[type[Any]]:
 
 def draw_figures(**drawings: Drawing) -> dict[str, str]:
     """Draw figures with a constrained layout; returns the data URI of each as SVG."""
-    drawn = {}
+    uris = {}
     with figure_style() as make_figure:
         for name, (size, draw) in drawings.items():
             figure = make_figure(size, layout="constrained")
             draw(figure)
-            drawn[name] = svg_uri(figure)
-    return drawn
+            uris[name] = svg_uri(figure)
+    return uris
 
 
 def svg_uri(figure: Any) -> str:

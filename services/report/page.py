@@ -52,8 +52,8 @@ def render(
     """Render a whole page.
 
     Args:
-        template: asset that extends ``page.html``. values: for its fields, escaped there.
-        title: of the window.
+        template: asset that extends ``page.html``. values: fields of the template, escaped there.
+        title: window title.
         styles, scripts: assets, included in this order.
         data: what the script reads.
         extra_style: CSS in front of the assets.
@@ -68,7 +68,7 @@ def render(
         .render(
             values,
             title_of_window=title,
-            # Whatever a name may contain: only this very script runs, and nothing is fetched.
+            # Only this very script runs, and nothing is fetched, for any content of a name.
             policy=f"default-src 'none'; img-src data:{server}; style-src 'unsafe-inline'; "
             f"script-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'",
             style="\n".join((extra_style, *map(asset, styles))),

@@ -77,9 +77,9 @@ def write_plan_page(
         elevation_map: ground that was planned on.
         plans: best first; their order is their rank.
         model: vehicle and limits that were planned with.
-        title: of the page.
+        title: heading.
         provenance: map, paths, date and further facts: name -> value.
-        explanation: of the best plan, None to omit it.
+        explanation: why the best plan is not faster; None to omit it.
 
     Raises:
         InputError: the file cannot be written.
@@ -240,7 +240,7 @@ def plan_table(
         "rear": _number(summary.rear_load),
         "side": _number(summary.side_load),
         "beside": _number(summary.path_deviation),  # words: ok (key of the page's data)
-        "limits": None if summary.limits_most is None else int(summary.limits_most),
+        "limits": None if summary.longest_limit is None else int(summary.longest_limit),
         "obstacle": _obstacle(plan.obstacle, origin),
         "columns": columns,
         "bounds": [

@@ -1,4 +1,4 @@
-"""Summary of each plan in numbers, and of all of them in a sentence."""
+"""Numbers of each plan, and one sentence on all of them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class PlanSummary:
         mean_speed, max_speed: [m/s].
         margin: smallest margin of an emergency stop to the clear distance [m].
         rear_load, side_load: smallest in any emergency stop, shares of the level static loads [1].
-        limits_most: bound that holds along most of the driven distance.
+        longest_limit: bound that holds along most of the driven distance.
         limits_share: share of the driven distance along which it holds [1].
         path_deviation: largest distance between the plan and the given path [m].
     """
@@ -50,7 +50,7 @@ class PlanSummary:
     margin: float | None
     rear_load: float | None
     side_load: float | None
-    limits_most: Limiting | None
+    longest_limit: Limiting | None
     limits_share: float
     path_deviation: float | None
 
@@ -60,7 +60,7 @@ def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
     moving = plan.speed > 0.0
     last = min(int(np.flatnonzero(moving)[-1]) + 1, len(moving) - 1) if moving.any() else 0
     driven = slice(0, last + 1)
-    limits_most, limits_share = _longest_limit(plan, last)
+    longest_limit, limits_share = _find_longest_limit(plan, last)
     time = _finite(plan.travel_time)
     with np.errstate(invalid="ignore"):  # inf - inf, where nothing limits
         margin = _finite(plan.least_margin)
@@ -77,7 +77,7 @@ def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
         margin=margin,
         rear_load=_smallest(plan.rear_load[driven]),
         side_load=_smallest(plan.side_load[driven]),
-        limits_most=limits_most,
+        longest_limit=longest_limit,
         limits_share=limits_share,
         path_deviation=None if plan.path_deviation is None else plan.path_deviation.largest,
     )
@@ -92,7 +92,7 @@ def _smallest(values: np.ndarray) -> float | None:
     return float(known.min()) if known.size else None
 
 
-def _longest_limit(plan: SpeedPlan, last: int) -> tuple[Limiting | None, float]:
+def _find_longest_limit(plan: SpeedPlan, last: int) -> tuple[Limiting | None, float]:
     """Bound along most of the driven distance; it holds from its station to the next."""
     if last == 0:
         return None, 0.0
@@ -104,12 +104,12 @@ def _longest_limit(plan: SpeedPlan, last: int) -> tuple[Limiting | None, float]:
 
 
 def best_plan(plans: Sequence[SpeedPlan]) -> int | None:
-    """Index of the best ranked plan that may be driven; None if there is none."""
+    """Index of the best ranked plan that may be driven; None if no plan may be driven."""
     return next((i for i, plan in enumerate(plans) if plan.admissible), None)
 
 
 def verdict(plans: Sequence[SpeedPlan]) -> str:
-    """Outcome of the planning in a sentence."""
+    """Sentence on the outcome of the planning."""
     if not plans:
         return "There was no candidate to plan."
     count = Counter(plan.status for plan in plans)

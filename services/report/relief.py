@@ -131,7 +131,7 @@ def _height_tone(elevation: Floats, known: NDArray[np.bool_]) -> Floats:
 
 
 def _rise(elevation: Floats, resolution: float, axis: int) -> Floats:
-    """Slope along an axis from the known neighbours, 0 where there is none."""
+    """Slope along an axis from the known neighbours, 0 where neither is known."""
     step = np.diff(elevation, axis=axis) / resolution
     gap = np.full_like(np.take(elevation, [0], axis=axis), np.nan)
     after = np.concatenate((step, gap), axis=axis)
@@ -188,7 +188,7 @@ def contour_levels(elevation: Floats, step: float) -> Floats:
 
 
 def smoothed(elevation: Floats) -> Floats:
-    """Means over 3 x 3 cells, which take the jitter out of contours; unknown stays unknown."""
+    """Means over 3 x 3 cells, which smooth contours; unknown stays unknown."""
     rows, columns = elevation.shape
     known = np.isfinite(elevation)
     heights = np.pad(np.where(known, elevation, 0.0), 1)

@@ -19,11 +19,7 @@ from numpy.typing import NDArray
 from slopewise.models.terrain.classes import TerrainClasses
 from slopewise.models.terrain.trace import TerrainTrace
 from slopewise.services.report.figures import COLOURS, FAINT, FIRST, INK, SECOND, draw_figures
-from slopewise.services.report.page import (
-    MAX_ROWS,
-    render,
-    write_page,
-)
+from slopewise.services.report.page import MAX_ROWS, render, write_page
 
 Point = tuple[str, tuple[float, float, float]]
 """Class, and (f_r, μ_t, B_s) of a stretch."""

@@ -1,4 +1,4 @@
-"""Messages of ROS 2 from and to what planning knows."""
+"""Conversion of ROS 2 messages from and to the types of planning."""
 
 from __future__ import annotations
 
@@ -22,11 +22,26 @@ BOOL = "std_msgs/msg/Bool"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 OK, WARN, ERROR = 0, 1, 2
 
+UNIT_TOLERANCE = 0.1
+"""Deviation of a quaternion's length from 1: rounding, not a value that was never filled in [1]."""
+
 _NANO = 1_000_000_000
-_FEWEST = 3
-_BEHIND = 2.0  # [m]
-_NEAR = 0.5  # [m] farther than the nearest point by that is as near
-_TURNED = 1.0  # [rad]
+"""Nanoseconds per second."""
+
+_MIN_POINTS = 3
+"""Points of a candidate, whose curvature the planner needs [1]."""
+
+_SAME_PLACE = 1e-6
+"""Distance up to which consecutive poses are one place [m]."""
+
+_BEHIND = 2.0
+"""Part of a path behind the vehicle that is sent: more than a vehicle's length [m]."""
+
+_NEAR = 0.5
+"""Distance beyond that of the nearest point up to which others are as near [m]."""
+
+_MAX_HEADING_ERROR = 1.0
+"""Angle between vehicle and path up to which the path leads where the vehicle heads [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +57,10 @@ class OdometrySample:
 
 
 def motion_of(message: Any) -> OdometrySample:
-    """What a nav_msgs/Odometry says.
+    """Motion from a nav_msgs/Odometry.
 
     Raises:
-        ParameterError: a number is none, or the orientation is no rotation.
+        ParameterError: a number is not finite, or the orientation is not a rotation.
     """
     pose, header = message.pose.pose, message.header
     roll, pitch, yaw = angles_of(pose.orientation)
@@ -60,10 +75,10 @@ def angles_of(q: Any) -> tuple[float, float, float]:
     """Roll, pitch (nose down positive) and yaw of an orientation, z-y-x [rad].
 
     Raises:
-        ParameterError: no rotation, such as one that nobody filled in.
+        ParameterError: the orientation is not a rotation, such as one that was never filled in.
     """
     length = float(np.sqrt(q.x**2 + q.y**2 + q.z**2 + q.w**2))
-    if not 0.9 < length < 1.1:
+    if not abs(length - 1.0) < UNIT_TOLERANCE:
         raise ParameterError("orientation", f"a quaternion of length 1, got {length:.3g}")
     x, y, z, w = (part / length for part in (q.x, q.y, q.z, q.w))
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
@@ -73,87 +88,86 @@ def angles_of(q: Any) -> tuple[float, float, float]:
 
 
 def candidate_of(name: str, message: Any) -> Path:
-    """A candidate out of a nav_msgs/Path; places that repeat are left out.
+    """Candidate from a nav_msgs/Path, without repeated places.
 
     Raises:
-        ParameterError: fewer than two places, or a coordinate that is none.
+        ParameterError: fewer than two places, or a coordinate that is not finite.
     """
     points = points_of(message)
     if not np.isfinite(points).all():
         raise ParameterError("poses", "finite coordinates [m]")
     if len(points) > 1:
-        moves = np.hypot(*np.diff(points, axis=0).T) > 1e-6
+        moves = np.hypot(*np.diff(points, axis=0).T) > _SAME_PLACE
         points = points[np.concatenate(([True], moves))]
     if len(points) < 2:
         raise ParameterError("poses", f"at least 2 places, got {len(points)}")
-    if len(points) < _FEWEST:
+    if len(points) < _MIN_POINTS:
         points = np.stack([points[0], points.mean(axis=0), points[1]])
     return Path(name=name, points=points)
 
 
 def ahead_of(path: Path, motion: OdometrySample, horizon: float) -> Path:
-    """The part of a candidate that matters now: a little behind the vehicle, and so far ahead [m].
+    """Part of a candidate from a little behind the vehicle to the horizon [m].
 
-    A path may pass by the same place again; the first part counts that leads where the vehicle
-    heads. Paths of a whole field would cost time, or be too long to be asked for.
+    Of a path that passes the same place again, the first part is used that leads where the vehicle
+    heads. Paths of a whole field would cost time, or be too long for a request.
     """
     points = path.points
     steps = np.diff(points, axis=0)
-    way = np.concatenate(([0.0], np.cumsum(np.hypot(*steps.T))))
-    if way[-1] <= horizon:
+    station = np.concatenate(([0.0], np.cumsum(np.hypot(*steps.T))))
+    if station[-1] <= horizon:
         return path
-    away = np.hypot(points[:, 0] - motion.x, points[:, 1] - motion.y)
+    distance = np.hypot(points[:, 0] - motion.x, points[:, 1] - motion.y)
     headings = np.arctan2(steps[:, 1], steps[:, 0])
-    turned = np.abs(np.angle(np.exp(1j * (np.append(headings, headings[-1]) - motion.heading))))
-    near = away <= away.min() + _NEAR
-    along = near & (turned <= _TURNED)
-    here = way[int(np.argmax(along if along.any() else near))]
-    first = max(int(np.searchsorted(way, here - _BEHIND, "right")) - 1, 0)
-    last = max(int(np.searchsorted(way, here + horizon, "left")), first + _FEWEST - 1)
-    cut = points[max(min(first, len(points) - _FEWEST), 0) : last + 1]
-    return Path(name=path.name, points=cut)
+    error = np.abs(np.angle(np.exp(1j * (np.append(headings, headings[-1]) - motion.heading))))
+    near = distance <= distance.min() + _NEAR
+    along = near & (error <= _MAX_HEADING_ERROR)
+    here = station[int(np.argmax(along if along.any() else near))]
+    first = max(int(np.searchsorted(station, here - _BEHIND, "right")) - 1, 0)
+    last = max(int(np.searchsorted(station, here + horizon, "left")), first + _MIN_POINTS - 1)
+    first = max(min(first, len(points) - _MIN_POINTS), 0)
+    return Path(name=path.name, points=points[first : last + 1])
 
 
 def stamp_of(header: Any) -> int:
-    """A header's stamp [ns]."""
+    """Stamp of a header [ns]."""
     return int(header.stamp.sec) * _NANO + int(header.stamp.nanosec)
 
 
 def header(frame: str, stamp: int) -> Any:
-    """A header; ``stamp`` [ns]."""
+    """Header; ``stamp`` in ns."""
     types = typestore().types
     time = types["builtin_interfaces/msg/Time"](sec=stamp // _NANO, nanosec=stamp % _NANO)
     return types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
 
 
-def speed_limit(told: SpeedAdvice, stamp: int) -> Any:
-    """A nav2_msgs/SpeedLimit in m/s; never the 0.0 that would lift all limits."""
-    limit = float(told.limit)
+def speed_limit(advice: SpeedAdvice, stamp: int) -> Any:
+    """nav2_msgs/SpeedLimit in m/s; never the 0.0 that would lift all limits."""
+    limit = float(advice.limit)
     if not (np.isfinite(limit) and limit > 0.0):
         raise ParameterError("limit", f"a finite limit > 0 [m/s], got {limit}")
     return typestore().types[SPEED_LIMIT](header("", stamp), False, limit)
 
 
 def profile(plan: Plan | None, at: PlanPosition | None, frame: str, stamp: int) -> Any:
-    """A plan as a nav_msgs/Path: each pose stamped with when the plan is there.
+    """Plan as a nav_msgs/Path: the stamp of each pose is the time at which the plan reaches it.
 
     Args:
-        plan: None gives an empty path: nothing to drive along.
-        at: the vehicle on it. frame: of the plan. stamp: now [ns].
+        plan, at: plan and the vehicle's position on it; None gives an empty path.
+        stamp: now [ns].
     """
     types = typestore().types
     poses = []
     if plan is not None and at is not None:
-        x, y, z, time, speed = (plan.column(n) for n in ("x", "y", "z", "time", "speed"))
-        grade = plan.column("grade")
+        x, y, z, time, speed, grade = map(plan.column, ("x", "y", "z", "time", "speed", "grade"))
         yaw = np.arctan2(np.gradient(y), np.gradient(x))
         driven = int(np.flatnonzero(speed > 0.0).max(initial=-1)) + 2
         for k in range(at.ahead, min(driven, len(x))):
-            then = stamp + round((float(time[k]) - at.time) * _NANO)
+            reached = stamp + round((float(time[k]) - at.time) * _NANO)
             turn = _quaternion(float(yaw[k]), -float(grade[k]))
             point = types["geometry_msgs/msg/Point"](float(x[k]), float(y[k]), float(z[k]))
             pose = types["geometry_msgs/msg/Pose"](point, turn)
-            poses.append(types["geometry_msgs/msg/PoseStamped"](header(frame, then), pose))
+            poses.append(types["geometry_msgs/msg/PoseStamped"](header(frame, reached), pose))
     return types[PATH](header(frame, stamp), poses)
 
 
@@ -166,7 +180,7 @@ def _quaternion(yaw: float, pitch: float) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """One status of diagnostics: OK, WARN or ERROR, in words, with further facts."""
+    """One status of diagnostics; ``level``: OK, WARN or ERROR."""
 
     name: str
     level: int
@@ -175,21 +189,16 @@ class Condition:
 
 
 def diagnostics(conditions: Sequence[Condition], hardware: str, stamp: int) -> Any:
-    """A diagnostic_msgs/DiagnosticArray."""
+    """diagnostic_msgs/DiagnosticArray."""
     types = typestore().types
+    status, pair = (types[f"diagnostic_msgs/msg/{n}"] for n in ("DiagnosticStatus", "KeyValue"))
     statuses = [
-        types["diagnostic_msgs/msg/DiagnosticStatus"](
-            c.level,
-            f"slopewise: {c.name}",
-            c.message,
-            hardware,
-            [types["diagnostic_msgs/msg/KeyValue"](key, value) for key, value in c.values],
-        )
+        status(c.level, f"slopewise: {c.name}", c.message, hardware, [pair(*v) for v in c.values])
         for c in conditions
     ]
     return types[DIAGNOSTICS](header("", stamp), statuses)
 
 
 def flag(value: bool) -> Any:
-    """A std_msgs/Bool."""
+    """std_msgs/Bool."""
     return typestore().types[BOOL](value)

@@ -1,4 +1,4 @@
-"""Who else is there: nodes, publishers and subscriptions of others, out of their tokens."""
+"""Nodes, publishers and subscriptions of others, from their liveliness tokens."""
 
 from __future__ import annotations
 
@@ -12,37 +12,41 @@ import zenoh
 
 from slopewise.services.ros.naming import NO_HASH, NODE, PUBLISHER, SUBSCRIPTION, type_of
 
-_MOST_TOKENS = 20_000
+_MAX_TOKENS = 20_000
+"""Tokens that are stored; a fleet of 100 robots has some 10,000 [1]."""
+
 _ROS, _BRIDGE = "@ros2_lv", "@"
 
 
-class Speech(Enum):
-    """In which keys a robot speaks; the value is how to say it."""
+class KeyScheme(Enum):
+    """Scheme of the keys that a robot uses; the value describes it."""
 
     HASHED = "type hashes, as rmw_zenoh does since Jazzy"
     UNHASHED = "no type hashes, as rmw_zenoh of Humble does"
     BRIDGED = "keys of zenoh-bridge-ros2dds"
 
 
-OF_DISTRIBUTION: dict[str, tuple[Speech, ...]] = {
-    "auto": (Speech.HASHED,),
-    "humble": (Speech.UNHASHED,),
-    "jazzy": (Speech.HASHED,),
-    "kilted": (Speech.HASHED,),
-    "lyrical": (Speech.HASHED,),
-    "dds": (Speech.BRIDGED,),
+OF_DISTRIBUTION: dict[str, KeyScheme] = {
+    "auto": KeyScheme.HASHED,
+    "humble": KeyScheme.UNHASHED,
+    "jazzy": KeyScheme.HASHED,
+    "kilted": KeyScheme.HASHED,
+    "lyrical": KeyScheme.HASHED,
+    "dds": KeyScheme.BRIDGED,
 }
-"""What each distribution speaks; with ``auto`` whatever else is seen is added."""
+"""Scheme of each distribution; with ``auto`` others that are seen are added."""
 
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """A node, or a publisher or subscription of one.
+    """Node, or a publisher or subscription of one.
 
     Attributes:
         entity: `naming.NODE`, `PUBLISHER`, `SUBSCRIPTION`, or that of a service.
-        domain: ROS_DOMAIN_ID; None where a bridge speaks for it. session: zenoh's id.
-        node: with its namespace; of a bridge, the bridge. topic, kind, type_hash: "" of nodes.
+        domain: ROS_DOMAIN_ID; None behind a bridge.
+        session: zenoh's id of the session.
+        node: with its namespace; behind a bridge, the bridge.
+        topic, kind, type_hash: empty for nodes.
     """
 
     entity: str
@@ -54,15 +58,15 @@ class Endpoint:
     type_hash: str = ""
 
     @property
-    def speech(self) -> Speech:
-        """In which keys it speaks."""
+    def scheme(self) -> KeyScheme:
+        """Scheme of its keys."""
         if self.domain is None:
-            return Speech.BRIDGED
-        return Speech.UNHASHED if self.type_hash == NO_HASH else Speech.HASHED
+            return KeyScheme.BRIDGED
+        return KeyScheme.UNHASHED if self.type_hash == NO_HASH else KeyScheme.HASHED
 
 
 def endpoint_of(token: str) -> Endpoint | None:
-    """What a token says; None if it is none of ROS 2. What follows the last known part is left."""
+    """Endpoint that a token declares, None if it is not of ROS 2; unknown parts are ignored."""
     parts = token.split("/")
     if parts[0] == _ROS and len(parts) >= 9 and parts[1].isdecimal():
         _, domain, session, _, _, entity, _, namespace, name, *topic = parts
@@ -85,15 +89,16 @@ class Graph:
     """Endpoints of others as they come and go; zenoh's threads write, any thread reads.
 
     Attributes:
-        domain: ours. changes: grows with everything that comes or goes.
+        domain: our domain.
+        changes: count of endpoints that came or went.
     """
 
     def __init__(self, session: zenoh.Session, domain: int) -> None:
-        """Watch, on a session whose own tokens do not count."""
+        """Subscribe on a session whose tokens are ignored."""
         self.domain = domain
-        self._own = str(session.info.zid())
+        self._session_id = str(session.info.zid())
         self._lock = threading.Lock()
-        self._seen: dict[str, Endpoint] = {}
+        self._endpoints: dict[str, Endpoint] = {}
         self.changes = 0
         self._watchers = [
             session.liveliness().declare_subscriber(key, self._on_token, history=True)
@@ -101,37 +106,37 @@ class Graph:
         ]
 
     def close(self) -> None:
-        """Watch no longer."""
+        """Unsubscribe."""
         for watcher in self._watchers:
             watcher.undeclare()
 
     def _on_token(self, sample: Any) -> None:
         token = str(sample.key_expr)
         endpoint = endpoint_of(token)
-        if endpoint is None or endpoint.session == self._own:
+        if endpoint is None or endpoint.session == self._session_id:
             return
         with self._lock:
             self.changes += 1
             if sample.kind != zenoh.SampleKind.PUT:
-                self._seen.pop(token, None)
-            elif len(self._seen) < _MOST_TOKENS:
-                self._seen[token] = endpoint
+                self._endpoints.pop(token, None)
+            elif len(self._endpoints) < _MAX_TOKENS:
+                self._endpoints[token] = endpoint
 
     def all(self) -> list[Endpoint]:
-        """Everything that is there now, of all domains."""
+        """Endpoints of all domains."""
         with self._lock:
-            return list(self._seen.values())
+            return list(self._endpoints.values())
 
     def here(self) -> list[Endpoint]:
         """Publishers and subscriptions of our domain, or behind a bridge."""
-        wanted = (PUBLISHER, SUBSCRIPTION)
-        return [e for e in self.all() if e.entity in wanted and e.domain in (self.domain, None)]
+        kinds = (PUBLISHER, SUBSCRIPTION)
+        return [e for e in self.all() if e.entity in kinds and e.domain in (self.domain, None)]
 
-    def speeches(self) -> set[Speech]:
-        """In which keys those speak who are here."""
-        return {e.speech for e in self.here()}
+    def schemes(self) -> set[KeyScheme]:
+        """Schemes in use here."""
+        return {e.scheme for e in self.here()}
 
 
-def others_domains(endpoints: Iterable[Endpoint], own: int) -> list[int]:
-    """Domains of others that are not ours, sorted."""
-    return sorted({e.domain for e in endpoints if e.domain is not None} - {own})
+def other_domains(endpoints: Iterable[Endpoint], ours: int) -> list[int]:
+    """Domains other than ours, sorted."""
+    return sorted({e.domain for e in endpoints if e.domain is not None} - {ours})

@@ -1,4 +1,4 @@
-"""Messages of ROS 2 that wait to be looked at, and what makes them wait."""
+"""Messages of ROS 2 that wait to be processed."""
 
 from __future__ import annotations
 
@@ -14,13 +14,16 @@ import zenoh
 from slopewise.models.errors import InputError
 from slopewise.services.io.bags import read_cdr
 
-_MOST_BYTES = 64_000_000
-_MOST_WAITING = 100
+_MAX_BYTES = 64_000_000
+"""Size of a message: a grid map of 16 million cells [bytes]."""
+
+_MAX_WAITING = 100
+"""Messages of a topic in :attr:`Inbox.all_of` that may wait: a second of /tf at 100 Hz [1]."""
 
 
 @dataclass(slots=True)
 class Received:
-    """A message, not decoded yet. ``at``: monotonic clock [s]; ``attachment``: beside it."""
+    """Message that is not decoded yet; ``at``: arrival, monotonic clock [s]."""
 
     raw: bytes
     at: float
@@ -29,13 +32,14 @@ class Received:
 
 @dataclass
 class Inbox:
-    """The newest messages of each topic; zenoh's threads fill it, one thread takes from it.
+    """Newest messages of each topic; zenoh's threads fill it, one thread takes from it.
 
     Attributes:
-        counters: what was received, replaced before it was looked at, or refused.
-        refused: why, by topic, the last time.
-        clock: monotonic [s].
-        all_of: topics of which every message counts, up to the last hundred; of others the newest.
+        clock: monotonic clock [s].
+        counters: messages that were received, replaced before they were taken, or refused.
+        refused: last reason of refusal by topic.
+        news: notified with each message.
+        all_of: topics of which every message is kept; of others the newest is.
     """
 
     clock: Callable[[], float] = time.monotonic
@@ -46,55 +50,53 @@ class Inbox:
     _waiting: dict[str, deque[Received]] = field(default_factory=dict)
 
     def put(self, topic: str, raw: bytes, attachment: bytes = b"") -> None:
-        """Keep a message; where there is no room, the oldest makes it."""
+        """Keep a message; where the topic is full, it replaces the oldest."""
         with self.news:
-            most = _MOST_WAITING if topic in self.all_of else 1
-            waiting = self._waiting.setdefault(topic, deque(maxlen=most))
+            capacity = _MAX_WAITING if topic in self.all_of else 1
+            waiting = self._waiting.setdefault(topic, deque(maxlen=capacity))
             self.counters["received"] += 1
-            self.counters["replaced"] += len(waiting) == most
+            self.counters["replaced"] += len(waiting) == capacity
             waiting.append(Received(raw, self.clock(), attachment))
             self.news.notify_all()
 
-    def refuse(self, topic: str, why: str) -> None:
+    def refuse(self, topic: str, reason: str) -> None:
         """Count a message that cannot be used."""
         with self.news:
             self.counters["refused"] += 1
-            self.refused[topic] = why
+            self.refused[topic] = reason
 
     def take(self, topics: tuple[str, ...], until: float) -> dict[str, list[Received]]:
         """Messages of some topics, newest last; waits for the first one, until then [s]."""
         with self.news:
             while not any(t in self._waiting for t in topics):
-                left = until - self.clock()
-                if left <= 0.0:
+                remaining = until - self.clock()
+                if remaining <= 0.0:
                     return {}
-                self.news.wait(left)
+                self.news.wait(remaining)
             return {t: list(self._waiting.pop(t)) for t in topics if t in self._waiting}
 
 
 def keeper(
-    inbox: Inbox, name: str, kind: str, known: set[str] | None
+    inbox: Inbox, name: str, kind: str, hashes: set[str] | None
 ) -> Callable[[zenoh.Sample], None]:
-    """What puts samples of a topic into the inbox; ``known`` hashes, None where keys have none."""
+    """Callback that keeps samples of a topic under known hashes; None: keys have no hash."""
 
     def on_sample(sample: zenoh.Sample) -> None:
         type_hash = str(sample.key_expr).rsplit("/", 1)[-1]
-        if known is not None and type_hash not in known:
-            inbox.refuse(name, f"expected {kind} as defined by {', '.join(sorted(known))}")
-            return
-        if len(sample.payload) > _MOST_BYTES:
-            found = f"got {len(sample.payload)}"
-            inbox.refuse(name, f"expected at most {_MOST_BYTES} bytes, {found}")
-            return
-        # Older releases write what is attached in another way; nothing here depends on it.
-        beside = b"" if sample.attachment is None else sample.attachment.to_bytes()
-        inbox.put(name, sample.payload.to_bytes(), beside)
+        if hashes is not None and type_hash not in hashes:
+            inbox.refuse(name, f"expected {kind} as defined by {', '.join(sorted(hashes))}")
+        elif (size := len(sample.payload)) > _MAX_BYTES:
+            inbox.refuse(name, f"expected at most {_MAX_BYTES} bytes, got {size}")
+        else:
+            # Older releases encode attachments in another form; they are optional.
+            attached = b"" if sample.attachment is None else sample.attachment.to_bytes()
+            inbox.put(name, sample.payload.to_bytes(), attached)
 
     return on_sample
 
 
 def decoded(inbox: Inbox, topic: str, received: Received, kind: str) -> Any | None:
-    """A message out of the inbox; None, counted, if its bytes are not exactly one."""
+    """Message from the inbox; None, counted, if its bytes are not exactly one."""
     try:
         return read_cdr(received.raw, kind, topic, "")
     except InputError as error:

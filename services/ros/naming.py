@@ -5,7 +5,7 @@ a token below ``@ros2_lv``, from which others build the graph that ``ros2 topic 
 message carries 33 bytes: sequence number, source time [ns], 16, and the sender's id, little-endian.
 
 zenoh-bridge-ros2dds, which connects robots with DDS, has keys without domain, type and hash, and
-tokens of its own: ``@/<session>/@ros2_lv/<entity>/<topic>/<type>/<qos>``, with § for each slash.
+separate tokens: ``@/<session>/@ros2_lv/<entity>/<topic>/<type>/<qos>``, with § for each slash.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from slopewise.models.errors import ParameterError
 
 PUBLISHER, SUBSCRIPTION, NODE = "MP", "MS", "NN"
 NO_HASH = "TypeHashNotSupported"
-"""What ROS 2 Humble has instead of a hash."""
+"""Hash in keys of ROS 2 Humble."""
 
 NULL_HASH = f"RIHS01_{64 * '0'}"
-"""Of those who do not know the hash of their type."""
+"""Hash in keys of client libraries that know no hashes."""
 
 _GID = 16
 _ATTACHMENT = struct.Struct(f"<qqB{_GID}s")
@@ -32,10 +32,10 @@ _TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg)/(?P<name>\w+)")
 
 
 def full_name(namespace: str, topic: str) -> str:
-    """A topic with its namespace, e.g. ``/robot/plan``; one that begins with / stays as it is.
+    """Topic with its namespace, e.g. ``/robot/plan``; one that begins with / is absolute.
 
     Raises:
-        ParameterError: not a name of ROS 2.
+        ParameterError: the name is not one of ROS 2.
     """
     name = topic if topic.startswith("/") else f"{namespace.rstrip('/')}/{topic}"
     parts = name.removeprefix("/").split("/")
@@ -45,32 +45,32 @@ def full_name(namespace: str, topic: str) -> str:
 
 
 def dds_type(kind: str) -> str:
-    """``nav_msgs/msg/Path`` as keys have it: ``nav_msgs::msg::dds_::Path_``."""
-    found = _TYPE.fullmatch(kind)
-    if found is None:
+    """Form of a type in keys: ``nav_msgs::msg::dds_::Path_`` of ``nav_msgs/msg/Path``."""
+    parts = _TYPE.fullmatch(kind)
+    if parts is None:
         raise ParameterError("type", f"package/msg/Name, got {kind!r}")
-    return f"{found['package']}::{found['kind']}::dds_::{found['name']}_"
+    return f"{parts['package']}::{parts['kind']}::dds_::{parts['name']}_"
 
 
 def topic_key(domain: int, topic: str, kind: str, type_hash: str) -> str:
-    """The key that a topic's messages are on; ``*`` as hash matches all of them."""
+    """Key of a topic's messages; ``*`` as hash matches all of them."""
     return f"{domain}/{topic.removeprefix('/')}/{dds_type(kind)}/{type_hash}"
 
 
 def type_of(dds: str) -> str:
-    """``nav_msgs/msg/Path`` out of ``nav_msgs::msg::dds_::Path_``; others stay as they are."""
-    found = _DDS_TYPE.fullmatch(dds)
-    return dds if found is None else f"{found['package']}/{found['kind']}/{found['name']}"
+    """Type that keys call ``nav_msgs::msg::dds_::Path_``; other texts are returned unchanged."""
+    parts = _DDS_TYPE.fullmatch(dds)
+    return dds if parts is None else f"{parts['package']}/{parts['kind']}/{parts['name']}"
 
 
 def bridged_key(topic: str) -> str:
-    """The key on which zenoh-bridge-ros2dds has a topic; that with its namespace."""
+    """Key of a topic, given with its namespace, behind a zenoh-bridge-ros2dds."""
     return topic.removeprefix("/")
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """A node of ROS 2 on a session. ``session``: zenoh's id of it, in hexadecimal digits."""
+    """Node of ROS 2 on a session; ``session``: zenoh's id of it, in hexadecimal digits."""
 
     domain: int
     session: str
@@ -78,23 +78,23 @@ class Identity:
     node: str
 
     def node_token(self) -> str:
-        """The token of the node itself; it is entity 0 of its session."""
+        """Token of the node; it is entity 0 of its session."""
         return self._token(0, NODE)
 
     def token(self, number: int, entity: str, topic: str, kind: str, type_hash: str) -> str:
-        """The token of a publisher or a subscription.
+        """Token of a publisher or a subscription.
 
         Args:
-            number: of the entity, unique on the session. entity: `PUBLISHER` or `SUBSCRIPTION`.
-            topic: with its namespace. kind: its type. type_hash: RIHS01_…
+            number: unique on the session.
+            topic: with its namespace.
         """
-        # Reliable, volatile, the last ten: what differs from ROS 2's defaults is nothing.
+        # Reliable, volatile, the last ten: the defaults of ROS 2, which tokens omit.
         qos = "::,10:,:,:,,"
         topic = topic.replace("/", "%")
         return f"{self._token(number, entity)}/{topic}/{dds_type(kind)}/{type_hash}/{qos}"
 
     def bridged_token(self, entity: str, topic: str, kind: str, type_hash: str) -> str:
-        """The token that a zenoh-bridge-ros2dds looks for; arguments as of :meth:`token`."""
+        """Token that a zenoh-bridge-ros2dds subscribes to; arguments as of :meth:`token`."""
         # Keyed no, reliable, volatile, the last ten; numbers of DDS, not of rmw.
         qos = f":1:0:0,10:typehash={type_hash};"
         parts = (bridged_key(topic), kind)
@@ -113,28 +113,28 @@ def _escaped(name: str) -> str:
 
 
 def gid_of(token: str) -> bytes:
-    """16 bytes that tell one publisher from all others, from run to run anew."""
+    """Id of a publisher: 16 bytes, other ones in every run."""
     return hashlib.blake2b(token.encode(), digest_size=_GID).digest()
 
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """What travels beside a message. ``at``: when it was sent [ns since 1970]."""
+    """Attachment of a message; ``at``: time of sending [ns since 1970]."""
 
     sequence: int
     at: int
     gid: bytes
 
     def encode(self) -> bytes:
-        """33 bytes."""
+        """Attachment as 33 bytes."""
         return _ATTACHMENT.pack(self.sequence, self.at, _GID, self.gid)
 
 
 def read_attachment(data: bytes) -> Attachment:
-    """The attachment in some bytes.
+    """Attachment from its bytes.
 
     Raises:
-        ParameterError: they are none.
+        ParameterError: the bytes are not an attachment.
     """
     if len(data) != _ATTACHMENT.size:
         raise ParameterError("attachment", f"{_ATTACHMENT.size} bytes, got {len(data)}")

@@ -1,38 +1,36 @@
-"""A node of ROS 2 on a zenoh session: publishers, subscriptions, and the tokens that show them."""
+"""Node of ROS 2 on a zenoh session: publishers, subscriptions, and the tokens that show them."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from slopewise.services.io.bags import type_hashes, typestore
 from slopewise.services.ros import naming
-from slopewise.services.ros.audience import OwnTopic, TopicAudience, audience_of
-from slopewise.services.ros.graph import OF_DISTRIBUTION, Graph, Speech
+from slopewise.services.ros.graph import OF_DISTRIBUTION, Graph, KeyScheme
 from slopewise.services.ros.inbox import Inbox, keeper
+from slopewise.services.ros.topic_matching import OwnTopic, TopicMatch, match_topic
 
 
-@dataclass(slots=True)
-class _Channel:
-    """Where one speech has a topic: a publisher of zenoh, and the id of the sender there."""
+class _Channel(NamedTuple):
+    """Publisher of zenoh under one scheme, and the id of the sender there."""
 
     publisher: Any
     gid: bytes
 
 
 class Publisher:
-    """Messages of one type on one topic, in every speech that is spoken; one thread at a time."""
+    """Messages of one type on one topic, under every scheme in use; one thread at a time."""
 
     def __init__(self, topic: str, kind: str) -> None:
         """Made by :meth:`Node.publisher`."""
         self.topic, self.kind, self._sequence = topic, kind, 0
-        self.channels: dict[Speech, _Channel] = {}
+        self.channels: dict[KeyScheme, _Channel] = {}
 
     def send(self, message: Any) -> None:
         """Send one message."""
@@ -44,15 +42,14 @@ class Publisher:
             channel.publisher.put(payload, attachment=attachment.encode())
 
 
-@dataclass(frozen=True, slots=True)
-class _Subscription:
+class _Subscription(NamedTuple):
     topic: str
     kind: str
     latched: bool
 
 
 class Node:
-    """A node; a context manager that leaves the session to whoever opened it."""
+    """A node; a context manager that does not close its session."""
 
     def __init__(
         self,
@@ -63,31 +60,29 @@ class Node:
         clock: Callable[[], float] = time.monotonic,
         distribution: str = "auto",
     ) -> None:
-        """Show a node to others.
+        """Declare a node.
 
         Args:
-            session: open. domain: ROS_DOMAIN_ID. namespace: e.g. ``/robot``. name: of the node.
-            clock: monotonic [s].
-            distribution: of the robot, one of :data:`slopewise.services.ros.graph.OF_DISTRIBUTION`;
-            with
-                ``auto`` keys that :meth:`follow` finds in use are added.
+            domain: ROS_DOMAIN_ID.
+            clock: monotonic clock [s].
+            distribution: key of :data:`~slopewise.services.ros.graph.OF_DISTRIBUTION`; with
+                ``auto``, schemes that :meth:`follow` finds in use are added.
         """
         self.inbox = Inbox(clock)
         self.graph = Graph(session, domain)
-        self.speeches = list(OF_DISTRIBUTION[distribution])
-        self._follows, self._looked_at = distribution == "auto", -1
+        self.schemes = [OF_DISTRIBUTION[distribution]]
+        self._follows, self._checked = distribution == "auto", -1
         self._session, self._namespace = session, namespace
         self._identity = naming.Identity(domain, str(session.info.zid()), namespace, name)
-        self._domain, self._entities = domain, 0
+        self._entities = 0
         self._publishers: list[Publisher] = []
         self._subscriptions: list[_Subscription] = []
-        self._heard: set[tuple[str, bool]] = set()
-        self._declared: list[Any] = [
-            session.liveliness().declare_token(self._identity.node_token())
-        ]
+        self._subscribed: set[tuple[str, bool]] = set()
+        token = session.liveliness().declare_token(self._identity.node_token())
+        self._declared: list[Any] = [token]
 
     def __enter__(self) -> Node:
-        """Ready as it is."""
+        """Return the node."""
         return self
 
     def __exit__(
@@ -105,85 +100,89 @@ class Node:
         """Publish messages of a type; ``topic`` may be relative to the namespace."""
         publisher = Publisher(naming.full_name(self._namespace, topic), kind)
         self._publishers.append(publisher)
-        for speech in self.speeches:
-            self._publish_in(speech, publisher)
+        for scheme in self.schemes:
+            self._publish(scheme, publisher)
         return publisher
 
     def subscribe(self, topic: str, kind: str, *, latched: bool = False) -> str:
-        """Let messages of a type come into the inbox, under the full name that is returned.
+        """Receive messages of a type in the inbox, under the full name that is returned.
 
-        Of what others publish on the topic under another definition of the type, nothing is taken.
+        Messages under another definition of the type are refused.
 
         Args:
-            topic: may be relative to the namespace. kind: its type.
+            topic: may be relative to the namespace.
             latched: ask for what was published before, as ROS 2 does of publishers that are
-                ``transient_local``; others answer nothing.
+                ``transient_local``; others do not reply.
         """
-        wanted = _Subscription(naming.full_name(self._namespace, topic), kind, latched)
-        self._subscriptions.append(wanted)
-        for speech in self.speeches:
-            self._listen_in(speech, wanted)
-        return wanted.topic
+        wish = _Subscription(naming.full_name(self._namespace, topic), kind, latched)
+        self._subscriptions.append(wish)
+        for scheme in self.schemes:
+            self._listen(scheme, wish)
+        return wish.topic
 
-    def follow(self) -> list[Speech]:
-        """Speak and listen in what others do as well; what is new. The thread that sends calls it.
+    def follow(self) -> list[KeyScheme]:
+        """Add schemes that others use, and return them; called by the thread that sends.
 
-        What was once spoken is spoken on: who is gone for a moment has to hear us when back.
+        A scheme stays in use: a robot that is gone for a moment has to receive us when it is back.
         """
-        if not self._follows or self.graph.changes == self._looked_at:
+        if not self._follows or self.graph.changes == self._checked:
             return []
-        self._looked_at, seen = self.graph.changes, self.graph.speeches()
-        new = [s for s in Speech if s in seen and s not in self.speeches]
-        for speech in new:
-            self.speeches.append(speech)
+        self._checked, visible = self.graph.changes, self.graph.schemes()
+        new = [scheme for scheme in KeyScheme if scheme in visible and scheme not in self.schemes]
+        for scheme in new:
+            self.schemes.append(scheme)
             for publisher in self._publishers:
-                self._publish_in(speech, publisher)
-            for wanted in self._subscriptions:
-                self._listen_in(speech, wanted)
+                self._publish(scheme, publisher)
+            for subscription in self._subscriptions:
+                self._listen(scheme, subscription)
         return new
 
-    def audiences(self) -> list[TopicAudience]:
-        """Who is at the other end of each of our topics."""
-        lines = [OwnTopic(p.topic, p.kind, naming.PUBLISHER) for p in self._publishers]
-        lines += [OwnTopic(s.topic, s.kind, naming.SUBSCRIPTION) for s in self._subscriptions]
-        return [audience_of(line, self.graph, self.speeches) for line in lines]
+    def matches(self) -> list[TopicMatch]:
+        """Nodes at the other end of each of our topics."""
+        topics = [OwnTopic(p.topic, p.kind, naming.PUBLISHER) for p in self._publishers]
+        topics += [OwnTopic(s.topic, s.kind, naming.SUBSCRIPTION) for s in self._subscriptions]
+        return [match_topic(topic, self.graph, self.schemes) for topic in topics]
 
-    def _publish_in(self, speech: Speech, publisher: Publisher) -> None:
+    def _publish(self, scheme: KeyScheme, publisher: Publisher) -> None:
         topic, kind = publisher.topic, publisher.kind
-        type_hash = naming.NO_HASH if speech is Speech.UNHASHED else type_hashes(kind)[0]
-        key = naming.topic_key(self._domain, topic, kind, type_hash)
-        key = naming.bridged_key(topic) if speech is Speech.BRIDGED else key
-        token = self._show(speech, naming.PUBLISHER, topic, kind)
+        type_hash = naming.NO_HASH if scheme is KeyScheme.UNHASHED else type_hashes(kind)[0]
+        token = self._declare_token(scheme, naming.PUBLISHER, topic, kind)
         declared = self._session.declare_publisher(
-            key, congestion_control=zenoh.CongestionControl.DROP, express=True
+            self._key(scheme, topic, kind, type_hash),
+            congestion_control=zenoh.CongestionControl.DROP,
+            express=True,
         )
-        publisher.channels[speech] = _Channel(declared, naming.gid_of(token))
+        publisher.channels[scheme] = _Channel(declared, naming.gid_of(token))
 
-    def _listen_in(self, speech: Speech, wanted: _Subscription) -> None:
-        topic, kind = wanted.topic, wanted.kind
-        bridged = speech is Speech.BRIDGED
-        if (topic, bridged) in self._heard:
-            return  # one subscription takes messages with a hash and without
-        self._heard.add((topic, bridged))
-        known = None if bridged else {*type_hashes(kind), naming.NO_HASH, naming.NULL_HASH}
-        key = naming.topic_key(self._domain, topic, kind, "*")
-        key = naming.bridged_key(topic) if bridged else key
-        keep = keeper(self.inbox, topic, kind, known)
-        self._show(speech, naming.SUBSCRIPTION, topic, kind)
-        if wanted.latched:
+    def _listen(self, scheme: KeyScheme, subscription: _Subscription) -> None:
+        topic, kind, latched = subscription
+        bridged = scheme is KeyScheme.BRIDGED
+        if (topic, bridged) in self._subscribed:
+            return  # one subscription receives messages with a hash and without
+        self._subscribed.add((topic, bridged))
+        hashes = None if bridged else {*type_hashes(kind), naming.NO_HASH, naming.NULL_HASH}
+        key = self._key(scheme, topic, kind, "*")
+        keep = keeper(self.inbox, topic, kind, hashes)
+        self._declare_token(scheme, naming.SUBSCRIPTION, topic, kind)
+        if latched:
             history = HistoryConfig(detect_late_publishers=True, max_samples=1)
             late = declare_advanced_subscriber(self._session, key, keep, history=history)
             self._declared.append(late)
         else:
             self._declared.append(self._session.declare_subscriber(key, keep))
 
-    def _show(self, speech: Speech, entity: str, name: str, kind: str) -> str:
+    def _key(self, scheme: KeyScheme, topic: str, kind: str, type_hash: str) -> str:
+        if scheme is KeyScheme.BRIDGED:
+            return naming.bridged_key(topic)
+        return naming.topic_key(self._identity.domain, topic, kind, type_hash)
+
+    def _declare_token(self, scheme: KeyScheme, entity: str, name: str, kind: str) -> str:
         type_hash = type_hashes(kind)[0]
-        if speech is Speech.BRIDGED:
+        if scheme is KeyScheme.BRIDGED:
             token = self._identity.bridged_token(entity, name, kind, type_hash)
         else:
             self._entities += 1
-            shown = naming.NO_HASH if speech is Speech.UNHASHED else type_hash
+            shown = naming.NO_HASH if scheme is KeyScheme.UNHASHED else type_hash
             token = self._identity.token(self._entities, entity, name, kind, shown)
         self._declared.append(self._session.liveliness().declare_token(token))
         return token

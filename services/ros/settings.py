@@ -12,18 +12,20 @@ from slopewise.services.io.decode import decode_table
 from slopewise.services.io.files import fault, read_toml, resolve_names
 from slopewise.services.ros.naming import full_name
 
-_MOST_PATHS = 100
+_MAX_PATHS = 100
+"""Candidates that the edge subscribes to: as many as a plan request may hold [1]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RosSettings:
-    """Where ROS 2 is, and what the edge is called there.
+    """Connection to ROS 2, and the node of the edge there.
 
     Attributes:
-        connect: endpoints of rmw_zenohd. config: zenoh's own settings; empty: none.
-        distribution: of the robot; auto: as it is seen to speak. dds: through zenoh-bridge-ros2dds.
-        namespace, node: of the node. frame: that map and paths have to be in; empty: that of the
-            map.
+        connect: endpoints of rmw_zenohd.
+        config: file with zenoh's own settings; empty: none.
+        distribution: of ROS 2; auto: found in the robot's keys; dds: by zenoh-bridge-ros2dds.
+        namespace, node: names of the node.
+        frame: required frame of map and paths; empty: that of the map.
     """
 
     connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
@@ -36,30 +38,32 @@ class RosSettings:
 
     def __post_init__(self) -> None:
         validate_quantities(self)
-        for name, tried in (("namespace", f"{self.namespace.rstrip('/')}/x"), ("node", self.node)):
-            wrong = name == "node" and "/" in tried
+        names = {
+            "namespace": f"{self.namespace.rstrip('/')}/x",
+            "node": self.node.replace("/", " "),
+        }
+        for key, name in names.items():
             try:
-                full_name("/", tried)
+                full_name("/", name)
             except ParameterError:
-                wrong = True
-            if wrong:
-                found = repr(getattr(self, name))
-                raise ParameterError(name, f"a name of ROS 2 such as robot, got {found}")
+                expected = f"a name of ROS 2 such as robot, got {getattr(self, key)!r}"
+                raise ParameterError(key, expected) from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
-    """The service that plans.
+class ServiceEndpoint:
+    """The planning service.
 
     Attributes:
         connect: its endpoint, or a router's; empty: it is on the router of ROS 2.
-        config: zenoh's own settings; empty: none. namespace: of its keys.
+        config: file with zenoh's own settings; empty: none.
+        namespace: prefix of its keys.
     """
 
     connect: str = ""
     config: str = ""
     namespace: str = "slopewise/robot"
-    timeout: float = quantity("s", "For an answer.", default=0.08, above=0.0, at_most=10.0)
+    timeout: float = quantity("s", "For a reply.", default=0.08, above=0.0, at_most=10.0)
 
     def __post_init__(self) -> None:
         validate_quantities(self)
@@ -67,15 +71,18 @@ class Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topics:
-    """Topics; without a leading / they are in the node's namespace. Empty: not there.
+    """Topics; without a leading / they are in the node's namespace. Empty: not used.
 
     Attributes:
-        paths: candidates, nav_msgs/Path each. map: grid_map_msgs/GridMap; layer: of the heights.
-        odometry: nav_msgs/Odometry. imu: sensor_msgs/Imu. joints: sensor_msgs/JointState.
+        paths: candidates, nav_msgs/Path each.
+        map: grid_map_msgs/GridMap; layer: its layer of heights.
+        odometry: nav_msgs/Odometry.
         tf, tf_static: tf2_msgs/TFMessage, from odometry's frame to that of map and paths.
-        command: what the vehicle was told, geometry_msgs of type ``command_type``.
+        imu: sensor_msgs/Imu. joints: sensor_msgs/JointState.
+        command: command that the vehicle received, geometry_msgs of type ``command_type``.
         speed_limit, profile, diagnostics: out, nav2_msgs/SpeedLimit, nav_msgs/Path,
-            diagnostic_msgs/DiagnosticArray. stop: out, std_msgs/Bool, true: stand still.
+            diagnostic_msgs/DiagnosticArray.
+        stop: out, std_msgs/Bool, true: stand still.
     """
 
     paths: tuple[str, ...] = ("plan",)
@@ -94,8 +101,8 @@ class Topics:
     stop: str = "speed_stop"
 
     def __post_init__(self) -> None:
-        if len(set(self.paths)) < len(self.paths) or len(self.paths) > _MOST_PATHS:
-            raise ParameterError("paths", f"1 … {_MOST_PATHS} topics, each once")
+        if len(set(self.paths)) < len(self.paths) or len(self.paths) > _MAX_PATHS:
+            raise ParameterError("paths", f"1 … {_MAX_PATHS} topics, each once")
         for name in ("odometry", "speed_limit"):
             if not getattr(self, name):
                 raise ParameterError(name, "a topic, nothing works without it")
@@ -103,7 +110,7 @@ class Topics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """How often, how long things hold, and how far is looked.
+    """Periods, ages up to which inputs are used, and the horizon.
 
     Attributes:
         clock: clock of odometry's stamps; shared: the wall clock of this machine; ignored: stamps
@@ -111,25 +118,17 @@ class Timing:
     """
 
     period: float = quantity(
-        "s",
-        "From one limit to the next, if nothing new comes.",
-        default=0.1,
-        at_least=0.01,
-        at_most=1.0,
+        "s", "Longest time between limits.", default=0.1, at_least=0.01, at_most=1.0
     )
     life: float = quantity(
         "s",
-        "How far a plan is looked ahead: a limit is its lowest speed until then.",
+        "Time over which a limit is the lowest planned speed.",
         default=0.5,
         above=0.0,
         at_most=5.0,
     )
-    path_age: float = quantity(
-        "s", "A path older than that is no candidate.", default=3.0, above=0.0
-    )
-    odometry_age: float = quantity(
-        "s", "Odometry older than that tells no speed.", default=0.3, above=0.0
-    )
+    path_age: float = quantity("s", "Oldest path that is used.", default=3.0, above=0.0)
+    odometry_age: float = quantity("s", "Oldest odometry that is used.", default=0.3, above=0.0)
     clock: Literal["unknown", "shared", "ignored"] = "unknown"
     max_latency: float = quantity(
         "s",
@@ -139,21 +138,21 @@ class Timing:
         at_most=2.0,
     )
     transform_age: float = quantity(
-        "s", "A transform older than that tells no place; fixed ones hold.", default=1.0, above=0.0
+        "s", "Oldest transform that is used; fixed ones always are.", default=1.0, above=0.0
     )
     horizon: float = quantity(
-        "m", "So much of a path ahead of the vehicle is planned.", default=60.0, at_least=5.0
+        "m", "Length of a path ahead of the vehicle that is planned.", default=60.0, at_least=5.0
     )
     launch: float = quantity(
         "m/s",
-        "Limits reach that where the bounds allow it: motors do not creep.",
+        "Lowest limit of a vehicle that moves, where the bounds allow it: motors do not creep.",
         default=0.15,
         at_least=0.0,
         at_most=1.0,
     )
     crawl: float = quantity(
         "m/s",
-        "Limit that stands for a stop; 0 would mean no limit.",
+        "Limit in place of a stop; 0 would mean no limit.",
         default=0.01,
         above=0.0,
         at_most=0.1,
@@ -166,8 +165,8 @@ class Timing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OwnStop:
-    """What the brakes reach for certain, for the stop when nobody answers."""
+class FallbackStop:
+    """Stop that the brakes reach with certainty, used when the service does not reply."""
 
     deceleration: float = quantity("m/s^2", "Mean.", default=1.5, above=0.0)
     dead_time: float = quantity("s", "From command to onset.", default=0.5, at_least=0.0)
@@ -177,8 +176,8 @@ class OwnStop:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wheels:
-    """Joints of the driven wheels, for learning the ground; none: not told."""
+class WheelJoints:
+    """Joints of the driven wheels, for learning the terrain; empty: not used."""
 
     left: str = ""
     right: str = ""
@@ -197,15 +196,15 @@ class EdgeSettings:
     """One edge."""
 
     ros: RosSettings = field(default_factory=RosSettings)
-    service: Asked = field(default_factory=Asked)
+    service: ServiceEndpoint = field(default_factory=ServiceEndpoint)
     topics: Topics = field(default_factory=Topics)
     timing: Timing = field(default_factory=Timing)
-    stop: OwnStop = field(default_factory=OwnStop)
-    wheels: Wheels = field(default_factory=Wheels)
+    stop: FallbackStop = field(default_factory=FallbackStop)
+    wheels: WheelJoints = field(default_factory=WheelJoints)
 
 
 def read_settings(path: Path) -> EdgeSettings:
-    """The settings in a TOML file; files named in it are taken relative to it.
+    """Settings in a TOML file; files named in it are relative to it.
 
     Raises:
         InputError: names the file and the key.

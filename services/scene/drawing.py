@@ -31,8 +31,10 @@ _SPEEDS = np.array(
     ],
     np.float64,
 )
+"""Red, green, blue of matplotlib's colour map `plasma` at 0, 1/4, 1/2, 3/4 and 1."""
+
 NOT_DRIVEN = (110, 110, 110)
-"""Of what lies beyond the place where a plan stops."""
+"""Grey of the path beyond the place where a plan stops."""
 
 
 @dataclass(frozen=True, slots=True)

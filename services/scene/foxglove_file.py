@@ -20,7 +20,7 @@ from slopewise.services.scene import drawing
 MAP_FRAME = "map"
 VEHICLE_FRAME = "vehicle"
 _THICK = 4.0  # pixels
-_NANO = 1_000_000_000
+_NANO = 1_000_000_000  # [ns/s]
 
 
 def write_mcap(

@@ -1,13 +1,16 @@
-"""What fresh stops of the engines are held against: the closed form on even slopes."""
+"""The allowed distance integrated for the engines' stops is the closed form on uniform slopes."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+pytest.importorskip("mujoco", reason="the extra sim is not installed")
+pytest.importorskip("vehiclemodels", reason="the extra sim is not installed")
+
 from benchmarks.calibration.engine_stops import allowed
-from benchmarks.calibration.margins import bound
-from benchmarks.discovery.plant import DrivenStops
+from benchmarks.calibration.margin_coverage import allowed_distance
+from benchmarks.discrepancy.effect_plant import DrivenStops
 from slopewise.models.parameters import Braking
 
 KNOWN = Braking(
@@ -27,26 +30,14 @@ KNOWN = Braking(
 
 
 @pytest.mark.parametrize("quantile", [0.5, 0.99, 0.999])
-def test_allowance_on_even_slopes_is_that_of_the_closed_form(quantile: float) -> None:
+def test_allowed_distance_is_the_closed_form_on_uniform_slopes(quantile: float) -> None:
     rng = np.random.default_rng(0)
     speed, grade = rng.uniform(1.0, 4.0, 40), rng.uniform(-0.2, 0.2, 40)
     time = np.linspace(-0.5, 4.0, 91)
     station = speed[:, None] * time
-    flat = np.zeros_like(station)
-    none = np.zeros(40)
-    driven = DrivenStops(
-        time,
-        np.repeat(speed[:, None], 91, axis=1),
-        station,
-        station,
-        flat,
-        flat,
-        flat,
-        flat,
-        flat,
-        none,
-        none,
-        none,
-    )
-    way = allowed(KNOWN, driven, np.repeat(grade[:, None], 91, axis=1), quantile)
-    np.testing.assert_allclose(way, bound(KNOWN, speed, grade, quantile), atol=2e-3)
+    flat, none = np.zeros_like(station), np.zeros(40)
+    speeds = np.repeat(speed[:, None], 91, axis=1)
+    driven = DrivenStops(time, speeds, station, station, *[flat] * 5, none, none, none)
+    distance = allowed(KNOWN, driven, np.repeat(grade[:, None], 91, axis=1), quantile)
+    expected = allowed_distance(KNOWN, speed, grade, quantile)
+    np.testing.assert_allclose(distance, expected, atol=2e-3)

@@ -1,4 +1,4 @@
-"""A share of the obstacle benchmark: none passed that is too large, few barred that are small."""
+"""A share of the obstacle benchmark: no large obstacle is passed, few small ones are blocked."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.obstacles import screening
-from benchmarks.obstacles.cases import Case, cases, map_of, path_of
+from benchmarks.obstacles import planned_outcomes
+from benchmarks.obstacles.cases import ObstacleCase, cases, map_of, path_of
+from benchmarks.obstacles.planned_outcomes import PlannedOutcome, must_block, must_pass
 from benchmarks.obstacles.shapes import Block, Slope
-from benchmarks.obstacles.truth import size_of
+from benchmarks.obstacles.true_sizes import size_of
 from slopewise.services.io.model_file import read_model, shipped_models
 
 MODELS = {name: read_model(shipped_models()[name]) for name in ("atv", "husky")}
@@ -19,35 +20,37 @@ QUAD = MODELS["atv"].vehicle
 
 
 @pytest.fixture(scope="module")
-def found() -> list[screening.Outcome]:
-    return screening.outcomes(cases(CASES, MODELS, seed=5), MODELS, None)
+def planned() -> list[PlannedOutcome]:
+    return planned_outcomes.outcomes(cases(CASES, MODELS, seed=5), MODELS, None)
 
 
-def test_nothing_is_passed_that_is_too_large(found: list[screening.Outcome]) -> None:
-    large = [o for o in found if screening.must_bar(o.case)]
+def test_no_large_obstacle_is_passed(planned: list[PlannedOutcome]) -> None:
+    large = [o for o in planned if must_block(o.case)]
     assert len(large) > 0.2 * CASES
-    assert not [o.case for o in large if o.bar is None]
+    assert not [o.case for o in large if o.blocked_by is None]
 
 
-def test_hardly_anything_small_is_barred(found: list[screening.Outcome]) -> None:
-    small = [o for o in found if screening.should_pass(o.case)]
+def test_few_small_obstacles_are_blocked(planned: list[PlannedOutcome]) -> None:
+    small = [o for o in planned if must_pass(o.case)]
     assert len(small) > 0.2 * CASES
-    assert sum(o.bar is not None for o in small) <= 0.05 * len(small)
+    assert sum(o.blocked_by is not None for o in small) <= 0.05 * len(small)
 
 
-def test_a_ditch_askew_that_lifts_wheels_beside_their_middles_is_barred() -> None:
+def test_oblique_ditch_that_lifts_single_wheels_is_blocked() -> None:
     model = MODELS["husky"]
     longer = replace(model.vehicle, max_step=0.0494, wheel_travel=0.0494)
     ditch = Block(0.0, 0.0, -0.45000373, 0.36717564, 60.0, -0.02844622)
     size = size_of(ditch, longer)
     assert size.step < 0.6
-    assert size.twist > screening.TOO_LARGE
-    case = Case("ditch", "husky", ditch, Slope(0.0, 0.0), 0.05, 2.20885169, 2014385351, size, size)
-    assert screening.planned(case, replace(model, vehicle=longer)).bar is not None
+    assert size.articulation > planned_outcomes.TOO_LARGE
+    case = ObstacleCase(
+        "ditch", "husky", ditch, Slope(0.0, 0.0), 0.05, 2.20885169, 2014385351, size, size
+    )
+    assert planned_outcomes.planned(case, replace(model, vehicle=longer)).blocked_by is not None
 
 
-def test_the_summary_counts_all(found: list[screening.Outcome]) -> None:
-    result = screening.summary(found)
+def test_summary_counts_all(planned: list[PlannedOutcome]) -> None:
+    result = planned_outcomes.summary(planned)
     assert result["all"]["cases"] == CASES
     assert sum(row["cases"] for row in result["kinds"].values()) == CASES
 
@@ -61,7 +64,7 @@ LIMIT, CLEAR = QUAD.shape.max_step, QUAD.shape.clearance
 def test_a_long_step_has_its_height(height: float) -> None:
     size = size_of(Block(60.0, 0.0, 0.0, 60.0, 60.0, height), QUAD)
     assert size.step == pytest.approx(abs(height) / LIMIT, rel=1e-3)
-    assert size.twist == pytest.approx(0.0, abs=1e-9)
+    assert size.articulation == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_wheel_sinks_into_a_narrow_gap_by_the_height_of_its_arc() -> None:
@@ -70,21 +73,21 @@ def test_a_wheel_sinks_into_a_narrow_gap_by_the_height_of_its_arc() -> None:
     assert size.step == pytest.approx(sinks / LIMIT, rel=0.05)
 
 
-def test_between_the_wheels_the_underside_counts() -> None:
+def test_between_the_wheels_the_clearance_applies() -> None:
     size = size_of(Block(0.0, 0.0, 0.0, 0.2, 0.2, 1.5 * CLEAR), QUAD)
     assert (size.step, size.underside) == (0.0, pytest.approx(1.5))
 
 
-def test_beside_the_vehicle_the_distance_counts() -> None:
+def test_at_the_side_the_distance_applies() -> None:
     half = 0.5 * QUAD.shape.width
     size = size_of(Block(0.0, 2.0 * half + 0.1, 0.0, 0.3, 0.1, 1.0), QUAD)
-    assert (size.step, size.beside) == (0.0, pytest.approx(0.5))
-    assert size_of(Block(0.0, 2.0, 0.0, 0.3, 0.1, 0.1), QUAD).worst == 0.0
+    assert (size.step, size.lateral) == (0.0, pytest.approx(0.5))
+    assert size_of(Block(0.0, 2.0, 0.0, 0.3, 0.1, 0.1), QUAD).largest == 0.0
 
 
-def test_one_wheel_on_a_rock_twists_by_its_height() -> None:
+def test_one_wheel_on_a_rock_articulates_by_its_height() -> None:
     size = size_of(Block(0.0, 0.5, 0.0, 0.3, 0.2, 0.8 * LIMIT), QUAD)
-    assert size.twist == pytest.approx(0.8, rel=1e-3)
+    assert size.articulation == pytest.approx(0.8, rel=1e-3)
 
 
 def test_a_map_shows_the_case_along_its_path() -> None:
@@ -94,5 +97,5 @@ def test_a_map_shows_the_case_along_its_path() -> None:
     assert ground.contains(*path.points.T).all()
     assert ground.resolution == case.resolution
     bare = map_of(case, vehicle, empty=True)
-    most = np.abs(ground.elevation - bare.elevation).max()
-    assert most == pytest.approx(abs(case.block.height), rel=0.05)
+    largest = np.abs(ground.elevation - bare.elevation).max()
+    assert largest == pytest.approx(abs(case.block.height), rel=0.05)

@@ -78,11 +78,11 @@ class LifecycleNode:
         return self._to(self.on_shutdown, self.state, "finalized")  # type: ignore[attr-defined]
 
 
-class Made:
+class FakeEntity:
     """Anything that a launch file makes: what it was, with what."""
 
-    def __init__(self, *words: Any, **named: Any) -> None:
-        self.words, self.named = words, named
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        self.arguments, self.named = arguments, named
 
 
 def rclpy(patch: pytest.MonkeyPatch) -> None:
@@ -113,7 +113,7 @@ def launch(patch: pytest.MonkeyPatch) -> None:
         "launch_ros.substitutions": ("FindPackageShare",),
     }
     for module, kinds in names.items():
-        _module(patch, module, **{kind: type(kind, (Made,), {}) for kind in kinds})
+        _module(patch, module, **{kind: type(kind, (FakeEntity,), {}) for kind in kinds})
     transition = SimpleNamespace(TRANSITION_CONFIGURE=1, TRANSITION_ACTIVATE=3)
     _module(patch, "lifecycle_msgs")
     _module(patch, "lifecycle_msgs.msg", Transition=transition)

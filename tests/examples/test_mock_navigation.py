@@ -1,4 +1,4 @@
-"""The example of a navigation stack: beside a service in a process of its own, and around a lap."""
+"""The example of a navigation stack: with a service in a separate process, and around a lap."""
 
 from __future__ import annotations
 
@@ -54,16 +54,16 @@ def test_it_drives_what_the_service_says(tmp_path: Path) -> None:
             check=False,
         )
         assert done.returncode == 0, done.stderr
-        told = re.search(r"(\d+) questions, (\d+) own stops.* ([\d.]+) m driven", done.stdout)
-        assert told is not None, done.stdout
-        asked, stops, way = int(told[1]), int(told[2]), float(told[3])
+        printed = re.search(r"(\d+) requests, (\d+) own stops.* ([\d.]+) m driven", done.stdout)
+        assert printed is not None, done.stdout
+        asked, stops, way = int(printed[1]), int(printed[2]), float(printed[3])
         assert asked >= 10
         assert stops < asked
         assert way > 0.5
 
 
 def test_it_stays_on_the_map_for_a_lap_and_obeys(tmp_path: Path) -> None:
-    """As fast as answers come; speeds are held against the limits of the model."""
+    """As fast as answers come; speeds are compared with the limits of the model."""
     endpoint, period = (f"tcp/127.0.0.1:{free_port()}",), 0.1
     config = ServiceConfig(
         model="atv",
@@ -86,7 +86,7 @@ def test_it_stays_on_the_map_for_a_lap_and_obeys(tmp_path: Path) -> None:
 
 
 def check_track(track: np.ndarray, period: float) -> None:
-    """Where it was and how fast, held against the ellipse's own formula and the limits."""
+    """Where it was and how fast, compared with the ellipse's formula and the limits."""
     limits = read_model(find_model("atv")).limits
     (x, y), speed = track[:, :2].T, track[:, 2]
     assert np.all((x > 2.0) & (x < CELL * COLUMNS - 2.0))

@@ -1,4 +1,4 @@
-"""The notebook runs from its first cell to its last, and shows what is stored beside the cells."""
+"""The notebook runs from its first cell to its last, and gives the output that it stores."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ import notebook  # noqa: E402
 LARGEST = 100_000
 
 
-def words_of(cells: nbformat.NotebookNode) -> list[list[str]]:
+def texts_of(cells: nbformat.NotebookNode) -> list[list[str]]:
     """Words of every cell's results, without numbers and what a table's width depends on."""
     return [
         re.findall(
-            r"[A-Za-z_]{3,}", "".join(one["data"]["text/plain"] for one in cell.get("outputs", []))
+            r"[A-Za-z_]{3,}",
+            "".join(output["data"]["text/plain"] for output in cell.get("outputs", [])),
         )
         for cell in cells
     ]
@@ -34,8 +35,8 @@ def test_it_runs_and_shows_what_is_stored(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     stored = nbformat.read(notebook.FILE, as_version=4)
     now = notebook.executed(tmp_path)
-    assert words_of(now.cells) == words_of(stored.cells), "docs/site/notebook.py stores the outputs"
-    assert sum(bool(words) for words in words_of(now.cells)) >= 6
+    assert texts_of(now.cells) == texts_of(stored.cells), "docs/site/notebook.py stores the outputs"
+    assert sum(bool(texts) for texts in texts_of(now.cells)) >= 6
 
 
 def test_it_is_small_and_says_nothing_of_a_machine() -> None:

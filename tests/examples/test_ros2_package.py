@@ -129,7 +129,7 @@ def test_an_edge_that_ends_by_itself(package: ModuleType, tmp_path: Path) -> Non
     assert node.timers == []
 
 
-def test_an_edge_that_hangs_is_killed(package: ModuleType, tmp_path: Path) -> None:
+def test_an_unresponsive_edge_is_killed(package: ModuleType, tmp_path: Path) -> None:
     body = f"signal.signal(signal.SIGINT, signal.SIG_IGN)\n{READY}"
     node = node_with(package, program(tmp_path, body), stop_patience=0.3)
     node.trigger_configure()
@@ -160,15 +160,15 @@ def test_it_starts_the_real_edge(package: ModuleType, monkeypatch: pytest.Monkey
 def test_parameters_are_the_settings_of_the_edge(package: ModuleType, tmp_path: Path) -> None:
     yaml = pytest.importorskip("ruamel.yaml", reason="the ros extra is not installed")
     given: dict[str, Any] = sys.modules["slopewise_ros.parameters"].EDGE
-    own: dict[str, Any] = sys.modules["slopewise_ros.parameters"].OWN
-    wanted = {
+    fixed: dict[str, Any] = sys.modules["slopewise_ros.parameters"].OWN
+    expected = {
         f"{table}.{key}": list(value) if isinstance(value, tuple) else value
         for table, values in dataclasses.asdict(EdgeSettings()).items()
         for key, value in values.items()
     }
-    assert given == wanted
+    assert given == expected
     assert {name: type(value) for name, value in given.items()} == {
-        name: type(value) for name, value in wanted.items()
+        name: type(value) for name, value in expected.items()
     }
     file = yaml.YAML(typ="safe").load((PACKAGE / "config" / "slopewise.yaml").read_text())
     tables = file["/**"]["ros__parameters"]
@@ -176,8 +176,8 @@ def test_parameters_are_the_settings_of_the_edge(package: ModuleType, tmp_path: 
     for table, values in tables.items():
         if isinstance(values, dict):
             flat |= {f"{table}.{key}": value for key, value in values.items()}
-    assert flat == own | given
-    assert {n: type(v) for n, v in flat.items()} == {n: type(v) for n, v in (own | given).items()}
+    assert flat == fixed | given
+    assert {n: type(v) for n, v in flat.items()} == {n: type(v) for n, v in (fixed | given).items()}
 
 
 def test_package_xml_is_of_format_3() -> None:
@@ -205,9 +205,9 @@ def test_package_xml_is_of_format_3() -> None:
 
 def test_setup_builds_and_installs_files_that_exist(tmp_path: Path) -> None:
     pytest.importorskip("setuptools", reason="setuptools is not installed")
-    words = [sys.executable, "setup.py", "-q", "egg_info", "--egg-base", str(tmp_path)]
+    command = [sys.executable, "setup.py", "-q", "egg_info", "--egg-base", str(tmp_path)]
     done = subprocess.run(
-        [*words, "build", "--build-base", str(tmp_path / "build")],
+        [*command, "build", "--build-base", str(tmp_path / "build")],
         cwd=PACKAGE,
         capture_output=True,
         text=True,
@@ -215,8 +215,8 @@ def test_setup_builds_and_installs_files_that_exist(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "build" / "lib" / "slopewise_ros" / "edge_node.py").is_file()
-    told = (tmp_path / "slopewise_ros.egg-info" / "entry_points.txt").read_text()
-    assert "edge = slopewise_ros.edge_node:main" in told
+    entry_points = (tmp_path / "slopewise_ros.egg-info" / "entry_points.txt").read_text()
+    assert "edge = slopewise_ros.edge_node:main" in entry_points
     assert (PACKAGE / "resource" / "slopewise_ros").is_file()
     for name in re.findall(r'glob\("(.*?)"\)', (PACKAGE / "setup.py").read_text()):
         assert list(PACKAGE.glob(name)), name
@@ -224,11 +224,11 @@ def test_setup_builds_and_installs_files_that_exist(tmp_path: Path) -> None:
 
 def test_the_launch_file_describes_the_node(monkeypatch: pytest.MonkeyPatch) -> None:
     ros_fakes.launch(monkeypatch)
-    made = runpy.run_path(str(PACKAGE / "launch" / "slopewise.launch.py"))
-    (entities,) = made["generate_launch_description"]().words
-    kinds = [type(one).__name__ for one in entities]
+    launch = runpy.run_path(str(PACKAGE / "launch" / "slopewise.launch.py"))
+    (entities,) = launch["generate_launch_description"]().arguments
+    kinds = [type(entity).__name__ for entity in entities]
     assert kinds.count("DeclareLaunchArgument") == 3
-    node = next(one for one in entities if type(one).__name__ == "LifecycleNode")
+    node = next(entity for entity in entities if type(entity).__name__ == "LifecycleNode")
     assert node.named["package"] == "slopewise_ros"
     assert f"{node.named['executable']} = " in (PACKAGE / "setup.py").read_text()
     # The handler of the second transition has to be there before the first one is asked for.

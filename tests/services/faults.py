@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,12 +15,20 @@ from slopewise.models.errors import InputError
 
 DATA = Path(os.environ.get("SLOPEWISE_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
+BAD_INPUTS = Path(__file__).parent / "io" / "bad_inputs"
+
 
 def real_data(name: str) -> Path:
     path = DATA / name
     if not path.exists():
         pytest.skip(f"{name} is not here: set SLOPEWISE_DATA to the folder of the real recordings")
     return path
+
+
+def bad_inputs(name: str) -> list[list[Any]]:
+    """Cases of `io/bad_inputs/NAME.toml`: input, field of the error, text in its message."""
+    cases: list[list[Any]] = tomllib.loads((BAD_INPUTS / f"{name}.toml").read_text())["cases"]
+    return cases
 
 
 @contextlib.contextmanager

@@ -31,7 +31,7 @@ class Robot:
     def query(
         self, name: str, fields: dict[str, Any] | None, schema: str, timeout: float = 5.0
     ) -> dict[str, Any] | None:
-        """The answer as plain values, None if nobody answers."""
+        """The answer as plain values, None without a reply."""
         payload = None if fields is None else msgspec.msgpack.encode(fields)
         encoding = None if fields is None else FORMAT.format(schema)
         replies = self.session.get(
@@ -70,7 +70,7 @@ class Robot:
     def send(self, kind: str, fields: dict[str, Any]) -> dict[str, Any]:
         """An observation as a query."""
         receipt = self.query(f"obs/{kind}", fields, SCHEMAS[kind])
-        assert receipt is not None, "nobody answered"
+        assert receipt is not None, "no reply"
         return receipt
 
     def put(self, kind: str, fields: dict[str, Any]) -> None:
@@ -108,30 +108,30 @@ class Robot:
         return reply
 
     def plan(self, speed: float = 1.0, length: float = 25.0, **given: Any) -> dict[str, Any]:
-        """The reply to a question for one straight plan."""
+        """The reply to a request for one straight plan."""
         along = np.linspace(0.0, length, 60)
         path = {"name": "a", "points": block(np.stack([along, 0.0 * along], axis=1))}
         question = {"speed": speed, "paths": [path], **given}
         reply = self.query("plan", question, "plan_request")
-        assert reply is not None, "nobody answered"
+        assert reply is not None, "no reply"
         return reply
 
     def top_speed(self, clear: float = 8.0, **given: Any) -> float:
-        """Highest speed of a plan from rest with so much free way."""
+        """Highest speed of a plan from rest on a straight path of that length."""
         reply = self.plan(0.0, clear=clear, **given)
         assert reply["plans"], reply
         return float(speeds_of(reply["plans"][0]).max())
 
     def status(self, until: float = 5.0) -> dict[str, Any]:
         """The next status."""
-        heard: list[bytes] = []
+        received: list[bytes] = []
         with self.session.declare_subscriber(
-            self.service.key("status"), lambda s: heard.append(s.payload.to_bytes())
+            self.service.key("status"), lambda s: received.append(s.payload.to_bytes())
         ):
             end = time.monotonic() + until
-            while len(heard) < 2 and time.monotonic() < end:
+            while len(received) < 2 and time.monotonic() < end:
                 time.sleep(0.02)
-        return dict(msgspec.json.decode(heard[-1]))
+        return dict(msgspec.json.decode(received[-1]))
 
 
 def column(plan: dict[str, Any], name: str) -> np.ndarray:

@@ -30,7 +30,7 @@ ICE = Surface(0.15, -0.002, 0.015)
 
 @dataclass
 class Vehicle:
-    """Drives at a speed and stops when told to; its clock runs on from stop to stop."""
+    """Drives at a speed and stops on command; its clock runs on from stop to stop."""
 
     seed: int = 0
     dead_time: float = 0.3

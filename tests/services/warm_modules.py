@@ -12,7 +12,6 @@ import io
 import tempfile
 from pathlib import Path
 
-import slopewise.services.cli.commands.serve
 import slopewise.services.daemon.daemon  # noqa: F401
 from examples import made_up
 from slopewise.services.cli import app
@@ -35,8 +34,9 @@ def _do_once(folder: Path) -> None:
         ["calibrate", str(folder / "drive.csv"), "--model", "atv", *learned],
     ):
         app.app(args=arguments, prog_name="slopewise", standalone_mode=False)
-    import slopewise.services.cli.commands.calibrate_sheet
-    import slopewise.services.cli.commands.discrepancy  # noqa: F401
+    import slopewise.services.jobs.discrepancy
+    import slopewise.services.jobs.provenance
+    import slopewise.services.report.brake_sheet  # noqa: F401
 
 
 with tempfile.TemporaryDirectory() as place, contextlib.redirect_stdout(io.StringIO()):

@@ -19,7 +19,7 @@ from tests.services.service_process import running
 FIRST = """
 import numpy as np
 import slopewise
-from slopewise.services.planning import cold_start
+from slopewise.services.jobs import cold_start
 
 ground = slopewise.ElevationMap(elevation=np.zeros((40, 100)), resolution=0.5, origin=(0, 0))
 path = slopewise.CandidatePath("straight", np.array([[5.0, 10.0], [30.0, 10.0]]))

@@ -1,4 +1,4 @@
-"""slopewise is one package: nothing of it is found under a common name, and none is in its way."""
+"""slopewise is one package: it uses no common name, and others may use them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ NAMES = ("models", "planner", "services", "benchmarks", "configs")
 
 @pytest.fixture
 def workspace(tmp_path: Path) -> Path:
-    """A folder with packages of those names that are somebody else's."""
+    """A folder with packages of those names of another project."""
     for name in NAMES:
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text(f"raise AssertionError('foreign {name}')")
     return tmp_path
 
 
-def run(folder: Path, *words: str) -> str:
-    command = [sys.executable, *words]
+def run(folder: Path, *arguments: str) -> str:
+    command = [sys.executable, *arguments]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -1,4 +1,4 @@
-"""The public names: all there, lazily, and enough to plan, check, learn and go on."""
+"""The public names: all there, lazily, and enough to plan, check, learn and continue."""
 
 from __future__ import annotations
 
@@ -98,11 +98,11 @@ def test_the_check_bites(hill: slopewise.ElevationMap) -> None:
 
 
 def test_a_quantile_makes_plans_slower(hill: slopewise.ElevationMap) -> None:
-    mean, sure = (
+    mean, margins = (
         slopewise.plan(brisk(), hill, [straight(6.0)], clear=12.0, quantile=q)[0].travel_time
         for q in (None, 0.999)
     )
-    assert sure > mean
+    assert margins > mean
 
 
 def test_files_by_name_and_path(hill: slopewise.ElevationMap, tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_files_by_name_and_path(hill: slopewise.ElevationMap, tmp_path: Path) ->
     assert slopewise.read_model(tmp_path / "mine.toml") == model
 
 
-def test_the_horizon_takes_public_things(hill: slopewise.ElevationMap) -> None:
+def test_the_horizon_accepts_public_types(hill: slopewise.ElevationMap) -> None:
     horizon = slopewise.Horizon(slopewise.read_model("atv"))
     state = slopewise.PlanarState(x=3.0, y=6.0, heading=0.0, speed=1.0)
     answer = horizon.step(state, [straight(6.0)], hill)
@@ -140,7 +140,7 @@ def log_of_stops(path: Path) -> slopewise.DriveLog:
     return slopewise.read_drive_log(path)
 
 
-def test_a_log_teaches_the_brakes_and_is_held_against_them(tmp_path: Path) -> None:
+def test_brakes_are_calibrated_and_compared_with_a_log(tmp_path: Path) -> None:
     log = log_of_stops(tmp_path / "drive.csv")
     model = slopewise.read_model("atv")
     learned = slopewise.calibrate(log, model).braking

@@ -41,9 +41,9 @@ def installed(wheel: Path) -> Path:
 
 
 def pip(command: str, what: Path, *options: object) -> None:
-    words = [command, str(what), "--no-deps", "--no-index", "--quiet", *map(str, options)]
+    arguments = [command, str(what), "--no-deps", "--no-index", "--quiet", *map(str, options)]
     done = subprocess.run(
-        [sys.executable, "-m", "pip", "--disable-pip-version-check", *words],
+        [sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments],
         capture_output=True,
         text=True,
         timeout=120,
@@ -51,10 +51,10 @@ def pip(command: str, what: Path, *options: object) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def python(installed: Path, folder: Path, *words: str) -> str:
+def python(installed: Path, folder: Path, *arguments: str) -> str:
     environment = {**os.environ, "PYTHONPATH": str(installed)}
     done = subprocess.run(
-        [sys.executable, "-P", *words],
+        [sys.executable, "-P", *arguments],
         cwd=folder,
         env=environment,
         capture_output=True,
@@ -76,9 +76,11 @@ def test_it_holds_one_package_with_all_its_files(wheel: Path) -> None:
                 assert f"{place}/{file.relative_to(ROOT / part).as_posix()}" in names
 
 
-def test_a_source_archive_holds_the_linked_rooms_as_folders(wheel: Path, tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)]
-    subprocess.run(words, cwd=wheel.parent / "source", check=True, capture_output=True, timeout=120)
+def test_a_source_archive_has_the_linked_folders(wheel: Path, tmp_path: Path) -> None:
+    arguments = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)]
+    subprocess.run(
+        arguments, cwd=wheel.parent / "source", check=True, capture_output=True, timeout=120
+    )
     with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as archive:
         names = {name.split("/", 1)[1] for name in archive.getnames()}
     inside = {"slopewise/models/laws/braking.py", "slopewise/configs/vehicles/atv.toml"}
@@ -90,17 +92,18 @@ def test_shipped_vehicles_and_benchmarks_are_inside(installed: Path, tmp_path: P
     script = (
         "import slopewise; from slopewise.services.io import model_file, terrain_file;"
         "from slopewise.services.io.topics import read_topics;"
-        "from slopewise.services.cli.commands.bench import _benchmark;"
+        "from slopewise.services.cli.bench import benchmarks;"
         "print(model_file.find_model('atv')); print(terrain_file.find_terrains('husky'));"
         "print(slopewise.read_model('ugv').name, read_topics(None)[1]);"
-        "[_benchmark(name) for name in ('planner.cycle', 'discovery.tables', 'fleet.fleet')];"
-        "print(_benchmark('planner.planner_speed').__file__)"
+        "main = benchmarks();"
+        "[main.benchmark(name) for name in ('cycle', 'discrepancy', 'fleet')];"
+        "print(main.benchmark('planner').__file__)"
     )
-    told = python(installed, tmp_path, "-c", script).splitlines()
-    assert told[0] == str(installed / "slopewise/configs/vehicles/atv.toml")
-    assert told[1] == str(installed / "slopewise/configs/terrains/husky.toml")
-    assert told[2].split()[0] == "ugv"
-    assert told[3] == str(installed / "slopewise/benchmarks/planner/planner_speed.py")
+    lines = python(installed, tmp_path, "-c", script).splitlines()
+    assert lines[0] == str(installed / "slopewise/configs/vehicles/atv.toml")
+    assert lines[1] == str(installed / "slopewise/configs/terrains/husky.toml")
+    assert lines[2].split()[0] == "ugv"
+    assert lines[3] == str(installed / "slopewise/benchmarks/planner/planner_speed.py")
 
 
 def test_the_command_works(installed: Path, tmp_path: Path) -> None:

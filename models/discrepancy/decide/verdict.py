@@ -344,7 +344,7 @@ def _numbers_at_their_end(best: ScoredExplanation) -> str:
     said = []
     for effect in best.fit.hypothesis.added:
         for name, value in effect.parameters.items():
-            low, high = LAWS[effect.name].parameters[name].usual
+            low, high = LAWS[effect.name].parameters[name].typical
             if value >= high * (1.0 - AT_BOUND) or (low > 0.0 and value <= low * 1.001):
                 said.append(f"{name} of {effect.name}")
     return ", ".join(said)
@@ -355,7 +355,7 @@ def _unusually_small(found: ScoredExplanation) -> bool:
     is a curve over speed by another name.
     """
     return any(
-        0.0 < LAWS[e.name].parameters[name].usual[0] >= value / 1.001
+        0.0 < LAWS[e.name].parameters[name].typical[0] >= value / 1.001
         for e in found.fit.hypothesis.added
         for name, value in e.parameters.items()
     )

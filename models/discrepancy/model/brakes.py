@@ -20,7 +20,7 @@ from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.slippery import given_under
 from slopewise.models.discrepancy.thresholds import HEATINGS, LEAST_COOLING, LEAST_MEAN_FORCE
 from slopewise.models.effects import registry
-from slopewise.models.effects.brake_fade import kept_share
+from slopewise.models.effects.brake_fade import remaining_share
 from slopewise.models.effects.brake_lag import missing_share
 from slopewise.models.laws import crest, wheel_lockup
 from slopewise.models.parameters import Effect
@@ -89,14 +89,14 @@ def brought_force(
         for _ in range(HEATINGS):  # brakes that fade heat less from then on
             even = _even(np.minimum(force * passes, cap), _braking(time, onset))
             q = heat(table, terms.fade_tau, speed, time, onset, even)
-            passes = kept_share(q, terms.fade, terms.fade_tau)
+            passes = remaining_share(q, terms.fade, terms.fade_tau)
     given = force * passes
     slowed = speed / table.held[:, None]
     given, slides = given_under(cap, given, terms.friction, place, slowed, drifts=hypothesis.drifts)
     passes = np.where(slides, 0.0, passes)
     share = crest_of(hypothesis)
     if share is not None:
-        kept = crest.kept_force(speed, place.vertical_curvature, share)
+        kept = crest.remaining_force(speed, place.vertical_curvature, share)
         given, passes = given * kept, passes * kept
     return Brought(force, given, passes)
 

@@ -154,7 +154,7 @@ def _choices(table: StopTable, best: Fit) -> dict[str, tuple[float | None, ...]]
         inside = patch.parameters["x"]
         choices["x"] = (inside, inside + 2.0 * patch.parameters["radius"])
         choices["y"] = (patch.parameters["y"],)
-    if any(search_of(name).pause_tells for name in best.hypothesis.names):
+    if any(search_of(name).pauses_distinguish for name in best.hypothesis.names):
         choices["pause"] = PROPOSED_PAUSES
     return choices
 

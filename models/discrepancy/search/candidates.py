@@ -45,7 +45,7 @@ class EffectColumn:
         """The effect with a strength, or the nearest that there can be."""
         how = self.search
         own: dict[str, float] = {}
-        if not how.whole:
+        if not how.is_complete:
             low, high = LAWS[self.name].parameters[how.strength].bounds
             own[how.strength] = min(max(how.offset + strength, low), high)
         return Effect(name=self.name, parameters={**own, **self.inner})
@@ -105,7 +105,7 @@ def _seen(table: StopTable, hypothesis: Hypothesis) -> StopsSeen:
         vertical_curvature=table.vertical_curvature,
         clock=session_time(table),
         run=table.run,
-        wanted=wanted,
+        demanded=wanted,
         built=brought.force,
         given=brought.given,
         passes=brought.passes,

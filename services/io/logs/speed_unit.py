@@ -16,6 +16,8 @@ from slopewise.services.io.files import fault
 
 _FACTORS = {"km/h": 3.6, "miles per hour": 1.0 / 0.44704, "knots": 1.0 / 0.514444}
 _TOO_FAST = 1.5
+"""Ratio to the highest wheel speed [1]: above slip downhill, below 1.9, the factor of knots."""
+
 _MAX_SHIFT, _MAX_RATIO = 0.2, 0.12
 """How near b_m, and the force's factor, have to come [1]: knots and miles differ by 15 %."""
 

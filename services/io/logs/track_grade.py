@@ -21,6 +21,7 @@ from slopewise.services.io.no_data import NoData
 _log = logging.getLogger("slopewise")
 _SPACING = 0.3  # [m] positions nearer than that are mostly noise
 _MIN_MARKS = 3
+"""Fewest marks with a heading between neighbours."""
 
 
 def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle, nodata: NoData = None) -> Floats:

@@ -75,7 +75,7 @@ function paintRibbon(plot, runs) {
   pen.restore();
 }
 
-// A text beside a line on the plot, readable on any curve.
+// A text on the plot, readable on any curve.
 function paintText(plot, text, x, y, { colour = "soft", align = "left", font = "" } = {}) {
   const { ctx: pen } = plot;
   pen.save();

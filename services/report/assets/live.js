@@ -75,7 +75,11 @@ function showSpeed(plan) {
   const host = element("speed-chart");
   const { station, speed, speed_bound: bound } = plan;
   const top = roundedTop([...speed, ...bound.filter((value) => value !== null && value < 3 * painter.topSpeed)]);
-  const runs = plan.limiting.slice(0, -1).map((key, k) => ({ key, word: "", from: station[k], to: station[k + 1] }));
+  const runs = [];
+  plan.limiting.slice(0, -1).forEach((key, k) => {
+    if (runs.at(-1)?.key === key) runs.at(-1).to = station[k + 1];
+    else runs.push({ key, word: "", from: station[k], to: station[k + 1] });
+  });
   lineChart(host, {
     x: station, range: [0, top], width: Math.max(host.clientWidth, 260), height: 180, unit: "m", hasRibbon: true,
     curves: [
@@ -190,5 +194,7 @@ async function poll() {
   setTimeout(poll, PERIOD_MS);
 }
 
+// Charts have the width of their panels: all are drawn again.
+window.addEventListener("resize", () => { seen.changes = -1; });
 showMapLegend(0);
 poll();

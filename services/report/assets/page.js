@@ -4,7 +4,7 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const element = (id) => document.getElementById(id);
 const styleOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-// A number as text; a dash where there is none.
+// A number as text; a dash where it is missing.
 function number(value, digits = 2, unit = "") {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   let text = value.toFixed(digits);

@@ -91,7 +91,7 @@ function markRow() {
 function sortBy(column, heading) {
   const isNumeric = heading.classList.contains("number") || column === 2;
   const isUp = heading.getAttribute("aria-sort") !== "ascending";
-  for (const other of heading.parentNode.cells) other.removeAttribute("aria-sort");
+  for (const cell of heading.parentNode.cells) cell.removeAttribute("aria-sort");
   heading.setAttribute("aria-sort", isUp ? "ascending" : "descending");
   const valueOf = (row) => row.cells[column].dataset.value ?? "";
   body.append(...[...body.rows].sort((a, b) => {

@@ -5,18 +5,18 @@ from __future__ import annotations
 from itertools import islice
 from typing import Any
 
-import numpy as np
 import pytest
 from rich.console import Console
 
-from benchmarks.common.judge import smooth_excess
+from benchmarks.common.campaign import BenchmarkRequest, no_progress
+from benchmarks.common.profile_quality import smooth_excess, stations_of, travel_time
 from benchmarks.planner import optimality
 from slopewise.planner.profile.reference import JerkLimitedReference
 
 
 @pytest.fixture(scope="module")
 def result() -> dict[str, Any]:
-    return optimality.run(quick=True)
+    return optimality.run(BenchmarkRequest(quick=True), no_progress)
 
 
 def test_smoothed_plans_are_within_a_percent_of_the_optimum(result: dict[str, Any]) -> None:
@@ -33,7 +33,7 @@ def test_smoothed_plans_keep_their_limits(result: dict[str, Any]) -> None:
     assert result["excess"]["least"] > -1e-4
 
 
-def test_it_is_many_times_as_fast(result: dict[str, Any]) -> None:
+def test_planner_is_many_times_as_fast(result: dict[str, Any]) -> None:
     """A bound for any machine; the benchmark gives the real figure."""
     assert result["ratio"]["median"] > 10.0
 
@@ -49,19 +49,17 @@ def test_problems_are_the_same_for_a_seed_and_of_many_kinds() -> None:
     assert any(i.problem.speed_sq_max[0] > 0.0 for i in first), "some move at their start"
 
 
-def test_a_plan_that_is_slower_than_need_be_is_told() -> None:
+def test_slower_profile_needs_more_time() -> None:
     """The measure itself: a profile at 80 % of the optimal speed takes a quarter longer."""
     problem = next(optimality.instances(1)).problem
     optimum = JerkLimitedReference(len(problem.speed_sq_max)).solve(problem)
     assert optimum.speed_sq is not None
     assert smooth_excess(problem, optimum.speed_sq) < 1e-3
-    slower = optimality.travel_time(
-        np.concatenate(([0.0], np.cumsum(problem.ds))), 0.64 * optimum.speed_sq
-    )
+    slower = travel_time(stations_of(problem), 0.64 * optimum.speed_sq)
     assert slower / optimum.travel_time == pytest.approx(1.25)
 
 
-def test_it_shows_what_misses(result: dict[str, Any]) -> None:
+def test_show_lists_missed_targets(result: dict[str, Any]) -> None:
     missed = {"name": "a hill", "excess": 0.02, "reason": "a reason"}
     screen = Console(record=True, width=120)
     optimality.show({**result, "above": [missed], "unsolved": [missed]}, screen)

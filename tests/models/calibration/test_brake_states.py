@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.calibration.margins import bound, hold
-from benchmarks.calibration.plant import PlantVehicle, conditions, distances, drive_log
+from benchmarks.calibration.margin_coverage import allowed_distance, check_margins
+from benchmarks.calibration.stop_plant import PlantVehicle, conditions, distances, drive_log
 from slopewise.models.calibration.brake_states import weaker_members, weaker_state
 from slopewise.models.calibration.learn import Calibration, learn, with_learned
 from slopewise.models.errors import ParameterError
@@ -66,7 +66,7 @@ def test_the_quantile_holds_for_brakes_with_a_weak_state(weak: float, ratio: flo
     vehicle = PlantVehicle(
         name="weak", stops=96, scatter=0.03, late=0.02, weak=weak, ratio=ratio, b_b=0.6
     )
-    held, learned = hold(vehicle, 3)
+    held, learned = check_margins(vehicle, 3)
     assert all(h.beyond <= 1.5 * h.promised for h in held)
     assert set(learned.braking.terrain) == {"weaker"}
     assert learned.braking.states_of("") == ("weaker",)
@@ -92,7 +92,9 @@ def test_a_single_weak_stop_is_allowed_for() -> None:
     speed, grade = conditions(2000, rng)
     force = 0.75 * vehicle.forces(speed, grade, rng)
     late = vehicle.delays(2000, rng)
-    short = bound(learned.braking, speed, grade, 0.999) < distances(speed, grade, force, late)
+    short = allowed_distance(learned.braking, speed, grade, 0.999) < distances(
+        speed, grade, force, late
+    )
     assert np.mean(short) < 0.05
 
 

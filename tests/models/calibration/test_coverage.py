@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial import ConvexHull
 
-from benchmarks.calibration.plant import PlantVehicle, drive_log
+from benchmarks.calibration.stop_plant import PlantVehicle, drive_log
 from slopewise.models.calibration.coverage import covered
 from slopewise.models.calibration.force_fit import ForceFit, fit_force
 from slopewise.models.calibration.hull import Corner, extrapolated_corners, speed_by_grade

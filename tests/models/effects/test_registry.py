@@ -131,7 +131,7 @@ def test_its_parameters_have_unit_range_step_and_safe_ends(name: str, law: Effec
         assert p.longer_stop in (-1, 0, 1)
         assert p.lighter_rear in (-1, 0, 1)
     # One end is the safe one, or a margin covers both.
-    margins = law.most_force(some(law))
+    margins = law.max_force(some(law))
     assert set(margins) <= set(law.parameters)
     assert margins or any(p.longer_stop for p in law.parameters.values())
     assert validate(Effect(name=name, parameters=some(law))) == some(law)
@@ -162,9 +162,9 @@ def test_it_has_an_axis_and_an_experiment(name: str, law: EffectLaw) -> None:
     assert law.depends_on <= set(CHANNELS)
     assert len(law.missing) > 5
     assert len(law.experiment) > 10
-    assert isinstance(law.only_takes(some(law)), bool)
+    assert isinstance(law.only_reduces(some(law)), bool)
     assert isinstance(law.adds(some(law)), bool)
-    assert not (law.only_takes(some(law)) and law.adds(some(law)))
+    assert not (law.only_reduces(some(law)) and law.adds(some(law)))
     assert law.where is None or law.where(some(law))
     module = inspect.getmodule(law.search.columns) if law.search else None
     assert module is None or module.__doc__
@@ -208,7 +208,7 @@ def _base() -> Hypothesis:
 @ALL
 def test_its_column_is_the_slope_of_the_prediction(name: str, law: EffectLaw) -> None:
     """One unit of a small strength changes the fall of the speed by the column."""
-    if law.search is None or law.search.whole:
+    if law.search is None or law.search.is_complete:
         return  # not linear in its only number
     stops, strength = table("crests"), 1e-6
     library, columns = candidates(stops, _base())

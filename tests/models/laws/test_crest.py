@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from slopewise.models.laws.crest import crest_speed_sq, dip_speed_sq, kept_force, load_loss
+from slopewise.models.laws.crest import crest_speed_sq, dip_speed_sq, load_loss, remaining_force
 from slopewise.models.parameters import Effect
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from tests.models.models_for_tests import BASE
@@ -39,19 +39,21 @@ def test_on_a_round_hill_the_load_loss_is_the_centripetal_force(
 @given(curvature=st.floats(0.0, 0.2), speed=st.floats(0.0, 6.0), share=st.floats(0.0, 2.0))
 def test_a_hollow_adds_no_force(curvature: float, speed: float, share: float) -> None:
     assert load_loss(speed, curvature) == 0.0
-    assert kept_force(speed, curvature, share) == 1.0
+    assert remaining_force(speed, curvature, share) == 1.0
 
 
 def test_a_vehicle_that_flies_brakes_with_nothing_but_never_pushes() -> None:
-    assert kept_force(6.0, -1.0, 1.0) == 0.0
+    assert remaining_force(6.0, -1.0, 1.0) == 0.0
 
 
 def test_parity() -> None:
     check_parity(load_loss, speed=(0.0, 5.0), vertical_curvature=(-0.4, 0.1))
-    check_parity(kept_force, speed=(0.0, 5.0), vertical_curvature=(-0.2, 0.05), share=(0.0, 1.5))
+    check_parity(
+        remaining_force, speed=(0.0, 5.0), vertical_curvature=(-0.2, 0.05), share=(0.0, 1.5)
+    )
     check_parity(
         crest_speed_sq,
-        least_share=(0.5, 1.0),
+        min_share_without_crest=(0.5, 1.0),
         min_share=(0.05, 0.4),
         vertical_curvature=(-0.4, -0.02),
     )

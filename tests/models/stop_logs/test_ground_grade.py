@@ -114,7 +114,7 @@ def test_one_direction_is_not_enough() -> None:
     mount = from_headings(drive(np.zeros(12)))
     assert not mount.known
     assert mount.offset == 0.0
-    assert mount.std == mount_offset.USUAL_MOUNTING
+    assert mount.std == mount_offset.TYPICAL_MOUNTING_STD
 
 
 def test_known_grade_determines_it_and_gaps_do_not_matter() -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from slopewise.planner.plan import Momentum, SpeedPlan, Status
-from slopewise.services.cli.commands import plan_view
-from slopewise.services.cli.commands.plan import PlanResult
+from slopewise.services.jobs.plan import PlanResult
+from slopewise.services.jobs.plan_summary import summarise
 from tests.planner.scenes import G, Tables, ground_map, model_of, plan_one, straight, tables_with
 
 FOOT, TOP, RISE = 12.0, 16.0, 0.24
@@ -151,15 +152,9 @@ def test_json_holds_it() -> None:
     tables = weak()
     plan = planned(tables)
     result = PlanResult([plan], ground_map(hill), model_of(tables), 0.0)
-    row = json.loads(json.dumps(plan_view.as_json(result), allow_nan=False))["plans"][0]
+    row = json.loads(json.dumps(summarise(result).plans[0], allow_nan=False))
     solution = reported_by(plan)
     assert row["momentum"]["speed"] == solution.speed
     assert len(row["momentum"]["stations"]) == len(row["momentum"]["least_speed"]) > 8
-    assert (
-        "momentum"
-        not in plan_view.as_json(
-            PlanResult(
-                [planned(weak(max_drive_force=4000.0))], ground_map(hill), model_of(tables), 0.0
-            )
-        )["plans"][0]
-    )
+    strong = replace(result, plans=[planned(weak(max_drive_force=4000.0))])
+    assert "momentum" not in summarise(strong).plans[0]

@@ -86,7 +86,7 @@ def questions(place: str, vehicle: str, data: Path, seed: int) -> Iterator[Quest
 
 
 def stripped(plan: SpeedPlan, name: str) -> ExternalPlan:
-    """Input of the checker."""
+    """The columns that the checker gets."""
     return ExternalPlan(name=name, x=plan.x, y=plan.y, speed=plan.speed)
 
 

@@ -15,8 +15,7 @@ import zenoh
 from rich.console import Console
 
 from slopewise.models.errors import InputError
-from slopewise.services.cli.arguments.robot import ParamsOptions
-from slopewise.services.cli.commands.params import run, show
+from slopewise.services.cli.params import ParamsOptions, request, tables
 from tests.services.parameter_client import Robot, block, column, send_ground
 from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import Running, running
@@ -181,19 +180,20 @@ def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
         before = stopping(robot)
         drive(robot, seed=2)
         job = ParamsOptions(connect=started.endpoint, namespace=started.namespace)
-        outcome = run(replace(job, investigate=True))
+        outcome = request(replace(job, investigate=True))
         assert outcome.offer is not None, outcome.investigation
         offer = outcome.offer.id
         screen = Console(width=200, record=True, file=io.StringIO())
-        show(outcome, replace(job, investigate=True), screen)
+        for part in tables(outcome, replace(job, investigate=True)):
+            screen.print(part)
         text = screen.export_text()
         for part in ("missing_effect", "step_change: scale = 0.7", f"params --adopt {offer}"):
             assert part in text, text
         with pytest.raises(InputError, match="one that there is"):
-            run(replace(job, adopt="nonsense"))
+            request(replace(job, adopt="nonsense"))
         with pytest.raises(InputError, match="--adopt"):
-            run(replace(job, faster=True))
-        reply = run(replace(job, adopt=offer))
+            request(replace(job, faster=True))
+        reply = request(replace(job, adopt=offer))
         assert {g.group: g.valid for g in reply.groups}["effects"]
         adopted = stopping(robot)
         assert adopted > before + 0.05

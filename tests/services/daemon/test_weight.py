@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from slopewise.services.client import PlanClient
-from slopewise.services.planning.cold_start import compile_first
+from slopewise.services.jobs.cold_start import compile_first
 from tests.services.service_process import fan, flat, running
 
 UNUSED = (
@@ -40,7 +40,7 @@ MAX_GROWTH = 25.0
 
 def test_nothing_is_imported_that_serving_does_not_use() -> None:
     code = (
-        "import sys, slopewise.services.cli.commands.serve, slopewise.services.daemon.daemon; "
+        "import sys, slopewise.services.cli.app, slopewise.services.daemon.daemon; "
         f"print([m for m in {UNUSED!r} if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -85,7 +85,7 @@ def test_state_is_the_last_reply(planned: str) -> None:
     assert all(v <= b + 1e-3 for v, b in zip(chosen["speed"], chosen["speed_bound"], strict=True))
 
 
-def test_the_map_comes_with_its_picture(planned: str) -> None:
+def test_the_map_has_a_picture(planned: str) -> None:
     relief = json.loads(get(f"{planned}/map")[2])
     assert relief["version"] >= 1
     assert relief["cell"] == 0.25

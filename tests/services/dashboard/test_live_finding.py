@@ -1,4 +1,4 @@
-"""The finding on the live page: what it is, what became of it, and a command line that works."""
+"""The finding on the live page: what it is, its status, and a command line that works."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from tests.services import browser
 from tests.services.command_line import slopewise
 from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, examine
 from tests.services.dashboard.page_fixtures import HOSTILE, served
-from tests.services.dashboard.test_proposal_state import made
+from tests.services.dashboard.test_proposal_state import proposal
 from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import free_port, running
 
 
 def panel(shown: str) -> str:
     """The finding's panel as HTML."""
-    (found,) = re.findall(r'<div id="finding".*?</section>', shown, re.DOTALL)
-    return str(found)
+    (match,) = re.findall(r'<div id="finding".*?</section>', shown, re.DOTALL)
+    return str(match)
 
 
 def text(shown: str) -> str:
-    """And as people read it."""
-    whole = re.sub(r"</span> <span>", " ", panel(shown))
-    read = html.unescape(re.sub(r"<[^>]+>", "|", whole)).replace("\u202f", " ")
+    """Its text."""
+    html_text = re.sub(r"</span> <span>", " ", panel(shown))
+    read = html.unescape(re.sub(r"<[^>]+>", "|", html_text)).replace("\u202f", " ")
     return re.sub(r"\|+", "|", read)
 
 
@@ -43,14 +43,14 @@ def test_before_there_is_one_a_quiet_line_says_so() -> None:
     assert text(shown).strip("|\n ") == "Nothing has been found on stored stops."
 
 
-def test_numbers_are_shown_and_words_of_others_stay_words() -> None:
+def test_numbers_are_shown_and_hostile_texts_stay_text() -> None:
     board = LiveState()
     parameters = {HOSTILE: {"value": -0.25, "std": 0.0331, "unit": HOSTILE}}
-    findings = made().findings
+    findings = proposal().findings
     parameters["k"] = {"value": 0.0, "std": 1e-200, "unit": "1"}
     findings["effects"].append({"name": HOSTILE, "parameters": parameters})
     findings["stop_distance"]["after"] = None
-    offer = made(
+    offer = proposal(
         findings=findings,
         summary=HOSTILE,
         cause=HOSTILE,
@@ -66,21 +66,21 @@ def test_numbers_are_shown_and_words_of_others_stay_words() -> None:
     with served(board) as url:
         shown = browser.text_of(url, width=390)
     assert HOSTILE not in shown
-    told = text(shown)
-    assert told.count(HOSTILE) == 12
-    assert "|brake lag, tau|0.298 ± 0.012 s|" in told
-    assert f"−0.250 ± 0.033 {HOSTILE}|" in told
-    assert "|as configured|0.412 m|floor|0.049 m|" in told
-    assert "stops change by +0.11 … +0.93 m" in told
-    assert "|on|26 stops|" in told
-    assert "2001" in told
+    panel_text = text(shown)
+    assert panel_text.count(HOSTILE) == 12
+    assert "|brake lag, tau|0.298 ± 0.012 s|" in panel_text
+    assert f"−0.250 ± 0.033 {HOSTILE}|" in panel_text
+    assert "|as configured|0.412 m|floor|0.049 m|" in panel_text
+    assert "stops change by +0.11 … +0.93 m" in panel_text
+    assert "|on|26 stops|" in panel_text
+    assert "2001" in panel_text
     # Nothing here changes anything: the panel has neither buttons nor links.
     assert not re.search(r"<(button|a|form|input|select)\b", panel(shown))
 
 
 def test_findings_of_another_release_have_no_numbers_and_stop_nobody() -> None:
     board = LiveState()
-    offer = made(findings={"effects": "none", "stop_distance": 3})
+    offer = proposal(findings={"effects": "none", "stop_distance": 3})
     board.set_proposal(ProposalEntry(offer=offer, state="offered", message=""))
     with served(board) as url:
         shown = browser.text_of(url)
@@ -99,7 +99,7 @@ def wait(url: str, state: str) -> dict[str, Any]:
     raise AssertionError(finding)
 
 
-def test_the_command_that_a_running_service_shows_adopts_and_takes_back(tmp_path: Path) -> None:
+def test_commands_that_a_running_service_shows_adopt_and_revert(tmp_path: Path) -> None:
     port = free_port()
     url, page = f"http://127.0.0.1:{port}", f"enabled = true\nport = {port}"
     typed: Callable[[str], Any] = lambda line: slopewise(*shlex.split(line)[1:])  # noqa: E731
@@ -117,18 +117,18 @@ def test_the_command_that_a_running_service_shows_adopts_and_takes_back(tmp_path
         assert offered["before"] > 3.0 * offered["after"] > 0.0
         shown = browser.text_of(url)
         assert "effects<span" not in shown
-        told = text(shown)
-        assert "|offered|waits for an operator|missing effect|" in told
-        assert f"step change, scale|{scale['value']:.3f}"[:-1] in told
-        assert f"|{offered['command']}|" in told
+        panel_text = text(shown)
+        assert "|offered|waits for an operator|missing effect|" in panel_text
+        assert f"step change, scale|{scale['value']:.3f}"[:-1] in panel_text
+        assert f"|{offered['command']}|" in panel_text
         done = typed(offered["command"])
         assert done.returncode == 0, done.stderr
         adopted = wait(url, "adopted")
         shown = browser.text_of(url)
         assert 'effects<span class="">valid' in shown
-        told = text(shown)
-        assert "|adopted|by " in told
-        assert f"To take it back, an operator types |{adopted['command']}|" in told
+        panel_text = text(shown)
+        assert "|adopted|by " in panel_text
+        assert f"To take it back, an operator types |{adopted['command']}|" in panel_text
         assert robot.group("effects")["values"]["step_change.scale"] == scale["value"]
         assert typed(adopted["command"]).returncode == 0
         reverted = wait(url, "reverted")

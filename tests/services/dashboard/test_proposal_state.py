@@ -1,4 +1,4 @@
-"""What becomes of a finding, told from the history with the command for what comes next."""
+"""Status of the newest finding, from the history, with the command of the next step."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FILE = read_model(find_model("atv"))
 LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))
 
 
-def made(number: int = 1, **changes: Any) -> ModelProposal:
+def proposal(number: int = 1, **changes: Any) -> ModelProposal:
     """An offer with numbers as the workflow writes them."""
     effect = {
         "name": "brake_lag",
@@ -37,7 +37,7 @@ def made(number: int = 1, **changes: Any) -> ModelProposal:
         "at": 1e9 + number,
         "cause": "by schedule",
         "verdict": "missing_effect",
-        "summary": "The model leaves out: brakes that answer late.",
+        "summary": "The model lacks: brakes that answer late.",
         "findings": {"effects": [effect], "stop_distance": gap, "seconds": 3.0},
         "data": "0",
         "stops": 26,
@@ -54,108 +54,109 @@ def made(number: int = 1, **changes: Any) -> ModelProposal:
 FASTER = {"beside_file": StopDistanceChange(least=-0.4, most=0.1, where="3 m/s")}
 
 
-class Seen:
+class ShownService:
     """A service in this process, and the board that its page is drawn from."""
 
     def __init__(self, folder: Path | None, model: Model = FILE) -> None:
         store = StoreSettings(path="" if folder is None else str(folder / "p.sqlite"))
         config = ServiceConfig(model="atv", store=store)
         self.service, self.board = ParameterService(config, model), LiveState()
-        self.shown = ParameterFeed(self.service, self.board, config)
+        self.feed = ParameterFeed(self.service, self.board, config)
 
     def offer(self, offer: ModelProposal) -> None:
-        self.service.learner.propose(offer)
+        learner = self.service.learner
+        learner.state = learner.state.propose(offer)
         self.service._commit({"effects"}, f"offered {offer.id}", offer.cause)
 
     @property
     def finding(self) -> ProposalEntry:
-        self.shown.show()
+        self.feed.show()
         assert self.board.proposal is not None
         return self.board.proposal
 
-    def told(self) -> tuple[str, str, str, str]:
-        one = self.finding
-        return one.state, one.message, one.purpose, one.command
+    def status(self) -> tuple[str, str, str, str]:
+        entry = self.finding
+        return entry.state, entry.message, entry.purpose, entry.command
 
 
-def test_what_becomes_of_a_finding_is_told_with_the_command_for_what_comes_next(
+def test_each_status_has_the_command_of_the_next_step(
     tmp_path: Path,
 ) -> None:
-    one = Seen(tmp_path)
-    one.shown.show()
-    assert one.board.proposal is None
-    one.offer(made())
+    shown = ShownService(tmp_path)
+    shown.feed.show()
+    assert shown.board.proposal is None
+    shown.offer(proposal())
     adopts = "slopewise params --adopt offer1"
-    assert one.told() == ("offered", "waits for an operator", "adopt it", adopts)
-    one.service.adopt("offer1", "ann")
+    assert shown.status() == ("offered", "waits for an operator", "adopt it", adopts)
+    shown.service.adopt("offer1", "ann")
     back = "slopewise params effects --rollback 2"
     adopted = ("adopted", "by ann, version 3", "take it back", back)
-    assert one.told() == adopted
-    one.service.close()
+    assert shown.status() == adopted
+    shown.service.close()
     # A restart changes nothing of it.
-    one = Seen(tmp_path)
-    assert one.told() == adopted
-    one.service.roll_back(2, "effects", "bob")
-    assert one.told() == ("reverted", "by bob, version 4", "adopt it", adopts)
-    one.service.roll_back(1, "effects", "cid")
+    shown = ShownService(tmp_path)
+    assert shown.status() == adopted
+    shown.service.roll_back(2, "effects", "bob")
+    assert shown.status() == ("reverted", "by bob, version 4", "adopt it", adopts)
+    shown.service.roll_back(1, "effects", "cid")
     again = "slopewise params effects --rollback 3"
-    assert one.told() == ("reverted", "by bob, version 4", "bring it back", again)
-    one.service.close()
-    one = Seen(tmp_path)
-    assert one.told() == ("reverted", "by bob, version 4", "bring it back", again)
-    one.service.roll_back(3, "effects", "dan")
-    assert one.told()[:3] == ("adopted", "by dan, version 6", "take it back")
-    one.service.roll_back(5, "effects", "dan")
-    one.service.close()
-    # Beside another model file it says nothing.
-    other = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.38))
-    one = Seen(tmp_path, other)
-    one.shown.show()
-    assert one.board.proposal is None
+    assert shown.status() == ("reverted", "by bob, version 4", "bring it back", again)
+    shown.service.close()
+    shown = ShownService(tmp_path)
+    assert shown.status() == ("reverted", "by bob, version 4", "bring it back", again)
+    shown.service.roll_back(3, "effects", "dan")
+    assert shown.status()[:3] == ("adopted", "by dan, version 6", "take it back")
+    shown.service.roll_back(5, "effects", "dan")
+    shown.service.close()
+    # Findings for another model file are not shown.
+    changed = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.38))
+    shown = ShownService(tmp_path, changed)
+    shown.feed.show()
+    assert shown.board.proposal is None
 
 
-def test_a_newer_finding_is_told_beside_the_one_in_use(tmp_path: Path) -> None:
-    one = Seen(tmp_path)
-    one.offer(made(1))
-    one.service.adopt("offer1", "ann")
-    one.offer(made(2))
+def test_a_newer_finding_is_shown_with_the_one_in_use(tmp_path: Path) -> None:
+    shown = ShownService(tmp_path)
+    shown.offer(proposal(1))
+    shown.service.adopt("offer1", "ann")
+    shown.offer(proposal(2))
     adopts = "slopewise params --adopt offer2"
-    words = "waits for an operator; plans use the finding offer1"
-    assert one.told() == ("offered", words, "adopt it", adopts)
-    one.service.roll_back(3, "effects", "ann")
-    # Going back to the older one does not make that the newest.
-    assert one.finding.offer.id == "offer2"
-    assert one.told()[0] == "reverted"
-    assert one.told()[3] == "slopewise params effects --rollback 4"
+    waits = "waits for an operator; plans use the finding offer1"
+    assert shown.status() == ("offered", waits, "adopt it", adopts)
+    shown.service.roll_back(3, "effects", "ann")
+    # Going back to the older shown does not make that the newest.
+    assert shown.finding.offer.id == "offer2"
+    assert shown.status()[0] == "reverted"
+    assert shown.status()[3] == "slopewise params effects --rollback 4"
 
 
-def test_a_refusal_is_told_with_its_reason_until_something_else_happens(tmp_path: Path) -> None:
-    one = Seen(tmp_path)
-    one.offer(made(1, **FASTER))
+def test_a_rejection_is_shown_with_its_reason_until_another_change(tmp_path: Path) -> None:
+    shown = ShownService(tmp_path)
+    shown.offer(proposal(1, **FASTER))
     adopts = "slopewise params --adopt offer1 --faster"
-    assert one.told() == ("offered", "waits for an operator", "adopt it", adopts)
+    assert shown.status() == ("offered", "waits for an operator", "adopt it", adopts)
     with pytest.raises(ParameterError):
-        one.service.adopt("offer1", "ann")
-    state, words, _, command = one.told()
+        shown.service.adopt("offer1", "ann")
+    state, message, _, command = shown.status()
     assert (state, command) == ("refused", adopts)
-    assert "0.40 m shorter at 3 m/s" in words
-    one.service.adopt("offer1", "ann", faster=True)
-    assert one.told()[0] == "adopted"
+    assert "0.40 m shorter at 3 m/s" in message
+    shown.service.adopt("offer1", "ann", faster=True)
+    assert shown.status()[0] == "adopted"
     with pytest.raises(ParameterError):
-        one.service.adopt("offer1", "ann", faster=True)
-    assert one.told()[0] == "adopted"
-    one.service.roll_back(2, "effects", "ann")
-    assert one.told()[0] == "reverted"
-    one.offer(made(2, valid=False, verdict="ambiguous", **FASTER))
-    unsure = "neither conclusive enough for faster plans, nor slower everywhere"
-    assert one.told() == ("refused", unsure, "", "")
-    one.offer(made(3, changes=False, verdict="none"))
-    assert one.told() == ("nothing", "nothing to adopt", "", "")
+        shown.service.adopt("offer1", "ann", faster=True)
+    assert shown.status()[0] == "adopted"
+    shown.service.roll_back(2, "effects", "ann")
+    assert shown.status()[0] == "reverted"
+    shown.offer(proposal(2, valid=False, verdict="ambiguous", **FASTER))
+    invalid = "neither conclusive enough for faster plans, nor slower everywhere"
+    assert shown.status() == ("refused", invalid, "", "")
+    shown.offer(proposal(3, changes=False, verdict="none"))
+    assert shown.status() == ("nothing", "nothing to adopt", "", "")
 
 
-def test_without_a_store_there_is_no_way_back_to_tell_of() -> None:
-    one = Seen(None)
-    one.offer(made())
-    assert one.told()[0] == "offered"
-    one.service.adopt("offer1", "ann")
-    assert one.told() == ("adopted", "by ann, version 3", "", "")
+def test_without_a_store_nothing_can_be_rolled_back() -> None:
+    shown = ShownService(None)
+    shown.offer(proposal())
+    assert shown.status()[0] == "offered"
+    shown.service.adopt("offer1", "ann")
+    assert shown.status() == ("adopted", "by ann, version 3", "", "")

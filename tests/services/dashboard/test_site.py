@@ -1,4 +1,4 @@
-"""The page's server: token, host names, connections left open, files for Prometheus."""
+"""The page's server: token, host names, idle connections, files for Prometheus."""
 
 from __future__ import annotations
 

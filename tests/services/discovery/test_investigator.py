@@ -1,4 +1,4 @@
-"""Looks at stored stops: what ends badly is said, nothing waits for it, nothing is left behind."""
+"""Investigations of stored stops: failures are reported, nothing waits, nothing is left behind."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ FILE = read_model(find_model("atv"))
 
 
 def filled(folder: Path, stops: int = 13, **settings: float) -> Investigator:
-    made = Investigator(
+    known = Investigator(
         Investigation(samples=str(folder), **settings),  # type: ignore[arg-type]
         "vehicle",
     )
     vehicle = Vehicle(seed=3)
     for _ in range(stops + 1):
         _, samples = vehicle.stop(ASPHALT, 2.0)
-        made.add_samples("robot", samples, "", "model")
-    assert made.counters["stops_lost"] == 0
-    return made
+        known.add_samples("robot", samples, "", "model")
+    assert known.counters["stops_lost"] == 0
+    return known
 
 
-def outcome_of(made: Investigator, seconds: float = 30.0) -> InvestigationOutcome:
+def outcome_of(known: Investigator, seconds: float = 30.0) -> InvestigationOutcome:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         begun = time.monotonic()
-        outcome = made.poll()
+        outcome = known.poll()
         if outcome is not None:
             return outcome
         assert time.monotonic() - begun < 0.5, "asking waits for the other process"
@@ -67,84 +67,86 @@ def test_no_samples_and_too_few_stops_are_refused(tmp_path: Path) -> None:
         filled(tmp_path / "stops", 5).begin(FILE, FILE, FILE, "ann")
 
 
-def test_one_that_takes_too_long_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = filled(tmp_path / "stops", limit=1.0)
+def test_a_process_beyond_its_time_limit_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = filled(tmp_path / "stops", limit=1.0)
     monkeypatch.setattr(investigator, "_GRACE", 0.0)
     begun = time.monotonic()
-    # A process that never ends by itself, in place of the one that looks.
+    # A process that never ends, in place of the investigation.
     monkeypatch.setattr(sys, "executable", _script(tmp_path, "while true; do sleep 0.1; done"))
-    made.begin(FILE, FILE, FILE, "ann")
+    known.begin(FILE, FILE, FILE, "ann")
     with pytest.raises(ParameterError, match="got one"):
-        made.begin(FILE, FILE, FILE, "bob")
-    outcome = outcome_of(made)
+        known.begin(FILE, FILE, FILE, "bob")
+    outcome = outcome_of(known)
     assert outcome.offer is None
     assert "within 1 s" in outcome.reason
     assert time.monotonic() - begun < 5.0
-    assert not made.running
-    assert made.all_counters()["looks_failed"] == 1
+    assert not known.running
+    assert known.all_counters()["looks_failed"] == 1
 
 
-def test_one_that_breaks_is_said_and_the_next_may_begin(
+def test_a_failed_process_is_reported_and_the_next_may_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = filled(tmp_path / "stops")
+    known = filled(tmp_path / "stops")
     monkeypatch.setattr(sys, "executable", _script(tmp_path, "exit 3"))
     for _ in range(2):
-        made.begin(FILE, FILE, FILE, "ann")
-        assert "status 3" in outcome_of(made).reason
+        known.begin(FILE, FILE, FILE, "ann")
+        assert "status 3" in outcome_of(known).reason
     monkeypatch.setattr(sys, "executable", str(tmp_path / "nowhere"))
     with pytest.raises(ParameterError, match="a process for the investigation"):
-        made.begin(FILE, FILE, FILE, "ann")
-    assert not made.running
+        known.begin(FILE, FILE, FILE, "ann")
+    assert not known.running
 
 
 def test_damaged_stops_are_left_out_quarantine_and_counted(tmp_path: Path) -> None:
-    made = filled(tmp_path / "stops", 12)
+    known = filled(tmp_path / "stops", 12)
     victim = sorted((tmp_path / "stops").iterdir())[4]
     victim.write_bytes(victim.read_bytes()[:-8])
-    made.begin(FILE, FILE, FILE, "ann")
-    outcome = outcome_of(made, 60.0)
+    known.begin(FILE, FILE, FILE, "ann")
+    outcome = outcome_of(known, 60.0)
     assert outcome.damaged == [victim.name]
     assert "at least 12 usable stops, got 11" in outcome.reason
-    assert made.all_counters()["stops_damaged"] == 1
+    assert known.all_counters()["stops_damaged"] == 1
     assert not victim.exists()
     with pytest.raises(ParameterError, match="at least 12 stored stops, got 11"):
-        made.begin(FILE, FILE, FILE, "ann")
+        known.begin(FILE, FILE, FILE, "ann")
 
 
 def test_stops_that_cannot_be_written_are_counted_and_flagged(tmp_path: Path) -> None:
-    made = filled(tmp_path / "stops", 2)
+    known = filled(tmp_path / "stops", 2)
     for path in (tmp_path / "stops").iterdir():
         path.unlink()
     (tmp_path / "stops").rmdir()
     vehicle = Vehicle(seed=4)
     for _ in range(3):
         _, samples = vehicle.stop(ASPHALT, 2.0)
-        made.add_samples("other", samples, "", "model")
-    assert made.all_counters()["stops_lost"] == 2
-    assert any("stops are not kept" in flag for flag in made.flags())
+        known.add_samples("other", samples, "", "model")
+    assert known.all_counters()["stops_lost"] == 2
+    assert any("stops are not kept" in flag for flag in known.flags())
 
 
 def test_closing_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = filled(tmp_path / "stops")
+    known = filled(tmp_path / "stops")
     monkeypatch.setattr(sys, "executable", _script(tmp_path, "while true; do sleep 0.1; done"))
-    made.begin(FILE, FILE, FILE, "ann")
-    made.close()
-    assert not made.running
+    known.begin(FILE, FILE, FILE, "ann")
+    known.close()
+    assert not known.running
 
 
-def test_it_looks_by_itself_only_when_it_may_and_there_is_news(tmp_path: Path) -> None:
+def test_an_investigation_is_due_after_its_interval_with_new_stops(tmp_path: Path) -> None:
     assert not filled(tmp_path / "a", fresh=5).is_due()
-    made = filled(tmp_path / "b", fresh=5, every=0.3)
-    assert not made.is_due()
+    known = filled(tmp_path / "b", fresh=5, every=0.3)
+    assert not known.is_due()
     time.sleep(0.35)
-    assert made.is_due()
+    assert known.is_due()
     few = filled(tmp_path / "c", fresh=500, every=0.01)
     time.sleep(0.05)
     assert not few.is_due()
 
 
-def test_the_process_is_humble_and_leaves_with_the_service(tmp_path: Path) -> None:
+def test_the_process_has_the_lowest_priority_and_ends_with_the_service(tmp_path: Path) -> None:
     folder = tmp_path / "job"
     folder.mkdir()
     for name in (
@@ -197,9 +199,9 @@ def test_stops_become_a_log_on_one_clock() -> None:
         stop("b", 1.0, 900.0),
     ]
     columns, runs, ground = as_log(stops)
-    begins = [float(columns["t"][run.start]) for run in runs]
-    # Its own clock, the clock of the day, and a minute where that went back.
-    assert begins == pytest.approx([0.0, 10.0, 12.0 + 28.0, 42.0 + 60.0])
+    starts = [float(columns["t"][run.start]) for run in runs]
+    # The sender's clock, the wall clock, and a minute where that was set back.
+    assert starts == pytest.approx([0.0, 10.0, 12.0 + 28.0, 42.0 + 60.0])
     assert np.all(np.diff(columns["t"]) > 0.0)
     assert list(dict.fromkeys(columns["run"])) == ["0", "1", "2", "3"]
     assert set(columns["terrain"]) == {"ice"}
@@ -208,8 +210,8 @@ def test_stops_become_a_log_on_one_clock() -> None:
     assert np.isfinite(ground).sum() == 21
 
 
-def _script(folder: Path, words: str) -> str:
+def _script(folder: Path, commands: str) -> str:
     path = folder / "python"
-    path.write_text(f"#!/bin/sh\n{words}\n")
+    path.write_text(f"#!/bin/sh\n{commands}\n")
     path.chmod(0o755)
     return str(path)

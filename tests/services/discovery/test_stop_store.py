@@ -1,4 +1,4 @@
-"""Samples of stops: cut out of streams, kept on disk within a limit, damaged ones put aside."""
+"""Samples of stops: extracted from streams, stored within a limit, damaged ones quarantined."""
 
 from __future__ import annotations
 
@@ -46,80 +46,80 @@ def drives(count: int = 3) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("size", [1, 7, 60, 10_000])
-def test_every_stop_comes_out_once_however_samples_are_told(size: int) -> None:
-    cutter, found = StopExtractor(), list[ExtractedStop]()
-    whole = drives()
-    for piece in in_pieces(whole, size):
-        found += cutter.add_samples("robot", piece, "sand")
-    assert len(found) == 3
-    for cut in found:
-        t, v, told = (cut.columns[n] for n in ("t", "v", "v_cmd"))
-        (edge,) = np.flatnonzero((told[1:] <= 0.01) & (told[:-1] > 0.01)) + 1
-        command, rest = t[edge], t[edge + np.argmax(v[edge:] <= 0.02)]
+def test_every_stop_is_extracted_once_from_messages_of_any_size(size: int) -> None:
+    extractor, stops = StopExtractor(), list[ExtractedStop]()
+    samples = drives()
+    for piece in in_pieces(samples, size):
+        stops += extractor.add_samples("robot", piece, "sand")
+    assert len(stops) == 3
+    for cut in stops:
+        t, v, command = (cut.columns[n] for n in ("t", "v", "v_cmd"))
+        (edge,) = np.flatnonzero((command[1:] <= 0.01) & (command[:-1] > 0.01)) + 1
+        begin, rest = t[edge], t[edge + np.argmax(v[edge:] <= 0.02)]
         # As much before and after as there was.
-        assert command - t[0] >= 0.9
-        assert command - t[0] <= 1.51
+        assert begin - t[0] >= 0.9
+        assert begin - t[0] <= 1.51
         assert t[-1] - rest == pytest.approx(1.0, abs=0.03)
-        assert np.isin(t, whole["t"]).all()
+        assert np.isin(t, samples["t"]).all()
         assert cut.surface == "sand"
 
 
-def test_what_is_no_whole_stop_is_left_out_and_what_follows_is_not() -> None:
+def test_an_incomplete_stop_is_excluded_and_the_next_is_not() -> None:
     samples = drives(1)
     t, moving = samples["t"], samples["v"] > 0.05
     middle = 0.5 * (t[np.argmax(samples["v_cmd"] <= 0.01)] + t[moving][-1])
     gap = {k: v[(t < middle) | (t > middle + 0.6)] for k, v in samples.items()}
     aborted = {**samples, "v_cmd": np.where(t > middle, 2.0, samples["v_cmd"])}
     slow = {**samples, "v": 0.1 * samples["v"]}
-    for bad in (gap, aborted, slow):
-        cutter = StopExtractor()
-        assert cutter.add_samples("robot", bad, "") == []
+    for incomplete in (gap, aborted, slow):
+        extractor = StopExtractor()
+        assert extractor.add_samples("robot", incomplete, "") == []
         later = {**samples, "t": t + 60.0}
-        assert len(cutter.add_samples("robot", later, "")) == 1
+        assert len(extractor.add_samples("robot", later, "")) == 1
 
 
-def test_a_clock_that_begins_anew_and_other_columns_begin_another_stream() -> None:
+def test_a_restarted_clock_and_other_columns_start_another_stream() -> None:
     samples = drives(1)
     first, second = in_pieces(samples, len(samples["t"]) // 2 + 1)
-    cutter = StopExtractor()
-    assert cutter.add_samples("robot", second, "") == []
-    assert cutter.add_samples("robot", {**first, "roll": 0.0 * first["t"]}, "") == []
-    assert cutter.add_samples("robot", second, "") == []
-    assert cutter.add_samples("other", first, "") == []
-    assert len(cutter.add_samples("other", second, "")) == 1
+    extractor = StopExtractor()
+    assert extractor.add_samples("robot", second, "") == []
+    assert extractor.add_samples("robot", {**first, "roll": 0.0 * first["t"]}, "") == []
+    assert extractor.add_samples("robot", second, "") == []
+    assert extractor.add_samples("other", first, "") == []
+    assert len(extractor.add_samples("other", second, "")) == 1
 
 
-def test_a_stop_comes_back_as_it_was(tmp_path: Path) -> None:
-    room = StopStore(tmp_path / "a" / "stops", 1_000_000)
+def test_a_stored_stop_is_read_unchanged(tmp_path: Path) -> None:
+    store = StopStore(tmp_path / "a" / "stops", 1_000_000)
     stop = stored(source="robot ä")
-    room.put(stop)
-    (name,) = room.latest(10)
-    back = read_stop(room.folder / name)
+    store.put(stop)
+    (name,) = store.latest(10)
+    back = read_stop(store.folder / name)
     np.testing.assert_array_equal(back.values, stop.values)
     assert (back.source, back.columns, back.at) == (stop.source, stop.columns, stop.at)
-    assert room.counters["stops_kept"] == 1
+    assert store.counters["stops_kept"] == 1
 
 
-def test_the_oldest_make_room_and_numbers_go_on(tmp_path: Path) -> None:
-    room = StopStore(tmp_path, 60_000)
+def test_the_oldest_are_deleted_and_numbers_continue(tmp_path: Path) -> None:
+    store = StopStore(tmp_path, 60_000)
     for seed in range(30):
-        room.put(stored(seed))
-    kept = [read_stop(tmp_path / name).at for name in room.latest(100)]
+        store.put(stored(seed))
+    times = [read_stop(tmp_path / name).at for name in store.latest(100)]
     assert sum(f.stat().st_size for f in tmp_path.iterdir()) <= 60_000
-    assert 3 < len(kept) < 30
-    assert kept == sorted(kept)
-    assert kept[-1] == 129.0
+    assert 3 < len(times) < 30
+    assert times == sorted(times)
+    assert times[-1] == 129.0
     again = StopStore(tmp_path, 60_000)
-    assert again.latest(100) == room.latest(100)
+    assert again.latest(100) == store.latest(100)
     again.put(stored(30))
     assert read_stop(tmp_path / again.latest(1)[0]).at == 130.0
 
 
 def test_damaged_files_are_quarantine_and_counted_and_others_read(tmp_path: Path) -> None:
-    room = StopStore(tmp_path, 1_000_000)
+    store = StopStore(tmp_path, 1_000_000)
     for seed in range(8):
-        room.put(stored(seed))
-    names = room.latest(10)
+        store.put(stored(seed))
+    names = store.latest(10)
     content = bytearray((tmp_path / names[2]).read_bytes())
     content[len(content) // 2] ^= 1
     (tmp_path / names[2]).write_bytes(content)
@@ -132,13 +132,13 @@ def test_damaged_files_are_quarantine_and_counted_and_others_read(tmp_path: Path
     assert [s.at for s in stops] == [100.0, 101.0, 103.0]
     assert data == read_stops(tmp_path, [names[i] for i in (0, 1, 3)])[2]
     assert data != read_stops(tmp_path, names[:2])[2]
-    room.quarantine(damaged)
-    assert room.counters["stops_damaged"] == 4
+    store.quarantine(damaged)
+    assert store.counters["stops_damaged"] == 4
     assert len(list(tmp_path.glob("*.damaged"))) == 3
-    assert room.latest(10) == [names[i] for i in (0, 1, 3, 7)]
+    assert store.latest(10) == [names[i] for i in (0, 1, 3, 7)]
 
 
-def test_a_place_that_is_no_folder_is_said_in_one_line(tmp_path: Path) -> None:
+def test_a_place_that_is_no_folder_is_reported_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="expected a folder") as caught:
         StopStore(tmp_path / "file" / "stops", 1000)

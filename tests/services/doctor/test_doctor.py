@@ -1,4 +1,4 @@
-"""Seeded mistakes are found by name, and nothing is said of robots that fit."""
+"""Seeded mistakes are named, and robots that fit have no issues."""
 
 from __future__ import annotations
 
@@ -8,20 +8,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from slopewise.models.errors import InputError
-from slopewise.services.doctor.collect import Collector
 from slopewise.services.doctor.examine import examine
-from slopewise.services.doctor.facts import Facts, Misfit, MisfitSeverity, Seen
+from slopewise.services.doctor.message_collector import MessageCollector
 from slopewise.services.doctor.nav2_file import read_nav2
+from slopewise.services.doctor.robot_facts import (
+    ConfigIssue,
+    IssueSeverity,
+    ObservedTraffic,
+    RobotFacts,
+)
 from slopewise.services.io.bags import typestore
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.ros.settings import EdgeSettings, OwnStop, Timing, Wheels
+from slopewise.services.ros.settings import EdgeSettings, FallbackStop, Timing, WheelJoints
 from tests.services.command_line import here
+from tests.services.ros.ros_messages import header, odometry
 
 MODEL = read_model(find_model("atv"))
 T = typestore().types
@@ -48,7 +53,7 @@ NAV2: dict[str, Any] = {
 
 
 def parameters(tmp_path: Path, nodes: dict[str, Any]) -> Any:
-    """As a file holds them, and as JSON is YAML."""
+    """Parameters in a file; JSON is YAML."""
     file = tmp_path / "params.yaml"
     wrapped = {node: {"ros__parameters": table} for node, table in nodes.items()}
     wrapped["local_costmap"] = {"local_costmap": wrapped.get("local_costmap", {})}
@@ -56,24 +61,8 @@ def parameters(tmp_path: Path, nodes: dict[str, Any]) -> Any:
     return read_nav2([file])
 
 
-def header(t: float, frame: str) -> Any:
-    sec = int(t)
-    stamp = T["builtin_interfaces/msg/Time"](sec, round(1e9 * (t - sec)))
-    return T["std_msgs/msg/Header"](stamp, frame)
-
-
-def odometry(t: float, x: float, speed: float, frame: str = "map") -> Any:
-    point, vector = T["geometry_msgs/msg/Point"], T["geometry_msgs/msg/Vector3"]
-    turn = T["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-    pose = T["geometry_msgs/msg/Pose"](point(x, 0.0, 0.0), turn)
-    twist = T["geometry_msgs/msg/Twist"](vector(speed, 0.0, 0.0), vector(0.0, 0.0, 0.0))
-    here = T["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36))
-    moving = T["geometry_msgs/msg/TwistWithCovariance"](twist, np.zeros(36))
-    return T["nav_msgs/msg/Odometry"](header(t, frame), "base_link", here, moving)
-
-
 def limit(t: float, value: float, percentage: bool = False) -> Any:
-    return T["nav2_msgs/msg/SpeedLimit"](header(t, ""), percentage, value)
+    return T["nav2_msgs/msg/SpeedLimit"](header("", t), percentage, value)
 
 
 Message = tuple[float, str, str, Any]
@@ -90,50 +79,52 @@ def drive(
     frame: str = "map",
 ) -> list[Message]:
     """Twenty seconds: 2 m/s, then a lower limit, obeyed at 1.5 m/s²."""
-    found: list[Message] = []
+    messages: list[Message] = []
     x, speed, begun = 0.0, 2.0, 1_800_000_000.0
     for k in range(round(20 * rate)):
         t = begun + k / rate
-        wanted = 2.0 if k < 8 * rate or not obeys else lowered
-        speed = max(speed - 1.5 / rate, wanted) if k > 8.3 * rate else speed
+        goal = 2.0 if k < 8 * rate or not obeys else lowered
+        speed = max(speed - 1.5 / rate, goal) if k > 8.3 * rate else speed
         x += speed / rate
-        message = odometry(t - late, x, speed * scale, frame)
-        found.append((t, "/odom", "nav_msgs/msg/Odometry", message))
+        message = odometry(speed * scale, x, t - late, frame)
+        messages.append((t, "/odom", "nav_msgs/msg/Odometry", message))
     for k in range(200):
         t = begun + 0.1 * k
         value = 2.0 if k < 80 else lowered
-        found.append((t, "/speed_limit", "nav2_msgs/msg/SpeedLimit", limit(t, value, percentage)))
-    return sorted(found, key=lambda message: message[0])
+        messages.append(
+            (t, "/speed_limit", "nav2_msgs/msg/SpeedLimit", limit(t, value, percentage))
+        )
+    return sorted(messages, key=lambda message: message[0])
 
 
-def seen(messages: list[Message]) -> Seen:
-    collector = Collector()
+def seen(messages: list[Message]) -> ObservedTraffic:
+    collector = MessageCollector()
     for at, topic, kind, message in messages:
         collector.take(topic, kind, message, at)
     return collector.seen
 
 
-def restamped(stamp: float) -> Seen:
+def restamped(stamp: float) -> ObservedTraffic:
     """A drive whose odometry has the same stamp throughout [s]."""
     messages = drive()
     for _, topic, _, message in messages:
         if topic == "/odom":
-            message.header = header(stamp, "map")
+            message.header = header("map", stamp)
     return seen(messages)
 
 
-class _Map:
+class MapStub:
     def __init__(self, t: float, frame: str) -> None:
-        self.header = header(t, frame)
+        self.header = header(frame, t)
 
 
-def with_map(told: Seen, age: float = 0.5, frame: str = "map") -> Seen:
-    collector = Collector()
-    collector.seen = told
+def with_map(traffic: ObservedTraffic, age: float = 0.5, frame: str = "map") -> ObservedTraffic:
+    collector = MessageCollector()
+    collector.seen = traffic
     for k in range(20):
         at = 1_800_000_000.0 + k
-        collector.take("/elevation_map", "grid_map_msgs/msg/GridMap", _Map(at - age, frame), at)
-    return told
+        collector.take("/elevation_map", "grid_map_msgs/msg/GridMap", MapStub(at - age, frame), at)
+    return traffic
 
 
 def change(*keys: str, to: Any) -> Callable[[dict[str, Any]], None]:
@@ -161,7 +152,7 @@ PARAMETER_MISTAKES = {
     ),
     "base weaker": (change(*BASE, to=1.6), "deceleration along the chain"),
     "more than the brakes can": (change(*BASE, to=6.0), "deceleration against the brakes"),
-    "less than plans want": (change(*BASE, to=1.0), "deceleration against the plan"),
+    "less than plans need": (change(*BASE, to=1.0), "deceleration against the plan"),
     "sign": (change(SMOOTHER, "max_decel", to=[2.0, 0.0, 3.0]), "sign of a deceleration"),
     "smoother slower": (
         change(SMOOTHER, "max_velocity", to=[1.0, 0.0, 2.0]),
@@ -177,16 +168,16 @@ PARAMETER_MISTAKES = {
     "slow controller": (change(SERVER, "controller_frequency", to=5.0), "rate of the controller"),
 }
 
-WHEELS = Wheels(left="l", right="r", radius=0.165)
+WHEELS = WheelJoints(left="l", right="r", radius=0.165)
 
 EDGE_MISTAKES = {
-    "own stop too hard": (EdgeSettings(stop=OwnStop(deceleration=6.0)), "the edge's own stop"),
-    "own stop too quick": (EdgeSettings(stop=OwnStop(dead_time=0.1)), "the edge's own stop"),
+    "own stop too hard": (EdgeSettings(stop=FallbackStop(deceleration=6.0)), "the edge's own stop"),
+    "own stop too quick": (EdgeSettings(stop=FallbackStop(dead_time=0.1)), "the edge's own stop"),
     "wheel radius": (EdgeSettings(wheels=WHEELS), "wheel radius"),
     "short life": (EdgeSettings(timing=Timing(life=0.09, period=0.05)), "life of a limit"),
 }
 
-SEEN_MISTAKES = {
+TRAFFIC_MISTAKES = {
     "ignored limit": (lambda: seen(drive(obeys=False)), "limits are not obeyed"),
     "limit of 0": (lambda: seen(drive(lowered=0.0)), "a limit of 0"),
     "percentage": (lambda: seen(drive(percentage=True)), "a limit in percent"),
@@ -200,60 +191,60 @@ SEEN_MISTAKES = {
 }
 
 
-def named(findings: list[Misfit]) -> set[str]:
-    return {finding.check for finding in findings}
+def named(issues: list[ConfigIssue]) -> set[str]:
+    return {issue.check for issue in issues}
 
 
 @pytest.mark.parametrize("mistake", PARAMETER_MISTAKES)
-def test_mistakes_in_parameter_files(tmp_path: Path, mistake: str) -> None:
+def test_mistakes_in_parameter_files_are_named(tmp_path: Path, mistake: str) -> None:
     nodes = copy.deepcopy(NAV2)
     act, check = PARAMETER_MISTAKES[mistake]
     act(nodes)
-    found = examine(Facts(MODEL, EdgeSettings(), parameters(tmp_path, nodes), None))
-    assert check in named(found), found
-    assert all(f.words and f.remedy for f in found)
+    issues = examine(RobotFacts(MODEL, EdgeSettings(), parameters(tmp_path, nodes), None))
+    assert check in named(issues), issues
+    assert all(issue.message and issue.fix for issue in issues)
 
 
 @pytest.mark.parametrize("mistake", EDGE_MISTAKES)
-def test_mistakes_in_the_edges_settings(tmp_path: Path, mistake: str) -> None:
+def test_mistakes_in_the_settings_of_the_edge_are_named(tmp_path: Path, mistake: str) -> None:
     edge, check = EDGE_MISTAKES[mistake]
-    assert named(examine(Facts(MODEL, edge, parameters(tmp_path, NAV2), None))) == {check}
+    assert named(examine(RobotFacts(MODEL, edge, parameters(tmp_path, NAV2), None))) == {check}
 
 
-@pytest.mark.parametrize("mistake", SEEN_MISTAKES)
-def test_mistakes_that_show_on_a_drive(mistake: str) -> None:
-    make, check = SEEN_MISTAKES[mistake]
-    found = examine(Facts(MODEL, None, None, make()))
-    assert check in named(found), found
+@pytest.mark.parametrize("mistake", TRAFFIC_MISTAKES)
+def test_mistakes_in_the_traffic_of_a_drive_are_named(mistake: str) -> None:
+    make, check = TRAFFIC_MISTAKES[mistake]
+    issues = examine(RobotFacts(MODEL, None, None, make()))
+    assert check in named(issues), issues
 
 
-SANE_SEEN = {
+SANE_TRAFFIC = {
     "obeys": lambda: seen(drive()),
-    "in odom, connected": lambda: _connected(),
+    "in odom, connected": lambda: connected(),
     "slows to a crawl": lambda: with_map(seen(drive(lowered=0.01))),
 }
 
 
-def _connected() -> Seen:
-    told = with_map(seen(drive(frame="odom")))
-    told.links["odom"] = "map"
-    return told
+def connected() -> ObservedTraffic:
+    traffic = with_map(seen(drive(frame="odom")))
+    traffic.links["odom"] = "map"
+    return traffic
 
 
-@pytest.mark.parametrize("sane", ["mppi", "dwb", "regulated", *SANE_SEEN])
-def test_nothing_is_said_of_robots_that_fit(tmp_path: Path, sane: str) -> None:
-    nodes, told = copy.deepcopy(NAV2), None
+@pytest.mark.parametrize("sane", ["mppi", "dwb", "regulated", *SANE_TRAFFIC])
+def test_robots_that_fit_have_no_issues(tmp_path: Path, sane: str) -> None:
+    nodes, traffic = copy.deepcopy(NAV2), None
     if sane == "dwb":
         nodes["controller_server"]["FollowPath"] = {"max_vel_x": 2.0, "decel_lim_x": -1.8}
         nodes["global_costmap"] = {"robot_radius": 1.0}
     elif sane == "regulated":
         nodes["controller_server"]["FollowPath"] = {"desired_linear_vel": 2.0}
         del nodes["twist_mux"], nodes["diff_drive_controller"]
-    elif sane in SANE_SEEN:
-        told = SANE_SEEN[sane]()
-    has_map = told is None or "/elevation_map" in told.topics
-    edge = EdgeSettings(wheels=Wheels(left="l", right="r", radius=0.28)) if has_map else None
-    assert examine(Facts(MODEL, edge, parameters(tmp_path, nodes), told)) == []
+    elif sane in SANE_TRAFFIC:
+        traffic = SANE_TRAFFIC[sane]()
+    has_map = traffic is None or "/elevation_map" in traffic.topics
+    edge = EdgeSettings(wheels=WheelJoints(left="l", right="r", radius=0.28)) if has_map else None
+    assert examine(RobotFacts(MODEL, edge, parameters(tmp_path, nodes), traffic)) == []
 
 
 def write_bag(folder: Path, messages: list[Message]) -> Path:
@@ -271,7 +262,7 @@ def write_bag(folder: Path, messages: list[Message]) -> Path:
 
 
 @pytest.mark.parametrize(("obeys", "status"), [(True, 0), (False, 3)])
-def test_the_command_looks_at_a_recording(tmp_path: Path, obeys: bool, status: int) -> None:
+def test_command_examines_a_recording(tmp_path: Path, obeys: bool, status: int) -> None:
     bag = write_bag(tmp_path / "bag", drive(obeys=obeys))
     done = here("doctor", "--bag", str(bag), "--model", "atv", "--json")
     assert done.returncode == status, done.stderr
@@ -280,17 +271,17 @@ def test_the_command_looks_at_a_recording(tmp_path: Path, obeys: bool, status: i
     assert [f["check"] for f in result["findings"]] == ([] if obeys else ["limits are not obeyed"])
 
 
-def test_files_that_cannot_be_used(tmp_path: Path) -> None:
-    for text, words in (("a: [", "expected YAML"), ("a: 1\n", "parameters of nodes")):
+def test_files_that_cannot_be_used_are_named(tmp_path: Path) -> None:
+    for text, fact in (("a: [", "expected YAML"), ("a: 1\n", "parameters of nodes")):
         file = tmp_path / "p.yaml"
         file.write_text(text)
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(InputError, match=fact):
             read_nav2([file])
     assert here("doctor").returncode == 2
     assert here("doctor", "--live", "1").returncode == 2
 
 
-def test_names_with_dots_and_namespaces(tmp_path: Path) -> None:
+def test_parameter_names_with_dots_and_namespaces_are_nested(tmp_path: Path) -> None:
     file = tmp_path / "p.yaml"
     file.write_text(
         "/r1/controller_server:\n  ros__parameters:\n    controller_plugins: [F]\n"
@@ -298,4 +289,6 @@ def test_names_with_dots_and_namespaces(tmp_path: Path) -> None:
     )
     nav2 = read_nav2([file])
     assert nav2.controllers() == {"F": {"ax_min": -1.0, "vx_max": 2.0}}
-    assert all(f.severity is MisfitSeverity.ERROR for f in examine(Facts(MODEL, None, nav2, None)))
+    assert all(
+        f.severity is IssueSeverity.ERROR for f in examine(RobotFacts(MODEL, None, nav2, None))
+    )

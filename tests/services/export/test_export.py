@@ -1,4 +1,4 @@
-"""What is taken elsewhere says the same there: C as Python, derivatives as differences."""
+"""Exported functions agree with the model: C with Python, derivatives with differences."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ def with_everything() -> Model:
 MODELS = {"atv": read_model(find_model("atv")), "all of it": with_everything()}
 
 
-def by_numpy(one: ModelFunction, points: np.ndarray) -> np.ndarray:
-    found: np.ndarray = np.broadcast_to(one.evaluate(*points.T), len(points))
-    return found
+def by_numpy(function: ModelFunction, points: np.ndarray) -> np.ndarray:
+    values: np.ndarray = np.broadcast_to(function.evaluate(*points.T), len(points))
+    return values
 
 
 @pytest.fixture(scope="module", params=MODELS)
@@ -61,18 +61,18 @@ def model(request: pytest.FixtureRequest) -> Model:
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 def test_c_code_says_what_python_says(model: Model, tmp_path: Path) -> None:
-    made = functions_of(model)
-    source, header, told = write_c(model, made, tmp_path / "c")
+    functions = functions_of(model)
+    source, header, units = write_c(model, functions, tmp_path / "c")
     assert header.exists()
     library = tmp_path / "model.so"
     flags = ["-O2", "-Wall", "-shared", "-fPIC"]
     subprocess.run(["gcc", *flags, "-o", str(library), str(source), "-lm"], check=True)
     compiled, rng = ctypes.CDLL(str(library)), np.random.default_rng(1)
-    for one in made:
-        call = getattr(compiled, one.name)
-        points = np.ascontiguousarray(sample_inputs(one, POINTS, rng))
-        expected = by_numpy(one, points)
-        found, out = np.empty(POINTS), (ctypes.c_double * 1)()
+    for function in functions:
+        call = getattr(compiled, function.name)
+        points = np.ascontiguousarray(sample_inputs(function, POINTS, rng))
+        expected = by_numpy(function, points)
+        values, out = np.empty(POINTS), (ctypes.c_double * 1)()
         result = (ctypes.POINTER(ctypes.c_double) * 1)(out)
         columns = [np.ascontiguousarray(column) for column in points.T]
         step, arguments = ctypes.sizeof(ctypes.c_double), (ctypes.c_void_p * len(columns))()
@@ -81,43 +81,43 @@ def test_c_code_says_what_python_says(model: Model, tmp_path: Path) -> None:
             for i, start in enumerate(starts):
                 arguments[i] = start + k * step
             assert call(arguments, result, None, None, 0) == 0
-            found[k] = out[0]
-        np.testing.assert_allclose(found, expected, rtol=EXACT, atol=EXACT, err_msg=one.name)
+            values[k] = out[0]
+        np.testing.assert_allclose(values, expected, rtol=EXACT, atol=EXACT, err_msg=function.name)
     # The header with units and vectors compiles, too, and its vectors are the model's.
     check = tmp_path / "check.c"
-    check.write_text(f'#include "{told.name}"\nint main(void) {{ return 0; }}\n')
-    command = ["gcc", "-fsyntax-only", f"-I{told.parent}", str(check)]
+    check.write_text(f'#include "{units.name}"\nint main(void) {{ return 0; }}\n')
+    command = ["gcc", "-fsyntax-only", f"-I{units.parent}", str(check)]
     subprocess.run(command, check=True)
-    assert "speed [m/s]" in told.read_text()
+    assert "speed [m/s]" in units.read_text()
 
 
 def test_derivatives_are_differences(model: Model) -> None:
     rng, h = np.random.default_rng(2), 1e-6
-    for one in functions_of(model):
-        derivatives = derivative_of(one)
-        for point in sample_inputs(one, 60, rng):
+    for function in functions_of(model):
+        derivatives = derivative_of(function)
+        for point in sample_inputs(function, 60, rng):
             exact = np.array(derivatives(*point)).ravel()
             for i in range(len(point)):
                 low, high = point.copy(), point.copy()
                 low[i], high[i] = point[i] - h, point[i] + h
-                ends = [float(one.function(*p)) for p in (low, high)]
+                ends = [float(function.function(*p)) for p in (low, high)]
                 slope = (ends[1] - ends[0]) / (2.0 * h)
-                # At a kink of the law (speed at the end of the trained range) there is none.
+                # At a kink of the law (end of the trained speeds) the derivative does not exist.
                 if not np.isclose(exact[i], slope, rtol=1e-4, atol=1e-5):
-                    third = (ends[0] + ends[1] - 2.0 * float(one.function(*point))) / h
-                    assert abs(third) > 1e-4, (one.name, point, i, exact[i], slope)
+                    third = (ends[0] + ends[1] - 2.0 * float(function.function(*point))) / h
+                    assert abs(third) > 1e-4, (function.name, point, i, exact[i], slope)
 
 
 def test_what_stops_within_a_distance_does(model: Model) -> None:
-    made = {one.name: one for one in functions_of(model)}
+    functions = {m.name: m for m in functions_of(model)}
     rng = np.random.default_rng(3)
     for _ in range(300):
         clear, grade = rng.uniform(1.0, 20.0), rng.uniform(-0.2, 0.2)
         for end in ("", *(f"_{name}" for name in model.braking.terrain)):
-            bound = float(made[f"speed_bound{end}"].function(clear, grade, 0.0))
+            bound = float(functions[f"speed_bound{end}"].function(clear, grade, 0.0))
             if not model.braking.speed_range[0] <= bound <= model.braking.speed_range[1]:
                 continue
-            needed = float(made[f"stopping_distance{end}"].function(bound, grade, 0.0))
+            needed = float(functions[f"stopping_distance{end}"].function(bound, grade, 0.0))
             assert needed <= clear + 1e-9
 
 
@@ -126,21 +126,21 @@ def test_a_part_of_the_brakes_slows_by_its_part() -> None:
     full = read_model(find_model("atv"))
     data["braking"] |= {"level": 0.8, "dead_band": 0.1, "saturation": 0.9}
     part, rolls = model_from_dict(data, "test"), full.terrain.rolling_while_braking
-    whole, less = (
+    hot, less = (
         float(next(f for f in functions_of(m) if f.name == "force_ratio").function(2.0, 0.0, 0.0))
         for m in (full, part)
     )
     share = (0.8 - 0.1) / (0.9 - 0.1)
-    assert less == pytest.approx(share * (whole - rolls) + rolls, rel=1e-12)
+    assert less == pytest.approx(share * (hot - rolls) + rolls, rel=1e-12)
 
 
 def test_casadi_reads_it_again(model: Model, tmp_path: Path) -> None:
-    made = functions_of(model)
-    write_functions(made, tmp_path / "model.casadi")
+    functions = functions_of(model)
+    write_functions(functions, tmp_path / "model.casadi")
     again = read_functions(tmp_path / "model.casadi")
-    assert set(again) == {name for one in made for name in (one.name, f"d_{one.name}")}
+    assert set(again) == {name for m in functions for name in (m.name, f"d_{m.name}")}
     assert float(again["stopping_distance"](2.0, 0.1, 0.0)) == float(
-        next(one for one in made if one.name == "stopping_distance").function(2.0, 0.1, 0.0)
+        next(m for m in functions if m.name == "stopping_distance").function(2.0, 0.1, 0.0)
     )
 
 
@@ -182,13 +182,13 @@ def test_the_schema_is_that_of_model_files() -> None:
         ]
 
 
-def test_the_command_writes_and_tells(tmp_path: Path) -> None:
+def test_command_writes_and_lists_its_files(tmp_path: Path) -> None:
     done = here("export", "atv", "--c", tmp_path / "c", "--casadi", tmp_path / "f", "--json")
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert all(Path(file).exists() for file in told["files"])
-    assert "stopping_distance" in {f["name"] for f in told["functions"]}
+    exported = json.loads(done.stdout)
+    assert all(Path(file).exists() for file in exported["files"])
+    assert "stopping_distance" in {f["name"] for f in exported["functions"]}
     listed = json.loads(here("export", "atv", "--json").stdout)
-    assert (listed["functions"], listed["files"]) == (told["functions"], [])
+    assert (listed["functions"], listed["files"]) == (exported["functions"], [])
     one_line_of(here("export"), "expected a model file")
     assert here("export", "nobody", "--c", tmp_path).returncode == 2

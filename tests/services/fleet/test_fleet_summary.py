@@ -58,8 +58,8 @@ def test_texts_of_effects_and_rows() -> None:
     assert prevalence_cells(second, 4) == ("", "", "", "1")
     assert [r["vehicle"] for r in sort_by_prediction_error(ROWS)] == ["c", "d", "a", "b"]
     assert format_effects(ROWS[3]) == "brake_lag 50% or brake_fade"
-    one = row("f", "missing_effect", lag(0.9999, 0.2))
-    assert format_effects(one) == "brake_lag more than 99%"
+    confident = row("f", "missing_effect", lag(0.9999, 0.2))
+    assert format_effects(confident) == "brake_lag more than 99%"
 
 
 def test_only_some_failed_vehicles_are_listed() -> None:

@@ -11,7 +11,7 @@ from slopewise.services.fleet.scheduler import Workers, each_done
 
 
 def doubled(number: int) -> int:
-    """Of any number but the one that ends the process that looks at it."""
+    """Twice any number except 3, which ends the process that works on it."""
     if number == 3:
         os._exit(1)
     return 2 * number
@@ -19,7 +19,7 @@ def doubled(number: int) -> int:
 
 def threads(_: int) -> int:
     """That linear algebra shares its work among."""
-    import scipy.linalg  # has a library of its own
+    import scipy.linalg  # has a separate library
 
     del scipy
     pools = threadpoolctl.threadpool_info()

@@ -59,10 +59,10 @@ def guard(
     wall_time: Callable[[float], float] = lambda now: WALL_TIME + now,
     **changes: Any,
 ) -> Guard:
-    """A guard; keys of its timing and judgement by name, ``now`` a clock to set."""  # words: ok
-    judgement = {k: changes.pop(k) for k in list(changes) if k in GuardJudgement.__slots__}
+    """A guard; keys of its timing and judgement by name, ``now`` a clock to set."""
+    strictness = {k: changes.pop(k) for k in list(changes) if k in GuardJudgement.__slots__}
     settings = GuardSettings(
-        model="atv", timing=GuardTiming(**changes), judgement=GuardJudgement(**judgement)
+        model="atv", timing=GuardTiming(**changes), judgement=GuardJudgement(**strictness)
     )
     clock = None if now is None else WallClock(lambda: wall_time(now[0]), lambda: now[0])
     return Guard(settings, MODEL, known, clock)

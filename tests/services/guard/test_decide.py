@@ -99,6 +99,14 @@ def test_lateral_acceleration_in_turns_is_limited(
     assert result.command.speed * result.command.yaw_rate <= MODEL.lateral + 1e-9
 
 
+def test_rim_speed_in_tight_turns_is_limited() -> None:
+    result = decided(0.0, 0.3, 12.0)
+    speed, rate = result.command
+    rim = speed + 0.5 * rate * MODEL.vehicle.track_width
+    assert (result.action, result.reason) == ("slow", "a wheel would be faster than it can")
+    assert rim == pytest.approx(MODEL.vehicle.max_wheel_speed)
+
+
 def test_reverse_driving_is_decided_by_the_ground_behind() -> None:
     ground = ground_with(np.nan, last=72)  # up to x = -2 m
     assert decided(0.0, -3.0, ground=ground).action == "slow"
@@ -107,9 +115,9 @@ def test_reverse_driving_is_decided_by_the_ground_behind() -> None:
     assert (reversed_.action, reversed_.command) == ("slow", STILL)
 
 
-@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
-def test_values_that_are_not_finite_are_a_stop(bad: float) -> None:
-    for values in ((bad, 1.0), (1.0, bad), (1.0, 1.0, bad)):
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf")])
+def test_values_that_are_not_finite_are_a_stop(wrong: float) -> None:
+    for values in ((wrong, 1.0), (1.0, wrong), (1.0, 1.0, wrong)):
         assert decided(*values).action == "stop"
 
 

@@ -65,10 +65,10 @@ def test_clear_distance_shrinks_with_the_distance_driven() -> None:
     assert not it.clear(float("nan"), 1.2, "s", 2)
 
 
-def allowed_speed(clear: float, late: float) -> float:
+def allowed_speed(clear: float, late: float, reserve: float = 0.15) -> float:
     """Speed that is given at 2 m/s with a clear distance that was measured earlier."""
     clock = [1.0]
-    it = guard(clock, awaits_clear=True, clock="shared", clear=1.0)
+    it = guard(clock, awaits_clear=True, clock="shared", clear=1.0, reserve=reserve)
     it.motions.take(motion(2.0), 1.0, "r", 1, WALL_TIME + 1.0)
     it.clear(clear, 1.0, "r", 1, WALL_TIME + 1.0 - late)
     it.commands.take((BaseCommand(4.0, 0.0), 1), 1.0, "p", 1, WALL_TIME + 1.0)
@@ -79,6 +79,10 @@ def test_clear_distance_counts_from_the_position_at_its_stamp() -> None:
     """At 2 m/s, odometry of now and a distance measured 0.4 s ago: 0.8 m of it are driven."""
     assert allowed_speed(3.6, 0.4) == pytest.approx(allowed_speed(2.8, 0.0), abs=1e-6)
     assert allowed_speed(3.6, 0.4) < allowed_speed(3.6, 0.0)
+
+
+def test_reserve_shortens_the_clear_distance() -> None:
+    assert allowed_speed(2.8, 0.0) == pytest.approx(allowed_speed(2.65, 0.0, reserve=0.0), abs=1e-6)
 
 
 def test_base_holds_at_rest() -> None:
@@ -98,7 +102,7 @@ def test_base_that_is_faster_than_commanded_is_stopped() -> None:
     assert "m/s faster than commanded" in decision.reason
 
 
-def test_overspeed_gives_brakes_their_time() -> None:
+def test_brakes_have_their_time_before_overspeed() -> None:
     monitor = OverspeedMonitor(dead_time=0.3, decel=1.0)
     for k in range(200):
         now = 0.05 * k

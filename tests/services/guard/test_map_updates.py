@@ -26,9 +26,9 @@ SPACE = "test/updates"
 
 
 def test_patch_changes_its_cells_only() -> None:
-    whole = apply_update(map_update(resolution=0.5, origin=(1.0, 2.0)), None)
+    known = apply_update(map_update(resolution=0.5, origin=(1.0, 2.0)), None)
     patch = map_update(patch=True, height=1.0, resolution=0.5, origin=(2.0, 2.5))
-    patched = apply_update(patch, whole)
+    patched = apply_update(patch, known)
     assert patched.elevation[1:3, 2:4].tolist() == [[1.0, 1.0], [1.0, 1.0]]
     assert patched.elevation.sum() == 4.0
 

@@ -98,7 +98,7 @@ def test_worker_that_dies_is_a_stop_in_time_and_is_restarted(guard: GuardProcess
         assert guard.workers[0] != first
 
 
-def test_worker_that_hangs_is_a_stop_in_time_and_old_commands_are_not_used(
+def test_suspended_worker_is_a_stop_in_time_and_old_commands_are_not_used(
     shared: GuardProcess, robot: GuardRobot
 ) -> None:
     """A command that came during a stall, whose sender has died since, moves nothing."""
@@ -152,7 +152,7 @@ def test_lost_patch_is_a_stop_until_the_next_whole_map(robot: GuardRobot) -> Non
 @pytest.mark.parametrize(
     ("text", "fact"),
     [
-        ("model = 'nobody'\n", "nobody"),
+        ("model = 'unknown'\n", "unknown"),
         ("model = 'atv'\n[timing]\nperiods = 1\n", "timing.periods"),
         ("model = 'atv'\n[zenoh]\nconnect = ['tcp/127.0.0.1:1']\n", "expected a router"),
     ],

@@ -18,8 +18,7 @@ from slopewise.services.ros.node import Node
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.guard.guard_fixtures import FLAT, MODEL
-from tests.services.ros.test_drive_samples import command
-from tests.services.ros.test_late_odometry import stamped
+from tests.services.ros.ros_messages import command, odometry
 
 
 @pytest.mark.parametrize("late", [0.0, 2.0])
@@ -37,7 +36,7 @@ def test_header_stamps_are_read(late: float) -> None:
             time.sleep(0.2)
             unfilled: Any = command(1.0)
             unfilled.header.stamp.sec = 0
-            odom.send(stamped(1.0, time.time() - late))
+            odom.send(odometry(1.0, stamp=time.time() - late))
             twist.send(unfilled)
             time.sleep(0.2)
             inbox = transport.inbox

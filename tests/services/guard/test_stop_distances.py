@@ -89,17 +89,28 @@ def test_longer_held_steeper_or_faster_is_never_shorter() -> None:
         assert np.all(np.diff(distances) > 0.0)
 
 
-def test_loads_are_kept_downhill_less_than_on_the_level() -> None:
+def test_load_of_the_trailing_axle_is_that_of_the_closed_form() -> None:
     """Trailing axle: 1 − h/L_f times force over weight, at the strongest on level ground."""
     v = MODEL.vehicle
     level = arc_on(MODEL, slope(0.0))
-    kept = 1.0 - v.cg_z / (v.wheelbase - v.cg_x) * (0.40 + 0.015 * 3.0)
-    assert stops(MODEL, level, 3.0, load=kept - 1e-3).loaded.all()
-    assert not stops(MODEL, level, 3.0, load=kept + 1e-3).loaded.any()
-    assert not stops(MODEL, arc_on(MODEL, slope(-0.2)), 3.0, load=kept - 1e-3).loaded.any()
+    share = 1.0 - v.cg_z / (v.wheelbase - v.cg_x) * (0.40 + 0.015 * 3.0)
+    assert stops(MODEL, level, 3.0, load=share - 1e-3).loaded.all()
+    assert not stops(MODEL, level, 3.0, load=share + 1e-3).loaded.any()
+    assert not stops(MODEL, arc_on(MODEL, slope(-0.2)), 3.0, load=share - 1e-3).loaded.any()
 
 
 def test_slope_that_brakes_do_not_hold_has_no_stop() -> None:
     weak = MODEL.surfaces[""]._replace(b_b=0.1, m_b=0.0, b_m=0.0, m_m=0.0)
     model = MODEL._replace(surfaces={"": weak})
     assert stop_from(model, arc_on(model, slope(-0.2)), 1.0) == np.inf
+
+
+@pytest.mark.parametrize("curvature", [0.0, 0.2])
+def test_reverse_arc_is_that_of_the_turned_vehicle(curvature: float) -> None:
+    table, ground = brake_table(MODEL), hills(3)
+    pose, turned = Pose2d(30.0, 30.0, 0.7), Pose2d(30.0, 30.0, 0.7 + np.pi)
+    back = arc_ahead(MODEL, table, ground, pose, curvature, forward=False, length=8.0)
+    forth = arc_ahead(MODEL, table, ground, turned, -curvature, forward=True, length=8.0)
+    assert back.curvature == forth.curvature
+    for name in ("x", "y", "yaw", "grade", "roll", "vertical_curvature"):
+        np.testing.assert_allclose(getattr(back, name), getattr(forth, name), atol=1e-9)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from slopewise.models.errors import InputError
 from slopewise.services.io.drive_log import read_drive_log
 from slopewise.services.io.logs.log_source import names_of
-from tests.services.faults import fault_in
+from tests.services.faults import bad_inputs, fault_in
 
 HEADER = "run,t,v,v_cmd,pitch"
 LOG = f"""{HEADER},roll,terrain,temperature,note,empty
@@ -65,48 +65,7 @@ def test_runs_that_start_their_own_clock_are_noticed(tmp_path: Path) -> None:
     assert not log.one_clock
 
 
-@pytest.mark.parametrize(
-    ("text", "field", "message"),
-    [
-        ("", "row 1", "got an empty file"),
-        (f"{HEADER}\n", "row 2", "at least one row"),
-        (
-            "run,t,v,pitch\n1,0,1,0\n",
-            "column v_cmd",
-            "missing column, got the header run,t,v,pitch",
-        ),
-        (
-            "run,t,v\n1,0,1\n",
-            "column v_cmd, column pitch",
-            "missing columns, got the header run,t,v",
-        ),
-        (
-            f"{HEADER}\n1,0,1,1,0\n1,1,nan,1,0\n",
-            "row 3, column v",
-            "finite number [m/s], got 'nan'",
-        ),
-        (f"{HEADER}\n1,0,1,1,0\n1,1,1,,0\n", "row 3, column v_cmd", "got nothing"),
-        (f"{HEADER}\n1,0,1,1,inf\n", "row 2, column pitch", "finite number [rad], got 'inf'"),
-        (f"{HEADER}\n1,0,fast,1,0\n", "row 2, column v", "got 'fast'"),
-        (f"{HEADER},x\n1,0,1,1,0,here\n", "row 2, column x", "finite number [m], got 'here'"),
-        (f"{HEADER},x\n1,0,1,1,0,inf\n", "row 2, column x", "finite number [m], got 'inf'"),
-        (f"{HEADER}\n1,1,1,1,0\n1,0.5,1,1,0\n", "row 3, column t", "after 1 s, got 0.5"),
-        (f"{HEADER}\n1,1,1,1,0\n1,1.0,1,1,0\n", "row 3, column t", "after 1 s, got 1"),
-        (
-            f"{HEADER}\n1,0,1,1,0\n2,1,1,1,0\n\n1,2,1,1,0\n",
-            "row 5, column run",
-            "expected the rows of a run together, got run 1 a second time",
-        ),
-        (f"{HEADER}\n1,0,1,1,0\n ,1,1,1,0\n", "row 3, column run", "got nothing"),
-        (
-            f"{HEADER}\n1,0,1,1,0\n1,1,1,1,-12.5\n",
-            "row 3, column pitch",
-            "expected an angle within ±1.57 rad, got -12.5, which looks like degrees",
-        ),
-        (f"{HEADER},roll\n1,0,1,1,0,4\n", "row 2, column roll", "looks like degrees"),
-        (f"{HEADER},brake\n1,0,1,1,0,55\n", "row 2, column brake", "expected 0 … 1, got 55"),
-    ],
-)
+@pytest.mark.parametrize(("text", "field", "message"), bad_inputs("drive_log"))
 def test_logs_that_cannot_be_used(tmp_path: Path, text: str, field: str, message: str) -> None:
     path = written(tmp_path / "log.csv", text)
     usable = written(tmp_path / "usable.csv", LOG)

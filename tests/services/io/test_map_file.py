@@ -435,7 +435,7 @@ NEGATIVE = np.where(HEIGHTS[1, 2] == HEIGHTS, -1, 0)
         ({"known": np.zeros(HEIGHTS.shape, bool)}, "elevation", "expected a known cell"),
         ({"known": WRONG_SHAPE == 0}, "known", "expected shape (12, 17) of elevation, got (3, 3)"),
         ({"known": HEIGHTS}, "known", "true or false, got an array of float32"),
-        ({"known": np.full(HEIGHTS.shape, 2)}, "known", "got south_up_map complete numbers"),
+        ({"known": np.full(HEIGHTS.shape, 2)}, "known", "got other whole numbers"),
         ({"knwon": HEIGHTS > 0}, "knwon", "unknown key, did you mean known?"),
         ({"resolution": 0.0}, "resolution", "a cell edge > 0 [m], got [0.0]"),
         ({"resolution": np.nan}, "resolution", "a cell edge > 0 [m]"),
@@ -444,7 +444,7 @@ NEGATIVE = np.where(HEIGHTS[1, 2] == HEIGHTS, -1, 0)
         ({"origin": [1.0]}, "origin", "two finite numbers x, y [m], got [1.0]"),
         ({"origin": [1.0, np.inf]}, "origin", "two finite numbers"),
         ({"terrain_class": WRONG_SHAPE.astype(int)}, "terrain_class", "shape (12, 17)"),
-        ({"terrain_class": HEIGHTS}, "terrain_class", "complete numbers or names"),
+        ({"terrain_class": HEIGHTS}, "terrain_class", "whole numbers or names"),
         ({"terrain_class": NEGATIVE}, "terrain_class[1, 2]", "expected 0 … 61, got -1"),
         ({"terrain_class": NEGATIVE + 62}, "terrain_class[0, 0]", "expected 0 … 61, got 62"),
         (

@@ -13,7 +13,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError
 from slopewise.services.io.map_file import map_info
 from slopewise.services.io.path_file import check_paths_on_map, read_paths, write_paths_csv
-from tests.services.faults import fault_in, real_data
+from tests.services.faults import bad_inputs, fault_in, real_data
 
 LINE = [[0.0, 1.0], [2.0, 3.0], [4.0, 5.5]]
 
@@ -65,35 +65,7 @@ def test_several_candidates_in_the_order_of_their_first_row(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("text", "field", "message"),
     [
-        ("", "row 1", "expected a header, got an empty file"),
-        ("\n\n", "row 1", "got an empty file"),
-        ("x,y\n", "row 2", "expected at least one row, got the header only"),
-        ("x,y\n0,0\n1,nan\n", "row 3, column y", "expected a finite number [m], got 'nan'"),
-        ("x,y\n0,0\n\ninf,1\n", "row 4, column x", "expected a finite number [m], got 'inf'"),
-        ("x,y\n0,0\n1,\n", "row 3, column y", "expected a finite number [m], got nothing"),
-        ("x,y\n0,0\n 1,2 m\n", "row 3, column y", "got '2 m'"),
-        ("x,y\n0,0\n1_000,2\n", "row 3, column x", "got '1_000'"),
-        ("x,y\n0,0\n1,5,2\n", "row 3", "expected 2 columns as in the header, got 3"),
-        ("x,y\n0,0\n1\n", "row 3", "expected 2 columns as in the header, got 1"),
-        (
-            "x;y\n0;0\n",
-            "column x, column y",
-            "missing columns, got the header x;y; expected commas",
-        ),
-        ("0,0\n1,1\n", "column 0", "expected each column once, got it twice"),
-        ("0,1\n1,1\n", "column x, column y", "got the header 0,1; expected names in the first row"),
-        ("x,z\n1,1\n", "column y", "missing column, got the header x,z"),
-        ("X,Y\n1,1\n", "column x, column y", "is x X?; is y Y?"),
-        ("x,y,x\n1,1,1\n", "column x", "expected each column once, got it twice"),
-        ("x,y\n1,1\n", "candidate p", "expected at least 2 points, got 1 (row 2)"),
-        ("x,y,candidate\n1,1,a\n1,1,b\n2,2,a\n", "candidate b", "at least 2 points, got 1 (row 3)"),
-        ("x,y,candidate\n1,1,a\n1,2, \n", "row 3, column candidate", "expected a name"),
-        ("x,y,speed_limit\n1,1,2\n1,2,-1\n", "row 3, column speed_limit", "got -1"),
-        ("x,y,speed_limit\n1,1,nan\n1,2,nan\n", "row 2, column speed_limit", "got nan"),
-        ("x,y,speed_limit\n1,1,\n1,2,inf\n", "row 3, column speed_limit", "got 'inf'"),
-        ("x,y,speed_limit\n1,1,2\n1,2,\n", "row 3, column speed_limit", "in every row of p"),
-        ("x,y,yaw\n1,1,north\n1,2,\n", "row 2, column yaw", "finite number [rad], got 'north'"),
-        ('x,y\n1,1\n1,"2\n', "row 3", "expected CSV"),
+        *bad_inputs("paths"),
         (b"x,y\n\xff\xff", "byte 4", "UTF-8"),
         (b"\x89PNG\r\n\x1a\n\x00\x00", "byte 0", "UTF-8"),
     ],

@@ -1,4 +1,4 @@
-"""Findings adopted and taken back: what is planned with then, and what is learned on top of it."""
+"""Findings that are adopted and reverted, and what is planned and learned on top of them."""
 
 from __future__ import annotations
 
@@ -15,16 +15,15 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Effect, Model
 from slopewise.services.discovery.model_comparison import cautious, compare_stops
 from slopewise.services.discovery.proposal_builder import InvestigationOutcome, is_valid
-from slopewise.services.io.model_file import find_model, model_to_dict, read_model
+from slopewise.services.io.model_file import model_to_dict
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.investigation_settings import Investigation
 from slopewise.services.settings.learning_settings import StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.model_proposal import ModelProposal, StopDistanceChange
-from slopewise.services.wire.observations import StopObservation
+from slopewise.services.wire.model_proposal import ModelProposal
+from tests.services.parameters.parameter_fixtures import ATV, G, level_force, stop
 
-G = 9.80665
-FILE = read_model(find_model("atv"))
+FILE = ATV
 LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))
 WEAKER = Effect(name="step_change", parameters={"scale": 0.7}, covariance=((0.01**2,),))
 DRAG = Effect(name="aerodynamic_drag", parameters={"c": 0.05}, covariance=((0.002**2,),))
@@ -36,9 +35,8 @@ def with_effects(*effects: Effect, **braking: float) -> Model:
     )
 
 
-def offer_of(model: Model, *, valid: bool = True, in_use: Model = FILE) -> ModelProposal:
-    shifts = [compare_stops(cautious(model, FILE), other) for other in (FILE, in_use)]
-    by = [StopDistanceChange(least=s.least, most=s.most, where=s.where) for s in shifts]
+def offer_of(model: Model, *, valid: bool = True, active: Model = FILE) -> ModelProposal:
+    careful = cautious(model, FILE)
     return ModelProposal(
         id=f"{len(model.effect)}-{model.braking.b_b:g}-{valid}",
         at=time.time(),
@@ -48,8 +46,8 @@ def offer_of(model: Model, *, valid: bool = True, in_use: Model = FILE) -> Model
         findings={"effects": []},
         data="0",
         stops=20,
-        beside_file=by[0],
-        beside_use=by[1],
+        beside_file=compare_stops(careful, FILE),
+        beside_use=compare_stops(careful, active),
         valid=valid,
         changes=True,
         notes=[],
@@ -73,23 +71,10 @@ def make(tmp_path: Path) -> Make:
     return service
 
 
-def stop(service: ParameterService, force: float, number: int, surface: str = "") -> str:
-    one = StopObservation(
-        source="robot",
-        sequence=number,
-        time=time.monotonic(),
-        speed=2.0,
-        grade=0.0,
-        deceleration=force * G,
-        deceleration_std=0.02,
-        dead_time=0.3,
-        surface=surface,
-    )
-    return service.observe("stop", one, "obs/stop", time.monotonic()).reason
-
-
-def level(service: ParameterService, speed: float = 2.0) -> float:
-    return service.active.model.braking.level_force(speed)
+def send(service: ParameterService, force: float, number: int, surface: str = "") -> str:
+    now = time.monotonic()
+    report = stop(force, surface, sequence=number, time=now, dead_time=0.3)
+    return service.observe("stop", report, "obs/stop", now).reason
 
 
 def test_distances_are_those_of_the_closed_form() -> None:
@@ -108,8 +93,8 @@ def test_distances_are_those_of_the_closed_form() -> None:
             lengths.append(0.5 * v * v * (1.0 / a - 1.0 / b))
     assert by.least == pytest.approx(min(lengths), rel=1e-3)
     assert by.most == pytest.approx(max(lengths), rel=1e-3)
-    other = compare_stops(FILE, weaker)
-    assert (other.least, other.most) == pytest.approx((-by.most, -by.least))
+    reverse = compare_stops(FILE, weaker)
+    assert (reverse.least, reverse.most) == pytest.approx((-by.most, -by.least))
 
 
 @pytest.mark.parametrize(
@@ -129,7 +114,7 @@ def test_distances_are_those_of_the_closed_form() -> None:
         (Effect(name="session_drift", parameters={"k": 1e-5}), None),
     ],
 )
-def test_effects_that_only_take_make_no_stop_shorter_and_others_do(
+def test_effects_that_only_reduce_force_make_no_stop_shorter(
     effect: Effect, sign: float | None
 ) -> None:
     by = compare_stops(with_effects(effect), FILE)
@@ -142,23 +127,25 @@ def test_effects_that_only_take_make_no_stop_shorter_and_others_do(
         assert by.least < -0.005
 
 
-def test_a_finding_is_as_unsure_as_it_and_the_model_file_together() -> None:
-    sure = tuple(tuple(row) for row in (1e-8 * np.eye(4)).tolist())
-    found = with_effects(LAG, b_b=0.39, dead_time=0.2, force_std=0.0)
-    found = dataclasses.replace(found, braking=dataclasses.replace(found.braking, covariance=sure))
-    both = cautious(found, FILE).braking
+def test_a_finding_is_as_uncertain_as_it_and_the_model_file_together() -> None:
+    small = tuple(tuple(row) for row in (1e-8 * np.eye(4)).tolist())
+    finding = with_effects(LAG, b_b=0.39, dead_time=0.2, force_std=0.0)
+    finding = dataclasses.replace(
+        finding, braking=dataclasses.replace(finding.braking, covariance=small)
+    )
+    careful = cautious(finding, FILE).braking
     assert FILE.braking.covariance is not None
-    more = np.array(both.covariance) - np.array(FILE.braking.covariance)
+    more = np.array(careful.covariance) - np.array(FILE.braking.covariance)
     assert np.linalg.eigvalsh(more)[0] >= 0.0
-    assert both.dead_time == FILE.braking.dead_time
-    assert both.distance_offset >= FILE.braking.distance_offset
-    assert both.b_b == 0.39
+    assert careful.dead_time == FILE.braking.dead_time
+    assert careful.distance_offset >= FILE.braking.distance_offset
+    assert careful.b_b == 0.39
 
 
-def test_an_offer_changes_no_plan_until_it_is_adopted_and_outlives_the_process(make: Make) -> None:
+def test_a_proposal_changes_no_plan_until_it_is_adopted_and_is_restored(make: Make) -> None:
     service = make()
     offer = offer_of(with_effects(LAG))
-    service.learner.propose(offer)
+    service.learner.state = service.learner.state.propose(offer)
     service._commit({"effects"}, "offered", "test")
     assert service.active.model == FILE
     service.adopt(offer.id, "ann")
@@ -177,103 +164,102 @@ def test_an_offer_changes_no_plan_until_it_is_adopted_and_outlives_the_process(m
     assert make().active.model.effect == ()
 
 
-def test_a_finding_of_another_model_file_is_not_used_and_that_is_said(make: Make) -> None:
+def test_a_finding_of_another_model_file_is_flagged_and_not_used(make: Make) -> None:
     service = make()
-    service.learner.propose(offer_of(with_effects(LAG)))
+    service.learner.state = service.learner.state.propose(offer_of(with_effects(LAG)))
     service.adopt("1-0.4-True", "ann")
     service.close()
-    other = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.38))
-    again = make(other)
+    again = make(dataclasses.replace(FILE, braking=with_effects(b_b=0.38).braking))
     assert again.active.model.effect == ()
     assert any("effects" in flag for flag in again.flags())
 
 
-def test_nobody_plans_faster_than_the_model_file_by_oversight(make: Make) -> None:
+def test_plans_get_faster_than_the_file_by_a_valid_finding_and_consent_only(make: Make) -> None:
     service = make()
     drag = offer_of(with_effects(DRAG))
     assert not drag.slower
-    service.learner.propose(drag)
+    service.learner.state = service.learner.state.propose(drag)
     with pytest.raises(ParameterError, match=r"faster: expected `faster` to be set: stops \d"):
         service.adopt(drag.id, "ann")
     assert service.active.model.effect == ()
-    unsure = offer_of(with_effects(DRAG), valid=False)
-    service.learner.propose(unsure)
+    invalid = offer_of(with_effects(DRAG), valid=False)
+    service.learner.state = service.learner.state.propose(invalid)
     with pytest.raises(ParameterError, match="a valid finding"):
-        service.adopt(unsure.id, "ann", faster=True)
+        service.adopt(invalid.id, "ann", faster=True)
     with pytest.raises(ParameterError, match="the one that there is"):
         service.adopt(drag.id, "ann", faster=True)
     assert service.active.model.effect == ()
-    service.learner.propose(drag)
+    service.learner.state = service.learner.state.propose(drag)
     service.adopt(drag.id, "ann", faster=True)
     assert service.active.model.effect == (DRAG,)
-    assert "the adopted finding has the effect aerodynamic_drag" in stop(service, 0.4, 1)
+    assert "the adopted finding has the effect aerodynamic_drag" in send(service, 0.4, 1)
     with pytest.raises(ParameterError, match="not set one by one"):
         service.set_values("effects", {"aerodynamic_drag.c": 1.0}, "ann")
-    # One that is not sure may still slow plans down.
+    # An invalid one may still slow plans down.
     slow = offer_of(with_effects(LAG), valid=False)
-    service.learner.propose(slow)
+    service.learner.state = service.learner.state.propose(slow)
     service.adopt(slow.id, "ann")
     assert service.active.model.effect == (LAG,)
 
 
-def test_what_stops_taught_goes_into_the_finding_and_comes_back_without_it(make: Make) -> None:
+def test_the_learned_base_is_parked_while_a_finding_contains_it(make: Make) -> None:
     service = make()
     for number in range(1, 6):
-        stop(service, 0.30, number)
-    learned = level(service)
+        send(service, 0.30, number)
+    learned = level_force(service)
     assert learned == pytest.approx(0.30, abs=0.02)
     offer = offer_of(with_effects(WEAKER))
-    service.learner.propose(offer)
+    service.learner.state = service.learner.state.propose(offer)
     service.adopt(offer.id, "ann")
     # Its 0.7 of the file's force, and not 0.7 of what was learned of the same stops.
-    assert level(service) == pytest.approx(FILE.braking.level_force(2.0))
+    assert level_force(service) == pytest.approx(FILE.braking.level_force(2.0))
     version = service.history.version
-    assert "not learned" in stop(service, 0.6, 6)
+    assert "not learned" in send(service, 0.6, 6)
     service.roll_back(1, "effects", "ann")
-    assert level(service) <= learned + 1e-9
-    assert level(service) == pytest.approx(learned, abs=0.03)
-    assert "not learned" not in stop(service, 0.30, 7)
+    assert level_force(service) <= learned + 1e-9
+    assert level_force(service) == pytest.approx(learned, abs=0.03)
+    assert "not learned" not in send(service, 0.30, 7)
     service.roll_back(version, "effects", "ann")
     assert service.active.model.effect == (WEAKER,)
     service.close()
     again = make()
     assert again.active.model.effect == (WEAKER,)
-    assert level(again) == pytest.approx(FILE.braking.level_force(2.0))
+    assert level_force(again) == pytest.approx(FILE.braking.level_force(2.0))
     again.roll_back(1, "effects", "ann")
-    assert level(again) <= learned + 1e-9
+    assert level_force(again) <= learned + 1e-9
 
 
-def test_braking_goes_on_being_learned_on_top_of_effects_that_only_take(make: Make) -> None:
+def test_braking_is_learned_on_top_of_effects_that_only_reduce_force(make: Make) -> None:
     service = make()
     offer = offer_of(with_effects(LAG))
-    service.learner.propose(offer)
+    service.learner.state = service.learner.state.propose(offer)
     service.adopt(offer.id, "ann")
     for number in range(1, 5):
-        assert "not learned" not in stop(service, 0.25, number)
-    assert level(service) < 0.30
+        assert "not learned" not in send(service, 0.25, number)
+    assert level_force(service) < 0.30
     assert service.active.model.effect == (LAG,)
 
 
-def test_ground_that_stops_taught_stays_weak_and_is_never_counted_twice(make: Make) -> None:
+def test_learned_surfaces_stay_weak_and_are_never_included_twice(make: Make) -> None:
     service = make()
     for number in range(1, 6):
-        stop(service, 0.12, number, "ice")
+        send(service, 0.12, number, "ice")
     ice = service.active.model.braking.on("ice").level_force(2.0)
     assert ice < 0.2
     drag, weaker = offer_of(with_effects(DRAG)), offer_of(with_effects(WEAKER))
-    service.learner.propose(drag)
+    service.learner.state = service.learner.state.propose(drag)
     with pytest.raises(ParameterError, match=r"got braking\.ice, whose force"):
         service.adopt(drag.id, "ann", faster=True)
     assert service.active.model.effect == ()
-    taught = service.history.version
+    learned = service.history.version
     service.roll_back(1, "braking.ice", "ann")
     service.adopt(drag.id, "ann", faster=True)
-    service.roll_back(taught, "braking.ice", "ann")
+    service.roll_back(learned, "braking.ice", "ann")
     assert "ice" not in service.active.model.braking.terrain
-    service.roll_back(taught, "", "ann")
+    service.roll_back(learned, "", "ann")
     assert service.active.model.effect == ()
     assert service.active.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
-    service.learner.propose(weaker)
+    service.learner.state = service.learner.state.propose(weaker)
     service.adopt(weaker.id, "ann")
     assert service.active.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
     service.close()
@@ -291,7 +277,7 @@ def test_ground_that_stops_taught_stays_weak_and_is_never_counted_twice(make: Ma
         (DRAG, True, True, False),
     ],
 )
-def test_only_valid_findings_that_slow_plans_are_adopted_by_themselves(
+def test_only_valid_findings_that_slow_plans_are_adopted_automatically(
     make: Make,
     monkeypatch: pytest.MonkeyPatch,
     effect: Effect,
@@ -312,12 +298,12 @@ def test_only_valid_findings_that_slow_plans_are_adopted_by_themselves(
     assert last.who == ("service, as the settings allow" if adopted else "test")
 
 
-def test_nothing_is_adopted_by_itself_that_is_faster_than_what_stops_taught(
+def test_no_finding_faster_than_the_learned_force_is_adopted_automatically(
     make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     service = make(adopt_slower=True)
     weak = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.15))
-    offer = offer_of(with_effects(LAG), in_use=weak)
+    offer = offer_of(with_effects(LAG), active=weak)
     assert offer.slower
     outcomes = iter([InvestigationOutcome(reason="", damaged=[], offer=offer)])
     monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
@@ -337,7 +323,7 @@ def test_nothing_is_adopted_by_itself_that_is_faster_than_what_stops_taught(
         ("none", None, False),
     ],
 )
-def test_valid_is_what_closes_the_gap_for_sure(
+def test_a_finding_is_valid_if_it_closes_the_gap(
     verdict: str, interval: list[float] | None, valid: bool
 ) -> None:
     assert is_valid({"verdict": verdict, "gap": {"ci95": interval}}) is valid

@@ -18,7 +18,7 @@ import pytest
 from slopewise.models.errors import InputError
 from slopewise.models.parameters import Model
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.endpoint import KINDS
+from slopewise.services.parameters.parameter_endpoint import KINDS
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec

@@ -14,7 +14,7 @@ import pytest
 from slopewise.planner.ground.uncertainty import HOUR, Uncertainty
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.parameters.store_copy import copy_path
-from tests.services.parameters.test_service import level_force, started, stopped
+from tests.services.parameters.parameter_fixtures import level_force, started, stopped
 
 HURT: dict[str, Callable[[Path], object]] = {
     "empty": lambda file: file.write_bytes(b""),

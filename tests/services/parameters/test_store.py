@@ -34,7 +34,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "folder" / "parameters.sqlite"
 
 
-def test_what_was_written_is_there_again(path: Path) -> None:
+def test_changes_are_read_after_a_restart(path: Path) -> None:
     store = Store(path)
     store.write([change(1), change(1, "terrain")], {"stop:robot": 7})
     store.write([change(2, cause="operator", learned=False)])
@@ -53,7 +53,7 @@ def test_what_was_written_is_there_again(path: Path) -> None:
     again.close()
 
 
-def test_a_change_is_kept_whole_or_not_at_all(path: Path) -> None:
+def test_a_change_is_written_whole_or_not_at_all(path: Path) -> None:
     store = Store(path)
     store.write([change(1)])
     with pytest.raises(StoreError, match="UNIQUE"):
@@ -64,22 +64,22 @@ def test_a_change_is_kept_whole_or_not_at_all(path: Path) -> None:
     assert store.last_version() == 2
 
 
-def test_a_second_process_is_refused_and_a_killed_one_lets_go(path: Path) -> None:
+def test_the_lock_excludes_a_second_process_and_ends_with_a_killed_one(path: Path) -> None:
     Store(path).close()
     code = (
         "import sys, time; from pathlib import Path;"
         "from slopewise.services.parameters.store import Store;"
         f"s = Store(Path({str(path)!r})); print('open', flush=True); time.sleep(60)"
     )
-    other = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     try:
-        assert other.stdout is not None
-        assert other.stdout.readline() == "open\n"
+        assert process.stdout is not None
+        assert process.stdout.readline() == "open\n"
         with pytest.raises(StoreError, match="locked"):
             Store(path)
     finally:
-        other.kill()
-        other.wait()
+        process.kill()
+        process.wait()
     Store(path).close()
 
 
@@ -113,7 +113,7 @@ def test_corrupt_files_do_not_pile_up(path: Path) -> None:
     assert len(list(path.parent.glob("*corrupt*"))) == 3
 
 
-def test_attempts_on_a_full_disk_push_out_no_corrupt_file_with_data(path: Path) -> None:
+def test_attempts_on_a_full_disk_replace_no_corrupt_file_with_data(path: Path) -> None:
     path.parent.mkdir()
     path.write_bytes(b"nonsense" * 100)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -130,7 +130,7 @@ def test_attempts_on_a_full_disk_push_out_no_corrupt_file_with_data(path: Path) 
     again.close()
 
 
-def test_a_row_that_changed_on_disk_is_left_out(path: Path) -> None:
+def test_a_row_that_changed_on_disk_is_skipped(path: Path) -> None:
     store = Store(path)
     store.write([change(1)])
     store.write([change(2)])
@@ -141,15 +141,15 @@ def test_a_row_that_changed_on_disk_is_left_out(path: Path) -> None:
     assert [c.version for c in Store(path).newest("f", "braking")] == [1]
 
 
-def test_old_changes_make_room_and_the_newest_of_each_vehicle_stays(path: Path) -> None:
+def test_old_changes_are_deleted_and_the_newest_of_each_vehicle_stays(path: Path) -> None:
     store = Store(path, max_changes=40)
     store.write([change(1, fingerprint="other")])
     store.write([change(2, learned=False)])
     for version in range(3, 120):
         store.write([change(version)])
-    kept = store.history("braking", 1000)
-    assert len(kept) <= 40
-    assert {1, 2, 119} <= {c.version for c in kept}
+    changes = store.history("braking", 1000)
+    assert len(changes) <= 40
+    assert {1, 2, 119} <= {c.version for c in changes}
 
 
 def test_the_file_stays_within_its_size(path: Path) -> None:
@@ -161,7 +161,7 @@ def test_the_file_stays_within_its_size(path: Path) -> None:
     assert Store(path).last_version() == 649
 
 
-def test_no_room_is_said_and_nothing_is_lost(path: Path) -> None:
+def test_a_full_store_raises_and_loses_nothing(path: Path) -> None:
     store = Store(path, max_bytes=300_000)
     store.write([change(1)])
     with pytest.raises(StoreError, match="full"):
@@ -171,7 +171,7 @@ def test_no_room_is_said_and_nothing_is_lost(path: Path) -> None:
     assert [c.version for c in Store(path).newest("f", "braking")] == [3, 1]
 
 
-def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_raises(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(StoreError, match="cannot be opened"):
         Store(tmp_path / "file" / "parameters.sqlite")
@@ -183,7 +183,7 @@ def test_ages_survive_clocks_that_jump() -> None:
     for jump in (0.0, 3600.0, -3600.0):
         assert earlier.age(replace(now, at=now.at + jump), 1e9) == pytest.approx(60.0)
     assert replace(now, uptime=now.uptime + 5.0).age(now, 1e9) == 0.0
-    # Over a boot only the clock of the day tells, and going back it tells nothing.
+    # Over a boot only the wall clock shows the age, unless it was set back.
     later = BootTime(now.at + 100.0, "next boot", 20.0)
     assert now.age(later, 1e9) == pytest.approx(100.0)
     assert now.age(replace(later, at=now.at + 5.0), 1e9) == 20.0

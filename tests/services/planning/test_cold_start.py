@@ -25,7 +25,7 @@ from slopewise.planner.kernels.ahead import written_down
 from slopewise.planner.kernels.interpreted import interpret, is_interpreting
 from slopewise.planner.kernels.kept import compiling, is_compiling
 from slopewise.planner.path import batch
-from slopewise.services.planning import cold_start
+from slopewise.services.jobs import cold_start
 
 ROOT = Path(__file__).parents[3]
 
@@ -150,7 +150,7 @@ def test_no_job_is_switched_to_compiled_kernels_by_a_longer_one(compiled: list[s
             longer = executor.submit(cold_start.sooner, is_interpreting, many)
             assert asked.wait(10.0)
             compiled.append(set())
-            wait([longer], 3.0 * cold_start._LOOK)
+            wait([longer], 3.0 * cold_start._PERIOD)
             return is_interpreting(), longer
 
         in_python, longer = cold_start.sooner(job, lambda: 200.0)

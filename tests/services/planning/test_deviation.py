@@ -13,11 +13,11 @@ import pytest
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
-from slopewise.services.cli.commands import demo
 from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.path_file import write_paths_csv
 from slopewise.services.io.table import read_csv
+from slopewise.services.jobs import demo
 from slopewise.services.parameters.limits_group import LimitsGroup
 from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire import codec, plan_messages

@@ -65,7 +65,7 @@ def test_mean_is_the_closed_form_and_the_simulation(
     assert numbers.mean_distance(speed, grade) == pytest.approx(simulated, abs=1e-6)
 
 
-def test_stop_that_takes_too_long_is_infinite(model: Model) -> None:
+def test_stop_beyond_the_longest_time_is_infinite(model: Model) -> None:
     ice = changed(model, sliding_friction=0.23, dead_time=0.0)
     slide = GroundTrack.of_grade(-0.2239)
     assert math.isinf(simulate_stop(ice, slide, 4.0).distance)

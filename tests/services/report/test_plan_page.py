@@ -121,12 +121,12 @@ def page(text: str) -> _PageReader:
 
 
 def embedded(text: str) -> Any:
-    """What the script of a page reads; rejects words that JSON does not know."""
+    """Data of the script of a page; rejects constants that JSON does not know."""
     match = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)
     assert match is not None
 
-    def reject(word: str) -> None:
-        raise AssertionError(f"{word} is not JSON")
+    def reject(constant: str) -> None:
+        raise AssertionError(f"{constant} is not JSON")
 
     return json.loads(match[1], parse_constant=reject)
 
@@ -357,7 +357,7 @@ class TestSummary:
         assert summary.max_speed == pytest.approx(plan.speed.max())
         assert summary.margin == pytest.approx(plan.least_margin)
         assert summary.rear_load == pytest.approx(0.7)
-        assert summary.limits_most is Limiting.ACCEL
+        assert summary.longest_limit is Limiting.ACCEL
         assert summary.limits_share == pytest.approx(30 / 39)
 
     def test_loads_beyond_the_stop_are_ignored(self) -> None:
@@ -400,7 +400,7 @@ class TestRelief:
         known = np.isfinite(ground.elevation)[::-1]
         np.testing.assert_array_equal(pixels[..., 1] == 255, known)
 
-    def test_light_comes_from_the_north_west(self) -> None:
+    def test_light_is_from_the_north_west(self) -> None:
         y, x = np.mgrid[0:40, 0:40] * 0.5
         north_west, level, south_east = (
             relief.shade(heights, 0.5)[20, 20, 0]
@@ -441,7 +441,7 @@ def points_of(path: str) -> list[Floats]:
 
 
 class TestContours:
-    def test_cone_gives_one_closed_circle(self) -> None:
+    def test_cone_has_one_closed_circle(self) -> None:
         y, x = np.mgrid[0:41, 0:41] - 20.0
         (circle,) = points_of(relief.contour_path(-np.hypot(x, y), -12.0))
         np.testing.assert_allclose(np.hypot(*(circle - 20.0).T), 12.0, atol=0.12)

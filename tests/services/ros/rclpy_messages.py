@@ -37,24 +37,24 @@ def pose(k: int) -> Any:
 
 
 def twist() -> Any:
-    told = Twist()
-    told.linear.x, told.linear.y, told.angular.z = 1.25, -0.5, 0.75
-    return told
+    message = Twist()
+    message.linear.x, message.linear.y, message.angular.z = 1.25, -0.5, 0.75
+    return message
 
 
 def odometry() -> Any:
-    told = Odometry(header=header("odom"), child_frame_id="base_link")
-    told.pose.pose, told.twist.twist = pose(3).pose, twist()
-    told.pose.covariance, told.twist.covariance = [0.01 * k for k in range(36)], [0.5] * 36
-    return told
+    message = Odometry(header=header("odom"), child_frame_id="base_link")
+    message.pose.pose, message.twist.twist = pose(3).pose, twist()
+    message.pose.covariance, message.twist.covariance = [0.01 * k for k in range(36)], [0.5] * 36
+    return message
 
 
 def imu() -> Any:
-    told = Imu(header=header("imu_link"))
-    told.orientation.x, told.orientation.w = 0.1, 0.99
-    told.orientation_covariance = [float(k) for k in range(9)]
-    told.angular_velocity.z, told.linear_acceleration.z = 0.3, 9.8
-    return told
+    message = Imu(header=header("imu_link"))
+    message.orientation.x, message.orientation.w = 0.1, 0.99
+    message.orientation_covariance = [float(k) for k in range(9)]
+    message.angular_velocity.z, message.linear_acceleration.z = 0.3, 9.8
+    return message
 
 
 def diagnostics() -> Any:
@@ -70,9 +70,9 @@ def diagnostics() -> Any:
 
 
 def numbers() -> Any:
-    told = Float32MultiArray(data=[0.5, -1.5, 2.0])
-    told.layout.dim = [MultiArrayDimension(label="column_index", size=3, stride=3)]
-    return told
+    message = Float32MultiArray(data=[0.5, -1.5, 2.0])
+    message.layout.dim = [MultiArrayDimension(label="column_index", size=3, stride=3)]
+    return message
 
 
 MESSAGES = {
@@ -117,17 +117,17 @@ def hash_of(kind: str) -> str:
 
 
 def main() -> None:
-    made = [
+    messages = [
         {"type": kind, "bytes": serialize_message(message).hex(), "values": plain(message)}
-        for kind, messages in MESSAGES.items()
-        for message in messages
+        for kind, examples in MESSAGES.items()
+        for message in examples
     ]
-    found = {
+    document = {
         "made_by": {name: version(name) for name in PACKAGES},
         "hashes": {kind: hash_of(kind) for kind in MESSAGES},
-        "messages": made,
+        "messages": messages,
     }
-    File(sys.argv[1]).write_text(json.dumps(found, indent=1) + "\n")
+    File(sys.argv[1]).write_text(json.dumps(document, indent=1) + "\n")
     for written in json.loads(File(sys.argv[2]).read_text()) if len(sys.argv) > 2 else ():
         kind = type(MESSAGES[written["type"]][0])
         back = plain(deserialize_message(bytes.fromhex(written["bytes"]), kind))

@@ -145,15 +145,15 @@ class Peer:
         return sorted(str(reply.ok.key_expr) for reply in replies if reply.ok)
 
     def drive(self, seconds: float, rate: float, speed: float, length: float) -> list[float]:
-        """Odometry at 50 Hz beside, a path every period; how long each limit took [s]."""
+        """Odometry at 50 Hz, a path every period; time that each limit took [s]."""
         stopped = threading.Event()
 
         def odometers() -> None:
             while not stopped.wait(0.02):
                 self.send("odom", "nav_msgs/msg/Odometry", odometry(speed))
 
-        beside = threading.Thread(target=odometers)
-        beside.start()
+        background = threading.Thread(target=odometers)
+        background.start()
         took = []
         begun = time.monotonic()
         for k in range(round(seconds * rate)):
@@ -169,7 +169,7 @@ class Peer:
                 time.sleep(0.0005)
             took.append((self.limits[seen][0] if len(self.limits) > seen else np.inf) - sent)
         stopped.set()
-        beside.join()
+        background.join()
         return took
 
 
@@ -179,12 +179,12 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=4.0)
     parser.add_argument("--rate", type=float, default=20.0)
     parser.add_argument("--speed", type=float, default=1.0)
-    parser.add_argument("--bad", action="store_true", help="end with paths that are none")
+    parser.add_argument("--bad", action="store_true", help="end with paths that are not usable")
     given = parser.parse_args()
     peer = Peer(given.endpoint)
     tokens = peer.tokens()
     took = peer.drive(given.seconds, given.rate, given.speed, 30.0)
-    found: dict[str, Any] = {
+    report: dict[str, Any] = {
         "tokens": tokens,
         "took": took,
         "limits": [limit for _, limit in peer.limits],
@@ -196,33 +196,33 @@ def main() -> None:
             for p in (peer.profiles[-1].poses if peer.profiles else [])
         ],
     }
-    # Then messages that are none, with nothing good beside them but odometry.
-    found["refused"] = {}
-    for bad in ("cut", "tail", "hash") if given.bad else ():
+    # Then messages that are not usable, besides odometry.
+    report["refused"] = {}
+    for defect in ("cut", "tail", "hash") if given.bad else ():
         kind, until = "nav_msgs/msg/Path", time.monotonic() + 1.2
         while time.monotonic() < until:
             peer.send("odom", "nav_msgs/msg/Odometry", odometry(given.speed))
-            if bad == "hash":
-                other = key("plan", kind).replace("RIHS01_", "RIHS01_00")
-                peer.session.put(other, bytes(STORE.serialize_cdr(path(30.0), kind)))
+            if defect == "hash":
+                wrong = key("plan", kind).replace("RIHS01_", "RIHS01_00")
+                peer.session.put(wrong, bytes(STORE.serialize_cdr(path(30.0), kind)))
             else:
                 peer.send(
-                    "plan", kind, path(30.0), **{"cut": {"cut": 5}, "tail": {"tail": b"\1"}}[bad]
+                    "plan", kind, path(30.0), **{"cut": {"cut": 5}, "tail": {"tail": b"\1"}}[defect]
                 )
             time.sleep(0.05)
         values = {pair.key: pair.value for pair in peer.diagnoses[-1].status[0].values}
-        found["refused"][bad] = (int(values.get("refused", 0)), values.get("refused /plan", ""))
+        report["refused"][defect] = (int(values.get("refused", 0)), values.get("refused /plan", ""))
     if not given.bad:
         time.sleep(1.0)
-    found["after"] = [limit for _, limit in peer.limits[-3:]]
-    found["stop_after"] = peer.stops[-1]
+    report["after"] = [limit for _, limit in peer.limits[-3:]]
+    report["stop_after"] = peer.stops[-1]
     status = peer.diagnoses[-1].status[0]
-    found["diagnosis"] = {
+    report["diagnosis"] = {
         "level": int(status.level),
         "message": status.message,
         "values": {pair.key: pair.value for pair in status.values},
     }
-    print(json.dumps(found))
+    print(json.dumps(report))
     peer.session.close()
 
 

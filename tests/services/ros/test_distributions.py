@@ -1,4 +1,4 @@
-"""A robot of each distribution, on a router: it hears us and is heard, and silence is said."""
+"""A robot of each distribution, on a router: messages both ways, and missing matches."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from slopewise.services.io.bags import PATH, SPEED_LIMIT, type_hashes, typestore
 from slopewise.services.ros import conversions as ros
-from slopewise.services.ros.connections import ConnectionWatch
-from slopewise.services.ros.graph import Speech
+from slopewise.services.ros.graph import KeyScheme
 from slopewise.services.ros.inbox import decoded
 from slopewise.services.ros.naming import NO_HASH
 from slopewise.services.ros.node import Node
 from slopewise.services.ros.speed_limit import SpeedAdvice
+from slopewise.services.ros.topic_matching import ConnectionWatch
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services import grid_maps
@@ -34,9 +34,9 @@ ATTACHMENT = struct.pack("<qqB16s", 1, 2, 16, bytes(16))
 
 @pytest.fixture(scope="module")
 def endpoint() -> Iterator[str]:
-    where = f"tcp/127.0.0.1:{free_port()}"
-    with zenoh.open(zenoh_config(ZenohSettings(mode="router", listen=(where,)))):
-        yield where
+    address = f"tcp/127.0.0.1:{free_port()}"
+    with zenoh.open(zenoh_config(ZenohSettings(mode="router", listen=(address,)))):
+        yield address
 
 
 @pytest.fixture
@@ -46,14 +46,14 @@ def sessions(endpoint: str) -> Iterator[tuple[zenoh.Session, zenoh.Session]]:
         yield ours, theirs
 
 
-class Robot:
-    """What a robot of a distribution has: keys and tokens as that distribution writes them."""
+class RosRobot:
+    """Keys and tokens as a distribution writes them."""
 
     def __init__(self, session: zenoh.Session, distribution: str, domain: int) -> None:
-        self.session, self.heard = session, []
+        self.session, self.received = session, []
         self.distribution, self.domain = distribution, domain
         self.declared = [
-            session.declare_subscriber(self.key(LIMIT, SPEED_LIMIT), self.heard.append),
+            session.declare_subscriber(self.key(LIMIT, SPEED_LIMIT), self.received.append),
             session.liveliness().declare_token(self.token("MS", LIMIT, SPEED_LIMIT)),
             session.liveliness().declare_token(self.token("MP", PLAN, PATH)),
         ]
@@ -74,80 +74,79 @@ class Robot:
         named = f"%{topic}/{TYPES[kind]}/{self.type_hash(kind)}/::,10:,:,:,,{end}"
         return f"@ros2_lv/{self.domain}/{session}/7/{number}/{entity}/%/%/nav/{named}"
 
-    def say(self, message: Any) -> None:
+    def send(self, message: Any) -> None:
         attachment = None if self.distribution == "dds" else ATTACHMENT
         payload = bytes(typestore().serialize_cdr(message, PATH))
         self.session.put(self.key(PLAN, PATH), payload, attachment=attachment)
 
 
-def wait_for(what: Callable[[], object], seconds: float = 5.0) -> None:
+def wait_for(condition: Callable[[], object], seconds: float = 5.0) -> None:
     until = time.monotonic() + seconds
-    while not what() and time.monotonic() < until:
+    while not condition() and time.monotonic() < until:
         time.sleep(0.02)
-    assert what()
+    assert condition()
 
 
 @pytest.mark.parametrize("setting", ["auto", "set"])
 @pytest.mark.parametrize("distribution", ["humble", "jazzy", "kilted", "lyrical", "dds"])
-def test_each_distribution(
+def test_messages_of_each_distribution_pass_both_ways(
     sessions: tuple[zenoh.Session, zenoh.Session], distribution: str, setting: str
 ) -> None:
-    ours, theirs = sessions
+    our_session, their_session = sessions
     domain = 20 + len(distribution)
-    robot = Robot(theirs, distribution, domain)
-    told = distribution if setting == "set" else "auto"
-    with Node(ours, domain, "/", "slopewise", distribution=told) as node:
+    robot = RosRobot(their_session, distribution, domain)
+    chosen = distribution if setting == "set" else "auto"
+    with Node(our_session, domain, "/", "slopewise", distribution=chosen) as node:
         limit = node.publisher(LIMIT, SPEED_LIMIT)
         plan = node.subscribe(PLAN, PATH)
 
-        def heard_both_ways() -> bool:
+        def is_connected() -> bool:
             node.follow()
-            return not any(audience.missing for audience in node.audiences())
+            return not any(match.missing for match in node.matches())
 
-        wait_for(heard_both_ways)
-        assert {a.nodes for a in node.audiences()} == {
-            (f"zenoh-bridge-ros2dds {str(theirs.info.zid())[:8]}",)
+        wait_for(is_connected)
+        assert {a.nodes for a in node.matches()} == {
+            (f"zenoh-bridge-ros2dds {str(their_session.info.zid())[:8]}",)
             if distribution == "dds"
             else ("/nav",)
         }
         limit.send(ros.speed_limit(SpeedAdvice(1.25, False, ""), 0))
-        wait_for(lambda: robot.heard)
-        (sample,) = robot.heard
+        wait_for(lambda: robot.received)
+        (sample,) = robot.received
         message: Any = typestore().deserialize_cdr(sample.payload.to_bytes(), SPEED_LIMIT)
         assert message.speed_limit == 1.25
         assert len(sample.attachment.to_bytes()) == 33
-        robot.say(grid_maps.path([[0.0, 0.0], [1.0, 0.5]]))
-        found = node.inbox.take((plan,), time.monotonic() + 5.0)
-        assert len(found[plan]) == 1
-        assert len(decoded(node.inbox, plan, found[plan][0], PATH).poses) == 2
+        robot.send(grid_maps.path([[0.0, 0.0], [1.0, 0.5]]))
+        (received,) = node.inbox.take((plan,), time.monotonic() + 5.0)[plan]
+        assert len(decoded(node.inbox, plan, received, PATH).poses) == 2
 
 
-def test_humble_and_jazzy_at_once(sessions: tuple[zenoh.Session, zenoh.Session]) -> None:
-    ours, theirs = sessions
-    robots = [Robot(theirs, distribution, 31) for distribution in ("humble", "jazzy")]
-    with Node(ours, 31, "/", "slopewise") as node:
+def test_unhashed_and_hashed_robots_together(sessions: tuple[zenoh.Session, zenoh.Session]) -> None:
+    our_session, their_session = sessions
+    robots = [RosRobot(their_session, distribution, 31) for distribution in ("humble", "jazzy")]
+    with Node(our_session, 31, "/", "slopewise") as node:
         limit = node.publisher(LIMIT, SPEED_LIMIT)
-        wait_for(lambda: node.follow() or Speech.UNHASHED in node.speeches)
+        wait_for(lambda: node.follow() or KeyScheme.UNHASHED in node.schemes)
         limit.send(ros.speed_limit(SpeedAdvice(0.5, False, ""), 0))
-        wait_for(lambda: all(robot.heard for robot in robots))
-        assert [len(robot.heard) for robot in robots] == [1, 1]
+        wait_for(lambda: all(robot.received for robot in robots))
+        assert [len(robot.received) for robot in robots] == [1, 1]
 
 
-def test_silence_is_said_in_diagnostics_and_log(
+def test_missing_match_is_in_diagnostics_and_log(
     sessions: tuple[zenoh.Session, zenoh.Session], caplog: pytest.LogCaptureFixture
 ) -> None:
-    ours, theirs = sessions
-    with Node(ours, 40, "/", "slopewise", distribution="jazzy") as node:
+    our_session, their_session = sessions
+    with Node(our_session, 40, "/", "slopewise", distribution="jazzy") as node:
         node.publisher(LIMIT, SPEED_LIMIT)
         connections = ConnectionWatch(["/speed_limit"])
         with caplog.at_level(logging.WARNING, "slopewise"):
             for _ in range(3):
-                condition = connections.look(node.audiences(), node.speeches)
+                condition = connections.check(node.matches(), node.schemes)
         assert condition.level == ros.WARN
-        assert condition.message.startswith("nobody subscribes to /speed_limit with our type")
-        assert caplog.text.count("nobody subscribes") == 1
-        humble = Robot(theirs, "humble", 40)
-        wait_for(lambda: "Humble" in connections.look(node.audiences(), node.speeches).message)
-        jazzy = Robot(theirs, "jazzy", 40)
-        wait_for(lambda: connections.look(node.audiences(), node.speeches).level == ros.OK)
-        assert humble.session is jazzy.session
+        assert condition.message.startswith("no node subscribes to /speed_limit with our type")
+        assert caplog.text.count("no node subscribes") == 1
+        unhashed = RosRobot(their_session, "humble", 40)
+        wait_for(lambda: "Humble" in connections.check(node.matches(), node.schemes).message)
+        jazzy = RosRobot(their_session, "jazzy", 40)
+        wait_for(lambda: connections.check(node.matches(), node.schemes).level == ros.OK)
+        assert unhashed.session is jazzy.session

@@ -1,4 +1,4 @@
-"""The edge beside a service and an emulated robot, each in a process of its own, over a router."""
+"""The edge, a service and an emulated robot, each in a separate process, over a router."""
 
 from __future__ import annotations
 
@@ -66,13 +66,13 @@ def robot(endpoint: str, *options: str) -> dict[str, Any]:
         [sys.executable, str(PEER), endpoint, *options], capture_output=True, text=True, timeout=90
     )
     assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    report: dict[str, Any] = json.loads(done.stdout)
+    return report
 
 
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The router of an edge that does not wait long for paths; it leaves when it is told to."""
+    """The router of an edge that does not wait long for paths; it ends on a signal."""
     folder = tmp_path_factory.mktemp("edge")
     with edge(folder, "[timing]\npath_age = 0.5\n") as (where, process):
         yield where
@@ -80,11 +80,11 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         assert process.wait(10.0) == 0
 
 
-def test_paths_and_map_in_limits_out(endpoint: str) -> None:
-    found = robot(endpoint, "--seconds", "3")
-    shown = [TOKEN.fullmatch(token) for token in found["tokens"]]
-    assert all(shown), found["tokens"]
-    seen = {(one["kind"], one["topic"], one["type"]) for one in shown if one}
+def test_paths_and_map_become_limits(endpoint: str) -> None:
+    report = robot(endpoint, "--seconds", "3")
+    shown = [TOKEN.fullmatch(token) for token in report["tokens"]]
+    assert all(shown), report["tokens"]
+    seen = {(token["kind"], token["topic"], token["type"]) for token in shown if token}
     assert seen == {
         ("NN", None, None),
         ("MS", "plan", "nav_msgs::msg::dds_::Path_"),
@@ -97,51 +97,53 @@ def test_paths_and_map_in_limits_out(endpoint: str) -> None:
         ("MP", "speed_plan", "nav_msgs::msg::dds_::Path_"),
         ("MP", "diagnostics", "diagnostic_msgs::msg::dds_::DiagnosticArray_"),
     }
-    entities = [one["entity"] for one in shown if one]
+    entities = [token["entity"] for token in shown if token]
     assert len(set(entities)) == len(entities)
     # Not faster than the model may: 4 m/s; faster than the robot is, on level ground that is known.
-    assert all(0.0 < limit <= 4.0 for limit in found["limits"])
-    assert max(found["limits"]) > 1.0
-    assert not found["last_stop"]
-    numbers = [struct.unpack("<qqB16s", bytes.fromhex(one)) for one in found["attachments"]]
+    assert all(0.0 < limit <= 4.0 for limit in report["limits"])
+    assert max(report["limits"]) > 1.0
+    assert not report["last_stop"]
+    numbers = [struct.unpack("<qqB16s", bytes.fromhex(data)) for data in report["attachments"]]
     assert {number[2] for number in numbers} == {16}
     assert len({number[3] for number in numbers}) == 1
     assert np.all(np.diff([number[0] for number in numbers]) == 1)
     assert np.all(np.diff([number[1] for number in numbers]) >= 0)
-    stamps, x = np.array(found["profile"]).T
+    stamps, x = np.array(report["profile"]).T
     assert np.all(np.diff(stamps) > 0.0)
     assert np.all(np.diff(x) > 0.0)
     # A metre a second and faster, but not faster than 4 m/s.
     assert 0.2 < (stamps[-1] - stamps[0]) / (x[-1] - x[0]) < 1.5
-    # A second without a path: a stop, said without the 0.0 that would lift the limit.
-    assert found["after"] == [0.01, 0.01, 0.01]
-    assert found["stop_after"]
-    assert found["diagnosis"]["level"] == 2
-    assert "no path" in found["diagnosis"]["message"] or "odometry" in found["diagnosis"]["message"]
-    took = np.array(found["took"][20:])
+    # A second without a path: a stop, published without the 0.0 that would lift the limit.
+    assert report["after"] == [0.01, 0.01, 0.01]
+    assert report["stop_after"]
+    assert report["diagnosis"]["level"] == 2
+    assert (
+        "no path" in report["diagnosis"]["message"] or "odometry" in report["diagnosis"]["message"]
+    )
+    took = np.array(report["took"][20:])
     ms = 1e3 * np.percentile(took, [50, 99], method="higher")  # a limit that never came: inf
     print(f"path to limit at 20 Hz: median {ms[0]:.1f} ms, p99 {ms[1]:.1f} ms, {len(took)} paths")
     assert np.median(took) < 0.05  # a machine that others use; the 20 ms are measured alone
 
 
-def test_what_is_no_path_is_refused(endpoint: str) -> None:
-    found = robot(endpoint, "--seconds", "2", "--bad")
-    assert max(found["limits"]) > 0.1
-    assert found["stop_after"]
-    assert found["after"][-1] == 0.01
-    words = {"cut": "cut off", "tail": "1 bytes after it", "hash": "as defined by RIHS01_"}
+def test_unusable_paths_are_refused(endpoint: str) -> None:
+    report = robot(endpoint, "--seconds", "2", "--bad")
+    assert max(report["limits"]) > 0.1
+    assert report["stop_after"]
+    assert report["after"][-1] == 0.01
+    reasons = {"cut": "cut off", "tail": "1 bytes after it", "hash": "as defined by RIHS01_"}
     count = 0
-    for bad, (refused, why) in found["refused"].items():
+    for defect, (refused, reason) in report["refused"].items():
         assert refused >= count + 5
-        assert words.pop(bad) in why
+        assert reasons.pop(defect) in reason
         count = refused
-    assert not words
+    assert not reasons
 
 
 @pytest.mark.nightly
-def test_limits_go_on_when_the_router_comes_back(tmp_path: Path) -> None:
-    from slopewise.services.ros.edge import Edge
-    from slopewise.services.ros.settings import Asked, EdgeSettings, RosSettings
+def test_limits_resume_when_the_router_is_restarted(tmp_path: Path) -> None:
+    from slopewise.services.ros.edge import RosEdge
+    from slopewise.services.ros.settings import EdgeSettings, RosSettings, ServiceEndpoint
     from tests.services.ros import ros_peer
 
     endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -152,13 +154,13 @@ def test_limits_go_on_when_the_router_comes_back(tmp_path: Path) -> None:
         service = stack.enter_context(running(tmp_path))
         settings = EdgeSettings(
             ros=RosSettings(connect=(endpoint,)),
-            service=Asked(namespace=service.namespace, timeout=1.0),
+            service=ServiceEndpoint(namespace=service.namespace, timeout=1.0),
         )
         ours, asked = (
             stack.enter_context(zenoh.open(client)),
             stack.enter_context(service.session()),
         )
-        stack.enter_context(Edge(settings, ours, asked))
+        stack.enter_context(RosEdge(settings, ours, asked))
         peer = ros_peer.Peer(endpoint)
         peer.drive(2.0, 10.0, 1.0, 30.0)
         assert not peer.stops[-1]
@@ -172,7 +174,7 @@ def test_limits_go_on_when_the_router_comes_back(tmp_path: Path) -> None:
         peer.session.close()
 
 
-def test_a_map_that_was_published_once_before_we_came() -> None:
+def test_map_that_was_published_once_before_the_edge_is_received() -> None:
     from zenoh.ext import CacheConfig, declare_advanced_publisher
 
     from slopewise.services.io.bags import GRID_MAP
@@ -195,8 +197,8 @@ def test_a_map_that_was_published_once_before_we_came() -> None:
             time.sleep(0.3)
             with Node(ours, 0, "/", "late") as node:
                 topic = node.subscribe("elevation_map", GRID_MAP, latched=True)
-                found = node.inbox.take((topic,), time.monotonic() + 5.0)
-                message = decoded(node.inbox, topic, found[topic][-1], GRID_MAP)
+                received = node.inbox.take((topic,), time.monotonic() + 5.0)[topic]
+                message = decoded(node.inbox, topic, received[-1], GRID_MAP)
             publisher.undeclare()
     assert message is not None
     assert message.info.resolution == 0.25
@@ -204,19 +206,19 @@ def test_a_map_that_was_published_once_before_we_came() -> None:
 
 @pytest.mark.nightly
 def test_limits_within_20_ms(tmp_path: Path) -> None:
-    """20 Hz for a minute; needs two cores for itself."""
+    """20 Hz for a minute; needs two free cores."""
     with edge(tmp_path) as (endpoint, _):
-        found = robot(endpoint, "--seconds", "60")
-    took = np.array(found["took"][40:])
+        report = robot(endpoint, "--seconds", "60")
+    took = np.array(report["took"][40:])
     assert np.percentile(took, 99) < 0.020, np.percentile(took, [50, 90, 99, 100])
 
 
 def test_a_silent_hour_makes_the_limit_expire(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All clocks are put forward by an hour while nothing comes; then paths come again."""
-    from slopewise.services.ros.edge import Edge
-    from slopewise.services.ros.settings import Asked, EdgeSettings, RosSettings
+    """All clocks are put forward by an hour without messages; then paths come again."""
+    from slopewise.services.ros.edge import RosEdge
+    from slopewise.services.ros.settings import EdgeSettings, RosSettings, ServiceEndpoint
     from tests.services.ros import ros_peer
 
     ahead = [0.0]
@@ -224,13 +226,13 @@ def test_a_silent_hour_makes_the_limit_expire(
     with router() as endpoint, running(tmp_path) as service:
         settings = EdgeSettings(
             ros=RosSettings(connect=(endpoint,)),
-            service=Asked(namespace=service.namespace, timeout=1.0),
+            service=ServiceEndpoint(namespace=service.namespace, timeout=1.0),
         )
         client = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
         with (
             zenoh.open(client) as ros_session,
             service.session() as asked,
-            Edge(settings, ros_session, asked, lambda: time.monotonic() + ahead[0]),
+            RosEdge(settings, ros_session, asked, lambda: time.monotonic() + ahead[0]),
         ):
             peer = ros_peer.Peer(endpoint)
             peer.drive(3.0, 10.0, 1.0, 30.0)

@@ -35,8 +35,8 @@ pytestmark = [
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """The router, and the node."""
-    kept = os.environ.get("SLOPEWISE_INTEROP")
-    folder = Path(kept) if kept else tmp_path_factory.mktemp("interop")
+    cache = os.environ.get("SLOPEWISE_INTEROP")
+    folder = Path(cache) if cache else tmp_path_factory.mktemp("interop")
     environment = os.environ | {"CARGO_TARGET_DIR": str(folder / "target")}
     router, node = folder / "bin" / "zenohd", folder / "target" / "debug" / "interop"
     if not router.exists():
@@ -49,9 +49,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 @pytest.fixture
 def endpoint(built: tuple[Path, Path]) -> Iterator[str]:
-    """Of the router, which looks for nobody."""
+    """Router without scouting; its endpoint."""
     where = f"tcp/127.0.0.1:{free_port()}"
-    words = [
+    command = [
         str(built[0]),
         "--listen",
         where,
@@ -59,7 +59,7 @@ def endpoint(built: tuple[Path, Path]) -> Iterator[str]:
         "--rest-http-port",
         "none",
     ]
-    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     time.sleep(1.0)
     yield where
     process.terminate()
@@ -95,9 +95,9 @@ def test_a_node_of_others(
         edge.send_signal(signal.SIGTERM)
         edge.wait(10.0)
     assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    print(distribution, len(found["limits"]), max(found["limits"]), found["diagnostics"])
-    assert all(0.0 < limit <= 4.0 for limit in found["limits"])
-    assert max(found["limits"]) > 1.0
-    assert max(found["profiles"]) > 3
-    assert len(found["diagnostics"]) == 2
+    report: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    print(distribution, len(report["limits"]), max(report["limits"]), report["diagnostics"])
+    assert all(0.0 < limit <= 4.0 for limit in report["limits"])
+    assert max(report["limits"]) > 1.0
+    assert max(report["profiles"]) > 3
+    assert len(report["diagnostics"]) == 2

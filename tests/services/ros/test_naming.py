@@ -51,9 +51,9 @@ def test_attachments() -> None:
     data = sent.encode()
     assert struct.unpack("<qqB16s", data) == (7, sent.at, 16, sent.gid)
     assert naming.read_attachment(data) == sent
-    for bad in (b"", data[:-1], data + b"\0", data[:16] + b"\x11" + data[17:]):
+    for wrong in (b"", data[:-1], data + b"\0", data[:16] + b"\x11" + data[17:]):
         with pytest.raises(ParameterError, match="bytes"):
-            naming.read_attachment(bad)
+            naming.read_attachment(wrong)
     assert naming.gid_of("a") != naming.gid_of("b")
 
 
@@ -68,7 +68,7 @@ def test_the_shipped_settings_are_the_defaults() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "field", "words"),
+    ("text", "field", "fact"),
     [
         ("[timing]\ncrawl = 0.0\n", "timing.crawl", "> 0"),
         ("[timing]\nlife = 0.05\n", "timing.life", "more than period"),
@@ -83,8 +83,8 @@ def test_the_shipped_settings_are_the_defaults() -> None:
         ("[rose]\n", "rose", "did you mean ros?"),
     ],
 )
-def test_settings_that_cannot_be_used(tmp_path: Path, text: str, field: str, words: str) -> None:
+def test_settings_that_cannot_be_used(tmp_path: Path, text: str, field: str, fact: str) -> None:
     file = tmp_path / "ros.toml"
     file.write_text(text)
-    with fault_in(file, field, words):
+    with fault_in(file, field, fact):
         read_settings(file)

@@ -18,7 +18,7 @@ from tests.services.faults import fault_in
 SHIPPED = Path(__file__).parents[3] / "configs" / "service.toml"
 
 
-def test_shipped_file_says_the_defaults() -> None:
+def test_shipped_file_has_the_defaults() -> None:
     assert read_config(SHIPPED) == ServiceConfig(model="atv")
 
 
@@ -33,7 +33,7 @@ def test_shipped_file_names_every_key() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "field", "words"),
+    ("text", "field", "part"),
     [
         ("", "model", "missing key"),
         ('model = "atv"\nnamespace = "a//b"', "namespace", "words joined by /"),
@@ -52,42 +52,35 @@ def test_shipped_file_names_every_key() -> None:
         ("model = ", "end of document", "TOML"),
     ],
 )
-def test_mistakes_are_named(tmp_path: Path, text: str, field: str, words: str) -> None:
+def test_mistakes_are_named(tmp_path: Path, text: str, field: str, part: str) -> None:
     file = tmp_path / "service.toml"
     file.write_text(text)
-    with fault_in(file, field, words):
+    with fault_in(file, field, part):
         read_config(file)
 
 
-def test_files_are_looked_for_beside_the_settings(tmp_path: Path) -> None:
+def test_files_are_relative_to_the_settings(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text("")
-    (tmp_path / "service.toml").write_text('model = "mine.toml"')
-    assert read_config(tmp_path / "service.toml").model == str(tmp_path / "mine.toml")
+    tables = '[store]\npath = "a.sqlite"\n[discrepancy]\nsamples = "stops"'
+    (tmp_path / "service.toml").write_text(f'model = "mine.toml"\n{tables}')
+    config = read_config(tmp_path / "service.toml")
+    paths = config.model, config.store.path, config.discrepancy.samples
+    assert paths == tuple(str(tmp_path / name) for name in ("mine.toml", "a.sqlite", "stops"))
 
 
-def test_the_store_is_beside_the_settings(tmp_path: Path) -> None:
-    (tmp_path / "service.toml").write_text('model = "atv"\n[store]\npath = "a.sqlite"')
-    assert read_config(tmp_path / "service.toml").store.path == str(tmp_path / "a.sqlite")
-
-
-def test_samples_of_stops_are_beside_the_settings(tmp_path: Path) -> None:
-    (tmp_path / "service.toml").write_text('model = "atv"\n[discrepancy]\nsamples = "stops"')
-    assert read_config(tmp_path / "service.toml").discrepancy.samples == str(tmp_path / "stops")
-
-
-def test_nobody_else_can_reach_it_unless_asked_for() -> None:
+def test_by_default_it_listens_on_loopback_only() -> None:
     config = zenoh_config(ZenohSettings())
     assert json.loads(config.get_json("listen/endpoints")) == ["tcp/127.0.0.1:7447"]
     assert json.loads(config.get_json("scouting/multicast/enabled")) is False
 
 
-def test_a_service_takes_no_shared_memory_unless_told_to(tmp_path: Path) -> None:
+def test_a_service_uses_shared_memory_only_if_zenohs_settings_say_so(tmp_path: Path) -> None:
     key = "transport/shared_memory/enabled"
     assert zenoh_config(ZenohSettings(), SizeLimits()).get_json(key) == "false"
-    own = tmp_path / "zenoh.json5"
-    own.write_text("{}")
-    told = ZenohSettings(config=str(own))
-    assert zenoh_config(told, SizeLimits()).get_json(key) == "true"
+    file = tmp_path / "zenoh.json5"
+    file.write_text("{}")
+    from_file = ZenohSettings(config=str(file))
+    assert zenoh_config(from_file, SizeLimits()).get_json(key) == "true"
     assert zenoh_config(ZenohSettings()).get_json(key) == "true"
 
 

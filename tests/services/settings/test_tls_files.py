@@ -57,7 +57,7 @@ def test_names_in_certificates_need_certificates(folder: Path) -> None:
         zenoh_config(settings(file))
 
 
-def test_an_open_door_beside_the_locked_one_is_refused(folder: Path) -> None:
+def test_an_unencrypted_endpoint_next_to_an_encrypted_one_is_rejected(folder: Path) -> None:
     file = folder / "mtls.json5"
     with fault_in(file, "listen or connect", "tls/", "tcp/127.0.0.1:7447"):
         zenoh_config(settings(file, (*ENDPOINT, "tcp/127.0.0.1:7447")))

@@ -1,0 +1,97 @@
+"""One benchmark by its name: ``python -m benchmarks cycle --quick --json cycle.json``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from .common.campaign import BenchmarkRequest
+
+BENCHMARKS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "planner": ("planner.planner_speed", ()),
+    "cycle": ("planner.cycle_time", ()),
+    "optimality": ("planner.optimality", ()),
+    "closed-loop": ("closed_loop.loop_campaign", ("mujoco",)),
+    "discrepancy": ("discrepancy.discrepancy_campaign", ()),
+    "fleet": ("fleet.fleet_benchmark", ("dask", "pyarrow")),
+    "obstacles": ("obstacles.obstacle_benchmark", ()),
+}
+"""Modules with ``run(request, progress)`` and ``show(result, console)``; packages they need."""
+
+_WIDTH = 150  # columns of the widest table
+
+
+def benchmark(name: str) -> Any:
+    """Import the module of a benchmark."""
+    return import_module(f".{BENCHMARKS[name][0]}", __package__)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a benchmark, print its tables, write its figures."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    for package in BENCHMARKS[options.what][1]:
+        if find_spec(package) is None:
+            parser.error(f"{options.what} needs the package {package}, which is not installed")
+    if options.out is not None and options.out.exists() and not options.out.is_dir():
+        parser.error(f"--out: expected a folder, got the file {options.out}")
+    console = Console()
+    console = Console(width=max(console.width, _WIDTH))
+    request = BenchmarkRequest(
+        options.quick, options.out, options.sets, options.minutes, options.tuning_share
+    )
+    module = benchmark(options.what)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as display:
+
+        def progress(title: str, total: int) -> Callable[[int], None]:
+            task = display.add_task(title, total=total)
+            return lambda count: display.advance(task, count)
+
+        result = module.run(request, progress)
+    module.show(result, console)
+    if options.json is not None:
+        options.json.write_text(json.dumps(result, indent=1) + "\n")
+        console.print(f"wrote {options.json}")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="slopewise bench", description=__doc__)
+    parser.add_argument("what", nargs="?", choices=BENCHMARKS, default="planner")
+    parser.add_argument("--quick", action="store_true", help="fewer repetitions")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures as JSON")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="closed-loop, discrepancy: store results, from which an interrupted run resumes; "
+        "fleet: folder with space for the map",
+    )
+    parser.add_argument("--sets", type=int, metavar="N", help="discrepancy: at most N sets")
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        metavar="M",
+        default=float("inf"),
+        help="discrepancy: start no further set after M minutes",
+    )
+    parser.add_argument(
+        "--tuning-share",
+        type=float,
+        metavar="S",
+        default=0.0,
+        help="discrepancy: only this share of the multi-body car's tuning half",
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    main()

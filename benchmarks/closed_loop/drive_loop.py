@@ -1,0 +1,276 @@
+"""One drive: course, world, sensors, tracking and a policy, and the record of its outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.quantity import GRAVITY
+
+from .course import Course
+from .loop_terrain import SURFACES, PhysicsGround
+from .policies import CYCLE, Policy, View
+from .quad import OVERHANG, QUAD
+from .records import DrivenScene, ForcedStop, StopTrace
+from .route import Route
+from .sensors import Sensors
+from .tracking import DriveCommand, Tracker
+from .world import TICK, DrivenWorld
+
+ROLLING = 0.5
+"""Speed from which a stop is recorded [m/s]."""
+
+FINISH = 6.0
+"""A drive ends this far before its route, where no plan slows down for the end yet [m]."""
+
+_STANDSTILL_SPEED = 0.03  # [m/s]
+_MOVING_SPEED = 0.05  # [m/s] above which time counts as driven
+_PAUSE = 0.5  # [s] at rest until a blocked station is cleared
+_NEAR = 4.0  # [m] within which the robot is taken to wait at an obstacle
+_STUCK = 5.0  # [s] at rest without an obstacle, after which the drive ends
+_MAX_TIME = 180.0  # [s] of a drive
+_LOAD_FILTER = 0.15  # [s]; faster oscillation of the loads cannot tip the vehicle
+BRAKE_BUILD_UP = 0.12  # [s] after a stop command the drive releases: the brake line has pressure
+
+
+class _StopStart:
+    """State at the command of a stop, with the rows logged since."""
+
+    def __init__(self, loop: _Loop, forced: bool) -> None:
+        self.station, self.speed = loop.station, loop.world.speed
+        self.predicted = loop.policy.stopping_distance(loop.view())
+        self.command_speed = loop.state.speed
+        self.command_station = loop.seen_station
+        self.surface = SURFACES[loop.world.surface]
+        self.forced = forced
+        self.rows: list[tuple[float, float, float, float]] = []
+
+    def finish(self, loop: _Loop) -> ForcedStop:
+        """Record of the stop, by the truth."""
+        time, speed, pitch, station = np.array(self.rows).T
+        trace = StopTrace(time, speed, pitch, station, self.command_speed, self.command_station)
+        return ForcedStop(
+            self.speed,
+            loop.route.at(self.station, loop.route.grade),
+            self.surface,
+            loop.station - self.station,
+            self.predicted,
+            loop.course.limit - loop.station,
+            self.forced,
+            trace,
+        )
+
+
+class _Loop:
+    """State of one drive."""
+
+    def __init__(
+        self, terrain: PhysicsGround, route: Route, course: Course, policy: Policy, seed: int
+    ) -> None:
+        rng = np.random.default_rng(seed)
+        self.terrain, self.route, self.course, self.policy = terrain, route, course, policy
+        self.world = DrivenWorld(terrain, np.random.default_rng(seed + 1))
+        self.world.reset(float(route.x[0]), float(route.y[0]), float(route.heading[0]))
+        self.sensors = Sensors(self.world, None if policy.exact else rng)
+        self.tracker = Tracker(route, QUAD)
+        self.drive = DrivenScene(policy.name, terrain.source)
+        self.mapped_heights = terrain.mapped_heights(None if policy.exact else rng)
+        self.map = self._map()
+        self.state = self.sensors.read()
+        self.index = self.seen_index = 0
+        self.station = self.seen_station = 0.0
+        self.command = DriveCommand()
+        self.commanded_at = -np.inf
+        self.stop: _StopStart | None = None
+        self.rest = 0.0
+        self.shares, self.wheels = np.ones(4), np.ones(4)
+        self.beyond = False
+        self.history: list[tuple[float, ...]] = []
+        front = QUAD.cg_x / QUAD.wheelbase
+        self.level = QUAD.mass * GRAVITY * np.array([front, 1.0 - front, 0.5, 0.5])
+
+    def _map(self) -> ElevationMap:
+        heights = self.mapped_heights
+        unknown = self.course.unknown_cells(self.terrain)
+        if unknown is not None:
+            heights = np.where(unknown, np.nan, heights)
+        return self.terrain.elevation_map(heights)
+
+    def view(self) -> View:
+        """The policy's view; sight depends on the true place of the vehicle."""
+        clear = self.course.reported_clear(self.station, self.policy.exact)
+        return View(
+            self.state,
+            self.seen_station,
+            self.route,
+            self.map,
+            clear - self.seen_station,
+            self.course.known - self.seen_station,
+        )
+
+    def stop_now(self, *, forced: bool, reason: str) -> None:
+        """Command full braking and remember its start."""
+        self.stop = _StopStart(self, forced)
+        self.command = DriveCommand(max(self.state.speed, 0.0), 0.0, stop=True, reason=reason)
+        self.commanded_at = self.world.time
+
+    def trigger(self) -> None:
+        """Start the events that are due."""
+        for e in self.course.events:
+            due = e.kind == "forced" and not e.over and not e.active
+            if due and self.station >= e.trigger:
+                if self.world.speed < ROLLING or self.command.stop:
+                    e.over = True
+                    continue
+                e.active = True
+                self.stop_now(forced=True, reason="a wall at the end of the clear distance")
+        self.put_wall()
+
+    def put_wall(self) -> None:
+        """Place the nearest wall, its face where the front would touch it."""
+        walls = [e.barrier for e in self.course.events if e.blocks and e.kind != "unknown"]
+        if not walls:
+            self.world.wall(None)
+            return
+        i = int(np.searchsorted(self.route.station, min(walls)))
+        i = min(i, len(self.route.station) - 1)
+        ahead = OVERHANG * np.cos(self.route.grade[i]) + 0.03
+        heading = float(self.route.heading[i])
+        x = float(self.route.x[i] + ahead * np.cos(heading))
+        y = float(self.route.y[i] + ahead * np.sin(heading))
+        self.world.wall((x, y, heading))
+
+    def settle(self) -> None:
+        """Finish a stop at rest, and clear the route after a pause."""
+        if self.world.speed > _STANDSTILL_SPEED:
+            self.rest = 0.0
+            return
+        self.rest += TICK
+        if self.stop is not None:
+            if self.stop.speed >= ROLLING:
+                self.drive.stops.append(self.stop.finish(self))
+            self.stop = None
+        if self.rest < _PAUSE:
+            return
+        if self.command.stop:
+            self.command = DriveCommand()
+        cleared = False
+        for e in self.course.events:
+            near = e.kind != "forced" and e.barrier - self.station < _NEAR
+            if not e.over and (e.active or near):
+                e.over = cleared = True
+        if cleared or self.world.collided:
+            self.world.collided = False
+            self.put_wall()
+            self.map = self._map()
+            self.rest = 0.0
+
+    def record_limits(self) -> None:
+        """Record loads and passed barriers, by the truth."""
+        drive, loads = self.drive, self.world.loads
+        axles = np.array(
+            [loads[0] + loads[1], loads[2] + loads[3], loads[0] + loads[2], loads[1] + loads[3]]
+        )
+        keep = np.exp(-TICK / _LOAD_FILTER)
+        self.shares += (axles / self.level - self.shares) * (1.0 - keep)
+        self.wheels += (4.0 * loads / (QUAD.mass * GRAVITY) - self.wheels) * (1.0 - keep)
+        drive.min_load_shares = np.minimum(drive.min_load_shares, self.shares)
+        drive.min_wheel_load = min(drive.min_wheel_load, float(self.wheels.min()))
+        over = self.station - self.course.limit
+        drive.farthest = max(drive.farthest, over)
+        if over > 0.0 and not self.beyond:
+            drive.past_clear += 1
+        self.beyond = over > 0.0
+        x, y, _ = self.world.pose
+        away = np.hypot(self.route.x[self.index] - x, self.route.y[self.index] - y)
+        drive.track_error = max(drive.track_error, float(away))
+
+    def tick(self) -> None:
+        """Advance world, sensors and controller by one tick."""
+        since = self.world.time - self.commanded_at
+        holding = self.command.stop and since < BRAKE_BUILD_UP
+        control = self.tracker.actuate(self.state, self.seen_station, self.command, since, holding)
+        touched = self.world.collided
+        self.world.tick(*control)
+        if self.world.collided and not touched:
+            self.drive.collisions += 1
+        self.state = self.sensors.read()
+        x, y, _ = self.world.pose
+        self.index, self.station = self.route.locate(x, y, self.index)
+        self.seen_index, self.seen_station = self.route.locate(
+            self.state.x, self.state.y, self.seen_index
+        )
+        if self.stop is not None:
+            since = self.world.time - self.commanded_at
+            self.stop.rows.append((since, self.state.speed, self.state.pitch, self.seen_station))
+
+    def remember(self) -> None:
+        """Add a row to the history."""
+        route, station = self.route, self.station
+        row = (
+            self.world.time,
+            station,
+            self.world.speed,
+            self.course.reported_clear(station, self.policy.exact),
+            self.course.limit,
+            route.at(station, route.grade),
+            route.at(station, route.roll),
+            float(self.world.surface),
+        )
+        self.history.append(row)
+
+    def cycle(self) -> None:
+        """Ask the policy for a command."""
+        if self.command.stop:
+            return
+        command = self.policy.command(self.view())
+        if command.stop and self.world.speed > _MOVING_SPEED:
+            self.drive.reasons.append(command.reason)
+            self.stop_now(forced=False, reason=command.reason)
+            return
+        self.command = command
+        self.commanded_at = self.world.time
+
+
+def run_drive(
+    terrain: PhysicsGround,
+    route: Route,
+    course: Course,
+    policy: Policy,
+    seed: int,
+    watch: Callable[[DrivenWorld], None] | None = None,
+) -> DrivenScene:
+    """Drive a route once.
+
+    Args:
+        terrain, route, course: the scene; the course is used up.
+        policy: decides on the speed.
+        seed: of noise and scatter.
+        watch: called every cycle.
+    """
+    loop = _Loop(terrain, route, course, policy, seed)
+    drive, cycle = loop.drive, round(CYCLE / TICK)
+    ticks = 0
+    while loop.world.time < _MAX_TIME:
+        if ticks % cycle == 0:
+            loop.cycle()
+            loop.remember()
+            if watch is not None:
+                watch(loop.world)
+        loop.trigger()
+        loop.tick()
+        loop.settle()
+        loop.record_limits()
+        ticks += 1
+        if loop.world.speed > _MOVING_SPEED or loop.rest == 0.0:
+            drive.moving_time += TICK
+        if loop.station > route.length - FINISH and loop.stop is None:
+            drive.finished = True
+            break
+        if loop.rest > _STUCK:
+            break
+    drive.distance = loop.station
+    drive.history = np.array(loop.history)
+    return drive

@@ -1,0 +1,213 @@
+"""Metrics of the benchmark: targets, values reached, and their confidence intervals."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from .score import SetOutcome
+
+SETS_THAT_CLOSE = 0.90  # share of sets that have to close four fifths of the gap
+Target = float | tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """One row of the table.
+
+    Attributes:
+        what: name of the metric.
+        relation: ">=" or "<=", "in" for a range, "" without a target.
+        target: value or range to reach.
+        reached: share or figure, None without any set.
+        low, high: Wilson interval (95 %) of a share, quartiles of a figure.
+        hits, of: counts behind a share; of alone for a figure.
+        unit: "%", or unit of the figure.
+    """
+
+    what: str
+    relation: str
+    target: Target
+    reached: float | None
+    low: float
+    high: float
+    hits: int
+    of: int
+    unit: str = "%"
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether the target is met; None without a target or a figure."""
+        if self.reached is None or not self.relation:
+            return None
+        if isinstance(self.target, tuple):
+            return self.target[0] <= self.reached <= self.target[1]
+        return self.reached >= self.target if self.relation == ">=" else self.reached <= self.target
+
+
+def wilson(hits: int, of: int) -> tuple[float, float]:
+    """95 % interval of a share."""
+    if of == 0:
+        return 0.0, 1.0
+    interval = binomtest(hits, of).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
+
+
+def share(what: str, relation: str, target: Target, answers: Sequence[bool]) -> Metric:
+    """A share of sets."""
+    hits, of = sum(answers), len(answers)
+    return Metric(what, relation, target, hits / of if of else None, *wilson(hits, of), hits, of)
+
+
+def figure(
+    what: str,
+    relation: str,
+    target: float,
+    values: Sequence[float],
+    of: Callable[[Any], Any] = np.median,
+    unit: str = "",
+) -> Metric:
+    """A figure over sets, with quartiles."""
+    if not values:
+        return Metric(what, relation, target, None, 0.0, 0.0, 0, 0, unit)
+    low, high = np.quantile(values, (0.25, 0.75))
+    reached = float(of(values))
+    return Metric(what, relation, target, reached, float(low), float(high), 0, len(values), unit)
+
+
+def metrics(outcomes: Sequence[SetOutcome]) -> list[Metric]:
+    """All metrics of the plant's sets."""
+    known = [o for o in outcomes if o.identifiable]
+    single = [o for o in known if o.kind == "single"]
+    pairs = [o for o in known if o.kind == "pair"]
+    unnamed = [o for o in known if o.kind == "off"]
+    closed = [c for o in single + pairs if (c := o.closing.share) is not None]
+    seconds = [o.seconds for o in outcomes]
+    return [
+        *_name_metrics(outcomes, single, pairs, unnamed),
+        share("both names of a pair", ">=", 0.90, [o.right for o in pairs]),
+        share(
+            "off-library: unknown or its axis, no name",
+            ">=",
+            0.90,
+            [_is_unknown(o) for o in unnamed],
+        ),
+        *_absorbed_metrics([o for o in outcomes if o.kind == "absorbed"]),
+        figure("closable gap closed, fresh stops, median", ">=", 0.95, closed, unit="share"),
+        share(
+            "sets that close four fifths of it", ">=", SETS_THAT_CLOSE, [c >= 0.8 for c in closed]
+        ),
+        share("right axis located", ">=", 0.90, [o.axis_right for o in single + unnamed]),
+        share(
+            "95 % intervals of parameters cover",
+            "in",
+            (0.92, 0.97),
+            [yes for o in single if o.right for yes in o.covered.values()],
+        ),
+        figure("time per 100 stops, median", "<=", 5.0, seconds, unit="s"),
+        figure("time per 100 stops, worst", "<=", 20.0, seconds, np.max, "s"),
+        *workflow_metrics(outcomes),
+    ]
+
+
+def _name_metrics(
+    outcomes: Sequence[SetOutcome],
+    single: Sequence[SetOutcome],
+    pairs: Sequence[SetOutcome],
+    unnamed: Sequence[SetOutcome],
+) -> list[Metric]:
+    """Metrics of right and false names."""
+    weak = [
+        o for o in outcomes if not o.identifiable and o.kind not in ("clean", "drift", "absorbed")
+    ]
+    clean = [o.verdict == "missing_effect" for o in outcomes if o.kind == "clean"]
+    drift = [o.verdict == "parameter_drift" for o in outcomes if o.kind == "drift"]
+    listed = [set(o.truth) <= {*o.named, *o.alternatives} for o in single]
+    named = [o.wrong for o in (*single, *pairs, *unnamed)]
+    large = [o.right for o in single if o.size != "small"]
+    return [
+        share("right name first, medium and large", ">=", 0.95, large),
+        share(
+            "right name first, small", ">=", 0.85, [o.right for o in single if o.size == "small"]
+        ),
+        share("right name first or an alternative, all sizes", "", 0.0, listed),
+        share("wrong name given with confidence", "<=", 0.01, named),
+        share("the same on sets that are too weak to name", "<=", 0.01, [o.wrong for o in weak]),
+        share("missing_effect on clean sets", "<=", 0.02, clean),
+        share("drift called drift", ">=", 0.95, drift),
+    ]
+
+
+def _absorbed_metrics(outcomes: Sequence[SetOutcome]) -> list[Metric]:
+    unnamed = [o.verdict != "missing_effect" for o in outcomes]
+    reported = [o.verdict == "unidentifiable" for o in outcomes]
+    return [
+        share("absorbed by the base: no name", ">=", 0.99, unnamed),
+        share("absorbed by the base: called unidentifiable", "", 0.0, reported),
+    ]
+
+
+def workflow_metrics(outcomes: Sequence[Any]) -> list[Metric]:
+    """Faults, and predictions that became worse."""
+    return [
+        share("stops held out made worse", "<=", 0.0, [o.worse > 1.0 for o in outcomes]),
+        share("faults of the workflow", "<=", 0.0, [o.verdict == "fault" for o in outcomes]),
+    ]
+
+
+def _is_unknown(o: SetOutcome) -> bool:
+    if o.verdict in ("missing_effect", "fault"):
+        return False
+    return o.verdict == "unknown" or (bool(o.located) and o.axis_right)
+
+
+def record(metric: Metric) -> dict[str, Any]:
+    """Plain data for JSON."""
+    return {
+        "what": metric.what,
+        "relation": metric.relation,
+        "wanted": metric.target,
+        "reached": metric.reached,
+        "low": metric.low,
+        "high": metric.high,
+        "hits": metric.hits,
+        "of": metric.of,
+        "unit": metric.unit,
+        "passed": metric.passed,
+    }
+
+
+def effect_row(
+    kind: str,
+    effect: str,
+    group: Sequence[Any],
+    known: Sequence[Any],
+    closed: Sequence[float | None],
+    axis: int | None,
+) -> dict[str, Any]:
+    """Counts of one effect: sets, identifiable ones, right and false names, closed gap.
+
+    Args:
+        kind, effect: group of the sets.
+        group: outcomes of the sets.
+        known: outcomes of the identifiable ones.
+        closed: their closed shares, None without one.
+        axis: right axes among them, None where axes are not scored.
+    """
+    shares = sorted(share for share in closed if share is not None)
+    return {
+        "kind": kind,
+        "effect": effect,
+        "sets": len(group),
+        "identifiable": len(known),
+        "right": sum(o.right for o in known),
+        "wrong": sum(o.wrong for o in group),
+        "axis": axis,
+        "verdicts": dict(Counter(o.verdict for o in known or group)),
+        "closed": shares[len(shares) // 2] if shares else None,
+    }

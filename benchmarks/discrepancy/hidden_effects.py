@@ -1,0 +1,175 @@
+"""Effects that may be hidden: every named one in three sizes, pairs, and effects without a name.
+
+The size is the largest share of the braking force, or of the distance, that the effect takes:
+small about 4 %, medium about 10 %, large about 25 %.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .designs import FIELD
+from .plant_physics import Physics, Stops
+
+SIZES = ("small", "medium", "large")
+_SHARES = (0.04, 0.10, 0.25)  # of the braking force [1]
+
+PAIRS = (
+    ("aerodynamic_drag", "cross_slope"),
+    ("aerodynamic_drag", "step_change"),
+    ("viscous_resistance", "grade_asymmetry"),
+    ("viscous_resistance", "surface_patch"),
+    ("brake_lag", "session_drift"),
+    ("brake_lag", "cross_slope"),
+    ("brake_lag", "directional_surface"),
+    ("brake_fade", "grade_nonlinearity"),
+    ("brake_fade", "brake_lag"),
+    ("headwind", "grade_asymmetry"),
+    ("surface_patch", "step_change"),
+    ("surface_patch", "aerodynamic_drag"),
+    ("turning_resistance", "cross_slope"),
+    ("session_drift", "grade_nonlinearity"),
+    ("wheel_lockup", "directional_surface"),
+    ("step_change", "directional_surface"),
+)
+
+OFF_LIBRARY = ("ambient", "ripple", "bump", "grab", "overshoot")
+
+_SCALED: dict[str, tuple[tuple[float, float, float], bool]] = {
+    # parameter in each size [SI], whether either sign is possible
+    "aerodynamic_drag": ((0.008, 0.02, 0.05), False),
+    "viscous_resistance": ((0.005, 0.012, 0.03), False),
+    "brake_lag": ((0.04, 0.10, 0.25), False),
+    "grade_asymmetry": ((0.12, 0.30, 0.70), True),
+    "grade_nonlinearity": ((0.7, 1.7, 4.0), True),
+    "cross_slope": ((0.15, 0.35, 0.80), True),
+    "turning_resistance": ((0.06, 0.15, 0.35), False),
+}
+"""Effects of one parameter, with values that take the shares at 3 m/s and grades of 10°."""
+
+NAMED = (
+    *_SCALED,
+    "headwind",
+    "brake_fade",
+    "wheel_lockup",
+    "surface_patch",
+    "directional_surface",
+    "step_change",
+    "session_drift",
+)
+
+FIELDS: dict[str, dict[str, str]] = {
+    "aerodynamic_drag": {"c": "drag"},
+    "viscous_resistance": {"c": "viscous"},
+    "headwind": {"c": "wind_drag", "wind": "wind", "direction": "wind_direction"},
+    "brake_lag": {"tau": "lag"},
+    "brake_fade": {"k": "fade", "tau": "fade_tau"},
+    "wheel_lockup": {"mu": "friction"},
+    "grade_asymmetry": {"k": "asymmetry"},
+    "grade_nonlinearity": {"k": "nonlinearity"},
+    "cross_slope": {"k": "cross_slope"},
+    "turning_resistance": {"k": "turning"},
+    "surface_patch": {"delta": "patch", "x": "patch_x", "y": "patch_y", "radius": "patch_radius"},
+    "directional_surface": {"k": "furrow", "direction": "furrow_direction"},
+    "step_change": {"scale": "step_scale", "delta": "step_delta", "run": "step_run"},
+    "session_drift": {"k": "drift"},
+}
+"""Parameters of the named effects in a report, and the plant's fields for them."""
+
+
+@dataclass(frozen=True, slots=True)
+class HiddenTerm:
+    """One effect as the plant has it and as a report should state it.
+
+    Attributes:
+        name: effect, of :data:`NAMED` or :data:`OFF_LIBRARY`.
+        fields: changed fields of :class:`Physics`.
+        parameters: the report's parameters, SI; empty for effects without a name.
+    """
+
+    name: str
+    fields: dict[str, float]
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+def draw_hidden(
+    name: str, size: str, physics: Physics, stops: Stops, rng: np.random.Generator
+) -> HiddenTerm:
+    """Draw one effect in a size, where these stops meet it.
+
+    Args:
+        name: one of :data:`NAMED` or :data:`OFF_LIBRARY`.
+        size: one of :data:`SIZES`.
+        physics: base of the world.
+        stops: as driven.
+        rng: draws signs, places and directions.
+    """
+    level = SIZES.index(size)
+    sign = float(rng.choice([-1.0, 1.0]))
+    vary = float(rng.uniform(0.85, 1.15))
+    share = _SHARES[level] * vary
+    if name in OFF_LIBRARY:
+        return HiddenTerm(name, _off_library(name, share, sign, physics, stops, rng))
+    if name in _SCALED:
+        sizes, signed = _SCALED[name]
+        parameters = {next(iter(FIELDS[name])): sizes[level] * vary * (sign if signed else 1.0)}
+    else:
+        parameters = _parameters(name, share, sign, physics, stops, rng)
+    return HiddenTerm(name, {FIELDS[name][k]: v for k, v in parameters.items()}, parameters)
+
+
+def _parameters(
+    name: str, share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> dict[str, float]:
+    """Parameters of a named effect that takes this share of the braking force."""
+    match name:
+        case "headwind":
+            wind, direction = float(rng.uniform(4.0, 8.0)), float(rng.uniform(-np.pi, np.pi))
+            # With and against the wind differ by 4 c v wind.
+            c = share * 9.81 * p.b_b / (2.0 * float(np.mean(stops.speed)) * wind)
+            return {"c": c, "wind": wind, "direction": direction}
+        case "brake_fade":
+            tau = float(rng.uniform(80.0, 250.0))
+            per_stop = 0.5 * float(np.mean(stops.speed**2))
+            heat = per_stop * tau / float(np.median(np.diff(stops.clock)))
+            return {"k": share / heat, "tau": tau}
+        case "wheel_lockup":
+            force = (p.m_m * stops.speed + p.b_m) * stops.grade + p.m_b * stops.speed + p.b_b
+            # The hardest stops lose this share, gentle ones lose no force.
+            return {"mu": float(np.quantile(force, 0.95)) * (1.0 - share)}
+        case "surface_patch":
+            radius = float(rng.uniform(150.0, 230.0))
+            x = float(rng.uniform(radius, FIELD[0] - radius))
+            y = float(rng.uniform(radius, FIELD[1] - radius))
+            return {"delta": sign * share * p.b_b, "x": x, "y": y, "radius": radius}
+        case "directional_surface":
+            return {"k": 0.5 * share * p.b_b, "direction": float(rng.uniform(0.0, np.pi))}
+        case "step_change":
+            run = float(round(len(stops.speed) * rng.uniform(0.3, 0.7)))
+            return {"scale": 1.0 + sign * share, "run": run}
+        case "session_drift":
+            return {"k": sign * share * p.b_b / float(np.ptp(stops.clock))}
+    raise KeyError(name)
+
+
+def _off_library(
+    name: str, share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
+) -> dict[str, float]:
+    """Fields of an effect without a name."""
+    match name:
+        case "ambient":
+            return {"ambient": sign * share * p.b_b / 20.0}
+        case "ripple":
+            length = float(rng.uniform(300.0, 500.0))
+            return {"ripple": share * p.b_b, "ripple_length": length}
+        case "bump":
+            grade = float(np.quantile(stops.grade, rng.uniform(0.3, 0.7)))
+            return {"bump": sign * 1.5 * share * p.b_b, "bump_grade": grade, "bump_width": 0.03}
+        case "grab":
+            return {"grab": 3.0 * share * p.b_b, "grab_speed": float(rng.uniform(0.2, 0.4))}
+        case "overshoot":
+            late = float(rng.uniform(0.25, 0.4))
+            return {"overshoot": 2.0 * share * p.b_b, "overshoot_time": late}
+    raise KeyError(name)

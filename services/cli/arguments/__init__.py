@@ -1,1 +1,0 @@
-"""The words of each command. Nothing heavy is imported before a command is run."""

@@ -1,3 +1,0 @@
-"""What each command does, imported when it is run; `slopewise.services.cli.arguments` reads its
-words.
-"""

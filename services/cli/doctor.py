@@ -1,0 +1,118 @@
+"""`slopewise doctor`: settings and recordings of a robot that do not fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from slopewise.services.cli.command import ExitStatus, command, print_result
+from slopewise.services.cli.options import AsJson
+from slopewise.services.cli.tables import line
+
+if TYPE_CHECKING:
+    from slopewise.services.doctor.robot_facts import ConfigIssue, RobotFacts
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorOptions:
+    """Options of `slopewise doctor`."""
+
+    model: Annotated[
+        str, typer.Option("--model", "-m", metavar="M.toml", help="Model file, or shipped vehicle.")
+    ] = ""
+    nav2: Annotated[
+        list[Path] | None,
+        typer.Option("--nav2", metavar="PARAMS.yaml", help="Parameters of Nav2 or a base; repeat."),
+    ] = None
+    bag: Annotated[
+        Path | None, typer.Option("--bag", metavar="BAG", help="A recording of the robot.")
+    ] = None
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", "-c", metavar="ros.toml", help="Settings of slopewise ros."),
+    ] = None
+    live: Annotated[
+        float,
+        typer.Option("--live", metavar="SECONDS", help="Listen to the robot for this duration."),
+    ] = 0.0
+    as_json: AsJson = False
+
+
+@command()
+def doctor(options: DoctorOptions) -> ExitStatus | None:
+    """Examine a robot, a recording or parameter files, and report settings that do not fit.
+
+    Decelerations along the chain against the brakes learned, limits that are not obeyed, clocks,
+    frames, rates, map age, footprint. Status 3: an error was found.
+
+    [bold]Example[/]  slopewise doctor --nav2 nav2_params.yaml --model mine.toml --bag drive.mcap
+    """
+    from slopewise.services.doctor.examine import CHECKS, examine
+    from slopewise.services.doctor.robot_facts import IssueSeverity
+
+    facts = _facts(options)
+    sources = {
+        "model": facts.model,
+        "edge": facts.edge,
+        "parameters": facts.nav2,
+        "messages": facts.seen,
+    }
+    names = [name for name, fact in sources.items() if fact is not None]
+    issues = examine(facts)
+    summary = {
+        "looked_at": names,
+        "checks": len(CHECKS),
+        "findings": [
+            {"check": i.check, "severity": i.severity.value, "words": i.message, "remedy": i.fix}
+            for i in issues
+        ],
+    }
+    print_result(options.as_json, summary, _tables(names, len(CHECKS), issues))
+    has_errors = any(issue.severity is IssueSeverity.ERROR for issue in issues)
+    return ExitStatus.NOT_ADMISSIBLE if has_errors else None
+
+
+def _facts(options: DoctorOptions) -> RobotFacts:
+    """Read the sources.
+
+    Raises:
+        InputError: there is no source, or a file cannot be used.
+    """
+    from slopewise.models.errors import InputError
+    from slopewise.services.doctor.message_collector import live_traffic, recorded_traffic
+    from slopewise.services.doctor.nav2_file import read_nav2
+    from slopewise.services.doctor.robot_facts import RobotFacts
+    from slopewise.services.io.model_file import find_model, read_model
+    from slopewise.services.ros.settings import read_settings
+
+    if not (options.nav2 or options.bag or options.live > 0.0):
+        raise InputError("doctor", "", "expected --nav2, --bag or --live: a source to examine")
+    edge = None if options.config is None else read_settings(options.config)
+    if options.live > 0.0 and edge is None:
+        raise InputError("--live", "", "expected --config ros.toml: where the robot is")
+    traffic = None if options.bag is None else recorded_traffic(options.bag)
+    if options.live > 0.0 and edge is not None:
+        traffic = live_traffic(edge, options.live)
+    return RobotFacts(
+        read_model(find_model(options.model)) if options.model else None,
+        edge,
+        read_nav2(options.nav2) if options.nav2 else None,
+        traffic,
+    )
+
+
+def _tables(names: list[str], check_count: int, issues: list[ConfigIssue]) -> Iterator[Any]:
+    from rich.text import Text
+
+    yield line(f"examined {', '.join(names)} with {check_count} checks")
+    for issue in issues:
+        severity = issue.severity.value
+        colour = "red" if severity == "error" else "yellow"
+        yield Text.assemble((severity, colour), " ", (issue.check, "bold"), f": {issue.message}")
+        yield line(f"  → {issue.fix}")
+    if not issues:
+        yield line("everything that could be checked fits", "green")

@@ -1,0 +1,304 @@
+"""`slopewise fleet plan`, `calibrate` and `discrepancy`: many paths, logs and vehicles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from slopewise.services.cli.command import ExitStatus, command, print_result
+from slopewise.services.cli.options import (
+    AsJson,
+    ClearDistance,
+    Coverage,
+    FalseAlarm,
+    GroundMap,
+    LogFiles,
+    ModelFile,
+    NoDataValue,
+    Quantile,
+    Seed,
+    Smooth,
+    Spacing,
+    StartSpeed,
+    Topics,
+    clear_of,
+)
+from slopewise.services.cli.tables import LISTED, line, notes, plural, table
+
+if TYPE_CHECKING:
+    from slopewise.services.fleet.calibrate_fleet import FleetCalibrateResult
+    from slopewise.services.fleet.investigate_fleet import FleetDiscrepancyResult
+    from slopewise.services.fleet.plan_fleet import FleetPlanSummary
+
+Workers = Annotated[
+    int | None,
+    typer.Option(min=0, help="Processes here; 0 works in this one. One for each processor."),
+]
+Scheduler = Annotated[
+    str, typer.Option(metavar="ADDRESS", help="A running Dask scheduler, e.g. tcp://10.0.0.1:8786.")
+]
+ByFolder = Annotated[
+    bool, typer.Option("--by-folder", help="A folder is a vehicle; else each file is one.")
+]
+
+
+@dataclass(frozen=True, slots=True)
+class FleetPlanOptions:
+    """Options of `slopewise fleet plan`."""
+
+    map_file: Annotated[
+        Path, typer.Argument(metavar="MAP", help="Elevation map: tiled GeoTIFF in metres.")
+    ]
+    path_files: Annotated[
+        list[Path],
+        typer.Argument(metavar="PATHS…", help="Candidates: CSV or Parquet with x,y[,candidate]."),
+    ]
+    model: ModelFile
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where the results go, as Parquet in parts.")
+    ]
+    speed: StartSpeed = 0.0
+    clear: ClearDistance = None
+    spacing: Spacing = None
+    quantile: Quantile = 0.999
+    nodata: NoDataValue = None
+    smooth: Smooth = True
+    workers: Workers = None
+    scheduler: Scheduler = ""
+    as_json: AsJson = False
+
+
+@command()
+def fleet_plan(options: FleetPlanOptions) -> ExitStatus | None:
+    r"""Plan the candidates of many files over a map that need not fit into memory.
+
+    DIR/plans has one row per station, DIR/candidates one per candidate, in parts. A run that was
+    interrupted is resumed; any number of workers gives the same bytes. Status 3: no candidate may
+    be driven. Needs the extra: pip install '.\[fleet]' in a clone.
+
+    [bold]Example[/]  slopewise fleet plan county.tif paths-*.csv --model atv --out out/county
+    """
+    from slopewise.services.fleet.plan_fleet import FleetPlanRequest, plan_fleet
+    from slopewise.services.io.no_data import nodata_of
+    from slopewise.services.jobs.plan import planner_settings, uncertainty_at
+
+    request = FleetPlanRequest(
+        options.map_file,
+        options.path_files,
+        options.model,
+        options.out,
+        options.speed,
+        clear_of(options.clear),
+        planner_settings(smooth=options.smooth, spacing=options.spacing),
+        uncertainty_at(options.quantile),
+        options.workers,
+        options.scheduler,
+        nodata_of(options.nodata),
+    )
+    summary = plan_fleet(request, quiet=options.as_json)
+    print_result(options.as_json, summary, _plan_tables(summary), options.out)
+    return None if summary.admissible else ExitStatus.NOT_ADMISSIBLE
+
+
+def _plan_tables(summary: FleetPlanSummary) -> Iterator[Any]:
+    """Number of candidates by status."""
+    kinds = ", ".join(f"{count} {name}" for name, count in summary.statuses.items())
+    yield line(f"{summary.model}: {plural(summary.candidates, 'candidate')}: {kinds}")
+    yield f"{summary.driven} may be driven"
+    if summary.resumed:
+        yield f"{summary.resumed} of them were planned by an earlier run"
+    if summary.unexpected:
+        parts = plural(summary.unexpected, "part")
+        yield from notes([f"of other paths: {parts} in the folder"])
+    yield from notes(summary.notes)
+    rate = summary.planned / summary.seconds
+    yield f"{summary.seconds:.1f} s, {rate:.0f} candidates planned per second"
+
+
+@dataclass(frozen=True, slots=True)
+class FleetCalibrateOptions:
+    """Options of `slopewise fleet calibrate`."""
+
+    logs: LogFiles
+    model: ModelFile
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder, with one model per vehicle.")]
+    by_folder: ByFolder = False
+    map_file: GroundMap = None
+    nodata: NoDataValue = None
+    coverage: Coverage = 0.995
+    workers: Workers = None
+    scheduler: Scheduler = ""
+    as_json: AsJson = False
+
+
+@command()
+def fleet_calibrate(options: FleetCalibrateOptions) -> None:
+    """Fit a braking model to each vehicle of a fleet, pooled where its stops carry little.
+
+    Surface by surface: how the vehicles differ, and each as far as its stops support. A vehicle
+    without stops gets the fleet's mean and a longer offset.
+
+    [bold]Example[/]  slopewise fleet calibrate logs/*.csv --model atv --out out/fleet
+    """
+    from slopewise.services.fleet.calibrate_fleet import calibrate_fleet
+    from slopewise.services.io.no_data import nodata_of
+
+    result = calibrate_fleet(
+        options.logs,
+        options.model,
+        options.out,
+        by_folder=options.by_folder,
+        map_file=options.map_file,
+        nodata=nodata_of(options.nodata),
+        coverage=options.coverage,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        quiet=options.as_json,
+    )
+    print_result(options.as_json, result.summary, _calibrate_tables(result, options.out))
+
+
+def _calibrate_tables(result: FleetCalibrateResult, out: Path) -> Iterator[Any]:
+    """The fleet, then its vehicles."""
+    from slopewise.models.calibration.force_fit import NAMES
+
+    c = result.calibration
+    fits = c.surfaces.values()
+    rows = [
+        (name, *(f"{f.mean[k]:.4f} ± {float(f.spread[k, k]) ** 0.5:.4f}" for f in fits))
+        for k, name in enumerate(NAMES)
+    ]
+    rows.append(("stop to stop", *(f"{f.scatter:.4f}" for f in fits)))
+    rows.append(("stops learned from", *(f"{int(f.kept.sum())} of {len(f.kept)}" for f in fits)))
+    yield from table(
+        ("mean ± from vehicle to vehicle", *(name or "base" for name in c.surfaces)),
+        rows,
+        title=f"fleet of {len(result.vehicles)} {result.model.name}",
+    )
+    yield f"dead time {c.dead_time.value:.3f} ± {c.dead_time.between_stops:.3f} s"
+    vehicles = [
+        (
+            v.name,
+            len(v.stops),
+            *(f"{getattr(c.braking[v.name], name):.4f}" for name in NAMES),
+            f"{c.braking[v.name].dead_time:.3f}",
+            f"{c.braking[v.name].distance_offset:.3f}",
+        )
+        for v in result.vehicles
+    ]
+    columns = ("vehicle", "stops", *NAMES, "dead time\ns", "offset\nm")
+    yield from table(columns, vehicles, more="more; --json gives all")
+    yield from notes(f"{v.name} gets the fleet's mean: {v.note}" for v in result.vehicles if v.note)
+    yield line(f"wrote {len(result.vehicles)} model files to {out}")
+
+
+@dataclass(frozen=True, slots=True)
+class FleetDiscrepancyOptions:
+    """Options of `slopewise fleet discrepancy`."""
+
+    logs: LogFiles
+    models: Annotated[
+        str,
+        typer.Option(
+            metavar="MODEL|DIR",
+            help="Model file or name for all, or a folder with NAME.toml for each vehicle.",
+        ),
+    ]
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")]
+    by_folder: ByFolder = False
+    map_file: GroundMap = None
+    nodata: NoDataValue = None
+    topics: Topics = None
+    false_alarm: FalseAlarm = 0.005
+    seed: Seed = 20
+    workers: Workers = None
+    scheduler: Scheduler = ""
+    as_json: AsJson = False
+
+
+@command()
+def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
+    r"""Compare the logs of many vehicles with their models: which lack which effect, how certainly.
+
+    DIR/vehicles/NAME has discrepancy.json, model.toml and report.html as `slopewise discrepancy`
+    writes them; DIR/findings one row per vehicle as Parquet; DIR/findings.jsonl a line each. A log
+    that cannot be used is reported in its row. A second run examines what is new: logs that grew,
+    models that changed. Needs the extra: pip install '.\[fleet]' in a clone.
+
+    [bold]Examples[/]  slopewise fleet discrepancy logs/*.csv --models atv --out out/fleet
+              slopewise fleet discrepancy logs/*/* --by-folder --models out/vehicles --out out/may
+    """
+    from slopewise.services.fleet.fleet_page import write_fleet_page
+    from slopewise.services.fleet.investigate_fleet import (
+        PAGE,
+        FleetDiscrepancyRequest,
+        investigate_fleet,
+    )
+    from slopewise.services.io.no_data import nodata_of
+    from slopewise.services.jobs.discrepancy import discrepancy_settings
+
+    request = FleetDiscrepancyRequest(
+        options.logs,
+        options.models,
+        options.out,
+        options.by_folder,
+        options.map_file,
+        options.topics,
+        discrepancy_settings(false_alarm=options.false_alarm, seed=options.seed),
+        options.workers,
+        options.scheduler,
+        nodata_of(options.nodata),
+    )
+    result = investigate_fleet(request, quiet=options.as_json)
+    page = options.out / PAGE
+    write_fleet_page(page, result.rows, result.totals)
+    print_result(options.as_json, result.summary, _discrepancy_tables(result), page)
+
+
+def _discrepancy_tables(result: FleetDiscrepancyResult) -> Iterator[Any]:
+    """The fleet by verdict and by effect, then the vehicles with the largest gaps."""
+    from slopewise.services.fleet import fleet_text
+    from slopewise.services.fleet.investigate_fleet import LINES
+
+    c = result.totals
+    verdicts = ", ".join(f"{count} {name}" for name, count in c.verdicts.items())
+    yield line(f"{c.examined} of {len(result.rows)} vehicles examined: {verdicts}")
+    if c.effects:
+        yield from table(
+            ("effect", "missing in", "confidence", "of them right", "perhaps in", "numbers"),
+            (
+                (
+                    e.name,
+                    *fleet_text.prevalence_cells(e, c.examined),
+                    fleet_text.format_parameters(e),
+                )
+                for e in c.effects
+            ),
+            left=("numbers",),
+        )
+    yield from table(
+        ("vehicle", "stops", "verdict", "effects", "stops off by\nm, before", "after"),
+        (
+            (
+                row["vehicle"],
+                row["stops"],
+                row["verdict"],
+                fleet_text.format_effects(row),
+                *(f"{row[f'stop_distance_{moment}']:.2f}" for moment in ("before", "after")),
+            )
+            for row in fleet_text.sort_by_prediction_error(result.rows)
+        ),
+        left=("verdict", "effects"),
+        more=f"more, in {LINES}",
+    )
+    yield line(fleet_text.format_false_alarms(c), "dim")
+    yield from notes(fleet_text.list_failed(c, LISTED))
+    if result.resumed:
+        yield f"{result.resumed} of them were examined by an earlier run"
+    if result.unexpected:
+        vehicles = plural(result.unexpected, "vehicle")
+        yield from notes([f"not among these: {vehicles} in the folder"])

@@ -1,0 +1,102 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+MapFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MAP", help="Elevation map: GeoTIFF in metres, .npz, or GridMap in a bag."
+    ),
+]
+NoDataValue = Annotated[
+    str | None,
+    typer.Option(
+        "--nodata",
+        metavar="VALUE",
+        help="Height of the map that marks unknown ground; none: all its heights are ground. "
+        "By default undeclared no-data values are detected and reported.",
+    ),
+]
+PathFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="PATHS", help="Candidates: CSV with x,y[,candidate], GeoJSON, or a bag."
+    ),
+]
+LogFiles = Annotated[
+    list[Path],
+    typer.Argument(metavar="LOG…", help="Drive logs: CSV or Parquet, run,t,v,v_cmd,pitch."),
+]
+ModelFile = Annotated[
+    str,
+    typer.Option(
+        "--model", "-m", metavar="M.toml", help="Model file, or the name of a shipped vehicle."
+    ),
+]
+Connect = Annotated[
+    str, typer.Option(metavar="ENDPOINT", help="Where the service, or a router, listens.")
+]
+Namespace = Annotated[str, typer.Option(help="Prefix of the service's keys.")]
+ZenohFile = Annotated[
+    str, typer.Option("--zenoh", metavar="FILE", help="Zenoh's own settings, e.g. certificates.")
+]
+StartSpeed = Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")]
+ClearDistance = Annotated[
+    float | None,
+    typer.Option(
+        metavar="METRES",
+        help="Station up to which the path is known to be free for the front of the vehicle; the "
+        "middle of the wheelbase stays behind it. Default: the end of the path.",
+    ),
+]
+Spacing = Annotated[float | None, typer.Option(metavar="METRES", help="Distance between stations.")]
+Quantile = Annotated[
+    float,
+    typer.Option(
+        metavar="Q",
+        help="One-sided probability that margins cover the model's uncertainty; 0.5 plans with "
+        "the mean.",
+    ),
+]
+Smooth = Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")]
+GroundMap = Annotated[
+    Path | None,
+    typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
+]
+Coverage = Annotated[
+    float, typer.Option(help="Share of stops like those of the log that margins have to cover.")
+]
+Topics = Annotated[
+    Path | None,
+    typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
+]
+Columns = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME=COLUMN:UNIT,…",
+        help="Columns of tables with other names or units: speed=v:km/h,grade=slope:deg.",
+    ),
+]
+FalseAlarm = Annotated[
+    float,
+    typer.Option(help="Accepted share of logs without a missing effect that name one."),
+]
+Seed = Annotated[int, typer.Option(help="Of the random numbers; the same gives the same.")]
+Report = Annotated[Path | None, typer.Option(metavar="out.html", help="Write a page with charts.")]
+Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="For the reply.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+JsonLine = Annotated[
+    bool,
+    typer.Option("--json", help="Print the line that it is ready as JSON, on standard output."),
+]
+
+
+def clear_of(clear: float | None) -> float:
+    """Clear distance of an option [m]: infinite if it is omitted."""
+    return math.inf if clear is None else clear

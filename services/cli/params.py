@@ -1,0 +1,278 @@
+"""`slopewise params`: parameters of a running service, and a comparison of two model files."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from slopewise.services.cli.command import command, print_result
+from slopewise.services.cli.options import AsJson, Connect, Namespace, Timeout, ZenohFile
+from slopewise.services.cli.tables import line, notes, plural, table
+
+if TYPE_CHECKING:
+    import msgspec
+
+    from slopewise.services.jobs.compare_models import ModelComparison
+    from slopewise.services.wire.model_proposal import ModelProposal
+    from slopewise.services.wire.parameter_messages import (
+        HistoryEntry,
+        ParameterGroup,
+        ParameterReply,
+    )
+
+_HOUR = 3600.0  # [s]
+_MAX_NAME = 120
+"""Longest name of an operator that the service stores."""
+
+_PERIOD = 0.3
+"""Pause between requests while the service investigates [s]; that takes seconds to minutes."""
+
+_SHORTER = -1e-9
+"""Change of a stopping distance below which it is shorter [m], beyond rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParamsOptions:
+    """Options of `slopewise params`."""
+
+    group: Annotated[
+        str,
+        typer.Argument(
+            help="braking, braking.SURFACE, terrain, limits, effects; all by default. diff: "
+            "compare two model files, without a service."
+        ),
+    ] = ""
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="[A.toml B.toml]", help="Files of diff.")
+    ] = None
+    history: Annotated[
+        bool,
+        typer.Option("--history", help="The last changes: when, by what cause, to which values."),
+    ] = False
+    limit: Annotated[
+        int, typer.Option("--most", min=1, max=10_000, help="Changes that are listed.")
+    ] = 20
+    rollback: Annotated[
+        int | None,
+        typer.Option(metavar="VERSION", help="Restore GROUP, or all, as of a version."),
+    ] = None
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter of GROUP; repeat it."),
+    ] = None
+    investigate: Annotated[
+        bool,
+        typer.Option("--investigate", help="Compare the stored stops with the model."),
+    ] = False
+    adopt: Annotated[
+        str, typer.Option(metavar="OFFER", help="Plan with the model change that it proposes.")
+    ] = ""
+    faster: Annotated[
+        bool,
+        typer.Option("--faster", help="Even if stops get shorter than by the model file."),
+    ] = False
+    connect: Connect = "tcp/127.0.0.1:7447"
+    namespace: Namespace = "slopewise/robot"
+    timeout: Timeout = 2.0
+    zenoh_file: ZenohFile = ""
+    as_json: AsJson = False
+
+
+@command()
+def params(options: ParamsOptions) -> None:
+    """Read the parameters of a running service, set them, or restore an earlier version.
+
+    Limits may be set tighter than in the model file, not wider; braking above it is used in plans
+    once stops confirm it. A model change found by the service is proposed, and an operator
+    adopts it.
+
+    [bold]Examples[/]  slopewise params braking --history
+              slopewise params limits --set speed=1.5
+              slopewise params --investigate
+              slopewise params diff configs/vehicles/atv.toml learned.toml
+    """
+    if options.group == "diff" or options.files:
+        from slopewise.services.jobs.compare_models import compare_models
+
+        comparison = compare_models(options.files or [])
+        print_result(options.as_json, comparison, _comparison_tables(comparison))
+        return
+    reply = request(options)
+    print_result(options.as_json, reply, tables(reply, options))
+
+
+def request(options: ParamsOptions) -> ParameterReply:
+    """Read or change the parameters of the service.
+
+    Raises:
+        InputError: an option cannot be used, there is no reply, or the service rejects the change.
+    """
+    from slopewise.models.errors import InputError
+    from slopewise.services.cli.ask import ask
+    from slopewise.services.wire.connect import client_session
+    from slopewise.services.wire.parameter_messages import DiscrepancyQuestion, ParameterReply
+
+    actions = (
+        options.history,
+        options.rollback is not None,
+        bool(options.changes),
+        options.investigate,
+        bool(options.adopt),
+    )
+    if sum(actions) > 1:
+        expected = "expected one of --history, --rollback, --set, --investigate, --adopt"
+        raise InputError("params", "", f"{expected}, got several")
+    if options.faster and not options.adopt:
+        raise InputError("--faster", "", "expected --adopt with it, got none")
+    name, message = _message(options)
+    key = f"{options.namespace}/v1/{name}"
+    with client_session(options.connect, options.zenoh_file) as session:
+        reply = ask(session, key, ParameterReply, message, options.timeout, "params")
+        while options.investigate and reply.status == "ok" and reply.investigating:
+            time.sleep(_PERIOD)
+            poll = DiscrepancyQuestion(who=_operator())
+            reply = ask(session, key, ParameterReply, poll, options.timeout, "params")
+    if reply.status != "ok":
+        raise InputError(key, "", reply.reason)
+    return reply
+
+
+def _message(options: ParamsOptions) -> tuple[str, msgspec.Struct]:
+    """Name of the key, and message."""
+    from slopewise.models.errors import InputError
+    from slopewise.services.wire import parameter_messages as messages
+
+    group, operator = options.group, _operator()
+    if options.rollback is not None:
+        if options.rollback < 0:
+            raise InputError("--rollback", "", f"expected a version, got {options.rollback}")
+        rollback = messages.RollBack(version=options.rollback, group=group, who=operator)
+        return "params/rollback", rollback
+    if options.changes:
+        if not group:
+            raise InputError("--set", "", "expected the group that is to be changed before it")
+        values = _values(options.changes)
+        return "params/set", messages.SetParameters(group=group, values=values, who=operator)
+    if options.investigate:
+        return "discrepancy", messages.DiscrepancyQuestion(start=True, who=operator)
+    if options.adopt:
+        adopt = messages.AdoptOffer(offer=options.adopt, faster=options.faster, who=operator)
+        return "params/adopt", adopt
+    count = options.limit if options.history else 0
+    return "params", messages.ParameterQuestion(group=group, history=count)
+
+
+def _values(changes: list[str]) -> dict[str, float]:
+    from slopewise.models.errors import InputError
+
+    values = {}
+    for change in changes:
+        name, _, text = change.partition("=")
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not name or not math.isfinite(value):
+            raise InputError("--set", "", f"expected NAME=VALUE with a number, got {change!r}")
+        values[name.strip()] = value
+    return values
+
+
+def _operator() -> str:
+    import getpass
+
+    try:
+        return getpass.getuser()[:_MAX_NAME]
+    except (OSError, KeyError):
+        return "operator"
+
+
+def tables(reply: ParameterReply, options: ParamsOptions) -> Iterator[Any]:
+    """One row per parameter, or one row per change; then the proposal and the flags."""
+    stored = "" if reply.durable else ", not stored on disk"
+    title = f"{reply.service}: version {reply.version}{stored}"
+    if options.history:
+        yield from _history(reply.history, title)
+    elif not options.investigate:
+        yield from _groups(reply.groups, title)
+    if reply.investigation and (options.investigate or not options.group):
+        yield line(f"stored stops: {reply.investigation}")
+    if reply.offer is not None and options.group in ("", "effects"):
+        yield from _offer(reply.offer)
+    for flag in reply.flags:
+        yield line(flag, "yellow")
+
+
+def _groups(groups: list[ParameterGroup], title: str) -> Iterator[Any]:
+    rows = []
+    for group in groups:
+        operator = f" ({group.who})" if group.who else ""
+        state = "" if group.valid else " (not valid yet)"
+        facts = [group.group + state, f"version {group.version}"]
+        facts.append(f"{group.cause}{operator}, {_age(group.age)}")
+        for name, value in group.values.items():
+            std = f"{group.stds[name]:.2g}" if name in group.stds else None
+            rows.append((facts[0], name, f"{value:.4g}", std, group.unit.get(name, ""), *facts[1:]))
+            facts = ["", "", ""]
+    columns = ("group", "parameter", "value", "std", "unit", "since", "last change")
+    yield from table(columns, rows, title=title, left=columns, limit=len(rows))
+
+
+def _history(history: list[HistoryEntry], title: str) -> Iterator[Any]:
+    rows = []
+    for entry in history:
+        moment = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(entry.at))
+        values = ", ".join(f"{name} {value:.4g}" for name, value in entry.values.items())
+        last = values or "as in the model file"
+        rows.append((entry.version, moment, entry.group, entry.cause, entry.who, last))
+    columns = ("version", "when", "group", "cause", "who", "values")
+    yield from table(columns, rows, title=title, left=columns, limit=len(rows))
+
+
+def _offer(offer: ModelProposal) -> Iterator[Any]:
+    """The proposed change, its effect in metres, and the command that adopts it."""
+    yield line(f"offer {offer.id}: {offer.verdict} – {offer.summary}", "bold")
+    for effect in offer.findings["effects"]:
+        values = ", ".join(
+            f"{n} = {p['value']:.4g} ± {p['std']:.2g} {p['unit']}"
+            for n, p in effect["parameters"].items()
+        )
+        yield line(f"  {effect['name']}: {values}, confidence {effect['confidence']:.0%}")
+    gap = offer.findings["stop_distance"]
+    yield line(
+        f"  {plural(offer.stops, 'stop')}, data {offer.data}: "
+        f"{gap['before']:.3f} m off as configured, "
+        f"{gap['after']:.3f} m with it, floor {gap['noise_floor']:.3f}"
+    )
+    for change, reference in ((offer.beside_file, "file"), (offer.beside_use, "in use")):
+        span = f"{change.least:+.2f} m ({change.where}) … {change.most:+.2f} m"
+        yield line(f"  plans stop {span} compared with the model {reference}")
+    yield from notes(offer.notes, "  note")
+    yield line(f"  {offer.command() or offer.obstacle}")
+
+
+def _age(seconds: float) -> str:
+    if seconds < 60.0:
+        return f"{seconds:.0f} s ago"
+    return f"{seconds / 60:.0f} min ago" if seconds < _HOUR else f"{seconds / _HOUR:.1f} h ago"
+
+
+def _comparison_tables(comparison: ModelComparison) -> Iterator[Any]:
+    """One line per key, then the change of stops."""
+    for key, change in comparison.keys.items():
+        before, after = ("none" if v is None else v for v in (change.before, change.after))
+        yield line(f"{key}: {before} → {after}")
+    if not comparison.keys:
+        yield "no difference"
+    for stop in comparison.stops:
+        if stop.smallest or stop.largest:
+            is_shorter = stop.smallest < _SHORTER
+            note = ", shorter somewhere: plans get faster" if is_shorter else ""
+            span = f"{stop.smallest:+.2f} … {stop.largest:+.2f} m"
+            yield line(f"stops on {stop.surface}: {span}{note}", "yellow" if is_shorter else "")

@@ -1,0 +1,182 @@
+"""`slopewise query`: plans of a running service along candidate paths."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from slopewise.services.cli.command import ExitStatus, command, print_result
+from slopewise.services.cli.options import (
+    AsJson,
+    ClearDistance,
+    Connect,
+    Namespace,
+    NoDataValue,
+    PathFile,
+    StartSpeed,
+    Timeout,
+    ZenohFile,
+)
+from slopewise.services.cli.tables import decimals, line, table
+
+if TYPE_CHECKING:
+    from slopewise.models.candidate_path import CandidatePath
+    from slopewise.services.client import ClientAnswer, PlanClient
+    from slopewise.services.wire.plan_messages import MapUpdate
+    from slopewise.services.wire.plan_messages import Path as PathMessage
+
+_log = logging.getLogger("slopewise")
+_PERIOD = 0.01
+"""Pause between requests for the version of the map [s]; a request takes about as long."""
+
+
+@dataclass(frozen=True, slots=True)
+class QueryOptions:
+    """Options of `slopewise query`."""
+
+    path_file: PathFile
+    connect: Connect = "tcp/127.0.0.1:7447"
+    namespace: Namespace = "slopewise/robot"
+    speed: StartSpeed = 0.0
+    clear: ClearDistance = None
+    map_file: Annotated[
+        Path | None, typer.Option("--map", metavar="MAP", help="Elevation map to send before.")
+    ] = None
+    nodata: NoDataValue = None
+    timeout: Timeout = 2.0
+    zenoh_file: ZenohFile = ""
+    as_json: AsJson = False
+
+
+@command()
+def query(options: QueryOptions) -> ExitStatus | None:
+    """Request plans along candidate paths from a running service.
+
+    Without a reply in time the result is the client's own stop. Status 3: no plan may be driven.
+
+    [bold]Example[/]  slopewise query paths.csv --map hill.tif --speed 2
+    """
+    from slopewise.models.errors import InputError, ParameterError
+    from slopewise.services.client import PlanClient
+    from slopewise.services.io.path_file import read_paths
+    from slopewise.services.wire.connect import client_session
+
+    paths = [_message(path) for path in read_paths(options.path_file)]
+    update = _map_update(options)
+    with client_session(options.connect, options.zenoh_file) as session:
+        try:
+            client = PlanClient(session, namespace=options.namespace, timeout=options.timeout)
+        except ParameterError as error:
+            raise InputError(f"--{error.field}", "", f"expected {error.expected}") from None
+        with client:
+            if update is not None:
+                _send_map(client, update, options.timeout)
+            outcome = client.plan(options.speed, paths, clear=options.clear)
+    print_result(options.as_json, _summary(outcome), _tables(outcome))
+    plans = [] if outcome.reply is None else outcome.reply.plans
+    is_admissible = any(p.status != "infeasible" and p.progress > 0.0 for p in plans)
+    return None if is_admissible else ExitStatus.NOT_ADMISSIBLE
+
+
+def _message(path: CandidatePath) -> PathMessage:
+    """A candidate as the service requires it: a straight line of two points gets a third."""
+    import numpy as np
+
+    from slopewise.services.wire.plan_messages import Path as PathMessage
+
+    points, limit = path.points, path.speed_limit
+    if len(points) == 2:
+        points = np.stack([points[0], points.mean(axis=0), points[1]])
+        # The first limit holds up to the second point, so the lower limit is used from there.
+        limit = None if limit is None else np.array([limit[0], limit.min(), limit[1]])
+    return PathMessage(name=path.name, points=points, speed_limit=limit)
+
+
+def _map_update(options: QueryOptions) -> MapUpdate | None:
+    from slopewise.services.io.map_file import read_map
+    from slopewise.services.io.no_data import nodata_of
+    from slopewise.services.wire.plan_messages import MapUpdate
+
+    nodata = nodata_of(options.nodata)
+    if options.map_file is None:
+        return None
+    ground = read_map(options.map_file, nodata=nodata)
+    for assumption in ground.assumed:
+        _log.warning("%s: %s", options.map_file, assumption)
+    return MapUpdate(
+        source=f"query-{os.getpid()}-{time.time_ns()}",
+        sequence=1,
+        elevation=ground.elevation,
+        resolution=ground.resolution,
+        origin=ground.origin,
+        terrain_class=ground.terrain_class,
+        class_names=list(ground.class_names),
+        height_std=ground.height_std,
+    )
+
+
+def _send_map(client: PlanClient, update: MapUpdate, timeout: float) -> None:
+    """Send a map, and wait until the service plans with it.
+
+    Raises:
+        InputError: that did not happen in time; plans would be of other ground.
+    """
+    from slopewise.models.errors import InputError
+
+    def version() -> int:
+        reply = client.plan(0.0, []).reply
+        return 0 if reply is None else reply.map_version
+
+    before = version()
+    client.put_map(update)
+    until = time.monotonic() + timeout
+    while version() == before:
+        if time.monotonic() > until:
+            raise InputError("--map", "", "expected a service that accepts it, got none in time")
+        time.sleep(_PERIOD)
+
+
+def _summary(outcome: ClientAnswer) -> object:
+    """The reply unchanged, or the client's own stop."""
+    if outcome.reply is not None:
+        return outcome.reply
+    stop = outcome.stop
+    assert stop is not None
+    profile = {"time": stop.time.tolist(), "speed": stop.speed.tolist()}
+    return {"status": "safe_stop", "reason": stop.reason, "distance": stop.distance, **profile}
+
+
+def _tables(outcome: ClientAnswer) -> Iterator[Any]:
+    """One row per plan, then flags and reasons."""
+    if outcome.reply is None:
+        assert outcome.stop is not None
+        message = f"own stop within {outcome.stop.distance:.2f} m: {outcome.stop.reason}"
+        yield line(message, "red")
+        return
+    reply = outcome.reply
+    yield from table(
+        ("candidate", "status", "time [s]", "reaches [m]", "margin [m]", "reason"),
+        (
+            (
+                plan.candidate,
+                plan.status,
+                f"{plan.travel_time:.2f}",
+                f"{plan.progress:.1f}",
+                decimals(plan.least_margin, 2),
+                plan.reason,
+            )
+            for plan in reply.plans
+        ),
+        title=f"{reply.service}: {reply.status}, in {1e3 * outcome.seconds:.1f} ms",
+        left=("status", "reason"),
+        limit=len(reply.plans),
+    )
+    for note in (*reply.flags, *(c.reason for c in reply.ranking if not c.usable)):
+        yield line(note)

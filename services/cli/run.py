@@ -1,0 +1,163 @@
+"""Commands that run until a signal: `slopewise serve`, `ros`, `guard`; and `warm-up` before."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import time
+from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from slopewise.services.cli.command import command, print_ready, print_result
+from slopewise.services.cli.options import AsJson, JsonLine
+
+
+@dataclass(frozen=True, slots=True)
+class ServeOptions:
+    """Options of `slopewise serve`."""
+
+    config: Annotated[
+        Path, typer.Option("--config", "-c", metavar="service.toml", help="The service's settings.")
+    ]
+    as_json: JsonLine = False
+
+
+@command()
+def serve(options: ServeOptions) -> None:
+    """Reply to plan requests over zenoh until a signal asks to stop.
+
+    [bold]Example[/]  slopewise serve --config configs/service.toml
+    """
+    from slopewise.models.errors import InputError
+    from slopewise.services.settings.service_settings import read_config
+
+    _require("serve", "zenoh")
+    config = read_config(options.config)
+    if config.page.enabled and not all(map(find_spec, ("waitress", "prometheus_client"))):
+        expected = "expected what serves the page: pip install '.[service]' in a clone"
+        raise InputError(str(options.config), "page.enabled", expected)
+    from slopewise.services.daemon.daemon import serve as run_service
+
+    run_service(config, None, partial(print_ready, options.as_json))
+
+
+@dataclass(frozen=True, slots=True)
+class RosOptions:
+    """Options of `slopewise ros`."""
+
+    config: Annotated[
+        Path, typer.Option("--config", "-c", metavar="ros.toml", help="The edge's settings.")
+    ]
+    as_json: JsonLine = False
+
+
+@command()
+def ros(options: RosOptions) -> None:
+    """Give a robot with ROS 2 speed limits: paths, maps and odometry in, limits out.
+
+    Uses the keys of rmw_zenoh, without ROS, and requests plans from a running `slopewise serve`.
+
+    [bold]Example[/]  slopewise ros --config configs/ros.toml
+    """
+    from slopewise.models.errors import InputError
+
+    for module, extra in (("zenoh", "eclipse-zenoh"), ("rosbags", "'.[ros]' in a clone")):
+        if find_spec(module) is None:
+            raise InputError("ros", "", f"expected {module}, got none: pip install {extra}")
+    import zenoh
+
+    from slopewise.services.ros.edge import RosEdge
+    from slopewise.services.ros.settings import read_settings
+    from slopewise.services.settings.service_settings import ZenohSettings
+    from slopewise.services.settings.zenoh_session import zenoh_config
+
+    settings = read_settings(options.config)
+    peers: dict[str, Any] = {"ros": settings.ros}
+    if settings.service.connect:
+        peers["service"] = settings.service
+    with contextlib.ExitStack() as stack:
+        sessions = []
+        for table, peer in peers.items():
+            client = ZenohSettings(mode="client", connect=tuple(peer.connect), config=peer.config)
+            try:
+                sessions.append(stack.enter_context(zenoh.open(zenoh_config(client))))
+            except zenoh.ZError:
+                expected = f"expected a router or service at {', '.join(peer.connect)}, got none"
+                raise InputError(str(options.config), f"{table}.connect", expected) from None
+        edge = stack.enter_context(RosEdge(settings, sessions[0], sessions[-1]))
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: edge.stop())
+        paths, endpoints = settings.topics.paths, settings.ros.connect
+        message = f"{', '.join(paths)} of ROS 2 at {', '.join(endpoints)}"
+        print_ready(options.as_json, message, {"paths": [*paths], "connects": [*endpoints]})
+        edge.wait(None)
+
+
+@dataclass(frozen=True, slots=True)
+class GuardOptions:
+    """Options of `slopewise guard`."""
+
+    config: Annotated[
+        Path, typer.Option("--config", "-c", metavar="guard.toml", help="The guard's settings.")
+    ]
+    as_json: JsonLine = False
+
+
+@command()
+def guard(options: GuardOptions) -> None:
+    """Monitor velocity commands: pass, limit or stop each so that the vehicle can always stop.
+
+    Needs no planner, and integrates stopping distances independently of it; two processes watch
+    each other, and a message that is late is a stop.
+
+    [bold]Example[/]  slopewise guard --config configs/guard.toml
+    """
+    _require("guard", "zenoh")
+    from slopewise.services.guard.watchdog import serve as run_guard
+
+    run_guard(options.config, None, partial(print_ready, options.as_json))
+
+
+def _require(name: str, module: str) -> None:
+    from slopewise.models.errors import InputError
+
+    if find_spec(module) is None:
+        raise InputError(name, "", f"needs {module}: pip install eclipse-{module}")
+
+
+@dataclass(frozen=True, slots=True)
+class WarmUpOptions:
+    """Options of `slopewise warm-up`."""
+
+    as_json: AsJson = False
+
+
+@command()
+def warm_up(options: WarmUpOptions) -> None:
+    """Compile all that plans need, once after an installation, so that no plan waits for it.
+
+    [bold]Example[/]  slopewise warm-up
+    """
+    begin = time.perf_counter()
+    from slopewise.services.daemon import warm_up_requests as requests
+    from slopewise.services.io.model_file import find_model, read_model
+    from slopewise.services.jobs.cold_start import compile_first
+    from slopewise.services.parameters.active_parameters import ActiveParameters
+    from slopewise.services.planning.plan_service import PlanService
+    from slopewise.services.settings.service_settings import ServiceConfig
+
+    compile_first("on all cores")
+    plans = PlanService(ServiceConfig(model="atv"), ActiveParameters(read_model(find_model("atv"))))
+    requests.run(plans)
+    compiled = time.perf_counter()
+    ground, request = next(requests.requests())
+    plans.answer(request, ground, requests.CLIENT)
+    seconds, plan_seconds = compiled - begin, time.perf_counter() - compiled
+    message = f"ready after {seconds:.1f} s; a plan takes {1e3 * plan_seconds:.1f} ms from now on"
+    summary = {"seconds": seconds, "plan_seconds": plan_seconds}
+    print_result(options.as_json, summary, [message])

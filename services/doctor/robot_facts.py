@@ -1,0 +1,137 @@
+"""Facts about a robot, from any source; unknown ones are None or empty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import partial
+from typing import Any
+
+from slopewise.models.parameters import Model
+from slopewise.services.ros.settings import EdgeSettings, Topics
+
+
+class IssueSeverity(Enum):
+    """Severity of an issue: with an error a plan may not be followed, or nothing works."""
+
+    ERROR = "error"
+    WARNING = "warning"
+
+
+@dataclass(frozen=True, slots=True)
+class ConfigIssue:
+    """A setting or recording that does not fit.
+
+    Attributes:
+        severity: error or warning.
+        check: name of the check.
+        message: subject, fact and limit.
+        fix: action of the operator.
+    """
+
+    severity: IssueSeverity
+    check: str
+    message: str
+    fix: str
+
+
+error = partial(ConfigIssue, IssueSeverity.ERROR)
+warning = partial(ConfigIssue, IssueSeverity.WARNING)
+
+
+@dataclass(frozen=True, slots=True)
+class Nav2Facts:
+    """Parameters of nodes by name, without namespaces; those of plugins are tables inside."""
+
+    nodes: Mapping[str, Mapping[str, Any]]
+
+    def of(self, node: str) -> Mapping[str, Any]:
+        """Parameters of a node, empty if it is not there."""
+        return self.nodes.get(node, {})
+
+    def controllers(self) -> dict[str, Mapping[str, Any]]:
+        """Path-following plugins by name."""
+        server = self.of("controller_server")
+        names = [n for n in server.get("controller_plugins", []) if isinstance(n, str)]
+        tables = {name: server.get(name, {}) for name in names}
+        return {name: table for name, table in tables.items() if isinstance(table, Mapping)}
+
+    def controller_rate(self) -> float | None:
+        """Frequency of the controller [Hz]."""
+        return first_number(self.of("controller_server").get("controller_frequency"))
+
+
+def first_number(value: Any) -> float | None:
+    """A number, or the first one of a list."""
+    if isinstance(value, list) and value:
+        value = value[0]
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+@dataclass(slots=True)
+class TopicTraffic:
+    """Messages of one topic.
+
+    Attributes:
+        kind: message type.
+        at: times of reception [s].
+        stamps: stamps of the headers [s].
+        frames: frames of the headers.
+    """
+
+    kind: str
+    at: list[float] = field(default_factory=list)
+    stamps: list[float] = field(default_factory=list)
+    frames: set[str] = field(default_factory=set)
+
+    @property
+    def rate(self) -> float:
+        """Messages per second; 0 below three of them."""
+        span = self.at[-1] - self.at[0] if len(self.at) > 2 else 0.0
+        return (len(self.at) - 1) / span if span > 0.0 else 0.0
+
+
+@dataclass(slots=True)
+class ObservedTraffic:
+    """Messages of a robot, from a recording or live.
+
+    Attributes:
+        topics: by name.
+        span: from the first to the last message [s].
+        odometry: (t, x, y, v) each.
+        limits: (t, limit [m/s], is a percentage) each.
+        links: child frame to parent, of /tf.
+        silence: topics without a counterpart, as text; live only.
+    """
+
+    topics: dict[str, TopicTraffic] = field(default_factory=dict)
+    span: float = 0.0
+    odometry: list[tuple[float, float, float, float]] = field(default_factory=list)
+    limits: list[tuple[float, float, bool]] = field(default_factory=list)
+    links: dict[str, str] = field(default_factory=dict)
+    silence: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotFacts:
+    """All facts; each part may be missing."""
+
+    model: Model | None = None
+    edge: EdgeSettings | None = None
+    nav2: Nav2Facts | None = None
+    seen: ObservedTraffic | None = None
+
+    @property
+    def topics(self) -> Topics:
+        """Topics of the edge, else the default ones."""
+        return Topics() if self.edge is None else self.edge.topics
+
+    def traffic(self, topic: str) -> TopicTraffic | None:
+        """Messages of a topic of the edge, None if it was not seen."""
+        return None if self.seen is None else self.seen.topics.get(self.full_name(topic))
+
+    def full_name(self, topic: str) -> str:
+        """Topic with the namespace of the edge."""
+        namespace = "" if self.edge is None else self.edge.ros.namespace.rstrip("/")
+        return topic if topic.startswith("/") else f"{namespace}/{topic}"

@@ -1,0 +1,141 @@
+"""Calibrate every vehicle of a fleet from the logs of all."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from slopewise.models.calibration.fleet import FleetCalibration, VehicleStops, learn_fleet
+from slopewise.models.calibration.force_fit import NAMES
+from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.parameters import Model
+from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
+from slopewise.services.fleet.vehicle_logs import LogTask, measure_vehicle, vehicles_of
+from slopewise.services.io.files import fault, reason
+from slopewise.services.io.model_file import find_model, model_to_dict, read_model, write_model
+from slopewise.services.io.no_data import NoData
+from slopewise.services.jobs.progress import progress_bar
+from slopewise.services.jobs.summary import Summary, input_errors
+
+
+class FleetSurface(Summary, frozen=True):
+    """Coefficients of a fleet on one surface; `spread`: covariance from vehicle to vehicle."""
+
+    mean: dict[str, float]
+    spread: list[list[float]]
+    scatter: float
+    stops: int
+    inliers: int = msgspec.field(name="kept")
+
+
+class FleetCalibrationSummary(Summary, frozen=True):
+    """Output of `fleet calibrate --json`."""
+
+    surfaces: dict[str, FleetSurface]
+    dead_time: dict[str, float]
+    vehicles: dict[str, dict[str, Any]]
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class FleetCalibrateResult:
+    """The calibration, the prior, and the stops of each vehicle."""
+
+    calibration: FleetCalibration
+    model: Model
+    vehicles: list[VehicleStops]
+    seconds: float
+
+    @property
+    def summary(self) -> FleetCalibrationSummary:
+        """Everything that was fitted, SI units and radians."""
+        c = self.calibration
+        surfaces = {
+            name: FleetSurface(
+                dict(zip(NAMES, fit.mean.tolist(), strict=True)),
+                fit.spread.tolist(),
+                fit.scatter,
+                len(fit.kept),
+                int(fit.kept.sum()),
+            )
+            for name, fit in c.surfaces.items()
+        }
+        dead_time = {
+            "mean": c.dead_time.value,
+            "std": c.dead_time.std,
+            "spread": c.dead_time.between_stops,
+        }
+        vehicles = {
+            v.name: {
+                "stops": len(v.stops),
+                "note": v.note,
+                "dead_time": c.braking[v.name].dead_time,
+                "distance_offset": c.braking[v.name].distance_offset,
+                **{name: getattr(c.braking[v.name], name) for name in NAMES},
+            }
+            for v in self.vehicles
+        }
+        return FleetCalibrationSummary(surfaces, dead_time, vehicles, self.seconds)
+
+
+def calibrate_fleet(
+    logs: Sequence[Path],
+    model_file: str,
+    out: Path,
+    *,
+    by_folder: bool = False,
+    map_file: Path | None = None,
+    nodata: NoData = None,
+    coverage: float = 0.995,
+    workers: int | None = None,
+    scheduler: str = "",
+    quiet: bool = True,
+) -> FleetCalibrateResult:
+    """Measure the stops of each vehicle, fit them together, write the model files.
+
+    Args:
+        logs: logs of all vehicles.
+        model_file: model file or shipped vehicle, the prior.
+        out: folder of the model files.
+        by_folder: a folder is a vehicle; else each file is one.
+        map_file: elevation map that x, y of the logs lie on.
+        nodata: height of the map that marks unknown ground [m].
+        coverage: share of stops that margins have to cover.
+        workers: number of processes, None: one for each processor.
+        scheduler: address of a running Dask scheduler.
+        quiet: without a progress bar.
+
+    Raises:
+        InputError: names file and field, or says why there are too few stops.
+    """
+    begin = time.perf_counter()
+    check_installed()
+    with input_errors("", ("coverage",)):
+        settings = CalibrationSettings(coverage=coverage)
+    model = read_model(find_model(model_file))
+    grouped = vehicles_of(logs, by_folder)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise fault(out, "", f"expected a folder to write to, got: {reason(error)}") from None
+    tables, ground = model_to_dict(model), None if map_file is None else map_file.resolve()
+    tasks: list[Task[LogTask]] = [
+        (name, LogTask(name, tuple(path.resolve() for path in files), tables, ground, nodata))
+        for name, files in grouped.items()
+    ]
+    stops: dict[str, VehicleStops] = {}
+    with progress_bar("measuring stops", len(tasks), quiet=quiet) as advance:
+        for measured in each_done(measure_vehicle, tasks, Workers(workers, scheduler)):
+            stops[measured.name] = measured
+            advance(1)
+    vehicles = [stops[name] for name in grouped]  # in the order given
+    with input_errors("fleet"):
+        calibration = learn_fleet(vehicles, model.braking, settings)
+    for name, braking in calibration.braking.items():
+        write_model(replace(model, name=name, braking=braking), out / f"{name}.toml")
+    return FleetCalibrateResult(calibration, model, vehicles, time.perf_counter() - begin)

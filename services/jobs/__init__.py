@@ -1,0 +1,3 @@
+"""Jobs that commands, `slopewise.*`, fleet workers and the investigator share: plain arguments in,
+a frozen result out. They read files; they print nothing and write no pages.
+"""

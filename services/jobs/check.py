@@ -1,0 +1,213 @@
+"""Check plans of any planner on a map, independently of how they were made."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.errors import InputError
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.uncertainty import QUANTILE
+from slopewise.services.check.check_report import CheckReport
+from slopewise.services.check.external_plan import ExternalPlan
+from slopewise.services.check.heights import Heights
+from slopewise.services.check.plan_checker import check_plan_on_map
+from slopewise.services.check.tolerances import TOLERANCES
+from slopewise.services.io.bags import is_bag
+from slopewise.services.io.map_file import map_info, read_map
+from slopewise.services.io.map_grid import Around, footprint_margin
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.no_data import NoData
+from slopewise.services.io.path_file import check_paths_on_map
+from slopewise.services.io.plan_file import read_external_plans
+from slopewise.services.jobs.progress import progress_bar
+from slopewise.services.jobs.summary import Summary, finite, input_errors
+
+
+class ViolationRow(Summary, frozen=True):
+    """A violation; `size` is null where it has no end."""
+
+    candidate: str
+    row: int
+    station: float
+    kind: str
+    size: float | None
+    unit: str
+    sentence: str
+
+
+class CheckedPlan(Summary, frozen=True):
+    """A plan in one row; `kinds` counts its violations by kind."""
+
+    candidate: str
+    status: str
+    valid: bool
+    stations: int
+    stops: int
+    kinds: dict[str, int]
+    notes: list[str]
+
+
+class ToleranceRow(Summary, frozen=True):
+    """A difference that is not yet a violation, and its reason."""
+
+    value: float
+    unit: str
+    meaning: str
+    rationale: str = msgspec.field(name="why")
+
+
+class CheckSummary(Summary, frozen=True):
+    """Output of `check --json`."""
+
+    model: str
+    valid: bool
+    seconds: float
+    notes: list[str]
+    violations: list[ViolationRow]
+    plans: list[CheckedPlan]
+    tolerances: dict[str, ToleranceRow]
+
+
+@dataclass(frozen=True, slots=True)
+class CheckResult:
+    """Reports of all plans in the file's order; notes: assumptions about the map."""
+
+    model: str
+    reports: tuple[CheckReport, ...]
+    seconds: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def valid(self) -> bool:
+        """True if no plan has a violation."""
+        return all(report.valid for report in self.reports)
+
+    @property
+    def summary(self) -> CheckSummary:
+        """The result as JSON has it."""
+        return CheckSummary(
+            self.model,
+            self.valid,
+            self.seconds,
+            list(self.notes),
+            [
+                ViolationRow(
+                    v.candidate, v.row, v.station, v.kind, finite(v.size), v.unit, v.sentence
+                )
+                for report in self.reports
+                for v in report.violations
+            ],
+            [_checked(report) for report in self.reports],
+            {
+                kind: ToleranceRow(t.value, t.unit, t.meaning, t.rationale)
+                for kind, t in TOLERANCES.items()
+            },
+        )
+
+
+def _checked(report: CheckReport) -> CheckedPlan:
+    return CheckedPlan(
+        report.candidate,
+        report.status,
+        report.valid,
+        len(report.station),
+        report.stops,
+        dict(Counter(violation.kind for violation in report.violations)),
+        list(report.notes),
+    )
+
+
+def check(
+    plan_file: Path,
+    map_file: Path,
+    model_file: str,
+    *,
+    clear: float = np.inf,
+    quantile: float = QUANTILE,
+    topics: Path | None = None,
+    nodata: NoData = None,
+    quiet: bool = True,
+) -> CheckResult:
+    """Read plans, model and map, and check every plan.
+
+    Args:
+        plan_file: plans.
+        map_file: elevation map.
+        model_file: model file or shipped vehicle.
+        clear: station up to which the path is known to be free [m].
+        quantile: one-sided probability that margins cover the model's uncertainty.
+        topics: topic mapping of recordings.
+        nodata: height of the map that marks unknown ground [m].
+        quiet: without a progress bar.
+
+    Raises:
+        InputError: names file and field.
+    """
+    if topics is not None and not is_bag(map_file):
+        raise InputError(
+            str(topics), "", "expected a recording with a topic mapping, got files of other kinds"
+        )
+    model = read_model(find_model(model_file))
+    plans = read_external_plans(plan_file)
+    info = map_info(map_file, topics)
+    check_paths_on_map([_path_of(p) for p in plans], info.extent, str(plan_file), str(map_file))
+    around = _around(plans, footprint_margin(model.vehicle, info) + max(model.vehicle.shape[:3]))
+    ground = read_map(map_file, around=around, topics=topics, nodata=nodata)
+    return check_plans(
+        plans,
+        model,
+        ground,
+        clear=clear,
+        quantile=quantile,
+        source=str(plan_file),
+        notes=ground.assumed,
+        quiet=quiet,
+    )
+
+
+def check_plans(
+    plans: Sequence[ExternalPlan],
+    model: Model,
+    heights: Heights,
+    *,
+    clear: float = np.inf,
+    quantile: float = QUANTILE,
+    source: str = "plan",
+    notes: tuple[str, ...] = (),
+    quiet: bool = True,
+) -> CheckResult:
+    """Check plans on ground that is in memory.
+
+    Raises:
+        InputError: names the option, or the field of the source.
+    """
+    begin = time.perf_counter()
+    reports = []
+    with progress_bar("checking", len(plans), quiet=quiet) as advance:
+        for plan in plans:
+            with input_errors(source, ("clear", "quantile")):
+                reports.append(
+                    check_plan_on_map(plan, model, heights, clear=clear, quantile=quantile)
+                )
+            advance(1)
+    return CheckResult(model.name, tuple(reports), time.perf_counter() - begin, notes)
+
+
+def _path_of(plan: ExternalPlan) -> CandidatePath:
+    x, y = (np.resize(values, max(len(values), 2)) for values in (plan.x, plan.y))
+    return CandidatePath(plan.name, np.stack((x, y), axis=1))
+
+
+def _around(plans: Sequence[ExternalPlan], margin: float) -> Around:
+    x = np.concatenate([plan.x for plan in plans])
+    y = np.concatenate([plan.y for plan in plans])
+    ends = (x.min() - margin, x.max() + margin, y.min() - margin, y.max() + margin)
+    return tuple(map(float, ends))  # type: ignore[return-value]

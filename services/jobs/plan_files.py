@@ -1,0 +1,63 @@
+"""Write plans as a table, or as a scene for Foxglove or rerun."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slopewise.models.errors import InputError
+from slopewise.services.io.plan_file import driven, write_plan_csv
+from slopewise.services.jobs.plan import PlanResult
+
+SCENES = (".mcap", ".rrd")
+"""Endings of scenes; everything else is a CSV table."""
+
+_NOT_A_TABLE = (
+    ".xlsx",
+    ".xls",
+    ".ods",
+    ".parquet",
+    ".json",
+    ".npz",
+    ".tif",
+    ".toml",
+    ".html",
+    ".pdf",
+)
+"""Endings of other formats, which a reader would not open as a table of text."""
+
+
+def check_plan_name(path: Path | None) -> None:
+    """Raise InputError for a name with the ending of another format."""
+    if path is not None and path.suffix.lower() in _NOT_A_TABLE:
+        expected = f"expected a name that ends in .csv, {' or '.join(SCENES)}, got {path.suffix}"
+        raise InputError(str(path), "", expected)
+
+
+def write_plans(result: PlanResult, path: Path) -> None:
+    """Write all plans, best first, in the format of the file's ending."""
+    suffix = path.suffix.lower()
+    scene = (path, result.elevation_map, result.plans, result.model.vehicle)
+    if suffix == ".mcap":
+        from slopewise.services.scene.foxglove_file import write_mcap
+
+        write_mcap(*scene)
+    elif suffix == ".rrd":
+        from slopewise.services.scene.rerun_file import write_rrd
+
+        write_rrd(*scene)
+    else:
+        write_plan_csv(_joined(result), path)
+
+
+def _joined(result: PlanResult) -> dict[str, Any]:
+    parts = [driven(plan) for plan in result.plans]
+    columns: dict[str, Any] = {}
+    for name in parts[0]:
+        values = [part[name] for part in parts]
+        is_text = isinstance(values[0], list)
+        columns[name] = list(itertools.chain(*values)) if is_text else np.concatenate(values)
+    return columns

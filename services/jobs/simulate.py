@@ -1,0 +1,135 @@
+"""Replay the stops of drive logs through a model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slopewise.models.effects import registry
+from slopewise.models.parameters import Model
+from slopewise.models.stops.simulation import RunChannels, replay, stop_commands
+from slopewise.services.io.drive_log import DriveLog, read_logs
+from slopewise.services.io.logs.unseen_channels import unseen_channels
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.table import write_csv
+from slopewise.services.jobs.progress import progress_bar
+from slopewise.services.jobs.summary import Summary
+
+_CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y", "brake", "vertical_curvature")
+"""Columns that a model may use besides speed, command and pitch."""
+
+
+class RunSummary(Summary, frozen=True):
+    """Measured against simulated speed of a run.
+
+    Attributes:
+        run: its name.
+        stops: number of stop commands.
+        rms: root mean square of the residual of speed [m/s].
+        worst: largest residual of speed [m/s].
+        longer_by: simulated minus measured distance over all stops [m].
+    """
+
+    run: str
+    stops: int
+    rms: float
+    worst: float
+    longer_by: float
+
+
+class SimulateSummary(Summary, frozen=True):
+    """Output of `simulate --json`."""
+
+    runs: list[RunSummary]
+    notes: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class SimulateResult:
+    """Columns of the output file, and the summary."""
+
+    columns: dict[str, NDArray[Any]]
+    summary: SimulateSummary
+
+    def write(self, path: Path) -> None:
+        """Write `run,t,v_measured,v_simulated,residual`, all or nothing."""
+        columns = {n: list(v) if n == "run" else v for n, v in self.columns.items()}
+        write_csv(columns, path)
+
+
+def simulate(
+    logs: Sequence[Path],
+    model_file: str,
+    *,
+    topics: Path | None = None,
+    columns: str = "",
+    quiet: bool = True,
+) -> SimulateResult:
+    """Read logs and drive the model from each stop command on.
+
+    Args:
+        logs: tables or recordings.
+        model_file: model file or shipped vehicle.
+        topics: topic mapping of recordings.
+        columns: names and units of tables that differ.
+        quiet: without a progress bar.
+
+    Raises:
+        InputError: names file, row and column.
+    """
+    model = read_model(find_model(model_file))
+    log = read_logs(logs, topics, columns)
+    measured = log.columns["v"]
+    simulated = np.empty_like(measured)
+    runs = []
+    with progress_bar("simulating", len(log.runs), quiet=quiet) as advance:
+        for number, part in enumerate(log.runs):
+            effects = registry.up_to_run(model.effect, number)
+            simulated[part] = _replay_run(replace(model, effect=effects), log, part)
+            runs.append(_compared(log, part, simulated[part]))
+            advance(1)
+    table = {
+        "run": log.columns["run"],
+        "t": log.columns["t"],
+        "v_measured": measured,
+        "v_simulated": simulated,
+        "residual": measured - simulated,
+    }
+    notes = list(unseen_channels(model.effect, log.columns))
+    return SimulateResult(table, SimulateSummary(runs, notes))
+
+
+def _replay_run(model: Model, log: DriveLog, part: slice) -> NDArray[np.float64]:
+    columns = log.columns
+    further = {
+        name: columns[name][part]
+        for name in _CHANNELS
+        if name in columns and np.isfinite(columns[name][part]).all()
+    }
+    surfaces = columns["terrain"][part] if "terrain" in columns else np.array([""])
+    names, counts = np.unique(surfaces, return_counts=True)
+    channels = RunChannels(
+        time=columns["t"][part],
+        speed=columns["v"][part],
+        command=columns["v_cmd"][part],
+        pitch=columns["pitch"][part],
+        **further,
+    )
+    return replay(model, channels, str(names[counts.argmax()]))
+
+
+def _compared(log: DriveLog, part: slice, simulated: NDArray[np.float64]) -> RunSummary:
+    t, v = log.columns["t"][part], log.columns["v"][part]
+    residual = v - simulated
+    return RunSummary(
+        run=str(log.columns["run"][part.start]),
+        stops=len(stop_commands(t, v, log.columns["v_cmd"][part])),
+        rms=float(np.sqrt(np.mean(residual**2))),
+        worst=float(np.max(np.abs(residual))),
+        longer_by=float(-np.trapezoid(residual, t)),
+    )

@@ -1,0 +1,60 @@
+"""Summaries of results: what `--json` prints, with a schema."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import msgspec
+
+from slopewise.models.errors import ParameterError
+from slopewise.services.io.files import fault
+
+
+class Summary(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Base of what a command prints as JSON: SI units and radians.
+
+    A field with a default is absent from the JSON while it holds it.
+    """
+
+
+def to_json(summary: object) -> str:
+    """One line of JSON.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+    return json.dumps(msgspec.to_builtins(summary, enc_hook=_plain), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+def finite(value: float) -> float | None:
+    """The value, None where it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+@contextmanager
+def input_errors(source: object, options: Collection[str] = ()) -> Iterator[None]:
+    """Turn a ParameterError of the block into an InputError that names file or option.
+
+    Args:
+        source: file, or option, that the parameters come from.
+        options: parameters that are options themselves; `speed` is `--speed`.
+    """
+    try:
+        yield
+    except ParameterError as error:
+        option = error.field in options
+        where = (option_of(error.field), "") if option else (source, error.field)
+        raise fault(*where, f"expected {error.expected}") from None
+
+
+def option_of(parameter: str) -> str:
+    """The option of a parameter, `--least-speed` of `least_speed`."""
+    return f"--{parameter.replace('_', '-')}"

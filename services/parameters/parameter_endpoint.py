@@ -1,0 +1,332 @@
+"""Parameters and observations over zenoh: keys, one fair queue, one thread.
+
+An observation arrives as a put, or as a query where its sender needs to know that it was stored:
+the receipt is sent once it is on disk. Parameters are read at ``params`` and ``params/GROUP``, set
+at ``params/set``, ``params/rollback`` and ``params/adopt``: separate keys, because access is given
+by key. ``discrepancy`` returns findings on stored stops, and starts an investigation.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from typing import Any, NamedTuple, Protocol
+
+import msgspec
+import zenoh
+
+from slopewise.services.parameters import replies
+from slopewise.services.parameters.parameter_service import REFUSED, ParameterService
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire import codec
+from slopewise.services.wire.codec import Format
+from slopewise.services.wire.endpoint import Endpoint, Handler
+from slopewise.services.wire.fair_queue import FairQueue, Waiting
+from slopewise.services.wire.message_header import read_source
+from slopewise.services.wire.observations import (
+    DriveSamples,
+    ObservationAck,
+    StopObservation,
+    TerrainLabel,
+)
+from slopewise.services.wire.parameter_messages import (
+    AdoptOffer,
+    DiscrepancyQuestion,
+    ParameterGroup,
+    ParameterQuestion,
+    ParameterReply,
+    RollBack,
+    SetParameters,
+)
+
+_log = logging.getLogger("slopewise")
+
+KINDS: dict[str, type[Any]] = {
+    "stop": StopObservation,
+    "drive": DriveSamples,
+    "terrain": TerrainLabel,
+}
+CHANGES: dict[str, type[Any]] = {
+    "set": SetParameters,
+    "rollback": RollBack,
+    "adopt": AdoptOffer,
+}
+PARAMS, DISCREPANCY = "params", "discrepancy"
+
+_TICK = 0.5
+"""Longest time without a tick [s]: labels expire within seconds."""
+
+_STOP_TIMEOUT = 2.0
+"""Wait for the thread at the end [s], longer than one write to a slow disk."""
+
+_FLAGGED_FOR = 60.0
+"""Time for which lost observations are flagged [s]: the status is read every few seconds."""
+
+_REST_RATIO, _MAX_REST = 2.0, 0.05
+"""Pause after an item while others wait, as a multiple of its processor time [1] and at most that
+long [s]: a flood of observations leaves two thirds of a core to planning."""
+
+
+class _Received(NamedTuple):
+    """A message that waits; ``kind``: of :data:`KINDS`, PARAMS or DISCREPANCY."""
+
+    kind: str
+    message: Any
+
+
+class ParameterListener(Protocol):
+    """Receives what is learned; called by the learning thread."""
+
+    def recall(self) -> None:
+        """Parameters from before the last start can be read."""
+
+    def learned(self, message: ParameterGroup) -> None:
+        """A group changed."""
+
+    def show(self) -> None:
+        """Anything else may have changed since the last call."""
+
+
+class ParameterEndpoint:
+    """Answers and learns from one message after the other.
+
+    Attributes:
+        beat: monotonic clock when the thread last took an item [s].
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        config: ServiceConfig,
+        service: ParameterService,
+        counters: Counter[str],
+        listener: ParameterListener,
+    ) -> None:
+        """Declare keys and start to work."""
+        self._session, self._config, self._service = session, config, service
+        self._counters, self._listener = counters, listener
+        max_bytes = int(config.learning.observation_bytes)
+        self._endpoint = Endpoint(counters, max_bytes, self._report_fault)
+        self._queue = FairQueue[_Received](config.learning.queue)
+        self._alive: dict[str, bool] = {}
+        self._alive_lock = threading.Lock()
+        self._lost_at = -float("inf")
+        self.beat = time.monotonic()
+        self._thread = threading.Thread(target=self._work, name="parameters", daemon=True)
+        self._thread.start()
+        self._declared = [*self._declare(session)]
+
+    def _declare(self, session: zenoh.Session) -> list[Any]:
+        key, declared = self._config.key, list[Any]()
+        for kind in KINDS:
+            declared.append(session.declare_subscriber(key(f"obs/{kind}"), self._putter(kind)))
+        queryables = {kind: f"obs/{kind}" for kind in KINDS}
+        queryables |= {PARAMS: f"{PARAMS}/**", DISCREPANCY: DISCREPANCY}
+        for kind, pattern in queryables.items():
+            put = self._putter(kind)
+            declared.append(session.declare_queryable(key(pattern), put, complete=True))
+        liveliness = session.liveliness()
+        for name in self._config.learning.estimators:
+            alive = key(f"alive/{name}")
+            declared.append(liveliness.declare_subscriber(alive, self._on_token, history=True))
+        return declared
+
+    def close(self) -> None:
+        """Undeclare the keys, then close the store."""
+        for declared in self._declared:
+            declared.undeclare()
+        unanswered = self._queue.close()
+        self._thread.join(_STOP_TIMEOUT)
+        if not self._thread.is_alive():
+            for waiting in unanswered:
+                self._reject(waiting.item, "the service is stopping")
+            self._service.close()
+
+    def flags(self) -> list[str]:
+        """Warnings of this endpoint."""
+        lost = time.monotonic() - self._lost_at < _FLAGGED_FOR
+        return ["observations were lost: more came than could be learned from"] if lost else []
+
+    # ------------------------------------------------------------------ zenoh's threads
+
+    def _putter(self, kind: str) -> Callable[[Any], None]:
+        def put(item: Any) -> None:
+            is_observation, encoding = kind in KINDS, str(item.encoding or "")
+            name = str(item.key_expr).rpartition("/")[2]
+            payload = item.payload or b""
+            is_readable = is_observation and len(payload) <= self._config.learning.observation_bytes
+            source = read_source(payload, encoding) if is_readable else ""
+            waiting = Waiting(
+                _Received(kind, item),
+                sender=source if is_observation else kind,
+                # Access to these keys is given to operators only.
+                outranks=kind == PARAMS and name in CHANGES,
+            )
+            displaced = self._queue.put(waiting)
+            if displaced is None:
+                return
+            if displaced.item.kind in KINDS:
+                self._counters["observations_lost"] += 1
+                self._lost_at = time.monotonic()
+            if isinstance(displaced.item.message, zenoh.Query):
+                self._queue.reject(displaced)
+                self._queue.interrupt()
+
+        return put
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        name = str(sample.key_expr).rpartition("/")[2]
+        with self._alive_lock:
+            # Not part of the queue: tokens are never lost, and only the last one matters.
+            self._alive[name] = sample.kind == zenoh.SampleKind.PUT
+        self._queue.interrupt()
+
+    # ------------------------------------------------------------------ own thread
+
+    def _work(self) -> None:
+        self._listener.recall()
+        while True:
+            waiting = self._queue.take(timeout=_TICK)
+            rejected = self._queue.overdue(block=False)
+            if rejected is None:
+                return
+            self.beat = time.monotonic()
+            begun = time.thread_time()
+            try:
+                self._work_once(waiting, rejected)
+            except Exception:  # noqa: BLE001 - logged, counted and flagged; plans get slower
+                self._counters["faults"] += 1
+                _log.exception("the learning thread failed")
+                self._service.fault("learning does not work as it should")  # words: ok
+            used = time.thread_time() - begun
+            if waiting is not None:
+                self._queue.shares.charge(waiting.sender, used)
+            if len(self._queue):
+                time.sleep(min(_REST_RATIO * used, _MAX_REST))
+
+    def _work_once(
+        self, waiting: Waiting[_Received] | None, rejected: Sequence[Waiting[_Received]]
+    ) -> None:
+        with self._alive_lock:
+            alive, self._alive = self._alive, {}
+        if waiting is not None and self._queue.claim(waiting):
+            self._process(waiting.item.kind, waiting.arrived, waiting.item.message)
+            self._queue.shares.note_answer(waiting.sender)
+        for entry in rejected:
+            self._reject(entry.item, "too many requests wait, ask again later")
+        for name, is_alive in alive.items():
+            self._service.alive(name, is_alive=is_alive)
+        self._service.tick()
+        self._publish()
+        self._listener.show()
+
+    def _reject(self, received: _Received, reason: str) -> None:
+        """Reply to a request that was not handled."""
+        query, kind = received.message, received.kind
+        if not isinstance(query, zenoh.Query):
+            return
+        requested, is_observation = str(query.key_expr), kind in KINDS
+        base = self._config.key(f"obs/{kind}" if is_observation else kind)
+        reply = self._failed(reason) if is_observation else self._error(reason)
+        default = Format.MESSAGEPACK if is_observation else Format.JSON
+        written = codec.format_of(str(query.encoding or ""), default)
+        with query:
+            self._endpoint.send(query, base if "*" in requested else requested, reply, written)
+
+    def _failed(self, reason: str) -> ObservationAck:
+        version, durable = self._service.history.version, self._service.history.durable
+        return ObservationAck(status="error", reason=reason, version=version, durable=durable)
+
+    def _error(self, reason: str) -> ParameterReply:
+        return replies.reply_of(self._service, self._config.id, "error", reason)
+
+    def _process(self, kind: str, arrived: float, item: Any) -> None:
+        with item if isinstance(item, zenoh.Query) else nullcontext():
+            if kind in KINDS:
+                self._observe(kind, arrived, item)
+            elif kind == DISCREPANCY:
+                request = self._handler(DiscrepancyQuestion, replies.findings)
+                self._endpoint.answer(item, self._config.key(DISCREPANCY), request)
+            else:
+                self._answer(item)
+
+    def _observe(self, kind: str, arrived: float, item: Any) -> None:
+        key = self._config.key(f"obs/{kind}")
+        observation = Handler(
+            KINDS[kind],
+            handle=lambda message: self._service.observe(kind, message, key, arrived),
+            failure=self._failed,
+            name=kind,
+            describe=lambda message: f"{kind} {message.sequence} of {message.source}",
+        )
+        receipt = self._endpoint.answer(item, key, observation)
+        if receipt.status in (REFUSED, "error"):
+            _log.info("%s: %s", key, receipt.reason)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        requested, base = str(query.key_expr), self._config.key(PARAMS)
+        name = requested[len(base) + 1 :] if requested.startswith(f"{base}/") else ""
+        if name in CHANGES:
+            change = self._handler(CHANGES[name], replies.change, has_default=False)
+            self._endpoint.answer(query, requested, change)
+        elif "*" not in requested:
+            self._read(query, name, requested)
+        elif query.key_expr.intersects(base):
+            self._read(query, "", base)
+        else:
+            # A pattern of groups: one reply per group, with its key.
+            for group in self._service.learner.state.names():
+                if query.key_expr.intersects(f"{base}/{group}"):
+                    self._read(query, group, f"{base}/{group}")
+
+    def _read(self, query: zenoh.Query, group: str, key: str) -> None:
+        def read(service: ParameterService, request: ParameterQuestion, name: str) -> Any:
+            request = msgspec.structs.replace(request, group=group or request.group)
+            return replies.read(service, request, name)
+
+        self._endpoint.answer(query, key, self._handler(ParameterQuestion, read))
+
+    def _handler(
+        self, kind: type[Any], handle: Callable[..., ParameterReply], *, has_default: bool = True
+    ) -> Handler[Any, ParameterReply]:
+        """A request about parameters; the reply is JSON unless its encoding names MessagePack."""
+        service, name = self._service, self._config.id
+        return Handler(
+            kind,
+            handle=lambda request: handle(service, request, name),
+            failure=self._error,
+            name=PARAMS,
+            default=kind() if has_default else None,
+            reply_format=Format.JSON,
+        )
+
+    def _report_fault(self, what: str) -> str:
+        """Count and flag a fault of the service with one message; the reason for its sender."""
+        self._counters["faults"] += 1
+        _log.exception("%s could not be treated", what)
+        self._service.note_fault(what)
+        return f"{what} could not be treated: fault of the service"
+
+    def _publish(self) -> None:
+        """Publish each group that changed, then all; a subscriber that misses one may ask."""
+        changed, self._service.changed = self._service.changed, set()
+        if not changed:
+            return
+        reply = replies.read(self._service, ParameterQuestion(), self._config.id)
+        for message in reply.groups:
+            if message.group in changed:
+                self._put(f"{PARAMS}/{message.group}", message)
+                self._listener.learned(message)
+        self._put(PARAMS, reply)
+
+    def _put(self, key: str, message: msgspec.Struct) -> None:
+        self._session.put(
+            self._config.key(key),
+            codec.encode(message, Format.JSON),
+            encoding=codec.encoding_of(type(message), Format.JSON),
+            congestion_control=zenoh.CongestionControl.DROP,
+        )

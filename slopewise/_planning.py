@@ -1,0 +1,117 @@
+"""Speed plans along candidate paths, and the independent check of a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.braking_ground import GroundConditions
+from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
+from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
+from slopewise.planner.horizon.horizon import Horizon as PlannersHorizon
+from slopewise.planner.path import EvenPath, PathBatch
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan
+from slopewise.planner.settings import PlannerSettings
+from slopewise.services.check.check_report import CheckReport
+from slopewise.services.check.external_plan import ExternalPlan, plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
+from slopewise.services.jobs.cold_start import sooner, stations_of
+from slopewise.services.jobs.plan import plan_paths
+
+
+def plan(
+    model: Model,
+    elevation_map: ElevationMap,
+    paths: Sequence[CandidatePath],
+    *,
+    start_speed: float = 0.0,
+    clear: float = np.inf,
+    quantile: float | None = QUANTILE,
+    settings: PlannerSettings | None = None,
+) -> list[SpeedPlan]:
+    """A checked speed plan for every candidate path, best first.
+
+    Args:
+        model: vehicle, braking, ground and limits.
+        elevation_map: ground.
+        paths: candidates; a malformed one raises, an undrivable one gets a status.
+        start_speed: speed at the first station [m/s].
+        clear: station up to which the path is known to be free, from the first point [m].
+        quantile: one-sided probability that margins cover the model's uncertainty; None plans with
+            the model's mean, half of whose stops are longer.
+        settings: spacing of the stations, smoothing, weights of the ranking.
+
+    Raises:
+        ParameterError: names the candidate or the argument, and what was expected.
+    """
+    uncertainty = None if quantile is None else Uncertainty(quantile=quantile)
+    planner = CandidatePlanner(model, settings, uncertainty)
+    plans, _ = plan_paths(planner, elevation_map, paths, start_speed=start_speed, clear=clear)
+    return plans
+
+
+class Horizon(PlannersHorizon):
+    """Plans from cycle to cycle: one object per vehicle, one thread at a time.
+
+    Until everything is compiled, once after an installation, a cycle takes seconds and has no time
+    left to smooth its plans.
+    """
+
+    def step(
+        self,
+        state: PlanarState,
+        paths: PathBatch | Sequence[CandidatePath | EvenPath],
+        elevation_map: ElevationMap,
+        *,
+        clear: float | Floats = np.inf,
+        conditions: GroundConditions | None = None,
+    ) -> CycleAnswer:
+        """As :meth:`slopewise.planner.horizon.horizon.Horizon.step`."""
+        spacing, step = self.planner.spacing_on(elevation_map.resolution), super().step
+        return sooner(
+            lambda: step(state, paths, elevation_map, clear=clear, conditions=conditions),
+            lambda: stations_of(paths, spacing),
+        )
+
+
+def check_plan(
+    plan: SpeedPlan | ExternalPlan,
+    model: Model,
+    elevation_map: ElevationMap,
+    *,
+    clear: float = np.inf,
+    quantile: float = QUANTILE,
+) -> CheckReport:
+    """Check a plan independently of the planner: every rule, on this ground.
+
+    Ground, forces and every emergency stop are derived from the positions and speeds of the plan,
+    at its rows and between them; its further columns have to agree. Shared with the planner are
+    the model, the map, the formulas of named effects and gravity.
+
+    Args:
+        plan: plan of any planner: ``ExternalPlan(name="mine", x=x, y=y, speed=speed)``.
+        model: model that it has to hold for.
+        elevation_map: ground as known now.
+        clear: station up to which the path is known to be free, from the first station [m]; the
+            plan's clear distance and the end of its path limit it, too.
+        quantile: one-sided probability that margins cover the brakes' uncertainty; 0.5: the mean.
+
+    Returns:
+        ``valid``; the violations by station, kind and size; stopping distances (N,) [m] and
+        smallest rear loads (N,) from each station, of the checker. Of a plan with status
+        infeasible only the columns are checked.
+
+    Raises:
+        ParameterError: fewer than two stations, columns of other lengths, or a start off the map.
+    """
+    if isinstance(plan, SpeedPlan) and len(plan.station) < 2:
+        raise ParameterError("plan", f"at least 2 stations, got {len(plan.station)}")
+    given = plan_of_columns(plan.columns()) if isinstance(plan, SpeedPlan) else plan
+    return check_plan_on_map(given, model, elevation_map, clear=clear, quantile=quantile)

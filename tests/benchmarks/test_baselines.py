@@ -1,0 +1,98 @@
+"""The least-squares baseline on small logs whose truth is plain, and the counts of all methods."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.discrepancy import baselines, catalogue, designs, gls_base, gls_columns, gls_scan
+from benchmarks.discrepancy.baselines import BaselineAnswer
+from benchmarks.discrepancy.plant_physics import Physics
+from benchmarks.discrepancy.sensing import Columns
+from benchmarks.discrepancy.world_outcomes import WorldOutcome
+
+BASE = Physics(m_m=0.0, b_m=-0.2, m_b=0.005, b_b=0.45, dead_time=0.25)
+CONFIGURED = {"m_m": 0.001, "b_m": -0.21, "m_b": 0.004, "b_b": 0.46, "dead_time": 0.24}
+
+
+def logged(truth: Physics, count: int = 50, seed: int = 3) -> Columns:
+    """Stops of a plant, measured with 1 cm/s of noise."""
+    stops = designs.draw("mixed", count, 0.01, np.random.default_rng(seed))
+    spec = catalogue.SetSpec("single", (), "", seed)
+    hidden = catalogue.HiddenSet(spec, "mixed", 0.01, 0.01, {}, {}, truth, (), stops)
+    return catalogue.measure(hidden, np.random.default_rng(seed)).columns
+
+
+@pytest.mark.parametrize(
+    ("fields", "names"),
+    [
+        ({}, ()),
+        ({"drag": 0.05}, ("aerodynamic_drag",)),
+        ({"step_scale": 0.8, "step_run": 24.0}, ("step_change",)),
+        ({"lag": 0.15}, ("brake_lag",)),
+        ({"furrow": 0.05, "furrow_direction": 0.7}, ("directional_surface",)),
+    ],
+)
+def test_scan_names_plain_effects(fields: dict[str, float], names: tuple[str, ...]) -> None:
+    assert gls_scan.name_effects(logged(BASE._replace(**fields)), CONFIGURED) == names
+
+
+def test_base_is_fitted_with_its_dead_time_and_scatter() -> None:
+    fit = gls_base.fit_base(logged(BASE, count=80), CONFIGURED)
+    t = fit.traces
+    level = np.abs(t.grade) < 0.02
+    force = BASE.m_b * t.v_i[:, None] + BASE.b_b + (BASE.m_m * t.v_i[:, None] + BASE.b_m) * t.grade
+    assert np.max(np.abs(fit.force - force)[level]) < 0.015
+    assert fit.scatter.sample == pytest.approx(0.01, rel=0.5)
+    assert fit.scatter.friction == pytest.approx(0.01, rel=0.6)
+
+
+@pytest.mark.parametrize(
+    ("name", "fields", "size"),
+    [
+        ("aerodynamic_drag", {"drag": 0.03}, 0.03),
+        ("viscous_resistance", {"viscous": 0.02}, 0.02),
+        ("cross_slope", {"cross_slope": 0.5}, 0.5),
+        ("turning_resistance", {"turning": 0.3}, 0.3),
+        ("grade_asymmetry", {"asymmetry": 0.5}, 0.5),
+        ("grade_nonlinearity", {"nonlinearity": 2.5}, 2.5),
+        ("brake_lag", {"lag": 0.13}, 1.0),
+        ("headwind", {"wind_drag": 0.02, "wind": 6.0, "wind_direction": 0.0}, 0.02),
+        ("wheel_lockup", {"friction": 0.42}, 1.0),
+        ("brake_fade", {"fade": 3e-3, "fade_tau": 110.0}, 3.0),
+    ],
+)
+def test_columns_are_the_speed_lost_by_a_unit_of_an_effect(
+    name: str, fields: dict[str, float], size: float
+) -> None:
+    """Fitted to stops of the plant, which has each effect from its formula, too."""
+    fit = gls_base.fit_base(logged(BASE._replace(**fields), count=80), CONFIGURED)
+    grid = [candidate for candidate in gls_columns.candidates(fit) if candidate.name == name]
+    best = grid[int(np.argmax(gls_scan.gains(fit, fit.base, grid)))]
+    columns = np.concatenate((fit.base, best.columns), axis=2)
+    refitted = fit._replace(**gls_base.fit_scatter(fit, columns)._asdict())
+    rows, target = gls_base.whitened(refitted, columns, refitted.scatter)
+    strength = np.linalg.lstsq(rows, target, rcond=None)[0][-1]
+    assert strength == pytest.approx(size, rel=0.3)
+
+
+def test_faults_are_reported_and_shares_counted_for_each_method() -> None:
+    short = {name: values[:300] for name, values in logged(BASE, count=8).items()}
+    assert "eight" in baselines.ask_all(short, CONFIGURED)["gls_scan"].fault
+
+    def outcome(what: str, right: bool) -> WorldOutcome:
+        verdict = "missing_effect" if right else "none"
+        gap = (0.2, 0.1, 0.05, None, None)
+        return WorldOutcome(what, 1, 0.01, 0.02, verdict, (), right, False, *gap, 1.0, "")
+
+    outcomes = [outcome("air", True), outcome("air", False), outcome("clean", False)]
+    answers = [
+        {"gls_scan": BaselineAnswer(named, 1.0)} for named in (("drag",), ("wind", "drag"), ())
+    ]
+    rows = baselines.world_summary(answers, outcomes, {"air": (("drag",),)})
+    assert rows is not None
+    counts = [
+        (row["gls_scan"]["hits"], row["slopewise"]["hits"], row["slopewise"]["of"]) for row in rows
+    ]
+    assert counts == [(1, 1, 2), (1, 0, 2), (0, 0, 1)]
+    assert baselines.world_summary([{}], outcomes[:1], {}) is None

@@ -1,0 +1,294 @@
+"""`slopewise terrain`: events, classes, models, signatures, page; bad samples are excluded."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slopewise.models.errors import InputError
+from slopewise.models.terrain.monitor import TerrainMonitor
+from slopewise.services.io.model_file import find_model, read_model, write_model
+from slopewise.services.io.table import read_csv, write_csv
+from slopewise.services.io.terrain_file import find_terrains, read_terrains, write_terrains
+from slopewise.services.io.terrain_table import COLUMNS
+from slopewise.services.jobs import terrain_outputs as outputs
+from slopewise.services.jobs.terrain import terrain
+from slopewise.services.jobs.terrain_run import NEEDED
+from tests.models.terrain import plant
+from tests.models.terrain.test_borealtc import example
+from tests.models.terrain.vehicles import samples_of
+from tests.services.cli.conftest import labelled_run, write_runs
+from tests.services.command_line import here, one_line_of
+from tests.services.faults import fault_in
+
+NO_CLASSES = 'name = "test"\n[filter]\nyaw_rate_std = 0.03\n'
+SURFACES = {"road": plant.ASPHALT, "track": plant.DIRT, "beach": plant.SAND}
+CLASSES = {"road": "asphalt", "track": "dirt_road", "beach": "beach_sand"}
+TERRAIN = ("terrain", "terrain.csv", "-m", "husky.toml")
+
+
+def terrain_json(*arguments: object) -> dict[str, Any]:
+    done = here(*arguments, "--json")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)  # type: ignore[no-any-return]
+
+
+def test_one_row_per_stretch_and_json(world: Path) -> None:
+    data = terrain_json(*TERRAIN, "--out", "out.csv", "--update", "m.toml")
+    table = read_csv(world / "out.csv")
+    assert tuple(table.columns) == COLUMNS
+    rows = dict(zip(table.text("run"), range(10_000), strict=False))
+    assert set(rows) == set(CLASSES)
+    assert [run["class"] for run in data["runs"]] == list(CLASSES.values())
+    for run in data["runs"]:
+        spots = [s for s in run["stretches"] if s["phase"] == "turn_on_the_spot"]
+        assert spots[-1]["terrain"] == CLASSES[run["run"]]
+        assert spots[-1]["rules"] in (CLASSES[run["run"]], "")
+    track = data["runs"][1]["terrain"]
+    assert track["motion_resistance"]["value"] == pytest.approx(0.13, abs=0.01)
+    assert track["slip_track"]["value"] == pytest.approx(1.15, abs=0.15)
+    assert data["terrain"]["motion_resistance"]["value"] == pytest.approx(0.30, abs=0.02)
+    assert data["agreement"] == 0.0  # the log has other names
+    model = read_model(world / "m.toml")
+    assert model.terrain.motion_resistance == pytest.approx(0.33, abs=0.03)
+    assert model.terrain.slip_track > 1.5
+    assert set(model.braking.terrain) == set(CLASSES.values())
+    assert model.braking.on("asphalt").b_b < 0.25 - 0.09
+    assert model.braking.on("beach_sand").b_b == 0.25
+
+
+def test_labels_give_classes_that_are_read_again_without_clustering(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "sklearn.cluster", None)
+    data = terrain_json(*TERRAIN, "--learn", "mine.toml")
+    assert any("no signatures learned" in note for note in data["notes"])
+    learned = read_terrains(world / "mine.toml")
+    assert [c.name for c in learned.terrain] == list(SURFACES)
+    assert learned.signatures == ""
+    assert terrain_json(*TERRAIN, "--terrains", "mine.toml")["agreement"] > 0.9
+
+
+def test_without_labels_classes_are_clusters(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sklearn", reason="the learn extra is not installed")
+    legs = plant.square(sides=16, straight=4.0)
+    runs = [("1", plant.drive(legs, plant.ASPHALT)), ("2", plant.drive(legs, plant.SAND, seed=1))]
+    write_runs(world / "log.csv", *runs)
+    (world / "unknown.toml").write_text(NO_CLASSES)
+    arguments = ("terrain", "log.csv", "-m", "husky.toml", "--terrains", "unknown.toml")
+    assert here(*arguments, "--learn", "learned.toml").returncode == 0
+    first, second = read_terrains(world / "learned.toml").terrain
+    assert (first.name, second.name) == ("new_1", "new_2")
+    assert first.lateral_resistance.mean == pytest.approx(0.26, abs=0.02)
+    assert second.lateral_resistance.mean == pytest.approx(0.11, abs=0.02)
+    assert second.slip_track.mean == pytest.approx(1.62, abs=0.15)
+    monkeypatch.setitem(sys.modules, "sklearn.cluster", None)
+    one_line_of(here(*arguments, "--adapt"), "pip install '.[learn]'")
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "expected"),
+    [
+        ("name = ", "end of document", "expected TOML"),
+        ('name = "x"\nnam = 1', "nam", "did you mean name?"),
+        ('name = "x"\n[filter]\nyaw_rate_std = -1', "filter.yaw_rate_std", "> 0"),
+        ('name = "x"\n[motion]\nturn_begin = 0.01', "motion.turn_end", "at most turn_begin"),
+        (
+            'name = "x"\n[[terrain]]\nname = "a"\nslip_track = {mean = 1, std = 0, samples = 6}',
+            "terrain[0].slip_track.std",
+            "> 0",
+        ),
+        ('name = "x"\n[[terrain]]\nname = "a"\n[[terrain]]\nname = "a"', "terrain", "a twice"),
+    ],
+)
+def test_unusable_terrain_files_are_rejected(
+    tmp_path: Path, text: str, field: str, expected: str
+) -> None:
+    path = tmp_path / "t.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_terrains(path)
+    assert caught.value.source == str(path)
+    assert field in caught.value.field
+    assert expected in str(caught.value)
+
+
+def test_terrain_files_are_read_back_equal(tmp_path: Path) -> None:
+    terrains = read_terrains(find_terrains("husky"))
+    write_terrains(terrains, tmp_path / "again.toml")
+    assert read_terrains(tmp_path / "again.toml") == terrains
+
+
+def test_the_page_has_the_figures_of_the_paper_and_no_markup_of_names(world: Path) -> None:
+    runs = [labelled_run(name, surface, 0) for name, surface in SURFACES.items()]
+    log = plant.drive(plant.square(sides=1), plant.DIRT)
+    runs.append(("<b>[red]run", log | {"terrain": np.full(len(log["t"]), "")}))
+    write_runs(world / "log.csv", *runs)
+    assert here("terrain", "log.csv", *TERRAIN[2:], "--report", "p.html").returncode == 0
+    text = (world / "p.html").read_text()
+    assert len(re.findall(r"data:image/svg\+xml;base64,[A-Za-z0-9+/=]{2000,}", text)) == 3
+    for part in ("Three features", "How fast the filter settles", "road", "beach_sand"):
+        assert part in text
+    assert "<script>" in text
+    assert "http://" not in text.split("base64")[0]
+    assert "<b>[red]" not in text
+    assert "&lt;b&gt;[red]run" in text
+
+
+def drive_log() -> dict[str, np.ndarray]:
+    return plant.drive(plant.square(sides=2), plant.DIRT)
+
+
+@pytest.mark.parametrize("name", NEEDED)
+def test_a_missing_column_is_an_error(tmp_path: Path, name: str) -> None:
+    path = write_runs(tmp_path / "log.csv", ("1", drive_log()), drop=(name,))
+    with fault_in(path, f"column {name}", "missing column", "v_left, v_right, yaw_rate"):
+        terrain([path], "husky")
+
+
+@pytest.mark.parametrize("order", [lambda t: np.r_[t[:50], t[49:-1]], lambda t: t[::-1]])
+def test_time_that_does_not_increase_is_an_error(
+    tmp_path: Path, order: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    log = drive_log()
+    path = write_runs(tmp_path / "log.csv", ("1", {**log, "t": order(log["t"])}))
+    with pytest.raises(InputError, match="after") as caught:
+        terrain([path], "husky")
+    assert "column t" in caught.value.field
+
+
+def test_pitch_in_degrees_is_an_error(tmp_path: Path) -> None:
+    log = drive_log()
+    path = write_runs(tmp_path / "log.csv", ("1", {**log, "pitch": log["pitch"] + 12.0}))
+    with fault_in(path, "row 2, column pitch", "looks like degrees"):
+        terrain([path], "husky")
+
+
+STRAIGHT = slice(400, 800)  # of the first leg, driven from 2 s to 10 s
+
+
+@pytest.mark.parametrize(
+    ("channel", "value", "reason"),
+    [
+        ("current_left", np.nan, "not a number"),
+        ("current_left", -1000.0, "thrust of"),
+        ("v_left", -1000.0, "v_left of -1000"),
+        ("v_left", None, "v_left stays at exactly"),
+        ("yaw_rate", np.nan, "not a number"),
+    ],
+    ids=["nan", "sentinel current", "sentinel speed", "frozen encoder", "nan yaw rate"],
+)
+def test_bad_samples_are_flagged_and_excluded(
+    files: Path, tmp_path: Path, channel: str, value: float | None, reason: str
+) -> None:
+    log = drive_log()
+    log[channel] = log[channel].copy()
+    log[channel][STRAIGHT] = log[channel][STRAIGHT.start] if value is None else value
+    path = write_runs(tmp_path / "log.csv", ("1", log))
+    result = terrain([path], str(files / "husky.toml"))
+    (run,) = result.runs
+    assert any(reason in stretch.reason for stretch in run.excluded), run.excluded
+    assert not [e for e in run.classified if 4.0 < e.observation.begin < 7.9]
+    assert run.known.values == pytest.approx((0.13, 0.20, 1.15), abs=0.12)
+    assert run.known.values[0] == pytest.approx(0.13, abs=0.02)
+    outputs.write_events(result, tmp_path / "out.csv")
+    assert "excluded" in read_csv(tmp_path / "out.csv").text("phase")
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"v_left": 1 / 0.13, "v_right": 1 / 0.13}, "rad/s"),
+        ({"yaw_rate": 57.29578}, "degrees per second"),
+    ],
+    ids=["wheels in rad/s", "yaw rate in deg/s"],
+)
+def test_wrong_units_exclude_the_run(
+    files: Path, tmp_path: Path, changes: dict[str, float], reason: str
+) -> None:
+    log = drive_log()
+    log |= {name: log[name] * factor for name, factor in changes.items()}
+    path = write_runs(tmp_path / "log.csv", ("1", log), ("2", drive_log()))
+    first, second = terrain([path], str(files / "husky.toml")).runs
+    assert not first.events
+    assert any(reason in stretch.reason for stretch in first.excluded)
+    assert second.events
+
+
+def test_a_class_too_slippery_to_stop_on_is_rejected(files: Path, tmp_path: Path) -> None:
+    path = write_runs(tmp_path / "log.csv", ("1", plant.drive(plant.square(), plant.ASPHALT)))
+    husky = read_model(files / "husky.toml")
+    weak = tmp_path / "weak.toml"
+    write_model(replace(husky, braking=replace(husky.braking, b_b=0.08)), weak)
+    with pytest.raises(InputError, match="asphalt"):
+        outputs.updated_model(terrain([path], str(weak)))
+
+
+def test_an_hour_at_100_hertz_is_quick() -> None:
+    """Five seconds on an idle machine; a tenth of an hour here, with a margin for a busy one."""
+    rows = samples_of(plant.drive(plant.square(sides=34), plant.DIRT))
+    classes = read_terrains(find_terrains("husky")).classes
+    monitor = TerrainMonitor(read_model(find_model("husky")), classes)
+    begin = time.process_time()
+    for row in rows:
+        monitor.update(row)
+    assert (time.process_time() - begin) / len(rows) * 360_000 < 15.0
+
+
+def labelled_log(path: Path, first: int, count: int) -> Path:
+    runs = [
+        (f"{name}{i}", labelled_run(name, surface, first + i, sides=2)[1])
+        for i in range(count)
+        for name, surface in SURFACES.items()
+    ]
+    return write_runs(path, *runs)
+
+
+def test_signatures_are_learned_and_classify_other_runs(world: Path) -> None:
+    pytest.importorskip("sklearn", reason="the learn extra is not installed")
+    arguments = ("-m", "husky.toml")
+    labelled_log(world / "log.csv", 0, 5)
+    assert here("terrain", "log.csv", *arguments, "--learn", "mine.toml").returncode == 0
+    assert read_terrains(world / "mine.toml").signatures == "mine.signatures.json"
+    labelled_log(world / "next.csv", 20, 2)
+    data = terrain_json("terrain", "next.csv", *arguments, "--terrains", "mine.toml")
+    assert data["agreement"] > 0.8
+    assert data["reliability"]
+    for run in data["runs"]:
+        assert sum(run["probabilities"].values()) == pytest.approx(1.0)
+        assert run["not_compared_seconds"] >= 0
+        for stretch in run["stretches"]:
+            assert 0.0 <= stretch["probability"] <= 1.0
+    (world / "mine.signatures.json").unlink()
+    result = here("terrain", "next.csv", *arguments, "--terrains", "mine.toml")
+    one_line_of(result, "mine.signatures.json")
+
+
+def test_the_example_reports_what_it_skips(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    borealtc = example("borealtc")
+    folder = tmp_path / "data"
+    (folder / "GRAVEL").mkdir(parents=True)
+    (folder / "ICE").mkdir()
+    (folder / "ICE" / "pro_01.csv").write_text("time,curL,curR,velL,velR\n")
+    t = np.arange(0.0, 3.0, 0.01)
+    fast = {name: np.zeros(len(t)) for name in ("wx", "wy", "wz", "ax", "ay", "az")}
+    write_csv({"time": t, **fast}, folder / "ICE" / "imu_02.csv")
+    (folder / "ICE" / "pro_02.csv").write_text("time,curL\n0.0,1.0\n")
+    with pytest.raises(SystemExit, match="nothing written"):
+        borealtc.main(str(folder), str(tmp_path / "out"))
+    printed = capsys.readouterr().out
+    assert "skipped GRAVEL: expected one of ASPHALT" in printed
+    assert "skipped ICE/pro_01.csv: there is no imu_01.csv" in printed
+    assert "skipped ice_02: " in printed
+    assert "skipped SNOW: no such folder here" in printed

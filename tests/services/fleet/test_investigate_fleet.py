@@ -1,0 +1,230 @@
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pyarrow.parquet as pq
+import pytest
+
+from benchmarks.fleet.local_cluster import cluster, workers_of
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.errors import InputError
+from slopewise.services.fleet import discrepancy_task, finding_row, investigate_fleet
+from slopewise.services.fleet.fleet_page import write_fleet_page
+from slopewise.services.io.model_file import find_model, read_model, write_model
+from slopewise.services.io.table import write_csv
+from tests.models.discrepancy.logs import WORLDS
+from tests.models.discrepancy.plant import drive
+
+REQUEST = investigate_fleet.FleetDiscrepancyRequest(
+    [],
+    "atv",
+    Path(),
+    by_folder=False,
+    map_file=None,
+    topics=None,
+    settings=DiscrepancySettings(bootstraps=20, resamples=20),
+    workers=0,
+)
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Brakes that lag, nothing missing, too few stops, and no log at all."""
+    folder = tmp_path_factory.mktemp("logs")
+    for seed, (name, stops) in enumerate((("lag", 16), ("clean", 14), ("few", 3))):
+        columns, _ = drive(WORLDS["clean" if name == "few" else name], stops, seed)
+        table = {n: list(v) if v.dtype.kind in "UO" else v for n, v in columns.items()}
+        write_csv(table, folder / f"{name}.csv")
+    (folder / "torn.csv").write_text("run,t,v\n0,0.0,oops\n")
+    return [folder / f"{name}.csv" for name in ("lag", "torn", "clean", "few")]
+
+
+def run(logs: list[Path], out: Path, **changes: object) -> investigate_fleet.FleetDiscrepancyResult:
+    request = replace(REQUEST, logs=logs, out=out, **changes)
+    result = investigate_fleet.investigate_fleet(request)
+    write_fleet_page(out / investigate_fleet.PAGE, result.rows, result.totals)
+    return result
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Bytes of all files, without computing times."""
+    contents = {}
+    for file in sorted(path for path in folder.rglob("*") if path.is_file()):
+        data = file.read_bytes()
+        if file.name == "discrepancy.json":
+            findings = json.loads(data)
+            assert findings.pop("seconds") > 0.0
+            data = json.dumps(findings).encode()
+        contents[str(file.relative_to(folder))] = data
+    return contents
+
+
+@pytest.fixture(scope="module")
+def local(logs: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("local")
+    run(logs, folder)
+    return folder
+
+
+def test_each_vehicle_has_a_row_a_line_and_its_files(local: Path) -> None:
+    rows = {row["vehicle"]: row for row in pq.read_table(local / "findings").to_pylist()}
+    assert {name: row["status"] for name, row in rows.items()} == {
+        "lag": "done",
+        "clean": "done",
+        "few": "refused",
+        "torn": "refused",
+    }
+    assert rows["lag"]["verdict"] == "missing_effect"
+    (effect,) = rows["lag"]["effects"]
+    assert effect["name"] == "brake_lag"
+    (tau,) = effect["parameters"]
+    assert tau["value"] == pytest.approx(0.2, abs=5.0 * tau["std"])
+    assert rows["lag"]["stop_distance_after"] < 0.5 * rows["lag"]["stop_distance_before"]
+    assert rows["clean"]["effects"] == []
+    assert "12 usable stops" in rows["few"]["reason"]
+    assert "torn.csv" in rows["torn"]["reason"]
+    lines = [json.loads(line) for line in (local / "findings.jsonl").read_text().splitlines()]
+    assert [line["vehicle"] for line in lines] == ["lag", "torn", "clean", "few"]
+    findings = json.loads((local / "vehicles" / "lag" / "discrepancy.json").read_text())
+    assert findings.pop("seconds") > 0.0
+    assert lines[0] == {"vehicle": "lag", "status": "done", "reason": ""} | findings
+    model = read_model(local / "vehicles" / "lag" / "model.toml")
+    assert (model.name, [e.name for e in model.effect]) == ("lag", ["brake_lag"])
+    assert not (local / "vehicles" / "few").exists()
+    page = (local / "report.html").read_text()
+    assert "brake lag in 1" in page
+    assert "few is excluded: " in page
+    for name in ("lag", "clean"):
+        assert f'href="vehicles/{name}/report.html"' in page
+        assert "data:image/svg+xml" in (local / "vehicles" / name / "report.html").read_text()
+
+
+def test_a_scheduler_and_workers_one_of_them_killed_write_the_same_bytes(
+    logs: list[Path], local: Path, tmp_path: Path
+) -> None:
+    killed: list[int] = []
+    with cluster(2) as (address, nannies):
+
+        def kill_one_at_work() -> None:
+            until = time.monotonic() + 60.0
+            while not killed and time.monotonic() < until:
+                for worker in workers_of(nannies):
+                    used = worker.cpu_times().user
+                    mapped = " ".join(m.path for m in worker.memory_maps())
+                    if "scipy" in mapped and used > 1.0:
+                        os.kill(worker.pid, signal.SIGKILL)
+                        killed.append(worker.pid)
+                        return
+                time.sleep(0.02)
+
+        thread = threading.Thread(target=kill_one_at_work)
+        thread.start()
+        result = run(logs, tmp_path, workers=None, scheduler=address)
+        thread.join()
+    assert len(killed) == 1
+    assert not psutil.pid_exists(killed[0])
+    assert result.totals.examined == 2
+    ours, theirs = content(tmp_path), content(local)
+    assert [n for n in theirs if ours.get(n) != theirs[n]] == []
+    assert ours.keys() == theirs.keys()
+
+
+def test_a_second_run_examines_new_logs_only(
+    logs: list[Path], local: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(local, out)
+    examined: list[str] = []
+
+    def breaks_off(task: discrepancy_task.VehicleTask) -> finding_row.Row:
+        examined.append(task.vehicle)
+        raise np.linalg.LinAlgError("singular")
+
+    monkeypatch.setattr(discrepancy_task, "_examine", breaks_off)
+    assert run(logs, out).resumed == 4
+    assert examined == []
+    assert content(out) == content(local)
+    # A log that grew is another log; findings of the old one are removed.
+    moved = tmp_path / "logs"
+    shutil.copytree(logs[0].parent, moved)
+    (moved / "lag.csv").write_text((moved / "lag.csv").read_text() + "\n")
+    new = [moved / log.name for log in logs]
+    result = run(new, out)
+    assert (examined, result.resumed) == (["lag"], 3)
+    assert "LinAlgError: singular" in result.totals.failed["lag"]
+    assert not (out / "vehicles" / "lag" / "model.toml").exists()
+    assert (out / "vehicles" / "clean" / "model.toml").exists()
+    # A fault is tried again, a log that cannot be read is not.
+    run(new, out)
+    assert examined == ["lag", "lag"]
+    (out / "vehicles" / "clean" / "report.html").unlink()
+    with pytest.raises(InputError, match="at least one vehicle"):
+        run(new, out)
+    assert examined[2:] == ["lag", "clean"]
+
+
+def test_a_vehicle_that_ends_its_workers_is_reported_and_tried_again(
+    local: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(local, out)
+    row = next(r for r in pq.read_table(out / "findings").to_pylist() if r["vehicle"] == "lag")
+    task = discrepancy_task.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], str(out))
+    assert discrepancy_task.finished(task) == row
+    discrepancy_task.failed_row(task)
+    told = finding_row.read(out, "lag", row["key"])
+    assert told is not None
+    assert told["status"] == "failed"
+    assert "more memory" in told["reason"]
+    assert discrepancy_task.finished(task) is None
+    assert not any(file.exists() for file in task.files)
+    # Half a file is as good as none.
+    torn = out / "findings" / "clean.parquet"
+    torn.write_bytes(torn.read_bytes()[:100])
+    assert finding_row.read(out, "clean", "any") is None
+
+
+def test_each_vehicle_may_have_a_separate_model(
+    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: dict[str, float] = {}
+
+    def examined(task: discrepancy_task.VehicleTask) -> finding_row.Row:
+        asked[task.vehicle] = task.model["braking"]["b_b"]
+        return finding_row.failed_finding(task.vehicle, task.key, finding_row.REFUSED, "enough")
+
+    monkeypatch.setattr(discrepancy_task, "_examine", examined)
+    base = read_model(find_model("atv"))
+    models = tmp_path / "models"
+    models.mkdir()
+    for name, b_b in (("lag", 0.38), ("clean", 0.42)):
+        write_model(replace(base, braking=replace(base.braking, b_b=b_b)), models / f"{name}.toml")
+    with pytest.raises(InputError, match="got none; lag: enough"):
+        run([logs[0], logs[2]], tmp_path / "out", models=str(models))
+    assert asked == {"lag": 0.38, "clean": 0.42}
+    with pytest.raises(InputError, match=r"torn\.toml.*expected a model file for each"):
+        run(logs, tmp_path / "other", models=str(models))
+
+
+def test_errors_are_reported_before_the_comparison(
+    logs: list[Path], local: Path, tmp_path: Path
+) -> None:
+    before = content(local)
+    with pytest.raises(InputError, match="results of others"):
+        run(logs, local, settings=DiscrepancySettings(false_alarm=0.01))
+    assert content(local) == before
+    with pytest.raises(InputError, match=r"gone\.csv.*existing file"):
+        run([*logs, tmp_path / "gone.csv"], tmp_path / "out")
+    with pytest.raises(InputError, match="by-folder"):
+        run([logs[0], logs[0]], tmp_path / "out")
+    with pytest.raises(InputError, match="--scheduler"):
+        run(logs, tmp_path / "out", workers=None, scheduler="nonsense://")
