@@ -31,7 +31,7 @@ REPLACED = "replaced by a newer request of this client"
 FULL = "too many requests to answer this one in time"
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, slots=True, weakref_slot=True)
 class Waiting(Generic[T]):
     """One entry.
 
@@ -130,7 +130,7 @@ class FairQueue(Generic[T]):
             if self._is_closed or not eligible:
                 return None
             entry = min(eligible, key=self._rank_at(time.monotonic()))
-            self._waiting.remove(entry)
+            self._begin(entry)
             self._driving_count += only_driving
             return entry
 
@@ -153,7 +153,7 @@ class FairQueue(Generic[T]):
             first = min(candidates, key=rank)
             if rank(first)[:2] >= rank(entry)[:2]:
                 return None
-            self._waiting.remove(first)
+            self._begin(first)
             return first
 
     def done(self) -> None:
@@ -204,6 +204,12 @@ class FairQueue(Generic[T]):
             for condition in (self._arrival, self._driving_done, self._alarm):
                 condition.notify_all()
             return remaining
+
+    def _begin(self, entry: Waiting[T]) -> None:
+        """Remove an entry that a worker takes; without a deadline it cannot become overdue."""
+        self._waiting.remove(entry)
+        if math.isinf(entry.time_limit):
+            self._unanswered.discard(entry)
 
     def _remove(self, entries: list[Waiting[T]]) -> None:
         removed = set(entries)

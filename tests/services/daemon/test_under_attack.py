@@ -191,7 +191,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 def test_24_attackers_and_one_robot(tmp_path: Path) -> None:
     port = free_port()
     # Whether there is time to smooth a plan makes it a little faster or slower, too.
-    settings = 'smooth = false\n[store]\npath = "p.sqlite"'
+    settings = 'smooth = false\nmax_map_age = 3600.0\n[store]\npath = "p.sqlite"'
     page = f"enabled = true\nport = {port}"
     with running(tmp_path, planning=settings, page=page) as service, service.session() as session:
         robot = Robot(service, session)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import threading
 import time
+import weakref
 
 import pytest
 
@@ -166,6 +168,20 @@ def test_the_queue_releases_all_threads_and_entries_when_it_is_closed() -> None:
     assert results == [None, None]
     assert queue.put(waiting) is waiting
     assert not queue.reject(waiting)
+
+
+def test_an_entry_without_deadline_is_not_retained_after_it_was_taken() -> None:
+    queue = FairQueue[str](8)
+    references = []
+    for n in range(100):
+        waiting = entry(f"{n}")
+        references.append(weakref.ref(waiting))
+        queue.put(waiting)
+        assert queue.take() is waiting
+        del waiting
+    gc.collect()
+    assert sum(reference() is not None for reference in references) == 0
+    assert queue.close() == []
 
 
 def test_rejected_entries_are_bounded() -> None:
