@@ -147,7 +147,7 @@ BOUNDS: dict[Limiting, Bound] = {
         dark_text=True,
     ),
     Limiting.UNKNOWN_TERRAIN: Bound(
-        "unknown ground ahead bars the way",
+        "unknown ground ahead blocks the path",
         "slopewise.planner.bounds.pointwise:_bars",
         Lift({"ground_known": True}),
         "#3a3f44",

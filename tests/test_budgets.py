@@ -1,8 +1,8 @@
-"""Every room keeps to its budget of lines, and gives back what it no longer needs.
+"""Every package keeps to its budget of lines, and returns lines that it no longer needs.
 
 Budgets stand in `pyproject.toml`, `[tool.slopewise.budgets]`. Lines are counted as the formatter
-leaves them, docstrings and page scripts included. Who raises a budget says why in that commit; who
-needs less lowers it there.
+leaves them, docstrings and page scripts included. A commit that raises a
+budget gives the reason; one that needs less lowers it.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 BUDGETS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["slopewise"]["budgets"]
-ROOMS: dict[str, int] = BUDGETS["rooms"]
+PACKAGES: dict[str, int] = BUDGETS["packages"]
 COUNTED = {".py", ".js"}
 SLACK = 60
-"""Lines that a room may stay below its budget: less work than a budget for each small commit."""
+"""Lines that a package may stay below its budget: less work than a budget for each small commit."""
 
 MAX_FILE, MAX_FUNCTION = 350, 40
-"""Lines of a file, and lines of code of a function, docstring and blank lines left out."""
+"""Lines of a file, and lines of code of a function, without docstring and blank lines."""
 
 
-def files_of(room: str) -> list[Path]:
-    folder = ROOT / room
+def files_of(package: str) -> list[Path]:
+    folder = ROOT / package
     return sorted(
         file
         for file in folder.rglob("*")
         if file.suffix in COUNTED
         and not file.name.endswith(".min.js")  # a library of others
         and "__pycache__" not in file.parts
-        # Links of the one package to its rooms are counted there.
-        and not any((ROOT / room / part).is_symlink() for part in file.relative_to(folder).parts)
+        # Links of the namespace package are counted in their targets.
+        and not any((ROOT / package / part).is_symlink() for part in file.relative_to(folder).parts)
     )
 
 
@@ -57,24 +57,28 @@ def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef, text: list[str]) ->
     return sum(1 for line in text[body[0].lineno - 1 : last] if line.strip())
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_a_room_keeps_to_its_budget(room: str) -> None:
-    used = sum(lines_of(file) for file in files_of(room))
-    assert used <= ROOMS[room], f"{room} has {used} lines: delete, or raise its budget and say why"
-    assert used >= ROOMS[room] - SLACK, f"{room} has {used} lines only: lower its budget to that"
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_keeps_to_its_budget(package: str) -> None:
+    used = sum(lines_of(file) for file in files_of(package))
+    assert used <= PACKAGES[package], (
+        f"{package} has {used} lines: delete, or raise its budget and say why"
+    )
+    assert used >= PACKAGES[package] - SLACK, (
+        f"{package} has {used} lines only: lower its budget to that"
+    )
 
 
-def test_every_room_has_a_budget() -> None:
+def test_every_package_has_a_budget() -> None:
     services = {f"services/{f.name}" for f in (ROOT / "services").iterdir() if f.is_dir()}
     services -= {"services/__pycache__"}
-    rooms = {"planner", "models", "slopewise", "benchmarks", "tests"}
-    assert set(ROOMS) == rooms | services
+    packages = {"planner", "models", "slopewise", "benchmarks", "tests"}
+    assert set(PACKAGES) == packages | services
 
 
 def test_files_and_functions_stay_short() -> None:
     long_files, long_functions = 0, 0
-    for room in ROOMS:
-        for file in files_of(room):
+    for package in PACKAGES:
+        for file in files_of(package):
             text = file.read_text(encoding="utf-8")
             long_files += len(text.splitlines()) > MAX_FILE
             if file.suffix == ".py":
@@ -92,8 +96,8 @@ def test_no_line_is_hidden_from_the_formatter() -> None:
     marks = ("fmt: " + "skip", "fmt: " + "off")
     hidden = [
         f"{file.relative_to(ROOT)}: {mark}"
-        for room in ROOMS
-        for file in files_of(room)
+        for package in PACKAGES
+        for file in files_of(package)
         for mark in marks
         if mark in file.read_text(encoding="utf-8")
     ]

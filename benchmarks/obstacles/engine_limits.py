@@ -27,6 +27,7 @@ _FIRST, _LAST, _FINER = 0.1, 1.0, 0.02
 """Range and step of the tried heights over the wheel radius [1]."""
 
 _LEVEL = Slope(0.0, 0.0)
+"""Level ground: grade and roll [rad]."""
 _CELL = 0.1  # [m] of the map
 
 

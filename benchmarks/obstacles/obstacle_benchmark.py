@@ -19,6 +19,7 @@ from .cases import cases
 
 CASES, QUICK_CASES = 2400, 240
 DRIVES, QUICK_DRIVES = 200, 20
+"""Cases and drives of a whole and of a quick run [1]: the latter takes about a minute."""
 VEHICLES = ("atv", "husky")
 _SEED = 23  # of planned cases; driven ones have the next
 _CASES_PER_DRIVE = 4  # enough of passed and of blocked ones

@@ -27,6 +27,7 @@ from .horizon_drive import CANDIDATES, SMOOTHED, STATIONS, HorizonDrive
 
 CYCLES, QUICK_CYCLES = 10_000, 500
 HOUR_OF_CYCLES, QUICK_MEMORY_CYCLES = 36_000, 1_000
+"""Cycles of a whole and of a quick run [1]; those for memory are an hour at 10 Hz."""
 TARGET_P50, TARGET_P99 = 3e-3, 10e-3
 """Of a cycle that runs alone [s]: a cycle has 20 ms, shared with drivers and localisation."""
 

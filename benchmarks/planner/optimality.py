@@ -32,6 +32,7 @@ from ..common.text_tables import duration, table_of
 from ..common.timing import machine, summary, timed
 
 INSTANCES, QUICK_INSTANCES = 500, 40
+"""Problems of a whole and of a quick run [1]."""
 TARGET_EXCESS, TARGET_RATIO = 0.01, 10.0
 """Largest excess of travel time, and smallest ratio of solution times, that are aimed at [1]."""
 

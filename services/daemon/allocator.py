@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 
 _MMAP_THRESHOLD = -3
+"""Parameter of mallopt, from malloc.h."""
 _ARENA_MAX = -8
 """Numbers of parameters in glibc's malloc.h."""
 

@@ -13,6 +13,7 @@ _THREADS = 2
 """Threads that answer [1]; planning needs the processors."""
 
 _MAX_CONNECTIONS = 200
+"""Open connections [1]: waitress refuses more, and each browser holds a few."""
 _IDLE_TIMEOUT, _CLEANUP_INTERVAL = 2, 1
 """Idle connections are closed after that time, checked at that interval [s]: `/health` is answered
 however many a client holds open."""

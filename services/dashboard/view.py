@@ -23,6 +23,7 @@ _MAX_OTHER_PLANS, _OTHER_POINTS = 60, 24
 
 _COLUMNS = ("station", "x", "y", "speed", "speed_bound", "stop_distance")
 _DECIMALS, _PARAMETER_DECIMALS = 3, 5
+"""Decimals of numbers on the page [1]: millimetres, and five digits of a coefficient."""
 
 
 def state(status: ServiceStatus, page: LiveState) -> dict[str, Any]:

@@ -32,6 +32,7 @@ FILE, BASIS, ACTIVE = "file.toml", "base.toml", "in_use.toml"
 """The model file, the model that stops are compared with, and the one planned with now."""
 
 _LOWEST_PRIORITY = 19
+"""Niceness of the process: the lowest priority of POSIX."""
 _PAUSE = 60.0
 """Assumed time between stops where no clock shows it [s]: longer than any effect of one stop on
 the next, shorter than brakes take to cool."""

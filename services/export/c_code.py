@@ -15,6 +15,7 @@ from slopewise.services.export.functions import ModelFunction, derivative_of
 from slopewise.services.io.files import write_atomic
 
 _VECTORS = 8
+"""Test vectors per function [1]."""
 _RANGES = {
     "speed": (0.2, 4.0),
     "grade": (-0.2, 0.2),

@@ -72,6 +72,7 @@ class GuardDecision(NamedTuple):
 
 
 STILL = BaseCommand(0.0, 0.0)
+"""Command of a stopped base [m/s, rad/s]."""
 
 
 class GuardScene(NamedTuple):

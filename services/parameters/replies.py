@@ -26,6 +26,7 @@ from slopewise.services.wire.parameter_messages import (
 )
 
 _FROM_FILE = LastChange(1, "model file", "")
+"""Change of a group that is still that of the model file: version 1."""
 
 
 def group_message(service: ParameterService, group: str) -> ParameterGroup:

@@ -18,6 +18,7 @@ from slopewise.services.parameters.stored_change import BootTime, StoredChange
 
 _SCHEMA_VERSION = 1
 _PAGE = 4096
+"""Version of the tables, and size of a page of SQLite [B]."""
 _HEADER = 100
 """Size of the header of an SQLite file [B]."""
 

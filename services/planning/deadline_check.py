@@ -24,6 +24,7 @@ class CostEstimator:
     """
 
     _REMEMBERED_COUNT = 8
+    """Recent planning times of which the quickest is used [1]."""
     _MIN_CANDIDATES = 20
     """Fewer candidates are dominated by the cost of a request itself [1]."""
     _SAFE_SHARE = 0.7

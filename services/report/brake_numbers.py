@@ -32,6 +32,7 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 MIN_NET_DECEL_RATIO = 0.02
 """F_b/W + sin θ below which plans do not rely on a stop [1]; equal to the planner's."""
 _HEADINGS = 16
+"""Headings at which wind and directional effects are evaluated [1]: every 22.5°."""
 _MAX_GRADE, _GRADE_STEP = np.deg2rad(45.0), np.deg2rad(0.05)
 """Steepest slope that is searched, and resolution of the result [rad]."""
 _DISTANCE_TOLERANCE = 1e-3

@@ -28,6 +28,7 @@ Rows = Mapping[str, Sequence[str]]
 _MAX_STOPS = 500
 """Stops that the page of a rejected log lists [1]."""
 _SPEED_LINES = 3
+"""Lines of force over grade in the chart [1]: slow, middle and fast."""
 _STYLES = ("page.css", "calibration.css")
 
 

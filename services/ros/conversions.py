@@ -21,6 +21,7 @@ DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 BOOL = "std_msgs/msg/Bool"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 OK, WARN, ERROR = 0, 1, 2
+"""Levels of diagnostic_msgs/DiagnosticStatus."""
 
 UNIT_TOLERANCE = 0.1
 """Deviation of a quaternion's length from 1: rounding, not a value that was never filled in [1]."""

@@ -25,6 +25,7 @@ NULL_HASH = f"RIHS01_{64 * '0'}"
 """Hash in keys of client libraries that know no hashes."""
 
 _GID = 16
+"""Length of a publisher's id in an attachment [B], as rmw_zenoh writes it."""
 _ATTACHMENT = struct.Struct(f"<qqB{_GID}s")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _DDS_TYPE = re.compile(r"(?P<package>\w+)::(?P<kind>msg)::dds_::(?P<name>\w+)_")

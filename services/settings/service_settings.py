@@ -20,6 +20,7 @@ from slopewise.services.settings.learning_settings import Learning, StoreSetting
 _KEY = re.compile(r"[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*")
 _MEGABYTE = 1_000_000
 _MAX_QUEUE = 1024
+"""Bytes of a megabyte, and entries of a queue at most [1]: each may hold a request of `sizes`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

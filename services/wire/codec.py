@@ -26,6 +26,7 @@ VERSION = 1
 
 _MAX_AXES = 2
 _MAX_ITEMS = 2**32
+"""Axes of an array, and its items at most [1]: heights and columns have two axes."""
 _WHERE = re.compile(r"^(?P<what>.*?)(?: - at `\$\.?(?P<where>.*)`)?$", re.DOTALL)
 _MISSING = re.compile(r"^Object missing required field `(?P<name>.*)`$")
 _UNKNOWN = re.compile(r"^Object contains unknown field `(?P<name>.*)`$", re.DOTALL)

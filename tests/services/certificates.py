@@ -1,4 +1,4 @@
-"""Certificates made anew for a test, and the shipped settings beside them."""
+"""Certificates generated for a test, and the shipped settings that use them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A service in a process of its own, on a free port of the loopback."""
+"""A service in a separate process, on a free port of the loopback."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class Running:
 
     def peer(self) -> zenoh.Session:
         """A session that lives on when the service is gone."""
-        own = (f"tcp/127.0.0.1:{free_port()}",)
-        return zenoh.open(zenoh_config(ZenohSettings(listen=own, connect=(self.endpoint,))))
+        endpoint = (f"tcp/127.0.0.1:{free_port()}",)
+        return zenoh.open(zenoh_config(ZenohSettings(listen=endpoint, connect=(self.endpoint,))))
 
 
 @contextlib.contextmanager
@@ -64,7 +64,7 @@ def running(
     """A service until the block ends.
 
     Args:
-        folder: for its settings. settings, planning, zenoh_lines, page: lines of tables in them.
+        folder: where its settings are. settings, planning, zenoh_lines, page: lines of them.
         environment: more of it. fresh: started as from a shell, with everything still to import.
     """
     port = port or free_port()
@@ -75,15 +75,15 @@ def running(
         f'[zenoh]\nlisten = ["{endpoint}"]\n{zenoh_lines}\n[planning]\ndeadline = 5.0\n{planning}\n'
         f"[status]\nperiod = 0.1\n[page]\n{page}\n"
     )
-    words, started = ["serve", "--config", str(file)], os.environ | (environment or {})
+    argv, started = ["serve", "--config", str(file)], os.environ | (environment or {})
     process: subprocess.Popen[str] | WarmProcess
     if fresh or environment:
-        command = [sys.executable, "-m", "slopewise.services.cli", *words]
+        command = [sys.executable, "-m", "slopewise.services.cli", *argv]
         process = subprocess.Popen(
             command, env=started, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
     else:
-        process = WarmProcess(words, started)
+        process = WarmProcess(argv, started)
     try:
         assert process.stdout is not None
         line = process.stdout.readline()
@@ -113,8 +113,8 @@ def flat(sequence: int = 1, **changes: object) -> MapUpdate:
 
 def fan(count: int = 5, points: int = 100, length: float = 25.0) -> list[Candidate]:
     along = np.linspace(0.0, length, points)
-    bends = np.linspace(-0.004, 0.004, count)
+    second_derivatives = np.linspace(-0.004, 0.004, count)
     return [
-        Candidate(name=f"c{j}", points=np.stack([along, bend * along**2], axis=1))
-        for j, bend in enumerate(bends)
+        Candidate(name=f"c{j}", points=np.stack([along, b * along**2], axis=1))
+        for j, b in enumerate(second_derivatives)
     ]
