@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -77,17 +77,17 @@ def ros(options: RosOptions) -> None:
     from slopewise.services.settings.zenoh_session import zenoh_config
 
     settings = read_settings(options.config)
-    peers: dict[str, Any] = {"ros": settings.ros}
+    peers = {"ros": (settings.ros.connect, settings.ros.config)}
     if settings.service.connect:
-        peers["service"] = settings.service
+        peers["service"] = ((settings.service.connect,), settings.service.config)
     with contextlib.ExitStack() as stack:
         sessions = []
-        for table, peer in peers.items():
-            client = ZenohSettings(mode="client", connect=tuple(peer.connect), config=peer.config)
+        for table, (connect, config) in peers.items():
+            client = ZenohSettings(mode="client", connect=connect, config=config)
             try:
                 sessions.append(stack.enter_context(zenoh.open(zenoh_config(client))))
             except zenoh.ZError:
-                expected = f"expected a router or service at {', '.join(peer.connect)}, got none"
+                expected = f"expected a router or service at {', '.join(connect)}, got none"
                 raise InputError(str(options.config), f"{table}.connect", expected) from None
         edge = stack.enter_context(RosEdge(settings, sessions[0], sessions[-1]))
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -362,7 +362,7 @@ def test_discrepancy_names_the_effect_and_adds_it_to_the_model(step: Path) -> No
     assert np.array(effect["covariance"]).shape == (2, 2)
     page = (step / "report.html").read_text()
     assert "one lasting change during the log" in page
-    assert "from the log&#x27;s run" in page
+    assert "from the log&#39;s run" in page
     assert page.count("data:image/svg+xml") >= 5
     assert "<script src" not in page
 

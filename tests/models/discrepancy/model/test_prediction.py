@@ -79,7 +79,7 @@ def test_a_stop_over_a_crest_is_that_of_the_simulation() -> None:
     plain, _ = simulate(stops, Hypothesis.configured(BASE), stops.held, time)
     assert np.max(speed - plain) > 0.05
     for i in range(len(stops)):
-        track = replace(_track(stops, i), bend=stops.vertical_curvature[i])
+        track = replace(_track(stops, i), grade_change=stops.vertical_curvature[i])
         reference = simulate_stop(replace(BASE, effect=(effect,)), track, float(stops.held[i]))
         assert np.max(np.abs(speed[i] - reference.speed_at(time[i]))) < 0.004
         assert way[i, -1] == pytest.approx(reference.distance, abs=0.004)
