@@ -39,7 +39,8 @@ class ServiceParameters:
     def take(self, group: ParameterGroup) -> None:
         """Store a published group, unless a number of it is not finite."""
         numbers = [*group.values.values(), *group.stds.values()]
-        if np.isfinite(numbers).all() and len(self.groups) < _MAX_GROUPS:
+        has_slot = group.group in self.groups or len(self.groups) < _MAX_GROUPS
+        if np.isfinite(numbers).all() and has_slot:
             self.groups[group.group] = group
 
     def tables(self) -> Tables:

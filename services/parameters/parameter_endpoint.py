@@ -156,7 +156,7 @@ class ParameterEndpoint:
     def _putter(self, kind: str) -> Callable[[Any], None]:
         def put(item: Any) -> None:
             is_observation, encoding = kind in KINDS, str(item.encoding or "")
-            name = str(item.key_expr).rpartition("/")[2]
+            name = str(item.key_expr).removeprefix(f"{self._config.key(PARAMS)}/")
             payload = item.payload or b""
             is_readable = is_observation and len(payload) <= self._config.learning.observation_bytes
             source = read_source(payload, encoding) if is_readable else ""
@@ -173,7 +173,8 @@ class ParameterEndpoint:
                 self._counters["observations_lost"] += 1
                 self._lost_at = time.monotonic()
             if isinstance(displaced.item.message, zenoh.Query):
-                self._queue.reject(displaced)
+                if not self._queue.reject(displaced):
+                    self._counters["queries_lost"] += 1
                 self._queue.interrupt()
 
         return put
@@ -193,6 +194,8 @@ class ParameterEndpoint:
             waiting = self._queue.take(timeout=_TICK)
             rejected = self._queue.overdue(block=False)
             if rejected is None:
+                if waiting is not None:
+                    self._reject(waiting.item, "the service is stopping")
                 return
             self.beat = time.monotonic()
             begun = time.thread_time()
@@ -204,7 +207,9 @@ class ParameterEndpoint:
                 self._service.fault("learning does not work as it should")  # words: ok
             used = time.thread_time() - begun
             if waiting is not None:
+                # Charged first: an account of its own does not spare a new name its cost.
                 self._queue.shares.charge(waiting.sender, used)
+                self._queue.shares.note_answer(waiting.sender)
             if len(self._queue):
                 time.sleep(min(_REST_RATIO * used, _MAX_REST))
 
@@ -213,13 +218,14 @@ class ParameterEndpoint:
     ) -> None:
         with self._alive_lock:
             alive, self._alive = self._alive, {}
-        if waiting is not None and self._queue.claim(waiting):
-            self._process(waiting.item.kind, waiting.arrived, waiting.item.message)
-            self._queue.shares.note_answer(waiting.sender)
-        for entry in rejected:
-            self._reject(entry.item, "too many requests wait, ask again later")
-        for name, is_alive in alive.items():
-            self._service.alive(name, is_alive=is_alive)
+        try:
+            if waiting is not None and self._queue.claim(waiting):
+                self._process(waiting.item.kind, waiting.arrived, waiting.item.message)
+        finally:  # a message that fails loses neither a token nor another request
+            for name, is_alive in alive.items():
+                self._service.alive(name, is_alive=is_alive)
+            for entry in rejected:
+                self._reject(entry.item, "too many requests wait, ask again later")
         self._service.tick()
         self._publish()
         self._listener.show()

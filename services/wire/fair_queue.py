@@ -146,7 +146,12 @@ class FairQueue(Generic[T]):
         It outranks that one, or its sender used less time.
         """
         with self._lock:
-            candidates = [q for q in self._waiting if q.sender != entry.sender]
+            # The thread reserved for driving clients never works on a longer request in between.
+            candidates = [
+                q
+                for q in self._waiting
+                if q.sender != entry.sender and q.is_driving >= entry.is_driving
+            ]
             if not candidates or self._is_closed:
                 return None
             rank = self._rank_at(time.monotonic())

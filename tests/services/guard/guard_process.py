@@ -70,6 +70,9 @@ class GuardRobot:
     def actions_since(self, moment: float) -> set[str]:
         return {output["action"] for at, output in self.outputs if at > moment}
 
+    def has_worker_output(self) -> bool:
+        return any(output["source"] == "guard" for _, output in list(self.outputs))
+
     def last(self) -> dict[str, Any]:
         return self.outputs[-1][1] if self.outputs else {}
 
@@ -142,7 +145,8 @@ def driving(guard: GuardProcess) -> Iterator[GuardRobot]:
     with guard.client() as session:
         robot = GuardRobot(session)
         until = time.monotonic() + 20.0
-        while not robot.outputs and time.monotonic() < until:
+        # The watchdog sends before the worker has subscribed.
+        while not robot.has_worker_output() and time.monotonic() < until:
             time.sleep(0.01)
         robot.put("map", flat())
         robot.wait_for("pass", speed=1.0)

@@ -122,6 +122,18 @@ def test_only_senders_that_used_less_or_outrank_come_in_between() -> None:
     assert queue.take_before(working) is not None
 
 
+def test_no_long_request_comes_in_between_for_a_driving_client() -> None:
+    """It would wait for the driving request, which waits for it."""
+    queue = FairQueue[str](8)
+    known(queue, "robot", "tool")
+    queue.shares.charge("robot", 1.0)
+    queue.put(entry("driving", "robot", is_driving=True))
+    working = queue.take(only_driving=True)
+    assert working is not None
+    queue.put(entry("long", "tool"))
+    assert queue.take_before(working) is None
+
+
 def test_the_reserved_worker_serves_driving_clients_only() -> None:
     queue = FairQueue[str](8)
     queue.put(entry("other"))
