@@ -38,6 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run a benchmark, print its tables, write its figures."""
     parser = _parser()
     options = parser.parse_args(arguments)
+    if options.sets is not None and options.sets < 1:
+        parser.error(f"--sets: expected at least 1, got {options.sets}")
+    if not options.minutes >= 0.0:
+        parser.error(f"--minutes: expected at least 0, got {options.minutes:g}")
     for package in BENCHMARKS[options.what][1]:
         if find_spec(package) is None:
             parser.error(f"{options.what} needs the package {package}, which is not installed")

@@ -151,7 +151,10 @@ def write_page(result: PlanResult, options: PlanOptions, path: Path) -> None:
     from slopewise.planner.settings import PlannerSettings
     from slopewise.services.report.plan_page import write_plan_page
 
-    spacing = options.spacing or PlannerSettings().spacing_on(result.elevation_map.resolution)
+    settings = PlannerSettings()
+    if options.spacing is not None:
+        settings = PlannerSettings(spacing=options.spacing)
+    spacing = settings.spacing_on(result.elevation_map.resolution)
     facts = {
         "map": str(options.map_file),
         "paths": str(options.path_file),

@@ -160,4 +160,7 @@ def calibration_settings(
             stops = replace(stops, turn_rate=turn_rate)
         return CalibrationSettings(coverage=coverage, stops=stops)
     except ParameterError as error:
-        raise fault(option_of(error.field), "", f"expected {error.expected}") from None
+        if error.field in ("coverage", "least_speed", "turn_rate"):
+            raise fault(option_of(error.field), "", f"expected {error.expected}") from None
+        where = "--least-speed" if stop_settings is None else stop_settings
+        raise fault(where, error.field, f"expected {error.expected}") from None

@@ -207,7 +207,7 @@ class ParameterEndpoint:
                 self._service.fault("learning does not work as it should")  # words: ok
             used = time.thread_time() - begun
             if waiting is not None:
-                # Charged first: an account of its own does not spare a new name its cost.
+                # Charged first, so that a new name pays for its first message.
                 self._queue.shares.charge(waiting.sender, used)
                 self._queue.shares.note_answer(waiting.sender)
             if len(self._queue):

@@ -122,7 +122,7 @@ def test_only_senders_that_used_less_or_outrank_come_in_between() -> None:
     assert queue.take_before(working) is not None
 
 
-def test_no_long_request_comes_in_between_for_a_driving_client() -> None:
+def test_a_driving_client_is_never_preceded_by_a_long_request() -> None:
     """It would wait for the driving request, which waits for it."""
     queue = FairQueue[str](8)
     known(queue, "robot", "tool")
