@@ -53,7 +53,7 @@ def plan(
     """
     uncertainty = None if quantile is None else Uncertainty(quantile=quantile)
     planner = CandidatePlanner(model, settings, uncertainty)
-    plans, _ = plan_paths(planner, elevation_map, paths, start_speed=start_speed, clear=clear)
+    plans, *_ = plan_paths(planner, elevation_map, paths, start_speed=start_speed, clear=clear)
     return plans
 
 

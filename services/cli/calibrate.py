@@ -22,7 +22,8 @@ from slopewise.services.cli.options import (
     Report,
     Topics,
 )
-from slopewise.services.cli.tables import line, notes, plural, table
+from slopewise.services.cli.tables import line, notes, table
+from slopewise.services.report.plural import plural
 
 if TYPE_CHECKING:
     from slopewise.models.calibration.learn import Calibration

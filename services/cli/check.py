@@ -19,7 +19,8 @@ from slopewise.services.cli.options import (
     Topics,
     clear_of,
 )
-from slopewise.services.cli.tables import LISTED, line, plural, table
+from slopewise.services.cli.tables import LISTED, line, table
+from slopewise.services.report.plural import plural
 
 if TYPE_CHECKING:
     from slopewise.services.jobs.check import CheckResult

@@ -18,7 +18,8 @@ from slopewise.services.cli.options import (
     Quantile,
     Topics,
 )
-from slopewise.services.cli.tables import decimals, notes, plural, table
+from slopewise.services.cli.tables import decimals, notes, table
+from slopewise.services.report.plural import plural
 
 if TYPE_CHECKING:
     from slopewise.services.jobs.coverage import CoverageSummary, PartCoverage

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -13,10 +12,6 @@ from slopewise.services.cli.command import command, print_result
 from slopewise.services.cli.options import AsJson
 from slopewise.services.cli.plan import PlanOptions, write_page
 from slopewise.services.cli.plan import tables as plan_tables
-from slopewise.services.cli.tables import line
-
-if TYPE_CHECKING:
-    from slopewise.services.jobs.plan import PlanResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +35,6 @@ def demo(options: DemoOptions) -> None:
     page = options.out / "report.html"
     write_page(result, PlanOptions(map_file, path_file, MODEL, speed=START_SPEED), page)
     summary = summarise_demo(result, page) if options.as_json else None
-    print_result(options.as_json, summary, _tables(result, page))
-
-
-def _tables(result: PlanResult, page: Path) -> Iterator[Any]:
-    yield from plan_tables(result)
-    yield ""
-    address = line(f"Open {page} in a browser to see them")
-    address.no_wrap = True
-    yield address
+    print_result(options.as_json, summary, plan_tables(result))
+    if not options.as_json:
+        typer.echo(f"\nOpen {page} in a browser to see them")

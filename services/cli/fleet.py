@@ -27,7 +27,8 @@ from slopewise.services.cli.options import (
     Topics,
     clear_of,
 )
-from slopewise.services.cli.tables import LISTED, line, notes, plural, table
+from slopewise.services.cli.tables import LISTED, line, notes, table
+from slopewise.services.report.plural import plural
 
 if TYPE_CHECKING:
     from slopewise.services.fleet.calibrate_fleet import FleetCalibrateResult

@@ -13,7 +13,8 @@ import typer
 
 from slopewise.services.cli.command import command, print_result
 from slopewise.services.cli.options import AsJson, Connect, Namespace, Timeout, ZenohFile
-from slopewise.services.cli.tables import line, notes, plural, table
+from slopewise.services.cli.tables import line, notes, table
+from slopewise.services.report.plural import plural
 
 if TYPE_CHECKING:
     import msgspec

@@ -26,7 +26,8 @@ from slopewise.services.cli.options import (
     Topics,
     clear_of,
 )
-from slopewise.services.cli.tables import LISTED, decimals, line, named, plural, table
+from slopewise.services.cli.tables import LISTED, decimals, line, named, table
+from slopewise.services.report.plural import plural
 
 if TYPE_CHECKING:
     from slopewise.planner.explain.explain import Explanation
@@ -148,13 +149,9 @@ def write_page(result: PlanResult, options: PlanOptions, path: Path) -> None:
     import time
 
     from slopewise.planner.kernels.interpreted import is_interpreting
-    from slopewise.planner.settings import PlannerSettings
     from slopewise.services.report.plan_page import write_plan_page
 
-    settings = PlannerSettings()
-    if options.spacing is not None:
-        settings = PlannerSettings(spacing=options.spacing)
-    spacing = settings.spacing_on(result.elevation_map.resolution)
+    spacing = result.settings.spacing_on(result.elevation_map.resolution)
     facts = {
         "map": str(options.map_file),
         "paths": str(options.path_file),

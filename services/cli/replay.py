@@ -21,7 +21,8 @@ from slopewise.services.cli.options import (
     Topics,
     ZenohFile,
 )
-from slopewise.services.cli.tables import line, plural, table
+from slopewise.services.cli.tables import line, table
+from slopewise.services.report.plural import plural
 
 if TYPE_CHECKING:
     import zenoh

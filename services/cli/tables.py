@@ -76,12 +76,6 @@ def named(name: str, text: str) -> Text:
     return Text.assemble("  ", (name, "bold"), f": {text}")
 
 
-def plural(count: int, noun: str) -> str:
-    """A number of things, e.g. "1 candidate", "3 candidates", "2 batches"."""
-    ending = "" if count == 1 else "es" if noun.endswith(("s", "ch")) else "s"
-    return f"{count} {noun}{ending}"
-
-
 def decimals(value: float | None, digits: int, unit: str = "") -> str | None:
     """A number with a fixed number of decimals, None for none."""
     return None if value is None else f"{value:.{digits}f}{unit}"

@@ -12,7 +12,8 @@ import typer
 
 from slopewise.services.cli.command import command, print_result
 from slopewise.services.cli.options import AsJson, Columns, LogFiles, ModelFile, Report, Topics
-from slopewise.services.cli.tables import LISTED, line, plural, table
+from slopewise.services.cli.tables import LISTED, line, table
+from slopewise.services.report.plural import plural
 
 if TYPE_CHECKING:
     from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult

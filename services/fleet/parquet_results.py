@@ -16,7 +16,7 @@ import numpy as np
 
 from slopewise.planner.plan import SpeedPlan
 from slopewise.services.io.files import fault, write_atomic
-from slopewise.services.io.plan_file import driven, summary
+from slopewise.services.io.plan_file import COLUMNS, TEXT, driven, summary
 
 REFUSED = "refused"
 """Status of a candidate that cannot be driven forward; its reason explains it."""
@@ -104,25 +104,7 @@ def _candidates(pa: Any) -> Any:
     )
 
 
-_TEXT = ("candidate", "limiting", "status", "reason")
-_NUMBERS = (
-    "station",
-    "x",
-    "y",
-    "z",
-    "grade",
-    "roll",
-    "curvature",
-    "speed",
-    "accel",
-    "time",
-    "speed_bound",
-    "stop_distance",
-    "clear_distance",
-    "rear_load",
-    "side_load",
-    "path_deviation",
-)
+_NUMBERS = (*(name for name in COLUMNS if name not in TEXT), "side_load", "path_deviation")
 
 
 def _stations(plans: Sequence[SpeedPlan], source: str, pa: Any) -> Any:
@@ -130,7 +112,7 @@ def _stations(plans: Sequence[SpeedPlan], source: str, pa: Any) -> Any:
     parts = [driven(plan) for plan in plans]
     rows = sum(len(part["station"]) for part in parts)
     columns: dict[str, Any] = {"source": pa.array([source] * rows, pa.string())}
-    for name in _TEXT:
+    for name in TEXT:
         columns[name] = pa.array([cell for part in parts for cell in part[name]], pa.string())
     for name in _NUMBERS:
         values = np.concatenate([part[name] for part in parts]) if parts else np.empty(0)

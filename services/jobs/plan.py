@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,12 @@ from slopewise.services.jobs.summary import input_errors
 
 @dataclass(frozen=True, slots=True)
 class PlanResult:
-    """Plans best first, and what they were made from; `files`: map and model, if from files."""
+    """Plans best first, and what they were made from.
+
+    Attributes:
+        seconds: time of planning, without the wait for a compiler [s].
+        files: map and model, if from files.
+    """
 
     plans: list[SpeedPlan]
     elevation_map: ElevationMap
@@ -50,6 +55,7 @@ class PlanResult:
     explanation: Explanation | None = None
     check: CheckResult | None = None
     files: tuple[Path, Path] | None = None
+    settings: PlannerSettings = field(default_factory=PlannerSettings)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -120,12 +126,10 @@ def plan(
     around = _around(paths, footprint_margin(model.vehicle, info))
     ground = read_map(map_file, around=around, topics=topics, nodata=nodata)
     planner = CandidatePlanner(model, settings, uncertainty)
-    begin = time.perf_counter()
     with input_errors(path_file, ("speed", "clear")):
-        plans, resampled = plan_paths(
+        plans, resampled, seconds = plan_paths(
             planner, ground, paths, start_speed=start_speed, clear=clear, quiet=quiet
         )
-    seconds = time.perf_counter() - begin
     explanation = None
     if explains:
         explanation = explain(
@@ -137,8 +141,16 @@ def plan(
             start_speed=start_speed,
             clear=clear,
         )
-    files = (map_file, found_model)
-    return PlanResult(plans, ground, model, seconds, uncertainty, explanation, files=files)
+    return PlanResult(
+        plans,
+        ground,
+        model,
+        seconds,
+        uncertainty,
+        explanation,
+        files=(map_file, found_model),
+        settings=planner.settings,
+    )
 
 
 def plan_paths(
@@ -149,8 +161,8 @@ def plan_paths(
     start_speed: float = 0.0,
     clear: float = np.inf,
     quiet: bool | None = None,
-) -> tuple[list[SpeedPlan], list[EvenPath]]:
-    """Plan on ground that is in memory; plans best first, and the resampled paths.
+) -> tuple[list[SpeedPlan], list[EvenPath], float]:
+    """Plan on ground that is in memory; plans best first, the resampled paths, and the time [s].
 
     Args:
         planner: with model, settings and quantile.
@@ -165,16 +177,18 @@ def plan_paths(
     """
     spacing = planner.settings.spacing_on(ground.resolution)
 
-    def planned() -> tuple[list[EvenPath], list[SpeedPlan]]:
+    def planned() -> tuple[list[EvenPath], list[SpeedPlan], float]:
+        begin = time.perf_counter()
         hidden = not is_interpreting() if quiet is None else quiet
         with progress_bar("planning", len(paths), quiet=hidden) as advance:
             resampled = planner.resampled(ground, paths)
-            return resampled, planner.plan(
+            plans = planner.plan(
                 ground, resampled, start_speed=start_speed, clear=clear, progress=advance
             )
+        return resampled, plans, time.perf_counter() - begin
 
-    resampled, plans = sooner(planned, lambda: stations_of(paths, spacing))
-    return rank(plans, planner.settings), resampled
+    resampled, plans, seconds = sooner(planned, lambda: stations_of(paths, spacing))
+    return rank(plans, planner.settings), resampled, seconds
 
 
 def with_check(

@@ -20,7 +20,7 @@ from slopewise.models.stop_logs.drive_quality import Suspect
 from slopewise.models.stop_logs.find_stops import StopWindow, Usability
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, SHORT, draw_figures
 from slopewise.services.report.page import MAX_ROWS, render, write_page
-from slopewise.services.report.plan_labels import plural
+from slopewise.services.report.plural import plural
 
 Rows = Mapping[str, Sequence[str]]
 """Label -> one cell per surface, formatted."""

@@ -18,7 +18,7 @@ from slopewise.services.report.page import (
     render,
     write_page,
 )
-from slopewise.services.report.plan_labels import plural
+from slopewise.services.report.plural import plural
 
 VERDICT_LABELS = {
     Verdict.NONE: ("nothing missing", "fine"),

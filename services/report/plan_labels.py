@@ -15,12 +15,6 @@ STATUS_MEANING: dict[Status, str] = {
 LIMITING_MEANING: dict[Limiting, str] = {code: bound.meaning for code, bound in BOUNDS.items()}
 
 
-def plural(count: int, noun: str) -> str:
-    """Format a count with its noun, e.g. "1 candidate", "3 candidates", "2 batches"."""
-    ending = "" if count == 1 else "es" if noun.endswith(("s", "ch")) else "s"
-    return f"{count} {noun}{ending}"
-
-
 def limiting_label(limiting: Limiting) -> str:
     """Human-readable name of a bound, e.g. "stopping path"."""
     return limiting.label.replace("_", " ")

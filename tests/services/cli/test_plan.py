@@ -121,7 +121,7 @@ def test_a_higher_quantile_is_never_faster() -> None:
     for quantile in (None, 0.5, 0.99, 0.9999):
         margins = None if quantile is None else job.uncertainty_at(quantile)
         planner = CandidatePlanner(replace(model, braking=braking), None, margins)
-        plans, _ = job.plan_paths(planner, hillside(), fan()[:1], clear=12.0)
+        plans, *_ = job.plan_paths(planner, hillside(), fan()[:1], clear=12.0)
         times.append(plans[0].travel_time)
     assert times[1] == pytest.approx(times[0], rel=1e-6)
     assert times[1] < times[2] < times[3]
