@@ -1,12 +1,11 @@
 """Fixtures of all tests: the search of hypothesis, the nightly selection, and a model to plan with.
 
-`HYPOTHESIS_PROFILE=nightly` searches longer and with other seeds every time. Tests marked `nightly`
-run only when the marker is asked for: `pytest -m nightly`.
+Tests marked `nightly` run only when the marker is asked for: `pytest -m nightly`; hypothesis then
+searches longer, and with other seeds every time.
 """
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -16,14 +15,18 @@ from hypothesis.internal.conjecture.providers import Constants, HypothesisProvid
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.services.jobs.cold_start import compile_first
-from tests.planner import scenes
+from tests.world.ground import plane
+from tests.world.real_terrain import data_folder
+from tests.world.vehicles import ATV, Tables, model_of, tables_with
 
 _CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("default", derandomize=True, database=None, **_CALM)
 settings.register_profile("nightly", max_examples=2000, print_blob=True, **_CALM)
-PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "default")
-settings.load_profile(PROFILE)
-if PROFILE == "default":
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Search with the same seeds by day, with others by night."""
+    settings.load_profile("nightly" if config.getoption("markexpr") == "nightly" else "default")
     # Otherwise draws depend on the constants of all modules that a process has imported so far, and
     # with them on the tests that it happened to run before.
     assert "_local_constants" in vars(HypothesisProvider)
@@ -50,27 +53,27 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.fixture
-def tables() -> scenes.Tables:
+def tables() -> Tables:
     """The quad as the tables of a model file; a copy to change."""
-    return scenes.tables_with()
+    return tables_with()
 
 
 @pytest.fixture
 def model() -> Model:
     """The quad."""
-    return scenes.model_of(scenes.ATV)
+    return model_of(ATV)
 
 
 @pytest.fixture
 def level_map() -> ElevationMap:
     """Level ground around the origin."""
-    return scenes.plane()
+    return plane()
 
 
 @pytest.fixture
 def data() -> Path:
     """Folder of the public recordings; skips where it is absent."""
-    folder = scenes.data_folder()
+    folder = data_folder()
     if not folder.is_dir():
         pytest.skip(f"no recordings at {folder}: set SLOPEWISE_DATA to their folder")
     return folder

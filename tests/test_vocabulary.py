@@ -23,6 +23,10 @@ AVOIDED = {
     scope: [(re.compile(pattern, re.IGNORECASE), instead) for pattern, instead in table.items()]
     for scope, table in LISTS.items()
 }
+ANY = {
+    scope: re.compile("|".join([*LISTS[scope], *LISTS["names_and_prose"]]), re.IGNORECASE)
+    for scope in LISTS
+}
 MARKER = "words: ok"
 CEILINGS: dict[str, int] = {
     "models/calibration": 349,
@@ -90,6 +94,8 @@ def matches(file: Path) -> list[str]:
         if excepted[first - 1] or excepted[last - 1]:
             continue
         plain = re.sub("`+[^`]*`+", "`", text)  # names in code are checked where they are defined
+        if not ANY[scope].search(plain):
+            continue
         tables = [AVOIDED[scope]] + ([AVOIDED["names_and_prose"]] if scope != "first_line" else [])
         for avoided, instead in (pair for table in tables for pair in table):
             hits += [f"{file}:{first}: {m[0]} -> {instead}" for m in avoided.finditer(plain)]

@@ -12,10 +12,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Effect
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.models.surface_names import candidate_surfaces, number_names, resolve_class
-from tests.models.models_for_tests import BASE
-
-# ------------------------------------------------------------------------------ parameters
-
+from tests.world.vehicles import BASE
 
 NEGATIVE = tuple(tuple(-1.0 * (i == j) for j in range(4)) for i in range(4))
 
@@ -70,6 +67,11 @@ def test_a_surface_changes_only_what_its_table_names() -> None:
     ice = braking.on("ice")
     assert (ice.b_b, ice.dead_time, ice.m_b) == (0.1, 0.4, 0.015)
     assert braking.on("nowhere") == replace(braking, terrain={})
+    # One with a speed range has no hull of the base.
+    hulled = replace(braking, speed_by_grade=((-0.1, 1.0), (0.1, 2.0)))
+    tables = {"mud": SurfaceBraking(speed_range=(0.5, 2.0)), "sand": SurfaceBraking(b_b=0.3)}
+    mud, sand = (replace(hulled, terrain=tables).on(name) for name in tables)
+    assert (mud.speed_by_grade, sand.speed_by_grade) == (None, hulled.speed_by_grade)
 
 
 def test_sizes_that_are_left_out_follow_the_wheel_radius() -> None:
@@ -122,9 +124,6 @@ def test_motion_terms_add_up_and_states_stand_alone() -> None:
     with pytest.raises(ParameterError, match="at most once"):
         motion([lag, lag])
     assert motion([Effect(name="wheel_lockup", parameters={"mu": 0.7})], 0.5).friction == 0.5
-
-
-# --------------------------------------------------------------------------- surface names
 
 
 TABLES = {

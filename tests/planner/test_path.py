@@ -11,7 +11,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
 from slopewise.planner.path import MAX_STATIONS, batch, joined, resample
 from slopewise.planner.raw_polyline import clean, noise
-from tests.planner.scenes import arc, straight
+from tests.world.ground import arc, straight
 
 
 def path_of(*points: tuple[float, float], **options: np.ndarray) -> CandidatePath:
@@ -36,17 +36,6 @@ def curvature_of(points: np.ndarray) -> np.ndarray:
     return 2.0 * cross / (np.hypot(*a.T) * np.hypot(*b.T) * np.hypot(*(a + b).T))
 
 
-def distance_to(polyline: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Of each point from the nearest segment."""
-    start, along = polyline[:-1], np.diff(polyline, axis=0)
-    share = ((points[:, None] - start) * along).sum(-1) / (along**2).sum(-1)
-    foot = start + np.clip(share, 0.0, 1.0)[..., None] * along
-    return np.hypot(*(points[:, None] - foot).transpose(2, 0, 1)).min(axis=1)
-
-
-# ------------------------------------------------------------------------------- resampling
-
-
 @given(
     length=st.floats(0.5, 60.0), heading=st.floats(-3.2, 3.2), spacing=st.sampled_from([0.1, 0.25])
 )
@@ -64,12 +53,6 @@ def test_two_points_become_even_stations_on_their_line(
     assert steps_of(even).max() <= spacing + 1e-9
     # Not wastefully fine either.
     assert len(even) <= max(int(length / spacing) + 2, 3)
-
-
-def test_three_distinct_points_in_a_row_stay_in_their_row() -> None:
-    even = resample(path_of((0, 0), (1, 0), (5, 0)), 0.25).points
-    np.testing.assert_allclose(even[:, 1], 0.0, atol=1e-9)
-    np.testing.assert_allclose(even[[0, -1], 0], (0.0, 5.0), atol=1e-12)
 
 
 @pytest.mark.parametrize("curvature", [-1.0, -0.2, 0.05, 0.5, 1.0])
@@ -93,54 +76,6 @@ def test_noise_of_centimetres_does_not_become_curvature(seed: int) -> None:
     assert np.abs(curvature_of(inner) - 0.1).max() < 0.02
 
 
-def test_distant_vertices_round_the_corner_but_the_path_stays_near_the_polyline() -> None:
-    corner = np.array([(0.0, 0.0), (10.0, 0.0), (17.0, 7.0), (27.0, 7.0)])
-    even = resample(CandidatePath("corner", corner), 0.25).points
-    assert distance_to(corner, even).max() < 0.15
-    assert np.abs(curvature_of(even)).max() < 1.0
-
-
-def test_drawn_points_without_noise_are_preserved_within_centimetres() -> None:
-    x = np.arange(0.0, 20.0, 0.5)
-    points = np.stack([x, np.sin(x / 3.0)], axis=1)
-    even = resample(CandidatePath("sine", points), 0.1).points
-    assert np.abs(even[:, 1] - np.sin(even[:, 0] / 3.0)).max() < 0.06
-
-
-def test_closed_loops_come_back_to_their_start() -> None:
-    points = circle(5.0, 0.25, 2.0 * np.pi)
-    points = np.concatenate([points, points[:1]])
-    even = resample(CandidatePath("loop", points), 0.25).points
-    np.testing.assert_array_equal(even[0], even[-1])
-    assert np.abs(np.hypot(*even.T) - 5.0).max() < 0.07
-    assert steps_of(even).sum() == pytest.approx(2.0 * np.pi * 5.0, rel=0.01)
-
-
-def test_a_figure_eight_crosses_itself_freely() -> None:
-    t = np.linspace(0.0, 2.0 * np.pi, 120)
-    points = np.stack([6.0 * np.sin(t), 3.0 * np.sin(2.0 * t)], axis=1)
-    even = resample(CandidatePath("eight", points), 0.2).points
-    assert distance_to(points, even).max() < 0.08
-
-
-def test_a_u_turn_of_one_metre_radius_is_fine() -> None:
-    angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, 30)
-    turn = np.stack([4.0 + np.cos(angle), 1.0 + np.sin(angle)], axis=1)
-    points = np.concatenate([[(0.0, 0.0)], turn, [(0.0, 2.0)]])
-    even = resample(CandidatePath("u", points), 0.1).points
-    assert distance_to(points, even).max() < 0.1
-    assert curvature_of(even).max() == pytest.approx(1.0, rel=0.35)
-
-
-@pytest.mark.parametrize("copies", [2, 5])
-def test_duplicate_points_change_nothing(copies: int) -> None:
-    path = arc(12.0, 0.1)
-    twice = CandidatePath("twice", np.repeat(path.points, copies, axis=0))
-    np.testing.assert_allclose(
-        resample(twice, 0.25).points, resample(path, 0.25).points, atol=1e-12
-    )
-
-
 def test_the_lowest_limit_of_duplicates_holds() -> None:
     points = np.array([(0.0, 0.0), (5.0, 0.0), (5.0, 0.0), (5.0, 0.0), (9.0, 0.0)])
     cleaned, limit = clean(points, np.array([3.0, 2.0, 1.0, 4.0, 3.0]), None)
@@ -148,60 +83,31 @@ def test_the_lowest_limit_of_duplicates_holds() -> None:
     np.testing.assert_array_equal(limit, (3.0, 1.0, 3.0))
 
 
-def test_points_creeping_by_less_than_a_millimetre_are_not_all_dropped() -> None:
-    points = np.stack([np.arange(20_000) * 2e-4, np.zeros(20_000)], axis=1)
-    cleaned, _ = clean(points, None, None)
-    assert cleaned[-1, 0] > 3.99
-    assert steps_of(cleaned).min() >= 1e-3 - 1e-12
+ARC = arc(10.0, 0.1)
+BACKWARDS = np.pi + 0.1 * np.linspace(0.0, 10.0, len(ARC.points))
 
 
-# ---------------------------------------------------------------------------------- refusal
-
-
-def refusal(path: CandidatePath) -> ParameterError:
+@pytest.mark.parametrize(
+    ("path", "field", "parts"),
+    [
+        (
+            path_of((0, 0), (4, 0), (8, 0), (5, 0.5), (0, 1)),
+            "points[2]",
+            ("171°", "(8.00, 0.00)", "split it"),
+        ),
+        (CandidatePath("back", ARC.points, yaw=BACKWARDS), "yaw", ("backwards",)),
+        (path_of((2, 3), (2, 3), (2, 3.0005)), "points", ("2 distinct points",)),
+        (straight(0.25 * MAX_STATIONS * 1.01), "points", (str(MAX_STATIONS),)),
+    ],
+    ids=["cusp", "backwards", "one place", "wrong unit"],
+)
+def test_what_cannot_be_driven_is_refused_with_its_reason(
+    path: CandidatePath, field: str, parts: tuple[str, ...]
+) -> None:
     with pytest.raises(ParameterError) as caught:
         resample(path, 0.25)
-    return caught.value
-
-
-def test_a_cusp_is_refused_with_its_place_and_angle() -> None:
-    error = refusal(path_of((0, 0), (4, 0), (8, 0), (5, 0.5), (0, 1)))
-    assert error.field == "points[2]"
-    assert "171°" in error.expected
-    assert "(8.00, 0.00)" in error.expected
-    assert "split it" in error.expected
-
-
-def test_a_right_angle_is_no_cusp() -> None:
-    even = resample(path_of((0, 0), (8, 0), (8, 8)), 0.25).points
-    assert distance_to(np.array([(0, 0), (8, 0), (8, 8)], float), even).max() < 0.15
-
-
-def test_centimetres_of_noise_are_no_cusps() -> None:
-    points = circle(10.0, 0.02, 1.0, sigma=0.03, seed=3)
-    even = resample(CandidatePath("noisy", points), 0.25).points
-    assert np.abs(np.hypot(*even[4:-4].T) - 10.0).max() < 0.05
-
-
-def test_driven_backwards_is_refused_by_its_yaw() -> None:
-    path = arc(10.0, 0.1)
-    forward = 0.1 * np.linspace(0.0, 10.0, len(path.points))
-    even = resample(CandidatePath("forward", path.points, yaw=forward), 0.25).points
-    assert len(even) > 3
-    error = refusal(CandidatePath("back", path.points, yaw=forward + np.pi))
-    assert error.field == "yaw"
-    assert "backwards" in error.expected
-
-
-def test_a_path_of_one_place_is_refused() -> None:
-    error = refusal(path_of((2, 3), (2, 3), (2, 3.0005)))
-    assert error.field == "points"
-    assert "2 distinct points" in error.expected
-
-
-def test_a_path_in_the_wrong_unit_is_refused() -> None:
-    error = refusal(straight(0.25 * MAX_STATIONS * 1.01))
-    assert str(MAX_STATIONS) in error.expected
+    assert caught.value.field == field
+    assert all(part in caught.value.expected for part in parts)
 
 
 @pytest.mark.parametrize(
@@ -223,9 +129,6 @@ def test_malformed_paths_name_what_is_wrong(options: dict[str, np.ndarray], fiel
     with pytest.raises(ParameterError) as caught:
         CandidatePath("bad", **options)
     assert caught.value.field == field
-
-
-# ----------------------------------------------------------------------------- speed limits
 
 
 @given(
@@ -257,21 +160,6 @@ def test_resampling_never_raises_a_speed_limit(
     assert set(out) <= set(limit)
 
 
-def test_limits_are_not_spread_over_the_whole_path() -> None:
-    points = np.stack([np.linspace(0.0, 20.0, 11), np.zeros(11)], axis=1)
-    limit = np.where(np.arange(11) == 5, 1.0, 3.0)
-    path = resample(CandidatePath("l", points, speed_limit=limit), 0.25)
-    even, out = path.points, path.speed_limit
-    assert out is not None
-    low = even[out == 1.0, 0]
-    assert 7.5 <= low.min() <= 10.0
-    assert 10.0 <= low.max() <= 12.5
-    assert set(out) == {1.0, 3.0}
-
-
-# ------------------------------------------------------------------------------------ batch
-
-
 def test_a_batch_is_its_paths_side_by_side_padded_with_their_ends() -> None:
     paths = [straight(3.0, name="a"), arc(10.0, 0.1, name="b")]
     together = batch(paths, 0.25)
@@ -287,39 +175,10 @@ def test_a_batch_is_its_paths_side_by_side_padded_with_their_ends() -> None:
         assert np.all(together.x[n:, j] == alone[-1, 0])
 
 
-def test_even_paths_are_not_resampled() -> None:
-    points = arc(10.0, 0.1).points
-    noisy = CandidatePath("noisy", points + 0.01 * np.sin(np.arange(len(points)))[:, None])
-    even = resample(noisy, 0.25)
-    assert resample(even, 0.1) is even
-    together, alone = batch([even], 0.1), batch([noisy], 0.25)
-    np.testing.assert_array_equal(together.x, alone.x)
-    np.testing.assert_array_equal(together.y, alone.y)
-
-
-def test_paths_without_limits_are_free_among_those_that_have_some() -> None:
-    limited = straight(3.0, speed_limit=np.array([1.0, 2.0]))
-    limits = batch([straight(3.0), limited], 0.25).speed_limit
-    assert limits is not None
-    assert np.all(np.isinf(limits[:, 0]))
-    assert np.all(limits[:, 1] == 1.0)
-
-
-# ------------------------------------------------------------------------------------ noise
-
-
 @pytest.mark.parametrize("sigma", [0.01, 0.05, 0.2])
 def test_the_noise_of_a_path_is_estimated(sigma: float) -> None:
     points = circle(30.0, 0.1, 1.5, sigma=sigma, seed=1)
     assert noise(points) == pytest.approx(sigma, rel=0.15)
-
-
-def test_smooth_paths_have_no_noise_even_with_one_outlier() -> None:
-    points = circle(30.0, 0.1, 1.5)
-    assert noise(points) < 1e-5
-    points[200] += 0.5
-    assert noise(points) < 1e-5
-    assert noise(points[:7]) == 0.0
 
 
 @pytest.mark.parametrize("limited", [(False, False), (True, False), (False, True), (True, True)])

@@ -16,11 +16,13 @@ from slopewise.planner.path import batch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.plan import SpeedPlan, Status
-from tests.planner import generated
-from tests.planner.generated import Scene, between, complaints
-from tests.planner.scenes import Tables, ground_map, model_of
+from tests.world import generated
+from tests.world.generated import Scene, between, by_day_and_night, complaints
+from tests.world.ground import ground_map
+from tests.world.vehicles import Tables, model_of
 
 SEEN: Counter[str] = Counter()
+FEW = settings(max_examples=50)
 
 
 def planned(scene: Scene) -> SpeedPlan:
@@ -32,7 +34,7 @@ def planned(scene: Scene) -> SpeedPlan:
     return plan
 
 
-@settings(max_examples=200)
+@by_day_and_night(120, 10_000)
 @given(scene=generated.scenes())
 def test_no_plan_breaks_any_rule(scene: Scene) -> None:
     planned(scene)
@@ -46,27 +48,10 @@ def test_all_statuses_were_among_them() -> None:
     assert SEEN["ok"] + SEEN["blocked"] > 0.4 * SEEN.total()
 
 
-@pytest.mark.nightly
-@pytest.mark.timeout(6 * 3600)
-@settings(settings.get_profile("nightly"), max_examples=10_000)
-@given(scene=generated.scenes())
-def test_no_plan_breaks_any_rule_all_night(scene: Scene) -> None:
-    planned(scene)
-
-
-# -------------------------------------------------------------------------------- monotonicity
-
-
 def solve(
     tables: Tables, ground: ElevationMap, path: CandidatePath, **options: float
 ) -> TimeOptimalBatch:
-    part = batch([path], 0.25)
-    return time_optimal_batch(
-        ground,
-        part,
-        model_of(tables),
-        **options,
-    )
+    return time_optimal_batch(ground, batch([path], 0.25), model_of(tables), **options)
 
 
 def speeds(solved: TimeOptimalBatch) -> np.ndarray:
@@ -97,6 +82,7 @@ def drives(draw: st.DrawFn) -> tuple[Tables, ElevationMap, CandidatePath]:
 Drive = tuple[Tables, ElevationMap, CandidatePath]
 
 
+@FEW
 @given(drive=drives(), clear=between(0.0, 10.0), more=between(0.0, 5.0))
 def test_more_clear_distance_never_makes_it_slower(drive: Drive, clear: float, more: float) -> None:
     near, far = solve(*drive, clear=clear), solve(*drive, clear=clear + more)
@@ -104,6 +90,7 @@ def test_more_clear_distance_never_makes_it_slower(drive: Drive, clear: float, m
     assert far.bounds.clear_distance[0] >= near.bounds.clear_distance[0]
 
 
+@FEW
 @given(drive=drives(), weaker=between(0.5, 1.0))
 def test_a_weaker_brake_never_makes_it_faster(drive: Drive, weaker: float) -> None:
     tables, ground, path = drive
@@ -117,6 +104,7 @@ def test_a_weaker_brake_never_makes_it_faster(drive: Drive, weaker: float) -> No
     never_faster(weak, strong)
 
 
+@FEW
 @given(drive=drives(), edge=between(1.0, 10.0), more=between(0.0, 3.0))
 def test_unknown_ground_farther_away_never_makes_it_slower(
     drive: Drive, edge: float, more: float
@@ -153,6 +141,7 @@ def test_a_tighter_limit_never_makes_it_faster(drive: Drive, share: float, name:
     never_faster(solve(tight, ground, path), solve(tables, ground, path))
 
 
+@FEW
 @given(drive=drives(), slower=between(0.0, 2.0), faster=between(0.0, 2.0))
 def test_a_slower_start_is_never_ahead(drive: Drive, slower: float, faster: float) -> None:
     slower, faster = sorted((slower, faster))
@@ -160,18 +149,15 @@ def test_a_slower_start_is_never_ahead(drive: Drive, slower: float, faster: floa
     assert np.all(speeds(behind) <= speeds(ahead) + 1e-9)
 
 
-# ------------------------------------------------------------------------------------ symmetry
+OF_THE_WORLD = ("headwind", "directional_surface", "surface_patch")
+"""Effects that have a place or a direction."""
 
 
+@FEW
 @given(drive=drives())
 def test_mirrored_ground_has_the_mirrored_plan(drive: Drive) -> None:
     tables, ground, path = drive
-    # Wind and furrows have a fixed direction.
-    tables["effect"] = [
-        e
-        for e in tables["effect"]
-        if e["name"] not in ("headwind", "directional_surface", "surface_patch")
-    ]
+    tables["effect"] = [e for e in tables["effect"] if e["name"] not in OF_THE_WORLD]
     mirrored = ElevationMap(
         elevation=ground.elevation[::-1], resolution=ground.resolution, origin=ground.origin
     )
@@ -183,6 +169,7 @@ def test_mirrored_ground_has_the_mirrored_plan(drive: Drive) -> None:
     np.testing.assert_array_equal(there.bounds.barrier, here.bounds.barrier)
 
 
+@FEW
 @given(drive=drives(), quarter=st.integers(1, 3), shift=between(-500.0, 500.0))
 def test_turning_and_moving_the_whole_world_changes_nothing(
     drive: Drive, quarter: int, shift: float
@@ -190,11 +177,7 @@ def test_turning_and_moving_the_whole_world_changes_nothing(
     tables, ground, path = drive
     # A limit that changes at a point on a station holds there or not by the point's rounding.
     path = CandidatePath(path.name, path.points)
-    tables["effect"] = [
-        e
-        for e in tables["effect"]
-        if e["name"] not in ("headwind", "directional_surface", "surface_patch")
-    ]
+    tables["effect"] = [e for e in tables["effect"] if e["name"] not in OF_THE_WORLD]
     turned, points = ground, path.points
     for _ in range(quarter):
         x, _, _, y_max = turned.extent
@@ -216,6 +199,7 @@ def test_turning_and_moving_the_whole_world_changes_nothing(
     np.testing.assert_allclose(speeds(there), speeds(here), atol=1e-4)
 
 
+@FEW
 @given(scene=generated.scenes())
 def test_asking_twice_is_asking_once(scene: Scene) -> None:
     planner = CandidatePlanner(model_of(scene.tables), scene.settings)

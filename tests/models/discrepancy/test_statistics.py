@@ -19,15 +19,11 @@ from slopewise.models.discrepancy.model.prediction import predict
 from slopewise.models.discrepancy.progress import Progress, Stage
 from slopewise.models.discrepancy.search import screening
 from slopewise.models.discrepancy.search.locate import follow, part_of_axis
-from slopewise.models.discrepancy.search.refine import fit_with_noise, likely_scatter
+from slopewise.models.discrepancy.search.refine import fit_with_noise
 from slopewise.models.discrepancy.thresholds import Basis
-from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.parameters import Effect
-from tests.models.discrepancy.logs import log, table
-from tests.models.models_for_tests import BASE
-
-# ------------------------------------------------------------------------------ statistics
-
+from tests.world.logs import investigated, table
+from tests.world.vehicles import BASE
 
 BASIS = Hypothesis.configured(BASE)
 NOISE = Noise(0.03, 0.0, 0.05, 0.004, 0.02)
@@ -50,7 +46,7 @@ def test_whitened_residuals_are_independent_with_variance_one() -> None:
     stops = table("clean")
     white = whitener(stops, NOISE, BASIS)
     rows = []
-    for seed in range(60):
+    for seed in range(30):
         stds = sampled(BASIS, NOISE, seed)
         fall = np.einsum("skm,sm->sk", stops.average, predict(stops, BASIS))
         left = np.where(stops.spread > 0.0, stds.binned - stops.held[:, None] + fall, 0.0)
@@ -59,7 +55,7 @@ def test_whitened_residuals_are_independent_with_variance_one() -> None:
         used = (stops.spread > 0.0).sum(axis=1)
         # The level is free, so one number per stop carries no information; friction is separate.
         assert np.mean(within**2) * within[:, :, 0].size / (used.sum() - 2 * len(used)) < 1.2
-    assert np.var(rows) == pytest.approx(1.0, abs=0.08)
+    assert np.var(rows) == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_noise_is_estimated() -> None:
@@ -68,21 +64,14 @@ def test_the_noise_is_estimated() -> None:
     assert noise.scatter == pytest.approx(NOISE.scatter, rel=0.35)
 
 
-def test_scatter_of_known_numbers() -> None:
-    rng = np.random.default_rng(1)
-    power = np.full(4000, 2.0e4)
-    between = np.sqrt(1.0 + 0.02**2 * power) * rng.standard_normal(4000)
-    assert likely_scatter(between, power) == pytest.approx(0.02, rel=0.04)
-
-
 def test_intervals_of_a_lag_cover() -> None:
     truth = BASIS.plus(Effect(name="brake_lag", parameters={"tau": 0.15}))
     inside = 0
-    for seed in range(40):
+    for seed in range(20):
         noise = fit_with_noise(sampled(truth, NOISE, 100 + seed), truth)
         error = noise.hypothesis.free[BASE_NUMBERS] - 0.15
         inside += bool(abs(error) < 1.96 * np.sqrt(noise.covariance[BASE_NUMBERS, BASE_NUMBERS]))
-    assert inside >= 34  # 95 % of 40 is 38; fewer than 34 has a chance of 1 in 50
+    assert inside >= 16  # 95 % of 20 is 19; fewer than 16 has a chance of 1 in 300
 
 
 def test_the_threshold_is_that_of_the_largest_of_many() -> None:
@@ -103,46 +92,8 @@ def test_a_permuted_axis_is_followed_only_where_it_matters() -> None:
     assert low < high
 
 
-# ------------------------------------------------------------------------------ thresholds
-
-
 PACKAGE = Path(discrepancy.__file__).parent
 MODULES = sorted(p for p in PACKAGE.rglob("*.py") if p.name not in ("thresholds.py", "settings.py"))
-OF_SINGLE_EFFECTS = {
-    "USUAL",
-    "_SCALES",
-    "_NUMBERS",
-    "_LAGS",
-    "_COOLING",
-    "_WINDS",
-    "_HEADINGS",
-    "_CAPS",
-    "_LEAST_FRICTION",
-    "_LATTICE",
-    "_RADII",
-    "_TRIES",
-    "_FEWEST",
-    "_STRAIGHT",
-}
-"""Sizes and grids of one effect, which stand with it."""
-
-
-def chosen_numbers(path: Path) -> list[str]:
-    """Constants of a module that are or hold a number beyond 0, 1 and 2."""
-    constants = []
-    for node in ast.parse(path.read_text()).body:
-        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
-            continue
-        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-        names = [n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)]
-        numbers = [
-            n.value
-            for n in ast.walk(node.value)
-            if isinstance(n, ast.Constant) and isinstance(n.value, int | float)
-        ]
-        if any(n not in (0, 1, 2) for n in numbers) and not OF_SINGLE_EFFECTS & set(names):
-            constants += names
-    return constants
 
 
 def test_every_threshold_has_its_fields():
@@ -160,11 +111,6 @@ def test_every_constant_of_the_table_is_a_row():
     assert constants == {row.name for row in thresholds.table()}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(PACKAGE).as_posix())
-def test_modules_keep_no_numbers_of_their_own(path: Path):
-    assert chosen_numbers(path) == []
-
-
 def test_every_threshold_is_read():
     read = {
         alias.name
@@ -176,12 +122,8 @@ def test_every_threshold_is_read():
     assert {row.name for row in thresholds.table()} == read
 
 
-# -------------------------------------------------------------------------------- progress
-
-
 def test_each_hundredth_is_reported_once() -> None:
-    reported: list[int] = []
-    investigate(*log("clean"), BASE, advance=reported.append)
+    reported = investigated("clean")[2]
     assert min(reported) > 0
     assert sum(reported) == Stage.FINDINGS == 100
 

@@ -2,41 +2,16 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from slopewise.models.discrepancy.findings import Findings, Verdict
+from slopewise.models.discrepancy.findings import Verdict
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.errors import ParameterError
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
-from tests.models.discrepancy.logs import WORLDS, log
-from tests.models.models_for_tests import BASE
-
-LONG_LOGS = {"places": 90, "lag_and_drag": 90}
-"""Stops of logs that need more than the others."""
-
-
-@cache
-def findings_of(name: str) -> Findings:
-    return investigate(*log(name, stops=LONG_LOGS.get(name, 48)), BASE, source="test")
-
-
-def test_a_log_that_the_model_explains_lacks_nothing() -> None:
-    f = findings_of("clean")
-    assert f.verdict is Verdict.NONE
-    assert f.effects == ()
-    assert f.added == ()
-    assert f.model == BASE  # the offset of 0.2 m covers this log
-    assert f.gap.closed is None  # nothing to close: no percentage
-
-
-def test_ground_that_waves_is_no_effect_of_crests() -> None:
-    f = findings_of("waves")
-    assert f.verdict is Verdict.NONE
-    assert f.effects == ()
+from tests.world.logs import WORLDS, by_day_or_night, findings_of, log
+from tests.world.vehicles import BASE
 
 
 def test_other_coefficients_are_drift_and_no_effect() -> None:
@@ -53,43 +28,52 @@ def test_other_coefficients_are_drift_and_no_effect() -> None:
     assert f.stop_distance.closed > 0.9
 
 
-@pytest.mark.parametrize(
-    ("name", "effect"),
-    [
-        ("drag", "aerodynamic_drag"),
-        ("lag", "brake_lag"),
-        ("lockup", "wheel_lockup"),
-        ("cross", "cross_slope"),
-        ("step", "step_change"),
-        ("patch", "surface_patch"),
-        ("crests", "crest_unloading"),
-    ],
-)
-def test_the_hidden_effect_is_named_with_its_numbers(name: str, effect: str) -> None:
+@pytest.mark.parametrize("name", by_day_or_night("clean", "waves", "build_up"))
+def test_a_log_that_the_model_explains_lacks_nothing(name: str) -> None:
+    """Nor are waves of the ground an effect of crests, or a build-up of milliseconds a lag."""
     f = findings_of(name)
+    assert f.verdict is Verdict.NONE
+    assert f.effects == f.added == f.model.effect == f.changes == ()
+    if name == "clean":
+        assert f.model == BASE  # the offset of 0.2 m covers this log
+        assert f.gap.closed is None  # nothing to close: no percentage
+
+
+@pytest.mark.parametrize(
+    "name",
+    by_day_or_night(
+        "drag", "lag", "lockup", "cross", "step", "patch", "fade", "crests", "lag_and_drag", "pair"
+    ),
+)
+def test_the_hidden_effects_are_named_with_their_numbers(name: str) -> None:
+    f, truth = findings_of(name), WORLDS[name].effects
     assert f.verdict is Verdict.MISSING_EFFECT
-    assert [e.name for e in f.effects] == [effect]
+    assert {e.name for e in f.effects} == set(truth)
     # A build-up of the brakes may be fitted along, which none of these worlds has.
-    remaining_effects = [e for e in f.model.effect if e.name != effect]
-    assert len(f.model.effect) - len(remaining_effects) == 1
-    assert all(e.name == "brake_lag" and e.parameters["tau"] < 0.03 for e in remaining_effects)
-    assert f.effects[0].confidence > 0.9
-    truth = WORLDS[name].effects[effect]
-    for parameter, value in f.effects[0].parameters.items():
-        # The edge of a patch is known only as far as stops cross it; a change, to a run.
-        if parameter not in ("x", "y", "radius", "run"):
-            assert abs(value.value - truth[parameter]) < 4.0 * value.std, parameter
-    if effect == "step_change":
-        assert abs(f.effects[0].parameters["run"].value - truth["run"]) <= 2.0
+    further = [e for e in f.model.effect if e.name not in truth]
+    assert len(f.model.effect) - len(further) == len(truth)
+    assert all(e.name == "brake_lag" and e.parameters["tau"] < 0.03 for e in further)
+    for e in f.effects:
+        assert e.confidence > 0.9 or len(truth) > 1
+        for parameter, value in e.parameters.items():
+            true = truth[e.name][parameter]
+            # The edge of a patch is known only as far as stops cross it; a change, to a run.
+            if parameter not in ("x", "y", "radius", "run") and (name, parameter) != (
+                "fade",
+                "tau",
+            ):
+                loose = 0.1 * abs(true) if len(truth) > 1 else 0.0
+                assert abs(value.value - true) < 4.0 * value.std + loose, parameter
+    if name == "step":
+        assert abs(f.effects[0].parameters["run"].value - truth["step_change"]["run"]) <= 2.0
+    if name in ("lag", "step", "lockup"):
+        # Weaker brakes make the next stop longer.
+        level = GroundTrack.of_grade(-0.1)
+        before, after = (simulate_stop(m, level, 3.5).distance for m in (BASE, f.model))
+        assert after > before + 0.05
 
 
-def test_fade_is_distinguished_from_drag_by_the_heat_of_earlier_stops() -> None:
-    f = findings_of("fade")
-    assert f.effects[0].name == "brake_fade"
-    k = f.effects[0].parameters["k"]
-    assert abs(k.value - 0.012) < 4.0 * k.std
-
-
+@pytest.mark.nightly
 def test_a_surface_in_two_places_is_named_twice() -> None:
     f = findings_of("places")
     assert f.verdict is Verdict.MISSING_EFFECT
@@ -103,22 +87,6 @@ def test_a_surface_in_two_places_is_named_twice() -> None:
         assert near[0]["delta"] == pytest.approx(first["delta"], abs=0.03)
 
 
-def test_a_lag_and_a_drag_are_distinguished_by_the_traces() -> None:
-    f = findings_of("lag_and_drag")
-    assert f.verdict is Verdict.MISSING_EFFECT
-    assert {e.name for e in f.effects} == {"brake_lag", "aerodynamic_drag"}
-    for e in f.effects:
-        for name, value in e.parameters.items():
-            truth = WORLDS["lag_and_drag"].effects[e.name][name]
-            assert abs(value.value - truth) < 4.0 * value.std + 0.1 * truth, (e.name, name)
-
-
-def test_a_build_up_of_milliseconds_is_too_small_for_a_name() -> None:
-    f = findings_of("build_up")
-    assert f.verdict is Verdict.NONE
-    assert f.model.effect == ()
-
-
 def test_a_log_in_which_nothing_could_show_is_too_noisy() -> None:
     f = findings_of("noisy")
     assert f.verdict is Verdict.TOO_NOISY
@@ -127,6 +95,7 @@ def test_a_log_in_which_nothing_could_show_is_too_noisy() -> None:
     assert "ten times" in f.next_experiment.text
 
 
+@pytest.mark.nightly
 def test_what_is_practical_is_up_to_the_user() -> None:
     columns, runs = log("cross")
     coarse = investigate(columns, runs, BASE, settings=DiscrepancySettings(practical_share=0.5))
@@ -134,7 +103,7 @@ def test_what_is_practical_is_up_to_the_user() -> None:
     assert any("cross_slope was seen for certain" in note for note in coarse.notes)
 
 
-@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize("name", by_day_or_night(*WORLDS))
 def test_no_name_makes_held_out_stops_worse(name: str) -> None:
     f = findings_of(name)
     assert f.gap.worse <= 1.0
@@ -152,16 +121,9 @@ def test_the_cost_is_that_of_a_stop_and_the_changes_are_those_of_the_file() -> N
     # Weaker by 15 % of the force, of which the slope takes a good part.
     assert 1.15 < f.cost.after / f.cost.before < 2.5
     assert any(change.startswith("step_change added") for change in f.changes)
-    assert findings_of("clean").changes == ()
 
 
-def test_two_effects_are_both_named() -> None:
-    f = findings_of("pair")
-    assert f.verdict is Verdict.MISSING_EFFECT
-    assert {e.name for e in f.effects} == {"brake_lag", "directional_surface"}
-
-
-@pytest.mark.parametrize("name", ["drag", "cross", "step", "pair"])
+@pytest.mark.parametrize("name", by_day_or_night("drag", "cross", "step", "pair"))
 def test_the_gap_closes_on_stops_held_out(name: str) -> None:
     f = findings_of(name)
     assert f.gap.closed is not None
@@ -219,22 +181,9 @@ def test_drag_in_slow_stops_is_ambiguous_and_an_experiment_is_proposed() -> None
     assert min(speeds) > np.median(columns["v_cmd"][columns["v_cmd"] > 0.0])
 
 
-def test_weaker_brakes_make_the_next_stop_longer() -> None:
-    level = GroundTrack.of_grade(-0.1)
-    before = simulate_stop(BASE, level, 3.5).distance
-    for name in ("lag", "step", "lockup"):
-        assert simulate_stop(findings_of(name).model, level, 3.5).distance > before + 0.05, name
-
-
 def test_a_second_run_with_the_written_model_finds_no_further_effect() -> None:
     again = investigate(*log("cross"), findings_of("cross").model)
     assert again.verdict is Verdict.NONE
-
-
-def test_the_same_log_has_the_same_findings() -> None:
-    again = investigate(*log("cross"), BASE, source="test")
-    assert again.model == findings_of("cross").model
-    assert again.located == findings_of("cross").located
 
 
 def test_too_few_stops_are_an_error_that_counts_them() -> None:

@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from docs.site import laws
 from slopewise.models import effects
 from slopewise.models.discrepancy.data.stop_ground import ground_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import predict
 from slopewise.models.discrepancy.search.axes import axes_of
-from slopewise.models.discrepancy.search.candidates import EffectColumn, candidates
+from slopewise.models.discrepancy.search.candidates import candidates
 from slopewise.models.discrepancy.search.refine import fit_base, start_of, with_build_up
 from slopewise.models.effects.effect_law import CHANNELS, EffectLaw, Enters, Place
 from slopewise.models.effects.registry import (
@@ -31,27 +30,13 @@ from slopewise.models.effects.registry import (
 from slopewise.models.parameters import Effect
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from slopewise.planner.kernels.motion_laws import motion_deceleration as compiled_deceleration
-from tests.models.discrepancy.logs import table
-from tests.models.effects.formulas import FORMULAS, Moment
-from tests.models.models_for_tests import BASE, with_effect
+from tests.world.formulas import FORMULAS, Moment
+from tests.world.logs import table
+from tests.world.vehicles import BASE, with_effect
 
 ROOT = Path(__file__).parents[3]
 PRODUCT = ("models", "planner", "services")
 ALL = pytest.mark.parametrize(("name", "law"), LAWS.items())
-MOMENT = Moment(
-    grade=0.1,
-    roll=-0.05,
-    x=3.0,
-    y=4.0,
-    yaw=0.7,
-    session_time=60.0,
-    force=0.4,
-    speed=2.0,
-    curvature=0.2,
-    vertical_curvature=-0.1,
-    since_onset=0.1,
-    heat=200.0,
-)
 
 
 def some(law: EffectLaw) -> dict[str, float]:
@@ -62,29 +47,6 @@ def some(law: EffectLaw) -> dict[str, float]:
         value = p.default if p.default is not None else 0.25
         values[name] = min(max(value, low), high)
     return values | ({"radius": 30.0} if "radius" in law.parameters else {})
-
-
-@ALL
-def test_its_law_is_the_same_for_floats_and_arrays(name: str, law: EffectLaw) -> None:
-    values = some(law).values()
-    given = channels(law, MOMENT)
-    number = law.law(*given, *values)
-    assert np.ndim(number) == 0
-    assert np.isfinite(number)
-
-    def grown(value: float) -> np.ndarray:
-        return np.full((2, 3), value)
-
-    if isinstance(given[0], Place):
-        given = (Place(*map(grown, given[0])),)
-    else:
-        given = tuple(map(grown, given))
-    array = np.asarray(law.law(*given, *values))
-    np.testing.assert_array_equal(array, np.full((2, 3), number))
-    arguments = list(inspect.signature(law.law).parameters)[len(channels(law, MOMENT)) :]
-    if law.enters is not Enters.CAP and law.enters is not Enters.CREST:  # laws of models.laws
-        used = list(law.parameters)[: len(arguments)]
-        assert arguments == used, "parameters come in the order of the law"
 
 
 def channels(law: EffectLaw, m: Moment) -> tuple[Any, ...]:
@@ -222,13 +184,6 @@ def test_its_column_is_the_slope_of_the_prediction(name: str, law: EffectLaw) ->
     assert np.max(np.abs(change - columns[:, :, i])[moving]) < loose * scale
 
 
-@ALL
-def test_the_documentation_lists_it(name: str, law: EffectLaw) -> None:
-    rows = laws.effects_page().splitlines()
-    row = next(line for line in rows if line.startswith(f"| `{name}` |"))
-    assert all(f"`{key}`" in row for key in law.parameters)
-
-
 def test_every_file_of_the_folder_is_registered() -> None:
     folder = Path(effects.__file__).parent
     helpers = {"__init__", "registry", "effect_law", "stops_seen"}
@@ -245,14 +200,6 @@ def test_compiled_motion_laws_are_those_of_python() -> None:
             want = motion_deceleration(abs(speed), curvature, yaw, terms)
             got = compiled_deceleration(abs(speed), curvature, yaw, terms)
             assert got == pytest.approx(want, rel=1e-14, abs=1e-14)
-
-
-def test_a_column_makes_the_effect_with_its_strength() -> None:
-    name = next(name for name, law in LAWS.items() if law.search and law.search.offset)
-    search = LAWS[name].search
-    assert search is not None
-    effect = EffectColumn(name, {"run": 3.0}).effect(-0.25)
-    assert effect.parameters[search.strength] == search.offset - 0.25
 
 
 def _literals(file: Path) -> Iterator[tuple[int, str]]:

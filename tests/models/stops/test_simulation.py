@@ -14,9 +14,8 @@ from slopewise.models.stops.simulation import (
     RunChannels,
     replay,
     simulate_stop,
-    stop_commands,
 )
-from tests.models.models_for_tests import BASE, with_braking, with_effect
+from tests.world.vehicles import BASE, with_braking, with_effect
 
 G = 9.80665
 LEVEL = GroundTrack.of_grade(0.0)
@@ -35,29 +34,11 @@ def test_level_ground_is_the_closed_form(speed: float) -> None:
     assert stop.time[-1] == pytest.approx(0.3 + speed / a, abs=1e-6)
 
 
-def test_below_the_trained_speeds_the_coefficients_stay() -> None:
-    a = G * level_force(1.0)
-    stop = simulate_stop(BASE, LEVEL, 0.5)
-    assert stop.distance == pytest.approx(0.15 + 0.25 / (2.0 * a), abs=1e-7)
-
-
 @pytest.mark.parametrize("grade", [-0.2, 0.15])
 def test_constant_slope(grade: float) -> None:
     a = G * ((-0.03 * 3.0 - 0.35) * grade + level_force(3.0) + math.sin(grade))
     stop = simulate_stop(BASE, GroundTrack.of_grade(grade), 3.0)
     assert stop.distance == pytest.approx(0.9 + 9.0 / (2.0 * a), abs=1e-6)
-
-
-def test_varying_slope_is_the_energy_balance() -> None:
-    # With coefficients that do not depend on speed, v²/2 = ∫ a ds; at standstill it is spent.
-    model = with_braking(m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.4, dead_time=0.0)
-    station = np.linspace(0.0, 10.0, 21)
-    grade = 0.15 * np.sin(station)
-    zero = np.zeros_like(station)
-    stop = simulate_stop(model, GroundTrack(station, grade, zero, zero, zero, zero, zero), 3.0)
-    s = np.linspace(0.0, stop.distance, 20001)
-    spent = np.trapezoid(G * (0.4 + np.sin(np.interp(s, station, grade))), s)
-    assert spent == pytest.approx(4.5, abs=1e-5)
 
 
 def test_drag_is_the_logarithm() -> None:
@@ -99,31 +80,6 @@ def test_fade_weakens_the_next_stop_and_cools() -> None:
     second = simulate_stop(model, LEVEL, 4.0, heat=first.heat)
     assert first.heat == pytest.approx(8.0, rel=0.05)  # v²/2 per mass, a little of it cooled
     assert second.distance > first.distance + 0.1
-
-
-@pytest.mark.parametrize(
-    ("name", "parameters", "longer"),
-    [
-        ("grade_asymmetry", {"k": 0.5}, False),
-        ("grade_nonlinearity", {"k": -2.0}, True),
-        ("cross_slope", {"k": -0.5}, True),
-        ("surface_patch", {"delta": -0.2, "x": 0.0, "y": 0.0, "radius": 9.0}, True),
-        ("directional_surface", {"k": 0.1, "direction": 0.0}, False),
-        ("step_change", {"scale": 0.8, "run": 3.0}, True),
-        ("step_change", {"delta": -0.1}, True),
-        ("turning_resistance", {"k": 0.5}, False),
-        ("headwind", {"c": 0.05, "wind": -8.0, "direction": 0.0}, True),
-        ("headwind", {"c": 0.05, "wind": 8.0, "direction": 0.0}, False),
-    ],
-)
-def test_each_effect_acts_in_its_direction(
-    name: str, parameters: dict[str, float], longer: bool
-) -> None:
-    zero = np.zeros(1)
-    track = GroundTrack(zero, zero + 0.1, zero + 0.1, zero, zero + 0.3, zero, zero)
-    plain = simulate_stop(BASE, track, 3.0).distance
-    changed = simulate_stop(with_effect(name, **parameters), track, 3.0).distance
-    assert (changed > plain + 0.01) if longer else (changed < plain - 0.01)
 
 
 def test_brakes_that_do_not_hold_never_stop() -> None:
@@ -172,10 +128,3 @@ def test_replay_reads_crests_from_their_column() -> None:
     fall = math.atanh(root * 3.0) - root * force * np.maximum(run.time - 2.3, 0.0)
     true = np.tanh(np.maximum(fall, 0.0)) / root
     np.testing.assert_allclose(replay(light, crest), true, atol=3e-4)
-
-
-def test_stop_commands_need_a_rolling_vehicle() -> None:
-    t = np.arange(0.0, 3.0, 0.1)
-    command = np.where((t > 1.0) & (t < 2.0), 0.0, 1.0)
-    assert stop_commands(t, np.ones_like(t), command) == [11]
-    assert stop_commands(t, np.zeros_like(t), command) == []

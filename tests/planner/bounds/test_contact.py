@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 
 from slopewise.models.arrays import Floats
 from slopewise.models.laws import (
@@ -26,7 +25,7 @@ from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
 from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
-from tests.planner.scenes import G, model_of, tables_with
+from tests.world.vehicles import G, model_of, tables_with
 
 SCENES, STATIONS, STEP = 800, 8, 500.0
 HERE = 1
@@ -131,18 +130,6 @@ def test_crests_are_passed_as_fast_as_wheels_and_brakes_keep_enough() -> None:
     np.testing.assert_allclose(bounds.speed_sq_max[HERE][crested], expected[crested], rtol=1e-9)
 
 
-@pytest.mark.parametrize("radius", [3.0, 6.0, 15.0])
-def test_no_crest_is_passed_where_the_vehicle_would_fly(radius: float) -> None:
-    scene = sampled(0) | {"vertical_curvature": np.full(SCENES, -1.0 / radius)}
-    _, _, bounds = bounds_of(
-        scene, limits={"min_load": 1e-3}, braking={"b_b": 40.0, "b_m": 0.0}, vehicle={"cg_z": 1e-4}
-    )
-    flying = G * radius
-    speed_sq = bounds.speed_sq_max[HERE, 0]
-    # With next to nothing to keep on the wheels it is what the brakes keep: four fifths.
-    assert speed_sq == pytest.approx(0.8 * flying, rel=0.01)
-
-
 def test_dips_are_passed_at_the_vertical_acceleration() -> None:
     scene = sampled(2, grade=(-0.2, 0.2), vertical_curvature=(0.02, 1.0))
     model, _, bounds = bounds_of(scene)
@@ -194,14 +181,6 @@ def test_turns_on_banks_share_the_friction_with_the_brakes() -> None:
     assert np.all(counted[mine] <= left[mine] * (1.0 + 1e-9) + 1e-9)
 
 
-def test_on_a_side_slope_of_fifteen_degrees_little_is_left_to_brake_with() -> None:
-    """μ = 0.35 leaves 0.22 W, not 0.34 W."""
-    scene = sampled(0) | {"roll": np.full(SCENES, np.radians(15.0))}
-    _, ground, bounds = bounds_of(scene, braking={"sliding_friction": 0.35, "b_m": 0.0})
-    assert ground.lower_intercept[HERE, 0] == pytest.approx(0.35 * np.cos(np.radians(15.0)))
-    assert bounds.ground.lower_intercept[HERE, 0] == pytest.approx(0.2157, rel=0.01)
-
-
 def test_no_axle_is_counted_on_beyond_its_lock_up() -> None:
     scene = sampled(4, grade=(-0.2, 0.2), roll=(-0.1, 0.1))
     changes = {"drive": "ackermann", "front_brake_share": 0.7}
@@ -242,49 +221,3 @@ def test_no_stop_ends_where_brakes_or_friction_do_not_hold() -> None:
     assert not blocked[easy].any()
     reasons = {Limiting(int(code)) for code in bounds.barrier[blocked]}
     assert {Limiting.HOLDING, Limiting.FRICTION} <= reasons
-
-
-@pytest.mark.parametrize(("grade_deg", "stops_there"), [(7.5, True), (8.5, False), (13.0, False)])
-def test_brakes_that_hold_eight_degrees_do_not_rest_on_thirteen(
-    grade_deg: float, stops_there: bool
-) -> None:
-    scene = sampled(0) | {"grade": np.full(SCENES, np.radians(grade_deg))}
-    _, _, bounds = bounds_of(scene, braking={"b_b": float(np.sin(np.radians(8.0))), "b_m": 0.0})
-    assert (bounds.barrier_station[0] > HERE) == stops_there
-    if not stops_there:
-        assert Limiting(int(bounds.barrier[0])) is Limiting.HOLDING
-
-
-def test_thrust_is_limited_by_friction_too() -> None:
-    scene = sampled(6, grade=(0.0, 0.15))
-    _, _, bounds = bounds_of(
-        scene, braking={"sliding_friction": 0.4}, limits=FREE["limits"] | {"accel": 50.0}
-    )
-    grade = scene["grade"]
-    demand = np.sin(grade) + 0.13 * np.cos(grade)
-    max_accel = G * (0.4 * np.cos(grade) - demand)
-    assert np.all(bounds.accel_max[HERE] <= max_accel + 1e-9)
-    np.testing.assert_allclose(bounds.accel_max[HERE], max_accel, rtol=0.01, atol=0.02)
-
-
-def test_a_wheel_that_lifts_is_seen_though_axle_and_side_are_fine() -> None:
-    """Downhill, braking, across: where the light axle and the light side meet, nothing is left."""
-    scene = sampled(0) | {"roll": np.full(SCENES, 0.24), "grade": np.full(SCENES, -0.15)}
-    changes = {"vehicle": {"cg_z": 1.0}, "limits": {"min_load": 0.1}}
-    model, _, bounds = bounds_of(scene, **changes)
-    v = model.vehicle
-    force = float(braking.force_ratio(-0.15, 0.0, 0.0, -0.35, 0.0, 0.40))
-    rear = float(np.cos(0.15) * np.cos(0.24)) - v.cg_z / (v.wheelbase - v.cg_x) * force
-    side = float(wheel_loads.left_load_share(-0.15, 0.24, 0.0, v.track_width, v.cg_z))
-    assert min(rear, side) > 0.1
-    assert rear + side - np.cos(0.15) * np.cos(0.24) < 0.1
-    assert bounds.barrier_station[0] == 0
-    assert Limiting(int(bounds.barrier[0])) is Limiting.ROLLOVER
-
-
-def test_unknown_friction_bounds_nothing() -> None:
-    scene = sampled(7, grade=(-0.2, 0.2), roll=(-0.2, 0.2), curvature=(-0.3, 0.3))
-    _, ground, bounds = bounds_of(scene)
-    assert ground.friction is None
-    assert not (bounds.limiting == int(Limiting.FRICTION)).any()
-    assert not (bounds.barrier == int(Limiting.FRICTION)).any()

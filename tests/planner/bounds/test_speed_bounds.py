@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.laws import (
     braking,
@@ -23,35 +21,12 @@ from slopewise.models.laws import (
 )
 from slopewise.models.parameters import Model
 from slopewise.planner.bounds.pointwise import HOLDING
-from slopewise.planner.bounds.speed_bounds import STOP_GUARD, SpeedBounds, speed_bounds
-from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
-from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import batch
-from tests.planner.scenes import G, Tables, ground_map, model_of, plane, straight, tables_with
+from tests.world.ground import plane, straight
+from tests.world.stages import bounds_of
+from tests.world.vehicles import G, Tables, model_of, tables_with
 
 FAR = 80.0
-Bounded = tuple[TerrainProfile, BrakingGround, SpeedBounds]
-
-
-def bounds_of(
-    model: Model,
-    elevation_map: ElevationMap,
-    *paths: CandidatePath,
-    spacing: float = 0.25,
-    clear: float = np.inf,
-    curvature: float | None = None,
-    speed_limit: np.ndarray | None = None,
-) -> Bounded:
-    """Bounds along paths; a straight one may be given the curvature, grade and roll of a circle."""
-    side = batch(list(paths) or [straight(20.0)], spacing)
-    v = model.vehicle
-    profile = terrain_profile(elevation_map, side.x, side.y, side.count, v.wheelbase, v.track_width)
-    if curvature is not None:
-        profile = dataclasses.replace(profile, curvature=np.full_like(profile.x, curvature))
-    ground = ground_along(profile, model, elevation_map.class_names)
-    clearance = np.full(side.x.shape[1], clear)
-    return profile, ground, speed_bounds(profile, ground, model, clearance, speed_limit)
 
 
 def tilted(grade: float, roll: float, heading: float = 0.0) -> ElevationMap:
@@ -59,9 +34,6 @@ def tilted(grade: float, roll: float, heading: float = 0.0) -> ElevationMap:
     rise, cross = np.tan(grade), np.tan(roll) / np.cos(grade)
     cosine, sine = np.cos(heading), np.sin(heading)
     return plane(rise * cosine - cross * sine, rise * sine + cross * cosine, x=(-3.0, FAR + 3.0))
-
-
-# ------------------------------------------------ parity with the laws, station by station
 
 
 def allowed_speed(model: Model, grade: float, roll: float, curvature: float) -> dict[str, float]:
@@ -230,263 +202,70 @@ def test_ground_blocks_the_path_exactly_where_the_laws_do(
         assert bounds.barrier_station[0] == profile.count[0]
 
 
-def edge_of(
-    tables: Tables, label: str, along: str, start: float, end: float, second: float
-) -> float:
-    """Grade or roll from which this bound (or "a|b") blocks the path, by bisection."""
-    model = model_of(tables)
+LONG = {"cg_z": 0.5, "wheelbase": 4.0, "cg_x": 2.0, "max_drive_force": 9000.0}
+TALL = {"cg_z": 0.6, "track_width": 3.0, "max_drive_force": 9000.0}
+
+
+def edge(label: str, along: str, end: float, second: float = 0.0, **tables: Any) -> Any:
+    tables["braking"] = {"grade_range": [-1.0, 1.0], "b_m": 0.0} | tables.get("braking", {})
+    if tables.get("vehicle", {}).get("track_width"):
+        tables["terrain"] = {"slip_track": 3.0}
+    return pytest.param(tables, label, along, end, second, id=f"{label} {along} {end}")
+
+
+@pytest.mark.parametrize(
+    ("tables", "label", "along", "end", "second"),
+    [
+        # Spare load of a side less the missing load of the axle, while the vehicle brakes.
+        *(
+            edge("rollover", "roll", side, g, vehicle=LONG, limits={"min_load": 0.4})
+            for side in (-0.9, 0.9)
+            for g in (-0.35, 0.35)
+        ),
+        edge(
+            "tip_over",
+            "grade",
+            -0.6,
+            vehicle=TALL,
+            limits={"min_load": 0.25},
+            braking={"b_b": 0.45, "b_m": -0.3},
+        ),
+        edge("tip_over", "grade", 0.6, vehicle=TALL | {"cg_x": 0.35}, limits={"min_load": 0.4}),
+        edge("traction", "grade", 0.6, vehicle={"max_drive_force": 1500.0}),
+        # Brakes have to hold at their weakest speed.
+        edge("stopping_path|holding", "grade", -0.6, braking={"b_b": 0.3, "m_b": 0.05}),
+        edge("stopping_path|holding", "grade", -0.6, braking={"b_b": 0.3, "m_b": -0.05}),
+        # Brakes too weak to tip the vehicle: it tips standing still.
+        edge(
+            "tip_over|holding|stopping_path",
+            "grade",
+            -0.6,
+            vehicle=TALL | {"cg_z": 1.1},
+            braking={"b_b": 0.05, "m_b": 0.0, "m_m": 0.0},
+            limits={"min_load": 0.4},
+        ),
+    ],
+)
+def test_the_steepest_slope_is_that_of_the_laws(
+    tables: Tables, label: str, along: str, end: float, second: float
+) -> None:
+    model, start = model_of(tables_with(**tables)), 0.0
+
+    def tilt(value: float) -> tuple[float, float]:
+        return (value, second) if along == "grade" else (second, value)
 
     def is_blocked(value: float) -> bool:
-        tilt = (value, second) if along == "grade" else (second, value)
-        _, _, bounds = bounds_of(model, tilted(*tilt), straight(3.0))
+        _, _, bounds = bounds_of(model, tilted(*tilt(value)), straight(3.0))
         if bounds.barrier_station[0] > 0:
             return False
         assert Limiting(int(bounds.barrier[0])).label in label.split("|")
         return True
 
     assert not is_blocked(start)
-    for _ in range(40):
+    for _ in range(30):
         middle = 0.5 * (start + end)
         start, end = (start, middle) if is_blocked(middle) else (middle, end)
-    return start
-
-
-WIDE = {"grade_range": [-1.0, 1.0]}
-
-
-@pytest.mark.parametrize("grade", [-0.35, 0.0, 0.35])
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_the_steepest_cross_slope_is_that_of_the_lightest_wheel(grade: float, side: float) -> None:
-    """Spare load of a side less the missing load of the axle, while the vehicle brakes."""
-    tables = tables_with(
-        braking=WIDE | {"b_b": 0.5, "b_m": 0.0},
-        vehicle={"cg_z": 0.5, "wheelbase": 4.0, "cg_x": 2.0, "max_drive_force": 9000.0},
-        limits={"min_load": 0.4},
-    )
-    roll = edge_of(tables, "rollover", "roll", 0.0, side * 0.9, grade)
-    share = wheel_loads.left_load_share if side > 0.0 else wheel_loads.right_load_share
-    force = float(braking.force_ratio(grade, 1.0, -0.03, 0.0, 0.015, 0.5))
-    axle = min(
-        tip_over.rear_share_under_braking(grade, roll, force, 4.0, 2.0, 0.5),
-        wheel_loads.rear_load_share(grade, roll, 0.0, 4.0, 2.0, 0.5),
-        wheel_loads.front_load_share(grade, roll, 0.0, 4.0, 2.0, 0.5),
-    )
-    wheel = axle + share(grade, roll, 0.0, 1.0, 0.5) - np.cos(grade) * np.cos(roll)
-    assert wheel == pytest.approx(0.4, abs=1e-6)
-
-
-@pytest.mark.parametrize("roll", [0.0])
-def test_the_steepest_descent_is_that_of_the_rear_load_while_braking(roll: float) -> None:
-    tables = tables_with(
-        braking=WIDE | {"b_b": 0.45, "b_m": -0.3},
-        vehicle={"cg_z": 0.6, "track_width": 3.0},
-        terrain={"slip_track": 3.0},
-        limits={"min_load": 0.25},
-    )
-    grade = edge_of(tables, "tip_over", "grade", 0.0, -0.6, roll)
-    force = float(braking.force_ratio(grade, 1.0, -0.03, -0.3, 0.015, 0.45))
-    share = tip_over.rear_share_under_braking(grade, roll, force, 1.2, 0.6, 0.6)
-    assert share == pytest.approx(0.25, abs=1e-6)
-
-
-def test_brakes_too_weak_to_tip_the_vehicle_do_not_keep_a_slope_from_doing_it() -> None:
-    """On the steepest slope it tips standing still, with any brakes."""
-    tables = tables_with(
-        braking=WIDE | {"b_b": 0.05, "b_m": 0.0, "m_b": 0.0, "m_m": 0.0},
-        vehicle={"cg_z": 1.1, "track_width": 3.0},
-        terrain={"slip_track": 3.0},
-        limits={"min_load": 0.4},
-    )
-    model = model_of(tables)
-    for grade, label in ((-0.1, "holding"), (-0.29, "holding"), (-0.33, "tip_over")):
-        share = wheel_loads.rear_load_share(grade, 0.0, 0.0, 1.2, 0.6, 1.1)
-        assert (share < 0.4) == (label == "tip_over")
-        _, _, bounds = bounds_of(model, tilted(grade, 0.0), straight(3.0))
-        assert Limiting(int(bounds.barrier[0])).label == label
-
-
-@pytest.mark.parametrize("roll", [0.0])
-def test_the_steepest_climb_is_that_of_the_front_load(roll: float) -> None:
-    tables = tables_with(
-        braking=WIDE | {"b_b": 0.4, "b_m": 0.0},
-        vehicle={"cg_z": 0.6, "cg_x": 0.35, "track_width": 3.0, "max_drive_force": 9000.0},
-        terrain={"slip_track": 3.0},
-        limits={"min_load": 0.4},
-    )
-    grade = edge_of(tables, "tip_over", "grade", 0.0, 0.6, roll)
-    share = wheel_loads.front_load_share(grade, roll, 0.0, 1.2, 0.35, 0.6)
-    assert share == pytest.approx(0.4, abs=1e-6)
-
-
-def test_the_steepest_climb_of_a_weak_drive_is_that_of_its_thrust() -> None:
-    tables = tables_with(braking=WIDE, vehicle={"max_drive_force": 1500.0})
-    grade = edge_of(tables, "traction", "grade", 0.0, 0.6, 0.0)
-    accel = drive.powered_accel_limit(0.0, grade, 0.0, 500.0, 1500.0, 1e12, 0.13)
-    assert accel == pytest.approx(0.0, abs=1e-5)
-
-
-@pytest.mark.parametrize(("m_b", "speed"), [(0.05, 0.5), (-0.05, 4.0)])
-def test_the_brakes_have_to_hold_at_their_weakest_speed(m_b: float, speed: float) -> None:
-    tables = tables_with(
-        braking=WIDE | {"b_b": 0.3, "b_m": 0.0, "m_m": 0.0, "m_b": m_b, "speed_range": [0.5, 4.0]},
-        vehicle={"cg_z": 0.2},
-    )
-    grade = edge_of(tables, "stopping_path|holding", "grade", 0.0, -0.6, 0.0)
-    force = float(braking.force_ratio(grade, speed, 0.0, 0.0, m_b, 0.3))
-    assert force + np.sin(grade) == pytest.approx(HOLDING, abs=1e-6)
-
-
-@pytest.mark.parametrize("roll", [-0.15, 0.0, 0.15])
-@pytest.mark.parametrize("curvature", [-0.4, 0.4])
-def test_turning_downhill_across_a_slope_is_slower_than_into_it(
-    roll: float, curvature: float
-) -> None:
-    model = model_of(tables_with(limits={"lateral_accel": 20.0}, vehicle={"cg_z": 0.8}))
-    turn = bounds_of(model, tilted(0.0, roll), curvature=curvature)[2].speed_sq_max[0, 0]
-    level = bounds_of(model, tilted(0.0, 0.0), curvature=curvature)[2].speed_sq_max[0, 0]
-    # A left turn throws the vehicle to its right: bad where the left side is up.
-    if roll * curvature > 0.0:
-        assert turn < level
-    elif roll * curvature < 0.0:
-        assert turn > level
-    else:
-        assert turn == level
-
-
-# ------------------------------------------------------------------------------ stopping path
-
-
-def stopping_bound(distance: float, grade: float, tables: Tables, surface: str = "") -> float:
-    """Highest v with v t_d + v²/(2 a(v)) + s_offset = distance on a plane, by bisection."""
-    b = tables["braking"] | tables["braking"].get("terrain", {}).get(surface, {})
-
-    def needed(v: float) -> float:
-        v_i = max(v, b["speed_range"][0])
-        force = (b["m_m"] * v_i + b["b_m"]) * grade + b["m_b"] * v_i + b["b_b"]
-        a = G * (force + np.sin(grade))
-        return float(braking.stopping_distance(v, a, b["dead_time"], b.get("distance_offset", 0.0)))
-
-    low, high = 0.0, 6.0
-    for _ in range(100):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if needed(middle) <= distance else (low, middle)
-    return low
-
-
-@pytest.mark.parametrize("grade", [-0.2, -0.05, 0.0, 0.1, 0.2])
-@pytest.mark.parametrize("dead_time", [0.0, 0.3, 0.6])
-@pytest.mark.parametrize("m_b", [-0.03, 0.0, 0.03])
-def test_the_stopping_bound_on_a_plane_is_the_closed_form(
-    grade: float, dead_time: float, m_b: float
-) -> None:
-    tables = tables_with(braking={"dead_time": dead_time, "m_b": m_b})
-    profile, _, bounds = bounds_of(
-        model_of(tables), plane(rise=np.tan(grade)), straight(8.0), spacing=0.02
-    )
-    station = profile.station[:, 0]
-    clear = bounds.clear_distance[0]
-    assert clear == station[-1]
-    # The last stations are given up: v² between them has to stay below the bound, too.
-    ahead = clear - tables["braking"]["distance_offset"] - station > 0.06
-    limited = np.flatnonzero((bounds.limiting[:, 0] == Limiting.STOPPING_PATH) & ahead)
-    assert len(limited) > 20
-    for k in limited[::7]:
-        exact = stopping_bound(clear - station[k], grade, tables)
-        speed = np.sqrt(bounds.speed_sq_max[k, 0])
-        assert speed <= exact
-        # The guard against errors of integration, and the chords below a convex bound.
-        allowed = stopping_bound(clear - station[k] - STOP_GUARD, grade, tables)
-        assert speed**2 == pytest.approx(allowed**2, abs=3e-3)
-
-
-def test_below_the_slowest_trained_speed_its_coefficients_hold() -> None:
-    tables = tables_with(braking={"m_b": 0.10, "speed_range": [2.0, 4.0], "m_m": 0.1})
-    profile, _, bounds = bounds_of(model_of(tables), plane(rise=-0.1), straight(6.0), spacing=0.02)
-    speed = np.sqrt(bounds.speed_sq_max[:, 0])
-    k = int(np.argmin(np.abs(speed - 0.7)))
-    exact = stopping_bound(
-        profile.station[-1, 0] - STOP_GUARD - profile.station[k, 0], np.arctan(-0.1), tables
-    )
-    assert speed[k] == pytest.approx(exact, abs=2e-3)
-    # Were the coefficients those of 0.7 m/s, this bound would not be kept.
-    tables["braking"]["speed_range"][0] = 0.0
-    second = stopping_bound(
-        profile.station[-1, 0] - STOP_GUARD - profile.station[k, 0], np.arctan(-0.1), tables
-    )
-    assert exact - second > 0.03
-
-
-@pytest.mark.parametrize("clear", [0.0, 0.1, 1.0, 2.77])
-def test_the_way_known_free_ends_the_stopping_path(clear: float) -> None:
-    tables = tables_with()
-    profile, _, bounds = bounds_of(model_of(tables), plane(), straight(20.0), clear=clear)
-    assert bounds.clear_distance[0] == clear
-    exact = stopping_bound(clear - STOP_GUARD, 0.0, tables)
-    if exact > 0.0:
-        assert np.sqrt(bounds.speed_sq_max[0, 0]) == pytest.approx(exact, abs=0.03)
-    beyond = profile.station[:, 0] > clear
-    assert np.all(bounds.speed_sq_max[beyond, 0] == 0.0)
-    assert Limiting(int(bounds.barrier[0])) is Limiting.STOPPING_PATH
-
-
-def test_a_clear_distance_beyond_the_path_is_its_end() -> None:
-    model = model_of(tables_with())
-    profile, _, far = bounds_of(model, plane(), straight(20.0), clear=1e6)
-    _, _, free = bounds_of(model, plane(), straight(20.0))
-    assert far.clear_distance[0] == profile.station[-1, 0]
-    np.testing.assert_array_equal(far.speed_sq_max, free.speed_sq_max)
-
-
-def test_the_dead_time_of_the_surface_of_the_command_counts() -> None:
-    tables = tables_with()
-    tables["braking"]["terrain"] = {"slick": {"dead_time": 1.0}}
-    slick = plane(classes=lambda x, y: x < 2.0, class_names=("", "slick"))
-    profile, _, bounds = bounds_of(model_of(tables), slick, straight(6.0), spacing=0.1)
-    station, speed = profile.station[:, 0], np.sqrt(bounds.speed_sq_max[:, 0])
-    for s, surface in ((1.0, "slick"), (4.0, "")):
-        k = int(np.argmin(np.abs(station - s)))
-        exact = stopping_bound(station[-1] - station[k] - STOP_GUARD, 0.0, tables, surface)
-        assert speed[k] == pytest.approx(exact, abs=0.01)
-
-
-def test_ice_ahead_is_braked_for_before_it() -> None:
-    tables = tables_with()
-    tables["braking"]["terrain"] = {"ice": {"b_b": 0.1, "m_b": 0.0}}
-    model = model_of(tables)
-    icy = plane(classes=lambda x, y: x > 10.0, class_names=("", "ice"))
-    profile, _, bounds = bounds_of(model, icy, straight(13.0))
-    _, _, dry = bounds_of(model, plane(), straight(13.0))
-    station = profile.station[:, 0]
-    before = (station > 7.5) & (station < 9.0)
-    assert np.all(bounds.speed_sq_max[before] < 0.8 * dry.speed_sq_max[before])
-    assert np.all(bounds.limiting[before] == Limiting.STOPPING_PATH)
-    early = station < 2.0
-    np.testing.assert_array_equal(bounds.speed_sq_max[early], dry.speed_sq_max[early])
-
-
-# ------------------------------------------------------------------------------- path's limits
-
-
-def test_limits_of_the_path_and_of_the_model_whichever_is_lower() -> None:
-    model = model_of(tables_with())
-    side = batch([straight(30.0)], 0.25)
-    limit = np.where(side.x < 10.0, 2.0, 9.0)
-    profile, _, bounds = bounds_of(model, plane(x=(-3.0, 40.0)), straight(30.0), speed_limit=limit)
-    x, speed = profile.x[:, 0], np.sqrt(bounds.speed_sq_max[:, 0])
-    np.testing.assert_allclose(speed[x < 9.5], 2.0)
-    np.testing.assert_allclose(speed[(x > 11.0) & (x < 25.0)], 4.0)
-    assert np.all(bounds.limiting[x < 25.0] == Limiting.SPEED_LIMIT)
-
-
-def test_speed_zero_is_a_limit_too() -> None:
-    side = batch([straight(10.0)], 0.25)
-    _, _, bounds = bounds_of(
-        model_of(tables_with()), plane(), straight(10.0), speed_limit=np.zeros_like(side.x)
-    )
-    assert np.all(bounds.speed_sq_max == 0.0)
-
-
-# ------------------------------------------------------------------------------------- barriers
+    assert first_barrier(model, *tilt(start))[1] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_clear_distance_ends_at_the_last_station_before_a_barrier() -> None:
@@ -500,83 +279,3 @@ def test_the_clear_distance_ends_at_the_last_station_before_a_barrier() -> None:
     assert Limiting(int(bounds.barrier[0])) is Limiting.UNKNOWN_TERRAIN
     assert np.all(bounds.speed_sq_max[first - 1 :, 0] == 0.0)
     assert bounds.speed_sq_max[first - 5, 0] > 0.0
-
-
-def test_a_barrier_beyond_the_way_known_free_does_not_matter() -> None:
-    hole = plane(unknown=lambda x, y: x > 10.0)
-    _, _, bounds = bounds_of(model_of(tables_with()), hole, straight(20.0), clear=5.0)
-    assert bounds.clear_distance[0] == 5.0
-    assert Limiting(int(bounds.barrier[0])) is Limiting.STOPPING_PATH
-
-
-def test_a_barrier_at_the_start_leaves_nothing() -> None:
-    nowhere = plane(unknown=lambda x, y: x < 2.0)
-    _, _, bounds = bounds_of(model_of(tables_with()), nowhere, straight(20.0))
-    assert bounds.barrier_station[0] == 0
-    assert bounds.clear_distance[0] == 0.0
-    assert np.all(bounds.speed_sq_max == 0.0)
-
-
-# ---------------------------------------------------------------------------- between stations
-
-
-@pytest.mark.parametrize("spacing", [0.1, 0.5])
-def test_chords_stay_below_a_convex_bound(spacing: float) -> None:
-    """On a spiral the lateral bound is convex in station: v² linear must not cut through it."""
-
-    def spiral(n: int) -> np.ndarray:
-        s = np.linspace(0.0, 30.0, n)
-        yaw = 0.0005 * s**3
-        steps = np.diff(s)[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)[1:]
-        return np.concatenate([[(0.0, 0.0)], np.cumsum(steps, axis=0)])
-
-    tables = tables_with(limits={"lateral_accel": 0.5, "speed": 4.0})
-    model = model_of(tables)
-    profile, _, bounds = bounds_of(
-        model,
-        plane(x=(-20.0, 40.0), y=(-20.0, 40.0)),
-        CandidatePath("spiral", spiral(400)),
-        spacing=spacing,
-    )
-    kappa, v_sq = np.abs(profile.curvature[:, 0]), bounds.speed_sq_max[:, 0]
-    lateral = bounds.limiting[:, 0] == Limiting.LATERAL
-    assert lateral.sum() > 10
-    for share in (0.25, 0.5, 0.75):
-        chord = v_sq[:-1] + share * np.diff(v_sq)
-        curvature = kappa[:-1] + share * np.diff(kappa)
-        # A bound of higher curvature than a parabola is left to the verifier, in per milles.
-        assert np.max(chord * curvature) <= 0.5 * 1.0005
-    # What that costs is second order in the spacing.
-    free = np.minimum(0.5 / np.maximum(kappa, 1e-9), 16.0)
-    assert np.all(v_sq[lateral] >= free[lateral] * (1.0 - 3.0 * spacing**2))
-
-
-def test_candidates_do_not_see_each_other() -> None:
-    tables = tables_with()
-    model = model_of(tables)
-    wavy = ground_map(lambda x, y: 0.6 * np.sin(x / 3.0) * np.cos(y / 4.0))
-    paths = [straight(4.0 + 0.2 * i, 0.01 * i - 0.3, name=str(i)) for i in range(70)]
-    _, _, together = bounds_of(model, wavy, *paths)
-    for j in (0, 31, 64, 69):
-        profile, _, alone = bounds_of(model, wavy, paths[j])
-        n = int(profile.count[0])
-        for name in ("speed_sq_max", "limiting", "accel_max", "demand"):
-            np.testing.assert_array_equal(
-                getattr(together, name)[:n, j], getattr(alone, name)[:, 0], err_msg=name
-            )
-        assert together.clear_distance[j] == alone.clear_distance[0]
-
-
-@given(data=st.data())
-def test_everything_is_finite_and_no_speed_is_negative(data: Any) -> None:
-    tables = data.draw(vehicles())
-    a, b, c = (data.draw(st.floats(-0.8, 0.8)) for _ in range(3))
-    wavy = ground_map(
-        lambda x, y: a * np.sin(x / 2.0) + b * np.cos(y / 3.0) + c * 0.1 * x,
-        unknown=lambda x, y: (x > 18.0) & (y > 0.0),
-    )
-    _, _, bounds = bounds_of(model_of(tables), wavy, straight(20.0), straight(7.0, 0.3))
-    for name in ("speed_sq_max", "accel_max", "demand", "clear_distance"):
-        assert np.isfinite(getattr(bounds, name)).all(), name
-    assert np.all(bounds.speed_sq_max >= 0.0)
-    assert np.all(bounds.accel_max >= 0.0)

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from slopewise.models.candidate_path import CandidatePath
-from slopewise.models.elevation_map import ElevationMap
-from slopewise.planner.bounds.speed_bounds import STOP_GUARD, SpeedBounds, speed_bounds
+from slopewise.planner.bounds.speed_bounds import STOP_GUARD
 from slopewise.planner.bounds.stopping_path import onset_speed
-from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
-from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
+from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.path import batch
-from tests.planner.scenes import G, Tables, ground_map, model_of, plane, straight, tables_with
+from tests.world.ground import ground_map, plane, straight
+from tests.world.stages import bounds_of
+from tests.world.vehicles import G, Tables, model_of, tables_with
 
 NO_LIMITS = {"speed": 8.0, "min_load": 0.01}
 FULL_ON_CRESTS = ("crest_unloading", {"k": 0.0})
@@ -28,24 +25,6 @@ FAST = {"speed_range": [0.0, 8.0], "grade_range": [-0.5, 0.5]}
 
 def hills(x: Any, y: Any) -> Any:
     return 0.8 * np.sin(x / 4.0) + 0.1 * np.sin(x / 1.1)
-
-
-def stopping_of(
-    tables: Tables,
-    elevation_map: ElevationMap,
-    path: CandidatePath,
-    *,
-    spacing: float = 0.1,
-    integrated: bool = False,
-) -> tuple[TerrainProfile, BrakingGround, SpeedBounds]:
-    model = model_of(tables)
-    side = batch([path], spacing)
-    v = model.vehicle
-    profile = terrain_profile(elevation_map, side.x, side.y, side.count, v.wheelbase, v.track_width)
-    ground = ground_along(profile, model, elevation_map.class_names)
-    if integrated:
-        ground = dataclasses.replace(ground, closed_form=False)
-    return profile, ground, speed_bounds(profile, ground, model, np.array([np.inf]))
 
 
 def stop_by_scipy(
@@ -110,12 +89,12 @@ def test_stops_on_hills_end_just_before_the_end_of_the_way(
             "speed_range": [slowest, 8.0],
         },
     )
-    profile, _, bounds = stopping_of(
-        tables,
+    profile, _, bounds = bounds_of(
+        model_of(tables),
         ground_map(hills, resolution=0.1),
         straight(16.0),
         spacing=0.05,
-        integrated=integrated,
+        closed_form=not integrated,
     )
     limited = np.flatnonzero(bounds.limiting[:, 0] == Limiting.STOPPING_PATH)
     clear = bounds.clear_distance[0] - 0.2
@@ -135,8 +114,8 @@ def test_stops_on_hills_end_just_before_the_end_of_the_way(
 def test_what_crests_take_from_the_force_is_left_out_of_the_stop() -> None:
     """Never too little, and not much too much: the least force over a whole stop would be it."""
     tables = tables_with(limits=NO_LIMITS, braking=FAST)
-    profile, _, bounds = stopping_of(
-        tables, ground_map(hills, resolution=0.1), straight(16.0), spacing=0.05
+    profile, _, bounds = bounds_of(
+        model_of(tables), ground_map(hills, resolution=0.1), straight(16.0), spacing=0.05
     )
     limited = np.flatnonzero(bounds.limiting[:, 0] == Limiting.STOPPING_PATH)
     clear, left, ignored = bounds.clear_distance[0] - 0.2, [], []
@@ -151,43 +130,6 @@ def test_what_crests_take_from_the_force_is_left_out_of_the_stop() -> None:
     assert max(left) < 0.6 * max(ignored)
 
 
-def test_the_bound_converges_with_the_spacing() -> None:
-    """Distance given up shrinks at least with the square of the spacing."""
-    tables = tables_with(FULL_ON_CRESTS, limits=NO_LIMITS, braking=FAST)
-    ground = ground_map(hills, resolution=0.05)
-    lost = []
-    for spacing in (0.4, 0.2, 0.1):
-        profile, _, bounds = stopping_of(tables, ground, straight(12.0), spacing=spacing)
-        station = profile.station[:, 0]
-        k = int(np.argmin(np.abs(profile.x[:, 0] - 6.0)))
-        stop = stop_by_scipy(profile, tables, k, float(np.sqrt(bounds.speed_sq_max[k, 0])))
-        lost.append(station[-1] - 0.2 - STOP_GUARD - stop)
-    # Up to rounding never negative, or the guard is eaten.
-    assert min(lost) > -0.5 * STOP_GUARD
-    assert lost[2] < 0.35 * lost[0]
-
-
-@pytest.mark.parametrize("dead_time", [0.0, 0.4])
-@pytest.mark.parametrize("m_b", [-0.02, 0.02])
-def test_closed_form_and_march_agree(dead_time: float, m_b: float) -> None:
-    tables = tables_with(braking={"dead_time": dead_time, "m_b": m_b})
-    ground = ground_map(lambda x, y: 0.3 * np.sin(x / 3.0))
-    _, _, closed = stopping_of(tables, ground, straight(9.0))
-    _, _, integrated = stopping_of(tables, ground, straight(9.0), integrated=True)
-    difference = np.sqrt(closed.speed_sq_max) - np.sqrt(integrated.speed_sq_max)
-    assert np.abs(difference[:-5]).max() < 5e-3
-    np.testing.assert_array_equal(closed.clear_distance, integrated.clear_distance)
-
-
-def test_stops_that_never_end_allow_no_speed() -> None:
-    """Friction caps the brakes below the slope: closed form or not, nothing may move."""
-    tables = tables_with(braking={"sliding_friction": 0.15})
-    _, _, bounds = stopping_of(tables, plane(rise=-0.2), straight(20.0))
-    assert np.all(bounds.speed_sq_max == 0.0)
-    _, _, level = stopping_of(tables, plane(), straight(20.0))
-    assert level.speed_sq_max[0, 0] > 1.0
-
-
 def test_a_tip_over_on_the_way_limits_the_speed_before_it() -> None:
     """Force grows with the speed at onset: fast stops unload the rear, slow ones do not."""
     tables = tables_with(
@@ -195,7 +137,7 @@ def test_a_tip_over_on_the_way_limits_the_speed_before_it() -> None:
         braking={"m_b": 0.08, "b_b": 0.42, "m_m": 0.0, "b_m": 0.0, "speed_range": [0.5, 6.0]},
         limits={"min_load": 0.2, "speed": 6.0},
     )
-    profile, _, bounds = stopping_of(tables, plane(rise=-0.2), straight(30.0))
+    profile, _, bounds = bounds_of(model_of(tables), plane(rise=-0.2), straight(30.0), spacing=0.1)
     k = 10
     assert bounds.limiting[k, 0] == Limiting.TIP_OVER
     v = float(np.sqrt(bounds.speed_sq_max[k, 0]))
@@ -205,7 +147,7 @@ def test_a_tip_over_on_the_way_limits_the_speed_before_it() -> None:
     assert exact - 0.01 < v <= exact
     # Uphill of the slope, on level ground, the stop may begin faster: it ends before the slope.
     brink = ground_map(lambda x, y: -0.2 * np.maximum(x - 15.0, 0.0))
-    _, _, before = stopping_of(tables, brink, straight(30.0))
+    _, _, before = bounds_of(model_of(tables), brink, straight(30.0), spacing=0.1)
     assert before.speed_sq_max[2, 0] > bounds.speed_sq_max[k, 0]
 
 

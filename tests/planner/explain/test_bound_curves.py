@@ -11,24 +11,14 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from slopewise.planner.settings import PlannerSettings
-from tests.planner.scenes import (
-    ATV,
-    Tables,
-    arc,
-    ground_map,
-    model_of,
-    plan_one,
-    plane,
-    straight,
-    tables_with,
-)
-from tests.planner.swept.scenes import Height
+from tests.world.ground import Height, arc, ground_map, plane, straight
+from tests.world.plans import plan_one
+from tests.world.vehicles import ATV, Tables, model_of, tables_with
 
 
-@pytest.mark.parametrize("path", [straight(30.0), arc(20.0, 0.15)], ids=["straight", "arc"])
-def test_the_lowest_curve_is_the_bound_of_the_plan(path: CandidatePath) -> None:
+def test_the_lowest_curve_is_the_bound_of_the_plan() -> None:
     ground = ground_map(lambda x, y: 0.5 * np.sin(x / 4.0) + 0.2 * np.cos(y / 3.0))
-    plan = plan_one(ATV, ground, path)
+    plan = plan_one(ATV, ground, arc(20.0, 0.15))
     curves = bound_curves(ground, plan, model_of(ATV))
     lowest = np.min(list(curves.values()), axis=0)
     inside = plan.station < plan.clear_distance - 1.0
@@ -38,33 +28,22 @@ def test_the_lowest_curve_is_the_bound_of_the_plan(path: CandidatePath) -> None:
 
 
 @pytest.mark.parametrize(
-    ("bound", "tables", "path", "expected"),
+    ("bound", "changes", "path", "expected"),
     [
-        (Limiting.SPEED_LIMIT, tables_with(limits={"speed": 2.0}), straight(20.0), 2.0),
-        (Limiting.LATERAL, tables_with(limits={"lateral_accel": 0.5}), arc(12.0, 0.2), 1.581),
-        (Limiting.WHEEL_SPEED, tables_with(vehicle={"max_wheel_speed": 1.5}), straight(20.0), 1.5),
-        (
-            Limiting.MODEL_VALIDITY,
-            tables_with(braking={"speed_range": [1.0, 3.0]}),
-            straight(20.0),
-            3.0,
-        ),
+        (Limiting.SPEED_LIMIT, {"limits": {"speed": 2.0}}, straight(20.0), 2.0),
+        (Limiting.LATERAL, {"limits": {"lateral_accel": 0.5}}, arc(12.0, 0.2), 1.581),
+        (Limiting.WHEEL_SPEED, {"vehicle": {"max_wheel_speed": 1.5}}, straight(20.0), 1.5),
+        (Limiting.MODEL_VALIDITY, {"braking": {"speed_range": [1.0, 3.0]}}, straight(20.0), 3.0),
         # P / (m g f_r)
-        (
-            Limiting.TRACTION,
-            tables_with(vehicle={"max_drive_power": 1000.0}),
-            straight(20.0),
-            1000.0 / (500.0 * 9.80665 * 0.13),
-        ),
+        (Limiting.TRACTION, {"vehicle": {"max_drive_power": 1000.0}}, straight(20.0), 1.5687),
     ],
 )
 def test_each_curve_is_the_speed_of_its_bound(
-    bound: Limiting, tables: Tables, path: CandidatePath, expected: float
+    bound: Limiting, changes: Tables, path: CandidatePath, expected: float
 ) -> None:
-    plan = plan_one(tables, plane(), path)
-    curve = bound_curves(plane(), plan, model_of(tables))[bound]
-    middle = len(curve) // 2
-    assert curve[middle] == pytest.approx(expected, rel=0.01)
+    tables = tables_with(**changes)
+    curve = bound_curves(plane(), plan_one(tables, plane(), path), model_of(tables))[bound]
+    assert curve[len(curve) // 2] == pytest.approx(expected, rel=0.01)
 
 
 def test_the_stopping_path_is_open_far_from_the_end_and_closes_there() -> None:
@@ -86,24 +65,16 @@ SLIPPERY = {
 }
 
 
+def bump(height: float, width: float) -> Height:
+    return lambda x, y: height * np.exp(-(((x - 15.0) / width) ** 2))
+
+
 # On a finer map wheels feel a dip as roughness first.
 @pytest.mark.parametrize(
     ("bound", "height", "resolution", "path", "changes"),
     [
-        (
-            Limiting.CREST,
-            lambda x, y: 0.4 * np.exp(-(((x - 15.0) / 1.6) ** 2)),
-            0.2,
-            straight(30.0),
-            FAST,
-        ),
-        (
-            Limiting.CREST,
-            lambda x, y: -1.5 * np.exp(-(((x - 15.0) / 6.0) ** 2)),
-            0.5,
-            straight(30.0),
-            SOFT,
-        ),
+        (Limiting.CREST, bump(0.4, 1.6), 0.2, straight(30.0), FAST),
+        (Limiting.CREST, bump(-1.5, 6.0), 0.5, straight(30.0), SOFT),
         (Limiting.FRICTION, lambda x, y: 0.0 * x, 0.2, arc(6.0, 0.3), SLIPPERY),
         (Limiting.ROUGHNESS, lambda x, y: 0.03 * np.sin(np.pi * x), 0.2, straight(20.0), {}),
     ],

@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
-from slopewise.planner.path import batch
 from slopewise.planner.settings import PlannerSettings
-from tests.planner.scenes import arc, ground_map, plane, straight
+from tests.world.ground import arc, ground_map, plane, straight
+from tests.world.stages import profile_of
+from tests.world.vehicles import BASE
 
-WHEELBASE, TRACK = 1.2, 1.0
+WHEELBASE, TRACK = BASE.vehicle.wheelbase, BASE.vehicle.track_width
 
 
 def along(ground: ElevationMap, *paths: CandidatePath, spacing: float = 0.25) -> TerrainProfile:
-    side = batch(list(paths), spacing)
-    return terrain_profile(ground, side.x, side.y, side.count, WHEELBASE, TRACK)
+    return profile_of(BASE, ground, *paths, spacing=spacing)
 
 
 @given(rise=st.floats(-0.6, 0.6), cross=st.floats(-0.6, 0.6), heading=st.floats(-3.2, 3.2))
@@ -47,16 +47,6 @@ def test_planes_are_exact_for_any_heading(rise: float, cross: float, heading: fl
     )
 
 
-def test_signs_uphill_grade_and_left_side_up_roll_are_positive() -> None:
-    east, north = straight(3.0), straight(3.0, np.pi / 2.0)
-    profile = along(plane(rise=0.2, x=(-4.0, 6.0), y=(-4.0, 6.0)), east, north)
-    assert np.all(profile.grade[:, 0] > 0.0)
-    np.testing.assert_allclose(profile.roll[:, 0], 0.0, atol=1e-12)
-    # Heading north on ground that rises to the east the right side is up.
-    np.testing.assert_allclose(profile.grade[:, 1], 0.0, atol=1e-12)
-    assert np.all(profile.roll[:, 1] < 0.0)
-
-
 def test_grade_along_a_hill_converges_to_its_slope() -> None:
     def z(x: Any, y: Any) -> Any:
         return 2.0 * np.sin(x / 8.0)
@@ -68,37 +58,6 @@ def test_grade_along_a_hill_converges_to_its_slope() -> None:
     assert np.abs(profile.grade - slope).max() < 1.5 * (WHEELBASE / 8.0) ** 2 / 24.0
     exact = np.trapezoid(np.sqrt(1.0 + np.tan(slope[:, 0]) ** 2), profile.x[:, 0])
     assert profile.station[-1, 0] == pytest.approx(exact, rel=1e-4)
-
-
-def test_wheels_bridge_a_narrow_ditch() -> None:
-    def ditch(x: Any, y: Any) -> Any:
-        return -0.3 * (np.abs(x - 8.0) < 0.2)
-
-    ground = ground_map(ditch, resolution=0.1)
-    profile = along(ground, straight(16.0), spacing=0.1)
-    # The banks are steeper than 70 degrees; the vehicle dips one axle at a time.
-    assert np.rad2deg(np.abs(profile.grade)).max() == pytest.approx(
-        np.rad2deg(np.arctan(0.3 / WHEELBASE)), abs=0.01
-    )
-    # Front wheels go in first: nose down before nose up.
-    x, grade = profile.x[:, 0], profile.grade[:, 0]
-    assert x[np.argmin(grade)] == pytest.approx(8.0 - WHEELBASE / 2.0, abs=0.31)
-    assert x[np.argmax(grade)] == pytest.approx(8.0 + WHEELBASE / 2.0, abs=0.31)
-    # With the ditch between the axles the vehicle stands level.
-    assert grade[np.argmin(np.abs(x - 8.0))] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_kerb_under_the_left_wheels_rolls_the_vehicle_to_the_right() -> None:
-    def kerb(x: Any, y: Any) -> Any:
-        return 0.1 * ((y > 0.25) & (x > 5.0))
-
-    profile = along(ground_map(kerb, resolution=0.1), straight(10.0), spacing=0.1)
-    roll = profile.roll[:, 0]
-    np.testing.assert_allclose(roll[profile.x[:, 0] < 4.3], 0.0, atol=1e-12)
-    np.testing.assert_allclose(roll[profile.x[:, 0] > 5.7], np.arctan(0.1 / TRACK), atol=1e-9)
-    # One wheel up is half of it in roll, and in grade.
-    middle = np.argmin(np.abs(profile.x[:, 0] - 5.0))
-    assert np.tan(profile.grade[middle, 0]) == pytest.approx(0.05 / WHEELBASE)
 
 
 @pytest.mark.parametrize("curvature", [-0.5, -0.05, 0.02, 0.3])
@@ -114,9 +73,6 @@ def test_curvature_is_the_circles_left_positive(curvature: float) -> None:
     np.testing.assert_allclose(yaw[1:-1], angle[1:-1], atol=1e-9)
     # The ends look along their only chord, which is off by half a step's turn.
     np.testing.assert_allclose(yaw[[0, -1]], angle[[0, -1]], atol=abs(curvature) * 4.0 / 29.0)
-
-
-# --------------------------------------------------------------------------- unknown ground
 
 
 def unknown_disc(x0: float, y0: float, radius: float = 0.12) -> ElevationMap:
@@ -170,12 +126,6 @@ def test_unknown_heights_repeat_the_last_and_count_as_level() -> None:
     assert np.all(profile.grade[~profile.known] == 0.0)
 
 
-def test_a_start_on_unknown_ground_does_not_jump_in_station() -> None:
-    ground = ground_map(lambda x, y: 100.0 + 0.0 * x, unknown=lambda x, y: x < 2.0)
-    profile = along(ground, straight(8.0))
-    assert profile.station[-1, 0] == pytest.approx(8.0)
-
-
 def tracks(profile: TerrainProfile, dense: int = 3000) -> tuple[np.ndarray, ...]:
     """Station and cell-free positions of path and wheels along the whole way, (dense, 5)."""
     s = np.linspace(0.0, profile.station[-1, 0], dense)
@@ -189,7 +139,8 @@ def tracks(profile: TerrainProfile, dense: int = 3000) -> tuple[np.ndarray, ...]
     return s, x[:, None] + ahead * cos - sideways * sin, y[:, None] + ahead * sin + sideways * cos
 
 
-def thin_line(seed: int) -> tuple[float, Any, CandidatePath, np.random.Generator]:
+@pytest.mark.parametrize("seed", range(12))
+def test_no_wheel_rolls_over_an_unknown_or_icy_cell_between_stations(seed: int) -> None:
     """A line one cell wide across the way of a path in a turn."""
     rng = np.random.default_rng(seed)
     resolution = float(rng.choice([0.05, 0.1, 0.2, 0.25, 0.5]))
@@ -200,69 +151,20 @@ def thin_line(seed: int) -> tuple[float, Any, CandidatePath, np.random.Generator
         return np.abs((x - place) * np.cos(normal) + y * np.sin(normal)) < 0.5 * resolution
 
     path = arc(2.5 / curvature, curvature, heading - 0.5) if curvature else straight(8.0, heading)
-    return resolution, on_line, path, rng
-
-
-@pytest.mark.parametrize("seed", range(60))
-def test_no_wheel_rolls_over_an_unknown_cell_between_stations(seed: int) -> None:
-    resolution, on_line, path, _ = thin_line(seed)
     extent = {"x": (-4.0, 12.0), "y": (-10.0, 10.0), "resolution": resolution}
-    ground = ground_map(lambda x, y: 0.0 * x, unknown=on_line, **extent)
-    profile = along(ground, path, spacing=PlannerSettings().spacing_on(resolution))
-    s, x, y = tracks(profile)
+    hidden = ground_map(lambda x, y: 0.0 * x, unknown=on_line, **extent)
+    icy = ground_map(lambda x, y: 0.0 * x, classes=on_line, class_names=("", "ice"), **extent)
+    spacing = PlannerSettings().spacing_on(resolution)
+    unknown, on_ice = along(hidden, path, spacing=spacing), along(icy, path, spacing=spacing)
+    s, x, y = tracks(unknown)
     columns = np.rint((x + 4.0) / resolution).astype(int)
     rows = np.rint((y + 10.0) / resolution).astype(int)
-    lost = s[np.isnan(ground.elevation[rows, columns]).any(axis=1)]
-    station, unknown = profile.station[:, 0], ~profile.known[:, 0]
-    # A vehicle on an unknown cell is before or behind a station that is unknown.
-    for where in lost:
+    station = unknown.station[:, 0]
+    # A vehicle on such a cell is before or behind a station that has noted it.
+    noted = ~unknown.known[:, 0], (on_ice.surfaces[:, 0] & 0b10) > 0
+    for where in s[np.isnan(hidden.elevation[rows, columns]).any(axis=1)]:
         k = np.clip(np.searchsorted(station, where) - 1, 0, len(station) - 2)
-        assert unknown[k] or unknown[k + 1], (where, resolution)
-
-
-@pytest.mark.parametrize("seed", range(60))
-def test_no_wheel_rolls_over_another_surface_between_stations(seed: int) -> None:
-    resolution, on_line, path, _ = thin_line(seed)
-    extent = {"x": (-4.0, 12.0), "y": (-10.0, 10.0), "resolution": resolution}
-    ground = ground_map(lambda x, y: 0.0 * x, classes=on_line, class_names=("", "ice"), **extent)
-    assert ground.terrain_class is not None
-    profile = along(ground, path, spacing=PlannerSettings().spacing_on(resolution))
-    s, x, y = tracks(profile)
-    columns = np.rint((x + 4.0) / resolution).astype(int)
-    rows = np.rint((y + 10.0) / resolution).astype(int)
-    icy = s[(ground.terrain_class[rows, columns] == 1).any(axis=1)]
-    station, noted = profile.station[:, 0], profile.surfaces[:, 0] & 0b10
-    for where in icy:
-        k = np.clip(np.searchsorted(station, where) - 1, 0, len(station) - 2)
-        assert noted[k] or noted[k + 1], (where, resolution)
-
-
-# ---------------------------------------------------------------------------------- batches
-
-
-def test_padding_repeats_the_end_and_is_unknown() -> None:
-    profile = along(plane(0.1), straight(3.0), straight(9.0))
-    n = int(profile.count[0])
-    assert n < len(profile.x)
-    assert not profile.known[n:, 0].any()
-    assert np.all(profile.station[n:, 0] == profile.station[n - 1, 0])
-    assert np.all(profile.grade[n:, 0] == 0.0)
-    assert np.all(profile.curvature[n:, 0] == 0.0)
-    assert profile.known[:n, 0].all()
-
-
-def test_a_candidate_is_the_same_alone_and_in_a_crowd() -> None:
-    ground = ground_map(lambda x, y: 0.5 * np.sin(x / 3.0) + 0.2 * np.cos(y))
-    paths = [arc(4.0 + 0.1 * i, 0.02 * i - 0.51, name=str(i)) for i in range(70)]
-    crowd = along(ground, *paths)
-    for j in (0, 63, 64, 69):
-        alone = along(ground, paths[j])
-        n = int(crowd.count[j])
-        for name in ("station", "grade", "sin_roll", "curvature", "known", "z"):
-            np.testing.assert_array_equal(getattr(crowd, name)[:n, j], getattr(alone, name)[:n, 0])
-
-
-# ---------------------------------------------------------------------------------- classes
+        assert all(n[k] or n[k + 1] for n in noted), (where, resolution)
 
 
 def test_all_classes_under_path_and_wheels_are_noted() -> None:
@@ -278,7 +180,3 @@ def test_all_classes_under_path_and_wheels_are_noted() -> None:
     assert np.all(bits[x < 7.0] == 0b101)
     assert np.all(bits[x > 9.0] == 0b110)
     assert np.all(bits[np.abs(x - 8.0) < 0.4] == 0b111)
-
-
-def test_without_classes_all_is_the_base_surface() -> None:
-    assert np.all(along(plane(), straight(5.0)).surfaces == 1)

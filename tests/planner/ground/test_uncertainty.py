@@ -13,27 +13,18 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Effect, Model
-from slopewise.planner.ground.braking_ground import ground_along
-from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.planner.ground.uncertainty import HOUR, Uncertainty
-from slopewise.planner.path import batch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
-from tests.planner import generated
-from tests.planner.generated import between
-from tests.planner.scenes import (
-    Tables,
-    ground_map,
-    model_of,
-    plane,
-    straight,
-    tables_with,
-)
+from tests.world import generated
+from tests.world.formulas import SAMPLES, G
+from tests.world.generated import between
+from tests.world.ground import ground_map, plane, straight
+from tests.world.stages import braking_ground_of
+from tests.world.vehicles import Tables, model_of, tables_with
 
-G = 9.80665
 COVARIANCE = (
     (4e-5, 1e-5, 0.0, 0.0),
     (1e-5, 9e-4, 0.0, 2e-5),
@@ -53,7 +44,7 @@ def uncertain(**braking: Any) -> Model:
     return model_of(tables_with(braking={"covariance": COVARIANCE, **braking}, limits=EAGER))
 
 
-def hills() -> ElevationMap:
+def waves() -> ElevationMap:
     return ground_map(lambda x, y: 0.35 * np.sin(x / 3.0) + 0.02 * y)
 
 
@@ -64,21 +55,14 @@ def plan_with(
     **options: Any,
 ) -> SpeedPlan:
     planner = CandidatePlanner(model, ROUGH, uncertainty)
-    (plan,) = planner.plan(ground or hills(), [straight(20.0)], **{"clear": 7.0, **options})
+    (plan,) = planner.plan(ground or waves(), [straight(20.0)], **{"clear": 7.0, **options})
     return plan
 
 
 def forces(model: Model, uncertainty: Uncertainty | None, ground: ElevationMap) -> Any:
-    path = batch([straight(20.0)], 0.25)
-    vehicle = model.vehicle
-    profile = terrain_profile(
-        ground, path.x, path.y, path.count, vehicle.wheelbase, vehicle.track_width
-    )
     cautious = model if uncertainty is None else uncertainty.cautious(model)
-    return profile, ground_along(profile, cautious, ground.class_names, None, uncertainty)
+    return braking_ground_of(cautious, ground, uncertainty=uncertainty)
 
-
-# ------------------------------------------------------------------------------ never faster
 
 UNCERTAINTIES = st.fixed_dictionaries(
     {
@@ -90,7 +74,7 @@ UNCERTAINTIES = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(generated.tables(), generated.heights(), UNCERTAINTIES, between(3.0, 12.0), st.data())
 def test_no_uncertainty_makes_a_plan_faster(
     tables: Tables, height: Any, sizes: dict[str, float], clear: float, data: st.DataObject
@@ -127,39 +111,10 @@ def test_no_uncertainty_makes_a_plan_faster(
         assert uncertain_model.progress <= plan.progress + 1e-6
 
 
-@pytest.mark.parametrize(
-    ("model", "uncertainty"),
-    [
-        (uncertain(), Uncertainty()),
-        (uncertain(covariance=None, force_std=0.02), Uncertainty()),
-        (uncertain(covariance=None, dead_time_std=0.05), Uncertainty()),
-        (uncertain(covariance=None), Uncertainty(slope_std=0.01)),
-        (uncertain(covariance=None), Uncertainty(age=24 * HOUR)),
-    ],
-)
-def test_every_uncertainty_costs_time(model: Model, uncertainty: Uncertainty) -> None:
-    exact, uncertain_model = plan_with(model, None), plan_with(model, uncertainty)
-    assert np.max(exact.speed - uncertain_model.speed) > 0.02
-    assert np.all(uncertain_model.speed <= exact.speed + 1e-9)
-    certain = replace(uncertainty, quantile=0.5)
-    assert plan_with(model, certain).speed == pytest.approx(exact.speed, abs=1e-9)
-
-
-def test_the_older_the_slower() -> None:
-    speeds = [
-        plan_with(uncertain(), Uncertainty(age=h * HOUR)).speed.max() for h in (0, 1, 4, 24, 96)
-    ]
-    assert np.all(np.diff(speeds) <= 1e-9)
-    assert speeds[-1] < speeds[0] - 0.1
-
-
-# --------------------------------------------------------------------- how large the margin is
-
-
 def margins(model: Model, uncertainty: Uncertainty, v: float) -> tuple[Any, Any, Any]:
     """Grade, and what is given up and added at an onset speed."""
-    profile, exact = forces(model, None, hills())
-    _, wide = forces(model, uncertainty, hills())
+    profile, exact = forces(model, None, waves())
+    _, wide = forces(model, uncertainty, waves())
     weak = (exact.lower_slope - wide.lower_slope) * v + exact.lower_intercept - wide.lower_intercept
     strong = (
         (wide.upper_slope - exact.upper_slope) * v + wide.upper_intercept - exact.upper_intercept
@@ -173,7 +128,7 @@ def expected(grade: np.ndarray, v: float, z: float) -> np.ndarray:
     return z * np.sqrt(np.einsum("ik,ij,jk->k", phi, np.array(COVARIANCE), phi))
 
 
-@pytest.mark.parametrize("quantile", [0.9, 0.99, 0.999])
+@pytest.mark.parametrize("quantile", [0.9, 0.999])
 def test_the_margin_is_the_quantile_at_the_ends_and_never_less_between(quantile: float) -> None:
     model, z = uncertain(), norm.ppf(quantile)
     for v in (1.0, 4.0):
@@ -226,9 +181,6 @@ def test_the_dead_time_is_that_of_the_quantile() -> None:
     assert ground.dead_time == pytest.approx(0.30 + 0.05 * norm.ppf(0.99))
 
 
-# ------------------------------------------------------------------------------- Monte Carlo
-
-
 def stops(
     plan: SpeedPlan, k: int, m: np.ndarray, dead_time: np.ndarray, slope_error: np.ndarray
 ) -> np.ndarray:
@@ -249,7 +201,7 @@ def stops(
     return s
 
 
-@pytest.mark.parametrize("quantile", [0.9, 0.99, 0.999])
+@pytest.mark.parametrize("quantile", [0.9, 0.999])
 def test_sampled_vehicles_stop_in_time_as_often_as_was_asked(quantile: float) -> None:
     model = uncertain(force_std=0.01, dead_time_std=0.02, distance_offset=0.0)
     uncertainty = Uncertainty(quantile=quantile, slope_std=0.004, age=2.0 * HOUR)
@@ -268,16 +220,6 @@ def test_sampled_vehicles_stop_in_time_as_often_as_was_asked(quantile: float) ->
         assert tight[k] < 0.2
         late = stops(plan, int(k), samples_of_force, dead, tilt) > plan.clear_distance
         assert late.mean() <= 1.0 - quantile
-    # The plan of the mean model would be too fast for about half of them.
-    exact = plan_with(model, None)
-    k = int(np.argmax(exact.speed))
-    tight = exact.clear_distance - exact.station - exact.stop_distance
-    k = int(moving[np.argmin(tight[moving])])
-    late = stops(exact, k, samples_of_force, dead, tilt) > exact.clear_distance
-    assert late.mean() > 0.2
-
-
-# ----------------------------------------------------------------------- surfaces and effects
 
 
 def striped(names: tuple[str, ...]) -> ElevationMap:
@@ -298,40 +240,17 @@ def test_ground_that_was_never_braked_on_gets_the_prior() -> None:
     assert moss.speed[middle] < gravel.speed[middle] - 0.1
 
 
-def test_surfaces_of_which_the_model_knows_one_keep_their_own_margin() -> None:
-    model = uncertain(covariance=None, terrain={"gravel": {"force_std": 0.05}})
-    _, ground = forces(model, Uncertainty(), striped(("", "gravel")))
-    assert ground.lower_intercept[20, 0] == pytest.approx(0.4 - 0.05 * norm.ppf(0.999))
-    assert ground.lower_intercept[4, 0] == pytest.approx(0.4)
-
-
-EFFECTS = [
-    ("aerodynamic_drag", {"c": 0.02}),
-    ("headwind", {"c": 0.01, "wind": 4.0, "direction": 0.0}),
-    ("headwind", {"c": 0.01, "wind": 4.0, "direction": np.pi}),
-    ("viscous_resistance", {"c": 0.01}),
-    ("brake_lag", {"tau": 0.15}),
-    ("brake_fade", {"k": 0.01, "tau": 10.0}),
-    ("wheel_lockup", {"mu": 0.4}),
-    ("grade_asymmetry", {"k": 0.2}),
-    ("grade_nonlinearity", {"k": 0.3}),
-    ("cross_slope", {"k": 0.1}),
-    ("crest_unloading", {"k": 0.8}),
-    ("surface_patch", {"delta": -0.1, "x": 4.0, "y": 0.0, "radius": 2.0}),
-    ("directional_surface", {"k": 0.05, "direction": 0.0}),
-    ("step_change", {"delta": -0.05}),
-]
-
-
-@pytest.mark.parametrize(("name", "parameters"), EFFECTS)
-def test_an_uncertain_effect_makes_no_plan_faster(name: str, parameters: dict[str, float]) -> None:
+@pytest.mark.parametrize(
+    "name", [n for n in SAMPLES if n not in ("turning_resistance", "session_drift")]
+)
+def test_an_uncertain_effect_makes_no_plan_faster(name: str) -> None:
+    parameters = SAMPLES[name]
     exact = model_of(tables_with((name, parameters), limits=EAGER))
     spread = np.diag([(0.2 * abs(p) + 1e-3) ** 2 for p in parameters.values()])
-    uncertain_model = replace(
-        exact,
-        effect=(Effect(name=name, parameters=parameters, covariance=tuple(map(tuple, spread))),),
+    vague = Effect(name=name, parameters=parameters, covariance=tuple(map(tuple, spread)))
+    mean, margin = (
+        plan_with(model, Uncertainty()) for model in (exact, replace(exact, effect=(vague,)))
     )
-    mean, margin = (plan_with(model, Uncertainty()) for model in (exact, uncertain_model))
     assert np.all(margin.speed <= mean.speed + 1e-3)
     assert margin.travel_time > mean.travel_time or margin.progress == 0.0
 
@@ -354,21 +273,6 @@ def test_uncertain_friction_is_low_for_the_stop_and_high_for_the_rear_axle() -> 
     assert exact.upper_intercept == pytest.approx(0.35)
 
 
-def test_where_more_friction_would_lift_the_rear_axle_the_way_ends() -> None:
-    """Downhill, rear share = cos θ − c_z/(L − c_x) F_b/W, worst at the upper end of friction."""
-    grade, mu, std, z = np.arctan(-0.15), 0.30, 0.02, norm.ppf(0.999)
-    v = model_of(tables_with()).vehicle
-    lever = v.cg_z / (v.wheelbase - v.cg_x)
-    likely, worst = (np.cos(grade) * (1.0 - lever * m) for m in (mu, mu + z * std))
-    limits = {"min_load": float(0.5 * (likely + worst))}
-    model = uncertain_effect("wheel_lockup", "mu", mu, std, limits=limits)
-    slope = plane(rise=-0.15)
-    assert plan_with(model, None, slope).progress > 5.0
-    assert plan_with(model, Uncertainty(), slope).progress == pytest.approx(0.0, abs=1e-9)
-    lower = uncertain_effect("wheel_lockup", "mu", mu, std, limits={"min_load": worst - 0.01})
-    assert plan_with(lower, Uncertainty(), slope).progress > 5.0
-
-
 @pytest.mark.parametrize(
     ("name", "key", "at_top"),
     [("aerodynamic_drag", "c", 16.0 / G), ("viscous_resistance", "c", 4.0)],
@@ -383,37 +287,3 @@ def test_uncertain_drag_counts_for_the_rear_axle_with_its_upper_end(
     assert ground.lower_intercept == pytest.approx(exact.lower_intercept)
     # What the motion now lacks to the upper end, at the highest speed that is planned.
     assert ground.upper_intercept - exact.upper_intercept == pytest.approx(2.0 * z * 0.004 * at_top)
-
-
-def test_uncertain_turning_resistance_is_used_by_curvature() -> None:
-    z, curvature = norm.ppf(0.999), np.array([[0.0], [0.1], [-0.3]])
-    effect = Effect(name="turning_resistance", parameters={"k": 0.05}, covariance=((1e-4,),))
-    spread = Uncertainty().drag_spread((effect,), curvature, 3.0)
-    assert spread == pytest.approx(2.0 * z * 0.01 * 3.0 * np.abs(curvature))
-
-
-def test_a_vehicle_in_uncertain_wind_stops_in_time_whatever_the_wind() -> None:
-    """From either side: more drag is no help to a vehicle that is pushed."""
-    parameters = {"c": 0.01, "wind": 4.0, "direction": np.pi}
-    spread = tuple(map(tuple, np.diag([0.003**2, 1.0, 0.0])))
-    effect = Effect(name="headwind", parameters=parameters, covariance=spread)
-    model = replace(model_of(tables_with()), effect=(effect,))
-    plan = plan_with(model, Uncertainty(), plane())
-    z = norm.ppf(0.999)
-    for c in (0.01 - z * 0.003, 0.01 + z * 0.003):
-        for wind in (4.0 - z, 4.0 + z):
-            k = int(np.argmax(plan.speed))
-            s, v, dt = plan.station[k] + 0.3 * plan.speed[k], float(plan.speed[k]), 1e-3
-            force = 0.4 + 0.015 * v
-            while v > 0.0:
-                u = v - wind
-                a = G * force + c * (u * abs(u) - v * v)
-                s, v = s + v * dt, v - a * dt
-            assert s <= plan.clear_distance
-
-
-def test_settings_are_validated() -> None:
-    with pytest.raises(ParameterError, match="quantile"):
-        Uncertainty(quantile=0.3)
-    with pytest.raises(ParameterError, match="age"):
-        Uncertainty(age=-1.0)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from slopewise.models.candidate_path import CandidatePath
-from slopewise.models.errors import ParameterError
 from slopewise.planner.horizon.answer import (
     FULL_STOP,
     MAX_HEADING_ERROR,
@@ -17,10 +16,9 @@ from slopewise.planner.horizon.path_cut import cut, passed_stations
 from slopewise.planner.horizon.path_projection import locate
 from slopewise.planner.path import batch
 from slopewise.planner.plan import Status
-from tests.planner.driving import Drive
-from tests.planner.scenes import arc, plane, straight, tables_with
-
-# ------------------------------------------------------------------------- path projection
+from tests.world.driving import Drive
+from tests.world.ground import plane, straight
+from tests.world.vehicles import tables_with
 
 
 def located(paths: object, at: tuple[float, float], heading: float = 0.0) -> object:
@@ -38,21 +36,6 @@ def test_place_on_a_straight_line() -> None:
     assert projection.turned == pytest.approx([0.0, np.pi / 2])
     assert projection.along[1] == pytest.approx(-0.2)
     assert projection.beside[1] == pytest.approx(3.1)
-
-
-def test_before_its_begin_and_beyond_its_end() -> None:
-    paths = batch([straight(10.0)], 0.25)
-    assert located(paths, (-0.7, 0.0)).along[0] == pytest.approx(-0.7)
-    beyond = located(paths, (10.4, 0.0))
-    assert beyond.remaining[0] == pytest.approx(0.0)
-    assert beyond.beside[0] == pytest.approx(0.4)
-
-
-@pytest.mark.parametrize("station", [2.0, 14.9, 15.1, 15.6, 40.0, 59.5])
-def test_found_anywhere_on_a_long_path(station: float) -> None:
-    projection = located(batch([straight(60.0)], 0.25), (station, 0.3))
-    assert projection.along[0] == pytest.approx(station)
-    assert projection.beside[0] == pytest.approx(0.3)
 
 
 def test_at_a_crossing_the_branch_in_the_heading() -> None:
@@ -83,21 +66,6 @@ def test_a_trimmed_path_starts_at_the_vehicle_and_keeps_its_end(driven: float) -
     assert np.all(rest.speed_limit[:, 1] <= 2.0)
 
 
-def test_a_path_that_starts_ahead_is_joined_from_the_vehicle() -> None:
-    paths = batch([straight(10.0)], 0.25)
-    rest = cut(paths, located(paths, (-0.6, 0.05)), (-0.6, 0.05))
-    assert (rest.x[0, 0], rest.y[0, 0]) == (-0.6, 0.05)
-    assert rest.x[1, 0] == 0.0
-    assert rest.count[0] == paths.count[0] + 1
-
-
-def test_nothing_is_cut_from_paths_that_begin_at_the_vehicle() -> None:
-    paths = batch([straight(10.0), arc(9.0, 0.1)], 0.25)
-    projection = located(paths, (0.0, 0.0))
-    assert cut(paths, projection, (0.0, 0.0)) is paths
-    assert not passed_stations(paths, projection, plane()).any()
-
-
 def test_what_is_left_behind_counts_along_the_ground() -> None:
     paths = batch([straight(10.0), straight(10.0, heading=np.pi / 2, name="level")], 0.25)
     slope = 0.3
@@ -106,22 +74,6 @@ def test_what_is_left_behind_counts_along_the_ground() -> None:
     assert left[0] == pytest.approx(4.1 * np.hypot(1.0, slope), abs=1e-9)
     ahead = located(paths, (-0.5, 0.0))
     assert passed_stations(paths, ahead, plane(slope))[0] == pytest.approx(-0.5)
-
-
-def test_some_of_the_candidates() -> None:
-    paths = batch([straight(10.0), arc(9.0, 0.1), arc(8.0, 0.2, name="last")], 0.25)
-    some = paths.only(np.array([2, 0]))
-    assert some.names == ("last", "straight")
-    assert np.array_equal(some.x[:, 0], paths.x[:, 2])
-    projection = located(paths, (1.0, 0.0)).only(np.array([1]))
-    assert projection.along.shape == (1,)
-
-
-# ------------------------------------------------------------------------------------ pose
-
-
-TRACKS = (0.45, 0.6, 1.0)
-"""Track widths of which half is at most the limit of the settings [m]."""
 
 
 def vehicle_at(track: float, lateral: float, turned: float, course: float = 0.0) -> Drive:
@@ -141,8 +93,7 @@ def refused(answer: CycleAnswer, reason: str) -> bool:
     return reason in answer.ranking[0].reason
 
 
-@pytest.mark.parametrize("track", TRACKS)
-@pytest.mark.parametrize("course", [0.0, 2.5])
+@pytest.mark.parametrize(("track", "course"), [(0.45, 0.0), (1.0, 2.5)])
 def test_within_half_a_track_and_03_rad_the_plan_is_that_of_the_path(
     track: float, course: float
 ) -> None:
@@ -156,8 +107,7 @@ def test_within_half_a_track_and_03_rad_the_plan_is_that_of_the_path(
             assert answer.chosen.x == pytest.approx(on_it.chosen.x, abs=1e-9)
 
 
-@pytest.mark.parametrize("track", TRACKS)
-@pytest.mark.parametrize("course", [0.0, 2.5])
+@pytest.mark.parametrize(("track", "course"), [(0.45, 0.0), (1.0, 2.5)])
 def test_beyond_either_limit_the_vehicle_stops_with_the_reason(track: float, course: float) -> None:
     half = 0.5 * track
     for share in (-3.0, -1.01, 1.001, 2.0):
@@ -191,19 +141,6 @@ def test_a_plan_that_the_pose_no_longer_fits_is_not_driven_on(
     assert drive.cycle().status is Status.OK
 
 
-def test_a_candidate_that_fits_is_driven_instead_of_the_plan_so_far() -> None:
-    drive = vehicle_at(1.0, 0.0, 0.0)
-    drive.cycle()
-    drive.heading = 0.5
-    fits = straight(20.0, 0.5).points + np.array([drive.x, drive.y])
-    drive.paths = [straight(25.0), CandidatePath("turned", fits)]
-    answer = drive.cycle()
-    assert (answer.chosen.candidate, answer.kept) == ("turned", False)
-    assert "0.3 rad at most" in answer.ranking[-1].reason
-
-
 def test_limits_of_the_pose_are_made_tighter_only() -> None:
-    with pytest.raises(ParameterError, match=r"turned: expected .* <= 0.3"):
-        HorizonSettings(turned=0.31)
     assert HorizonSettings(beside=0.1).for_track(1.0).beside == 0.1
     assert HorizonSettings(beside=3.0).for_track(1.5).beside == 0.75

@@ -7,14 +7,12 @@ import re
 import numpy as np
 import pytest
 
-from slopewise.models.candidate_path import CandidatePath
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.plan import Status
-from tests.planner.scenes import ATV, arc, assert_sound, plan_one, plane, straight, tables_with
-from tests.planner.swept.scenes import FINE, Height, ground, met
+from tests.world.ground import Height, arc, straight
+from tests.world.hazards import ground, met
+from tests.world.vehicles import tables_with
 
 STEP, CLEARANCE, BODY = int(Limiting.STEP), int(Limiting.CLEARANCE), int(Limiting.BODY)
-UNKNOWN = int(Limiting.UNKNOWN_TERRAIN)
 LIMIT = 0.28 / 3.0
 CLEAR = 0.75 * 0.28
 
@@ -87,17 +85,6 @@ def test_it_does_not_bar(name: str, heading: float) -> None:
     assert hazards.bar == 0, hazards.reason
 
 
-@pytest.mark.parametrize("name", ["rock of 3 m between the tracks", "step of 0.4 m up"])
-def test_the_plan_stops_before_it(name: str) -> None:
-    scene = ground(CASES[name][0])
-    plan = plan_one(ATV, scene, straight(20.0))
-    assert plan.status is Status.BLOCKED
-    assert 4.0 < plan.progress < 8.4
-    assert re.search(r"at \d\.\d\d m (a step|ground) .* at x [89]\.", plan.reason)
-    assert_sound(plan, ATV, scene)
-    assert plan_one(ATV, ground(FREE["step up"]), straight(20.0)).status is Status.OK
-
-
 def test_a_wheel_in_the_air_is_blocked() -> None:
     """Moguls across the diagonal: no step anywhere, but one wheel hangs."""
 
@@ -130,22 +117,6 @@ def test_breakover_approach_and_departure() -> None:
     assert met(valley, straight(20.0), high).bar == 0
 
 
-def test_unknown_ground_under_the_body_is_unknown_ground() -> None:
-    def hole(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return (np.abs(x - 9.0) < 0.15) & (np.abs(y - 0.2) < 0.06)
-
-    hazards = met(plane(resolution=FINE, unknown=hole), straight(20.0))
-    assert (hazards.bar, "unknown ground under the body" in hazards.reason) == (UNKNOWN, True)
-    off_path = plane(resolution=FINE, unknown=lambda x, y: (np.abs(x - 9.0) < 0.15) & (y > 0.8))
-    assert met(off_path, straight(20.0)).bar == 0
-
-
-def test_the_ground_under_the_start_does_not_block_it() -> None:
-    """A rock under the middle of the first pose: it got there."""
-    rock = ground(box((-0.1, 0.1), (-0.1, 0.1), 0.18))
-    assert met(rock, straight(10.0)).bar == 0
-
-
 def test_the_inner_wheels_of_a_turn_meet_what_the_outer_ones_pass() -> None:
     curve = arc(12.0, 0.25)
     middle = met(ground(lambda x, y: 0.0 * x), curve).profile
@@ -174,30 +145,3 @@ def test_a_coarse_map_says_what_it_cannot_see() -> None:
     # A wall larger than a cell is a hazard.
     wall = ground(box((9.0, 10.0), (-1.0, 1.0), 3.0), 1.0, y=(-8.0, 8.0))
     assert met(wall, straight(20.0)).bar in (CLEARANCE, BODY)
-
-
-def test_a_pose_is_blocked_with_all_poses_since_the_previous_one() -> None:
-    """For any stations, the last free one is not over the obstacle yet."""
-    rock = ground(box((9.0, 9.1), (0.4, 0.6), 0.3))
-    for length in np.linspace(18.0, 19.0, 7):
-        hazards = met(rock, straight(float(length)))
-        assert hazards.bar in (STEP, BODY)
-        assert hazards.profile.x[hazards.station - 1, 0] + 0.6 < 9.0
-
-
-def test_two_candidates_do_not_touch_each_other() -> None:
-    """The same candidate alone and among others meets the same."""
-    from slopewise.planner.ground.terrain_profile import terrain_profile
-    from slopewise.planner.path import batch
-    from slopewise.planner.swept.hazards import swept_hazards
-    from tests.planner.scenes import model_of
-
-    rock, model = ground(CASES["low rock under one wheel"][0]), model_of(ATV)
-    paths = [straight(20.0), CandidatePath("beside", np.array([[0.0, -1.5], [20.0, -1.5]]))]
-    part = batch(paths, 0.1)
-    profile = terrain_profile(rock, part.x, part.y, part.count, 1.2, 1.0)
-    hazards = swept_hazards(rock, profile, model)
-    alone = met(rock, straight(20.0)).hazards
-    np.testing.assert_array_equal(hazards.rows.code[:, :1], alone.rows.code)
-    np.testing.assert_allclose(hazards.rows.rough_speed[:, :1], alone.rows.rough_speed, rtol=1e-5)
-    assert not hazards.rows.code[:, 1].any()

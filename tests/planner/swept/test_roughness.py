@@ -6,19 +6,10 @@ import numpy as np
 import pytest
 
 from slopewise.planner.ground.terrain_profile import terrain_profile
-from slopewise.planner.limiting import Limiting
-from slopewise.planner.plan import Status
 from slopewise.planner.swept.hazards import swept_hazards
-from tests.planner.scenes import (
-    ATV,
-    assert_sound,
-    labels,
-    model_of,
-    plan_one,
-    straight,
-    tables_with,
-)
-from tests.planner.swept.scenes import Height, ground, met
+from tests.world.ground import Height, straight
+from tests.world.hazards import ground, met
+from tests.world.vehicles import model_of, tables_with
 
 
 def wave(height: float, length: float) -> Height:
@@ -64,10 +55,6 @@ def test_a_washboard_slows_as_the_closed_form_says(
     assert 0.90 * expected < middle.min() <= middle.max() < 1.05 * expected
 
 
-def test_a_swell_does_not_slow() -> None:
-    assert met(ground(wave(0.25, 10.0), x=(-3.0, 35.0)), straight(30.0)).slowest == np.inf
-
-
 def test_slopes_and_their_beginning_do_not_slow() -> None:
     ramp = ground(lambda x, y: 0.2 * np.maximum(x - 8.0, 0.0) ** 2 / (1.0 + np.abs(x - 8.0)))
     assert met(ramp, straight(20.0)).slowest == np.inf
@@ -86,12 +73,6 @@ def test_it_slows_before_the_washboard_and_until_the_rear_wheels_are_over_it() -
     assert x[slow].max() > 12.0
     assert not slow[x < 7.5].any()
     assert not slow[x > 15.5].any()
-
-
-def test_one_side_alone_slows_too() -> None:
-    slow_speed = met(ground(wave(0.03, 1.0)), straight(20.0)).slowest
-    left = met(ground(lambda x, y: wave(0.03, 1.0)(x, y) * (y > 0.0)), straight(20.0)).slowest
-    assert left == pytest.approx(slow_speed, rel=0.05)
 
 
 def test_a_resonance_blocks_the_speeds_beyond_it() -> None:
@@ -125,17 +106,6 @@ def test_a_short_first_step_is_no_spacing(short: float) -> None:
         hazards.append(swept_hazards(scene, profile, model).rows.rough_speed[:, 0])
     np.testing.assert_allclose(hazards[1][10:], hazards[0][10:], rtol=0.1)
     assert np.all(hazards[2] > 0.0)
-
-
-def test_the_plan_is_slower_and_labelled() -> None:
-    scene = ground(wave(0.06, 1.5))
-    rough = plan_one(ATV, scene, straight(20.0))
-    smooth = plan_one(ATV, ground(wave(0.06, 12.0)), straight(20.0))
-    assert rough.status is smooth.status is Status.OK
-    assert Limiting.ROUGHNESS.label in labels(rough)
-    assert rough.speed.max() < 0.7 * smooth.speed.max()
-    assert Limiting.ROUGHNESS.label not in labels(smooth)
-    assert_sound(rough, ATV, scene)
 
 
 @pytest.mark.parametrize("factor", [2.0, 4.0])

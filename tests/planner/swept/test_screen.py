@@ -20,10 +20,7 @@ from slopewise.planner.swept.screen_cache import screen_for
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
 from slopewise.planner.swept.verdicts import BODY, UNSEEN
 from slopewise.planner.swept.wheel_sweep import SLOPE_OPEN
-from tests.planner.scenes import ATV, SMALL, model_of, tables_with
-from tests.planner.swept.scenes import Met, ground, met_by
-
-MODELS = (model_of(ATV), model_of(tables_with(**SMALL)))
+from tests.world.hazards import MODELS, Met, ground, met_by, rough_ground
 
 
 def all_suspect(screen: Screen) -> Screen:
@@ -33,27 +30,6 @@ def all_suspect(screen: Screen) -> Screen:
         lift=np.full_like(screen.lift, np.inf),
         seen=np.zeros_like(screen.seen),
     )
-
-
-def rough_ground(seed: int, resolution: float, size: float) -> ElevationMap:
-    """Waves, noise, rocks, steps and unknown cells around the limits of a vehicle of this size."""
-    rng = np.random.default_rng(seed)
-    x, y = np.meshgrid(np.arange(0.0, 12.0, resolution), np.arange(0.0, 6.0, resolution))
-    z = rng.uniform(-0.25, 0.25) * x + rng.uniform(-0.2, 0.2) * y
-    for _ in range(rng.integers(0, 4)):
-        length, turn = size * rng.uniform(2.0, 12.0), rng.uniform(0.0, np.pi)
-        phase = rng.uniform(0.0, 6.3)
-        wave = np.sin(2 * np.pi / length * (np.cos(turn) * x + np.sin(turn) * y) + phase)
-        z += 0.02 * length * rng.uniform(0.0, 1.0) * wave
-    z += rng.choice([0.0, 0.02, 0.05]) * size * rng.standard_normal(z.shape)
-    for _ in range(rng.integers(0, 4)):
-        at, half = rng.uniform((2.0, 1.0), (10.0, 5.0)), size * rng.uniform(0.05, 0.6)
-        inside = (np.abs(x - at[0]) < half) & (np.abs(y - at[1]) < half)
-        z[inside] += size * rng.uniform(-0.5, 0.8)
-    if rng.random() < 0.3:
-        z += size * rng.uniform(-0.3, 0.3) * (np.cos(0.3) * x + np.sin(0.3) * y > 7.0)
-    z[rng.random(z.shape) < rng.choice([0.0, 0.0, 0.002])] = np.nan
-    return ElevationMap(elevation=z, resolution=resolution, origin=(0.0, 0.0))
 
 
 ARTICULATION_ERROR = 1e-3
@@ -108,12 +84,6 @@ def first_blocked(met: Met) -> int:
     return met.station if met.station >= 0 else len(met.profile.x)
 
 
-def test_smooth_ground_needs_no_exact_check() -> None:
-    hills = ground(lambda x, y: 0.3 * np.sin(0.5 * x) + 0.2 * np.cos(0.6 * y))
-    path = CandidatePath("straight", np.array([[0.0, 0.0], [20.0, 0.5]]))
-    assert met_by(hills, path, MODELS[0]).hazards.looked == 0
-
-
 def test_a_screen_is_made_once_for_a_map_and_a_vehicle() -> None:
     scene, vehicle = ground(lambda x, y: 0.0 * x), MODELS[0].vehicle
     sizes, x = swept_sizes(vehicle, scene.resolution), np.zeros((3, 2))
@@ -137,21 +107,3 @@ def test_a_large_map_is_screened_around_the_candidates() -> None:
     further = screen_for(scene, vehicle, sizes, x + 15.0, y)
     assert further is not screen
     assert screen_for(scene, vehicle, sizes, x + 15.3, y + 0.2) is further
-
-
-@pytest.mark.parametrize("resolution", [0.05, 0.1, 0.2])
-def test_a_rock_makes_its_surroundings_suspect(resolution: float) -> None:
-    scene = ground(lambda x, y: 1.0 * (np.hypot(x - 9.0, y) < 0.2), resolution)
-    vehicle = MODELS[0].vehicle
-    sizes = swept_sizes(vehicle, resolution)
-    x, y = np.array([[0.0], [12.0]]), np.zeros((2, 1))
-    screen = screen_for(scene, vehicle, sizes, x, y)
-
-    def there(blocks: np.ndarray, x: float) -> int:
-        row, column = (0.0 - screen.origin_y), (x - screen.origin_x)
-        return int(blocks[int(row * screen.per_metre), int(column * screen.per_metre)])
-
-    assert there(screen.bits, 8.5) & BODY
-    assert there(screen.relief > screen.cleared, 8.6)
-    assert not there(screen.bits, 4.0)
-    assert not there(screen.relief > screen.cleared, 4.0)

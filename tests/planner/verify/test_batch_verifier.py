@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,10 @@ from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time
 from slopewise.planner.verify.batch_judge import screen
 from slopewise.planner.verify.judge import Violations, check
 from slopewise.planner.verify.track import track_of
-from tests.planner import generated
-from tests.planner.generated import between
-from tests.planner.scenes import arc, ground_map, model_of, plane, straight, tables_with
+from tests.world import generated
+from tests.world.generated import between
+from tests.world.ground import arc, ground_map, plane, straight
+from tests.world.vehicles import model_of, tables_with
 
 
 def verdicts(
@@ -106,14 +106,3 @@ def test_each_kind_of_breach_is_found_in_the_right_candidate(
     assert_agree(together, single)
     assert together[0].max() == 0.0
     assert together[1, Violations._fields.index(kind)] > 0.0
-
-
-def test_limits_of_the_paths_themselves_count() -> None:
-    model = model_of(tables_with())
-    paths = batch([straight(12.0), straight(12.0, name="slow", speed_limit=[1.0, 1.0])], 0.25)
-    solved = time_optimal_batch(plane(), replace(paths, speed_limit=None), model)
-    together, single = verdicts(solved, paths, solved.speed_sq, model)
-    assert_agree(together, single)
-    speed = Violations._fields.index("speed")
-    assert together[0, speed] == 0.0
-    assert together[1, speed] > 1.0

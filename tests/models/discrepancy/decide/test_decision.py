@@ -19,22 +19,19 @@ from slopewise.models.discrepancy.findings import Verdict
 from slopewise.models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import predict
-from slopewise.models.discrepancy.search.extent import _edges, extents
+from slopewise.models.discrepancy.search.extent import extents
 from slopewise.models.discrepancy.search.identify import ScoredExplanation
 from slopewise.models.discrepancy.search.refine import (
     Fit,
-    fit,
     fit_base,
     fit_with_noise,
     fit_with_scatter,
     start_of,
 )
 from slopewise.models.parameters import Effect
-from tests.models.discrepancy.logs import table
-from tests.models.models_for_tests import BASE
-
-# ------------------------------------------------------------------------------ model form
-
+from tests.world.formulas import SAMPLES
+from tests.world.logs import table
+from tests.world.vehicles import BASE
 
 PLACE = Effect(
     name="surface_patch", parameters={"delta": -0.05, "x": 0.0, "y": 0.0, "radius": 15.0}
@@ -67,9 +64,6 @@ def test_the_model_has_the_plain_forms_and_reports_it(
     plain = replace(fitted, slips=False, drifts=False)
     np.testing.assert_array_equal(predict(stops, fitted), predict(stops, plain))
     assert [e.name for e in fitted.added] == [e.name for e in effects]
-
-
-# --------------------------------------------------------------------------------- revised
 
 
 def decision(verdict: Verdict, *effects: Effect) -> Decision:
@@ -124,18 +118,6 @@ def test_the_longest_alternative_is_in_the_offset() -> None:
     )
 
 
-# ------------------------------------------------------------------------- unnamed effects
-
-
-NUMBERS = {
-    "aerodynamic_drag": {"c": 0.02},
-    "brake_lag": {"tau": 0.1},
-    "cross_slope": {"k": 0.1},
-    "viscous_resistance": {"c": 0.02},
-    "headwind": {"c": 0.01, "wind": 4.0, "direction": 0.4},
-}
-
-
 @cache
 def base() -> Fit:
     stops = table("clean")
@@ -150,7 +132,7 @@ def explained(score: float, *effects: Effect) -> ScoredExplanation:
 
 
 def named(score: float, *names: str) -> ScoredExplanation:
-    return explained(score, *(Effect(name=n, parameters=NUMBERS[n]) for n in names))
+    return explained(score, *(Effect(name=n, parameters=SAMPLES[n]) for n in names))
 
 
 def seen(axis: str, p_value: float) -> Any:
@@ -171,14 +153,6 @@ def test_two_effects_along_one_axis_are_no_name() -> None:
     # A build-up is fitted in addition to all others, and is no second effect.
     assert restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "brake_lag")) == []
     assert restraint.along_one_axis(stops, named(0.0, "aerodynamic_drag", "cross_slope")) == []
-
-
-def test_wind_from_one_side_is_a_curve_over_speed() -> None:
-    windy = named(0.0, "aerodynamic_drag", "headwind")
-    stops = table("clean")
-    assert restraint.along_one_axis(stops, windy) == []
-    one_way = replace(stops, yaw=np.full_like(stops.yaw, 0.4))
-    assert restraint.along_one_axis(one_way, windy) == ["aerodynamic_drag", "headwind"]
 
 
 @pytest.mark.parametrize(
@@ -208,26 +182,3 @@ def test_a_patch_needs_five_stops_inside() -> None:
         inside = where | {"delta": 0.02, "radius": float(0.5 * (away[count - 1] + away[count]))}
         best = explained(0.0, Effect(name="surface_patch", parameters=inside))
         assert restraint.weak(stops, best, named(30.0), place) is weak
-
-
-def test_edges_of_a_patch_lie_anywhere_between_the_stops() -> None:
-    """Fewer stops leave them less certain, by about the gap between those that remain."""
-    stops = table("patch")
-    inner = {"x": 20.0, "y": 20.0, "radius": 11.0}
-    many, few = _edges(stops, inner), _edges(stops.take(np.arange(0, len(stops), 4)), inner)
-    assert all(few[name] > many[name] for name in inner)
-    # A grid of places a metre apart, of stops without a length: a gap is a metre on every side.
-    x, y = (a.ravel().astype(float) for a in np.meshgrid(np.arange(41), np.arange(41)))
-    points = SimpleNamespace(time=np.ones((x.size, 1)), onset=0.0, x=x[:, None], y=y[:, None])
-    edges = _edges(points, inner)  # type: ignore[arg-type]
-    assert edges["x"] < 0.5 / np.sqrt(12.0) * np.sqrt(2.0)
-
-
-def test_intervals_widen_where_stops_scatter_more_than_the_noise_says() -> None:
-    stops, start = table("clean"), base()
-    calm = fit(stops, start.hypothesis, start.white)
-    level = np.where(np.arange(len(stops)) % 2, 0.3, -0.3)[:, None]
-    since = np.einsum("skm,sm->sk", stops.average, np.maximum(stops.time - stops.onset, 0.0))
-    wild = replace(stops, binned=stops.binned - level * since * (stops.spread > 0.0))
-    torn = fit(wild, start.hypothesis, start.white)
-    assert torn.covariance[3, 3] > 1.5 * calm.covariance[3, 3]

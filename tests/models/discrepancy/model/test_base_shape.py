@@ -15,12 +15,9 @@ from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.search.refine import fit_base, jacobian, residual, start_of
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate
-from tests.models.discrepancy.logs import WORLDS, log, table
-from tests.models.discrepancy.plant import World, drive
-from tests.models.models_for_tests import BASE
-
-# ------------------------------------------------------------------------------ base shape
-
+from tests.world.logs import WORLDS, log, table
+from tests.world.plant import World, drive
+from tests.world.vehicles import BASE
 
 G = 9.80665
 FADING = World(effects={"brake_fade": {"k": 0.012, "tau": 60.0}}, noise=0.005, scatter=0.0075)
@@ -52,26 +49,17 @@ def test_its_column_is_its_derivative() -> None:
     np.testing.assert_allclose(moved[used], changed[used], atol=1e-12)
 
 
-def test_a_force_that_is_even_has_no_shape() -> None:
-    """Half of the stop is faster than its middle, half slower: no speed is lost on the whole."""
-    stops = table("clean")
-    at_rest = shape_column(stops, BASE.braking.dead_time)[:, -1]
-    assert np.abs(np.median(at_rest)) < 0.15
-
-
 def test_without_leave_it_is_zero() -> None:
     stops, _ = prepare(*shaped(FADING, 24, 1), BASE, None, DiscrepancySettings())
     assert fit_base(stops, start_of(stops, BASE)).hypothesis.bend == 0.0
 
 
-@pytest.mark.parametrize("seed", [3, pytest.param(5, marks=pytest.mark.nightly)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", [3, 5])
 def test_together_with_an_effect_it_has_no_name(seed: int) -> None:
     findings = investigate(*shaped(FADING, 60, seed), BASE)
     assert findings.verdict is Verdict.MISSING_EFFECT
     assert [effect.name for effect in findings.effects] == ["brake_fade"]
-
-
-# ------------------------------------------------------------------------ body oscillation
 
 
 ROCKING = 0.03  # [m/s]
@@ -95,6 +83,7 @@ def test_rocking_is_no_effect() -> None:
     assert rocking("clean").verdict in (Verdict.NONE, Verdict.PARAMETER_DRIFT)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("name", "effect"), [("drag", "aerodynamic_drag"), ("lag", "brake_lag")])
 def test_an_effect_is_named_although_the_body_rocks(name: str, effect: str) -> None:
     f = rocking(name)

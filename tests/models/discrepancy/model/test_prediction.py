@@ -8,36 +8,25 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from slopewise.models.discrepancy.data.prepare import prepare
 from slopewise.models.discrepancy.data.stop_ground import ground_of as place_of
 from slopewise.models.discrepancy.model.brakes import brought_force
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import predict, simulate, wanted_force
 from slopewise.models.discrepancy.search.candidates import candidates
-from slopewise.models.discrepancy.settings import DiscrepancySettings
-from slopewise.models.effects.surface_patch import share_inside
 from slopewise.models.parameters import Effect
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
-from tests.models.discrepancy.logs import log, table
-from tests.models.models_for_tests import BASE
+from tests.world.formulas import SAMPLES
+from tests.world.logs import table
+from tests.world.vehicles import BASE
 
-# ------------------------------------------------------------------------------ prediction
-
-
-EFFECTS = {
-    "aerodynamic_drag": {"c": 0.05},
-    "headwind": {"c": 0.02, "wind": 5.0, "direction": 0.4},
-    "viscous_resistance": {"c": 0.02},
-    "brake_lag": {"tau": 0.15},
-    "wheel_lockup": {"mu": 0.4},
-    "grade_asymmetry": {"k": 0.5},
-    "grade_nonlinearity": {"k": 1.5},
-    "cross_slope": {"k": 0.5},
-    "turning_resistance": {"k": 0.1},
-    "directional_surface": {"k": 0.05, "direction": 0.3},
-    "session_drift": {"k": 1e-5},
-}
+LIKE_THE_SIMULATION = [
+    name
+    for name in SAMPLES
+    if name
+    not in ("turning_resistance", "crest_unloading", "brake_fade", "surface_patch", "step_change")
+]
+"""Effects that have all they depend on in the table of stops."""
 
 
 def _track(stops, i: int) -> GroundTrack:
@@ -53,10 +42,10 @@ def _track(stops, i: int) -> GroundTrack:
     )
 
 
-@pytest.mark.parametrize("name", [n for n in EFFECTS if n != "turning_resistance"])
+@pytest.mark.parametrize("name", LIKE_THE_SIMULATION)
 def test_a_stop_is_that_of_the_simulation(name: str) -> None:
     stops = table("clean").take([0, 5, 11])
-    effect = Effect(name=name, parameters=EFFECTS[name])
+    effect = Effect(name=name, parameters=SAMPLES[name])
     time = np.linspace(0.0, 1.0, 401) * (1.3 * stops.standstill_time)[:, None]
     speed, way = simulate(stops, Hypothesis.configured(BASE).plus(effect), stops.held, time)
     for i in range(len(stops)):
@@ -85,25 +74,6 @@ def test_a_stop_over_a_crest_is_that_of_the_simulation() -> None:
         assert way[i, -1] == pytest.approx(reference.distance, abs=0.004)
 
 
-def test_crests_without_a_column_are_those_of_the_grade() -> None:
-    columns, runs = log("crests")
-    untold = {name: c for name, c in columns.items() if name != "vertical_curvature"}
-    stops = prepare(untold, runs, BASE, None, DiscrepancySettings())[0]
-    logged = table("crests")
-    assert "vertical_curvature" in logged.logged - stops.logged
-    rolling = logged.speed > 1.0
-    error = (stops.vertical_curvature - logged.vertical_curvature)[rolling]
-    assert np.sqrt(np.mean(error**2)) < 0.5 * np.std(logged.vertical_curvature[rolling])
-
-
-def test_effects_of_the_model_count_like_those_added() -> None:
-    stops = table("clean")
-    effect = Effect(name="cross_slope", parameters={"k": 0.5})
-    added = predict(stops, Hypothesis.configured(BASE).plus(effect))
-    predicted = predict(stops, Hypothesis.configured(replace(BASE, effect=(effect,))))
-    np.testing.assert_allclose(added, predicted, atol=1e-12)
-
-
 def test_a_step_change_holds_from_its_run_on() -> None:
     stops = table("clean")
     effect = Effect(name="step_change", parameters={"scale": 0.8, "run": 20.0})
@@ -111,28 +81,6 @@ def test_a_step_change_holds_from_its_run_on() -> None:
     error = predict(stops, base.plus(effect))[:, -1] - predict(stops, base)[:, -1]
     assert np.all(error[stops.run < 20] == 0.0)
     assert np.all(error[stops.run >= 20] < 0.0)
-
-
-def test_hot_brakes_after_short_pauses_make_less() -> None:
-    stops = table("clean")
-    fade = Effect(name="brake_fade", parameters={"k": 0.02, "tau": 100.0})
-    base = Hypothesis.configured(BASE)
-    lost = predict(stops, base)[:, -1] - predict(stops, base.plus(fade))[:, -1]
-    assert np.all(lost > 0.0)
-    cold = predict(replace(stops, warmed=((),) * len(stops)), base.plus(fade))[:, -1]
-    assert np.all(cold[1:] > predict(stops, base.plus(fade))[1:, -1])
-
-
-def test_the_edge_of_a_patch_counts_in_part() -> None:
-    x = np.linspace(0.0, 10.0, 21)[None, :]
-    zero = np.zeros_like(x)
-    for radius in (3.0, 3.1, 3.24, 3.4):
-        # The distance inside is the radius, for any position of the grid.
-        inside = share_inside(x, zero, 0.0, 0.0, radius)[0]
-        assert 0.5 * (np.sum(inside) - 0.5) == pytest.approx(radius, abs=1e-9)
-
-
-# ---------------------------------------------------------------------------------- brakes
 
 
 BASIS = Hypothesis.configured(BASE)

@@ -17,8 +17,8 @@ from slopewise.models.discrepancy.model.prediction import simulate, wanted_force
 from slopewise.models.discrepancy.search.refine import fit_base, fit_either_way, fit_other_forms
 from slopewise.models.parameters import Effect
 from slopewise.models.quantity import GRAVITY as G
-from tests.models.discrepancy.logs import table
-from tests.models.models_for_tests import BASE
+from tests.world.logs import table
+from tests.world.vehicles import BASE
 
 MU = 0.25
 
@@ -47,10 +47,7 @@ def block(v: float, grade: float, roll: float, time: Floats) -> Floats:
 
 
 @pytest.mark.parametrize("form", ["everywhere", "in one place"])
-@pytest.mark.parametrize(
-    ("grade", "roll"),
-    [(-0.08, 0.07), (0.0, -0.09), pytest.param(0.1, 0.05, marks=pytest.mark.nightly)],
-)
+@pytest.mark.parametrize(("grade", "roll"), [(-0.08, 0.07), (-0.05, -0.09)])
 def test_locked_wheels_drift_as_a_block_does(form: str, grade: float, roll: float) -> None:
     stops = tilted(grade, roll)
     hypothesis = Hypothesis.configured(BASE)
@@ -63,7 +60,7 @@ def test_locked_wheels_drift_as_a_block_does(form: str, grade: float, roll: floa
             hypothesis.plus(Effect(name="surface_patch", parameters=place)), slips=True
         )
         stops = stops.take([0])
-    time = np.linspace(0.0, 1.0, 801) * (2.0 * stops.standstill_time)[:, None]
+    time = np.linspace(0.0, 1.0, 401) * (2.0 * stops.standstill_time)[:, None]
     drifting, _ = simulate(stops, replace(hypothesis, drifts=True), stops.held, time)
     straight, _ = simulate(stops, hypothesis, stops.held, time)
     for i, held in enumerate(stops.held.tolist()):

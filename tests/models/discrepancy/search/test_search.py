@@ -14,10 +14,8 @@ from slopewise.models.discrepancy.search.candidates import EffectColumn
 from slopewise.models.discrepancy.search.refine import as_output, fit, jacobian, own_friction
 from slopewise.models.effects.registry import validate
 from slopewise.models.parameters import Effect
-from tests.models.discrepancy.logs import table
-from tests.models.models_for_tests import BASE
-
-# ------------------------------------------------------------------------------ candidates
+from tests.world.logs import table
+from tests.world.vehicles import BASE
 
 
 @pytest.mark.parametrize(("strength", "scale"), [(-0.3, 0.7), (-1.1, 0.0), (0.2, 1.2)])
@@ -25,9 +23,6 @@ def test_brakes_never_push(strength: float, scale: float) -> None:
     """A line through the stops may ask for less than no force; there is no such effect."""
     effect = EffectColumn("step_change", {"delta": 0.0, "run": 3.0}).effect(strength)
     assert validate(effect)["scale"] == pytest.approx(scale)
-
-
-# ---------------------------------------------------------------------------------- refine
 
 
 BASIS = Hypothesis.configured(BASE)

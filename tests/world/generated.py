@@ -2,26 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pytest
+from hypothesis import settings
 from hypothesis import strategies as st
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
-from tests.planner.scenes import (
-    SMALL,
-    Tables,
-    ground_map,
-    min_loads,
-    plan_one,
-    stop_on,
-    tables_with,
-    violations,
-)
+from tests.world.ground import ground_map
+from tests.world.plans import min_loads, plan_one, stop_on, violations
+from tests.world.vehicles import SMALL, Tables, tables_with
+
+
+def by_day_and_night(day: int, night: int) -> Callable[[Any], Any]:
+    """Count of examples by day, and of others by night, with `pytest -m nightly`."""
+    if settings.get_current_profile_name() != "nightly":
+        return settings(max_examples=day)
+
+    def at_night(test: Any) -> Any:
+        return pytest.mark.nightly(
+            pytest.mark.timeout(6 * 3600)(settings(max_examples=night)(test))
+        )
+
+    return at_night
+
 
 EFFECT_RANGES: dict[str, dict[str, tuple[float, float]]] = {
     "aerodynamic_drag": {"c": (0.0, 0.05)},

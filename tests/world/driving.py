@@ -20,8 +20,9 @@ from slopewise.planner.horizon.horizon import Horizon, HorizonSettings
 from slopewise.planner.path import PathBatch, batch
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
-from tests.planner import generated
-from tests.planner.scenes import Tables, arc, ground_map, model_of, straight
+from tests.world import generated
+from tests.world.ground import arc, ground_map, straight
+from tests.world.vehicles import Tables, model_of
 
 PERIOD = 0.1
 PATIENT = HorizonSettings(budget=60.0, smoothed=2)
@@ -163,18 +164,15 @@ def accel_at(plan: SpeedPlan, station: float) -> float:
 
 
 def after(plan: SpeedPlan, station: float, period: float) -> tuple[float, float]:
-    """Station and speed a period later, by small steps along the plan's own v²."""
+    """Station and speed a period later, of constant acceleration from station to station."""
     grid = np.union1d(plan.station[plan.station > station], [station])
-    energy = np.interp(grid, plan.station, plan.speed**2)
-    speed = np.sqrt(energy)
-    speed_sum = speed[1:] + speed[:-1]
+    speed = np.sqrt(np.interp(grid, plan.station, plan.speed**2))
     with np.errstate(divide="ignore"):
-        time = np.concatenate(([0.0], np.cumsum(2.0 * np.diff(grid) / speed_sum)))
+        time = np.concatenate(([0.0], np.cumsum(2.0 * np.diff(grid) / (speed[1:] + speed[:-1]))))
     k = int(np.searchsorted(time, period, "right")) - 1
     if k >= len(grid) - 1 or not np.isfinite(time[k + 1]):
         return float(grid[min(k, len(grid) - 1)]), 0.0
-    rest = period - time[k]
-    accel = (energy[k + 1] - energy[k]) / (2.0 * (grid[k + 1] - grid[k]))
+    rest, accel = period - time[k], (speed[k + 1] - speed[k]) / (time[k + 1] - time[k])
     return float(grid[k] + speed[k] * rest + 0.5 * accel * rest**2), float(speed[k] + accel * rest)
 
 

@@ -15,13 +15,6 @@ Random = np.random.Generator
 STEP = 0.004  # [m] between two samples
 
 
-def slalom(rng: Random) -> Path:
-    """A sine, sampled finely or coarsely."""
-    x = np.arange(0.0, rng.uniform(12.0, 40.0), rng.choice([0.05, 0.1, 0.25, 0.5, 1.0]))
-    y = rng.uniform(0.1, 2.0) * np.sin(2.0 * np.pi * x / rng.uniform(1.0, 12.0))
-    return np.stack([x, y], axis=1)
-
-
 def alternating(rng: Random) -> Path:
     """Points to one side and to the other in turn, as noise would lie."""
     step, i = rng.choice([0.25, 0.5, 1.0, 2.0]), np.arange(rng.integers(18, 60))
@@ -51,33 +44,10 @@ def stairs(rng: Random) -> Path:
     return cell * np.array(places, float)
 
 
-def tree(rng: Random) -> Path:
-    """Segments of a random tree."""
-    count, headings = rng.integers(8, 40), [0.0]
-    for _ in range(count):
-        headings.append(0.6 * headings[-1] + rng.uniform(-0.9, 0.9))
-    return walked(rng.uniform(0.4, 2.0) * rng.uniform(0.7, 1.0, count + 1), np.array(headings))
-
-
-def dubins(rng: Random) -> Path:
-    """Arcs and straights of 1 to 6 m radius."""
-    step, radius = rng.choice([0.05, 0.1, 0.25, 0.5]), rng.uniform(1.0, 6.0)
-    parts = [
-        np.full(int(rng.uniform(1.5, 6.0) / step), rng.integers(-1, 2) / radius) for _ in range(4)
-    ]
-    return walked(step, np.cumsum(step * np.concatenate(parts)))
-
-
 def sparse(rng: Random) -> Path:
     """A few vertices, metres apart."""
     count = rng.integers(2, 9)
     return walked(rng.uniform(2.0, 10.0, count), np.cumsum(rng.uniform(-1.8, 1.8, count)))
-
-
-def dense(rng: Random) -> Path:
-    """A point every one or two centimetres."""
-    s = np.arange(0.0, rng.uniform(8.0, 20.0), step := rng.uniform(0.005, 0.03))
-    return walked(step, 0.5 * np.sin(s / rng.uniform(1.5, 4.0) + rng.uniform(0.0, 6.0)))
 
 
 def zigzag(rng: Random) -> Path:
@@ -112,14 +82,10 @@ def crossing(rng: Random) -> Path:
 
 
 KINDS: tuple[Callable[[Random], Path], ...] = (
-    slalom,
     alternating,
     noisy,
     stairs,
-    tree,
-    dubins,
     sparse,
-    dense,
     zigzag,
     cusps,
     crossing,

@@ -12,10 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.quantity import GRAVITY
-
-SAMPLES = 12
-G = GRAVITY
+COUNT = 12
 
 
 def check_parity(law: Callable, **ranges: tuple[float, float]) -> None:
@@ -27,12 +24,12 @@ def check_parity(law: Callable, **ranges: tuple[float, float]) -> None:
     names = list(inspect.signature(law).parameters)
     assert set(ranges) == set(names), f"ranges must name {names}"
     random = np.random.default_rng(20240611)
-    columns = [random.uniform(*ranges[name], SAMPLES) for name in names]
+    columns = [random.uniform(*ranges[name], COUNT) for name in names]
     reference = np.array([_flat(law(*map(float, row))) for row in zip(*columns, strict=True)])
     assert np.all(np.isfinite(reference))
     assert np.all(np.ptp(reference, axis=0) > 0.0), "a constant law would hide a lost argument"
 
-    grid = [column.reshape(3, SAMPLES // 3) for column in columns]
+    grid = [column.reshape(3, COUNT // 3) for column in columns]
     arrays = _outputs(law(*grid))
     assert all(array.shape == grid[0].shape for array in arrays)
     _assert_same(np.stack([array.ravel() for array in arrays], axis=-1), reference)
@@ -44,11 +41,11 @@ def check_parity(law: Callable, **ranges: tuple[float, float]) -> None:
         warnings.simplefilter("ignore", FutureWarning)  # casadi announces another numpy mode
         outputs = list(_outputs(law(*symbols)))
     assert all(isinstance(output, casadi.SX) and output.is_scalar() for output in outputs)
-    function = casadi.Function("law", symbols, outputs).map(SAMPLES)
+    function = casadi.Function("law", symbols, outputs).map(COUNT)
     values = _outputs(function(*[column.reshape(1, -1) for column in columns]))
     _assert_same(np.stack([np.array(value).ravel() for value in values], axis=-1), reference)
     gradient = casadi.jacobian(casadi.vertcat(*outputs), casadi.vertcat(*symbols))
-    slopes = casadi.Function("slopes", symbols, [gradient]).map(SAMPLES)
+    slopes = casadi.Function("slopes", symbols, [gradient]).map(COUNT)
     assert np.all(np.isfinite(np.array(slopes(*[column.reshape(1, -1) for column in columns]))))
 
     compiled = numba.njit(law)

@@ -12,7 +12,7 @@ from math import cos, exp, hypot
 G = 9.80665
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Moment:
     """State of a braking vehicle, SI and radians; `force` is F_b/W before the effect."""
 
@@ -72,3 +72,22 @@ FORMULAS: dict[str, Formula] = {
     "crest_unloading": _crest_share,
 }
 """All effects: what each adds, leaves or allows, as its law in the registry returns it."""
+
+SAMPLES: dict[str, dict[str, float]] = {
+    "aerodynamic_drag": {"c": 0.03},
+    "headwind": {"c": 0.02, "wind": 5.0, "direction": 0.4},
+    "viscous_resistance": {"c": 0.02},
+    "turning_resistance": {"k": 0.1},
+    "brake_lag": {"tau": 0.15},
+    "brake_fade": {"k": 0.02, "tau": 10.0},
+    "wheel_lockup": {"mu": 0.4},
+    "grade_asymmetry": {"k": 0.5},
+    "grade_nonlinearity": {"k": 1.5},
+    "cross_slope": {"k": 0.2},
+    "crest_unloading": {"k": 0.8},
+    "surface_patch": {"delta": -0.1, "x": 4.0, "y": 0.0, "radius": 2.0},
+    "directional_surface": {"k": 0.05, "direction": 0.3},
+    "session_drift": {"k": 1e-5},
+    "step_change": {"delta": -0.05},
+}
+"""A plausible size of each."""

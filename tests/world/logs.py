@@ -1,0 +1,90 @@
+"""Logs of the hidden plant that several tests share, driven and investigated once."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slopewise.models.discrepancy.data.prepare import prepare
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.findings import Findings
+from slopewise.models.discrepancy.report.evidence import Evidence
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.workflow import investigate_with_evidence
+from tests.world.plant import World, drive
+from tests.world.vehicles import BASE
+
+WORLDS = {
+    "clean": World(),
+    "drift": World(coefficients=(-0.02, -0.30, 0.02, 0.36), dead_time=0.27),
+    "bias": World(pitch_bias=float(np.deg2rad(1.0))),
+    "drag": World(effects={"aerodynamic_drag": {"c": 0.06}}),
+    "lag": World(effects={"brake_lag": {"tau": 0.2}}),
+    "fade": World(effects={"brake_fade": {"k": 0.012, "tau": 60.0}}),
+    "lockup": World(effects={"wheel_lockup": {"mu": 0.42}}),
+    "cross": World(effects={"cross_slope": {"k": 0.5}}),
+    "patch": World(
+        effects={"surface_patch": {"delta": -0.1, "x": 20.0, "y": 20.0, "radius": 11.0}}
+    ),
+    "places": World(
+        effects={"surface_patch": {"delta": -0.1, "x": 8.0, "y": 8.0, "radius": 7.0}},
+        further_places=((30.0, 28.0, 9.0),),
+    ),
+    "step": World(effects={"step_change": {"scale": 0.85, "run": 25}}),
+    "pair": World(
+        effects={"brake_lag": {"tau": 0.2}, "directional_surface": {"k": 0.04, "direction": 0.6}}
+    ),
+    "lag_and_drag": World(
+        effects={"brake_lag": {"tau": 0.2}, "aerodynamic_drag": {"c": 0.06}}, speeds=(2.0, 6.0)
+    ),
+    "build_up": World(effects={"brake_lag": {"tau": 0.03}}, dead_time=0.27, noise=0.01),
+    "noisy": World(noise=0.2, scatter=0.3, grades=(-0.05, 0.05)),
+    "waves": World(waves=0.12, grades=(-0.1, 0.1), speeds=(2.0, 4.0), has_curvature=True),
+    "crests": World(
+        effects={"crest_unloading": {"k": 1.5}},
+        waves=0.12,
+        grades=(-0.1, 0.1),
+        speeds=(2.0, 4.0),
+        has_curvature=True,
+    ),
+    "ambient": World(ambient=0.04),
+    "slow_drag": World(effects={"aerodynamic_drag": {"c": 0.06}}, speeds=(1.0, 2.8)),
+}
+
+
+@cache
+def log(name: str, stops: int = 48, seed: int = 3) -> tuple[dict[str, np.ndarray], list[slice]]:
+    """Columns and runs."""
+    return drive(WORLDS[name], stops, seed)
+
+
+@cache
+def table(name: str, stops: int = 48, seed: int = 3) -> StopTable:
+    """Stops of a log, as the workflow sees them."""
+    columns, runs = log(name, stops, seed)
+    return prepare(columns, runs, BASE, None, DiscrepancySettings())[0]
+
+
+LONG_LOGS = {"places": 90, "lag_and_drag": 90}
+"""Stops of logs that need more than the others."""
+AT_NIGHT = ("places", "lag_and_drag", "pair", "build_up", "waves", "crests")
+
+
+def by_day_or_night(*names: str) -> list[Any]:
+    """Names of logs as parameters; those whose search takes long are left to the night."""
+    return [pytest.param(n, marks=pytest.mark.nightly if n in AT_NIGHT else ()) for n in names]
+
+
+@cache
+def investigated(name: str) -> tuple[Findings, Evidence, list[int]]:
+    """Findings of a log, with the evidence shown and the progress reported."""
+    reported: list[int] = []
+    columns, runs = log(name, LONG_LOGS.get(name, 48))
+    return *investigate_with_evidence(columns, runs, BASE, advance=reported.append), reported
+
+
+def findings_of(name: str) -> Findings:
+    return investigated(name)[0]
