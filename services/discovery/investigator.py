@@ -40,8 +40,7 @@ from slopewise.services.settings.investigation_settings import Investigation
 
 _log = logging.getLogger("slopewise")
 
-_GRACE = 5.0
-"""Time beyond its limit in which a process may end normally [s]."""
+_GRACE = 5.0  # time beyond its limit in which a process may end normally [s]
 
 _MIN_STOP_COUNT = 12
 """Stops from which their scatter can be estimated [1], as the workflow requires."""
@@ -132,9 +131,6 @@ class Investigator:
         Args:
             file: model of the model file. basis: model to compare the stops with.
             active: model planned with now. cause: operator or schedule.
-
-        Raises:
-            ParameterError: it cannot be started.
         """
         if self.running:
             raise ParameterError("start", "no running investigation, got one")

@@ -12,8 +12,7 @@ from slopewise.models.errors import InputError
 from slopewise.services.guard.settings import GuardSettings
 from slopewise.services.settings.tls_files import settle
 
-_PRIORITY = 20
-"""Above ordinary processes, below the kernel's own threads at 50 [SCHED_RR, 1 … 99]."""
+_PRIORITY = 20  # above ordinary processes, below the kernel's own threads at 50 [SCHED_RR, 1 … 99]
 
 
 def request_realtime_priority() -> bool:
@@ -26,11 +25,7 @@ def request_realtime_priority() -> bool:
 
 
 def open_session(settings: GuardSettings) -> zenoh.Session:
-    """Connect as the settings require.
-
-    Raises:
-        InputError: no router answers, or zenoh refuses the settings.
-    """
+    """Connect as the settings require."""
     ours = settings.zenoh
     try:
         config = zenoh.Config.from_file(ours.config) if ours.config else zenoh.Config()

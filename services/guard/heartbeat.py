@@ -6,8 +6,7 @@ import contextlib
 import socket
 import time
 
-_CHUNK = 4096
-"""Bytes that are read in one call [1]."""
+_CHUNK = 4096  # bytes that are read in one call [1]
 
 
 class Heartbeat:

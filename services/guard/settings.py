@@ -114,13 +114,7 @@ class GuardTiming:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardJudgement:  # words: ok, key
-    """Strictness.
-
-    Attributes:
-        awaits_clear: stop without a clear distance.
-        trust_learned: parameters of the service may make stops shorter than by the model file;
-            else only longer.
-    """
+    """Strictness."""
 
     load: float = quantity(
         "1",
@@ -132,7 +126,8 @@ class GuardJudgement:  # words: ok, key
     reserve: float = quantity(
         "m", "Kept of the clear distance for errors of localisation.", default=0.15, at_least=0.0
     )
-    awaits_clear: bool = False
+    awaits_clear: bool = False  # stop without a clear distance
+    # parameters of the service may make stops shorter than by the model file; else only longer
     trust_learned: bool = False
     disobedience: float = quantity(  # words: ok, key
         "m/s", "Excess over the commanded speed that is a fault.", default=0.4, above=0.0
@@ -160,11 +155,7 @@ class GuardSettings:
 
 
 def read_guard_settings(path: Path) -> GuardSettings:
-    """Settings in a TOML file; files named in it are relative to it.
-
-    Raises:
-        InputError: names the file and the key.
-    """
+    """Settings in a TOML file; files named in it are relative to it."""
     data = read_toml(path)
     resolve_names(path, data, "model", "map", "zenoh.config")
     return decode_table(GuardSettings, data, str(path))

@@ -28,17 +28,12 @@ Tables: TypeAlias = tuple[SurfaceTable, ...]
 
 
 class StopOutcomes(NamedTuple):
-    """Outcomes of stops from K speeds, (K,) each.
+    """Outcomes of stops from K speeds, (K,) each."""
 
-    Attributes:
-        distance: to rest, safety offset included; inf where the stop does not end on the arc [m].
-        loaded: axles and sides keep enough load throughout.
-        cornering: lateral acceleration is within its limit.
-    """
-
+    # to rest, safety offset included; inf where the stop does not end on the arc [m]
     distance: Floats
-    loaded: Bools
-    cornering: Bools
+    loaded: Bools  # axles and sides keep enough load throughout
+    cornering: Bools  # lateral acceleration is within its limit
 
 
 def stops_along(

@@ -34,8 +34,7 @@ _log = logging.getLogger("slopewise")
 _RESTART_AFTER = 1.0
 """Time between starts of the worker: one that cannot start must not use the processor [s]."""
 
-_PATIENCE = 3.0
-"""Time for the worker to end; then it is killed [s]."""
+_PATIENCE = 3.0  # time for the worker to end; then it is killed [s]
 
 
 class Watchdog:
@@ -106,11 +105,7 @@ def _output(settings: GuardSettings, session: zenoh.Session) -> Any:
 def serve(
     config: Path, seconds: float | None, ready: Callable[[str, dict[str, object]], None]
 ) -> None:
-    """Guard until a signal asks to end, or for a time; ``ready`` is called once it runs.
-
-    Raises:
-        InputError: settings or a file named in them cannot be used, or no router answers.
-    """
+    """Guard until a signal asks to end, or for a time; ``ready`` is called once it runs."""
     settings = read_guard_settings(config)
     # Files that cannot be read are reported before anything moves.
     read_guard_model(model_path(settings))

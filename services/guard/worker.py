@@ -35,8 +35,7 @@ from slopewise.services.wire.codec import Format
 
 _log = logging.getLogger("slopewise")
 
-_STATUS_PERIOD = 1.0
-"""Time between status messages [s]."""
+_STATUS_PERIOD = 1.0  # time between status messages [s]
 
 _ORPHANED = 10.0
 """Time without a watchdog after which the process ends: until then it sends stops [s]."""

@@ -39,17 +39,10 @@ from slopewise.services.settings.learning_settings import Learning
 _MAX_REJECTING_SOURCES = 64
 """Pairs of surface and source whose rejected weak stops are counted [1]; bounds memory."""
 
-_MAX_LISTED = 5
-"""Surfaces in one warning [1]."""
-
-DEAD_TIME_COUNT = 5
-"""Last stops whose median dead time is used [1]: two odd ones change nothing."""
-
-_TOLERANCE = 1e-9
-"""Rounding of F_b/W [1]."""
-
-_BOUND_TOLERANCE = 1e-6
-"""Rounding of stored F_b/W at the bounds [1]."""
+_MAX_LISTED = 5  # surfaces in one warning [1]
+DEAD_TIME_COUNT = 5  # last stops whose median dead time is used [1]: two odd ones change nothing
+_TOLERANCE = 1e-9  # rounding of F_b/W [1]
+_BOUND_TOLERANCE = 1e-6  # rounding of stored F_b/W at the bounds [1]
 
 _UNCERTAINTY = Uncertainty()
 """Share of the file's force on ground without stops, and drift of the force with age."""
@@ -103,11 +96,7 @@ class BrakingForces:
     def learn(
         self, stop: StreamedStop, surface: str, source: str, distance: float | None
     ) -> LearnedStop:
-        """Learn from one stop.
-
-        Raises:
-            ParameterError: too many surfaces.
-        """
+        """Learn from one stop."""
         self._add_surface(surface)
         predicted = predicted_distance(self._planning_surface(surface), self.dead_time(), stop)
         if distance is None:
@@ -286,9 +275,6 @@ class BrakingForces:
 
         Args:
             force: force of ``age`` seconds ago. confident: False inflates its covariance.
-
-        Raises:
-            ParameterError: brakes that would not slow the vehicle, or no slot is free.
         """
         if force is None:
             self._online.forget(surface)

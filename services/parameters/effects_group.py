@@ -57,9 +57,6 @@ class EffectsGroup(ParameterGroups):
 
         Args:
             proposal_id: finding to adopt. faster: stops may become shorter than by the model file.
-
-        Raises:
-            ParameterError: another finding is proposed, or it may not be adopted.
         """
         offer = self.proposal
         if offer is None or offer.id != proposal_id:
@@ -83,11 +80,7 @@ class EffectsGroup(ParameterGroups):
         return replace(self, tables=tables, may_be_faster=faster, adopted=adopted, since=since)
 
     def load(self, state: State | None, age: float) -> EffectsGroup:
-        """As a state of ``age`` seconds ago; one that fits what is in use keeps its parked force.
-
-        Raises:
-            ValueError, KeyError, TypeError: a state that there cannot have been.
-        """
+        """As a state of ``age`` seconds ago; one that fits what is in use keeps its parked force."""
         proposal, adopted = self.read(state)
         if state is None:
             reverted = (
@@ -102,11 +95,7 @@ class EffectsGroup(ParameterGroups):
         return replace(after, proposal=proposal, adopted=adopted, since=time.monotonic() - age)
 
     def read(self, state: State | None) -> tuple[ModelProposal | None, str]:
-        """The proposal in a stored state, and the id of the finding in use.
-
-        Raises:
-            ValueError, KeyError, TypeError: a state that there cannot have been.
-        """
+        """The proposal in a stored state, and the id of the finding in use."""
         if state is None:
             return None, ""
         if state["file"] != self._digest():

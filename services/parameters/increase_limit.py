@@ -18,8 +18,7 @@ from slopewise.models.surface_braking import SurfaceBraking
 _REPORTED_EXCESS = 1e-3
 """Smallest F_b/W above the file that is reported [1]: a tenth of the step that one stop may add."""
 
-_TOLERANCE = 1e-9
-"""Rounding of F_b/W that is not limited [1]."""
+_TOLERANCE = 1e-9  # rounding of F_b/W that is not limited [1]
 
 
 def limit_increase(prior: Braking, used: Braking, share: float) -> tuple[Braking, list[str]]:

@@ -14,23 +14,16 @@ from slopewise.services.parameters.stop_plausibility import deceleration_of
 
 @dataclass(frozen=True, slots=True)
 class LearnedStop:
-    """A stop and the prediction from before it was learned from.
+    """A stop and the prediction from before it was learned from."""
 
-    Attributes:
-        at: monotonic clock [s]. source, surface: sender, and surface of the stop.
-        speed: at the stop command [m/s]. grade: [rad].
-        predicted, actual: distance from command to rest on a uniform slope [m].
-        outcome: result of the update, one word.
-    """
-
-    at: float
-    source: str
+    at: float  # monotonic clock [s]
+    source: str  # source, surface: sender, and surface of the stop
     surface: str
-    speed: float
-    grade: float
-    predicted: float
+    speed: float  # at the stop command [m/s]
+    grade: float  # [rad]
+    predicted: float  # predicted, actual: distance from command to rest on a uniform slope [m]
     actual: float
-    outcome: str
+    outcome: str  # result of the update, one word
 
 
 def predicted_distance(used: Braking, dead_time: float, stop: StreamedStop) -> float:

@@ -87,9 +87,6 @@ class Learner:
         Args:
             observation: decoded message. key: where it arrived, for errors.
             arrived: monotonic clock at its arrival, if not now [s].
-
-        Raises:
-            InputError, ParameterError: it cannot be used.
         """
         now = time.monotonic()
         if not self._settings.enabled:

@@ -25,22 +25,16 @@ from slopewise.services.wire.model_proposal import ModelProposal
 
 @dataclass(frozen=True, slots=True)
 class LearnerState:
-    """Everything learned, set and adopted.
-
-    Attributes:
-        basis: model that braking is learned on top of, of the file or an adopted finding.
-        unsupported_reason: why braking is not learned on it; empty if it is.
-        effects: proposal and adopted finding, with the base force that is parked meanwhile.
-        braking: force by surface. registered: groups of the registry.
-    """
+    """Everything learned, set and adopted."""
 
     settings: Learning
     map_surfaces: Callable[[], Collection[str]]
-    basis: Model
-    unsupported_reason: str
+    basis: Model  # model that braking is learned on top of, of the file or an adopted finding
+    unsupported_reason: str  # why braking is not learned on it; empty if it is
+    # proposal and adopted finding, with the base force that is parked meanwhile
     effects: EffectsGroup
-    braking: BrakingGroups
-    registered: tuple[ParameterGroups, ...]
+    braking: BrakingGroups  # force by surface
+    registered: tuple[ParameterGroups, ...]  # groups of the registry
 
     @classmethod
     def of_file(
@@ -93,11 +87,7 @@ class LearnerState:
         return replace(self, effects=replace(self.effects, proposal=proposal))
 
     def adopt(self, proposal_id: str, *, faster: bool) -> LearnerState:
-        """Plan and learn on top of the proposed finding, see :meth:`EffectsGroup.adopt`.
-
-        Raises:
-            ParameterError: it may not be adopted, or a surface's force would be counted twice.
-        """
+        """Plan and learn on top of the proposed finding, see :meth:`EffectsGroup.adopt`."""
         return self._on_basis(self.effects.adopt(proposal_id, faster=faster))
 
     def load(self, states: Mapping[str, tuple[State | None, float]]) -> LearnerState:
@@ -105,9 +95,6 @@ class LearnerState:
 
         Args:
             states: state and age [s] by group; a state that may not be used counts as None.
-
-        Raises:
-            ValueError, KeyError, TypeError: a state that there cannot have been.
         """
         after = self
         if EFFECTS in states:

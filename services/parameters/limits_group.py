@@ -27,8 +27,7 @@ _MIN_LIMIT = 0.01
 """Smallest value of each limit except min_load, in its unit: no vehicle drives within tighter ones,
 and no solver distinguishes them from 0."""
 
-_MAX_LOAD = 0.9
-"""Largest min_load that a model may have [1]."""
+_MAX_LOAD = 0.9  # largest min_load that a model may have [1]
 
 
 class LimitsGroup(ParameterGroups):

@@ -28,17 +28,10 @@ from slopewise.services.wire.observations import (
 )
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
-_MAX_SOURCES = 1000
-"""Sources whose numbers and clocks are remembered [1]; bounds memory."""
-
-_MAX_JUMPED = 4
-"""Sources in the warning of clocks that were set [1]."""
-
-_INSTANCE = "\x1f"
-"""Separates a source's name from its instance; no name contains it."""
-
-_MAX_SAMPLES = 20_000
-"""Samples of one message [1]: 100 s at 200 Hz."""
+_MAX_SOURCES = 1000  # sources whose numbers and clocks are remembered [1]; bounds memory
+_MAX_JUMPED = 4  # sources in the warning of clocks that were set [1]
+_INSTANCE = "\x1f"  # separates a source's name from its instance; no name contains it
+_MAX_SAMPLES = 20_000  # samples of one message [1]: 100 s at 200 Hz
 
 _BOUNDS = {
     "v": 50.0,
@@ -57,8 +50,7 @@ _BOUNDS = {
 }
 """Beyond speeds, angles, rates and currents of any robot [SI]."""
 
-_OTHER_BOUND = 1e12
-"""Bound of the time [s]: beyond any clock."""
+_OTHER_BOUND = 1e12  # bound of the time [s]: beyond any clock
 
 
 class ObservationFilter:
@@ -140,11 +132,7 @@ def _content(observation: RobotObservation) -> int:
 
 
 def columns_of(samples: DriveSamples, key: str) -> dict[str, Floats]:
-    """Columns of drive samples by name, validated.
-
-    Raises:
-        InputError: names key and field.
-    """
+    """Columns of drive samples by name, validated."""
     names, values = samples.columns, samples.values
     known = (*DRIVE_COLUMNS, *MORE_COLUMNS)
     unknown = [name for name in names if name not in known]

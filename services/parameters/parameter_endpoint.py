@@ -57,11 +57,8 @@ CHANGES: dict[str, type[Any]] = {
 }
 PARAMS, DISCREPANCY = "params", "discrepancy"
 
-_TICK = 0.5
-"""Longest time without a tick [s]: labels expire within seconds."""
-
-_STOP_TIMEOUT = 2.0
-"""Wait for the thread at the end [s], longer than one write to a slow disk."""
+_TICK = 0.5  # longest time without a tick [s]: labels expire within seconds
+_STOP_TIMEOUT = 2.0  # wait for the thread at the end [s], longer than one write to a slow disk
 
 _FLAGGED_FOR = 60.0
 """Time for which lost observations are flagged [s]: the status is read every few seconds."""

@@ -35,41 +35,27 @@ class GroupDescription:
 
 @dataclass(frozen=True, slots=True)
 class TerrainUpdate:
-    """Terrain estimate after drive samples.
+    """Terrain estimate after drive samples."""
 
-    Attributes:
-        changed: another terrain was detected.
-        features: (f_r, μ_t, B_s) with standard deviations, NaN where unknown; None without news.
-        valid: the terrain is of a known class; only then may features make a plan faster.
-    """
-
-    changed: bool = False
+    changed: bool = False  # another terrain was detected
+    # (f_r, μ_t, B_s) with standard deviations, NaN where unknown; None without news
     features: tuple[tuple[float, float], ...] | None = None
-    valid: bool = True
+    valid: bool = True  # the terrain is of a known class; only then may features make a plan faster
 
 
 @dataclass(frozen=True, slots=True)
 class DriveUpdate:
-    """Samples of a drive in chronological order.
+    """Samples of a drive in chronological order."""
 
-    Attributes:
-        source: sender of the samples. columns: SI values by name, each (n,) and finite.
-        ground: terrain estimate after them.
-    """
-
-    source: str
-    columns: Mapping[str, Floats]
-    ground: TerrainUpdate
+    source: str  # sender of the samples
+    columns: Mapping[str, Floats]  # SI values by name, each (n,) and finite
+    ground: TerrainUpdate  # terrain estimate after them
 
 
 class ParameterGroups(Protocol):
-    """One or several groups of a kind; one thread.
+    """One or several groups of a kind; one thread."""
 
-    Attributes:
-        of_operators: values that were set or adopted hold even where nothing is learned.
-    """
-
-    of_operators: bool = False
+    of_operators: bool = False  # values that were set or adopted hold even where nothing is learned
 
     def names(self) -> list[str]:
         """All groups of this kind."""
@@ -99,9 +85,6 @@ class ParameterGroups(Protocol):
         """Replace a group by its state of ``age`` seconds ago, whole or not at all.
 
         A roll back restores a shallow copy: replace attributes, change none in place.
-
-        Raises:
-            ValueError, KeyError, TypeError: a state that this kind cannot have had.
         """
 
     def set(self, group: str, values: Mapping[str, float]) -> None:

@@ -256,11 +256,7 @@ class ParameterHistory:
     # ------------------------------------------------------------------ reading
 
     def groups(self) -> list[str]:
-        """Groups of this vehicle that were ever changed.
-
-        Raises:
-            StoreError: there is no store, or it cannot be read.
-        """
+        """Groups of this vehicle that were ever changed."""
         if self._substitute is not None:
             changes = self._substitute.changes
             return sorted({c.group for c in changes if c.fingerprint == self._fingerprint})

@@ -130,11 +130,7 @@ class ParameterService:
     # ------------------------------------------------------------------ operators
 
     def set_values(self, group: str, values: Mapping[str, float], who: str) -> None:
-        """Apply an operator's values.
-
-        Raises:
-            ParameterError: says what was expected.
-        """
+        """Apply an operator's values."""
         for name, value in values.items():
             if not math.isfinite(value):
                 raise ParameterError(name, f"a finite number, got {value}")
@@ -143,12 +139,7 @@ class ParameterService:
         self._commit({group}, cause, who, learned=False)
 
     def roll_back(self, version: int, group: str, who: str) -> None:
-        """Restore one group, or all without a name, to a version.
-
-        Raises:
-            ParameterError: there is no such version, or it cannot be used.
-            StoreError: the history cannot be read.
-        """
+        """Restore one group, or all without a name, to a version."""
         moments = self._restorer.roll_back(version, group)
         self.rejected = ("", "")
         cause = f"rolled back to version {version}"
@@ -161,9 +152,6 @@ class ParameterService:
         Args:
             proposal: its id. who: the operator.
             faster: stops may become shorter than by the model file.
-
-        Raises:
-            ParameterError: says what was expected.
         """
         try:
             self.learner.state = state = self.learner.state.adopt(proposal, faster=faster)
@@ -179,11 +167,7 @@ class ParameterService:
     # ------------------------------------------------------------------ findings
 
     def investigate(self, who: str) -> None:
-        """Start to compare the stored stops with the model.
-
-        Raises:
-            ParameterError: says why that is not possible now.
-        """
+        """Start to compare the stored stops with the model."""
         basis = self.learner.state.basis
         self.investigator.begin(self._file, basis, self.active.model, who)
 

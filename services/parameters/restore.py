@@ -37,9 +37,6 @@ class ParameterRestorer:
 
         Returns:
             Groups that plans use more carefully than they were stored, with the cause.
-
-        Raises:
-            StoreError: the store cannot be read.
         """
         careful: dict[str, str] = {}
         memory, outdated = self._history.memory, list[str]()
@@ -93,10 +90,6 @@ class ParameterRestorer:
 
         Returns:
             The groups that were restored, and the times at which their states were learned.
-
-        Raises:
-            ParameterError: there is no such version, or it cannot be used; nothing changed then.
-            StoreError: the history cannot be read.
         """
         state, now = self._learner.state, BootTime.now()
         if group:

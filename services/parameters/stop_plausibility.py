@@ -26,11 +26,8 @@ _DISTANCE_SHARE = 0.25
 """Accepted deviation of a distance from its other numbers [1]: speed and mean deceleration are
 measured to some percent, and brakes build up."""
 
-_DISTANCE_TOLERANCE = 0.15
-"""Accepted deviation beyond the share [m]: a few samples at low speed."""
-
-_HOLD_TIME = 1.0
-"""Time for which the speed of a stop was held before it [s]."""
+_DISTANCE_TOLERANCE = 0.15  # accepted deviation beyond the share [m]: a few samples at low speed
+_HOLD_TIME = 1.0  # time for which the speed of a stop was held before it [s]
 
 
 def contradiction(stop: StopObservation) -> str:

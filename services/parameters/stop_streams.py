@@ -10,8 +10,7 @@ from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire.arrival import SenderTable
 
-_MAX_STREAMS = 8
-"""Senders whose streams are followed [1]; a robot has one or two."""
+_MAX_STREAMS = 8  # senders whose streams are followed [1]; a robot has one or two
 
 
 class StopStreams:

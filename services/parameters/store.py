@@ -19,24 +19,16 @@ from slopewise.services.parameters.stored_change import BootTime, StoredChange
 _SCHEMA_VERSION = 1
 _PAGE = 4096
 """Version of the tables, and size of a page of SQLite [B]."""
-_HEADER = 100
-"""Size of the header of an SQLite file [B]."""
+_HEADER = 100  # size of the header of an SQLite file [B]
 
 _FULL_SHARE = 0.8
 """Share of the size limit beyond which the oldest changes are deleted [1]: the rest is free for
 indices and for the change that is written meanwhile."""
 
-_MAX_CORRUPT_FILES = 3
-"""Unreadable files that are quarantined [1]."""
-
-_MAX_SOURCES = 1000
-"""Sources whose last numbers are stored [1], as many as the filter remembers."""
-
-_LOCK_TIMEOUT = 0.5
-"""Wait for another process's lock [s]: longer than one write takes."""
-
-_NO_LIMIT = 2**62
-"""Above all versions [1]."""
+_MAX_CORRUPT_FILES = 3  # unreadable files that are quarantined [1]
+_MAX_SOURCES = 1000  # sources whose last numbers are stored [1], as many as the filter remembers
+_LOCK_TIMEOUT = 0.5  # wait for another process's lock [s]: longer than one write takes
+_NO_LIMIT = 2**62  # above all versions [1]
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS change (

@@ -28,11 +28,7 @@ def copy_path(store: Path) -> Path:
 
 
 def write_copy(store: Path, copy: StoreCopy) -> None:
-    """Write the copy of a store to disk.
-
-    Raises:
-        OSError: it cannot be written; the copy before is still there.
-    """
+    """Write the copy of a store to disk."""
     body = msgspec.msgpack.encode(copy)
     path = copy_path(store)
     fresh = path.with_name(path.name + ".new")

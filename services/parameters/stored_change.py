@@ -9,16 +9,11 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True)
 class BootTime:
-    """A time whose age survives a restart and a clock that is set.
+    """A time whose age survives a restart and a clock that is set."""
 
-    Attributes:
-        at: wall clock [s since 1970]. boot: id of the boot of the machine.
-        uptime: time since that boot [s], which no clock setting changes.
-    """
-
-    at: float
-    boot: str
-    uptime: float
+    at: float  # wall clock [s since 1970]
+    boot: str  # id of the boot of the machine
+    uptime: float  # time since that boot [s], which no clock setting changes
 
     @classmethod
     def now(cls) -> BootTime:
@@ -47,20 +42,13 @@ def _boot() -> str:
 
 @dataclass(frozen=True, slots=True)
 class StoredChange:
-    """State of one group of parameters from a version on.
+    """State of one group of parameters from a version on."""
 
-    Attributes:
-        version: version of all parameters; grows with every change. group: name of the group.
-        fingerprint: digest of the vehicle. cause: reason as text. who: source or operator.
-        moment: time of the change. state: the group's state as JSON.
-        learned: True if no operator made the change; those of operators are evicted last.
-    """
-
-    version: int
-    group: str
-    fingerprint: str
-    cause: str
-    who: str
-    moment: BootTime
-    state: bytes
-    learned: bool = True
+    version: int  # version of all parameters; grows with every change
+    group: str  # name of the group
+    fingerprint: str  # digest of the vehicle
+    cause: str  # reason as text
+    who: str  # source or operator
+    moment: BootTime  # time of the change
+    state: bytes  # the group's state as JSON
+    learned: bool = True  # True if no operator made the change; those of operators are evicted last

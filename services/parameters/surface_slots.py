@@ -16,8 +16,7 @@ from slopewise.models.parameters import Braking
 _MAX_INVENTED = 32
 """Learned surfaces that neither file nor map names [1]: an invented name costs others no slot."""
 
-_MAX_SURFACES = 96
-"""Learned surfaces in all [1], so that plans, messages and store stay small."""
+_MAX_SURFACES = 96  # learned surfaces in all [1], so that plans, messages and store stay small
 
 _MIN_STOP_COUNT = PublishSettings().fewest
 _TOLERANCE = 1e-9
@@ -61,9 +60,6 @@ def select_surface_to_evict(
         surface: name of the new one. named: surfaces of file and map.
         learned, updated: force of each surface, and when it was last updated [s].
         new: (4, 4) corners of the trained rectangle, and (4,) coefficients of a new surface.
-
-    Raises:
-        ParameterError: no slot is free.
     """
     invented = [name for name in learned if name and name not in named]
     if surface in named and len(learned) - len(invented) < _MAX_SURFACES:

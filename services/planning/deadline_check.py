@@ -23,12 +23,9 @@ class CostEstimator:
     The quickest of the last few is used: a machine that was busy once rejects no request.
     """
 
-    _REMEMBERED_COUNT = 8
-    """Recent planning times of which the quickest is used [1]."""
-    _MIN_CANDIDATES = 20
-    """Fewer candidates are dominated by the cost of a request itself [1]."""
-    _SAFE_SHARE = 0.7
-    """Share of the quickest time below which no request is expected to be [1]."""
+    _REMEMBERED_COUNT = 8  # recent planning times of which the quickest is used [1]
+    _MIN_CANDIDATES = 20  # fewer candidates are dominated by the cost of a request itself [1]
+    _SAFE_SHARE = 0.7  # share of the quickest time below which no request is expected to be [1]
 
     def __init__(self) -> None:
         """Begin without times."""

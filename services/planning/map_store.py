@@ -24,40 +24,29 @@ from slopewise.services.wire.arrival import (
 from slopewise.services.wire.plan_messages import MapUpdate
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
-_MAX_SOURCES = 64
-"""Sources that are remembered [1]; bounds memory."""
+_MAX_SOURCES = 64  # sources that are remembered [1]; bounds memory
 
 _WARNING_DURATION = 60.0
 """Time for which warnings about maps stay active [s]: some updates of a slow mapper."""
 
-_MAX_EARLY = 2.0
-"""Time by which a source's clock may run ahead of the time that passed [s]."""
+_MAX_EARLY = 2.0  # time by which a source's clock may run ahead of the time that passed [s]
 
 
 @dataclass(frozen=True, slots=True)
 class MapSnapshot:
-    """Map in use at one moment.
+    """Map in use at one moment."""
 
-    Attributes:
-        elevation_map: terrain. version: increases with every change.
-        at: arrival of the last update, monotonic clock [s].
-        incomplete: an update was lost since the last whole map.
-        delay: time by which the last update took longer than the quickest one [s].
-        warnings: about the count or the clock of sources.
-        id: source and number of the last update. digest: SHA-256 of the cells; with each patch,
-            of the digest before it and the cells of the patch.
-        fixed: initial map without any update since: its age is ignored.
-    """
-
-    elevation_map: ElevationMap
-    version: int
-    at: float
-    incomplete: bool = False
-    delay: float = 0.0
+    elevation_map: ElevationMap  # terrain
+    version: int  # increases with every change
+    at: float  # arrival of the last update, monotonic clock [s]
+    incomplete: bool = False  # an update was lost since the last whole map
+    delay: float = 0.0  # time by which the last update took longer than the quickest one [s]
+    # about the count or the clock of sources
     warnings: RecentWarnings = field(default_factory=RecentWarnings)
-    id: str = ""
+    id: str = ""  # source and number of the last update
+    # SHA-256 of the cells; with each patch, of the digest before it and the cells of the patch
     digest: str = ""
-    fixed: bool = False
+    fixed: bool = False  # initial map without any update since: its age is ignored
 
     def age(self) -> float:
         """Time since the terrain was measured, as far as the clocks show [s]."""
@@ -111,9 +100,6 @@ class MapStore:
         Args:
             update: whole map or patch. key: it came on, for errors.
             arrived: monotonic clock at its arrival, now if omitted [s].
-
-        Raises:
-            InputError: it is not a map, or does not fit; the map in use remains.
         """
         at = time.monotonic() if arrived is None else arrived
         content = zlib.crc32(np.ascontiguousarray(update.elevation).data)

@@ -36,8 +36,7 @@ _log = logging.getLogger("slopewise")
 _REMEMBERED_COUNT = 1000
 """Answers over which the status reports the time [1]: a minute of one client."""
 
-_STOP_TIMEOUT = 2.0
-"""Longest wait for a thread to end, and for a late worker to finish [s]."""
+_STOP_TIMEOUT = 2.0  # longest wait for a thread to end, and for a late worker to finish [s]
 
 _MAX_DRIVING_CANDIDATES = 200
 """Candidates up to which the reserved thread answers [1]: more take longer than a cycle."""

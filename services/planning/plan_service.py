@@ -120,10 +120,6 @@ class PlanService:
         Args:
             snapshot: map in use. key: on which the request came, for errors.
             check_deadline: called between candidates. remaining: time to the deadline [s].
-
-        Raises:
-            InputError: the request as a whole is not usable.
-            DeadlineError: it cannot be answered in time.
         """
         started = time.perf_counter()
         validate_request(request, self.config.sizes, key)

@@ -22,14 +22,12 @@ from slopewise.services.planning.deadline_check import DeadlineCheck, no_deadlin
 from slopewise.services.settings.service_settings import SizeLimits
 from slopewise.services.wire.plan_messages import Path, PlanRequest, RankedCandidate
 
-_MIN_POINTS = 3
-"""Fewest points of a path [1]: curvature needs three."""
+_MIN_POINTS = 3  # fewest points of a path [1]: curvature needs three
 
 _MAX_COORDINATE = 1e9
 """Largest coordinate [m]: beyond it float64 resolves less than 0.1 µm, and UTM ends at 1e7."""
 
-_MAX_SPEED = 1e3
-"""Largest speed of a vehicle in a request [m/s]: beyond it the unit is wrong."""
+_MAX_SPEED = 1e3  # largest speed of a vehicle in a request [m/s]: beyond it the unit is wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +52,7 @@ def rejection(name: str, reason: str) -> RankedCandidate:
 
 
 def validate_request(request: PlanRequest, sizes: SizeLimits, key: str) -> None:
-    """Check a request as a whole.
-
-    Raises:
-        InputError: names ``key``, on which it came, and the field.
-    """
+    """Check a request as a whole."""
     if len(request.paths) > sizes.candidates:
         count = len(request.paths)
         expected = f"expected at most {sizes.candidates} candidates, got {count}"
@@ -82,9 +76,6 @@ def validate_candidates(
 
     Args:
         spacing: distance between stations [m]. key: on which the request came, for errors.
-
-    Raises:
-        InputError: all of them together are too long.
     """
     usable: dict[str, PlanCandidate] = {}
     rejected: list[RankedCandidate] = []

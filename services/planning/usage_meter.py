@@ -41,11 +41,7 @@ class UsageMeter:
         self._charged_at = now
 
     def __call__(self) -> None:
-        """Stop a request that is late; let requests of driving and of modest clients pass.
-
-        Raises:
-            DeadlineError: the request was answered as busy, or is about to be.
-        """
+        """Stop a request that is late; let requests of driving and of modest clients pass."""
         if self._entry.is_claimed or time.monotonic() > self._entry.due:
             raise DeadlineError(FULL)
         if not self._entry.is_driving:
