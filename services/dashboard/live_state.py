@@ -11,7 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 from threading import Lock
 
-from slopewise.services.parameters.learned_stop import LearnedStop
+from slopewise.services.parameters.stop_checks import LearnedStop
 from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.parameter_messages import HistoryEntry
 from slopewise.services.wire.plan_messages import PlanReply, PlanRequest

@@ -32,8 +32,7 @@ class CurrentTerrain:
     """Follows the terrain under the robot; one thread."""
 
     model: Model  # model of the model file
-    # makes a terrain estimator of a model; loads it with the first samples
-    monitor: Callable[[Model], Any]
+    monitor: Callable[[Model], Any]  # makes a terrain estimator; loads it with the first samples
     label_for: float  # time that a label holds [s]
     min_probability: float  # smallest probability of an accepted class [1]
     unsupported_reason: str = ""  # why samples are not used; empty while they are used
@@ -114,15 +113,11 @@ def monitor_maker(terrains: str) -> Callable[[Model], Any]:
     file: Any = None
     signatures: Any = None
     if terrains:
-        from slopewise.services.io.terrain_file import (
-            find_terrains,
-            read_signatures_of,
-            read_terrains,
-        )
+        from slopewise.services.io import terrain_file
 
-        path = find_terrains(terrains)
-        file = read_terrains(path)
-        signatures = read_signatures_of(file, path)
+        path = terrain_file.find_terrains(terrains)
+        file = terrain_file.read_terrains(path)
+        signatures = terrain_file.read_signatures_of(file, path)
 
     def make(model: Model) -> Any:
         # Takes half a second to load; a service without such samples never loads it.

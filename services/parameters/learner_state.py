@@ -17,8 +17,8 @@ from slopewise.models.parameters import Model
 from slopewise.services.parameters.braking_groups import BASE, BrakingGroups
 from slopewise.services.parameters.effects_group import EFFECTS, EffectsGroup
 from slopewise.services.parameters.group_registry import GROUPS
-from slopewise.services.parameters.learned_stop import counts_twice, unsupported_reason
 from slopewise.services.parameters.parameter_group import ParameterGroups, State
+from slopewise.services.parameters.stop_checks import counts_twice, unsupported_reason
 from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire.model_proposal import ModelProposal
 
@@ -93,8 +93,7 @@ class LearnerState:
     def load(self, states: Mapping[str, tuple[State | None, float]]) -> LearnerState:
         """With groups as in stored states; findings are loaded first, braking on top of them.
 
-        Args:
-            states: state and age [s] by group; a state that may not be used counts as None.
+        ``states``: state and age [s] by group; a state that may not be used counts as None.
         """
         after = self
         if EFFECTS in states:
@@ -121,7 +120,8 @@ class LearnerState:
         """
         reverts, now = effects.tables is None, time.monotonic()
         basis = effects.model()
-        reason = _unsupported(basis, self.settings, _owner(effects))
+        owner = "the model file" if reverts else "the adopted finding"
+        reason = _unsupported(basis, self.settings, owner)
         known = self.braking
         learned = {name: known.state(name) for name in known.names()}
         learned = {name: state for name, state in learned.items() if state is not None}
@@ -142,10 +142,6 @@ class LearnerState:
         return replace(
             self, basis=basis, unsupported_reason=reason, effects=effects, braking=braking
         )
-
-
-def _owner(effects: EffectsGroup) -> str:
-    return "the model file" if effects.tables is None else "the adopted finding"
 
 
 def _unsupported(basis: Model, settings: Learning, owner: str) -> str:

@@ -16,7 +16,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.client import PlanClient
 from slopewise.services.dashboard.live_state import LiveState
-from slopewise.services.parameters.learned_stop import LearnedStop
+from slopewise.services.parameters.stop_checks import LearnedStop
 from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
