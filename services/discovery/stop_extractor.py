@@ -44,12 +44,7 @@ class StopExtractor:
     def add_samples(
         self, source: str, columns: Mapping[str, Floats], surface: str
     ) -> list[ExtractedStop]:
-        """The stops that are complete with these samples.
-
-        Args:
-            source: sender. columns: (n,) by name, ``t`` increasing; ``v``, ``v_cmd``.
-            surface: name of the terrain, empty where it is unknown.
-        """
+        """The stops that are complete with these samples, (n,) by name."""
         held = self._streams.pop(source, None)
         if held is None or held.keys() != columns.keys() or columns["t"][0] <= held["t"][-1]:
             stream = {name: np.array(values) for name, values in columns.items()}

@@ -46,16 +46,12 @@ class StoredStop(Message, frozen=True):
 
 
 class StopStore:
-    """Folder of stops; one process writes to it.
-
-    Attributes:
-        counters: stops kept, lost, damaged.
-    """
+    """Folder of stops; one process writes to it."""
 
     def __init__(self, folder: Path, max_bytes: int) -> None:
         """Open it, or create it."""
         self.folder, self._max_bytes = folder, max_bytes
-        self.counters: Counter[str] = Counter()
+        self.counters: Counter[str] = Counter()  # stops kept, lost, damaged
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._sizes = {path.name: path.stat().st_size for path in _files(folder)}

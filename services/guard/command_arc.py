@@ -57,12 +57,7 @@ def arc_ahead(
     forward: bool,
     length: float,
 ) -> CommandArc:
-    """Sample the ground along an arc.
-
-    Args:
-        curvature: left of the vehicle positive [1/m].
-        length: distance that is sampled [m].
-    """
+    """Sample the ground along an arc for ``length`` [m]; ``curvature``: left positive [1/m]."""
     step = max(length / _SAMPLES, _MIN_STEP)
     station = step * np.arange(math.ceil(length / step) + 1, dtype=np.float64)
     x, y, yaw = _along(pose, curvature, station, forward=forward)

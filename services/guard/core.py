@@ -111,12 +111,7 @@ class Guard:
         return self.clears.take(clear, now, sender, sequence, time)
 
     def decision(self, now: float, fault: str = "") -> BaseDecision:
-        """Decision for the base.
-
-        Args:
-            now: monotonic clock [s].
-            fault: fault of the process itself, as text.
-        """
+        """Decision for the base; ``fault``: of the process itself, as text."""
         decision, of = self._decide(now, fault)
         motion = self.motions.fresh(now)
         if decision.action == "stop" and motion is not None and abs(motion.speed) > _STANDSTILL:

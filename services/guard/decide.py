@@ -92,11 +92,10 @@ def decide(
 ) -> GuardDecision:
     """Decide on one command.
 
-    Args:
-        hold_time: time for which the command may stay in force [s].
-        late: age of the motion, and transport time of a decision to the base [s].
-        load: share of ``min_load`` that is kept in every stop [1].
-        reached: speed to which the vehicle may have accelerated since the motion [m/s].
+    ``hold_time``: time for which the command may stay in force [s]; ``late``: age of the motion,
+    and transport time of a decision to the base [s]; ``load``: share of ``min_load`` that is kept
+    in every stop [1]; ``reached``: speed to which the vehicle may have accelerated since the motion
+    [m/s].
     """
     if not all(map(math.isfinite, (*motion.pose, motion.speed, *command))):
         return stop("command or odometry contains a value that is not finite")

@@ -55,9 +55,7 @@ class InputFeed(Generic[T]):
         A sender whose number goes back has to be silent for the deadline before it is accepted
         again: it may have been restarted, or a message of the past is repeated.
 
-        Args:
-            now: arrival, monotonic [s].
-            time: stamp on the sender's clock [s].
+        ``now``: arrival, monotonic [s]; ``time``: stamp on the sender's clock [s].
         """
         lateness = self._senders.pop(sender, None) or self._new_sender(self.newest.late)
         self._senders[sender] = lateness

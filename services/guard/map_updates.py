@@ -39,13 +39,12 @@ class KnownMap:
     Attributes:
         map: None before the first whole map, and after a lost update until the next one.
         reason: reason why it is missing, as text.
-        counters: of updates.
     """
 
     def __init__(self, known: GuardMap | None) -> None:
         """Begin with a map, or without one."""
         self.map, self.reason = known, ""
-        self.counters: Counter[str] = Counter()
+        self.counters: Counter[str] = Counter()  # of updates
         self._last: OrderedDict[tuple[str, str], int] = OrderedDict()
 
     def lose(self, count: int = 1, reason: str = LOST) -> None:

@@ -6,12 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slopewise.services.guard.guard_model import (
-    SPREAD,
-    GuardModel,
-    SurfaceTable,
-    brake_table,
-)
+from slopewise.services.guard.guard_model import SPREAD, GuardModel, SurfaceTable, brake_table
 from slopewise.services.guard.stop_distances import Tables
 from slopewise.services.wire.parameter_messages import ParameterGroup
 

@@ -44,13 +44,7 @@ def stops_along(
     held: Floats,
     min_load: float,
 ) -> StopOutcomes:
-    """Stop from K speeds.
-
-    Args:
-        speeds: (K,) speeds at the stop command [m/s].
-        held: (K,) time for which the speed may be held before the dead time [s].
-        min_load: share of its static load that each axle and side must keep [1].
-    """
+    """Stop from K speeds [m/s], (K,), each ``held`` for a time before the dead time [s]."""
     count = min(arc.end + 1, len(arc.grade))
     grade, roll = arc.grade[:count], arc.roll[:count]
     sine, upright = np.sin(grade), np.cos(grade) * np.cos(roll)

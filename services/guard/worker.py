@@ -24,8 +24,11 @@ from slopewise.services.guard.decide import stop
 from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_messages import GuardStatus
 from slopewise.services.guard.guard_model import read_guard_model
-from slopewise.services.guard.guard_session import open_session, request_realtime_priority
-from slopewise.services.guard.heartbeat import Heartbeat
+from slopewise.services.guard.guard_session import (
+    Heartbeat,
+    open_session,
+    request_realtime_priority,
+)
 from slopewise.services.guard.map_updates import MapUpdates
 from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
 from slopewise.services.guard.zenoh_transport import GuardTransport, ZenohTransport

@@ -120,12 +120,7 @@ class Learner:
         return changed, reason
 
     def _learn(
-        self,
-        stop: StreamedStop,
-        surface: str,
-        source: str,
-        distance: float | None,
-        arrived: float,
+        self, stop: StreamedStop, surface: str, source: str, distance: float | None, arrived: float
     ) -> tuple[set[str], str]:
         """Learn from a measured stop, if it is plausible."""
         if self.state.unsupported_reason:

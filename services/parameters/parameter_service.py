@@ -46,10 +46,9 @@ class ParameterService:
     ) -> None:
         """Begin with the model file, ``prior``, and what was stored.
 
-        Args:
-            names_surfaces: returns True while the map in use distinguishes surfaces.
-            apply: called with the active parameters each time they change.
-            map_surfaces: returns the names of the surfaces on the map.
+        ``names_surfaces``: returns True while the map in use distinguishes surfaces; ``apply``:
+        called with the active parameters each time they change; ``map_surfaces``: returns the names
+        of the surfaces on the map.
         """
         settings = config.learning
         self._config, self._settings, self._file = config, settings, prior

@@ -54,30 +54,21 @@ class MapSnapshot:
 
 
 class _Source:
-    """Count and clock of one instance of a source.
-
-    Attributes:
-        follows_another: another instance of the source was known before this one.
-    """
+    """Count and clock of one instance of a source."""
 
     def __init__(self) -> None:
-        self.follows_another = False
+        self.follows_another = False  # another instance of the source was known before this one
         self.sequence = SequenceTracker()
         self.stamps = StampCheck()
 
 
 class MapStore:
-    """Applies updates from one thread; any thread may read :attr:`snapshot`.
-
-    Attributes:
-        snapshot: map in use; None before the first map.
-        restarts: number of restarted sources.
-    """
+    """Applies updates from one thread; any thread may read :attr:`snapshot`."""
 
     def __init__(self, elevation_map: ElevationMap | None = None, name: str = "") -> None:
         """Begin with a map of that name, or without one."""
-        self.snapshot: MapSnapshot | None = None
-        self.restarts = 0
+        self.snapshot: MapSnapshot | None = None  # map in use; None before the first map
+        self.restarts = 0  # number of restarted sources
         self._warnings = RecentWarnings(_WARNING_DURATION)
         self._rejections: OrderedDict[str, str] = OrderedDict()
         self._sources = SenderTable[tuple[str, str], _Source](_Source, _MAX_SOURCES)
@@ -95,12 +86,7 @@ class MapStore:
             self._warn_assumed(elevation_map)
 
     def apply(self, update: MapUpdate, key: str, arrived: float | None = None) -> bool:
-        """Apply an update; False if it is a duplicate or out of order.
-
-        Args:
-            update: whole map or patch. key: it came on, for errors.
-            arrived: monotonic clock at its arrival, now if omitted [s].
-        """
+        """Apply an update that came on ``key``; False if it is a duplicate or out of order."""
         at = time.monotonic() if arrived is None else arrived
         content = zlib.crc32(np.ascontiguousarray(update.elevation).data)
         lead = 0.0 if update.time is None else update.time - at
@@ -187,11 +173,7 @@ class MapStore:
         return self._warnings.active()
 
     def note_rejection(self, source: str, reason: str) -> None:
-        """Warn about a map that could not be used: the one before remains, and ages.
-
-        Args:
-            source: sender, "" if it cannot be read. reason: one sentence.
-        """
+        """Warn about a map that could not be used: the one before remains, and ages."""
         text = f"a map of {source or 'a sender without a name'} could not be used: {reason[:200]}"
         with self._lock:
             self._warnings.clear(self._rejections.pop(source, ""))

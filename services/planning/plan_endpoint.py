@@ -20,10 +20,9 @@ import numpy as np
 import zenoh
 
 from slopewise.models.errors import InputError
-from slopewise.services.planning.deadline_check import DeadlineError
+from slopewise.services.planning.deadline_check import DeadlineError, UsageMeter
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.planning.usage_meter import UsageMeter
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec, plan_messages
 from slopewise.services.wire.endpoint import Endpoint
@@ -56,7 +55,7 @@ class PlanEndpoint:
         counters: Counter[str],
         on_planned: Callable[[PlanRequest, PlanReply], None],
     ) -> None:
-        """Answer with these plans on these maps; ``on_planned`` is called after each answer."""
+        """Answer with plans on maps; ``on_planned`` is called after each answer."""
         self._config, self._plans, self._maps = config, plans, maps
         self._counters, self._on_planned = counters, on_planned
         self._queue = PlanQueue(config.planning.queue, newest_only=True)

@@ -72,11 +72,7 @@ def validate_request(request: PlanRequest, sizes: SizeLimits, key: str) -> None:
 def validate_candidates(
     request: PlanRequest, sizes: SizeLimits, spacing: float, key: str
 ) -> Validated:
-    """Check all candidates, without resampling them.
-
-    Args:
-        spacing: distance between stations [m]. key: on which the request came, for errors.
-    """
+    """Check all candidates, without resampling them; ``spacing`` of stations [m]."""
     usable: dict[str, PlanCandidate] = {}
     rejected: list[RankedCandidate] = []
     stations = 0.0
@@ -105,13 +101,7 @@ def resample_all(
     max_deviation: float,
     check_deadline: DeadlineCheck = no_deadline,
 ) -> Validated:
-    """Candidates at uniform station spacing.
-
-    Args:
-        spacing: distance between stations [m].
-        max_deviation: largest distance of stations from the given path [m].
-        check_deadline: called before each candidate.
-    """
+    """Candidates at uniform ``spacing``, stations at most ``max_deviation`` off the path [m]."""
     usable: list[PlanCandidate] = []
     rejected: list[RankedCandidate] = []
     for candidate in candidates:
@@ -127,11 +117,7 @@ def resample_all(
 def select_at_vehicle(
     request: PlanRequest, candidates: list[PlanCandidate], limits: HorizonSettings
 ) -> Validated:
-    """Candidates on which the vehicle stands; all if the request has no pose.
-
-    Args:
-        candidates: resampled. limits: largest lateral offset and heading error.
-    """
+    """Resampled candidates on which the vehicle stands; all if the request has no pose."""
     if request.pose is None or not candidates:
         return Validated(candidates, [])
     x, y, heading = request.pose

@@ -50,10 +50,7 @@ class Endpoint:
     """Common steps of all components that answer requests; call it from one thread."""
 
     def __init__(
-        self,
-        counters: Counter[str],
-        max_bytes: int,
-        report_fault: Callable[[str], str] = log_fault,
+        self, counters: Counter[str], max_bytes: int, report_fault: Callable[[str], str] = log_fault
     ) -> None:
         """Answer; ``counters`` count malformed requests and lost replies."""
         self._counters, self._max_bytes = counters, max_bytes

@@ -148,11 +148,10 @@ class Lateness:
     ) -> None:
         """Begin.
 
-        Args:
-            max_latency: declared bound of the delay that no shared clock shows [s].
-            wall: the clock that stamps are of; None: no clock is shared.
-            late: lateness of the sender before this one [s]; not used with a shared clock.
-            uses_stamps: False where they do not advance as time does, as in simulations.
+        ``max_latency``: declared bound of the delay that no shared clock shows [s]; ``wall``: the
+        clock that stamps are of; None: no clock is shared; ``late``: lateness of the sender before
+        this one [s]; not used with a shared clock; ``uses_stamps``: False where they do not advance
+        as time does, as in simulations.
         """
         self._max_latency, self._wall, self._uses_stamps = max_latency, wall, uses_stamps
         self._clock = SenderClock(late if wall is None else 0.0)

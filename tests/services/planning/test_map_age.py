@@ -119,10 +119,7 @@ def test_a_robot_driving_on_an_ageing_map_stops_without_full_brakes() -> None:
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     folder = tmp_path_factory.mktemp("stale")
-    with (
-        running(folder, planning="max_map_age = 2.5") as started,
-        started.session() as session,
-    ):
+    with running(folder, planning="max_map_age = 2.5") as started, started.session() as session:
         yield Robot(started, session)
 
 
@@ -189,10 +186,7 @@ def test_a_map_to_begin_with_is_flagged_old_but_plans_stay(tmp_path: Path) -> No
     file = tmp_path / "flat.npz"
     np.savez(file, elevation=FLAT.elevation, resolution=0.5, origin=np.array(FLAT.origin))
     lines = "max_map_age = 0.2"
-    with (
-        running(tmp_path, f'map = "{file}"', lines) as started,
-        started.session() as session,
-    ):
+    with running(tmp_path, f'map = "{file}"', lines) as started, started.session() as session:
         robot = Robot(started, session)
         time.sleep(1.0)
         free = robot.top_speed(20.0)
