@@ -15,12 +15,10 @@ class Violation:
     """One rule broken at one row of a plan, where it is worst between that row and the next.
 
     Attributes:
-        candidate: name of the plan.
         row: index of the plan's row, from 0.
         station: metres along the ground.
         kind: of :data:`slopewise.services.check.tolerances.TOLERANCES`.
         size: by how much the limit is passed, in ``unit``.
-        sentence: what was found and what was allowed.
     """
 
     candidate: str
@@ -37,16 +35,12 @@ class CheckReport:
     """Result of one plan with N rows at different places.
 
     Attributes:
-        candidate: name of the plan.
-        status: status that the plan reports.
         violations: by station; empty if the plan keeps every rule that could be judged.
-        notes: what was not checked, and the reason.
         station: (N,) own stations [m].
         stop_distance: (N,) nominal emergency stops, with the safety offset, 0 at rest [m]: speed
             held in the dead time, force as learned. Of a stop that was not followed to its end,
             the distance up to there.
         rear_load: (N,) least rear load on them, as a share of the level static one.
-        stops: number of stops that were integrated.
     """
 
     candidate: str
@@ -78,7 +72,6 @@ class ViolationLog:
     """Collects violations of one plan.
 
     Attributes:
-        candidate: name of the plan.
         row: (M,) row of the plan that each sample belongs to. station: (M,) of the samples [m].
     """
 
@@ -92,10 +85,8 @@ class ViolationLog:
         """Note every row where something goes beyond its limit by more than the tolerance.
 
         Args:
-            kind: its tolerance decides.
             excess: (M,) by how much, at each sample; −inf where it does not apply.
             sentence: with ``{0:…}`` for what was found at the sample, and so on.
-            values: (M,) numbers for the sentence.
         """
         tolerance = TOLERANCES[kind]
         for k in np.flatnonzero(~(excess <= tolerance.value)).tolist():

@@ -212,12 +212,8 @@ def add_load(
     """Note loads that are too low, as those of a crest where an even slope would be all right.
 
     Args:
-        log: receives the violations.
         kind: kind of the violation on an even slope.
-        what: subject of the sentence.
         shares: (M,) with the crest and without.
-        min_load: lowest allowed share.
-        used: (M,) samples to check.
     """
     share, even = shares
     sentence = f"{what} {{0:.1%}} of its load, {min_load:.0%} is required"

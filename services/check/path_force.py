@@ -20,15 +20,13 @@ from slopewise.models.surface_names import candidate_surfaces
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line
 
-NO_LIMIT = 1e6
-"""Friction coefficient of a model that has none: above any demand."""
+NO_LIMIT = 1e6  # Friction coefficient of a model that has none: above any demand
 
 
 class PathForce(NamedTuple):
     """Force of the R surfaces that are touched, at M samples, linear in the speed at onset.
 
     Attributes:
-        names: names of the surfaces.
         on: (R, M) samples where a wheel may be on them.
         slope, intercept: (R, M) coefficients of F_b/W, without ground terms [s/m], [1].
         force_surplus: (R, M) share by which it may be off where the model extrapolates.
@@ -84,9 +82,6 @@ def path_force_along(
     """The braking force of a model on the ground along a line.
 
     Args:
-        model: vehicle, braking and effects.
-        ground: ground under the line.
-        line: samples of the plan.
         class_names: names of the terrain classes of the map.
         width: z-score, standard deviations of the force that are subtracted; 0 is its mean.
     """

@@ -14,8 +14,7 @@ from slopewise.services.check.plan_line import Line
 _CURVATURE_SPAN = 0.25
 """Of the wheelbase, on either side: over that the vertical curvature is taken."""
 
-_CHUNK = 4096
-"""Samples whose ground below the body is sampled together: 30 MB of points."""
+_CHUNK = 4096  # Samples whose ground below the body is sampled together: 30 MB of points
 
 _WHEELS = ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))
 """Front left, front right, rear left, rear right: wheelbases ahead, track widths to the left."""

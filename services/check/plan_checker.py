@@ -39,7 +39,6 @@ def check_plan_on_map(
     Args:
         plan: N rows of positions and speeds, SI, with any further columns.
         model: vehicle, braking, effects and limits; effects at their means.
-        heights: map.
         clear: station up to which the path is known to be free, and before which the front of the
             vehicle stays [m]. The plan's own clear distance and the end of its path are used as
             well, for the middle of the wheelbase.
@@ -48,9 +47,6 @@ def check_plan_on_map(
 
     Returns:
         Every violation with its row, kind and size; none for a plan that may be driven.
-
-    Raises:
-        ParameterError: the plan begins off the map.
     """
     if not clear >= 0.0:
         raise ParameterError("clear", f"a distance >= 0 [m], got {clear:g}")

@@ -21,7 +21,6 @@ class Line(NamedTuple):
     Attributes:
         row: row that each sample belongs to, N − 1 beyond the last one.
         share: share of the distance to the next row.
-        at_row: (N,) sample of each row.
         x, y, flat: position, and metres in the plan view [m].
         heading: heading without jumps [rad].
         curvature: plan-view curvature, left positive [1/m].
@@ -49,7 +48,6 @@ def line_of(plan: ExternalPlan, beyond: float) -> Line:
     """Samples of a plan without repeated places.
 
     Args:
-        plan: N rows.
         beyond: metres straight on behind the last row, where stops may still end.
     """
     x, y = plan.x, plan.y

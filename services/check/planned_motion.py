@@ -15,7 +15,6 @@ class Motion(NamedTuple):
 
     Attributes:
         speed, accel: [m/s], [m/s²]; the acceleration holds from its sample on.
-        accel_before: the one that ends at the sample.
         moving: the plan moves there. excused: it brakes down from a start that was too fast.
     """
 

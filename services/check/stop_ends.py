@@ -45,7 +45,6 @@ def check_stops(
 
     Args:
         clear: (M,) station before which a stop from each sample has to end [m].
-        rows: (N,) samples of the plan's rows.
     """
     brakes, model = field.brakes, field.model
     lanes = np.flatnonzero(motion.moving & ground.known)

@@ -21,14 +21,7 @@ class IssueSeverity(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ConfigIssue:
-    """A setting or recording that does not fit.
-
-    Attributes:
-        severity: error or warning.
-        check: name of the check.
-        message: subject, fact and limit.
-        fix: action of the operator.
-    """
+    """A setting or recording that does not fit."""
 
     severity: IssueSeverity
     check: str
@@ -74,10 +67,8 @@ class TopicTraffic:
     """Messages of one topic.
 
     Attributes:
-        kind: message type.
         at: times of reception [s].
         stamps: stamps of the headers [s].
-        frames: frames of the headers.
     """
 
     kind: str
@@ -97,11 +88,8 @@ class ObservedTraffic:
     """Messages of a robot, from a recording or live.
 
     Attributes:
-        topics: by name.
         span: from the first to the last message [s].
-        odometry: (t, x, y, v) each.
         limits: (t, limit [m/s], is a percentage) each.
-        links: child frame to parent, of /tf.
         silence: topics without a counterpart, as text; live only.
     """
 

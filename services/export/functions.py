@@ -36,7 +36,6 @@ class ModelFunction:
 
     Attributes:
         function: CasADi function. inputs: names with units. output: name and unit.
-        meaning: what it computes.
         evaluate: the same by numpy, of arrays in the order of the inputs.
     """
 

@@ -99,19 +99,12 @@ def calibrate_fleet(
     """Measure the stops of each vehicle, fit them together, write the model files.
 
     Args:
-        logs: logs of all vehicles.
-        model_file: model file or shipped vehicle, the prior.
-        out: folder of the model files.
         by_folder: a folder is a vehicle; else each file is one.
         map_file: elevation map that x, y of the logs lie on.
         nodata: height of the map that marks unknown ground [m].
         coverage: share of stops that margins have to cover.
         workers: number of processes, None: one for each processor.
-        scheduler: address of a running Dask scheduler.
         quiet: without a progress bar.
-
-    Raises:
-        InputError: names file and field, or says why there are too few stops.
     """
     begin = time.perf_counter()
     check_installed()

@@ -63,11 +63,7 @@ class VehicleTask:
 
 
 def investigate_vehicle(task: VehicleTask) -> Row:
-    """Examine one vehicle, write its files, then its row.
-
-    Raises:
-        InputError: the folder cannot be written to.
-    """
+    """Examine one vehicle, write its files, then its row."""
     try:
         row = _examine(task)
     except SlopewiseError as error:

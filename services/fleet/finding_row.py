@@ -42,11 +42,7 @@ def finding_row(vehicle: str, key: str, findings: dict[str, Any]) -> Row:
 
 
 def write(folder: Path, row: Row) -> None:
-    """Write the row of one vehicle.
-
-    Raises:
-        InputError: the folder cannot be written to.
-    """
+    """Write the row of one vehicle."""
     import pyarrow as pa
 
     write_parquet(_file(folder, row["vehicle"]), pa.Table.from_pylist([row], schema=_schema(pa)))

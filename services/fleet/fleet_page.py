@@ -30,16 +30,11 @@ from slopewise.services.report.plural import plural
 
 _MAX_VEHICLES, _MAX_NOTICES, _MAX_NAMES = 500, 20, 40
 """Vehicles of the table, excluded vehicles with their reason, and names below the figure."""
-_DOT_AREA, _MIN_ALPHA = 46.0, 0.25
-"""Area of an effect's dot [pt²], and its opacity at confidence 0."""
+_DOT_AREA, _MIN_ALPHA = 46.0, 0.25  # Area of an effect's dot [pt²], and its opacity at confidence 0
 
 
 def write_fleet_page(path: Path, rows: Sequence[Row], summary: FleetSummary) -> None:
-    """Write the page next to ``vehicles/``, all or nothing.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the page next to ``vehicles/``, all or nothing."""
     done = sort_by_prediction_error(rows)
     notices = list_failed(summary, _MAX_NOTICES)
     if len(done) > _MAX_VEHICLES:

@@ -31,11 +31,8 @@ from slopewise.services.io.model_file import find_model, model_to_dict, read_mod
 from slopewise.services.io.no_data import NoData
 from slopewise.services.jobs.progress import progress_bar
 
-LINES, PAGE = "findings.jsonl", "report.html"
-"""One line per vehicle, and the page of the fleet."""
-
-_FORMAT = 1
-"""Format of the results; those of another format are computed again."""
+LINES, PAGE = "findings.jsonl", "report.html"  # One line per vehicle, and the page of the fleet
+_FORMAT = 1  # Format of the results; those of another format are computed again
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +41,6 @@ class FleetDiscrepancyRequest:
 
     Attributes:
         models: model file or name for all vehicles, or a folder with NAME.toml for each.
-        out: folder of the results.
         by_folder: a folder is a vehicle; else each file is one.
         map_file: elevation map that x, y of the logs lie on.
         nodata: height of the map that marks unknown ground [m].
@@ -67,7 +63,6 @@ class FleetDiscrepancyResult:
     """Rows of all vehicles in the order given, and their counts.
 
     Attributes:
-        resumed: vehicles that an earlier run had examined.
         unexpected: vehicles in the folder that are not among these.
     """
 
@@ -110,11 +105,7 @@ class FleetDiscrepancyResult:
 def investigate_fleet(
     request: FleetDiscrepancyRequest, *, quiet: bool = True
 ) -> FleetDiscrepancyResult:
-    """Examine the vehicles that no earlier run has examined, count all, write the lines.
-
-    Raises:
-        InputError: names file and field; or not one vehicle could be examined.
-    """
+    """Examine the vehicles that no earlier run has examined, count all, write the lines."""
     begin = time.perf_counter()
     check_installed()
     grouped = vehicles_of(request.logs, request.by_folder)

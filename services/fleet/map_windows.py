@@ -21,16 +21,10 @@ from slopewise.services.io.geotiff import GeotiffWindows
 from slopewise.services.io.map_grid import Around, MapInfo
 from slopewise.services.io.no_data import NoData
 
-SHARED_CELLS = 1_000_000
-"""Cells up to which paths share a window: 8 MB of heights."""
-
-MAX_CELLS = 8_000_000
-"""Cells that a single path may need: 64 MB of heights, 2.8 km x 2.8 km at 1 m."""
-
-_BLOCK_CACHE = 64
-"""Decoded tiles [MB]; GDAL's default is a share of the machine's memory."""
-_SORTING_SQUARE = 256
-"""Edge of the squares by which paths are sorted, in cells."""
+SHARED_CELLS = 1_000_000  # Cells up to which paths share a window: 8 MB of heights
+MAX_CELLS = 8_000_000  # Cells that a single path may need: 64 MB of heights, 2.8 km x 2.8 km at 1 m
+_BLOCK_CACHE = 64  # Decoded tiles [MB]; GDAL's default is a share of the machine's memory
+_SORTING_SQUARE = 256  # Edge of the squares by which paths are sorted, in cells
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +37,7 @@ class MapWindow:
 
 @contextmanager
 def opened(path: Path, nodata: NoData = None) -> Iterator[GeotiffWindows]:
-    """A map to read windows of, with a small cache of tiles.
-
-    Raises:
-        InputError: not a GeoTIFF in metres.
-    """
+    """A map to read windows of, with a small cache of tiles."""
     import rasterio
 
     with rasterio.Env(GDAL_CACHEMAX=_BLOCK_CACHE), geotiff.opened(path, nodata) as ground:

@@ -18,8 +18,7 @@ from slopewise.planner.plan import SpeedPlan
 from slopewise.services.io.files import fault, write_atomic
 from slopewise.services.io.plan_file import COLUMNS, TEXT, driven, summary
 
-REFUSED = "refused"
-"""Status of a candidate that cannot be driven forward; its reason explains it."""
+REFUSED = "refused"  # Status of a candidate that cannot be driven forward; its reason explains it
 
 PLANS, CANDIDATES = "plans", "candidates"
 
@@ -34,11 +33,7 @@ class RejectedCandidate(NamedTuple):
 def write_part(
     folder: Path, file: str, source: str, answers: Sequence[SpeedPlan | RejectedCandidate]
 ) -> None:
-    """Write a part, finished with the second file.
-
-    Raises:
-        InputError: the folder cannot be written to.
-    """
+    """Write a part, finished with the second file."""
     import pyarrow as pa
 
     plans = [answer for answer in answers if isinstance(answer, SpeedPlan)]
@@ -121,11 +116,7 @@ def _stations(plans: Sequence[SpeedPlan], source: str, pa: Any) -> Any:
 
 
 def write_parquet(path: Path, table: Any) -> None:
-    """Write a pyarrow table, all or nothing.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write a pyarrow table, all or nothing."""
     import pyarrow.parquet as pq
 
     buffer = io.BytesIO()

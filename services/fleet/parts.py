@@ -25,13 +25,9 @@ from slopewise.services.io.map_grid import Around
 from slopewise.services.io.no_data import NoData
 from slopewise.services.io.path_file import check_paths_on_map, read_paths
 
-PART = 500
-"""Candidates of a part: a few seconds of work, some megabytes of results."""
-
-_END_BYTES = 1 << 16
-"""Bytes at either end of a map that its digest covers."""
-_FORMAT = 2
-"""Version of the results; results of another one are planned again."""
+PART = 500  # Candidates of a part: a few seconds of work, some megabytes of results
+_END_BYTES = 1 << 16  # Bytes at either end of a map that its digest covers
+_FORMAT = 2  # Version of the results; results of another one are planned again
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,9 +35,6 @@ class FleetPlanSpec:
     """Inputs of every plan; plain values, so that it can be sent to workers.
 
     Attributes:
-        map_file: GeoTIFF, by its path on the workers.
-        model: tables of a model file.
-        settings: planner settings.
         start_speed [m/s], clear [m], uncertainty, nodata: as in `slopewise plan`.
     """
 
@@ -115,9 +108,6 @@ def parts_of(source: Path, spec: str, extent: Around, map_file: str) -> Iterator
     Args:
         source: path file. spec: :meth:`FleetPlanSpec.digest`.
         extent: area of the map [m] on which every path has to begin.
-
-    Raises:
-        InputError: names row and column.
     """
     paths = read_paths(source)
     check_paths_on_map(paths, extent, str(source), map_file)

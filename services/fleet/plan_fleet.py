@@ -49,13 +49,7 @@ class FleetPlanSummary(Summary, frozen=True, kw_only=True):
     """Output of `fleet plan --json`.
 
     Attributes:
-        candidates: number of all candidates.
-        planned: candidates planned by this run.
-        resumed: candidates planned by an earlier run.
-        driven: candidates that may be driven.
-        statuses: number of candidates by status.
         unexpected: parts in the folder that are of other paths.
-        notes: assumptions about the map.
     """
 
     model: str
@@ -74,9 +68,6 @@ def plan_fleet(request: FleetPlanRequest, *, quiet: bool = True) -> FleetPlanSum
     """Plan the candidates that are not planned yet, and count all.
 
     All files are read before the first plan, so that an error in the last one is reported early.
-
-    Raises:
-        InputError: names file and field.
     """
     begin = time.perf_counter()
     check_installed()

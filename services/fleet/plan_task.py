@@ -32,11 +32,7 @@ class PlanTask:
 
 
 def plan_part(task: PlanTask) -> int:
-    """Plan and write one part; returns the number of its candidates.
-
-    Raises:
-        InputError: the map cannot be read, or the folder not be written to.
-    """
+    """Plan and write one part; returns the number of its candidates."""
     part, spec = task.part, task.spec
     model = model_from_dict(spec.model, "model")
     planner = CandidatePlanner(model, spec.settings, spec.uncertainty)

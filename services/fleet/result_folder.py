@@ -21,9 +21,6 @@ def open_folder(folder: Path, parts: Sequence[str], request: str, inputs: str) -
 
     Returns:
         Date on which it was begun: a resumed run writes what the first one would have.
-
-    Raises:
-        InputError: it cannot be written to, or has results of another request.
     """
     note = folder / _RUN
     try:

@@ -28,9 +28,6 @@ def vehicles_of(logs: Sequence[Path], by_folder: bool) -> dict[str, list[Path]]:
 
     Args:
         logs: drive logs of all vehicles. by_folder: a folder is a vehicle; else each file is one.
-
-    Raises:
-        InputError: two vehicles have the same name.
     """
     grouped: dict[str, list[Path]] = {}
     for log in logs:
@@ -57,11 +54,7 @@ class LogTask:
 
 
 def measure_vehicle(task: LogTask) -> VehicleStops:
-    """Measure its stops; none, with the reason, where there are too few.
-
-    Raises:
-        InputError: names file and field.
-    """
+    """Measure its stops; none, with the reason, where there are too few."""
     model = model_from_dict(task.model, "model")
     log = read_logs(task.logs)
     refuse_wrong_units(log)

@@ -14,8 +14,7 @@ from slopewise.services.io.bags import PATH, RecordedMessage, opened
 from slopewise.services.io.files import fault
 from slopewise.services.io.topics import read_sources
 
-_MAX_PATHS = 100_000
-"""Candidates of one recording: ten paths at 10 Hz are as many in 17 minutes."""
+_MAX_PATHS = 100_000  # Candidates of one recording: ten paths at 10 Hz are as many in 17 minutes
 
 
 def read_bag_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[CandidatePath]:
@@ -25,9 +24,6 @@ def read_bag_paths(path: Path, topics: Path | None = None, frame: str = "") -> l
         path: folder of a recording, or a file of one.
         topics: mapping; table ``paths``. Without one, all topics of nav_msgs/Path are taken.
         frame: frame of the map, if it has one; paths in another frame are refused.
-
-    Raises:
-        InputError: names the recording, the topic and the field.
     """
     _, source = read_sources(topics)
     with opened(path) as bag:

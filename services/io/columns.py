@@ -39,9 +39,6 @@ class ColumnName:
     """One entry.
 
     Attributes:
-        entry: the whole entry as written.
-        left: name before the equals sign.
-        right: name behind it.
         unit: as written, or "".
         sign: -1.0 if the column is inverted.
     """
@@ -58,11 +55,7 @@ class ColumnName:
 
 
 def parse_names(text: str) -> tuple[ColumnName, ...]:
-    """Entries of the option, separated by commas.
-
-    Raises:
-        InputError: names the entry that cannot be read.
-    """
+    """Entries of the option, separated by commas."""
     return tuple(_parse(entry.strip()) for entry in text.split(",") if text.strip())
 
 
@@ -83,12 +76,7 @@ def text_columns(names: Iterable[ColumnName]) -> tuple[str, ...]:
 
 
 def rename_columns(table: Table, names: Sequence[ColumnName]) -> Table:
-    """The table with a drive log's names and units.
-
-    Raises:
-        InputError: an entry has an unknown name or unit, or its column is not in the file; a cell
-            is not a number, in the file's own name of the column.
-    """
+    """The table with a drive log's names and units."""
     renamed: dict[str, list[str] | Floats] = {}
     used = set()
     for name in (_oriented(n, table) for n in names):

@@ -76,13 +76,8 @@ def decode_table(kind: type[T], data: object, source: str, where: str = "") -> T
     """A dataclass from a table.
 
     Args:
-        kind: dataclass.
         data: the table as a TOML or JSON reader gives it.
-        source: file name for errors.
         where: dotted path of the table; empty for the whole file.
-
-    Raises:
-        InputError: unknown or missing key, wrong type, or a value the dataclass refuses.
     """
     if not isinstance(data, Mapping):
         raise fault(source, where, f"expected a table, got {shown(data)}")

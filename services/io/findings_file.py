@@ -14,8 +14,7 @@ from slopewise.models.discrepancy.findings import Findings, Gap
 from slopewise.services.io.files import write_atomic
 from slopewise.services.io.model_file import write_model
 
-FINDINGS, MODEL, PAGE = "discrepancy.json", "model.toml", "report.html"
-"""Files of a result folder."""
+FINDINGS, MODEL, PAGE = "discrepancy.json", "model.toml", "report.html"  # Files of a result folder
 
 
 def write_findings(findings: Findings, folder: Path) -> list[Path]:

@@ -22,9 +22,6 @@ def read_geojson_paths(path: Path) -> list[CandidatePath]:
 
     A candidate is called by the property `candidate` or `name`, else by the feature's id, else by
     its number from 0. The property `speed_limit` [m/s] holds for all of a feature.
-
-    Raises:
-        InputError: names the feature and what was expected.
     """
     try:
         data = json.loads(read_text(path), parse_constant=float)

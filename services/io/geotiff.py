@@ -53,7 +53,6 @@ class GeotiffWindows:
     """An open elevation map that is read by windows.
 
     Attributes:
-        info: its grid.
         markers: undeclared markers among the heights that were read so far.
     """
 
@@ -89,9 +88,6 @@ class GeotiffWindows:
         """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these.
 
         No-data values are detected from heights of the whole file, so that all windows agree.
-
-        Raises:
-            InputError: the file is damaged there.
         """
         heights = self._read(rows, columns)
         known, markers = no_data.known_heights(heights, self._nodata, [self._all_over])
@@ -131,11 +127,7 @@ class GeotiffWindows:
 
     @cached_property
     def height_std(self) -> float:
-        """Error of heights relative to each other [m], of the whole file for any part of it.
-
-        Raises:
-            InputError: the file is damaged there.
-        """
+        """Error of heights relative to each other [m], of the whole file for any part of it."""
         for band, description in enumerate(self._dataset.descriptions[1:], start=2):
             kind = _ERRORS.search((description or "").lower())
             if kind is None:
@@ -160,11 +152,7 @@ def opened(path: Path, nodata: NoData = None) -> Iterator[GeotiffWindows]:
     """Open a map for many windows.
 
     Args:
-        path: GeoTIFF file.
         nodata: the user's setting for markers of missing data.
-
-    Raises:
-        InputError: not an elevation map in metres.
     """
     import rasterio
 

@@ -62,11 +62,7 @@ def _format_of(path: Path) -> MapFormat:
 
 
 def map_info(path: Path, topics: Path | None = None) -> MapInfo:
-    """Grid of a map file; heights are read only of a recording.
-
-    Raises:
-        InputError: not a map in metres, or not one of this earth.
-    """
+    """Grid of a map file; heights are read only of a recording."""
     info = _format_of(path).info(path, topics)
     try:
         check_physical(info.resolution, info.origin, (info.rows, info.columns))
@@ -84,12 +80,8 @@ def read_map(
         path: GeoTIFF or .npz file, or a recording with grid maps.
         around: (x_min, x_max, y_min, y_max) [m] with the margin that the caller needs, such as the
             vehicle's footprint. Of a GeoTIFF only that part is read.
-        topics: topic mapping of a recording.
         nodata: a height that marks missing data [m], in addition to those that are detected;
             "none": the file has no markers but those that it declares.
-
-    Raises:
-        InputError: not a map in metres, ``around`` is off the map, or no cell is known.
     """
     info = map_info(path, topics)
     cells: tuple[slice, slice] | None = slice(0, info.rows), slice(0, info.columns)

@@ -10,14 +10,10 @@ from slopewise.models.arrays import Floats, Ints
 from slopewise.models.errors import ParameterError
 from slopewise.models.vehicle import Vehicle
 
-Around = tuple[float, float, float, float]
-"""(x_min, x_max, y_min, y_max) [m] in map coordinates."""
+Around = tuple[float, float, float, float]  # (x_min, x_max, y_min, y_max) [m] in map coordinates
 
-MAX_CELLS = 100_000_000
-"""Cells read together: 10 km x 10 km at 1 m, 0.8 GB of heights."""
-
-_MIN_CELLS = 2
-"""Cells in a row or column that have ground between them."""
+MAX_CELLS = 100_000_000  # Cells read together: 10 km x 10 km at 1 m, 0.8 GB of heights
+_MIN_CELLS = 2  # Cells in a row or column that have ground between them
 
 _MIN_RESOLUTION, _MAX_RESOLUTION = 1e-3, 1e3
 """Edges of cells that robots drive by [m]: beyond, the file is in millimetres or degrees."""
@@ -73,11 +69,7 @@ def _cells(low: float, high: float, origin: float, resolution: float, count: int
 
 
 def check_physical(resolution: float, origin: tuple[float, float], shape: tuple[int, ...]) -> None:
-    """Raise ParameterError unless a grid can be of a map in metres on this earth.
-
-    Raises:
-        ParameterError: names what is out of range.
-    """
+    """Raise ParameterError unless a grid can be of a map in metres on this earth."""
     if not _MIN_RESOLUTION <= resolution <= _MAX_RESOLUTION:
         expected = (
             f"{_MIN_RESOLUTION:g} … {_MAX_RESOLUTION:g} m from cell to cell, got {resolution:g}"
@@ -107,9 +99,7 @@ class MapLayers(NamedTuple):
     Attributes:
         heights: heights [m], NaN where unknown.
         height_std: error of the heights of cells relative to each other [m], one for all.
-        assumed: assumptions made about the file, as sentences.
         classes: index into ``class_names``, None for the base surface everywhere.
-        class_names: names of the classes.
     """
 
     heights: Floats

@@ -26,20 +26,12 @@ _MAX_SURFACES = MAX_CLASSES - 1  # one class of a map is the base
 
 
 def read_model(path: Path) -> Model:
-    """The model in a TOML file.
-
-    Raises:
-        InputError: names the file and the dotted key, or the line that is not TOML.
-    """
+    """The model in a TOML file."""
     return model_from_dict(read_toml(path), str(path))
 
 
 def write_model(model: Model, path: Path) -> None:
-    """Write a model, all or nothing; :func:`read_model` gives the same model again.
-
-    Raises:
-        InputError: it has numbers that no vehicle has, so that it would not be read again.
-    """
+    """Write a model, all or nothing; :func:`read_model` gives the same model again."""
     _check_plausible(model_to_dict(model), str(path))
     write_atomic(path, _written(model))
 
@@ -60,10 +52,6 @@ def model_from_dict(data: object, source: str) -> Model:
 
     Args:
         data: tables as a TOML or JSON reader gives them.
-        source: file name or message key, for errors.
-
-    Raises:
-        InputError: names source and dotted key.
     """
     model = decode_table(Model, data, source)
     _check_surfaces(model, source)
@@ -123,9 +111,5 @@ def shipped_models() -> dict[str, Path]:
 
 
 def find_model(name_or_path: str | Path) -> Path:
-    """The model file a user means: an existing file, else a vehicle that comes with the package.
-
-    Raises:
-        InputError: neither; lists the vehicles that come with it.
-    """
+    """The model file a user means: an existing file, else a vehicle that comes with the package."""
     return find_shipped(name_or_path, "vehicles", "model")

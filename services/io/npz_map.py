@@ -188,10 +188,7 @@ class _Archive:
         """An array of the required shape and kind of type; never a pickled one.
 
         Args:
-            name: name of the array.
             shape: required shape; None accepts any.
-            kinds: numpy's letters of the accepted types.
-            noun: the same for the error message.
         """
         given, dtype = self._header(name)
         if dtype.kind not in kinds:

@@ -35,11 +35,7 @@ def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[
 
     Args:
         path: CSV, Parquet, GeoJSON, or a recording with nav_msgs/Path.
-        topics: topic mapping of a recording.
         frame: frame that paths of a recording have to be in; empty accepts any.
-
-    Raises:
-        InputError: names the row and column, or the feature, that cannot be used.
     """
     if is_bag(path):
         return read_bag_paths(path, topics, frame)
@@ -90,8 +86,6 @@ def check_paths_on_map(
     Args:
         paths: candidates of ``source``.
         extent: (x_min, x_max, y_min, y_max) of the map's cell centres [m].
-        source: file of the paths.
-        map_source: file of the map.
     """
     x_min, x_max, y_min, y_max = extent
     for path in paths:

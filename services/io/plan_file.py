@@ -52,7 +52,6 @@ def write_plan_csv(rows: dict[str, Sequence[str] | Floats], path: Path) -> None:
 
     Args:
         rows: the columns of :data:`COLUMNS`, all of one length; further ones follow them.
-        path: file to write.
     """
     if missing := [name for name in COLUMNS if name not in rows]:
         raise ValueError(f"a plan needs the columns {', '.join(missing)}")
@@ -64,9 +63,6 @@ def read_external_plans(path: Path) -> list[ExternalPlan]:
     """All plans of a CSV or Parquet file, in the order in which they first appear.
 
     Without a column `candidate` it is one plan with the file's name.
-
-    Raises:
-        InputError: names the row and column that cannot be used.
     """
     table = read_table(path)
     table.require(NEEDED)

@@ -57,8 +57,6 @@ def event_row(
     """A row of the table; parameters are the estimates when the stretch ends.
 
     Args:
-        run: name of the run.
-        event: a stretch or a change.
         centres: centres of rotation of the left and right side [m], NaN where unknown.
     """
     if isinstance(event, GroundChange):
@@ -113,9 +111,7 @@ def excluded_row(run: str, time: Sequence[float] | Floats, stretch: Suspect) -> 
     """A row for an excluded stretch.
 
     Args:
-        run: name of the run.
         time: (n,) of the whole log [s].
-        stretch: the data issue.
     """
     last = min(stretch.stop, len(time)) - 1
     return {

@@ -26,7 +26,6 @@ class SpeedAdvice:
 
     Attributes:
         limit: never 0 [m/s].
-        stop: stand still, or brake.
         reason: as text, empty for a limit without one.
     """
 

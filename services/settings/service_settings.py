@@ -191,11 +191,7 @@ class ServiceConfig:
 
 
 def read_config(path: Path) -> ServiceConfig:
-    """The settings in a TOML file; files named in it are taken relative to it.
-
-    Raises:
-        InputError: names the file and the key.
-    """
+    """The settings in a TOML file; files named in it are taken relative to it."""
     data = read_toml(path)
     resolve_names(path, data, "model", "map", "zenoh.config", "learning.terrains", "page.token")
     resolve_names(path, data, "store.path", "discrepancy.samples", exists=False)

@@ -16,8 +16,7 @@ _NEEDED = ("v", "v_cmd", "pitch")
 _FEW = 0.25
 """Share of the runs that may look as if they were in another unit, and are excluded."""
 
-_SHOWN = 3
-"""Files that a sentence names."""
+_SHOWN = 3  # Files that a sentence names
 
 
 def grade_by_map(

@@ -21,8 +21,7 @@ _TOO_FAST = 1.5
 _MAX_SHIFT, _MAX_RATIO = 0.2, 0.12
 """How near b_m, and the force's factor, have to come [1]: knots and miles differ by 15 %."""
 
-_STEEP = 0.02
-"""Grades that vary by less do not determine b_m [rad]."""
+_STEEP = 0.02  # Grades that vary by less do not determine b_m [rad]
 
 
 def refuse_too_fast(log: DriveLog, model: Model) -> None:
@@ -47,8 +46,6 @@ def suspect_of(learned: Braking, known: Braking, grades: np.ndarray) -> str:
     """Reason why coefficients look like those of speeds in another unit; empty if they do not.
 
     Args:
-        learned: coefficients of the log.
-        known: coefficients before.
         grades: (n,) grades of the stops [rad].
     """
     if len(grades) < 2 or float(np.std(grades)) < _STEEP:

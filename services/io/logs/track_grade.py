@@ -30,9 +30,6 @@ def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle, nodata: NoData
     Args:
         log: with x, y in map coordinates; the vehicle drives forward.
         map_file: elevation map. vehicle: footprint. nodata: as `read_map` takes it.
-
-    Raises:
-        InputError: the log has no positions, or none of them is on the map.
     """
     if not {"x", "y"} <= log.columns.keys():
         raise fault(log.sources[0], "column x", "expected x and y to place the log on the map")

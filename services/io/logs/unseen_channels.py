@@ -15,12 +15,7 @@ from slopewise.models.parameters import Effect
 def unseen_channels(
     effects: Iterable[Effect], columns: Mapping[str, NDArray[Any]]
 ) -> tuple[str, ...]:
-    """A sentence for each effect whose columns are missing or have gaps: they count as 0 there.
-
-    Args:
-        effects: effects of the model.
-        columns: columns of the log, (n,).
-    """
+    """A sentence for each effect whose columns are missing or have gaps: they count as 0 there."""
     sentences = []
     for effect in effects:
         needed = sorted(registry.law_of(effect).channels)
