@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.services.check.tolerances import TOLERANCES
 
 
@@ -81,29 +81,32 @@ class ViolationLog:
     _worst: dict[tuple[int, str], Violation] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
-    def add(self, kind: str, excess: Floats, sentence: str, *values: Floats) -> None:
+    def add(
+        self,
+        kind: str,
+        excess: Floats,
+        sentence: str,
+        *values: Floats,
+        where: Bools | bool = True,
+        at: Ints | None = None,
+    ) -> None:
         """Note every row where something goes beyond its limit by more than the tolerance.
 
         Args:
-            excess: (M,) by how much, at each sample; −inf where it does not apply.
-            sentence: with ``{0:…}`` for what was found at the sample, and so on.
+            excess: by how much, at each sample (M,), or at those of ``at``.
+            sentence: with ``{0:…}`` for the first of ``values`` at the sample, and so on.
+            where: the samples to which the rule applies.
+            at: samples of ``excess``, ``values`` and ``where``; all without.
         """
         tolerance = TOLERANCES[kind]
-        for k in np.flatnonzero(~(excess <= tolerance.value)).tolist():
-            size = float(excess[k])
+        for i in np.flatnonzero(where & ~(excess <= tolerance.value)).tolist():
+            k, size = (i if at is None else int(at[i])), float(excess[i])
             key = (int(self.row[k]), kind)
             known = self._worst.get(key)
             if known is None or size > known.size:
-                message = sentence.format(*(float(v[k]) for v in values))
-                self._worst[key] = Violation(
-                    self.candidate,
-                    key[0],
-                    float(self.station[k]),
-                    kind,
-                    size,
-                    tolerance.unit,
-                    message,
-                )
+                message = sentence.format(*(float(v[i]) for v in values))
+                place = (self.candidate, key[0], float(self.station[k]))
+                self._worst[key] = Violation(*place, kind, size, tolerance.unit, message)
 
     def violations(self) -> tuple[Violation, ...]:
         """All of them, by station."""

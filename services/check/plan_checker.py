@@ -15,8 +15,7 @@ from slopewise.services.check.heights import Heights, in_cells
 from slopewise.services.check.obstacle_checks import check_obstacles
 from slopewise.services.check.path_force import path_force_along
 from slopewise.services.check.path_ground import ground_under
-from slopewise.services.check.plan_line import Line, line_of
-from slopewise.services.check.planned_motion import motion_along
+from slopewise.services.check.plan_line import Line, line_of, motion_along
 from slopewise.services.check.reported_columns import check_columns, check_reported_stops
 from slopewise.services.check.stop_dynamics import StopDynamics
 from slopewise.services.check.stop_ends import check_places, check_stops

@@ -1,4 +1,4 @@
-"""The line that a plan drives: samples between its rows, with heading and curvature."""
+"""The line that a plan drives, and its motion: samples between its rows."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.services.check.external_plan import ExternalPlan
 
 _MIN_SAMPLES, _MAX_SAMPLES = 4, 40  # of each segment: a fifth of a wheel, or bounded memory
@@ -110,3 +110,34 @@ def _reach(x: Floats, y: Floats) -> float:
     fifth = np.abs(np.diff(np.stack((x, y)), n=5, axis=1))
     noise = 1.4826 * float(np.median(fifth)) / np.sqrt(252.0)
     return float(np.sqrt(2.5 * noise / _MAX_NOISE))
+
+
+class Motion(NamedTuple):
+    """Motion at M samples; arrays are (M,).
+
+    Attributes:
+        speed, accel: [m/s], [m/s²]; the acceleration holds from its sample on.
+        moving: the plan moves there. excused: it brakes down from a start that was too fast.
+    """
+
+    speed: Floats
+    accel: Floats
+    accel_before: Floats
+    moving: Bools
+    excused: Bools
+
+
+def motion_along(line: Line, station: Floats, speed: Floats, status: str) -> Motion:
+    """The motion of a plan with speeds (N,) at its rows, v² linear between them."""
+    at_rows = station[line.at_row]
+    energy = line.between(speed * speed)
+    accel = 0.5 * np.diff(speed * speed) / np.diff(at_rows)
+    after = np.append(accel, 0.0)[line.row]
+    before = after.copy()
+    before[line.at_row[1:]] = accel
+    energy[line.driven :] = 0.0
+    moving = energy > 0.0
+    braking_down = np.minimum.accumulate(after < 0.0)
+    braking_down[1:] |= braking_down[:-1]  # up to where it ends
+    excused = braking_down & (status in ("degraded", "infeasible"))
+    return Motion(np.sqrt(energy), after, before, moving, excused)

@@ -14,9 +14,9 @@ from slopewise.models.calibration.fleet import FleetCalibration, VehicleStops, l
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.surface_fit import CalibrationSettings
 from slopewise.models.parameters import Model
+from slopewise.services.fleet.result_folder import make_folder
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
 from slopewise.services.fleet.vehicle_logs import LogTask, measure_vehicle, vehicles_of
-from slopewise.services.io.files import fault, reason
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model, write_model
 from slopewise.services.io.no_data import NoData
 from slopewise.services.jobs.progress import progress_bar
@@ -112,10 +112,7 @@ def calibrate_fleet(
         settings = CalibrationSettings(coverage=coverage)
     model = read_model(find_model(model_file))
     grouped = vehicles_of(logs, by_folder)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise fault(out, "", f"expected a folder to write to, got: {reason(error)}") from None
+    make_folder(out, out)
     tables, ground = model_to_dict(model), None if map_file is None else map_file.resolve()
     tasks: list[Task[LogTask]] = [
         (name, LogTask(name, tuple(path.resolve() for path in files), tables, ground, nodata))

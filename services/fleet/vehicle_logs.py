@@ -18,9 +18,10 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.stop_logs.measured_log import is_mapped
 from slopewise.services.io.drive_log import read_logs
 from slopewise.services.io.files import fault
-from slopewise.services.io.logs.log_source import grade_by_map, refuse_wrong_units
+from slopewise.services.io.log_checks import refuse_wrong_units
 from slopewise.services.io.model_file import model_from_dict
 from slopewise.services.io.no_data import NoData
+from slopewise.services.io.track_grade import grade_by_map
 
 
 def vehicles_of(logs: Sequence[Path], by_folder: bool) -> dict[str, list[Path]]:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from slopewise.models.errors import InputError
 from slopewise.services.io.drive_log import read_drive_log
-from slopewise.services.io.logs.log_source import names_of
+from slopewise.services.io.log_checks import names_of
 from tests.services.faults import bad_inputs, fault_in
 
 HEADER = "run,t,v,v_cmd,pitch"
