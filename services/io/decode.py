@@ -16,9 +16,8 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 import numpy as np
 
-from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import describe_range
-from slopewise.services.io.files import fault, shown
+from slopewise.services.io.files import fault, faults_of, shown
 
 T = TypeVar("T")
 
@@ -98,11 +97,8 @@ def decode_table(kind: type[T], data: object, source: str, where: str = "") -> T
         elif field.default is field.default_factory is dataclasses.MISSING:
             expected = _describe(hints[name], field.metadata)
             raise fault(source, path, f"missing key, expected {expected}")
-    try:
+    with faults_of(source, f"{where}." if where else ""):
         return kind(**values)
-    except ParameterError as error:
-        path = f"{where}.{error.field}" if where else error.field
-        raise fault(source, path, f"expected {error.expected}") from None
 
 
 def _missing_name(

@@ -8,15 +8,14 @@ import os
 import re
 import secrets
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from slopewise.models.errors import InputError
+from slopewise.models.errors import InputError, ParameterError
 
 _MAX_SHOWN = 80
 """Characters of a value that an error shows: with file and key it stays one line of a terminal."""
-
-_BLOCK = 1 << 20  # Bytes read at a time for a digest: recordings do not fit into memory
 
 _MAX_TOML_BYTES = 1_000_000
 """Fifty times the largest settings; tomllib takes a second for that much."""
@@ -38,6 +37,15 @@ def fault(source: object, field: str, expected: str) -> InputError:
         expected: "expected …, got …".
     """
     return InputError(*(_one_line(str(part)) for part in (source, field, expected)))
+
+
+@contextlib.contextmanager
+def faults_of(source: object, prefix: str = "") -> Iterator[None]:
+    """Turn a ParameterError of the block into an InputError of a file; prefix its field."""
+    try:
+        yield
+    except ParameterError as error:
+        raise fault(source, f"{prefix}{error.field}", f"expected {error.expected}") from None
 
 
 def _one_line(text: str) -> str:
@@ -172,11 +180,8 @@ def sha256_of(path: Path) -> str:
 
 
 def _of_file(path: Path) -> str:
-    digest = hashlib.sha256()
     with path.open("rb") as file:
-        while block := file.read(_BLOCK):
-            digest.update(block)
-    return digest.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def shipped_folder() -> Path:

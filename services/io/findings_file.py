@@ -48,16 +48,7 @@ def findings_as_json(f: Findings) -> dict[str, Any]:
     return {
         "verdict": f.verdict.value,
         "summary": f.summary,
-        "effects": [
-            {
-                "name": e.name,
-                "parameters": {name: asdict(value) for name, value in e.parameters.items()},
-                "confidence": e.confidence,
-                "alternatives": list(e.alternatives),
-                "where": e.where,
-            }
-            for e in f.effects
-        ],
+        "effects": [asdict(e) | {"alternatives": list(e.alternatives)} for e in f.effects],
         "located": [
             {
                 "axis": a.axis,

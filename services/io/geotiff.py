@@ -37,13 +37,15 @@ _SPOTS, _SPOT = 8, 256
 file: maps of up to 2048 x 2048 cells are read whole, larger ones in about half a second."""
 
 
-def read_info(path: Path) -> MapInfo:
+def read_info(path: Path, _: Path | None = None) -> MapInfo:
     """Grid of a GeoTIFF; raises InputError if it cannot be an elevation map in metres."""
     with opened(path) as ground:
         return ground.info
 
 
-def read_layers(path: Path, rows: slice, columns: slice, nodata: NoData) -> MapLayers:
+def read_layers(
+    path: Path, rows: slice, columns: slice, _: Path | None, nodata: NoData
+) -> MapLayers:
     """Some cells of a GeoTIFF; only these are read."""
     with opened(path, nodata) as ground:
         return MapLayers(ground.read(rows, columns), ground.height_std, ground.assumed)

@@ -20,7 +20,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.services.io import height_error, no_data
 from slopewise.services.io.bags import GRID_MAP, Bag, opened, state_of
-from slopewise.services.io.files import fault
+from slopewise.services.io.files import fault, faults_of
 from slopewise.services.io.map_grid import MAX_CELLS, MapInfo, MapLayers
 from slopewise.services.io.no_data import NoData
 from slopewise.services.io.topics import MapSource, read_sources
@@ -75,10 +75,8 @@ def _decoded(
     except IndexError:
         expected = f"expected message {source.message} of {len(recorded)}"
         raise fault(path, f"topic {topic}", expected) from None
-    try:
+    with faults_of(path, f"topic {topic}, "):
         ground = elevation_map_of(message, source.layer, nodata)
-    except ParameterError as error:
-        raise fault(path, f"topic {topic}, {error.field}", f"expected {error.expected}") from None
     return ground, message.header.frame_id
 
 

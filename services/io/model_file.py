@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from slopewise.models.effects import registry
-from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.plausibility import check_plausible
 from slopewise.models.surface_names import MAX_CLASSES
-from slopewise.models.vehicle import Vehicle
 from slopewise.services.io.decode import decode_table, dotted, encode_table
 from slopewise.services.io.files import (
     fault,
+    faults_of,
     find_shipped,
     read_toml,
     shipped_files,
@@ -32,7 +31,8 @@ def read_model(path: Path) -> Model:
 
 def write_model(model: Model, path: Path) -> None:
     """Write a model, all or nothing; :func:`read_model` gives the same model again."""
-    _check_plausible(model_to_dict(model), str(path))
+    with faults_of(path):
+        check_plausible(model_to_dict(model))
     write_atomic(path, _written(model))
 
 
@@ -56,22 +56,13 @@ def model_from_dict(data: object, source: str) -> Model:
     model = decode_table(Model, data, source)
     _check_surfaces(model, source)
     for index, effect in enumerate(model.effect):
-        try:
+        with faults_of(source, f"effect[{index}]."):
             registry.validate(effect)
             registry.motion(model.effect[: index + 1])
-        except ParameterError as error:
-            field = f"effect[{index}].{error.field}"
-            raise fault(source, field, f"expected {error.expected}") from None
     assert isinstance(data, Mapping)
-    _check_plausible(data, source)
+    with faults_of(source):
+        check_plausible(data)
     return model
-
-
-def _check_plausible(tables: Mapping[str, Any], source: str) -> None:
-    try:
-        check_plausible(tables)
-    except ParameterError as error:
-        raise fault(source, error.field, f"expected {error.expected}") from None
 
 
 def _check_surfaces(model: Model, source: str) -> None:
@@ -98,11 +89,6 @@ def _check_surfaces(model: Model, source: str) -> None:
 def model_to_dict(model: Model) -> dict[str, Any]:
     """Tables of plain values as TOML holds them, without absent or empty ones."""
     return encode_table(model)
-
-
-def vehicle_to_dict(vehicle: Vehicle) -> dict[str, Any]:
-    """The table of the vehicle alone, as :func:`model_to_dict` gives it."""
-    return encode_table(vehicle)
 
 
 def shipped_models() -> dict[str, Path]:

@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.errors import ParameterError
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.services.check.external_plan import COLUMNS as CHECKED
 from slopewise.services.check.external_plan import NEEDED, ExternalPlan
-from slopewise.services.io.files import fault
+from slopewise.services.io.files import faults_of
 from slopewise.services.io.table import Table, read_table, write_csv
 
 TEXT = ("candidate", "limiting", "status", "reason")
@@ -75,12 +74,9 @@ def read_external_plans(path: Path) -> list[ExternalPlan]:
             for column, values in numbers.items()
         }
         first_status = "" if status is None else status[rows[0]]
-        try:
-            columns: Any = {column: v for column, v in given.items() if v is not None}
+        columns: Any = {column: v for column, v in given.items() if v is not None}
+        with faults_of(path, f"candidate {name}, "):
             plans.append(ExternalPlan(name=name, status=first_status, **columns))
-        except ParameterError as error:
-            field = f"candidate {name}, {error.field}"
-            raise fault(path, field, f"expected {error.expected}") from None
     return plans
 
 

@@ -13,17 +13,14 @@ from slopewise.models.stop_logs.drive_quality import Suspect
 from slopewise.models.terrain.monitor import Classified, GroundChange
 from slopewise.services.io.table import write_csv
 
+_MEASURED = ("samples", "speed", "speed_difference", "yaw_rate", "onset_current")
 _TEXT = ("run", "phase", "terrain", "rules", "note")
 COLUMNS = (
     "run",
     "t",
     "t_end",
     "phase",
-    "samples",
-    "speed",
-    "speed_difference",
-    "yaw_rate",
-    "onset_current",
+    *_MEASURED,
     "motion_resistance",
     "motion_resistance_std",
     "lateral_resistance",
@@ -79,11 +76,7 @@ def event_row(
         "t": o.begin,
         "t_end": o.end,
         "phase": o.phase.value,
-        "samples": o.samples,
-        "speed": o.speed,
-        "speed_difference": o.speed_difference,
-        "yaw_rate": o.yaw_rate,
-        "onset_current": o.onset_current,
+        **{name: getattr(o, name) for name in _MEASURED},
         "terrain": event.answer.name,
         "probability": event.answer.probability,
         "rules": event.rules.name,
