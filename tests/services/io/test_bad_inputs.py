@@ -10,6 +10,7 @@ import pytest
 from slopewise.services.io.drive_log import read_drive_log, read_logs
 from slopewise.services.io.path_file import read_paths
 from slopewise.services.io.plan_file import read_external_plans
+from slopewise.services.ros.settings import read_settings
 from slopewise.services.settings.service_settings import read_config
 from tests.services.faults import bad_inputs, fault_in
 
@@ -18,6 +19,7 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "geojson": ("p.geojson", read_paths),
     "paths": ("p.csv", read_paths),
     "plans": ("p.csv", read_external_plans),
+    "ros": ("ros.toml", read_settings),
     "service": ("service.toml", read_config),
     "topics": ("topics.toml", lambda path: read_logs([path.with_name("drive.mcap")], path)),
 }
