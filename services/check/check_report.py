@@ -69,15 +69,11 @@ class CheckReport:
 
 @dataclass(slots=True)
 class ViolationLog:
-    """Collects violations of one plan.
-
-    Attributes:
-        row: (M,) row of the plan that each sample belongs to. station: (M,) of the samples [m].
-    """
+    """Collects violations of one plan."""
 
     candidate: str
-    row: Ints
-    station: Floats
+    row: Ints  # (M,) row of the plan that each sample belongs to
+    station: Floats  # (M,) of the samples [m]
     _worst: dict[tuple[int, str], Violation] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 

@@ -19,23 +19,18 @@ class Line(NamedTuple):
     """M samples along a plan of N rows, and beyond its last row; arrays are (M,) unless stated.
 
     Attributes:
-        row: row that each sample belongs to, N − 1 beyond the last one.
-        share: share of the distance to the next row.
         x, y, flat: position, and metres in the plan view [m].
-        heading: heading without jumps [rad].
-        curvature: plan-view curvature, left positive [1/m].
-        driven: samples up to the last row; those behind it continue it straight.
     """
 
-    row: Ints
-    share: Floats
+    row: Ints  # row that each sample belongs to, N − 1 beyond the last one
+    share: Floats  # share of the distance to the next row
     at_row: Ints
     x: Floats
     y: Floats
     flat: Floats
-    heading: Floats
-    curvature: Floats
-    driven: int
+    heading: Floats  # heading without jumps [rad]
+    curvature: Floats  # plan-view curvature, left positive [1/m]
+    driven: int  # samples up to the last row; those behind it continue it straight
 
     def between(self, values: Floats) -> Floats:
         """(M,) values that are linear between rows (N,); as at the last row beyond it."""
@@ -117,14 +112,13 @@ class Motion(NamedTuple):
 
     Attributes:
         speed, accel: [m/s], [m/s²]; the acceleration holds from its sample on.
-        moving: the plan moves there. excused: it brakes down from a start that was too fast.
     """
 
     speed: Floats
     accel: Floats
     accel_before: Floats
-    moving: Bools
-    excused: Bools
+    moving: Bools  # the plan moves there
+    excused: Bools  # it brakes down from a start that was too fast
 
 
 def motion_along(line: Line, station: Floats, speed: Floats, status: str) -> Motion:

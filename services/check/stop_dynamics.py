@@ -25,17 +25,14 @@ class PathState(NamedTuple):
     """Conditions of L vehicles at their places; arrays are (L,).
 
     Attributes:
-        share: share of the distance from it to the next.
-        curvature: curvature of the path [1/m].
-        yaw: heading [rad].
         slope, intercept: coefficients of the force where the line has one surface; else ignored.
     """
 
     sample: Ints
-    share: Floats
+    share: Floats  # share of the distance from it to the next
     pose: BodyAttitude
-    curvature: Floats
-    yaw: Floats
+    curvature: Floats  # curvature of the path [1/m]
+    yaw: Floats  # heading [rad]
     friction: Floats
     slope: Floats
     intercept: Floats

@@ -36,21 +36,16 @@ class State(NamedTuple):
 
     Attributes:
         s, v: station and speed [m], [m/s].
-        onset_speed: speed when the brakes take hold [m/s].
-        force: built-up F_b/W [1].
-        heat: heat of the brakes [J/kg].
-        time: dead time [s].
-        min_shares: lowest rear, side and wheel shares so far, and the same without crests.
     """
 
     lane: Ints
     s: Floats
     v: Floats
-    onset_speed: Floats
-    force: Floats
-    heat: Floats
-    time: Floats
-    min_shares: Floats
+    onset_speed: Floats  # speed when the brakes take hold [m/s]
+    force: Floats  # built-up F_b/W [1]
+    heat: Floats  # heat of the brakes [J/kg]
+    time: Floats  # dead time [s]
+    min_shares: Floats  # lowest rear, side and wheel shares so far, and the same without crests
 
     def only(self, selected: Bools) -> State:
         """Some of them."""
@@ -145,12 +140,11 @@ class StopEnds(NamedTuple):
     """Results of L stops; arrays are (L,).
 
     Attributes:
-        end: station where the vehicle comes to rest, without safety offset [m].
         rear, side, wheel: lowest shares of the level static load during the stop.
         rear_even, side_even, wheel_even: the same without crests.
     """
 
-    end: Floats
+    end: Floats  # station where the vehicle comes to rest, without safety offset [m]
     ended: Bools
     rear: Floats
     side: Floats

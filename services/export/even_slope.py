@@ -45,14 +45,10 @@ def choose(condition: Any, then: Any, otherwise: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class EvenSlope:
-    """One table of the braking model; speeds [m/s], grades [rad], ``extra``: ground terms [1].
-
-    Attributes:
-        table: braking coefficients of the surface, or of a state of it.
-    """
+    """One table of the braking model; speeds [m/s], grades [rad], ``extra``: ground terms [1]."""
 
     model: Model
-    table: Braking
+    table: Braking  # braking coefficients of the surface, or of a state of it
 
     def trained(self, grade: Any) -> Any:
         """1 on grades that were trained, or that the model may extrapolate to; 0 elsewhere."""

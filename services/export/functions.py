@@ -32,18 +32,13 @@ _GROUND = ("ground_force", "1, of ground_force(); 0 without effects")
 
 @dataclass(frozen=True, slots=True)
 class ModelFunction:
-    """One function.
+    """One function."""
 
-    Attributes:
-        function: CasADi function. inputs: names with units. output: name and unit.
-        evaluate: the same by numpy, of arrays in the order of the inputs.
-    """
-
-    function: Any
-    inputs: tuple[tuple[str, str], ...]
-    output: tuple[str, str]
+    function: Any  # CasADi function
+    inputs: tuple[tuple[str, str], ...]  # names with units
+    output: tuple[str, str]  # name and unit
     meaning: str
-    evaluate: Callable[..., Any]
+    evaluate: Callable[..., Any]  # the same by numpy, of arrays in the order of the inputs
 
     @property
     def name(self) -> str:
@@ -124,13 +119,13 @@ def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
     to_clear = (("distance", "m"), _GRADE, _GROUND)
     force, decel, speed_of = ("force_ratio", "1"), ("deceleration", "m/s^2"), ("speed", "m/s")
     weakest = f"least F_b/W of full, cold brakes{on}; 0 on grades that were not trained"
-    most = f"most of full brakes{on}: for the loads of axles"
+    upper_end = f"most of full brakes{on}: for the loads of axles"
     from_command = f"from command to rest{here}; infinite where no stop is known"
     within = f"stops within a distance{here}; 0 where nothing may drive"
     functions = (
         ("force_ratio", state, force, weakest, ratio),
         ("deceleration", state, decel, f"least of full, cold brakes{on}", slowing),
-        ("max_deceleration", state, decel, most, strongest),
+        ("max_deceleration", state, decel, upper_end, strongest),
         ("stopping_distance", state, ("distance", "m"), from_command, distance),
         ("speed_bound", to_clear, speed_of, within, bound),
     )

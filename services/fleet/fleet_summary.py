@@ -28,14 +28,13 @@ class EffectPrevalence(Summary, frozen=True):
     """One effect over all vehicles.
 
     Attributes:
-        vehicles: in which it is named, highest confidence first.
         ambiguous_in: vehicles in which it is one of several that would explain the log.
         confidence: minimum, mean and maximum over `vehicles`, 0 … 1.
         expected_true: expected number of correct names in `vehicles`, the sum of confidences.
     """
 
     name: str
-    vehicles: tuple[str, ...]
+    vehicles: tuple[str, ...]  # in which it is named, highest confidence first
     ambiguous_in: tuple[str, ...] = msgspec.field(name="perhaps")
     confidence: tuple[float, float, float] | None
     expected_true: float = msgspec.field(name="expected_right")
@@ -63,21 +62,18 @@ class FleetSummary(Summary, frozen=True):
     """Output of `fleet discrepancy --json`; findings.jsonl has the findings of each vehicle.
 
     Attributes:
-        verdicts: number of vehicles by verdict.
         failed: vehicles without a finding -> reason.
-        effects: most frequent first.
         expected_false: expected number of false alarms if no vehicle lacked an effect.
-        resumed: vehicles that an earlier run had examined.
         unexpected: vehicles in the folder that are not among these.
     """
 
     vehicles: int
     examined: int = msgspec.field(name="looked_at")
-    verdicts: dict[str, int]
+    verdicts: dict[str, int]  # number of vehicles by verdict
     failed: dict[str, str] = msgspec.field(name="without_answer")
-    effects: tuple[EffectPrevalence, ...]
+    effects: tuple[EffectPrevalence, ...]  # most frequent first
     expected_false: float = msgspec.field(name="by_chance")
-    resumed: int
+    resumed: int  # vehicles that an earlier run had examined
     unexpected: int = msgspec.field(name="strays")
     seconds: float
 

@@ -32,15 +32,10 @@ Task = tuple[str, T]  # Unique name, and the argument of the function
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Local worker processes, or a running scheduler.
+    """Local worker processes, or a running scheduler."""
 
-    Attributes:
-        count: of local processes; 0 is this one, None one for each processor.
-        scheduler: address of a running Dask scheduler, empty for a local cluster.
-    """
-
-    count: int | None = None
-    scheduler: str = ""
+    count: int | None = None  # of local processes; 0 is this one, None one for each processor
+    scheduler: str = ""  # address of a running Dask scheduler, empty for a local cluster
 
 
 def check_installed() -> None:

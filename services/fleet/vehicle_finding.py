@@ -41,25 +41,18 @@ _BROKEN = (ArithmeticError, LookupError, MemoryError, RuntimeError, TypeError, V
 
 @dataclass(frozen=True, slots=True)
 class FleetDiscrepancyRequest:
-    """Logs, models and options of a fleet's comparison.
-
-    Attributes:
-        models: model file or name for all vehicles, or a folder with NAME.toml for each.
-        by_folder: a folder is a vehicle; else each file is one.
-        map_file: elevation map that x, y of the logs lie on.
-        nodata: height of the map that marks unknown ground [m].
-    """
+    """Logs, models and options of a fleet's comparison."""
 
     logs: Sequence[Path]
-    models: str
+    models: str  # model file or name for all vehicles, or a folder with NAME.toml for each
     out: Path
-    by_folder: bool
-    map_file: Path | None
+    by_folder: bool  # a folder is a vehicle; else each file is one
+    map_file: Path | None  # elevation map that x, y of the logs lie on
     topics: Path | None
     settings: DiscrepancySettings
     workers: int | None = None
     scheduler: str = ""
-    nodata: NoData = None
+    nodata: NoData = None  # height of the map that marks unknown ground [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,21 +60,17 @@ class VehicleTask:
     """One vehicle; plain values, so that it travels.
 
     Attributes:
-        model: tables of its model file.
         model_file, begun: shown on its page.
-        source: provenance of effects that are found.
-        key: digest of all inputs.
-        request: options, with files and folder as all workers find them.
     """
 
     vehicle: str
     logs: tuple[Path, ...]
-    model: dict[str, Any]
+    model: dict[str, Any]  # tables of its model file
     model_file: str
     begun: str
-    source: str
-    key: str
-    request: FleetDiscrepancyRequest
+    source: str  # provenance of effects that are found
+    key: str  # digest of all inputs
+    request: FleetDiscrepancyRequest  # options, with files and folder as all workers find them
 
     @property
     def folder(self) -> Path:

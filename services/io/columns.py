@@ -36,18 +36,13 @@ _SYNONYMS: Mapping[str, tuple[str, float]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class ColumnName:
-    """One entry.
-
-    Attributes:
-        unit: as written, or "".
-        sign: -1.0 if the column is inverted.
-    """
+    """One entry."""
 
     entry: str
     left: str
     right: str
-    unit: str
-    sign: float
+    unit: str  # as written, or ""
+    sign: float  # -1.0 if the column is inverted
 
     def fits(self, table: Table) -> bool:
         """Return True if left is a name of a drive log and right a column of the table."""

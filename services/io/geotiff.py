@@ -151,11 +151,7 @@ class GeotiffWindows:
 
 @contextlib.contextmanager
 def opened(path: Path, nodata: NoData = None) -> Iterator[GeotiffWindows]:
-    """Open a map for many windows.
-
-    Args:
-        nodata: the user's setting for markers of missing data.
-    """
+    """Open a map for many windows; ``nodata``: the user's setting for markers of missing data."""
     import rasterio
 
     check_file(path)

@@ -28,14 +28,12 @@ class MapInfo:
 
     Attributes:
         rows, columns: number of cells; row 0 is at minimum y.
-        resolution: edge of a cell [m].
-        origin: (x, y) of the centre of cell [0, 0] [m].
     """
 
     rows: int
     columns: int
-    resolution: float
-    origin: tuple[float, float]
+    resolution: float  # edge of a cell [m]
+    origin: tuple[float, float]  # (x, y) of the centre of cell [0, 0] [m]
 
     @property
     def extent(self) -> Around:
@@ -94,16 +92,10 @@ def footprint_margin(vehicle: Vehicle, info: MapInfo) -> float:
 
 
 class MapLayers(NamedTuple):
-    """Some cells of a map, (rows, columns) each.
+    """Some cells of a map, (rows, columns) each."""
 
-    Attributes:
-        heights: heights [m], NaN where unknown.
-        height_std: error of the heights of cells relative to each other [m], one for all.
-        classes: index into ``class_names``, None for the base surface everywhere.
-    """
-
-    heights: Floats
-    height_std: float
+    heights: Floats  # heights [m], NaN where unknown
+    height_std: float  # error of the heights of cells relative to each other [m], one for all
     assumed: tuple[str, ...] = ()
-    classes: Ints | None = None
+    classes: Ints | None = None  # index into ``class_names``, None for the base surface everywhere
     class_names: tuple[str, ...] = ("",)

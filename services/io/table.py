@@ -75,11 +75,7 @@ class Table:
         return ["" if math.isnan(c) else repr(c).removesuffix(".0") for c in cells.tolist()]
 
     def numbers(self, column: str, unit: str, *, blank: float | None = None) -> Floats:
-        """(rows,) finite numbers.
-
-        Args:
-            blank: stands for an empty cell or NaN; None refuses them.
-        """
+        """(rows,) finite numbers; ``blank``: stands for an empty cell or NaN; None refuses them."""
         values, texts = self.parsed(column)
         wrong = ~np.isfinite(values) if blank is None else np.isinf(values)
         wrong[list(texts)] = True

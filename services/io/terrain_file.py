@@ -24,14 +24,10 @@ from slopewise.services.io.signature_file import read_signatures
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainFile:
-    """Content of a terrain file; every key except `name` is optional.
-
-    Attributes:
-        signatures: file of signatures in the same folder, empty: none.
-    """
+    """Content of a terrain file; every key except `name` is optional."""
 
     name: str
-    signatures: str = ""
+    signatures: str = ""  # file of signatures in the same folder, empty: none
     terrain: tuple[TerrainClass, ...] = ()
     filter: FilterSettings = field(default_factory=FilterSettings)
     motion: MotionSettings = field(default_factory=MotionSettings)

@@ -101,11 +101,7 @@ def _note(event: Classified) -> str:
 
 
 def excluded_row(run: str, time: Sequence[float] | Floats, stretch: Suspect) -> dict[str, Any]:
-    """A row for an excluded stretch.
-
-    Args:
-        time: (n,) of the whole log [s].
-    """
+    """A row for an excluded stretch; ``time``: (n,) of the whole log [s]."""
     last = min(stretch.stop, len(time)) - 1
     return {
         "run": run,

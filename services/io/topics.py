@@ -55,30 +55,19 @@ class Channel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapSource:
-    """Where the elevation map is.
+    """Where the elevation map is."""
 
-    Attributes:
-        topic: of grid maps; empty: the only one.
-        layer: layer with the heights; empty: `elevation`.
-        message: its number from 0, -1 for the last.
-    """
-
-    topic: str = ""
-    layer: str = ""
-    message: int = -1
+    topic: str = ""  # of grid maps; empty: the only one
+    layer: str = ""  # layer with the heights; empty: `elevation`
+    message: int = -1  # its number from 0, -1 for the last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathSource:
-    """Where candidates are.
+    """Where candidates are."""
 
-    Attributes:
-        topics: topics of paths; empty: all of them.
-        all_messages: each message is a candidate, not only the last of each topic.
-    """
-
-    topics: tuple[str, ...] = ()
-    all_messages: bool = False
+    topics: tuple[str, ...] = ()  # topics of paths; empty: all of them
+    all_messages: bool = False  # each message is a candidate, not only the last of each topic
 
 
 def read_sources(path: Path | None) -> tuple[MapSource, PathSource]:

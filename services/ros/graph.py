@@ -41,16 +41,13 @@ class Endpoint:
     """Node, or a publisher or subscription of one.
 
     Attributes:
-        entity: `naming.NODE`, `PUBLISHER`, `SUBSCRIPTION`, or that of a service.
-        domain: ROS_DOMAIN_ID; None behind a bridge.
-        node: with its namespace; behind a bridge, the bridge.
         topic, kind, type_hash: empty for nodes.
     """
 
-    entity: str
-    domain: int | None
+    entity: str  # `naming.NODE`, `PUBLISHER`, `SUBSCRIPTION`, or that of a service
+    domain: int | None  # ROS_DOMAIN_ID; None behind a bridge
     session: str
-    node: str
+    node: str  # with its namespace; behind a bridge, the bridge
     topic: str = ""
     kind: str = ""
     type_hash: str = ""

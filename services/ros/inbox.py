@@ -34,12 +34,11 @@ class Inbox:
     """Newest messages of each topic; zenoh's threads fill it, one thread takes from it.
 
     Attributes:
-        clock: monotonic clock [s].
         counters: messages that were received, replaced before they were taken, or refused.
         all_of: topics of which every message is kept; of others the newest is.
     """
 
-    clock: Callable[[], float] = time.monotonic
+    clock: Callable[[], float] = time.monotonic  # monotonic clock [s]
     counters: Counter[str] = field(default_factory=Counter)
     refused: dict[str, str] = field(default_factory=dict)
     news: threading.Condition = field(default_factory=threading.Condition)

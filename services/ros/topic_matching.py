@@ -28,15 +28,11 @@ _SHOWN_DIGITS = 15
 
 @dataclass(frozen=True, slots=True)
 class OwnTopic:
-    """One of our topics.
-
-    Attributes:
-        entity: `naming.PUBLISHER` or `SUBSCRIPTION`.
-    """
+    """One of our topics."""
 
     name: str
     kind: str
-    entity: str
+    entity: str  # `naming.PUBLISHER` or `SUBSCRIPTION`
 
 
 @dataclass(frozen=True, slots=True)
