@@ -130,7 +130,10 @@ def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
         ("speed_bound", to_clear, speed_of, within, bound),
     )
     return [
-        *(_model_function(f"{name}{end}", *parts) for name, *parts in functions),
+        *(
+            _model_function(f"{name}{end}", inputs, output, meaning, law)
+            for name, inputs, output, meaning, law in functions
+        ),
         _ground_force(model, end, on),
     ]
 

@@ -190,16 +190,11 @@ class Bag:
 
     def raw(self, connections: list[Any]) -> Iterator[tuple[Any, int, bytes]]:
         """All messages as bytes; a fault of the file is reported in one line."""
-        messages = self.reader.messages(connections)
-        while True:
-            try:
-                received = next(messages)
-            except StopIteration:
-                return
-            except Exception as error:  # noqa: BLE001 - of rosbags, of decompressors, of sqlite
-                expected = f"expected an intact recording, got: {reason(error)}"
-                raise fault(self.path, "", expected) from None
-            yield received
+        try:
+            yield from self.reader.messages(connections)
+        except Exception as error:  # noqa: BLE001 - of rosbags, of decompressors, of sqlite
+            expected = f"expected an intact recording, got: {reason(error)}"
+            raise fault(self.path, "", expected) from None
 
     def decoded(self, connection: Any, raw: Any) -> Any:
         """A message by the definition that the recording itself has."""
