@@ -13,12 +13,12 @@ from slopewise.models.discrepancy.findings import Findings, Gap, LocatedAxis, Na
 from slopewise.models.discrepancy.report.evidence import AxisResidual, Evidence
 from slopewise.models.discrepancy.report.words import answers, closed_words, sure_words
 from slopewise.models.effects.registry import LAWS
+from slopewise.services.jobs.plural import plural
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, draw_figures
 from slopewise.services.report.page import (
     render,
     write_page,
 )
-from slopewise.services.report.plural import plural
 
 VERDICT_LABELS = {
     Verdict.NONE: ("nothing missing", "fine"),

@@ -21,6 +21,7 @@ from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.jobs import calibrate as job
 from slopewise.services.jobs.coverage import coverage
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.provenance import calibration_digests
 from slopewise.services.jobs.simulate import simulate
 from tests.models.calibration.plant import Plant, drive
@@ -40,7 +41,7 @@ def log() -> Log:
 
 
 def calibrate(path: Path, **options: Any) -> job.CalibrateResult:
-    return job.calibrate([path], "atv", settings=SETTINGS, **options)
+    return job.calibrate(LogInput([path], **options), "atv", settings=SETTINGS)
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -94,7 +95,7 @@ def test_the_brake_sheet_is_one_page_with_digests(world: Path) -> None:
     assert at_rest["least"] < at_rest["mean"]
     assert sheet_json["rule_short_below_grade"] == pytest.approx(0.0, abs=2e-3)
     logs, out = [world / "stops.csv"] * 8, world / "m.toml"
-    lines = "\n".join(calibration_digests(logs, "atv", read_model(out), out=out))
+    lines = "\n".join(calibration_digests(LogInput(logs), "atv", read_model(out), out))
     for path in (logs[0], out, find_model("atv")):
         assert f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}" in lines
     assert "of all, 2 more" in lines
@@ -319,7 +320,7 @@ def test_a_lasting_change_acts_from_its_run_on(tmp_path: Path) -> None:
     """Replayed on the log that it was found in, it acts in the runs behind it only."""
     parameters = {"scale": 0.5, "run": 24.0}
     log, model = with_effect(tmp_path, name="step_change", parameters=parameters)
-    rms = np.array([run.rms for run in simulate([log], model).summary.runs])
+    rms = np.array([run.rms for run in simulate(LogInput([log]), model).summary.runs])
     assert np.all(rms[:24] < 0.1)
     assert np.median(rms[24:]) > 0.3
 
@@ -327,9 +328,9 @@ def test_a_lasting_change_acts_from_its_run_on(tmp_path: Path) -> None:
 def test_a_missing_column_of_an_effect_is_a_note(tmp_path: Path) -> None:
     wind = {"c": 0.001, "wind": 1.0, "direction": 0.0}
     log, model = with_effect(tmp_path, "yaw", name="headwind", parameters=wind)
-    (note,) = simulate([log], model).summary.notes
+    (note,) = simulate(LogInput([log]), model).summary.notes
     assert "headwind needs yaw" in note
-    assert coverage([log], model, quantile=0.999).notes == [note]
+    assert coverage(LogInput([log]), model, quantile=0.999).notes == [note]
     columns, _ = discrepancy_log("clean")
     effects, count = read_model(Path(model)).effect, len(columns["t"])
     gap = {**columns, "yaw": np.where(np.arange(count) == 7, np.nan, 0.0)}

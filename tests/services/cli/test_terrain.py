@@ -21,6 +21,7 @@ from slopewise.services.io.table import read_csv, write_csv
 from slopewise.services.io.terrain_file import find_terrains, read_terrains, write_terrains
 from slopewise.services.io.terrain_table import COLUMNS
 from slopewise.services.jobs import terrain_outputs as outputs
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.terrain import terrain
 from slopewise.services.jobs.terrain_run import NEEDED
 from tests.models.terrain import plant
@@ -152,7 +153,7 @@ def drive_log() -> dict[str, np.ndarray]:
 def test_a_missing_column_is_an_error(tmp_path: Path, name: str) -> None:
     path = write_runs(tmp_path / "log.csv", ("1", drive_log()), drop=(name,))
     with fault_in(path, f"column {name}", "missing column", "v_left, v_right, yaw_rate"):
-        terrain([path], "husky")
+        terrain(LogInput([path]), "husky")
 
 
 @pytest.mark.parametrize("order", [lambda t: np.r_[t[:50], t[49:-1]], lambda t: t[::-1]])
@@ -162,7 +163,7 @@ def test_time_that_does_not_increase_is_an_error(
     log = drive_log()
     path = write_runs(tmp_path / "log.csv", ("1", {**log, "t": order(log["t"])}))
     with pytest.raises(InputError, match="after") as caught:
-        terrain([path], "husky")
+        terrain(LogInput([path]), "husky")
     assert "column t" in caught.value.field
 
 
@@ -170,7 +171,7 @@ def test_pitch_in_degrees_is_an_error(tmp_path: Path) -> None:
     log = drive_log()
     path = write_runs(tmp_path / "log.csv", ("1", {**log, "pitch": log["pitch"] + 12.0}))
     with fault_in(path, "row 2, column pitch", "looks like degrees"):
-        terrain([path], "husky")
+        terrain(LogInput([path]), "husky")
 
 
 STRAIGHT = slice(400, 800)  # of the first leg, driven from 2 s to 10 s
@@ -194,7 +195,7 @@ def test_bad_samples_are_flagged_and_excluded(
     log[channel] = log[channel].copy()
     log[channel][STRAIGHT] = log[channel][STRAIGHT.start] if value is None else value
     path = write_runs(tmp_path / "log.csv", ("1", log))
-    result = terrain([path], str(files / "husky.toml"))
+    result = terrain(LogInput([path]), str(files / "husky.toml"))
     (run,) = result.runs
     assert any(reason in stretch.reason for stretch in run.excluded), run.excluded
     assert not [e for e in run.classified if 4.0 < e.observation.begin < 7.9]
@@ -218,7 +219,7 @@ def test_wrong_units_exclude_the_run(
     log = drive_log()
     log |= {name: log[name] * factor for name, factor in changes.items()}
     path = write_runs(tmp_path / "log.csv", ("1", log), ("2", drive_log()))
-    first, second = terrain([path], str(files / "husky.toml")).runs
+    first, second = terrain(LogInput([path]), str(files / "husky.toml")).runs
     assert not first.events
     assert any(reason in stretch.reason for stretch in first.excluded)
     assert second.events
@@ -230,7 +231,7 @@ def test_a_class_too_slippery_to_stop_on_is_rejected(files: Path, tmp_path: Path
     weak = tmp_path / "weak.toml"
     write_model(replace(husky, braking=replace(husky.braking, b_b=0.08)), weak)
     with pytest.raises(InputError, match="asphalt"):
-        outputs.updated_model(terrain([path], str(weak)))
+        outputs.updated_model(terrain(LogInput([path]), str(weak)))
 
 
 def test_an_hour_at_100_hertz_is_quick() -> None:
