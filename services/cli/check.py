@@ -79,7 +79,7 @@ def tables(result: CheckResult) -> Iterator[Any]:
             rows.append((report.candidate, kind, kinds.count(kind), where, size, v.sentence))
     if rows:
         columns = ("candidate", "kind", "rows", "worst at\nm", "by", "what")
-        yield from table(columns, rows, left=("kind", "what"), limit=len(rows))
+        yield from table(columns, rows, left=("kind", "what"))
     if len(invalid) > LISTED:
         yield f"… and {len(invalid) - LISTED} more plans; --json gives all"
     of_plans = [note for report in result.reports for note in report.notes]

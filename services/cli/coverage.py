@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result, schema_of
-from slopewise.services.cli.tables import decimals, notes, table
+from slopewise.services.cli.tables import notes, number, table
 from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def _tables(summary: CoverageSummary) -> Iterator[Any]:
     yield from table(
         ("", "stops", "beyond", "allowed longer by, mean m", "not allowed at all"),
         (
-            (label, p.stops, p.beyond, decimals(p.mean_excess_m, 3), p.not_allowed)
+            (label, p.stops, p.beyond, number(p.mean_excess_m, ".3f"), p.not_allowed)
             for label, p in parts
         ),
         title=f"{summary.model} at {summary.quantile:g}",

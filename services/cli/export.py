@@ -67,4 +67,4 @@ def _tables(functions: list[dict[str, Any]]) -> Iterator[Any]:
         (unit,) = function["output"].values()
         rows.append((function["name"], ", ".join(function["inputs"]), unit, function["is"]))
     columns = ("function", "inputs", "unit", "meaning")
-    yield from table(columns, rows, left=columns, limit=len(rows))
+    yield from table(columns, rows, left=columns)

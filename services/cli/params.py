@@ -12,7 +12,7 @@ import typer
 
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result
-from slopewise.services.cli.tables import line, notes, table
+from slopewise.services.cli.tables import line, notes, number, table
 from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
@@ -216,11 +216,11 @@ def _groups(groups: list[ParameterGroup], title: str) -> Iterator[Any]:
         facts = [group.group + state, f"version {group.version}"]
         facts.append(f"{group.cause}{operator}, {_age(group.age)}")
         for name, value in group.values.items():
-            std = f"{group.stds[name]:.2g}" if name in group.stds else None
+            std = number(group.stds.get(name), ".2g")
             rows.append((facts[0], name, f"{value:.4g}", std, group.unit.get(name, ""), *facts[1:]))
             facts = ["", "", ""]
     columns = ("group", "parameter", "value", "std", "unit", "since", "last change")
-    yield from table(columns, rows, title=title, left=columns, limit=len(rows))
+    yield from table(columns, rows, title=title, left=columns)
 
 
 def _history(history: list[HistoryEntry], title: str) -> Iterator[Any]:
@@ -231,7 +231,7 @@ def _history(history: list[HistoryEntry], title: str) -> Iterator[Any]:
         last = values or "as in the model file"
         rows.append((entry.version, moment, entry.group, entry.cause, entry.who, last))
     columns = ("version", "when", "group", "cause", "who", "values")
-    yield from table(columns, rows, title=title, left=columns, limit=len(rows))
+    yield from table(columns, rows, title=title, left=columns)
 
 
 def _offer(offer: ModelProposal) -> Iterator[Any]:

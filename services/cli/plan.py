@@ -12,7 +12,7 @@ import typer
 from slopewise.services.cli import options
 from slopewise.services.cli.check import tables as check_tables
 from slopewise.services.cli.command import ExitStatus, print_result, schema_of
-from slopewise.services.cli.tables import LISTED, line, named, table
+from slopewise.services.cli.tables import LISTED, line, table
 from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
@@ -121,15 +121,12 @@ def tables(result: PlanResult) -> Iterator[Any]:
     )
     for plan in plans[:LISTED]:
         if plan.reason:
-            yield named(plan.candidate, plan.reason)
+            yield _named(plan.candidate, plan.reason)
     for plan in plans[:LISTED]:
-        deviation = plan.path_deviation
-        if deviation is not None and deviation.largest > _SHOWN_SHARE * deviation.limit:
-            yield named(
-                plan.candidate,
-                f"planned up to {deviation.largest:.2f} m away from the given path, at "
-                f"{deviation.station:.2f} m; the limit is {deviation.limit:.3g} m",
-            )
+        if (d := plan.path_deviation) is not None and d.largest > _SHOWN_SHARE * d.limit:
+            text = f"planned up to {d.largest:.2f} m away from the given path, at "
+            text += f"{d.station:.2f} m; the limit is {d.limit:.3g} m"
+            yield _named(plan.candidate, text)
     for note in result.notes:
         yield line(note, "dim")
     if result.uncertainty is not None and not result.states_uncertainty:
@@ -138,6 +135,12 @@ def tables(result: PlanResult) -> Iterator[Any]:
         yield from _explanation_tables(result.explanation)
     if result.check is not None:
         yield from check_tables(result.check)
+
+
+def _named(name: str, text: str) -> Any:
+    from rich.text import Text
+
+    return Text.assemble("  ", (name, "bold"), f": {text}")
 
 
 def _row(number: int, plan: SpeedPlan) -> tuple[object, ...]:

@@ -14,7 +14,7 @@ import typer
 
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result
-from slopewise.services.cli.tables import decimals, line, table
+from slopewise.services.cli.tables import line, number, table
 
 if TYPE_CHECKING:
     from slopewise.models.candidate_path import CandidatePath
@@ -150,14 +150,13 @@ def _tables(outcome: ClientAnswer) -> Iterator[Any]:
                 plan.status,
                 f"{plan.travel_time:.2f}",
                 f"{plan.progress:.1f}",
-                decimals(plan.least_margin, 2),
+                number(plan.least_margin, ".2f"),
                 plan.reason,
             )
             for plan in reply.plans
         ),
         title=f"{reply.service}: {reply.status}, in {1e3 * outcome.seconds:.1f} ms",
         left=("status", "reason"),
-        limit=len(reply.plans),
     )
     for note in (*reply.flags, *(c.reason for c in reply.ranking if not c.usable)):
         yield line(note)

@@ -12,7 +12,7 @@ import typer
 
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result
-from slopewise.services.cli.tables import line, table
+from slopewise.services.cli.tables import line, number, table
 from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
@@ -184,19 +184,16 @@ def _tables(summary: dict[str, Any]) -> Iterator[Any]:
         before, stds = group["before"], group["stds"]
         for parameter, value in group["after"].items():
             if before.get(parameter) != value:
-                earlier, std = _number(before.get(parameter), 4), _number(stds.get(parameter), 2)
+                earlier = number(before.get(parameter), ".4g")
+                std = number(stds.get(parameter), ".2g")
                 valid = "yes" if group["valid"] else "no"
                 rows.append((name, parameter, earlier, f"{value:.4g}", std, valid))
     if rows:
         head = ("group", "parameter", "before", "after", "± std", "valid")
-        yield from table(head, rows, title="what was learned", left=("parameter",), limit=len(rows))
+        yield from table(head, rows, title="what was learned", left=("parameter",))
     else:
         yield "no parameter was changed"
     for receipt in summary["receipts"]:
         if receipt["status"] != "taken":
             count = plural(receipt["batches"], "batch")
             yield line(f"{count} {receipt['status']}: {receipt['reason']}")
-
-
-def _number(value: float | None, digits: int) -> str | None:
-    return None if value is None else f"{value:.{digits}g}"

@@ -52,7 +52,7 @@ def render(
     script may fetch from the server that the page came from.
     """
     server = " 'self'; connect-src 'self'" if asks_server else ""
-    script = f'"use strict";\n(() => {{\n{_compact(scripts)}\n}})();\n'
+    script = f'"use strict";\n(() => {{\n{_compact(*map(asset, scripts))}\n}})();\n'
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     text: str = (
         _environment()
@@ -63,7 +63,7 @@ def render(
             # Only this very script runs, and nothing is fetched, for any content of a name.
             policy=f"default-src 'none'; img-src data:{server}; style-src 'unsafe-inline'; "
             f"script-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'",
-            style=f"{extra_style}\n{_compact(styles)}",
+            style=_compact(extra_style, *map(asset, styles)),
             data=script_json(data),
             script=script,
         )
@@ -71,10 +71,10 @@ def render(
     return text
 
 
-def _compact(names: Sequence[str]) -> str:
-    """Text of assets without indentation and lines of comments."""
-    lines = (line.strip() for name in names for line in asset(name).splitlines())
-    return "\n".join(line for line in lines if not line.startswith("//"))
+def _compact(*texts: str) -> str:
+    """Texts without indentation, empty lines, and lines of comments."""
+    lines = (line.strip() for text in texts for line in text.splitlines())
+    return "\n".join(line for line in lines if line and not line.startswith("//"))
 
 
 def write_page(path: Path, text: str) -> None:

@@ -52,9 +52,7 @@ def relief(elevation_map: ElevationMap, max_cells: int = MAX_CELLS) -> tuple[str
         "cell": cell,
         "interval": step,
         "contours": [
-            {"level": round(level, 6), "strong": round(level / step) % 5 == 0, "path": path}
-            for level, path in lines
-            if path
+            {"strong": round(level / step) % 5 == 0, "path": path} for level, path in lines if path
         ],
         "surfaces": _surface_outlines(elevation_map, factor),
     }
