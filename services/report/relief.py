@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from contourpy import LineType, contour_generator
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -26,15 +27,10 @@ _TENTHS = 10.0
 
 
 def relief(elevation_map: ElevationMap, max_cells: int = MAX_CELLS) -> tuple[str, dict[str, Any]]:
-    """Picture of the map, and where it lies.
+    """Picture of the map as data URI of a PNG, north on top; and where it and its lines lie.
 
-    Args:
-        max_cells: longest edge of the picture; larger maps are averaged.
-
-    Returns:
-        Data URI of a PNG, north on top; and a table with ``bounds`` of the picture and ``origin``
-        of its lines relative to the centre of cell [0, 0] [m], ``cell`` [m], ``contours`` and
-        ``surfaces``.
+    The bounds of the picture and the origin of the lines are relative to the centre of cell
+    [0, 0] [m].
     """
     heights, factor = coarsen(elevation_map.elevation, max_cells)
     cell = elevation_map.resolution * factor
@@ -124,29 +120,17 @@ def contour_levels(elevation: Floats, step: float) -> Floats:
 
 def smoothed(elevation: Floats) -> Floats:
     """Means over 3 x 3 cells, which smooth contours; unknown stays unknown."""
-    rows, columns = elevation.shape
     known = np.isfinite(elevation)
-    heights = np.pad(np.where(known, elevation, 0.0), 1)
-    weight = np.pad(known.astype(np.float64), 1)
-    total, count = np.zeros((2, rows, columns))
-    for i in range(3):
-        for j in range(3):
-            total += heights[i : i + rows, j : j + columns]
-            count += weight[i : i + rows, j : j + columns]
-    mean: Floats = np.divide(total, count, out=np.full((rows, columns), np.nan), where=known)
+    heights, weight = (np.pad(a, 1) for a in (np.where(known, elevation, 0.0), known.astype(float)))
+    total, count = (sliding_window_view(a, (3, 3)).sum(axis=(2, 3)) for a in (heights, weight))
+    mean: Floats = np.divide(total, count, out=np.full(known.shape, np.nan), where=known)
     return mean
 
 
 def contour_path(elevation: Floats, level: float, shift: float = 0.0) -> str:
-    """SVG path data of the contour at a height, in tenths of a cell.
+    """SVG path data of the contour at a height, in tenths of a cell, x and y as columns and rows.
 
-    Args:
-        elevation: (rows, cols) heights; lines end where it is not finite.
-        level: height of the line, in the unit of the elevation.
-        shift: cells added to columns and rows.
-
-    Returns:
-        ``M…l…`` with x to the right (columns) and y with the rows; empty if nothing crosses.
+    Lines end where the elevation is not finite; `shift`: cells added to columns and rows.
     """
     known = np.ma.masked_invalid(elevation)
     contours = contour_generator(z=known, corner_mask=False, line_type=LineType.Separate)
