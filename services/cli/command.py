@@ -1,4 +1,4 @@
-"""What every command does at its end: exit status, JSON or tables, and its schema.
+"""Exit status, printed result and schema of a command.
 
 A command is a typer function that returns an :class:`ExitStatus`, or None for 0; it is listed in
 `slopewise.services.cli.app`. It imports what it works with when it runs, so that `--help` is fast.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from slopewise.services.cli import options
-from slopewise.services.cli.command import ExitStatus, print_result
+from slopewise.services.cli.command import ExitStatus, print_result, schema_of
 from slopewise.services.cli.tables import LISTED, line, notes, table
 from slopewise.services.jobs.plural import plural
 
@@ -26,6 +26,7 @@ Workers = Annotated[
 Scheduler = Annotated[
     str, typer.Option(metavar="ADDRESS", help="A running Dask scheduler, e.g. tcp://10.0.0.1:8786.")
 ]
+_CALIBRATION = "fleet.calibrate_fleet.FleetCalibrationSummary"
 ByFolder = Annotated[
     bool, typer.Option("--by-folder", help="A folder is a vehicle; else each file is one.")
 ]
@@ -52,6 +53,7 @@ def fleet_plan(
     workers: Workers = None,
     scheduler: Scheduler = "",
     as_json: options.AsJson = False,
+    json_schema: Annotated[bool, schema_of("fleet.plan_fleet.FleetPlanSummary")] = False,
 ) -> ExitStatus | None:
     r"""Plan the candidates of many files over a map that need not fit into memory.
 
@@ -108,6 +110,7 @@ def fleet_calibrate(
     workers: Workers = None,
     scheduler: Scheduler = "",
     as_json: options.AsJson = False,
+    json_schema: Annotated[bool, schema_of(_CALIBRATION)] = False,
 ) -> None:
     """Fit a braking model to each vehicle of a fleet, pooled where its stops carry little.
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from slopewise.services.cli import options
-from slopewise.services.cli.command import print_result
+from slopewise.services.cli.command import print_result, schema_of
 from slopewise.services.cli.tables import line, notes, number, table
 from slopewise.services.jobs.plural import plural
 
@@ -79,6 +79,7 @@ def params(
     timeout: options.Timeout = 2.0,
     zenoh_file: options.ZenohFile = "",
     as_json: options.AsJson = False,
+    json_schema: Annotated[bool, schema_of("wire.parameter_messages.ParameterReply")] = False,
 ) -> None:
     """Read the parameters of a running service, set them, or restore an earlier version.
 

@@ -19,7 +19,7 @@ from slopewise.services.jobs.calibrate import CalibrateResult, RejectedLogError
 from slopewise.services.jobs.plural import plural
 from slopewise.services.jobs.summary import Summary
 
-_FOUND = ("run", "t", "verdict", "reason", "speed")
+_STOP_COLUMNS = ("run", "t", "verdict", "reason", "speed")
 """Columns of the table of stops, before those of a stop that was measured."""
 
 
@@ -211,11 +211,11 @@ def write_rejected_stops(rejected: RejectedLogError, path: Path) -> None:
 def _stop_row(log: DriveLog, window: StopWindow, verdict: str, reason: str) -> dict[str, Any]:
     run, t = log.columns["run"][window.command], log.columns["t"][window.command]
     values = (str(run), float(t), verdict, reason, window.held_speed)
-    return dict(zip(_FOUND, values, strict=True))
+    return dict(zip(_STOP_COLUMNS, values, strict=True))
 
 
 def _write(rows: list[dict[str, Any]], path: Path) -> None:
-    names = max(rows, key=len, default=dict.fromkeys(_FOUND))
+    names = max(rows, key=len, default=dict.fromkeys(_STOP_COLUMNS))
     columns = {name: [row.get(name, np.nan) for row in rows] for name in names}
     texts = ("run", "verdict", "reason")
     write_csv({n: v if n in texts else np.array(v, np.float64) for n, v in columns.items()}, path)

@@ -15,13 +15,13 @@ from slopewise.services.jobs.plan import PlanResult
 SCENES = (".mcap", ".rrd")
 """Endings of scenes; everything else is a CSV table."""
 
-_OTHERS = (".xlsx", ".xls", ".ods", ".parquet", ".json", ".npz", ".tif", ".toml", ".html", ".pdf")
+_NO_CSV = (".xlsx", ".xls", ".ods", ".parquet", ".json", ".npz", ".tif", ".toml", ".html", ".pdf")
 """Endings of other formats, which a reader would not open as a table of text."""
 
 
 def check_plan_name(path: Path | None) -> None:
     """Raise InputError for a name with the ending of another format."""
-    if path is not None and path.suffix.lower() in _OTHERS:
+    if path is not None and path.suffix.lower() in _NO_CSV:
         expected = f"expected a name that ends in .csv, {' or '.join(SCENES)}, got {path.suffix}"
         raise InputError(str(path), "", expected)
 

@@ -78,7 +78,7 @@ def write_result_page(
     speed: float,
     clear: float,
 ) -> None:
-    """Write the page of a planning job, all or nothing; files and numbers as they were stated.
+    """Write the page of a planning job, all or nothing; files and numbers as stated.
 
     Raises:
         InputError: the file cannot be written.
@@ -261,11 +261,11 @@ def _plan_table(
         "limits": None if summary.longest_limit is None else int(summary.longest_limit),
         "obstacle": _obstacle(plan.obstacle, ground.origin),
         "columns": {
-            **{name: _whole(getattr(placed, name)[at], name) for name in _DECIMALS},
+            **{name: _scaled(getattr(placed, name)[at], name) for name in _DECIMALS},
             "limiting": plan.limiting[at].tolist(),
         },
         "bounds": [
-            {"code": int(bound), "speed": _whole(_capped(speed[at], 2.0 * end), "speed_bound")}
+            {"code": int(bound), "speed": _scaled(_capped(speed[at], 2.0 * end), "speed_bound")}
             for bound, speed in bounds.items()
             if (speed < end).any()
         ],
@@ -306,7 +306,7 @@ def thinned(plan: SpeedPlan, max_stations: int) -> Ints:
     return np.array(sorted(indices), np.int64)
 
 
-def _whole(values: Floats, column: str) -> list[int | None]:
+def _scaled(values: Floats, column: str) -> list[int | None]:
     """Whole numbers of the last decimal; None where one is not finite, unknown to JSON."""
     scaled = np.round(values * 10.0 ** _DECIMALS[column])
     return [int(v) if math.isfinite(v) else None for v in scaled.tolist()]

@@ -96,33 +96,6 @@ def test_without_labels_classes_are_clusters(world: Path, monkeypatch: pytest.Mo
     one_line_of(here(*arguments, "--adapt"), "pip install '.[learn]'")
 
 
-@pytest.mark.parametrize(
-    ("text", "field", "expected"),
-    [
-        ("name = ", "end of document", "expected TOML"),
-        ('name = "x"\nnam = 1', "nam", "did you mean name?"),
-        ('name = "x"\n[filter]\nyaw_rate_std = -1', "filter.yaw_rate_std", "> 0"),
-        ('name = "x"\n[motion]\nturn_begin = 0.01', "motion.turn_end", "at most turn_begin"),
-        (
-            'name = "x"\n[[terrain]]\nname = "a"\nslip_track = {mean = 1, std = 0, samples = 6}',
-            "terrain[0].slip_track.std",
-            "> 0",
-        ),
-        ('name = "x"\n[[terrain]]\nname = "a"\n[[terrain]]\nname = "a"', "terrain", "a twice"),
-    ],
-)
-def test_unusable_terrain_files_are_rejected(
-    tmp_path: Path, text: str, field: str, expected: str
-) -> None:
-    path = tmp_path / "t.toml"
-    path.write_text(text)
-    with pytest.raises(InputError) as caught:
-        read_terrains(path)
-    assert caught.value.source == str(path)
-    assert field in caught.value.field
-    assert expected in str(caught.value)
-
-
 def test_terrain_files_are_read_back_equal(tmp_path: Path) -> None:
     terrains = read_terrains(find_terrains("husky"))
     write_terrains(terrains, tmp_path / "again.toml")
@@ -156,22 +129,27 @@ def test_a_missing_column_is_an_error(tmp_path: Path, name: str) -> None:
         terrain(LogInput([path]), "husky")
 
 
-@pytest.mark.parametrize("order", [lambda t: np.r_[t[:50], t[49:-1]], lambda t: t[::-1]])
-def test_time_that_does_not_increase_is_an_error(
-    tmp_path: Path, order: Callable[[np.ndarray], np.ndarray]
+@pytest.mark.parametrize(
+    ("name", "spoil", "where", "expected"),
+    [
+        ("t", lambda t: np.r_[t[:50], t[49:-1]], "column t", "after"),
+        ("t", lambda t: t[::-1], "column t", "after"),
+        ("pitch", lambda pitch: pitch + 12.0, "row 2, column pitch", "looks like degrees"),
+    ],
+    ids=["twice", "backwards", "degrees"],
+)
+def test_unusable_times_and_units_are_an_error(
+    tmp_path: Path,
+    name: str,
+    spoil: Callable[[np.ndarray], np.ndarray],
+    where: str,
+    expected: str,
 ) -> None:
     log = drive_log()
-    path = write_runs(tmp_path / "log.csv", ("1", {**log, "t": order(log["t"])}))
-    with pytest.raises(InputError, match="after") as caught:
+    path = write_runs(tmp_path / "log.csv", ("1", {**log, name: spoil(log[name])}))
+    with pytest.raises(InputError, match=expected) as caught:
         terrain(LogInput([path]), "husky")
-    assert "column t" in caught.value.field
-
-
-def test_pitch_in_degrees_is_an_error(tmp_path: Path) -> None:
-    log = drive_log()
-    path = write_runs(tmp_path / "log.csv", ("1", {**log, "pitch": log["pitch"] + 12.0}))
-    with fault_in(path, "row 2, column pitch", "looks like degrees"):
-        terrain(LogInput([path]), "husky")
+    assert where in caught.value.field
 
 
 STRAIGHT = slice(400, 800)  # of the first leg, driven from 2 s to 10 s
@@ -206,18 +184,14 @@ def test_bad_samples_are_flagged_and_excluded(
 
 
 @pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"v_left": 1 / 0.13, "v_right": 1 / 0.13}, "rad/s"),
-        ({"yaw_rate": 57.29578}, "degrees per second"),
-    ],
-    ids=["wheels in rad/s", "yaw rate in deg/s"],
+    ("names", "factor", "reason"),
+    [(("v_left", "v_right"), 1 / 0.13, "rad/s"), (("yaw_rate",), 57.29578, "degrees per second")],
 )
 def test_wrong_units_exclude_the_run(
-    files: Path, tmp_path: Path, changes: dict[str, float], reason: str
+    files: Path, tmp_path: Path, names: tuple[str, ...], factor: float, reason: str
 ) -> None:
     log = drive_log()
-    log |= {name: log[name] * factor for name, factor in changes.items()}
+    log |= {name: log[name] * factor for name in names}
     path = write_runs(tmp_path / "log.csv", ("1", log), ("2", drive_log()))
     first, second = terrain(LogInput([path]), str(files / "husky.toml")).runs
     assert not first.events
