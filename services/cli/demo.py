@@ -24,11 +24,11 @@ def demo(
     from slopewise.services.jobs.demo import MODEL, START_SPEED
     from slopewise.services.jobs.demo import demo as job
     from slopewise.services.jobs.plan_summary import summarise
-    from slopewise.services.report.plan_page import write_result_page
+    from slopewise.services.report.plan_page import write_job_page
 
     result, map_file, path_file = job(out, quiet=as_json)
     page = out / "report.html"
-    write_result_page(page, result, map_file, path_file, MODEL, START_SPEED, math.inf)
+    write_job_page(page, result, map_file, path_file, MODEL, START_SPEED, math.inf)
     print_result(as_json, summarise(result, page) if as_json else None, plan_tables(result))
     if not as_json:
         typer.echo(f"\nOpen {page} in a browser to see them")

@@ -97,9 +97,9 @@ def plan(
     if out is not None:
         write_plans(result, out)
     if report is not None:
-        from slopewise.services.report.plan_page import write_result_page
+        from slopewise.services.report.plan_page import write_job_page
 
-        write_result_page(report, result, map_file, path_file, model, speed, clear)
+        write_job_page(report, result, map_file, path_file, model, speed, clear)
     if check:
         is_scene = out is None or out.suffix.lower() in SCENES
         result = job.with_check(result, None if is_scene else out, clear, quiet=as_json)

@@ -34,16 +34,8 @@ from slopewise.services.report.plan_labels import (
 from slopewise.services.report.plan_summary import PlanSummary, best_plan, summarise, verdict
 from slopewise.services.report.relief import relief
 
-SCRIPTS = (
-    "uPlot.iife.min.js",
-    "page.js",
-    "painter.js",
-    "charts.js",
-    "plan_state.js",
-    "plan_map.js",
-    "plan_charts.js",
-    "plan_details.js",
-)
+_PARTS = "page painter charts plan_state plan_map plan_charts plan_details"
+SCRIPTS = ("uPlot.iife.min.js", *(f"{part}.js" for part in _PARTS.split()))
 STYLES = ("uPlot.min.css", "page.css", "colours.css", "plan.css")
 
 _MAX_STATIONS, _MAX_PLAN_STATIONS, _MIN_PLAN_STATIONS = 40_000, 4_000, 24
@@ -69,7 +61,7 @@ _NUMBERS = {
 """Number of the summary by its key of the page's data."""
 
 
-def write_result_page(
+def write_job_page(
     path: Path,
     result: PlanResult,
     map_file: Path,
@@ -95,15 +87,7 @@ def write_result_page(
         "planned in": f"{result.seconds:.2f} s{', not compiled yet' * is_interpreting()}",
         "date": time.strftime("%Y-%m-%d %H:%M"),
     }
-    write_plan_page(
-        path,
-        result.elevation_map,
-        result.plans,
-        result.model,
-        title=f"{path_file.stem} on {map_file.stem}",
-        provenance=facts,
-        explanation=result.explanation,
-    )
+    write_plan_page(path, result, f"{path_file.stem} on {map_file.stem}", facts)
 
 
 def _covered(result: PlanResult) -> str:
@@ -114,39 +98,33 @@ def _covered(result: PlanResult) -> str:
 
 
 def write_plan_page(
-    path: Path,
-    elevation_map: ElevationMap,
-    plans: Sequence[SpeedPlan],
-    model: Model,
-    *,
-    title: str,
-    provenance: Mapping[str, str],
-    explanation: Explanation | None = None,
+    path: Path, result: PlanResult, title: str, provenance: Mapping[str, str]
 ) -> None:
     """Write the page of some plans, best first, all or nothing; provenance: name -> value.
 
     Raises:
         InputError: the file cannot be written.
     """
+    plans = result.plans
     summaries = [summarise(plan, rank) for rank, plan in enumerate(plans, start=1)]
     best = best_plan(plans)
-    picture, ground = relief(elevation_map)
+    picture, ground = relief(result.elevation_map)
     values = {
         "title": title,
         "verdict": verdict(plans),
         "best": None if best is None else summaries[best],
         "best_way": "" if best is None else _format_drive(summaries[best]),
         "provenance": provenance,
-        "model": _model_facts(model),
-        "model_name": model.name,
+        "model": _model_facts(result.model),
+        "model_name": result.model.name,
         "relief": picture,
         "summaries": summaries,
         "statuses": list(Status),
         "status_meaning": STATUS_MEANING,
         "limiting_meaning": LIMITING_MEANING,
         "limiting_label": limiting_label,
-        "explanation": explanation,
-        "costs": _costs(explanation),
+        "explanation": result.explanation,
+        "costs": _costs(result.explanation),
     }
     text = render(
         "plan.html",
@@ -155,7 +133,7 @@ def write_plan_page(
         styles=STYLES,
         extra_style=limit_colours(),
         scripts=SCRIPTS,
-        data=_page_data(ground, elevation_map, plans, summaries, model),
+        data=_page_data(ground, result, summaries),
     )
     write_page(path, text)
 
@@ -206,20 +184,17 @@ def _costs(explanation: Explanation | None) -> list[tuple[Limiting, float, float
 
 
 def _page_data(
-    ground: dict[str, Any],
-    elevation_map: ElevationMap,
-    plans: Sequence[SpeedPlan],
-    summaries: Sequence[PlanSummary],
-    model: Model,
+    ground: dict[str, Any], result: PlanResult, summaries: Sequence[PlanSummary]
 ) -> dict[str, Any]:
     """Everything that the script reads."""
+    plans, model = result.plans, result.model
     share = _MAX_STATIONS // max(len(plans), 1)
     max_stations = max(min(share, _MAX_PLAN_STATIONS), _MIN_PLAN_STATIONS)
     limits = model.limits
     return {
         "map": ground,
         "plans": [
-            _plan_table(plan, summary, elevation_map, model, max_stations)
+            _plan_table(plan, summary, result.elevation_map, model, max_stations)
             for plan, summary in zip(plans, summaries, strict=True)
         ],
         "selected": best_plan(plans) or 0,
@@ -227,10 +202,10 @@ def _page_data(
             {
                 "key": code.label,
                 "word": limiting_label(code),
-                "meaning": bound.meaning,
-                "dark": bound.dark_text,
+                "meaning": b.meaning,
+                "dark": b.dark_text,
             }
-            for code, bound in BOUNDS.items()
+            for code, b in BOUNDS.items()
         ],
         "limits": {
             **{n: _number(getattr(limits, n)) for n in ("speed", "accel", "decel", "min_load")},

@@ -21,6 +21,7 @@ from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.jobs.plan import PlanResult
 from slopewise.services.report.page import asset, script_json
 from slopewise.services.report.plan_labels import LIMITING_MEANING, STATUS_MEANING, limit_colours
 from slopewise.services.report.plan_page import thinned, write_plan_page
@@ -62,7 +63,8 @@ def plans(ground: ElevationMap) -> list[SpeedPlan]:
 
 
 def written(file: Path, ground: ElevationMap, plans: list[SpeedPlan], **texts: object) -> str:
-    write_plan_page(file, ground, plans, MODEL, **({"title": "t", "provenance": {}} | texts))
+    result = PlanResult(plans, ground, MODEL, 0.0)
+    write_plan_page(file, result, **({"title": "t", "provenance": {}} | texts))
     return file.read_text(encoding="utf-8")
 
 
