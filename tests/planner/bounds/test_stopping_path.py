@@ -130,6 +130,20 @@ def test_what_crests_take_from_the_force_is_left_out_of_the_stop() -> None:
     assert max(left) < 0.6 * max(ignored)
 
 
+def test_the_bound_converges_with_the_spacing() -> None:
+    """Distance given up shrinks at least with the square of the spacing."""
+    tables = tables_with(FULL_ON_CRESTS, limits=NO_LIMITS, braking=FAST)
+    model, ground, lost = model_of(tables), ground_map(hills, resolution=0.05), []
+    for spacing in (0.4, 0.2, 0.1):
+        profile, _, bounds = bounds_of(model, ground, straight(12.0), spacing=spacing)
+        k = int(np.argmin(np.abs(profile.x[:, 0] - 6.0)))
+        stop = stop_by_scipy(profile, tables, k, float(np.sqrt(bounds.speed_sq_max[k, 0])))
+        lost.append(profile.station[-1, 0] - 0.2 - STOP_GUARD - stop)
+    # Up to rounding never negative, or the guard is eaten.
+    assert min(lost) > -0.5 * STOP_GUARD
+    assert lost[2] < 0.35 * lost[0]
+
+
 def test_a_tip_over_on_the_way_limits_the_speed_before_it() -> None:
     """Force grows with the speed at onset: fast stops unload the rear, slow ones do not."""
     tables = tables_with(

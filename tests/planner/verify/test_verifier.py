@@ -109,12 +109,6 @@ def test_the_integrator_converges_and_its_step_is_fine_enough() -> None:
     assert error[1] / error[2] > 3.5
 
 
-def faster(case: Case, factor: float, where: slice = slice(None)) -> np.ndarray:
-    speed_sq = case.speed_sq.copy()
-    speed_sq[where] *= factor
-    return speed_sq
-
-
 def test_what_the_planner_makes_is_innocent() -> None:
     for case in (
         Case(tables_with(), plane(), straight(20.0)),
@@ -162,54 +156,6 @@ def test_a_breach_between_stations_only_is_found() -> None:
     strict = case.verify(speed_sq, between=0).violation
     assert strict.lateral == 0.0
     assert case.verify(speed_sq).violation.lateral > 0.5
-
-
-@pytest.mark.parametrize(
-    ("kind", "tables", "ground", "path"),
-    [
-        (
-            "speed",
-            tables_with(limits={"speed": 2.0, "accel": 50.0, "decel": 50.0}),
-            plane(),
-            straight(20.0),
-        ),
-        ("lateral", tables_with(limits={"lateral_accel": 0.5}), plane(), arc(12.0, 0.3)),
-        ("wheel_speed", tables_with(vehicle={"max_wheel_speed": 1.5}), plane(), straight(20.0)),
-        (
-            "wheel_load",
-            tables_with(
-                vehicle={"cg_z": 0.7},
-                limits={"lateral_accel": 20.0, "min_load": 0.3, "decel": 9.0, "accel": 9.0},
-            ),
-            plane(),
-            arc(10.0, 0.5),
-        ),
-        (
-            "axle_load",
-            tables_with(
-                vehicle={"cg_z": 0.72},
-                limits={"min_load": 0.2, "speed": 6.0},
-                braking={
-                    "m_b": 0.08,
-                    "b_b": 0.42,
-                    "m_m": 0.0,
-                    "b_m": 0.0,
-                    "speed_range": [0.5, 6.0],
-                },
-            ),
-            plane(rise=-0.2, x=(-3.0, 70.0)),
-            straight(60.0),
-        ),
-    ],
-)
-def test_speeds_above_a_bound_are_found_by_name(
-    kind: str, tables: Tables, ground: ElevationMap, path: CandidatePath
-) -> None:
-    case = Case(tables, ground, path)
-    middle = slice(len(case.speed_sq) // 2 - 4, len(case.speed_sq) // 2 + 4)
-    assert VIOLATION_LIMITING[kind] in case.solved.bounds.limiting[middle, 0]
-    assert kind in case.kinds(faster(case, 1.05, middle))
-    assert kind not in case.kinds(faster(case, 0.99))
 
 
 def test_lateral_acceleration_is_that_in_the_tilted_plane() -> None:
