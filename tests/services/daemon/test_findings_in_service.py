@@ -96,7 +96,6 @@ def test_a_finding_is_offered_adopted_planned_with_and_taken_back(tmp_path: Path
 def check_finding(robot: Robot) -> None:
     send_ground(robot)
     before = stopping(robot)
-    vehicle = robot.plan()["parameters"]["fingerprint"]
     few = ask(robot, start=True)
     assert (few["status"], few["offer"]) == ("refused", None)
     assert "at least 12 stored stops, got 0" in few["reason"]
@@ -135,7 +134,6 @@ def check_finding(robot: Robot) -> None:
     expected = path * (1.0 / (WEAKER * force(2.0, 0.0)) - 1.0 / force(2.0, 0.0))
     assert stopping(robot) > before + 0.95 * expected
     reply = robot.plan()
-    assert reply["parameters"]["fingerprint"] == vehicle
     assert not any(flag.startswith("offer") for flag in reply["flags"])
     assert reply["parameters"]["version"] == done["version"]
     assert any("the adopted finding has the effect step_change" in f for f in reply["flags"])

@@ -70,10 +70,6 @@ def planned(folder: Path, service: Running) -> PlanReply:
     return reply
 
 
-def map_version(folder: Path, service: Running) -> int:
-    return planned(folder, service).map_version
-
-
 def planned_on_a_new_map(folder: Path, service: Running) -> PlanReply:
     with as_(folder, service, "mapping") as mapping:
         send_map(mapping, service)
@@ -84,7 +80,7 @@ def planned_on_a_new_map(folder: Path, service: Running) -> PlanReply:
 def test_mapping_brings_ground_and_navigation_gets_plans_on_it(
     folder: Path, service: Running
 ) -> None:
-    before = map_version(folder, service)
+    before = planned(folder, service).map_version
     reply = planned_on_a_new_map(folder, service)
     assert reply.map_version == before + 1
     assert len(reply.plans) == 3
@@ -93,11 +89,11 @@ def test_mapping_brings_ground_and_navigation_gets_plans_on_it(
 
 @pytest.mark.parametrize("name", ["navigation", "estimator", "stranger"])
 def test_ground_of_anybody_else_is_not_let_in(folder: Path, service: Running, name: str) -> None:
-    before = map_version(folder, service)
+    before = planned(folder, service).map_version
     with as_(folder, service, name) as second:
         send_map(second, service, elevation=np.full((49, 193), 7.0))
         time.sleep(_SETTLED)
-    assert map_version(folder, service) == before
+    assert planned(folder, service).map_version == before
 
 
 @pytest.mark.parametrize("name", ["mapping", "estimator", "stranger"])
@@ -180,16 +176,9 @@ def parameters(folder: Path, service: Running) -> bytes:
     return msgspec.json.encode(raw, order="deterministic")
 
 
-def stop(source: str, sequence: int = 1) -> StopObservation:
-    return StopObservation(
-        source=source,
-        sequence=sequence,
-        time=time.monotonic(),
-        speed=2.0,
-        grade=0.0,
-        deceleration=0.8,
-        deceleration_std=0.05,
-    )
+def stop(source: str) -> StopObservation:
+    measured = {"speed": 2.0, "grade": 0.0, "deceleration": 0.8, "deceleration_std": 0.05}
+    return StopObservation(source=source, sequence=1, time=time.monotonic(), **measured)
 
 
 CHANGES = {
