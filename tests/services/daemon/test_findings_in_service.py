@@ -14,7 +14,7 @@ from rich.console import Console
 
 from slopewise.models.errors import InputError
 from slopewise.services.cli.params import ParamsOptions, request, tables
-from tests.services.parameter_client import Robot, block, column, send_ground
+from tests.services.parameter_client import Robot, block, column, robot_on_ground, send_ground
 from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import running
 
@@ -152,12 +152,10 @@ def check_finding(robot: Robot) -> None:
 
 
 def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
-    with running(tmp_path, planning=SETTINGS) as started, started.session() as session:
-        robot = Robot(started, session)
-        send_ground(robot)
+    with robot_on_ground(tmp_path, planning=SETTINGS) as robot:
         before = stopping(robot)
         drive(robot, seed=2)
-        job = ParamsOptions(connect=started.endpoint, namespace=started.namespace)
+        job = ParamsOptions(connect=robot.service.endpoint, namespace=robot.service.namespace)
         outcome = request(replace(job, investigate=True))
         assert outcome.offer is not None, outcome.investigation
         offer = outcome.offer.id
@@ -175,9 +173,7 @@ def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
         assert {g.group: g.valid for g in reply.groups}["effects"]
         adopted = stopping(robot)
         assert adopted > before + 0.05
-        port = int(started.endpoint.rpartition(":")[2])
-    with running(tmp_path, planning=SETTINGS, port=port) as started, started.session() as session:
-        robot = Robot(started, session)
-        send_ground(robot)
+        port = int(robot.service.endpoint.rpartition(":")[2])
+    with robot_on_ground(tmp_path, planning=SETTINGS, port=port) as robot:
         assert stopping(robot) == pytest.approx(adopted, abs=0.02)
         assert robot.group("effects")["notes"]["adopted"] == offer

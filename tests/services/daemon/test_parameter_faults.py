@@ -18,7 +18,7 @@ import zenoh
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
-from tests.services.parameter_client import Robot, send_ground, speeds_of
+from tests.services.parameter_client import Robot, robot_on_ground, send_ground, speeds_of
 from tests.services.service_process import Running, free_port, running
 
 G = 9.80665
@@ -59,13 +59,11 @@ def estimator(service: Running, name: str) -> subprocess.Popen[str]:
 
 def test_without_its_estimator_plans_are_slower_with_a_reason(tmp_path: Path) -> None:
     learning = '[learning]\nestimators = ["camera"]\ndegraded_speed = 0.8'
-    with running(tmp_path, planning=learning) as service, service.session() as session:
-        robot = Robot(service, session)
-        send_ground(robot)
+    with robot_on_ground(tmp_path, planning=learning) as robot:
         missing = "degraded: estimator camera is not alive"
         assert flagged(robot, missing)
         assert robot.top_speed(20.0) <= 0.8
-        camera = estimator(service, "camera")
+        camera = estimator(robot.service, "camera")
         until(lambda: not flagged(robot, missing))
         free = robot.top_speed(20.0)
         assert free > 2.0
@@ -86,7 +84,7 @@ def test_without_its_estimator_plans_are_slower_with_a_reason(tmp_path: Path) ->
         assert speeds[0] == 2.0
         assert speeds[len(speeds) // 2] <= 0.8 + 1e-6
         assert robot.status()["degraded"] == ["estimator camera is not alive"]
-        again = estimator(service, "camera")
+        again = estimator(robot.service, "camera")
         until(lambda: not flagged(robot, missing))
         assert robot.top_speed(20.0) == pytest.approx(free)
         again.kill()
@@ -94,13 +92,11 @@ def test_without_its_estimator_plans_are_slower_with_a_reason(tmp_path: Path) ->
 
 
 def test_a_disk_that_is_full_stops_nothing_and_is_flagged(tmp_path: Path) -> None:
-    with running(tmp_path, planning=STORE) as service, service.session() as session:
-        robot = Robot(service, session)
-        send_ground(robot)
+    with robot_on_ground(tmp_path, planning=STORE) as robot:
         assert robot.stop(0.42 * G)["durable"]
         free = robot.top_speed()
         # From here on no file of that process may grow, as on a full disk.
-        pid = service.process.pid
+        pid = robot.service.process.pid
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
         receipts = [robot.stop(0.12 * G) for _ in range(3)]
         assert [r["status"] for r in receipts] == ["taken"] * 3

@@ -17,8 +17,8 @@ import zenoh
 
 from tests.services import attackers
 from tests.services.attackers import MACHINE, block, straight
-from tests.services.parameter_client import Robot, send_ground, speeds_of
-from tests.services.service_process import Running, free_port, running
+from tests.services.parameter_client import robot_on_ground, speeds_of
+from tests.services.service_process import Running, free_port
 
 LONG = "SLOPEWISE_ATTACK" in os.environ
 SECONDS = float(os.environ.get("SLOPEWISE_ATTACK", "12"))
@@ -104,13 +104,11 @@ def attacked(service: Running, seconds: float, page: int) -> Iterator[None]:
 
 
 def test_a_thousand_candidates_a_second_keep_nobody_waiting(tmp_path: Path) -> None:
-    with running(tmp_path) as service, service.session() as session:
-        robot = Robot(service, session)
-        send_ground(robot)
-        honest = Honest(service, session)
+    with robot_on_ground(tmp_path) as robot:
+        honest = Honest(robot.service, robot.session)
         honest.drive(1.0)
         before, asked = honest.answered, honest.asked
-        attacker = attackers.Attacker(service.endpoint, service.namespace, 1)
+        attacker = attackers.Attacker(robot.service.endpoint, robot.service.namespace, 1)
         until = time.monotonic() + 6.0
         while time.monotonic() < until:
             attacker.heavy()
@@ -123,12 +121,10 @@ def test_a_thousand_candidates_a_second_keep_nobody_waiting(tmp_path: Path) -> N
 
 def test_a_question_that_outlasts_its_deadline_is_given_up_and_counted(tmp_path: Path) -> None:
     """No machine plans a thousand candidates within a tenth of a second."""
-    with running(tmp_path) as service, service.session() as session:
-        robot = Robot(service, session)
-        send_ground(robot)
+    with robot_on_ground(tmp_path) as robot:
         paths = [{"name": f"{i}", "points": straight(45.0, 3, 1e-6 * i)} for i in range(1000)]
-        key = f"{service.key('plan')}?deadline=0.1"
-        assert planned(session, key, speed=1.0, paths=paths)[1]["status"] == "busy"
+        key = f"{robot.service.key('plan')}?deadline=0.1"
+        assert planned(robot.session, key, speed=1.0, paths=paths)[1]["status"] == "busy"
         assert robot.status(20.0)["counters"]["given_up"] == 1
 
 
@@ -162,15 +158,13 @@ def test_24_attackers_and_one_robot(tmp_path: Path) -> None:
     # Whether there is time to smooth a plan makes it a little faster or slower, too.
     settings = 'smooth = false\nmax_map_age = 3600.0\n[store]\npath = "p.sqlite"'
     page = f"enabled = true\nport = {port}"
-    with running(tmp_path, planning=settings, page=page) as service, service.session() as session:
-        robot = Robot(service, session)
-        send_ground(robot)
-        honest = Honest(service, session)
+    with robot_on_ground(tmp_path, planning=settings, page=page) as robot:
+        honest = Honest(robot.service, robot.session)
         honest.drive(3.0)
         fastest, honest.fastest = honest.fastest, 0.0
         honest.asked = honest.answered = 0
         honest.took.clear()
-        with attacked(service, WARM + SECONDS + 20.0, port):
+        with attacked(robot.service, WARM + SECONDS + 20.0, port):
             warm = honest.drive(WARM)
             asked, answered = honest.asked, honest.answered
             honest.took.clear()
