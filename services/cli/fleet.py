@@ -83,7 +83,8 @@ def fleet_plan(options: FleetPlanOptions) -> ExitStatus | None:
 
     [bold]Example[/]  slopewise fleet plan county.tif paths-*.csv --model atv --out out/county
     """
-    from slopewise.services.fleet.plan_fleet import FleetPlanRequest, plan_fleet
+    from slopewise.services.fleet.plan_fleet import plan_fleet
+    from slopewise.services.fleet.plan_part import FleetPlanRequest
     from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs.plan import planner_settings, uncertainty_at
 
@@ -234,11 +235,8 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
               slopewise fleet discrepancy logs/*/* --by-folder --models out/vehicles --out out/may
     """
     from slopewise.services.fleet.fleet_page import write_fleet_page
-    from slopewise.services.fleet.investigate_fleet import (
-        PAGE,
-        FleetDiscrepancyRequest,
-        investigate_fleet,
-    )
+    from slopewise.services.fleet.investigate_fleet import PAGE, investigate_fleet
+    from slopewise.services.fleet.vehicle_finding import FleetDiscrepancyRequest
     from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs.discrepancy import discrepancy_settings
 
@@ -256,29 +254,22 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
     )
     result = investigate_fleet(request, quiet=options.as_json)
     page = options.out / PAGE
-    write_fleet_page(page, result.rows, result.totals)
+    write_fleet_page(page, result.rows, result.summary)
     print_result(options.as_json, result.summary, _discrepancy_tables(result), page)
 
 
 def _discrepancy_tables(result: FleetDiscrepancyResult) -> Iterator[Any]:
     """The fleet by verdict and by effect, then the vehicles with the largest gaps."""
-    from slopewise.services.fleet import fleet_text
+    from slopewise.services.fleet.fleet_summary import format_effects, sort_by_prediction_error
     from slopewise.services.fleet.investigate_fleet import LINES
 
-    c = result.totals
+    c = result.summary
     verdicts = ", ".join(f"{count} {name}" for name, count in c.verdicts.items())
     yield line(f"{c.examined} of {len(result.rows)} vehicles examined: {verdicts}")
     if c.effects:
         yield from table(
             ("effect", "missing in", "confidence", "of them right", "perhaps in", "numbers"),
-            (
-                (
-                    e.name,
-                    *fleet_text.prevalence_cells(e, c.examined),
-                    fleet_text.format_parameters(e),
-                )
-                for e in c.effects
-            ),
+            ((e.name, *e.cells(c.examined)) for e in c.effects),
             left=("numbers",),
         )
     yield from table(
@@ -288,18 +279,18 @@ def _discrepancy_tables(result: FleetDiscrepancyResult) -> Iterator[Any]:
                 row["vehicle"],
                 row["stops"],
                 row["verdict"],
-                fleet_text.format_effects(row),
+                format_effects(row),
                 *(f"{row[f'stop_distance_{moment}']:.2f}" for moment in ("before", "after")),
             )
-            for row in fleet_text.sort_by_prediction_error(result.rows)
+            for row in sort_by_prediction_error(result.rows)
         ),
         left=("verdict", "effects"),
         more=f"more, in {LINES}",
     )
-    yield line(fleet_text.format_false_alarms(c), "dim")
-    yield from notes(fleet_text.list_failed(c, LISTED))
-    if result.resumed:
-        yield f"{result.resumed} of them were examined by an earlier run"
-    if result.unexpected:
-        vehicles = plural(result.unexpected, "vehicle")
+    yield line(c.false_alarms, "dim")
+    yield from notes(c.list_failed(LISTED))
+    if c.resumed:
+        yield f"{c.resumed} of them were examined by an earlier run"
+    if c.unexpected:
+        vehicles = plural(c.unexpected, "vehicle")
         yield from notes([f"not among these: {vehicles} in the folder"])

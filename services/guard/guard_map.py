@@ -65,7 +65,7 @@ class GuardMap:
 def read_guard_map(path: Path) -> GuardMap:
     """Map in an .npz file."""
     info = npz_map.read_info(path)
-    heights, classes, names, _ = npz_map.read_layers(path)
+    heights, classes, names, _ = npz_map.read_raw(path)
     try:
         return GuardMap(_known(heights), info.resolution, info.origin, classes, names)
     except ParameterError as error:

@@ -19,11 +19,16 @@ from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, find
 from slopewise.services.io.decode import decode_table
 from slopewise.services.io.drive_log import DriveLog, read_logs
 from slopewise.services.io.files import fault, read_toml
-from slopewise.services.io.logs.log_source import grade_by_map, names_of, refuse_wrong_units
-from slopewise.services.io.logs.speed_unit import refuse_too_fast, refuse_unit
-from slopewise.services.io.logs.unseen_channels import unseen_channels
+from slopewise.services.io.log_checks import (
+    names_of,
+    refuse_too_fast,
+    refuse_unit,
+    refuse_wrong_units,
+    unseen_channels,
+)
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.no_data import NoData
+from slopewise.services.io.track_grade import grade_by_map
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import option_of
 

@@ -12,10 +12,10 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.calibration.coverage import Coverage, covered
 from slopewise.services.io.drive_log import read_logs
 from slopewise.services.io.files import fault
-from slopewise.services.io.logs.log_source import grade_by_map, names_of, refuse_wrong_units
-from slopewise.services.io.logs.unseen_channels import unseen_channels
+from slopewise.services.io.log_checks import names_of, refuse_wrong_units, unseen_channels
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.no_data import NoData
+from slopewise.services.io.track_grade import grade_by_map
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import Summary, input_errors
 

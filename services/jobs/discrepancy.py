@@ -15,9 +15,10 @@ from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate_with_evidence
 from slopewise.services.io.drive_log import read_logs
 from slopewise.services.io.findings_file import findings_as_json, source_of
-from slopewise.services.io.logs.log_source import grade_by_map, names_of
+from slopewise.services.io.log_checks import names_of
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.no_data import NoData
+from slopewise.services.io.track_grade import grade_by_map
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import input_errors
 

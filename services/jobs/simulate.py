@@ -14,7 +14,7 @@ from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.models.stops.simulation import RunChannels, replay, stop_commands
 from slopewise.services.io.drive_log import DriveLog, read_logs
-from slopewise.services.io.logs.unseen_channels import unseen_channels
+from slopewise.services.io.log_checks import unseen_channels
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.table import write_csv
 from slopewise.services.jobs.progress import progress_bar

@@ -12,7 +12,8 @@ from functools import lru_cache
 from slopewise.models.parameters import Model
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.services.io.model_file import model_sha256, vehicle_to_dict
+from slopewise.services.io.decode import encode_table
+from slopewise.services.io.model_file import model_sha256
 from slopewise.services.wire import plan_messages
 
 
@@ -78,5 +79,5 @@ def fingerprint(model: Model) -> str:
 @lru_cache(maxsize=64)
 def _digest(vehicle: Vehicle) -> str:
     # Part of every reply, and computing it takes half a millisecond.
-    text = json.dumps(vehicle_to_dict(vehicle), sort_keys=True)
+    text = json.dumps(encode_table(vehicle), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

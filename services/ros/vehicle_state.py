@@ -24,8 +24,7 @@ from slopewise.services.wire.observations import DriveSamples
 _MIN_ROWS, _MAX_ROWS = 10, 50
 """Samples of a message: with fewer no stop is found, more would delay it by over a second [1]."""
 
-_STALE = 0.5
-"""Age of a value from which it ends a stretch of samples [s]."""
+_STALE = 0.5  # Age of a value from which it ends a stretch of samples [s]
 
 
 class VehicleState:

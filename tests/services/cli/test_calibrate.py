@@ -16,7 +16,7 @@ import pytest
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
 from slopewise.models.parameters import Effect
-from slopewise.services.io.logs.unseen_channels import unseen_channels
+from slopewise.services.io.log_checks import unseen_channels
 from slopewise.services.io.map_file import write_map_npz
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.jobs import calibrate as job
