@@ -309,6 +309,24 @@ def test_no_finding_faster_than_the_learned_force_is_adopted_automatically(
     assert service.active.model.effect == ()
 
 
+def test_an_investigation_starts_by_schedule_or_is_counted_as_failed(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service, causes = make(), []
+    monkeypatch.setattr(service.investigator, "is_due", lambda: len(causes) < 2)
+
+    def begin(*given: object) -> None:
+        causes.append(given[-1])
+        if len(causes) == 2:
+            raise ParameterError("start", "at least 12 stored stops, got 0")
+
+    monkeypatch.setattr(service.investigator, "begin", begin)
+    for _ in range(3):
+        service.tick()
+    assert causes == ["by schedule"] * 2
+    assert service.counters["looks_failed"] == 1
+
+
 @pytest.mark.parametrize(
     ("verdict", "interval", "valid"),
     [
