@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import io
+import json
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from slopewise.models.errors import InputError
-from slopewise.services.cli.params import ParamsOptions, request, tables
+from tests.services.command_line import here, one_line_of
 from tests.services.parameter_client import Robot, block, column, robot_on_ground, send_ground
 from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import running
@@ -151,26 +148,23 @@ def check_finding(robot: Robot) -> None:
     assert stopping(robot) > before + 0.95 * expected
 
 
-def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
+def test_what_was_adopted_outlives_the_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
     with robot_on_ground(tmp_path, planning=SETTINGS) as robot:
         before = stopping(robot)
         drive(robot, seed=2)
-        job = ParamsOptions(connect=robot.service.endpoint, namespace=robot.service.namespace)
-        outcome = request(replace(job, investigate=True))
-        assert outcome.offer is not None, outcome.investigation
-        offer = outcome.offer.id
-        screen = Console(width=200, record=True, file=io.StringIO())
-        for part in tables(outcome, replace(job, investigate=True)):
-            screen.print(part)
-        text = screen.export_text()
+        where = "--connect", robot.service.endpoint, "--namespace", robot.service.namespace
+        done = here("params", "--investigate", "--json", *where)
+        offer = json.loads(done.stdout)["offer"]["id"]
+        text = here("params", *where).stdout
         for part in ("missing_effect", "step_change: scale = 0.7", f"params --adopt {offer}"):
             assert part in text, text
-        with pytest.raises(InputError, match="one that there is"):
-            request(replace(job, adopt="nonsense"))
-        with pytest.raises(InputError, match="--adopt"):
-            request(replace(job, faster=True))
-        reply = request(replace(job, adopt=offer))
-        assert {g.group: g.valid for g in reply.groups}["effects"]
+        one_line_of(here("params", "--adopt", "nonsense", *where), "one that there is")
+        one_line_of(here("params", "--faster", *where), "--adopt")
+        reply = json.loads(here("params", "--adopt", offer, "--json", *where).stdout)
+        assert {g["group"]: g["valid"] for g in reply["groups"]}["effects"]
         adopted = stopping(robot)
         assert adopted > before + 0.05
         port = int(robot.service.endpoint.rpartition(":")[2])
