@@ -199,14 +199,13 @@ def _attributes(kind: Any) -> dict[str, str]:
     Several may share a sentence.
     """
     text = inspect.getdoc(kind) or ""
-    is_message = issubclass(kind, msgspec.Struct) and kind is not msgspec.Struct
-    source = inspect.getsource(kind) if is_message else ""
+    source = inspect.getsource(kind) if kind.__module__.startswith("slopewise") else ""
     comments = re.findall(r"(?m)^    (\w+): [^#\n]*# (?!words: ok)(.*?)(?:; words: ok)?$", source)
     body = " ".join(
         note if re.match(r"\w+(, \w+)+: ", note) else f"{name}: {note}" for name, note in comments
     )
     if "Attributes:" in text:
-        body = " ".join(text.split("Attributes:", 1)[1].split())
+        body = " ".join([body, *text.split("Attributes:", 1)[1].split()])
     if not body:
         return {}
     names = "|".join(sorted(get_type_hints(kind, include_extras=True), key=len, reverse=True))

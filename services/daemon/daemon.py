@@ -74,7 +74,11 @@ class Service:
         prior = read_model(find_model(config.model))
         self.plans = PlanService(config, ActiveParameters(prior))
         self.parameters = ParameterService(
-            config, prior, self._map_has_surfaces, self.plans.learn, self._surfaces_of_map
+            config,
+            prior,
+            lambda: any(self._surfaces_of_map()),
+            self.plans.learn,
+            self._surfaces_of_map,
         )
         self.counters: Counter[str] = Counter()
         self.board = LiveState()
@@ -252,9 +256,6 @@ class Service:
         self._warnings.extend(warnings)
         for text in warnings:
             _log.warning("%s", text)
-
-    def _map_has_surfaces(self) -> bool:
-        return any(self._surfaces_of_map())
 
     def _surfaces_of_map(self) -> tuple[str, ...]:
         snapshot = self.maps.snapshot

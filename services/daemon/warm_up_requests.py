@@ -10,10 +10,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
 from slopewise.models.effects.registry import LAWS, MOTION_LAWS
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Effect
@@ -85,28 +85,12 @@ def _maps() -> Iterator[ElevationMap]:
     rows, columns = 49, 193
     level = np.zeros((rows, columns))
     rough = 0.05 * np.random.default_rng(1).standard_normal((rows, columns))
-    unknown = level.copy()
-    unknown[:, 140:] = np.nan
     x, y = np.meshgrid(0.25 * np.arange(columns), 0.25 * np.arange(rows))
     hills = 1.5 * np.sin((x + 20.0) / 9.0) + 0.9 * np.cos(y / 8.0)
-    step = level.copy()
-    step[:, 120:] = 0.6
-    yield _map(level)
-    yield _map(rough)
-    yield _map(hills)
-    yield _map(unknown)
-    yield _map(step)
-    classes = np.zeros((rows, columns), np.int64)
-    classes[:, 60:] = 1
-    yield ElevationMap(
-        elevation=0.1 * np.linspace(0.0, 48.0, columns)[None, :] + level,
-        resolution=0.25,
-        origin=(-3.0, -6.0),
-        terrain_class=classes,
-        class_names=("", "warm-up"),
-        height_std=0.02,
-    )
-
-
-def _map(elevation: Floats) -> ElevationMap:
-    return ElevationMap(elevation=elevation, resolution=0.25, origin=(-3.0, -6.0), height_std=0.02)
+    unknown, step, classes = level.copy(), level.copy(), np.zeros((rows, columns), np.int64)
+    unknown[:, 140:], step[:, 120:], classes[:, 60:] = np.nan, 0.6, 1
+    grid: dict[str, Any] = {"resolution": 0.25, "origin": (-3.0, -6.0), "height_std": 0.02}
+    for elevation in (level, rough, hills, unknown, step):
+        yield ElevationMap(elevation=elevation, **grid)
+    slope, names = 0.1 * np.linspace(0.0, 48.0, columns)[None, :] + level, ("", "warm-up")
+    yield ElevationMap(elevation=slope, terrain_class=classes, class_names=names, **grid)

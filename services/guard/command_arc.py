@@ -10,7 +10,7 @@ import numpy as np
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.surface_names import resolve_class
 from slopewise.services.guard.guard_map import GuardMap
-from slopewise.services.guard.guard_model import GuardModel, SurfaceTable, governing_surfaces
+from slopewise.services.guard.guard_model import GuardModel, SurfaceTable
 
 _SAMPLES = 48
 """Samples of an arc: on one of 5 m a sample is shorter than the cells of robots' maps [1]."""
@@ -140,7 +140,7 @@ def _possible(model: GuardModel, under: Ints) -> list[int]:
     seen = set(under.ravel().tolist())
     if -1 in seen:
         return list(range(len(model.surfaces)))
-    return [k for k, of in enumerate(governing_surfaces(model)) if k in seen or of in seen]
+    return [k for k, of in enumerate(model.governing) if k in seen or of in seen]
 
 
 def _end(

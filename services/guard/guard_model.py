@@ -69,6 +69,7 @@ class GuardModel(NamedTuple):
 
     surfaces: dict[str, GuardSurface[float]]  # brakes by surface name, "" is the base
     # tables of the named surfaces, for names and states of terrain classes
+    governing: tuple[int, ...]  # index of the surface that each one is, or is a state of
     named: Mapping[str, SurfaceBraking]
     vehicle: Vehicle  # vehicle, shape: sizes
     shape: Shape
@@ -92,9 +93,13 @@ def guard_model(model: Model) -> GuardModel:
     """Worst case of a model."""
     braking, terrain, limits, effects = model.braking, model.terrain, model.limits, model.effect
     motion, rolling = registry.motion(effects), terrain.rolling_while_braking
-    names = ("", *braking.terrain)
+    names = ["", *braking.terrain]
+    states = {
+        n: table.state_of for n, table in braking.terrain.items() if table.state_of is not None
+    }
     return GuardModel(
         surfaces={name: _worst_case(braking.on(name), rolling, motion) for name in names},
+        governing=tuple(names.index(states.get(name, name)) for name in names),
         named=braking.terrain,
         vehicle=model.vehicle,
         shape=model.vehicle.shape,
@@ -157,12 +162,3 @@ def brake_table(model: GuardModel) -> SurfaceTable:
     for column in (table.grade_max, table.roll_max, table.fastest):
         column[-1] = column.min()
     return table
-
-
-def governing_surfaces(model: GuardModel) -> list[int]:
-    """Index of the surface whose ground each surface is on: its own, or that it is a state of."""
-    names = list(model.surfaces)
-    states = {name: table.state_of for name, table in model.named.items()}
-    return [
-        k if (of := states.get(name)) is None else names.index(of) for k, name in enumerate(names)
-    ]

@@ -1,4 +1,4 @@
-"""What the two processes of the guard share: priority, zenoh session, and watching each other."""
+"""Priority, zenoh session and heartbeat of the two processes of the guard."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from slopewise.models.effects import registry
 from slopewise.models.effects.effect_law import Place
 from slopewise.models.quantity import GRAVITY
 from slopewise.services.guard.command_arc import CommandArc
-from slopewise.services.guard.guard_model import GuardModel, SurfaceTable, governing_surfaces
+from slopewise.services.guard.guard_model import GuardModel, SurfaceTable
 
 _MIN_DECEL = 1e-9
 """Deceleration that a distance is divided by at least, far below any that ends a stop [m/s²]."""
@@ -87,7 +87,7 @@ def _force(
     grade, roll, under = arc.grade[:count], arc.roll[:count], arc.under[:, :count]
     place = Place(grade, roll, arc.x[:count], arc.y[:count], arc.yaw[:count], 0.0)
     extra = registry.ground_term(model.effects, place)
-    governing, uphill = governing_surfaces(model), grade > 0.0
+    uphill, cos_grade, cos_roll = grade > 0.0, np.cos(grade), np.cos(roll)
     weakest = np.full((len(onset), count), np.inf)
     strongest = -weakest
     for k, t in itertools.product(arc.possible, tables):
@@ -97,8 +97,8 @@ def _force(
         )
         force = slope * grade + t.m_b[k] * speed + t.b_b[k]
         force = model.scale * t.level[k] * force + (1.0 - t.level[k]) * t.rolling[k] + extra
-        force = np.minimum(force, t.friction[k] * np.cos(grade) * np.cos(roll))
-        present = ((under == k) | (under == -1) | (under == governing[k])).any(axis=0)
+        force = np.minimum(force, t.friction[k] * cos_grade * cos_roll)
+        present = ((under == k) | (under == -1) | (under == model.governing[k])).any(axis=0)
         np.minimum(weakest, force, out=weakest, where=present)
         np.maximum(strongest, force * t.stronger[k] + t.extra[k], out=strongest, where=present)
     return weakest, strongest

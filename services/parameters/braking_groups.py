@@ -46,7 +46,6 @@ class BrakingGroups(ParameterGroups):
         return clone
 
     def restrict_to_file(self) -> set[str]:
-        """Plan nowhere above the model until stops make an estimate valid again."""
         return set(map(group_of, self.forces.restrict_to_prior()))
 
     def assume_untrained(self) -> set[str]:
@@ -58,26 +57,22 @@ class BrakingGroups(ParameterGroups):
         return min(ages.values()) if len(ages) == len(self.names()) else 0.0
 
     def apply(self, model: Model) -> Model:
-        """Planning braking; the age of a surface beyond the common one is scatter of its force."""
         ages = self.forces.ages(time.monotonic())
         common = self.common_age(ages)
         beyond = {name: age - common for name, age in ages.items()}
         return dataclasses.replace(model, braking=self.forces.planning_braking(beyond))
 
     def names(self) -> list[str]:
-        """Groups: the base, surfaces of the file, surfaces learned."""
         surfaces = dict.fromkeys((*self.forces.prior.terrain, *self.forces.learned()))
         return [BASE, *(group_of(name) for name in surfaces if name)]
 
     def owns(self, group: str) -> bool:
-        """Return True for the base and any possible name of a surface."""
         surface = group.removeprefix(f"{BASE}.")
         if group == BASE or surface in self.forces.prior.terrain:
             return True
         return surface != group and _SURFACE.fullmatch(surface) is not None
 
     def describe(self, group: str) -> GroupDescription:
-        """Planning values, before any margin."""
         surface = _surface_of(group)
         force = self.forces.learned().get(surface)
         used = self.forces.planning_braking({})
@@ -102,7 +97,6 @@ class BrakingGroups(ParameterGroups):
         )
 
     def state(self, group: str) -> State | None:
-        """State for a restart, None while nothing was learned."""
         surface = _surface_of(group)
         force = self.forces.learned().get(surface)
         dead_times = [] if surface else [*self.forces.dead_times]

@@ -107,15 +107,12 @@ class EffectsGroup(ParameterGroups):
     # ------------------------------------------------------------------ groups
 
     def apply(self, model: Model) -> Model:
-        """The same model: brakes are learned on top of the adopted finding."""
         return model
 
     def names(self) -> list[str]:
-        """The one group."""
         return [EFFECTS]
 
     def describe(self, group: str) -> GroupDescription:
-        """Parameters of the adopted effects, and the finding that they are of."""
         values, stds, units = self._values()
         notes: dict[str, str | float] = {}
         if self.adopted:
@@ -143,7 +140,6 @@ class EffectsGroup(ParameterGroups):
         return values, stds, units
 
     def state(self, group: str) -> State | None:
-        """State for a restart."""
         if self.proposal is None and self.tables is None:
             return None
         values, stds, _ = self._values()

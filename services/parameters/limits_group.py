@@ -40,14 +40,12 @@ class LimitsGroup(ValueGroup):
         self._prior, self._path_deviation = prior.limits, prior.max_path_deviation
 
     def apply(self, model: Model) -> Model:
-        """With the limits to plan with."""
         return dataclasses.replace(model, limits=self._with(self._values))
 
     def _with(self, values: Mapping[str, float]) -> Limits:
         return dataclasses.replace(self._prior, **values)
 
     def describe(self, group: str) -> GroupDescription:
-        """Planning values."""
         values = {"max_path_deviation": self._path_deviation}
         known = dataclasses.asdict(self._with(self._values))
         values |= {name: value for name, value in known.items() if value is not None}

@@ -46,7 +46,6 @@ class TerrainGroup(ValueGroup):
         self._stds: dict[str, float] = {}
 
     def drive(self, samples: DriveUpdate) -> set[str]:
-        """Learn from the terrain estimate after samples."""
         ground = samples.ground
         changed = ground.changed and self.forget_faster()
         learned = ground.features is not None and self.learn(ground.features, valid=ground.valid)
@@ -78,7 +77,6 @@ class TerrainGroup(ValueGroup):
         return changed
 
     def restrict_to_file(self) -> set[str]:
-        """Use no value below the model file's."""
         return {self.name} if self.forget_faster() else set()
 
     def forget_faster(self) -> bool:
@@ -98,12 +96,10 @@ class TerrainGroup(ValueGroup):
         return known
 
     def apply(self, model: Model) -> Model:
-        """With the terrain parameters to plan with."""
         terrain = dataclasses.replace(model.terrain, **self._current())
         return dataclasses.replace(model, terrain=terrain)
 
     def describe(self, group: str) -> GroupDescription:
-        """Planning values."""
         return GroupDescription(
             values=self._current(),
             stds=dict(self._stds),
@@ -113,7 +109,6 @@ class TerrainGroup(ValueGroup):
         )
 
     def state(self, group: str) -> State | None:
-        """State for a restart."""
         return {"values": self._values, "stds": self._stds} if self._values else None
 
     def restore(self, group: str, state: State | None, age: float) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 
 from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, SpeedCommand, command_of
@@ -13,12 +15,15 @@ from slopewise.services.wire.plan_messages import (
     PLAN_COLUMNS,
     Deviation,
     Limit,
+    Message,
     ObstacleMessage,
     Plan,
     PlanReply,
     RankedCandidate,
     WireCommand,
 )
+
+M = TypeVar("M", bound=Message)
 
 
 def full_stop(reason: str, rejected: list[RankedCandidate] | None = None) -> PlanReply:
@@ -77,7 +82,7 @@ def ranked_reply(
 
 def _plan(plan: SpeedPlan) -> Plan:
     changes = np.flatnonzero(np.diff(plan.limiting)) + 1
-    starts = [0, *(int(i) for i in changes)]
+    starts, deviation = [0, *(int(i) for i in changes)], plan.path_deviation
     return Plan(
         candidate=plan.candidate,
         status=plan.status.value,
@@ -91,7 +96,7 @@ def _plan(plan: SpeedPlan) -> Plan:
         columns=list(PLAN_COLUMNS),
         values=np.stack([getattr(plan, name) for name in PLAN_COLUMNS]),
         obstacle=_obstacle(plan.obstacle),
-        path_deviation=_deviation(plan),
+        path_deviation=None if deviation is None else _copied(Deviation, deviation),
     )
 
 
@@ -99,17 +104,13 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
+def _copied(kind: type[M], value: object) -> M:
+    """A message with the values of an object that has the same fields."""
+    return kind(**{name: getattr(value, name) for name in kind.__struct_fields__})
+
+
 def _command(command: SpeedCommand) -> WireCommand:
-    return WireCommand(
-        speed=command.speed, accel=command.accel, stop=command.stop, valid_for=command.valid_for
-    )
-
-
-def _deviation(plan: SpeedPlan) -> Deviation | None:
-    deviation = plan.path_deviation
-    if deviation is None:
-        return None
-    return Deviation(**{name: getattr(deviation, name) for name in Deviation.__struct_fields__})
+    return _copied(WireCommand, command)
 
 
 def _obstacle(obstacle: Obstacle | None) -> ObstacleMessage | None:

@@ -1,4 +1,4 @@
-"""One running service for all tests that leave it as it was, and a robot that talks to it."""
+"""One running service for all tests that leave it unchanged, and a robot that talks to it."""
 
 from __future__ import annotations
 

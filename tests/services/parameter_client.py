@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import time
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import zenoh
 
-from tests.services.service_process import Running
+from tests.services.service_process import Running, running
 
 FORMAT = "application/msgpack;slopewise.{}.v1"
 SCHEMAS = {"stop": "stop_observation", "drive": "drive_samples", "terrain": "terrain_label"}
@@ -168,3 +171,12 @@ def send_ground(robot: Robot, update: dict[str, Any] | None = None) -> None:
         # What is put before the service's subscription is known here goes nowhere.
         robot.session.put(robot.service.key("map"), payload, encoding=FORMAT.format("map_update"))
         time.sleep(0.2)
+
+
+@contextlib.contextmanager
+def robot_on_ground(folder: Path, **options: Any) -> Iterator[Robot]:
+    """A robot on level ground before a service in a separate process."""
+    with running(folder, **options) as service, service.session() as session:
+        robot = Robot(service, session)
+        send_ground(robot)
+        yield robot

@@ -50,6 +50,8 @@ def messages() -> dict[str, list[msgspec.Struct]]:
     """Messages that are right, by key."""
     samples = np.stack([np.arange(6) * 0.1, *np.full((2, 6), 1.0), *np.zeros((2, 6))])
     header = {"source": "s", "sequence": 1, "time": 1.0}
+    stop = {"speed": 2.0, "grade": 0.1, "deceleration": 3.0, "deceleration_std": 0.1}
+    stop |= {"dead_time": 0.3, "distance": 1.2}
     return {
         "plan": [
             PlanRequest(speed=1.0, paths=[Candidate(name="a", points=_POINTS)], clear=3.0),
@@ -69,18 +71,7 @@ def messages() -> dict[str, list[msgspec.Struct]]:
             flat(2, elevation=np.zeros((2, 2)), patch=True),
             flat(3, elevation=np.zeros((2, 2)), terrain_class=np.zeros((2, 2)), class_names=["a"]),
         ],
-        "obs/stop": [
-            StopObservation(
-                **header,
-                speed=2.0,
-                grade=0.1,
-                deceleration=3.0,
-                deceleration_std=0.1,
-                dead_time=0.3,
-                distance=1.2,
-                surface="sand",
-            )
-        ],
+        "obs/stop": [StopObservation(**header, **stop, surface="sand")],
         "obs/drive": [DriveSamples(**header, columns=_COLUMNS, values=samples, surface="sand")],
         "obs/terrain": [TerrainLabel(**header, surface="sand", probability=0.9)],
         "params": [ParameterQuestion(group="braking", history=3)],

@@ -3,58 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from slopewise.services.io.model_file import find_model, read_model, write_model
 from tests.services.parameter_client import Robot, block, column, send_ground
 from tests.services.robot_plant import ASPHALT, ICE, SAND, Surface, Vehicle
 from tests.services.service_process import Running, running
 
-PRIOR = """
-name = "cautious"
-[vehicle]
-mass = 500.0
-wheelbase = 1.2
-track_width = 1.0
-cg_x = 0.6
-cg_z = 0.45
-wheel_radius = 0.28
-drive = "skid_steer"
-max_wheel_speed = 8.0
-max_drive_force = 3500.0
-max_drive_power = 9000.0
-[braking]
-m_m = 0.0
-b_m = 0.0
-m_b = 0.0
-b_b = 0.14
-dead_time = 0.30
-distance_offset = 0.1
-speed_range = [0.5, 5.0]
-grade_range = [-0.2, 0.2]
-covariance = [[1e-5, 0, 0, 0], [0, 1e-4, 0, 0], [0, 0, 1e-6, 0], [0, 0, 0, 1e-5]]
-force_std = 0.01
-[terrain]
-motion_resistance = 0.05
-lateral_resistance = 0.3
-slip_track = 1.2
-[limits]
-speed = 5.0
-accel = 2.5
-decel = 4.0
-jerk = 20.0
-lateral_accel = 2.0
-min_load = 0.05
-"""
+ATV = read_model(find_model("atv"))
+PRIOR = replace(
+    ATV,
+    vehicle=replace(ATV.vehicle, max_wheel_speed=8.0, max_drive_force=3500.0, max_drive_power=9e3),
+    braking=replace(
+        ATV.braking,
+        **{"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.14, "distance_offset": 0.1},
+        speed_range=(0.5, 5.0),
+        grade_range=(-0.2, 0.2),
+        covariance=tuple(map(tuple, np.diag([1e-5, 1e-4, 1e-6, 1e-5]).tolist())),
+        force_std=0.01,
+    ),
+    terrain=replace(ATV.terrain, motion_resistance=0.05, lateral_resistance=0.3, slip_track=1.2),
+    limits=replace(ATV.limits, speed=5.0, accel=2.5, decel=4.0, jerk=20.0, min_load=0.05),
+)
+"""Of the worst ground."""
+
 CLEAR = 9.0
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     folder = tmp_path_factory.mktemp("loop")
-    (folder / "cautious.toml").write_text(PRIOR)
-    # The file is of the worst ground, and legs take no time here.
+    write_model(PRIOR, folder / "cautious.toml")
+    # Legs take no time here.
     learning = (
         "[learning]\nmost_above_file = 5.0\nstops_at_once = 1000\nrise = 0.05\n"
         '[store]\npath = "p.sqlite"'

@@ -18,7 +18,7 @@ import zenoh
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
-from tests.services.parameter_client import Robot, send_ground, speeds_of
+from tests.services.parameter_client import Robot, robot_on_ground, send_ground, speeds_of
 from tests.services.service_process import Running, free_port, running
 
 G = 9.80665
@@ -32,12 +32,8 @@ def until(true: Callable[[], bool], seconds: float = 8.0) -> None:
         time.sleep(0.05)
 
 
-def flags(robot: Robot) -> list[str]:
-    return list(robot.plan()["flags"])
-
-
 def flagged(robot: Robot, text: str) -> bool:
-    return any(text in flag for flag in flags(robot))
+    return any(text in flag for flag in robot.plan()["flags"])
 
 
 TOKEN = """
@@ -63,14 +59,12 @@ def estimator(service: Running, name: str) -> subprocess.Popen[str]:
 
 def test_without_its_estimator_plans_are_slower_with_a_reason(tmp_path: Path) -> None:
     learning = '[learning]\nestimators = ["camera"]\ndegraded_speed = 0.8'
-    with running(tmp_path, planning=learning) as service, service.session() as session:
-        robot = Robot(service, session)
-        send_ground(robot)
+    with robot_on_ground(tmp_path, planning=learning) as robot:
         missing = "degraded: estimator camera is not alive"
-        assert missing in flags(robot)
+        assert flagged(robot, missing)
         assert robot.top_speed(20.0) <= 0.8
-        camera = estimator(service, "camera")
-        until(lambda: missing not in flags(robot))
+        camera = estimator(robot.service, "camera")
+        until(lambda: not flagged(robot, missing))
         free = robot.top_speed(20.0)
         assert free > 2.0
         assert robot.status()["degraded"] == []
@@ -81,7 +75,7 @@ def test_without_its_estimator_plans_are_slower_with_a_reason(tmp_path: Path) ->
         camera.send_signal(signal.SIGKILL)
         camera.wait()
         begun = time.monotonic()
-        until(lambda: missing in flags(robot))
+        until(lambda: flagged(robot, missing))
         assert time.monotonic() - begun < 2.0
         assert robot.top_speed(20.0) <= 0.8
         slower = robot.plan(2.0, pose=pose, **at)
@@ -90,21 +84,19 @@ def test_without_its_estimator_plans_are_slower_with_a_reason(tmp_path: Path) ->
         assert speeds[0] == 2.0
         assert speeds[len(speeds) // 2] <= 0.8 + 1e-6
         assert robot.status()["degraded"] == ["estimator camera is not alive"]
-        again = estimator(service, "camera")
-        until(lambda: missing not in flags(robot))
+        again = estimator(robot.service, "camera")
+        until(lambda: not flagged(robot, missing))
         assert robot.top_speed(20.0) == pytest.approx(free)
         again.kill()
         again.wait()
 
 
 def test_a_disk_that_is_full_stops_nothing_and_is_flagged(tmp_path: Path) -> None:
-    with running(tmp_path, planning=STORE) as service, service.session() as session:
-        robot = Robot(service, session)
-        send_ground(robot)
+    with robot_on_ground(tmp_path, planning=STORE) as robot:
         assert robot.stop(0.42 * G)["durable"]
         free = robot.top_speed()
         # From here on no file of that process may grow, as on a full disk.
-        pid = service.process.pid
+        pid = robot.service.process.pid
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
         receipts = [robot.stop(0.12 * G) for _ in range(3)]
         assert [r["status"] for r in receipts] == ["taken"] * 3

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.services.parameter_client import Robot, send_ground
+from tests.services.parameter_client import Robot, robot_on_ground
 from tests.services.service_process import free_port, running
 
 G = 9.80665
@@ -75,9 +75,7 @@ def killed_and_killed_again(
             while sender.send(robot):
                 pass
             service.process.wait(5.0)
-    with running(folder, planning=STORE, port=port) as service, service.session() as session:
-        robot = Robot(service, session)
-        send_ground(robot)
+    with robot_on_ground(folder, planning=STORE, port=port) as robot:
         check(robot, sender)
         assert robot.plan()["plans"]
     return sender, np.array(starts)

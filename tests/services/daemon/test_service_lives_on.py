@@ -17,7 +17,7 @@ from slopewise.services.parameters.learner import Learner
 from slopewise.services.planning.plan_endpoint import PlanEndpoint
 from slopewise.services.settings.service_settings import Planning, ServiceConfig, ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
-from tests.services.parameter_client import Robot, send_ground
+from tests.services.parameter_client import Robot, robot_on_ground, send_ground
 from tests.services.service_process import Running, free_port, running
 
 G = 9.80665
@@ -99,9 +99,7 @@ def test_killed_and_its_store_emptied_it_is_flagged_and_no_faster(
     store.write_bytes(b"")
     if copy == "empty":
         store.with_name("p.sqlite-last").write_bytes(b"")
-    with running(tmp_path, planning=STORE, port=port) as service, service.session() as session:
-        robot = Robot(service, session)
-        send_ground(robot)
+    with robot_on_ground(tmp_path, planning=STORE, port=port) as robot:
         flags = robot.plan()["flags"]
         assert any("p.sqlite.corrupt-1" in flag for flag in flags), flags
         if copy == "whole":

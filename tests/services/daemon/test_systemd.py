@@ -64,26 +64,18 @@ def unit(tmp_path: Path) -> Path:
     return file
 
 
+def analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = ["systemd-analyze", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
 def test_the_unit_is_understood(unit: Path) -> None:
-    done = subprocess.run(
-        ["systemd-analyze", "verify", "--man=no", str(unit)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    mine = [line for line in done.stderr.splitlines() if unit.name in line]
-    assert mine == []
+    done = analyze("verify", "--man=no", unit)
+    assert [line for line in done.stderr.splitlines() if unit.name in line] == []
 
 
 def test_the_unit_leaves_little_open(unit: Path) -> None:
-    done = subprocess.run(
-        ["systemd-analyze", "security", "--offline=true", "--no-pager", str(unit)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    done = analyze("security", "--offline=true", "--no-pager", unit)
     states = re.search(r"Overall exposure level[^:]*: ([\d.]+)", done.stdout)
     assert states is not None, done.stdout + done.stderr
     assert float(states[1]) <= _MAX_EXPOSURE

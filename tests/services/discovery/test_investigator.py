@@ -135,15 +135,16 @@ def test_closing_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     assert not known.running
 
 
-def test_an_investigation_is_due_after_its_interval_with_new_stops(tmp_path: Path) -> None:
-    assert not filled(tmp_path / "a", fresh=5).is_due()
-    known = filled(tmp_path / "b", fresh=5, every=0.3)
+def test_an_investigation_is_due_after_its_interval_with_new_stops(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unscheduled = filled(tmp_path / "a", fresh=5)
+    known = filled(tmp_path / "b", fresh=5, every=60.0)
+    few = filled(tmp_path / "c", fresh=500, every=60.0)
     assert not known.is_due()
-    time.sleep(0.35)
-    assert known.is_due()
-    few = filled(tmp_path / "c", fresh=500, every=0.01)
-    time.sleep(0.05)
-    assert not few.is_due()
+    later = time.monotonic() + 61.0
+    monkeypatch.setattr(time, "monotonic", lambda: later)
+    assert [each.is_due() for each in (unscheduled, known, few)] == [False, True, False]
 
 
 def test_the_process_has_the_lowest_priority_and_ends_with_the_service(tmp_path: Path) -> None:

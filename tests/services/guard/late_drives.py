@@ -148,11 +148,9 @@ class Outcome:
     """Speed at contact [m/s], −1 without contact; what was driven, and what the guard did."""
 
     contact: float
-    depth: float
     distance: float
     moving_time: float
     actions: list[str]
-    reasons: set[str]
     flags: set[str]
 
 
@@ -193,7 +191,7 @@ def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
     transport = float(rng.uniform(0.0, 0.02))
     sent: list[tuple[float, float, bool]] = []
     limit = scene.wall if scene.by == "clear" else scene.wall - 0.5 * CELL - _FRONT
-    out = Outcome(-1.0, 0.0, 0.0, 0.0, [], set(), set())
+    out = Outcome(-1.0, 0.0, 0.0, [], set())
     requested, still = float(rng.uniform(2.0, 4.0)), 0.0
     for k in range(round(seconds / _STEP)):
         now = clock[0] = k * _STEP
@@ -203,7 +201,6 @@ def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
             _bring(it, lines, scene, now)
             decision = it.decision(now).decision
             out.actions.append(decision.action)
-            out.reasons.add(decision.reason)
             out.flags.update(it.warnings(now))
             sent.append((now + transport, decision.command.speed, decision.brake))
         while sent and sent[0][0] <= now:
@@ -216,7 +213,7 @@ def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
         still = still + _STEP if plant.speed < 0.01 else 0.0
         if (out.contact >= 0.0 and plant.speed == 0.0) or (still > 2.0 and now > 3.0):
             break
-    out.distance, out.depth = plant.x, plant.x - limit
+    out.distance = plant.x
     return out
 
 

@@ -148,15 +148,7 @@ def test_lost_patch_is_a_stop_until_the_next_whole_map(robot: GuardRobot) -> Non
     robot.wait_for("pass")
 
 
-@pytest.mark.parametrize(
-    ("text", "fact"),
-    [
-        ("model = 'unknown'\n", "unknown"),
-        ("model = 'atv'\n[timing]\nperiods = 1\n", "timing.periods"),
-        ("model = 'atv'\n[zenoh]\nconnect = ['tcp/127.0.0.1:1']\n", "expected a router"),
-    ],
-)
-def test_settings_that_cannot_be_used_are_named(tmp_path: Path, text: str, fact: str) -> None:
+def test_a_router_that_does_not_answer_is_named(tmp_path: Path) -> None:
     file = tmp_path / "guard.toml"
-    file.write_text(text)
-    one_line_of(slopewise("guard", "--config", file, timeout=30.0), fact)
+    file.write_text("model = 'atv'\n[zenoh]\nconnect = ['tcp/127.0.0.1:1']\n")
+    one_line_of(slopewise("guard", "--config", file, timeout=30.0), "expected a router")

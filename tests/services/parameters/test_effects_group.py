@@ -26,6 +26,7 @@ from tests.services.parameters.parameter_fixtures import ATV, G, level_force, st
 FILE = ATV
 LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))
 WEAKER = Effect(name="step_change", parameters={"scale": 0.7}, covariance=((0.01**2,),))
+PATCH = Effect(name="surface_patch", parameters={"delta": 0.1, "x": 5.0, "y": 5.0, "radius": 2.0})
 DRAG = Effect(name="aerodynamic_drag", parameters={"c": 0.05}, covariance=((0.002**2,),))
 
 
@@ -71,6 +72,24 @@ def make(tmp_path: Path) -> Make:
     return service
 
 
+def propose(service: ParameterService, offer: ModelProposal) -> None:
+    service.learner.state = service.learner.state.propose(offer)
+
+
+def adopt(service: ParameterService, effect: Effect, *, valid: bool = True) -> None:
+    offer = offer_of(with_effects(effect), valid=valid)
+    propose(service, offer)
+    service.adopt(offer.id, "ann")
+
+
+def find(service: ParameterService, offer: ModelProposal, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let an investigation end with an offer."""
+    outcomes = iter([InvestigationOutcome(reason="", damaged=[], offer=offer)])
+    monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
+    service.tick()
+    assert service.learner.state.effects.proposal == offer
+
+
 def send(service: ParameterService, force: float, number: int, surface: str = "") -> str:
     now = time.monotonic()
     report = stop(force, surface, sequence=number, time=now, dead_time=0.3)
@@ -104,12 +123,7 @@ def test_distances_are_those_of_the_closed_form() -> None:
         (WEAKER, 1.0),
         (DRAG, -1.0),
         (Effect(name="cross_slope", parameters={"k": -0.5}), 0.0),
-        (
-            Effect(
-                name="surface_patch", parameters={"delta": 0.1, "x": 5.0, "y": 5.0, "radius": 2.0}
-            ),
-            None,
-        ),
+        (PATCH, None),
         (Effect(name="directional_surface", parameters={"k": 0.05, "direction": 1.0}), None),
         (Effect(name="session_drift", parameters={"k": 1e-5}), None),
     ],
@@ -145,7 +159,7 @@ def test_a_finding_is_as_uncertain_as_it_and_the_model_file_together() -> None:
 def test_a_proposal_changes_no_plan_until_it_is_adopted_and_is_restored(make: Make) -> None:
     service = make()
     offer = offer_of(with_effects(LAG))
-    service.learner.state = service.learner.state.propose(offer)
+    propose(service, offer)
     service._commit({"effects"}, "offered", "test")
     assert service.active.model == FILE
     service.adopt(offer.id, "ann")
@@ -166,8 +180,7 @@ def test_a_proposal_changes_no_plan_until_it_is_adopted_and_is_restored(make: Ma
 
 def test_a_finding_of_another_model_file_is_flagged_and_not_used(make: Make) -> None:
     service = make()
-    service.learner.state = service.learner.state.propose(offer_of(with_effects(LAG)))
-    service.adopt("1-0.4-True", "ann")
+    adopt(service, LAG)
     service.close()
     again = make(dataclasses.replace(FILE, braking=with_effects(b_b=0.38).braking))
     assert again.active.model.effect == ()
@@ -178,27 +191,25 @@ def test_plans_get_faster_than_the_file_by_a_valid_finding_and_consent_only(make
     service = make()
     drag = offer_of(with_effects(DRAG))
     assert not drag.slower
-    service.learner.state = service.learner.state.propose(drag)
+    propose(service, drag)
     with pytest.raises(ParameterError, match=r"faster: expected `faster` to be set: stops \d"):
         service.adopt(drag.id, "ann")
     assert service.active.model.effect == ()
     invalid = offer_of(with_effects(DRAG), valid=False)
-    service.learner.state = service.learner.state.propose(invalid)
+    propose(service, invalid)
     with pytest.raises(ParameterError, match="a valid finding"):
         service.adopt(invalid.id, "ann", faster=True)
     with pytest.raises(ParameterError, match="the one that there is"):
         service.adopt(drag.id, "ann", faster=True)
     assert service.active.model.effect == ()
-    service.learner.state = service.learner.state.propose(drag)
+    propose(service, drag)
     service.adopt(drag.id, "ann", faster=True)
     assert service.active.model.effect == (DRAG,)
     assert "the adopted finding has the effect aerodynamic_drag" in send(service, 0.4, 1)
     with pytest.raises(ParameterError, match="not set one by one"):
         service.set_values("effects", {"aerodynamic_drag.c": 1.0}, "ann")
     # An invalid one may still slow plans down.
-    slow = offer_of(with_effects(LAG), valid=False)
-    service.learner.state = service.learner.state.propose(slow)
-    service.adopt(slow.id, "ann")
+    adopt(service, LAG, valid=False)
     assert service.active.model.effect == (LAG,)
 
 
@@ -208,9 +219,7 @@ def test_the_learned_base_is_parked_while_a_finding_contains_it(make: Make) -> N
         send(service, 0.30, number)
     learned = level_force(service)
     assert learned == pytest.approx(0.30, abs=0.02)
-    offer = offer_of(with_effects(WEAKER))
-    service.learner.state = service.learner.state.propose(offer)
-    service.adopt(offer.id, "ann")
+    adopt(service, WEAKER)
     # Its 0.7 of the file's force, and not 0.7 of what was learned of the same stops.
     assert level_force(service) == pytest.approx(FILE.braking.level_force(2.0))
     version = service.history.version
@@ -231,9 +240,7 @@ def test_the_learned_base_is_parked_while_a_finding_contains_it(make: Make) -> N
 
 def test_braking_is_learned_on_top_of_effects_that_only_reduce_force(make: Make) -> None:
     service = make()
-    offer = offer_of(with_effects(LAG))
-    service.learner.state = service.learner.state.propose(offer)
-    service.adopt(offer.id, "ann")
+    adopt(service, LAG)
     for number in range(1, 5):
         assert "not learned" not in send(service, 0.25, number)
     assert level_force(service) < 0.30
@@ -246,8 +253,8 @@ def test_learned_surfaces_stay_weak_and_are_never_included_twice(make: Make) -> 
         send(service, 0.12, number, "ice")
     ice = service.active.model.braking.on("ice").level_force(2.0)
     assert ice < 0.2
-    drag, weaker = offer_of(with_effects(DRAG)), offer_of(with_effects(WEAKER))
-    service.learner.state = service.learner.state.propose(drag)
+    drag = offer_of(with_effects(DRAG))
+    propose(service, drag)
     with pytest.raises(ParameterError, match=r"got braking\.ice, whose force"):
         service.adopt(drag.id, "ann", faster=True)
     assert service.active.model.effect == ()
@@ -259,8 +266,7 @@ def test_learned_surfaces_stay_weak_and_are_never_included_twice(make: Make) -> 
     service.roll_back(learned, "", "ann")
     assert service.active.model.effect == ()
     assert service.active.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
-    service.learner.state = service.learner.state.propose(weaker)
-    service.adopt(weaker.id, "ann")
+    adopt(service, WEAKER)
     assert service.active.model.braking.on("ice").level_force(2.0) <= ice + 1e-9
     service.close()
     again = make()
@@ -285,14 +291,8 @@ def test_only_valid_findings_that_slow_plans_are_adopted_automatically(
     allowed: bool,
     adopted: bool,
 ) -> None:
-    service = make(adopt_slower=allowed)
-    outcome = InvestigationOutcome(
-        reason="", damaged=[], offer=offer_of(with_effects(effect), valid=valid)
-    )
-    outcomes = iter([outcome])
-    monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
-    service.tick()
-    assert service.learner.state.effects.proposal == outcome.offer
+    service, offer = make(adopt_slower=allowed), offer_of(with_effects(effect), valid=valid)
+    find(service, offer, monkeypatch)
     assert (service.active.model.effect == (effect,)) is adopted
     last = service.history.last["effects"]
     assert last.who == ("service, as the settings allow" if adopted else "test")
@@ -305,11 +305,26 @@ def test_no_finding_faster_than_the_learned_force_is_adopted_automatically(
     weak = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.15))
     offer = offer_of(with_effects(LAG), active=weak)
     assert offer.slower
-    outcomes = iter([InvestigationOutcome(reason="", damaged=[], offer=offer)])
-    monkeypatch.setattr(service.investigator, "poll", lambda: next(outcomes, None))
-    service.tick()
-    assert service.learner.state.effects.proposal == offer
+    find(service, offer, monkeypatch)
     assert service.active.model.effect == ()
+
+
+def test_an_investigation_starts_by_schedule_or_is_counted_as_failed(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service, causes = make(), []
+    monkeypatch.setattr(service.investigator, "is_due", lambda: len(causes) < 2)
+
+    def begin(*given: object) -> None:
+        causes.append(given[-1])
+        if len(causes) == 2:
+            raise ParameterError("start", "at least 12 stored stops, got 0")
+
+    monkeypatch.setattr(service.investigator, "begin", begin)
+    for _ in range(3):
+        service.tick()
+    assert causes == ["by schedule"] * 2
+    assert service.counters["looks_failed"] == 1
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slopewise.models.errors import InputError, ParameterError
+from slopewise.models.errors import InputError
 from slopewise.models.parameters import Effect
 from slopewise.models.surface_braking import UphillBraking
 from slopewise.services.parameters.learner import Learner
@@ -123,15 +123,6 @@ def test_stops_that_no_brakes_can_make_are_not_learned_from(
         assert "F_b/W" in reason
     assert robot.active()[0] == before
     assert robot.counters["stops_implausible"] == 6
-
-
-def test_the_number_of_surfaces_is_limited() -> None:
-    robot = learner(named=True)
-    for n in range(32):
-        robot.observe(stop(0.3, f"s{n}"), "obs/stop")
-    with pytest.raises(ParameterError, match="no slot is free"):
-        robot.observe(stop(0.3, "more"), "obs/stop")
-    assert len(robot.active()[0].braking.terrain) == 32
 
 
 def test_new_surfaces_begin_below_everything_known_and_rise_by_steps() -> None:

@@ -119,10 +119,10 @@ def test_one_bad_candidate_is_refused_and_the_others_planned() -> None:
 
 
 def test_without_ground_or_candidate_it_brakes() -> None:
-    bad = Path(name="a", points=np.full((3, 2), np.nan))
+    unusable = Path(name="a", points=np.full((3, 2), np.nan))
     no_map = plan_service().answer(requested(*fan()), None, "plan")
     assert no_map.flags == ["no map"]
-    for reply in (no_map, answer(plan_service(), bad)):
+    for reply in (no_map, answer(plan_service(), unusable)):
         assert (reply.status, reply.plans) == ("degraded", [])
         assert reply.command is not None
         assert reply.command.stop

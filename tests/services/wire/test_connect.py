@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +9,8 @@ import zenoh
 from slopewise.models.errors import InputError
 from slopewise.services.settings.service_settings import ServiceConfig, ZenohSettings
 from slopewise.services.wire.connect import client_session, error_text, options
-from tests.services.service_process import free_port, running
+from tests.services.command_line import one_line_of, slopewise
+from tests.services.service_process import Running, free_port
 
 
 def test_a_missing_service_is_reported() -> None:
@@ -24,21 +23,12 @@ def test_positions_in_the_source_of_zenoh_are_removed() -> None:
     assert error_text(error) == "No way [in use]"
 
 
-def test_an_address_in_use_is_one_line(tmp_path: Path) -> None:
-    with running(tmp_path) as started:
-        settings = tmp_path / "second.toml"
-        settings.write_text(f'model = "atv"\n[zenoh]\nlisten = ["{started.endpoint}"]\n')
-        done = subprocess.run(
-            [sys.executable, "-m", "slopewise.services.cli", "serve", "--config", str(settings)],
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
-    assert done.returncode == 2
-    assert "in use" in done.stderr
+def test_an_address_in_use_is_one_line(service: Running, tmp_path: Path) -> None:
+    settings = tmp_path / "second.toml"
+    settings.write_text(f'model = "atv"\n[zenoh]\nlisten = ["{service.endpoint}"]\n')
+    done = slopewise("serve", "--config", settings, timeout=120.0)
+    one_line_of(done, "in use")
     assert ".rs" not in done.stderr
-    assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,18 @@ def served(queue: FairQueue[str]) -> list[str]:
     return [waiting.item for _ in range(len(queue)) if (waiting := queue.take()) is not None]
 
 
+def displaced_by(queue: FairQueue[str], waiting: Waiting[str]) -> str:
+    """Name of the entry that has to leave for one, "" without."""
+    displaced = queue.put(waiting)
+    return "" if displaced is None else displaced.item
+
+
+def taken(queue: FairQueue[str], **options: object) -> Waiting[str]:
+    waiting = queue.take(**options)  # type: ignore[arg-type]
+    assert waiting is not None
+    return waiting
+
+
 def test_the_sender_with_the_lowest_used_time_is_served_first() -> None:
     queue = FairQueue[str](8)
     known(queue, "busy", "modest")
@@ -68,12 +80,8 @@ def test_the_newest_entry_of_the_largest_account_is_rejected_when_the_queue_is_f
     displaced = queue.put(entry("robot", "robot"))
     assert displaced is not None
     assert (displaced.item, displaced.reason) == ("2", FULL)
-    displaced = queue.put(entry("3", "name 3"))
-    assert displaced is not None
-    assert displaced.item == "3"
-    displaced = queue.put(entry("driving", "x", outranks=True))
-    assert displaced is not None
-    assert displaced.item == "1"
+    assert displaced_by(queue, entry("3", "name 3")) == "3"
+    assert displaced_by(queue, entry("driving", "x", outranks=True)) == "1"
     assert len(queue) == 3
 
 
@@ -95,10 +103,8 @@ def test_an_entry_with_higher_rank_is_not_replaced_by_one_of_the_same_name() -> 
     """Access to that rank can be restricted, names cannot."""
     queue = FairQueue[str](8, newest_only=True)
     queue.put(entry("driving", "robot", outranks=True))
-    assert queue.put(entry("spoofed", "robot")) is None
-    displaced = queue.put(entry("newer", "robot", outranks=True))
-    assert displaced is not None
-    assert displaced.item == "driving"
+    assert displaced_by(queue, entry("spoofed", "robot")) == ""
+    assert displaced_by(queue, entry("newer", "robot", outranks=True)) == "driving"
 
 
 def test_only_senders_that_used_less_or_outrank_come_in_between() -> None:
@@ -106,8 +112,7 @@ def test_only_senders_that_used_less_or_outrank_come_in_between() -> None:
     known(queue, "a", "b")
     queue.shares.charge("a", 1.0)
     queue.put(entry("a", "a"))
-    working = queue.take()
-    assert working is not None
+    working = taken(queue)
     queue.put(entry("same", "a"))
     assert queue.take_before(working) is None
     queue.put(entry("b", "b"))
@@ -127,8 +132,7 @@ def test_a_driving_client_is_never_preceded_by_a_long_request() -> None:
     known(queue, "robot", "tool")
     queue.shares.charge("robot", 1.0)
     queue.put(entry("driving", "robot", is_driving=True))
-    working = queue.take(only_driving=True)
-    assert working is not None
+    working = taken(queue, only_driving=True)
     queue.put(entry("long", "tool"))
     assert queue.take_before(working) is None
 
@@ -138,8 +142,7 @@ def test_the_reserved_worker_serves_driving_clients_only() -> None:
     queue.put(entry("other"))
     assert queue.take(only_driving=True, timeout=0.01) is None
     queue.put(entry("driving", "robot", is_driving=True))
-    working = queue.take(only_driving=True)
-    assert working is not None
+    working = taken(queue, only_driving=True)
     assert working.item == "driving"
     begun = time.monotonic()
     queue.yield_to_driving(0.02)
