@@ -11,8 +11,13 @@ from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.services.check.check_report import ViolationLog
-from slopewise.services.check.friction import braking_cap, utilisation
-from slopewise.services.check.loads import BodyAttitude, attitude_of, shares_of
+from slopewise.services.check.loads import (
+    BodyAttitude,
+    attitude_of,
+    braking_cap,
+    shares_of,
+    utilisation,
+)
 from slopewise.services.check.path_force import NO_LIMIT, PathForce
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line, Motion

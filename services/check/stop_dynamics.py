@@ -14,8 +14,7 @@ from slopewise.models.effects.brake_fade import remaining_share
 from slopewise.models.laws.crest import remaining_force
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
-from slopewise.services.check.friction import braking_cap
-from slopewise.services.check.loads import BodyAttitude, attitude_of
+from slopewise.services.check.loads import BodyAttitude, attitude_of, braking_cap
 from slopewise.services.check.path_force import PathForce
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line

@@ -56,12 +56,12 @@ def doctor(options: DoctorOptions) -> ExitStatus | None:
 
     facts = _facts(options)
     sources = {
-        "model": facts.model,
-        "edge": facts.edge,
-        "parameters": facts.nav2,
-        "messages": facts.seen,
+        "model": options.model,
+        "edge": options.config,
+        "parameters": options.nav2,
+        "messages": options.bag or options.live,
     }
-    names = [name for name, fact in sources.items() if fact is not None]
+    names = [name for name, given in sources.items() if given]
     issues = examine(facts)
     summary = {
         "looked_at": names,
@@ -85,7 +85,7 @@ def _facts(options: DoctorOptions) -> RobotFacts:
     from slopewise.models.errors import InputError
     from slopewise.services.doctor.message_collector import live_traffic, recorded_traffic
     from slopewise.services.doctor.nav2_file import read_nav2
-    from slopewise.services.doctor.robot_facts import RobotFacts
+    from slopewise.services.doctor.robot_facts import Nav2Facts, ObservedTraffic, RobotFacts
     from slopewise.services.io.model_file import find_model, read_model
     from slopewise.services.ros.settings import read_settings
 
@@ -94,13 +94,13 @@ def _facts(options: DoctorOptions) -> RobotFacts:
     edge = None if options.config is None else read_settings(options.config)
     if options.live > 0.0 and edge is None:
         raise InputError("--live", "", "expected --config ros.toml: where the robot is")
-    traffic = None if options.bag is None else recorded_traffic(options.bag)
+    traffic = ObservedTraffic() if options.bag is None else recorded_traffic(options.bag)
     if options.live > 0.0 and edge is not None:
         traffic = live_traffic(edge, options.live)
     return RobotFacts(
         read_model(find_model(options.model)) if options.model else None,
         edge,
-        read_nav2(options.nav2) if options.nav2 else None,
+        read_nav2(options.nav2) if options.nav2 else Nav2Facts(),
         traffic,
     )
 
