@@ -157,11 +157,9 @@ def add_load(
     where: Bools | bool = True,
     at: Ints | None = None,
 ) -> None:
-    """Note loads that are too low, as those of a crest where an even slope would be all right.
+    """Note loads that are too low; as those of a crest where they suffice without it.
 
-    Args:
-        kind: kind of the violation on an even slope.
-        shares: with the crest and without; at samples as :meth:`ViolationLog.add` has them.
+    ``shares`` are those with the crest and without, ``kind`` that of a violation without it.
     """
     share, even = shares
     sentence = f"{subject} {{0:.1%}} of its load, {min_load:.0%} is required"

@@ -21,20 +21,16 @@ from slopewise.services.check.plan_line import Line
 
 
 class PathState(NamedTuple):
-    """Conditions of L vehicles at their places; arrays are (L,).
+    """Conditions of L vehicles at their places; arrays are (L,)."""
 
-    Attributes:
-        slope, intercept: coefficients of the force where the line has one surface; else ignored.
-    """
-
-    sample: Ints
+    sample: Ints  # the one behind
     share: Floats  # share of the distance from it to the next
     pose: BodyAttitude
     curvature: Floats  # curvature of the path [1/m]
     yaw: Floats  # heading [rad]
     friction: Floats
-    slope: Floats
-    intercept: Floats
+    slope: Floats  # of the force where the line has one surface; else ignored
+    intercept: Floats  # as slope
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,7 @@ def check_stops(
 ) -> CheckedStops:
     """Drive an emergency stop from every sample that moves, and note what it breaks.
 
-    Args:
-        clear: (M,) station before which a stop from each sample has to end [m].
+    A stop has to end before the station ``clear`` (M,) of its sample [m].
     """
     brakes, model = field.brakes, field.model
     lanes = np.flatnonzero(motion.moving & ground.known)

@@ -18,16 +18,10 @@ _END_BYTES = 1 << 16  # Bytes at either end of a map that its digest covers
 
 
 def open_folder(folder: Path, parts: Sequence[str], request: str, inputs: str) -> str:
-    """Make the folder, or resume in one of the same request.
+    """Make the folder with its parts, or resume in one of the same request.
 
-    Args:
-        folder: for results.
-        parts: folders in it.
-        request: digest of all that results depend on.
-        inputs: names of what has to be the same, for messages.
-
-    Returns:
-        Date on which it was begun: a resumed run writes what the first one would have.
+    ``request`` is a digest, ``inputs`` names for messages what has to be the same. Returns the date
+    on which it was begun: a resumed run writes what the first one would have.
     """
     note = folder / _RUN
     for part in parts:

@@ -25,11 +25,7 @@ from slopewise.services.io.track_grade import grade_by_map
 
 
 def vehicles_of(logs: Sequence[Path], by_folder: bool) -> dict[str, list[Path]]:
-    """Logs of each vehicle, in the order given.
-
-    Args:
-        logs: drive logs of all vehicles. by_folder: a folder is a vehicle; else each file is one.
-    """
+    """Logs of each vehicle in the order given: those of a folder, or each file."""
     grouped: dict[str, list[Path]] = {}
     for log in logs:
         name = log.resolve().parent.name if by_folder else log.stem

@@ -19,9 +19,7 @@ _MIN_SAMPLES = 2  # Fewest samples with an interval between them
 def bag_table(path: Path, channels: dict[str, Channel], mapping: str, *, infer: bool) -> Table:
     """The columns of one recording, which is one run, at the times of its speeds.
 
-    Args:
-        path: folder of a recording, or a file in it.
-        infer: replace their topics by those inferred from the recorded types.
+    ``infer`` replaces the topics of the channels by those inferred from the recorded types.
     """
     with opened(path) as bag:
         if infer:

@@ -70,11 +70,9 @@ def type_hashes(kind: str) -> tuple[str, ...]:
 
 
 def read_cdr(raw: Any, kind: str, source: object, where: str) -> Any:
-    """A complete message from its bytes, with nothing behind it but padding.
+    """A complete message of a type from CDR with its encapsulation, with only padding behind it.
 
-    Args:
-        raw: CDR with its encapsulation, anything that ``bytes`` takes.
-        kind: message type, e.g. ``nav_msgs/msg/Path``.
+    rosbags itself lets up to three bytes of any kind follow.
     """
     from rosbags.serde import SerdeError
 
@@ -159,12 +157,7 @@ class Bag:
     def messages_of(
         self, topics: Sequence[str], kind: str, *, last: bool = False
     ) -> list[RecordedMessage]:
-        """Messages of some topics in the order received.
-
-        Args:
-            topics: of type ``kind``, all of them recorded.
-            last: only the last message of each topic; the others are not decoded.
-        """
+        """Messages of recorded topics in the order received; maybe only the last of each."""
         for topic in topics:
             if self.types.get(topic) != kind:
                 there = ", ".join(sorted(t for t, given in self.types.items() if given == kind))

@@ -187,11 +187,7 @@ class _Archive:
     def array(
         self, name: str, shape: tuple[int, ...] | None, kinds: str, noun: str
     ) -> NDArray[Any]:
-        """An array of the required shape and kind of type; never a pickled one.
-
-        Args:
-            shape: required shape; None accepts any.
-        """
+        """An array of a kind of type and shape, if one is required; never a pickled one."""
         given, dtype = self._header(name)
         if dtype.kind not in kinds:
             raise fault(self._path, name, f"expected {noun}, got an array of {dtype}")

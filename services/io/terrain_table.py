@@ -53,8 +53,7 @@ def event_row(
 ) -> dict[str, Any]:
     """A row of the table; parameters are the estimates when the stretch ends.
 
-    Args:
-        centres: centres of rotation of the left and right side [m], NaN where unknown.
+    ``centres`` are the centres of rotation of either side [m], NaN where unknown.
     """
     if isinstance(event, GroundChange):
         note = "the ground changed within the last seconds of driving"

@@ -132,9 +132,7 @@ def speed_limit(advice: SpeedAdvice, stamp: int) -> Any:
 def profile(plan: Plan | None, at: PlanPosition | None, frame: str, stamp: int) -> Any:
     """Plan as a nav_msgs/Path: the stamp of each pose is the time at which the plan reaches it.
 
-    Args:
-        plan, at: plan and the vehicle's position on it; None gives an empty path.
-        stamp: now [ns].
+    Without a plan, or a position on it, the path is empty; ``stamp`` is now [ns].
     """
     types = typestore().types
     poses = []
