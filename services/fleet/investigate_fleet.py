@@ -15,6 +15,7 @@ from slopewise.services.fleet.result_folder import (
     map_digest,
     open_folder,
     remove_partial_files,
+    vehicles_of,
 )
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
 from slopewise.services.fleet.vehicle_finding import (
@@ -29,7 +30,6 @@ from slopewise.services.fleet.vehicle_finding import (
     investigate_vehicle,
     read_row,
 )
-from slopewise.services.fleet.vehicle_logs import vehicles_of
 from slopewise.services.io import findings_file
 from slopewise.services.io.files import check_file, fault, read_text, write_atomic
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model

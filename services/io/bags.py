@@ -117,6 +117,14 @@ def _empty_sequences(value: Any) -> int:
     return sum(_empty_sequences(getattr(value, field.name)) for field in fields(value))
 
 
+def attitude(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a unit quaternion, z-y-x order as in REP-103 [rad]."""
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return float(roll), float(pitch), float(yaw)
+
+
 @dataclass(frozen=True, slots=True)
 class RecordedMessage:
     """One message, and when it was received [ns since 1970]."""
