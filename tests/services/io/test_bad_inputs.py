@@ -6,7 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from slopewise.models.errors import InputError
 from slopewise.services.io.drive_log import read_drive_log, read_logs
 from slopewise.services.io.path_file import read_paths
 from slopewise.services.io.plan_file import read_external_plans
@@ -50,3 +53,24 @@ def test_a_missing_file_is_named(tmp_path: Path, kind: str) -> None:
     name, read = READERS[kind]
     with fault_in(tmp_path / name, "", "expected an existing file"):
         read(tmp_path / name)
+
+
+@settings(deadline=None)
+@given(
+    kind=st.sampled_from(("drive_log", "geojson", "paths", "plans")),
+    content=st.binary(max_size=40)
+    | st.text(alphabet='x,y\n"1.e-;', max_size=40)
+    | st.text(alphabet='0123.,-\n"runtvcmdpi_ e', max_size=60).map(
+        lambda text: f"run,t,v,v_cmd,pitch,x,y,speed\n{text}"
+    ),
+)
+def test_any_bytes_are_read_or_refused_in_one_line(
+    tmp_path_factory: pytest.TempPathFactory, kind: str, content: str | bytes
+) -> None:
+    name, read = READERS[kind]
+    path = tmp_path_factory.mktemp("any") / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    try:
+        read(path)
+    except InputError as error:
+        assert str(error).isprintable()  # noqa: PT017  either outcome is right
