@@ -21,10 +21,10 @@ from slopewise.services.fleet.fleet_summary import (
 )
 from slopewise.services.fleet.vehicle_finding import VEHICLES, Row
 from slopewise.services.io.findings_file import PAGE
+from slopewise.services.jobs.plural import plural
 from slopewise.services.report.discrepancy_page import VERDICT_LABELS
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, draw_figures
 from slopewise.services.report.page import render, write_page
-from slopewise.services.report.plural import plural
 
 _MAX_VEHICLES, _MAX_NOTICES, _MAX_NAMES = 500, 20, 40
 """Vehicles of the table, excluded vehicles with their reason, and names below the figure."""
