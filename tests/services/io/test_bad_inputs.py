@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from slopewise.models.errors import InputError
 from slopewise.services.io.drive_log import read_drive_log, read_logs
+from slopewise.services.io.model_file import read_model
 from slopewise.services.io.path_file import read_paths
 from slopewise.services.io.plan_file import read_external_plans
 from slopewise.services.ros.settings import read_settings
@@ -20,6 +21,7 @@ from tests.services.faults import bad_inputs, fault_in
 READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "drive_log": ("log.csv", lambda path: read_drive_log([path])),
     "geojson": ("p.geojson", read_paths),
+    "model_text": ("m.toml", read_model),
     "paths": ("p.csv", read_paths),
     "plans": ("p.csv", read_external_plans),
     "ros": ("ros.toml", read_settings),
@@ -33,6 +35,9 @@ CASES = [(kind, *case) for kind in READERS for case in bad_inputs(kind)]
     ("kind", "content", "field", "message"),
     [
         *CASES,
+        ("model_text", b"\xff\xfe", "byte 0", "UTF-8"),
+        ("model_text", b"name = \x00", "line 1, column 8", "expected TOML"),
+        ("model_text", "a = " + "[" * 5000, "", "expected TOML"),
         ("paths", b"x,y\n\xff\xff", "byte 4", "UTF-8"),
         ("paths", b"\x89PNG\r\n\x1a\n\x00\x00", "byte 0", "UTF-8"),
         ("geojson", "[" * 100_000, "", "expected JSON"),
