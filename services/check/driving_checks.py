@@ -11,8 +11,13 @@ from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.services.check.check_report import ViolationLog
-from slopewise.services.check.friction import braking_cap, utilisation
-from slopewise.services.check.loads import BodyAttitude, attitude_of, shares_of
+from slopewise.services.check.loads import (
+    BodyAttitude,
+    attitude_of,
+    braking_cap,
+    shares_of,
+    utilisation,
+)
 from slopewise.services.check.path_force import NO_LIMIT, PathForce
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line, Motion
@@ -152,11 +157,9 @@ def add_load(
     where: Bools | bool = True,
     at: Ints | None = None,
 ) -> None:
-    """Note loads that are too low, as those of a crest where an even slope would be all right.
+    """Note loads that are too low; as those of a crest where they suffice without it.
 
-    Args:
-        kind: kind of the violation on an even slope.
-        shares: with the crest and without; at samples as :meth:`ViolationLog.add` has them.
+    ``shares`` are those with the crest and without, ``kind`` that of a violation without it.
     """
     share, even = shares
     sentence = f"{subject} {{0:.1%}} of its load, {min_load:.0%} is required"

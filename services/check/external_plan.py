@@ -120,11 +120,9 @@ GivenPlan = ExternalPlan  # The class under its public name
 def plan_of_columns(
     columns: Mapping[str, Sequence[str] | Floats], name: str = "plan"
 ) -> ExternalPlan:
-    """One plan from columns by name, as plan files have them; unknown ones are ignored.
+    """One plan from columns by name, (N,) each, as plan files have them; unknown ones are ignored.
 
-    Args:
-        columns: at least ``x``, ``y`` and ``speed``, (N,) each, of one candidate.
-        name: name of the candidate where no column holds it.
+    ``name`` is that of the candidate where no column holds it.
     """
     for needed in NEEDED:
         if needed not in columns:

@@ -24,31 +24,22 @@ NO_LIMIT = 1e6  # Friction coefficient of a model that has none: above any deman
 
 
 class PathForce(NamedTuple):
-    """Force of the R surfaces that are touched, at M samples, linear in the speed at onset.
-
-    Attributes:
-        slope, intercept: (R, M) coefficients of F_b/W, without ground terms [s/m], [1].
-        variance_terms: (R, 3, M) variance of F_b/W: coefficients of v², 2 v and 1 with v the speed
-            at onset.
-        trained_speed_max: (M,) highest trained speed of them all, by grade where the model has it
-            [m/s].
-        grade_excess, roll_excess: (M,) grade and roll outside the trained range [rad].
-    """
+    """Force of the R surfaces that are touched, at M samples, linear in the speed at onset."""
 
     names: tuple[str, ...]
     on: Bools  # (R, M) samples where a wheel may be on them
-    slope: Floats
-    intercept: Floats
+    slope: Floats  # (R, M) coefficient of F_b/W over the speed at onset [s/m]
+    intercept: Floats  # (R, M) without ground terms [1]
     force_surplus: Floats  # (R, M) share by which it may be off where the model extrapolates
-    variance_terms: Floats
+    variance_terms: Floats  # (R, 3, M) variance of F_b/W: coefficients of v², 2 v and 1
     trained_speed_min: Floats  # (R, 1) speeds below which the force no longer changes [m/s]
-    trained_speed_max: Floats
+    trained_speed_max: Floats  # (M,) highest trained speed of them all, by grade [m/s]
     extra: Floats  # (M,) ground terms [1]
     friction: Floats  # (M,) lowest μ of them all, :data:`NO_LIMIT` where unknown
     dead_time: Floats  # (M,) longest of them all [s]
     offset: float  # safety offset, the longest along the line [m]
-    grade_excess: Floats
-    roll_excess: Floats
+    grade_excess: Floats  # (M,) grade outside the trained range [rad]
+    roll_excess: Floats  # (M,) roll outside the trained range [rad]
 
     def force(self, onset_speed: Floats, *, upper: bool = False) -> Floats:
         """F_b/W (M,) before friction caps it, for speeds (M,) at onset [m/s]."""
@@ -74,9 +65,7 @@ def path_force_along(
 ) -> PathForce:
     """The braking force of a model on the ground along a line.
 
-    Args:
-        class_names: names of the terrain classes of the map.
-        width: z-score, standard deviations of the force that are subtracted; 0 is its mean.
+    ``width`` standard deviations of the force are subtracted; with 0 it is the mean.
     """
     names, on = _touched(model, ground, class_names)
     tables = [model.braking.on(name) if name else model.braking for name in names]

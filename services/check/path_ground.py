@@ -21,17 +21,13 @@ _WHEELS = ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))
 
 
 class LineGround(NamedTuple):
-    """M samples of a line; arrays are (M,) unless stated otherwise.
-
-    Attributes:
-        grade, roll: slopes of the plane nearest to the wheels, 0 where unknown [rad].
-    """
+    """M samples of a line; arrays are (M,) unless stated otherwise."""
 
     station: Floats  # metres along the ground, in three dimensions
     z: Floats  # height of the path, NaN where unknown [m]
     wheels: Floats  # (4, M) heights under the wheels [m]
-    grade: Floats
-    roll: Floats
+    grade: Floats  # slope of the plane nearest to the wheels, 0 where unknown [rad]
+    roll: Floats  # the same sideways
     vertical_curvature: Floats  # change of the grade along the ground, negative over a crest [1/m]
     known: Bools  # path and wheels are on known ground
     body_known: Bools  # so is all below the body

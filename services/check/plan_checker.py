@@ -18,7 +18,7 @@ from slopewise.services.check.path_ground import ground_under
 from slopewise.services.check.plan_line import Line, line_of, motion_along
 from slopewise.services.check.reported_columns import check_columns, check_reported_stops
 from slopewise.services.check.stop_dynamics import StopDynamics
-from slopewise.services.check.stop_ends import check_places, check_stops
+from slopewise.services.check.stop_ends import CheckedStops, check_places, check_stops
 
 _MIN_TAIL = 0.3  # [m] of path behind the last row where stops may still end, at least
 _STANDSTILL_NOTE = "the plan stands in one place"
@@ -57,7 +57,7 @@ def check_plan_on_map(
         at_rest = ViolationLog(
             plan.name, np.zeros(1, np.int64), np.zeros(1), notes=[_STANDSTILL_NOTE]
         )
-        return _report(plan, at_rest, np.zeros(1), np.array([[0.0], [1.0]]), 0)
+        return _report(plan, at_rest, np.zeros(1), CheckedStops(np.zeros(1), np.ones(1), 0))
     line, ends = _line_and_end(plan, max(clear - model.vehicle.shape.front, 0.0))
     ground = ground_under(heights, line, model.vehicle)
     first = 0.0 if plan.station is None else float(plan.station[0])
@@ -72,15 +72,15 @@ def check_plan_on_map(
     clear_at = np.minimum(line.between(ends) + 0.0, ground.station[-1])
     if plan.status == "infeasible":
         log.notes.append("the plan says that it cannot be made safe, so its stops were not checked")
-        return _report(plan, log, ground.station[rows], np.zeros((2, len(rows))), 0)
+        unchecked = CheckedStops(np.zeros(len(rows)), np.zeros(len(rows)), 0)
+        return _report(plan, log, ground.station[rows], unchecked)
     check_places(log, model, ground, brakes, motion)
     driven = motion._replace(moving=motion.moving & ground.known)
     check_driving(log, model, line, ground, brakes, driven, plan.speed_limit)
     check_obstacles(log, heights, line, ground, model.vehicle, driven.moving)
     nominal = check_stops(log, field, ground, motion, clear_at, rows)
     check_reported_stops(log, plan, line, nominal, driven.moving)
-    reported = np.stack((nominal.distance, nominal.rear))
-    return _report(plan, log, ground.station[rows], reported, nominal.lanes)
+    return _report(plan, log, ground.station[rows], nominal)
 
 
 def _check_begin(plan: ExternalPlan, heights: Heights) -> None:
@@ -107,15 +107,7 @@ def _line_and_end(plan: ExternalPlan, clear: float) -> tuple[Line, Floats]:
 
 
 def _report(
-    plan: ExternalPlan, log: ViolationLog, station: Floats, stops_at_rows: Floats, stops: int
+    plan: ExternalPlan, log: ViolationLog, station: Floats, stops: CheckedStops
 ) -> CheckReport:
-    return CheckReport(
-        plan.name,
-        plan.status,
-        log.violations(),
-        tuple(log.notes),
-        station,
-        stops_at_rows[0],
-        stops_at_rows[1],
-        stops,
-    )
+    name, status = plan.name, plan.status
+    return CheckReport(name, status, log.violations(), tuple(log.notes), station, *stops)

@@ -16,18 +16,14 @@ _MIN_ROWS = 12  # fifth differences of fewer do not separate noise from turns
 
 
 class Line(NamedTuple):
-    """M samples along a plan of N rows, and beyond its last row; arrays are (M,) unless stated.
-
-    Attributes:
-        x, y, flat: position, and metres in the plan view [m].
-    """
+    """M samples along a plan of N rows, and beyond its last row; arrays are (M,) unless stated."""
 
     row: Ints  # row that each sample belongs to, N − 1 beyond the last one
     share: Floats  # share of the distance to the next row
-    at_row: Ints
+    at_row: Ints  # (N,) sample of each row
     x: Floats
     y: Floats
-    flat: Floats
+    flat: Floats  # metres in the plan view
     heading: Floats  # heading without jumps [rad]
     curvature: Floats  # plan-view curvature, left positive [1/m]
     driven: int  # samples up to the last row; those behind it continue it straight
@@ -40,11 +36,7 @@ class Line(NamedTuple):
 
 
 def line_of(plan: ExternalPlan, beyond: float) -> Line:
-    """Samples of a plan without repeated places.
-
-    Args:
-        beyond: metres straight on behind the last row, where stops may still end.
-    """
+    """Samples of a plan without repeated places, and for ``beyond`` metres straight behind it."""
     x, y = plan.x, plan.y
     steps = np.hypot(np.diff(x), np.diff(y))
     along = np.concatenate(([0.0], np.cumsum(steps)))
@@ -108,15 +100,11 @@ def _reach(x: Floats, y: Floats) -> float:
 
 
 class Motion(NamedTuple):
-    """Motion at M samples; arrays are (M,).
-
-    Attributes:
-        speed, accel: [m/s], [m/s²]; the acceleration holds from its sample on.
-    """
+    """Motion at M samples; arrays are (M,)."""
 
     speed: Floats
-    accel: Floats
-    accel_before: Floats
+    accel: Floats  # from its sample on [m/s²]
+    accel_before: Floats  # up to its sample [m/s²]
     moving: Bools  # the plan moves there
     excused: Bools  # it brakes down from a start that was too fast
 

@@ -14,28 +14,23 @@ from slopewise.models.effects.brake_fade import remaining_share
 from slopewise.models.laws.crest import remaining_force
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
-from slopewise.services.check.friction import braking_cap
-from slopewise.services.check.loads import BodyAttitude, attitude_of
+from slopewise.services.check.loads import BodyAttitude, attitude_of, braking_cap
 from slopewise.services.check.path_force import PathForce
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line
 
 
 class PathState(NamedTuple):
-    """Conditions of L vehicles at their places; arrays are (L,).
+    """Conditions of L vehicles at their places; arrays are (L,)."""
 
-    Attributes:
-        slope, intercept: coefficients of the force where the line has one surface; else ignored.
-    """
-
-    sample: Ints
+    sample: Ints  # the one behind
     share: Floats  # share of the distance from it to the next
     pose: BodyAttitude
     curvature: Floats  # curvature of the path [1/m]
     yaw: Floats  # heading [rad]
     friction: Floats
-    slope: Floats
-    intercept: Floats
+    slope: Floats  # of the force where the line has one surface; else ignored
+    intercept: Floats  # as slope
 
 
 @dataclass(frozen=True)

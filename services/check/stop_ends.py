@@ -10,7 +10,7 @@ from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.parameters import Model
 from slopewise.services.check.check_report import ViolationLog
 from slopewise.services.check.driving_checks import add_load
-from slopewise.services.check.friction import braking_cap
+from slopewise.services.check.loads import braking_cap
 from slopewise.services.check.path_force import PathForce
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Motion
@@ -43,8 +43,7 @@ def check_stops(
 ) -> CheckedStops:
     """Drive an emergency stop from every sample that moves, and note what it breaks.
 
-    Args:
-        clear: (M,) station before which a stop from each sample has to end [m].
+    A stop has to end before the station ``clear`` (M,) of its sample [m].
     """
     brakes, model = field.brakes, field.model
     lanes = np.flatnonzero(motion.moving & ground.known)

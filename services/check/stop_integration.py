@@ -32,15 +32,11 @@ class Rates(NamedTuple):
 
 
 class State(NamedTuple):
-    """State of L stops under way; arrays are (L,), the last (6, L).
-
-    Attributes:
-        s, v: station and speed [m], [m/s].
-    """
+    """State of L stops under way; arrays are (L,), the last (6, L)."""
 
     lane: Ints
-    s: Floats
-    v: Floats
+    s: Floats  # station [m]
+    v: Floats  # speed [m/s]
     onset_speed: Floats  # speed when the brakes take hold [m/s]
     force: Floats  # built-up F_b/W [1]
     heat: Floats  # heat of the brakes [J/kg]
@@ -137,12 +133,7 @@ def step(field: StopDynamics, state: State) -> tuple[State, Bools]:
 
 
 class StopEnds(NamedTuple):
-    """Results of L stops; arrays are (L,).
-
-    Attributes:
-        rear, side, wheel: lowest shares of the level static load during the stop.
-        rear_even, side_even, wheel_even: the same without crests.
-    """
+    """Results of L stops (L,): lowest shares of the level static loads, also without crests."""
 
     end: Floats  # station where the vehicle comes to rest, without safety offset [m]
     ended: Bools
@@ -163,13 +154,10 @@ class StopEnds(NamedTuple):
 def worst_case_stops(
     field: StopDynamics, station: Floats, speed: Floats, dead_time: Floats, give_up: float
 ) -> StopEnds:
-    """Emergency stops from L places at worst.
+    """Emergency stops from L places at worst: stations, speeds and dead times (L,) of the commands.
 
-    Args:
-        station, speed, dead_time: (L,) of the stop commands [m], [m/s], [s].
-        give_up: a stop that gets here is not followed further [m].
-
-    Where the model says that the drive may be cut in the dead time, the longer stop is used.
+    Where the model says that the drive may be cut in the dead time, the longer stop is used. A stop
+    that gets to the station ``give_up`` is not followed further [m].
     """
     held = _driven(field, station, speed, dead_time, give_up, False)
     steepest = -float(field.table[:, 0].min())

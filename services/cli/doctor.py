@@ -48,13 +48,8 @@ def doctor(
     from slopewise.services.doctor.robot_facts import IssueSeverity
 
     facts = _facts(model, nav2 or [], bag, config, live)
-    sources = {
-        "model": facts.model,
-        "edge": facts.edge,
-        "parameters": facts.nav2,
-        "messages": facts.seen,
-    }
-    names = [name for name, fact in sources.items() if fact is not None]
+    sources = {"model": model, "edge": config, "parameters": nav2, "messages": bag or live > 0.0}
+    names = [name for name, given in sources.items() if given]
     issues = examine(facts)
     findings = [
         {"check": i.check, "severity": i.severity.value, "words": i.message, "remedy": i.fix}
@@ -73,7 +68,7 @@ def _facts(
     from slopewise.models.errors import InputError
     from slopewise.services.doctor.message_collector import live_traffic, recorded_traffic
     from slopewise.services.doctor.nav2_file import read_nav2
-    from slopewise.services.doctor.robot_facts import RobotFacts
+    from slopewise.services.doctor.robot_facts import Nav2Facts, ObservedTraffic, RobotFacts
     from slopewise.services.io.model_file import find_model, read_model
     from slopewise.services.ros.settings import read_settings
 
@@ -82,11 +77,11 @@ def _facts(
     edge = None if config is None else read_settings(config)
     if live > 0.0 and edge is None:
         raise InputError("--live", "", "expected --config ros.toml: where the robot is")
-    traffic = None if bag is None else recorded_traffic(bag)
+    traffic = ObservedTraffic() if bag is None else recorded_traffic(bag)
     if live > 0.0 and edge is not None:
         traffic = live_traffic(edge, live)
     robot = read_model(find_model(model)) if model else None
-    return RobotFacts(robot, edge, read_nav2(nav2) if nav2 else None, traffic)
+    return RobotFacts(robot, edge, read_nav2(nav2) if nav2 else Nav2Facts(), traffic)
 
 
 def _tables(names: list[str], check_count: int, issues: list[ConfigIssue]) -> Iterator[Any]:

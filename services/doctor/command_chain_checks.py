@@ -72,8 +72,6 @@ def brakes_on_level(model: Model) -> float:
 
 def check_chain(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Decelerations along the chain, and compared with the brakes."""
-    if facts.nav2 is None:
-        return
     chain = links(facts.nav2)
     for k, (before, after) in enumerate(itertools.pairwise(chain)):
         if before.is_controller and after.is_controller:
@@ -111,8 +109,6 @@ def check_chain(facts: RobotFacts) -> Iterator[ConfigIssue]:
 
 def check_smoother(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Signs and speeds of the velocity smoother."""
-    if facts.nav2 is None:
-        return
     smoother = facts.nav2.of("velocity_smoother")
     decel, passed = (first_number(smoother.get(key)) for key in ("max_decel", "max_velocity"))
     if decel is not None and decel > 0.0:
@@ -145,8 +141,6 @@ def check_smoother(facts: RobotFacts) -> Iterator[ConfigIssue]:
 
 def check_speed_limit(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Path of the limit to the controller, and other publishers on its topic."""
-    if facts.nav2 is None:
-        return
     server = facts.nav2.of("controller_server")
     received = str(server.get("speed_limit_topic", "speed_limit")).lstrip("/")
     ours = facts.topics.speed_limit.lstrip("/")

@@ -34,7 +34,7 @@ _MIN_MESSAGES = 3  # Messages from which stamps are checked [1]
 def check_speed_limit_obeyed(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Odometry compared with the limits."""
     seen, model = facts.seen, facts.model
-    if seen is None or not seen.limits or not seen.odometry:
+    if not seen.odometry:
         return
     dead = _DEAD_TIME if model is None else model.braking.dead_time + _DEAD_TIME_MARGIN
     decel = _DECEL * (1.0 if model is None else model.limits.decel)
@@ -64,7 +64,7 @@ def check_speed_limit_obeyed(facts: RobotFacts) -> Iterator[ConfigIssue]:
 
 def check_limits(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Limits that do not limit."""
-    limits = [] if facts.seen is None else facts.seen.limits
+    limits = facts.seen.limits
     if any(limit == 0.0 for _, limit, _ in limits):
         yield error(
             "a limit of 0",
@@ -96,7 +96,7 @@ def check_rates(facts: RobotFacts) -> Iterator[ConfigIssue]:
 
 def check_clock(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Stamps compared with reception."""
-    for name, topic in sorted(({} if facts.seen is None else facts.seen.topics).items()):
+    for name, topic in sorted(facts.seen.topics.items()):
         stamps = np.array(topic.stamps)
         if len(stamps) < _MIN_MESSAGES or topic.kind in (PATH, GRID_MAP):
             continue
@@ -129,7 +129,7 @@ def check_map(facts: RobotFacts) -> Iterator[ConfigIssue]:
     seen, name = facts.seen, facts.full_name(facts.topics.map)
     topic = facts.traffic(name)
     if topic is None:
-        if seen is not None and facts.edge is not None and seen.span > _OLD_MAP:
+        if facts.edge is not None and seen.span > _OLD_MAP:
             yield error(
                 "map",
                 f"no map came on {name} in {seen.span:.0f} s",
@@ -147,8 +147,6 @@ def check_map(facts: RobotFacts) -> Iterator[ConfigIssue]:
 
 def check_frames(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Frames of map, paths and odometry."""
-    if facts.seen is None:
-        return
     topics, ground = facts.topics, _frame(facts, facts.topics.map)
     for name in topics.paths:
         path = _frame(facts, name)
@@ -187,7 +185,7 @@ def _above(seen: ObservedTraffic, frame: str) -> set[str]:
 
 def check_odometry(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Odometry's speed compared with its positions."""
-    if facts.seen is None or len(facts.seen.odometry) < 10:
+    if len(facts.seen.odometry) < 10:
         return
     t, x, y, v = np.array(facts.seen.odometry).T
     driven = float(np.hypot(np.diff(x), np.diff(y)).sum())
@@ -203,5 +201,5 @@ def check_odometry(facts: RobotFacts) -> Iterator[ConfigIssue]:
 
 def check_silence(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Topics without a counterpart."""
-    for text in () if facts.seen is None else facts.seen.silence:
+    for text in facts.seen.silence:
         yield error("connections", text, "see docs/nav2.md, When no node answers")

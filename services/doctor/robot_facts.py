@@ -37,7 +37,7 @@ warning = partial(ConfigIssue, IssueSeverity.WARNING)
 class Nav2Facts:
     """Parameters of nodes by name, without namespaces; those of plugins are tables inside."""
 
-    nodes: Mapping[str, Mapping[str, Any]]
+    nodes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def of(self, node: str) -> Mapping[str, Any]:
         """Parameters of a node, empty if it is not there."""
@@ -101,8 +101,8 @@ class RobotFacts:
 
     model: Model | None = None
     edge: EdgeSettings | None = None
-    nav2: Nav2Facts | None = None
-    seen: ObservedTraffic | None = None
+    nav2: Nav2Facts = field(default_factory=Nav2Facts)
+    seen: ObservedTraffic = field(default_factory=ObservedTraffic)
 
     @property
     def topics(self) -> Topics:
@@ -111,7 +111,7 @@ class RobotFacts:
 
     def traffic(self, topic: str) -> TopicTraffic | None:
         """Messages of a topic of the edge, None if it was not seen."""
-        return None if self.seen is None else self.seen.topics.get(self.full_name(topic))
+        return self.seen.topics.get(self.full_name(topic))
 
     def full_name(self, topic: str) -> str:
         """Topic with the namespace of the edge."""

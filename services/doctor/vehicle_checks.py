@@ -28,7 +28,7 @@ _SAFE_SHARE = 0.8  # Share of the learned brakes that is proposed for a stop tha
 
 def check_footprint(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Costmaps whose vehicle is smaller than that of the model file."""
-    if facts.nav2 is None or facts.model is None:
+    if facts.model is None:
         return
     shape = facts.model.vehicle.shape
     length, width = shape.front + shape.rear, shape.width
@@ -90,7 +90,7 @@ def check_edge(facts: RobotFacts) -> Iterator[ConfigIssue]:
                 "wrongly",
                 "measure it with load, and set both",
             )
-    rate = None if facts.nav2 is None else facts.nav2.controller_rate()
+    rate = facts.nav2.controller_rate()
     if rate and edge.timing.life < 2.0 / rate:
         yield error(
             "life of a limit",
@@ -102,8 +102,6 @@ def check_edge(facts: RobotFacts) -> Iterator[ConfigIssue]:
 
 def check_times(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Clocks and frequencies in parameter files."""
-    if facts.nav2 is None:
-        return
     clocks = {
         node: bool(table["use_sim_time"])
         for node, table in facts.nav2.nodes.items()

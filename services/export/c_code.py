@@ -37,12 +37,7 @@ def sample_inputs(function: ModelFunction, count: int, rng: np.random.Generator)
 
 
 def write_c(model: Model, functions: list[ModelFunction], folder: Path) -> list[Path]:
-    """Write NAME.c, NAME.h (CasADi's), and NAME_model.h: units, and vectors to test by.
-
-    Args:
-        model: subject of the functions. functions: by
-        :func:`slopewise.services.export.functions.functions_of`.
-    """
+    """Write NAME.c, NAME.h (CasADi's), and NAME_model.h: units, and vectors to test by."""
     folder.mkdir(parents=True, exist_ok=True)
     name = re.sub(r"\W", "_", model.name) or "model"
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True, "verbose": False})

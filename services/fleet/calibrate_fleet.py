@@ -10,17 +10,61 @@ from typing import Any
 
 import msgspec
 
-from slopewise.models.calibration.fleet import FleetCalibration, VehicleStops, learn_fleet
+from slopewise.models.calibration.effects_in_force import measured_beside
+from slopewise.models.calibration.fleet import (
+    FEWEST,
+    FleetCalibration,
+    VehicleStops,
+    learn_fleet,
+    vehicle_stops,
+)
 from slopewise.models.calibration.force_fit import NAMES
+from slopewise.models.calibration.learn import measure_log
 from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.services.fleet.result_folder import make_folder
+from slopewise.models.stop_logs.measured_log import is_mapped
+from slopewise.services.fleet.result_folder import make_folder, vehicles_of
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
-from slopewise.services.fleet.vehicle_logs import LogTask, measure_vehicle, vehicles_of
-from slopewise.services.io.model_file import find_model, model_to_dict, read_model, write_model
+from slopewise.services.io.drive_log import read_logs
+from slopewise.services.io.log_checks import refuse_wrong_units
+from slopewise.services.io.model_file import (
+    find_model,
+    model_from_dict,
+    model_to_dict,
+    read_model,
+    write_model,
+)
 from slopewise.services.io.no_data import NoData
+from slopewise.services.io.track_grade import grade_by_map
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import Summary, input_errors
+
+
+@dataclass(frozen=True, slots=True)
+class LogTask:
+    """Logs of one vehicle, the model so far as tables, and a map if there is one."""
+
+    vehicle: str
+    logs: tuple[Path, ...]
+    model: dict[str, Any]
+    map_file: Path | None
+    nodata: NoData = None
+
+
+def measure_vehicle(task: LogTask) -> VehicleStops:
+    """Measure its stops; none, with the reason, where there are too few."""
+    model = model_from_dict(task.model, "model")
+    log = read_logs(task.logs)
+    refuse_wrong_units(log)
+    ground = grade_by_map(log, task.map_file, model.vehicle, task.nodata)
+    try:
+        measured = measure_log(log.columns, log.runs, model.braking, ground=ground, fewest=FEWEST)
+    except ParameterError as error:
+        return VehicleStops(task.vehicle, note=f"{error.field}: expected {error.expected}")
+    compensated = measured_beside(measured.measured, model, log.columns)
+    measured = replace(measured, measured=compensated)
+    return vehicle_stops(task.vehicle, measured, is_mapped(ground))
 
 
 class FleetSurface(Summary, frozen=True):

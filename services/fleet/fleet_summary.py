@@ -59,13 +59,7 @@ class EffectPrevalence(Summary, frozen=True):
 
 
 class FleetSummary(Summary, frozen=True):
-    """Output of `fleet discrepancy --json`; findings.jsonl has the findings of each vehicle.
-
-    Attributes:
-        failed: vehicles without a finding -> reason.
-        expected_false: expected number of false alarms if no vehicle lacked an effect.
-        unexpected: vehicles in the folder that are not among these.
-    """
+    """Output of `fleet discrepancy --json`; findings.jsonl has the findings of each vehicle."""
 
     vehicles: int
     examined: int = msgspec.field(name="looked_at")

@@ -15,6 +15,7 @@ from slopewise.services.fleet.result_folder import (
     map_digest,
     open_folder,
     remove_partial_files,
+    vehicles_of,
 )
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
 from slopewise.services.fleet.vehicle_finding import (
@@ -29,7 +30,6 @@ from slopewise.services.fleet.vehicle_finding import (
     investigate_vehicle,
     read_row,
 )
-from slopewise.services.fleet.vehicle_logs import vehicles_of
 from slopewise.services.io import findings_file
 from slopewise.services.io.files import check_file, fault, read_text, write_atomic
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
@@ -57,14 +57,7 @@ def investigate_fleet(
     check_installed()
     grouped = vehicles_of(request.logs, request.by_folder)
     models = {name: _model_of(request.models, name) for name in grouped}
-    # Of all but logs and models, which may differ from vehicle to vehicle, and grow.
-    digest = digest_of(
-        _FORMAT,
-        repr(request.settings),
-        "" if request.map_file is None else map_digest(request.map_file),
-        repr(request.nodata),
-        "" if request.topics is None else read_text(request.topics),
-    )
+    digest = _digest(request)
     out, folders = request.out, (FINDINGS, VEHICLES)
     begun = open_folder(out, folders, digest, "map, options")
     shared = _resolved(request)
@@ -94,6 +87,17 @@ def investigate_fleet(
         expected = "expected at least one vehicle that can be examined, got none"
         raise fault("fleet", "", f"{expected}; {name}: {reason}")
     return FleetDiscrepancyResult(rows, summary)
+
+
+def _digest(request: FleetDiscrepancyRequest) -> str:
+    """Digest of all but logs and models, which may differ from vehicle to vehicle, and grow."""
+    return digest_of(
+        _FORMAT,
+        repr(request.settings),
+        "" if request.map_file is None else map_digest(request.map_file),
+        repr(request.nodata),
+        "" if request.topics is None else read_text(request.topics),
+    )
 
 
 def _model_of(models: str, vehicle: str) -> Path:

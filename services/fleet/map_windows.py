@@ -45,13 +45,8 @@ def map_windows(
 ) -> Iterator[tuple[list[int], Cells | None]]:
     """Indices of paths that share a window, and the cells that hold their ground.
 
-    Args:
-        paths: all begin on the map.
-        info: its grid.
-        margin: required by the footprint around a path [m].
-
-    Yields:
-        Groups of neighbours; without cells where those would be too many.
+    All paths begin on the map and need ``margin`` metres around them. Without cells are those that
+    would need too many.
     """
     around = [_around(path, margin) for path in paths]
     edge = _SORTING_SQUARE * info.resolution

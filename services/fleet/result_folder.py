@@ -17,17 +17,26 @@ _RUN = "fleet.json"
 _END_BYTES = 1 << 16  # Bytes at either end of a map that its digest covers
 
 
+def vehicles_of(logs: Sequence[Path], by_folder: bool) -> dict[str, list[Path]]:
+    """Logs of each vehicle in the order given: those of a folder, or each file."""
+    grouped: dict[str, list[Path]] = {}
+    for log in logs:
+        name = log.resolve().parent.name if by_folder else log.stem
+        logs_of_name = grouped.setdefault(name, [])
+        first = logs_of_name[0] if logs_of_name else None
+        if first and (not by_folder or first.resolve().parent != log.resolve().parent):
+            message = f"expected a unique name of the vehicle, got another {name} in {first}"
+            hint = "" if by_folder else "; --by-folder takes the logs of a folder together"
+            raise fault(log, "", message + hint)
+        logs_of_name.append(log)
+    return grouped
+
+
 def open_folder(folder: Path, parts: Sequence[str], request: str, inputs: str) -> str:
-    """Make the folder, or resume in one of the same request.
+    """Make the folder with its parts, or resume in one of the same request.
 
-    Args:
-        folder: for results.
-        parts: folders in it.
-        request: digest of all that results depend on.
-        inputs: names of what has to be the same, for messages.
-
-    Returns:
-        Date on which it was begun: a resumed run writes what the first one would have.
+    ``request`` is a digest, ``inputs`` names for messages what has to be the same. Returns the date
+    on which it was begun: a resumed run writes what the first one would have.
     """
     note = folder / _RUN
     for part in parts:

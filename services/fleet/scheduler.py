@@ -51,11 +51,10 @@ def each_done(
     workers: Workers,
     failed: Callable[[T], R] | None = None,
 ) -> Iterator[R]:
-    """Results in the order in which they are done.
+    """Results of an importable function in the order in which they are done.
 
-    Args:
-        function: applied to each task; importable, it runs in other processes.
-        failed: result of a task that ended several workers; omitted, such a task ends all.
+    ``failed`` gives the result of a task that ended several workers; without it, such a task ends
+    all.
     """
     if workers.count == 0 and not workers.scheduler:
         for _, task in tasks:

@@ -57,17 +57,13 @@ class FleetDiscrepancyRequest:
 
 @dataclass(frozen=True, slots=True)
 class VehicleTask:
-    """One vehicle; plain values, so that it travels.
-
-    Attributes:
-        model_file, begun: shown on its page.
-    """
+    """One vehicle; plain values, so that it travels."""
 
     vehicle: str
     logs: tuple[Path, ...]
     model: dict[str, Any]  # tables of its model file
     model_file: str
-    begun: str
+    begun: str  # date that its page shows
     source: str  # provenance of effects that are found
     key: str  # digest of all inputs
     request: FleetDiscrepancyRequest  # options, with files and folder as all workers find them

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.services.io.bags import Bag, folder_of, opened
+from slopewise.services.io.bags import Bag, attitude, folder_of, opened
 from slopewise.services.io.files import fault
 from slopewise.services.io.table import Table
-from slopewise.services.io.topics import Channel, infer_channels
+from slopewise.services.io.topics import ATTITUDE, Channel, infer_channels
 
 _MIN_SAMPLES = 2  # Fewest samples with an interval between them
 
@@ -19,9 +19,7 @@ _MIN_SAMPLES = 2  # Fewest samples with an interval between them
 def bag_table(path: Path, channels: dict[str, Channel], mapping: str, *, infer: bool) -> Table:
     """The columns of one recording, which is one run, at the times of its speeds.
 
-    Args:
-        path: folder of a recording, or a file in it.
-        infer: replace their topics by those inferred from the recorded types.
+    ``infer`` replaces the topics of the channels by those inferred from the recorded types.
     """
     with opened(path) as bag:
         if infer:
@@ -82,7 +80,8 @@ def _value(message: Any, name: str, channel: Channel, path: Path, mapping: str) 
     where = f"{mapping}, {name}"
     if channel.quaternion is not None:
         q = _inside(message, channel.quaternion, path, where)
-        return _angle(name, *(float(_inside(q, axis, path, where)) for axis in "wxyz"))
+        angles = attitude(*(float(_inside(q, axis, path, where)) for axis in "wxyz"))
+        return angles[ATTITUDE.index(name)]
     assert channel.field is not None
     value = _inside(message, channel.field, path, where)
     if channel.joint is not None:
@@ -106,15 +105,6 @@ def _inside(message: Any, dotted: str, path: Path, where: str) -> Any:
             raise fault(path, where, f"expected {dotted} in the message, {kind} has no {part}")
         value = getattr(value, part)
     return value
-
-
-def _angle(name: str, w: float, x: float, y: float, z: float) -> float:
-    """Roll, pitch or yaw of a unit quaternion, z-y-x order as in REP-103 [rad]."""
-    if name == "roll":
-        return float(np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)))
-    if name == "pitch":
-        return float(np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)))
-    return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
 def _ordered(name: str, times: list[float], values: list[float]) -> tuple[Floats, Floats]:

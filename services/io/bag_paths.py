@@ -19,10 +19,8 @@ _MAX_PATHS = 100_000  # Candidates of one recording: ten paths at 10 Hz are as m
 def read_bag_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[CandidatePath]:
     """Candidates of a recording: the last message of each topic of paths, or all of them.
 
-    Args:
-        path: folder of a recording, or a file of one.
-        topics: mapping; table ``paths``. Without one, all topics of nav_msgs/Path are taken.
-        frame: frame of the map, if it has one; paths in another frame are refused.
+    Without a mapping, all topics of nav_msgs/Path are taken. Paths in another frame than the map's,
+    if it has one, are refused.
     """
     _, source = read_sources(topics)
     with opened(path) as bag:

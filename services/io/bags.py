@@ -70,11 +70,9 @@ def type_hashes(kind: str) -> tuple[str, ...]:
 
 
 def read_cdr(raw: Any, kind: str, source: object, where: str) -> Any:
-    """A complete message from its bytes, with nothing behind it but padding.
+    """A complete message of a type from CDR with its encapsulation, with only padding behind it.
 
-    Args:
-        raw: CDR with its encapsulation, anything that ``bytes`` takes.
-        kind: message type, e.g. ``nav_msgs/msg/Path``.
+    rosbags itself lets up to three bytes of any kind follow.
     """
     from rosbags.serde import SerdeError
 
@@ -119,6 +117,14 @@ def _empty_sequences(value: Any) -> int:
     return sum(_empty_sequences(getattr(value, field.name)) for field in fields(value))
 
 
+def attitude(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a unit quaternion, z-y-x order as in REP-103 [rad]."""
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return float(roll), float(pitch), float(yaw)
+
+
 @dataclass(frozen=True, slots=True)
 class RecordedMessage:
     """One message, and when it was received [ns since 1970]."""
@@ -159,12 +165,7 @@ class Bag:
     def messages_of(
         self, topics: Sequence[str], kind: str, *, last: bool = False
     ) -> list[RecordedMessage]:
-        """Messages of some topics in the order received.
-
-        Args:
-            topics: of type ``kind``, all of them recorded.
-            last: only the last message of each topic; the others are not decoded.
-        """
+        """Messages of recorded topics in the order received; maybe only the last of each."""
         for topic in topics:
             if self.types.get(topic) != kind:
                 there = ", ".join(sorted(t for t, given in self.types.items() if given == kind))

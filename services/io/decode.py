@@ -72,12 +72,7 @@ def _encode(value: Any) -> Any:
 
 
 def decode_table(kind: type[T], data: object, source: str, where: str = "") -> T:
-    """A dataclass from a table.
-
-    Args:
-        data: the table as a TOML or JSON reader gives it.
-        where: dotted path of the table; empty for the whole file.
-    """
+    """A dataclass from a table, as a TOML or JSON reader gives it, at a dotted path of the file."""
     if not isinstance(data, Mapping):
         raise fault(source, where, f"expected a table, got {shown(data)}")
     fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]

@@ -65,9 +65,8 @@ class DriveLog:
 def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = "") -> DriveLog:
     """One log from tables, or from recordings.
 
-    Args:
-        topics: topic mapping of the recordings; without one, topics are inferred from their types.
-        names: names of columns in tables, see :mod:`slopewise.services.io.columns`.
+    Without a topic mapping, topics of recordings are inferred from their types. ``names`` are those
+    of columns in tables, see :mod:`slopewise.services.io.columns`.
     """
     bags = [path for path in paths if is_bag(path)]
     if not bags:
@@ -87,10 +86,8 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = ""
 def read_drive_log(paths: Sequence[Path], names: Sequence[ColumnName] = ()) -> DriveLog:
     """One log from one or several tables, in the order given.
 
-    Columns that only some of the files have are NaN (`terrain`: empty) in the others.
-
-    Args:
-        names: columns with other names than a drive log's.
+    Columns that only some of the files have are NaN (`terrain`: empty) in the others. ``names`` are
+    those that differ from a drive log's.
     """
     if not paths:
         raise fault("drive log", "", "expected at least one file, got none")

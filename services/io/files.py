@@ -30,12 +30,7 @@ _TOML_PLACE = re.compile(r" \(at (line \d+, column \d+|end of document)\)$")
 
 
 def fault(source: object, field: str, expected: str) -> InputError:
-    """An InputError of one line, for any content of keys and cells.
-
-    Args:
-        field: row, column or dotted key; empty if the file as a whole is wrong.
-        expected: "expected …, got …".
-    """
+    """An InputError of one line, for any content of keys and cells; no field is the whole file."""
     return InputError(*(_one_line(str(part)) for part in (source, field, expected)))
 
 
@@ -115,8 +110,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 def resolve_names(path: Path, data: dict[str, Any], *keys: str, exists: bool = True) -> None:
     """Take files that settings name relative to the settings; changes ``data``.
 
-    Args:
-        exists: change only names of existing files: others may be names of another kind.
+    With ``exists`` only names of existing files change: others may be names of another kind.
     """
     for key in keys:
         table, _, name = key.rpartition(".")
@@ -195,11 +189,7 @@ def shipped_files(kind: str) -> dict[str, Path]:
 
 
 def find_shipped(name_or_path: str | Path, kind: str, noun: str) -> Path:
-    """The file a user means: an existing file, else one that comes with the package.
-
-    Args:
-        noun: name of the kind in the error message.
-    """
+    """The file a user means: an existing file, else one that comes with the package."""
     path = Path(name_or_path)
     with contextlib.suppress(OSError, ValueError):  # too long a name, or a NUL in it
         if path.is_file():

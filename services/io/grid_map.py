@@ -52,12 +52,8 @@ def map_and_frame(
 ) -> tuple[ElevationMap, str]:
     """The last map of a recording, or the one that a mapping names, and the frame that it is in.
 
-    It is decoded once as long as the recording is the same.
-
-    Args:
-        path: folder of a recording, or a file of one.
-        topics: mapping; table ``map``. Without one, the only topic of grid maps is taken.
-        nodata: a height that marks missing data, as :func:`read_map` takes it.
+    It is decoded once as long as the recording is the same. Without a mapping, the only topic of
+    grid maps is taken.
     """
     source, _ = read_sources(topics)
     return _decoded(path, source, nodata, state_of(path))
@@ -92,9 +88,7 @@ def _only_topic(bag: Bag) -> str:
 def elevation_map_of(message: Any, layer: str = "", nodata: NoData = None) -> ElevationMap:
     """The heights of a grid map; NaN where any of its basic layers has none.
 
-    Args:
-        layer: layer with the heights [m]; empty: the first of :data:`HEIGHTS` in the message.
-        nodata: the user's setting for markers of missing data.
+    Without ``layer`` they are those of the first of :data:`HEIGHTS` in the message.
     """
     info = message.info
     for name in ("resolution", "length_x", "length_y"):

@@ -31,12 +31,7 @@ _BOUNDS_SPACING = 4.0
 
 
 def assumed(resolution: float, *, surveyed: bool = False) -> float:
-    """Error of a map that reports none [m].
-
-    Args:
-        resolution: edge of a cell [m].
-        surveyed: from an aeroplane or by a surveyor, not by a robot while driving.
-    """
+    """Error of a map that reports none [m]; surveyed is one that no robot made while driving."""
     constant, share = _SURVEYED if surveyed else _ON_ROBOT
     return constant + share * resolution
 

@@ -75,8 +75,7 @@ def refuse_too_fast(log: DriveLog, model: Model) -> None:
 def suspect_of(learned: Braking, known: Braking, grades: np.ndarray) -> str:
     """Reason why coefficients look like those of speeds in another unit; empty if they do not.
 
-    Args:
-        grades: (n,) grades of the stops [rad].
+    ``grades`` (n,) are those of the stops [rad].
     """
     if len(grades) < 2 or float(np.std(grades)) < _STEEP:
         return ""

@@ -48,11 +48,7 @@ def _written(model: Model) -> bytes:
 
 
 def model_from_dict(data: object, source: str) -> Model:
-    """A model from the tables of a file or message.
-
-    Args:
-        data: tables as a TOML or JSON reader gives them.
-    """
+    """A model from the tables of a file or message, as a TOML or JSON reader gives them."""
     model = decode_table(Model, data, source)
     _check_surfaces(model, source)
     for index, effect in enumerate(model.effect):

@@ -59,9 +59,7 @@ def known_heights(
 ) -> tuple[Floats, tuple[float, ...]]:
     """Heights with NaN where unknown, and the values that were found to be undeclared markers.
 
-    Args:
-        heights: any shape [m]; NaN where unknown.
-        around: further heights of the same map, markers removed, any shape [m].
+    ``around`` are further heights of the same map, markers removed. Any shapes [m].
     """
     known, detected = without_common(heights, nodata)
     if nodata != "none":
@@ -89,9 +87,7 @@ def without_common(heights: Floats, nodata: NoData) -> tuple[Floats, set[float]]
 def known_raw(raw: Floats, nodata: NoData, dtype: str) -> tuple[Floats, set[float]]:
     """Numbers of a file that are scaled to heights later, with NaN for :data:`UNSCALED`, and them.
 
-    Args:
-        raw: numbers of the file, any shape; NaN where unknown.
-        dtype: number type of the file. Its ends, of 16 bits and more, are markers too, except 0.
+    The ends of a number type of 16 bits and more are markers too, except 0.
     """
     known, kind = _without(raw, nodata), np.dtype(dtype)
     markers = set(UNSCALED)

@@ -10,9 +10,10 @@ before it is read.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import zipfile
-import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,18 +30,6 @@ from slopewise.services.io.no_data import NoData
 
 _REQUIRED = ("elevation", "resolution", "origin")
 _OPTIONAL = ("known", "terrain_class", "terrain_names", "height_std")
-_BROKEN = (
-    OSError,
-    ValueError,
-    KeyError,
-    EOFError,
-    RuntimeError,
-    MemoryError,
-    SyntaxError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""What zipfile, zlib and numpy raise for damaged bytes."""
 
 
 def read_info(path: Path, _: Path | None = None) -> MapInfo:
@@ -141,16 +130,24 @@ def _text(path: Path, field: str, names: NDArray[Any]) -> tuple[str, ...]:
         raise fault(path, field, "expected UTF-8 names, got other bytes") from None
 
 
+@contextlib.contextmanager
+def _intact(path: Path, field: str, noun: str) -> Iterator[None]:
+    """Report damaged bytes in one line."""
+    try:
+        yield
+    except Exception as error:  # noqa: BLE001  of zipfile, zlib or numpy's reader of headers
+        got = reason(error)[:120] if field else "something else"
+        raise fault(path, field, f"expected {noun}, got{':' * bool(field)} {got}") from None
+
+
 class _Archive:
     """An open .npz map; use it in a `with` statement."""
 
     def __init__(self, path: Path) -> None:
         check_file(path)
         self._path = path
-        try:
+        with _intact(path, "", "an .npz file"):
             self._zip = zipfile.ZipFile(path)
-        except _BROKEN:
-            raise fault(path, "", "expected an .npz file, got something else") from None
         self.names = {name.removesuffix(".npy") for name in self._zip.namelist()}
 
     def __enter__(self) -> _Archive:
@@ -187,11 +184,7 @@ class _Archive:
     def array(
         self, name: str, shape: tuple[int, ...] | None, kinds: str, noun: str
     ) -> NDArray[Any]:
-        """An array of the required shape and kind of type; never a pickled one.
-
-        Args:
-            shape: required shape; None accepts any.
-        """
+        """An array of a kind of type and shape, if one is required; never a pickled one."""
         given, dtype = self._header(name)
         if dtype.kind not in kinds:
             raise fault(self._path, name, f"expected {noun}, got an array of {dtype}")
@@ -199,23 +192,14 @@ class _Archive:
             raise fault(self._path, name, f"expected shape {shape} of elevation, got {given}")
         if math.prod(given) > MAX_CELLS:
             raise fault(self._path, name, f"expected at most {MAX_CELLS} cells, got shape {given}")
-        try:
-            with self._zip.open(f"{name}.npy") as file:
-                array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
-        except _BROKEN as error:
-            raise self._broken(name, error) from None
+        with _intact(self._path, name, "an intact array"), self._zip.open(f"{name}.npy") as file:
+            array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
         return array
 
     def _header(self, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
         npy = np.lib.format
-        try:
-            with self._zip.open(f"{name}.npy") as file:
-                first = npy.read_magic(file) == (1, 0)
-                read = npy.read_array_header_1_0 if first else npy.read_array_header_2_0
-                shape, _, dtype = read(file)
-        except _BROKEN as error:
-            raise self._broken(name, error) from None
+        with _intact(self._path, name, "an intact array"), self._zip.open(f"{name}.npy") as file:
+            first = npy.read_magic(file) == (1, 0)
+            read = npy.read_array_header_1_0 if first else npy.read_array_header_2_0
+            shape, _, dtype = read(file)
         return shape, dtype
-
-    def _broken(self, name: str, error: BaseException) -> Exception:
-        return fault(self._path, name, f"expected an intact array, got: {reason(error)[:120]}")

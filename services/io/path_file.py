@@ -32,9 +32,7 @@ _FORMATS: dict[str, Callable[[Path], list[CandidatePath]]] = {
 def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[CandidatePath]:
     """All candidates of a file, in the order in which they first appear.
 
-    Args:
-        path: CSV, Parquet, GeoJSON, or a recording with nav_msgs/Path.
-        frame: frame that paths of a recording have to be in; empty accepts any.
+    Paths of a recording have to be in the frame; an empty one accepts any.
     """
     if is_bag(path):
         return read_bag_paths(path, topics, frame)
@@ -77,12 +75,7 @@ def _candidate(
 def check_paths_on_map(
     paths: Sequence[CandidatePath], extent: Around, source: str, map_source: str
 ) -> None:
-    """Raise InputError if a candidate does not begin on the map.
-
-    Args:
-        paths: candidates of ``source``.
-        extent: (x_min, x_max, y_min, y_max) of the map's cell centres [m].
-    """
+    """Raise InputError if a candidate does not begin within the extent of the cell centres [m]."""
     x_min, x_max, y_min, y_max = extent
     for path in paths:
         x, y = path.points[0].tolist()

@@ -47,11 +47,7 @@ _SPEEDS = ("speed", "speed_limit")
 
 
 def write_plan_csv(rows: dict[str, Sequence[str] | Floats], path: Path) -> None:
-    """Write a plan, all or nothing.
-
-    Args:
-        rows: the columns of :data:`COLUMNS`, all of one length; further ones follow them.
-    """
+    """Write the columns of :data:`COLUMNS`, and further ones behind them, all or nothing."""
     if missing := [name for name in COLUMNS if name not in rows]:
         raise ValueError(f"a plan needs the columns {', '.join(missing)}")
     order = (*COLUMNS, *(name for name in rows if name not in COLUMNS))

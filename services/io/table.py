@@ -149,8 +149,7 @@ def is_parquet(path: Path) -> bool:
 def read_csv(path: Path, text: Collection[str] = ()) -> Table:
     """A CSV file with a header row; blank lines and columns without a name are skipped.
 
-    Args:
-        text: columns that are text even where they look like numbers.
+    Columns of ``text`` are text even where they look like numbers.
     """
     content = read_text(path)
     if len(content) > _LONG and (columns := _fast_columns(content, text)) is not None:

@@ -14,6 +14,7 @@ from slopewise.models.terrain.monitor import Classified, GroundChange
 from slopewise.services.io.table import write_csv
 
 _MEASURED = ("samples", "speed", "speed_difference", "yaw_rate", "onset_current")
+_ESTIMATED = ("motion_resistance", "lateral_resistance", "slip_track")
 _TEXT = ("run", "phase", "terrain", "rules", "note")
 COLUMNS = (
     "run",
@@ -21,12 +22,7 @@ COLUMNS = (
     "t_end",
     "phase",
     *_MEASURED,
-    "motion_resistance",
-    "motion_resistance_std",
-    "lateral_resistance",
-    "lateral_resistance_std",
-    "slip_track",
-    "slip_track_std",
+    *(f"{name}{end}" for name in _ESTIMATED for end in ("", "_std")),
     "terrain",
     "probability",
     "rules",
@@ -53,8 +49,7 @@ def event_row(
 ) -> dict[str, Any]:
     """A row of the table; parameters are the estimates when the stretch ends.
 
-    Args:
-        centres: centres of rotation of the left and right side [m], NaN where unknown.
+    ``centres`` are the centres of rotation of either side [m], NaN where unknown.
     """
     if isinstance(event, GroundChange):
         note = "the ground changed within the last seconds of driving"
@@ -84,7 +79,7 @@ def event_row(
         "centre_left": centres[0],
         "centre_right": centres[1],
     }
-    for name in ("motion_resistance", "lateral_resistance", "slip_track"):
+    for name in _ESTIMATED:
         estimate = getattr(o.known, name)
         row[name], row[f"{name}_std"] = estimate.value, estimate.std
     return row

@@ -31,14 +31,10 @@ _COMMANDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
-    """Where the values of one column are.
-
-    Attributes:
-        field: dotted path of a number in the message; for a joint, one of its lists.
-    """
+    """Where the values of one column are."""
 
     topic: str
-    field: str | None = None
+    field: str | None = None  # dotted path of a number; for a joint, one of its lists
     quaternion: str | None = None
     joint: str | None = None
     scale: float = quantity("1", "Factor to the unit of the drive log.", default=1.0)

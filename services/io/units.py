@@ -41,11 +41,9 @@ FACTORS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 
 def factor_to(unit: str, written: str) -> float | None:
-    """Factor from a written unit to a drive log's; a number is a factor; None if neither.
+    """Factor from a written unit to that of a drive log; a number is a factor; None if neither.
 
-    Args:
-        unit: unit of the drive log, a key of :data:`FACTORS`.
-        written: unit or number > 0; empty: the drive log's own.
+    Nothing written is the drive log's own unit.
     """
     if not written:
         return 1.0

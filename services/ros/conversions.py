@@ -10,7 +10,7 @@ import numpy as np
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.io.bag_paths import points_of
-from slopewise.services.io.bags import PATH, SPEED_LIMIT, typestore
+from slopewise.services.io.bags import PATH, SPEED_LIMIT, attitude, typestore
 from slopewise.services.ros.speed_limit import PlanPosition, SpeedAdvice
 from slopewise.services.wire.plan_messages import Path, Plan
 
@@ -65,10 +65,7 @@ def angles_of(q: Any) -> tuple[float, float, float]:
     if not abs(length - 1.0) < UNIT_TOLERANCE:
         raise ParameterError("orientation", f"a quaternion of length 1, got {length:.3g}")
     x, y, z, w = (part / length for part in (q.x, q.y, q.z, q.w))
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return float(roll), float(pitch), float(yaw)
+    return attitude(w, x, y, z)
 
 
 def candidate_of(name: str, message: Any) -> Path:
@@ -132,9 +129,7 @@ def speed_limit(advice: SpeedAdvice, stamp: int) -> Any:
 def profile(plan: Plan | None, at: PlanPosition | None, frame: str, stamp: int) -> Any:
     """Plan as a nav_msgs/Path: the stamp of each pose is the time at which the plan reaches it.
 
-    Args:
-        plan, at: plan and the vehicle's position on it; None gives an empty path.
-        stamp: now [ns].
+    Without a plan, or a position on it, the path is empty; ``stamp`` is now [ns].
     """
     types = typestore().types
     poses = []

@@ -10,7 +10,6 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, NamedTuple
 from uuid import uuid4
 
@@ -59,11 +58,7 @@ class RosEdge:
         service_session: zenoh.Session,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Connect ROS 2 on one session with the service on another, or on the same.
-
-        Args:
-            clock: monotonic clock [s].
-        """
+        """Connect ROS 2 on one session with the service on another, or on the same."""
         self.settings, self._clock = settings, clock
         topics, ours = settings.topics, settings.ros
         node = Node(ros_session, ours.domain, ours.namespace, ours.node, clock, ours.distribution)
@@ -118,12 +113,7 @@ class RosEdge:
             thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Send a final stop, because silence follows."""
         self._stopped.set()
         with self.inbox.news:

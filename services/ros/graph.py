@@ -38,11 +38,7 @@ OF_DISTRIBUTION: dict[str, KeyScheme] = {
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Node, or a publisher or subscription of one.
-
-    Attributes:
-        topic, kind, type_hash: empty for nodes.
-    """
+    """Node, or a publisher or subscription of one; nodes have no topic, kind or hash."""
 
     entity: str  # `naming.NODE`, `PUBLISHER`, `SUBSCRIPTION`, or that of a service
     domain: int | None  # ROS_DOMAIN_ID; None behind a bridge

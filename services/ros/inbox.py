@@ -33,9 +33,8 @@ class Received:
 class Inbox:
     """Newest messages of each topic; zenoh's threads fill it, one thread takes from it.
 
-    Attributes:
-        counters: messages that were received, replaced before they were taken, or refused.
-        all_of: topics of which every message is kept; of others the newest is.
+    Messages are counted as received, replaced before they were taken, or refused. Of topics in
+    ``all_of`` every message is kept; of others the newest is.
     """
 
     clock: Callable[[], float] = time.monotonic  # monotonic clock [s]

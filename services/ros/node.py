@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, NamedTuple
 
 import zenoh
@@ -60,12 +59,10 @@ class Node:
         clock: Callable[[], float] = time.monotonic,
         distribution: str = "auto",
     ) -> None:
-        """Declare a node.
+        """Declare a node on a monotonic clock [s].
 
-        Args:
-            clock: monotonic clock [s].
-            distribution: key of :data:`~slopewise.services.ros.graph.OF_DISTRIBUTION`; with
-                ``auto``, schemes that :meth:`follow` finds in use are added.
+        ``distribution`` is a key of :data:`~slopewise.services.ros.graph.OF_DISTRIBUTION`; with
+        ``auto``, schemes that :meth:`follow` finds in use are added.
         """
         self.inbox = Inbox(clock)
         self.graph = Graph(session, domain)
@@ -84,12 +81,7 @@ class Node:
         """Return the node."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Disappear from the graph."""
         for declared in reversed(self._declared):
             declared.undeclare()
@@ -106,11 +98,8 @@ class Node:
     def subscribe(self, topic: str, kind: str, *, latched: bool = False) -> str:
         """Receive messages of a type in the inbox, under the full name that is returned.
 
-        Messages under another definition of the type are refused.
-
-        Args:
-            latched: ask for what was published before, as ROS 2 does of publishers that are
-                ``transient_local``; others do not reply.
+        Messages under another definition of the type are refused. ``latched`` asks for what was
+        published before, as ROS 2 does of ``transient_local`` publishers; others do not reply.
         """
         wish = _Subscription(naming.full_name(self._namespace, topic), kind, latched)
         self._subscriptions.append(wish)

@@ -109,11 +109,7 @@ class ConnectionWatch:
         namespace: str = "",
         source: str = "",
     ) -> None:
-        """Warn if no node is at the other end of the ``required`` topics.
-
-        Args:
-            service, namespace: service whose live page shows it as well; None: no service.
-        """
+        """Warn, also on the live page of a service, if a required topic has no counterpart."""
         self._required, self._source = frozenset(required), source
         self._publisher = None
         if service is not None:

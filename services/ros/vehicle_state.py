@@ -148,15 +148,11 @@ class VehicleState:
 
 
 class SamplePublisher:
-    """Collects a sample with each odometry, and sends them in messages.
-
-    Attributes:
-        latest: values by column, each with its arrival, monotonic [s].
-    """
+    """Collects a sample with each odometry, and sends them in messages."""
 
     def __init__(self, session: zenoh.Session, namespace: str, columns: tuple[str, ...]) -> None:
         """Publish to the service; ``columns``: besides t, v, v_cmd and pitch among them."""
-        self.latest: dict[str, tuple[float, float]] = {}
+        self.latest: dict[str, tuple[float, float]] = {}  # arrival [s] and value by column
         self._columns = columns
         self._rows: list[tuple[float, ...]] = []
         self._source, self._sequence = f"ros-{uuid4().hex[:12]}", 0

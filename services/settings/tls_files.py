@@ -29,11 +29,9 @@ _ENCRYPTED = ("tls/", "quic/")
 
 
 def settle(config: zenoh.Config, source: Path, endpoints: Sequence[str]) -> None:
-    """Make certificates absolute, and reject settings that would not protect as stated.
+    """Make certificates of a file absolute, and reject settings that would not protect as stated.
 
-    Args:
-        config: configuration read from ``source``; changed in place.
-        endpoints: endpoints that the session listens on or connects to.
+    The configuration is changed in place.
     """
     tls = json.loads(config.get_json(_TLS))
     for key in _FILES:

@@ -19,12 +19,10 @@ an honest sender that is a little too large gets a reason, and memory stays boun
 
 
 def zenoh_config(settings: ZenohSettings, sizes: SizeLimits | None = None) -> zenoh.Config:
-    """Configuration of a zenoh session.
+    """Configuration of a zenoh session; with sizes that of a service, where far larger ones drop.
 
-    Args:
-        sizes: limits of a service: far larger messages are dropped by zenoh. A service uses no
-            shared memory unless a file of zenoh's settings requires it: its requests and plans fit
-            the loopback, and the pools at both ends of a connection would count as its memory.
+    A service uses no shared memory unless a file of zenoh's settings requires it: its requests and
+    plans fit the loopback, and the pools at both ends of a connection would count as its memory.
     """
     import zenoh
 

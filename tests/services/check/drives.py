@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from slopewise.services.check.external_plan import ExternalPlan
 from tests.planner.scenes import model_of, tables_with
 
 Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Columns = Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
 
 
 def model_with(**tables: Mapping[str, Any]) -> Model:
@@ -69,3 +71,49 @@ def round_turn(s: np.ndarray, speed: np.ndarray, radius: float, **columns: Any) 
     """A left turn that begins along x at the origin."""
     x, y = radius * np.sin(s / radius), radius * (1.0 - np.cos(s / radius))
     return ExternalPlan(name="turn", x=x, y=y, speed=speed, **columns)
+
+
+class Scene(NamedTuple):
+    """A plan that uses a share of what one rule allows."""
+
+    plan: ExternalPlan
+    model: Model
+    heights: ElevationMap
+    clear: float = np.inf
+
+
+def driven(
+    top: float,
+    surface: Surface | None = None,
+    *,
+    radius: float | None = None,
+    resolution: float = 0.2,
+    clear: float = np.inf,
+    columns: Columns | None = None,
+    shape: Mapping[str, float] = MappingProxyType({}),
+    **tables: Mapping[str, Any],
+) -> Scene:
+    """A straight drive, or a left turn, with a model of changed tables.
+
+    ``columns`` gives further columns of a plan by its stations and speeds, ``shape`` what is not
+    the default of a trapezoid.
+    """
+    s, v = trapezoid(top, **shape)
+    further = {} if columns is None else columns(s, v)
+    plan = straight(s, v, **further) if radius is None else round_turn(s, v, radius, **further)
+    return Scene(plan, model_with(**tables), ground(surface, resolution=resolution), clear)
+
+
+def at(place: Surface, height: float) -> Surface:
+    """Ground of one height, or unknown, where a condition holds, and level elsewhere."""
+    return lambda x, y: np.where(place(x, y), height, 0.0)
+
+
+def hill(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Rounded with a radius of 6 m, ±0.2 rad on both sides."""
+    along = np.abs(x - 8.0)
+    return -np.where(along < 1.2, along**2 / 12.0, 0.12 + 0.2 * (along - 1.2)) + 0.0 * y
+
+
+def constant_force(b_b: float, b_m: float = 0.0) -> dict[str, float]:
+    return {"m_m": 0.0, "b_m": b_m, "m_b": 0.0, "b_b": b_b}

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from types import MappingProxyType
-from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.models.parameters import Model
 from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.check.tolerances import TOLERANCES
 from tests.services.check.drives import (
-    Surface,
+    Scene,
+    at,
+    constant_force,
+    driven,
     ground,
+    hill,
     model_with,
     round_turn,
     slope,
@@ -27,16 +27,6 @@ from tests.services.check.drives import (
 )
 
 G = 9.80665
-Columns = Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
-
-
-class Scene(NamedTuple):
-    """A plan that uses a share of what one rule allows."""
-
-    plan: ExternalPlan
-    model: Model
-    heights: ElevationMap
-    clear: float = np.inf
 
 
 def level_stop(speed: np.ndarray) -> np.ndarray:
@@ -48,39 +38,6 @@ def level_stop(speed: np.ndarray) -> np.ndarray:
 def furthest(s: np.ndarray, speed: np.ndarray, share: float = 1.0) -> float:
     """Station before which stops end that use a share of the way they have [m]."""
     return float(np.max((s + level_stop(speed) / share)[speed > 0.0]))
-
-
-def driven(
-    top: float,
-    surface: Surface | None = None,
-    *,
-    radius: float | None = None,
-    resolution: float = 0.2,
-    clear: float = np.inf,
-    columns: Columns | None = None,
-    shape: Mapping[str, float] = MappingProxyType({}),
-    **tables: Mapping[str, Any],
-) -> Scene:
-    """A straight drive, or a left turn, with a model of changed tables.
-
-    ``columns`` gives further columns of a plan by its stations and speeds, ``shape`` what is not
-    the default of a trapezoid.
-    """
-    s, v = trapezoid(top, **shape)
-    further = {} if columns is None else columns(s, v)
-    plan = straight(s, v, **further) if radius is None else round_turn(s, v, radius, **further)
-    return Scene(plan, model_with(**tables), ground(surface, resolution=resolution), clear)
-
-
-def at(place: Surface, height: float) -> Surface:
-    """Ground of one height, or unknown, where a condition holds, and level elsewhere."""
-    return lambda x, y: np.where(place(x, y), height, 0.0)
-
-
-def hill(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Rounded with a radius of 6 m, ±0.2 rad on both sides."""
-    along = np.abs(x - 8.0)
-    return -np.where(along < 1.2, along**2 / 12.0, 0.12 + 0.2 * (along - 1.2)) + 0.0 * y
 
 
 def lateral_on_a_bank(u: float) -> Scene:
@@ -106,10 +63,6 @@ def front_axle_under_drive(u: float) -> Scene:
 def rear_share(speed: np.ndarray | float) -> np.ndarray:
     """Rear load of the quad on level ground under full brakes, a share of the static one."""
     return 1.0 - 0.55 / 0.6 * (0.015 * np.maximum(speed, 1.0) + 0.40)
-
-
-def constant_force(b_b: float, b_m: float = 0.0) -> dict[str, float]:
-    return {"m_m": 0.0, "b_m": b_m, "m_b": 0.0, "b_b": b_b}
 
 
 HARD, SOFT = trapezoid(3.0, decel=3.0), trapezoid(3.0)
@@ -385,15 +338,11 @@ def test_unusable_input_is_an_error() -> None:
         check_plan_on_map(straight(s, v), model_with(), ground(), clear=-1.0)
 
 
-def test_plan_at_rest_is_valid() -> None:
-    report = check_plan_on_map(
-        ExternalPlan(name="here", x=[1.0], y=[1.0], speed=[0.0]), model_with(), ground()
-    )
-    assert report.valid
-    assert report.stops == 0
-
-
-def test_plan_that_stops_at_its_start_is_at_rest() -> None:
+def test_a_plan_at_rest_is_valid() -> None:
+    here = ExternalPlan(name="here", x=[1.0], y=[1.0], speed=[0.0])
+    report = check_plan_on_map(here, model_with(), ground())
+    assert (report.valid, report.stops) == (True, 0)
+    # So is one that stops where it starts.
     x, y = np.array([1.0, 1.0 + 1e-9]), np.ones(2)
     crawls = ExternalPlan(name="crawls", x=x, y=y, speed=np.array([6e-5, 0.0]))
     assert check_plan_on_map(crawls, model_with(), ground()).valid

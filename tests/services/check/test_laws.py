@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.laws import wheel_loads, wheel_lockup
-from slopewise.services.check.friction import braking_cap, utilisation
-from slopewise.services.check.loads import attitude_of, shares_of
+from slopewise.services.check.loads import attitude_of, braking_cap, shares_of, utilisation
 from tests.services.check.drives import model_with
 
 G = 9.80665

@@ -200,7 +200,7 @@ def test_mistakes_in_parameter_files_are_named(tmp_path: Path, mistake: str) -> 
     nodes = copy.deepcopy(NAV2)
     act, check = PARAMETER_MISTAKES[mistake]
     act(nodes)
-    issues = examine(RobotFacts(MODEL, EdgeSettings(), parameters(tmp_path, nodes), None))
+    issues = examine(RobotFacts(MODEL, EdgeSettings(), parameters(tmp_path, nodes)))
     assert check in named(issues), issues
     assert all(issue.message and issue.fix for issue in issues)
 
@@ -208,13 +208,13 @@ def test_mistakes_in_parameter_files_are_named(tmp_path: Path, mistake: str) -> 
 @pytest.mark.parametrize("mistake", EDGE_MISTAKES)
 def test_mistakes_in_the_settings_of_the_edge_are_named(tmp_path: Path, mistake: str) -> None:
     edge, check = EDGE_MISTAKES[mistake]
-    assert named(examine(RobotFacts(MODEL, edge, parameters(tmp_path, NAV2), None))) == {check}
+    assert named(examine(RobotFacts(MODEL, edge, parameters(tmp_path, NAV2)))) == {check}
 
 
 @pytest.mark.parametrize("mistake", TRAFFIC_MISTAKES)
 def test_mistakes_in_the_traffic_of_a_drive_are_named(mistake: str) -> None:
     make, check = TRAFFIC_MISTAKES[mistake]
-    issues = examine(RobotFacts(MODEL, None, None, make()))
+    issues = examine(RobotFacts(MODEL, seen=make()))
     assert check in named(issues), issues
 
 
@@ -233,7 +233,7 @@ def connected() -> ObservedTraffic:
 
 @pytest.mark.parametrize("sane", ["mppi", "dwb", "regulated", *SANE_TRAFFIC])
 def test_robots_that_fit_have_no_issues(tmp_path: Path, sane: str) -> None:
-    nodes, traffic = copy.deepcopy(NAV2), None
+    nodes, traffic = copy.deepcopy(NAV2), ObservedTraffic()
     if sane == "dwb":
         nodes["controller_server"]["FollowPath"] = {"max_vel_x": 2.0, "decel_lim_x": -1.8}
         nodes["global_costmap"] = {"robot_radius": 1.0}
@@ -242,7 +242,7 @@ def test_robots_that_fit_have_no_issues(tmp_path: Path, sane: str) -> None:
         del nodes["twist_mux"], nodes["diff_drive_controller"]
     elif sane in SANE_TRAFFIC:
         traffic = SANE_TRAFFIC[sane]()
-    has_map = traffic is None or "/elevation_map" in traffic.topics
+    has_map = not traffic.topics or "/elevation_map" in traffic.topics
     edge = EdgeSettings(wheels=WheelJoints(left="l", right="r", radius=0.28)) if has_map else None
     assert examine(RobotFacts(MODEL, edge, parameters(tmp_path, nodes), traffic)) == []
 
@@ -289,6 +289,4 @@ def test_parameter_names_with_dots_and_namespaces_are_nested(tmp_path: Path) -> 
     )
     nav2 = read_nav2([file])
     assert nav2.controllers() == {"F": {"ax_min": -1.0, "vx_max": 2.0}}
-    assert all(
-        f.severity is IssueSeverity.ERROR for f in examine(RobotFacts(MODEL, None, nav2, None))
-    )
+    assert all(f.severity is IssueSeverity.ERROR for f in examine(RobotFacts(MODEL, None, nav2)))

@@ -89,23 +89,15 @@ def test_candidates_have_one_row_each_in_order(
     inputs: tuple[Path, list[Path]], local: Path
 ) -> None:
     rows = pq.read_table(local / "candidates")
-    assert sorted(rows["candidate"].to_pylist()) == sorted(
-        path.name for file in inputs[1] for path in read_paths(file)
-    )
+    paths = [path for file in inputs[1] for path in read_paths(file)]
+    assert sorted(rows["candidate"].to_pylist()) == sorted(path.name for path in paths)
     first = pq.read_table(min((local / "candidates").glob("a-*")))
     assert first["candidate"].to_pylist() == [f"a.{i}" for i in range(9)]
     assert set(rows["source"].to_pylist()) == {"a.csv", "b.parquet"}
-
-
-def test_unknown_ground_all_around_is_a_status(
-    inputs: tuple[Path, list[Path]], local: Path
-) -> None:
-    paths = [p for file in inputs[1] for p in read_paths(file)]
-    unknown = {p.name for p in paths if (p.points.min(axis=0) > 175.0).all()}
-    assert unknown
-    rows = pq.read_table(local / "candidates").to_pylist()
-    lost = [row for row in rows if row["candidate"] in unknown]
-    assert len(lost) == len(unknown)
+    # Unknown ground all around is a status.
+    unknown = {path.name for path in paths if (path.points.min(axis=0) > 175.0).all()}
+    lost = [row for row in rows.to_pylist() if row["candidate"] in unknown]
+    assert len(lost) == len(unknown) > 0
     assert not any(row["admissible"] for row in lost)
 
 
@@ -150,8 +142,11 @@ def test_a_second_run_plans_nothing_again(
     result = run(inputs, tmp_path)
     assert (result.resumed, result.planned) == (18, 36)
     assert content(tmp_path) == content(local)
+    partial = tmp_path / "plans" / ".a-0000000.parquet.0651ea1329ee.tmp"
+    partial.write_bytes(b"half")  # of a worker that was killed
     again = run(inputs, tmp_path)
     assert (again.resumed, again.planned, again.unexpected) == (54, 0, 0)
+    assert not partial.exists()
     # A part that lacks half of its results is planned again.
     min((tmp_path / "plans").iterdir()).unlink()
     assert run(inputs, tmp_path).planned == 9
@@ -228,15 +223,3 @@ def test_two_workers_one_of_them_killed_give_the_same_bytes(
     assert content(tmp_path) == content(local)
     assert not list(tmp_path.glob("**/*.tmp"))
     assert json.loads((tmp_path / "fleet.json").read_text())["question"]
-
-
-def test_partial_files_of_a_killed_worker_are_removed(
-    inputs: tuple[Path, list[Path]], tmp_path: Path
-) -> None:
-    run(inputs, tmp_path)
-    partial = tmp_path / "plans" / ".a-0000000.parquet.0651ea1329ee.tmp"
-    partial.write_bytes(b"half")
-    before = content(tmp_path)
-    assert run(inputs, tmp_path).planned == 0
-    assert not partial.exists()
-    assert content(tmp_path) == before

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -14,10 +16,10 @@ from tests.services.faults import fault_in
 rosbags = pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
-from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
-TYPES = STORE.types
+from slopewise.services.io.bags import typestore  # noqa: E402
+from tests.services.ros.ros_messages import command, imu, joints, odometry  # noqa: E402
+
 BEGIN = 1_700_000_000_000_000_000  # [ns]
 TOPICS = """
 [v]
@@ -38,68 +40,34 @@ scale = 0.28
 """
 
 
-def vector(**values: float) -> object:
-    return TYPES["geometry_msgs/msg/Vector3"](**({"x": 0.0, "y": 0.0, "z": 0.0} | values))
-
-
-def messages(seconds: float = 3.0):  # type: ignore[no-untyped-def]
+def messages() -> Iterator[tuple[str, str, int, object]]:
     """Speed 2 - 0.5 t at 50 Hz, the stop command at 1 s, pitch 0.1 rad, one wheel at 10 rad/s."""
-    header = TYPES["std_msgs/msg/Header"](
-        stamp=TYPES["builtin_interfaces/msg/Time"](sec=0, nanosec=0), frame_id=""
-    )
-    twist = TYPES["geometry_msgs/msg/Twist"]
-    q = TYPES["geometry_msgs/msg/Quaternion"](x=0.0, y=np.sin(0.05), z=0.0, w=np.cos(0.05))
-    point = TYPES["geometry_msgs/msg/Point"](x=0.0, y=0.0, z=0.0)
-    pose = TYPES["geometry_msgs/msg/Pose"](position=point, orientation=q)
-    for k in range(round(seconds * 50)):
+    for k in range(150):
         t = k / 50
         at = BEGIN + round(1e9 * t)
-        speed = twist(linear=vector(x=2.0 - 0.5 * t), angular=vector())
-        yield (
-            "/odom",
-            "nav_msgs/msg/Odometry",
-            at,
-            TYPES["nav_msgs/msg/Odometry"](
-                header=header,
-                child_frame_id="",
-                pose=TYPES["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36)),
-                twist=TYPES["geometry_msgs/msg/TwistWithCovariance"](speed, np.zeros(36)),
-            ),
-        )
+        yield "/odom", "nav_msgs/msg/Odometry", at, odometry(2.0 - 0.5 * t)
         if k % 5 == 0:
-            command = twist(linear=vector(x=2.0 if t < 1.0 else 0.0), angular=vector())
-            yield "/cmd_vel", "geometry_msgs/msg/Twist", at + 1_000_000, command
-            yield (
-                "/imu/data",
-                "sensor_msgs/msg/Imu",
-                at,
-                TYPES["sensor_msgs/msg/Imu"](
-                    header=header,
-                    orientation=q,
-                    orientation_covariance=np.zeros(9),
-                    angular_velocity=vector(),
-                    angular_velocity_covariance=np.zeros(9),
-                    linear_acceleration=vector(),
-                    linear_acceleration_covariance=np.zeros(9),
-                ),
-            )
-            yield (
-                "/joint_states",
-                "sensor_msgs/msg/JointState",
-                at,
-                TYPES["sensor_msgs/msg/JointState"](
-                    header, ["right", "left"], np.zeros(2), np.array([3.0, 10.0]), np.zeros(2)
-                ),
-            )
+            twist = command(2.0 if t < 1.0 else 0.0).twist
+            yield "/cmd_vel", "geometry_msgs/msg/Twist", at + 1_000_000, twist
+            yield "/imu/data", "sensor_msgs/msg/Imu", at, imu(0.1, 0.0)
+            wheels = joints(10.0, 3.0, ("right", "left"))
+            yield "/joint_states", "sensor_msgs/msg/JointState", at, wheels
 
 
-def written(folder: Path, plugin: StoragePlugin) -> Path:
+def written(
+    folder: Path,
+    plugin: StoragePlugin = StoragePlugin.MCAP,
+    names: Mapping[str, str] = MappingProxyType({}),
+    *more: str,
+) -> Path:
+    """A recording, with other topics; ``more`` get the speed commands, too."""
     with Writer(folder, version=9, storage_plugin=plugin) as writer:
         connections = {}
         for topic, kind, at, message in messages():
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            writer.write(connections[topic], at, STORE.serialize_cdr(message, kind))
+            for name in (names.get(topic, topic), *(more if topic == "/cmd_vel" else ())):
+                if name not in connections:
+                    connections[name] = writer.add_connection(name, kind, typestore=typestore())
+                writer.write(connections[name], at, typestore().serialize_cdr(message, kind))
     return folder
 
 
@@ -127,7 +95,7 @@ def test_a_recording_is_a_drive_log(tmp_path: Path, topics: Path, plugin: Storag
 
 
 def test_several_recordings_are_runs(tmp_path: Path, topics: Path) -> None:
-    bags = [written(tmp_path / name, StoragePlugin.MCAP) for name in ("a", "b")]
+    bags = [written(tmp_path / name) for name in ("a", "b")]
     assert len(read_logs(bags, topics).runs) == 2
 
 
@@ -143,7 +111,7 @@ def test_mappings_that_do_not_fit(
     tmp_path: Path, topics: Path, old: str, new: str, field: str, message: str
 ) -> None:
     topics.write_text(TOPICS.replace(old, new))
-    bag = written(tmp_path / "drive", StoragePlugin.MCAP)
+    bag = written(tmp_path / "drive")
     with pytest.raises(InputError) as error:
         read_logs([bag], topics)
     assert error.value.source == str(bag)
@@ -164,21 +132,9 @@ def test_what_is_no_recording(tmp_path: Path, topics: Path) -> None:
         read_logs([table], topics)
 
 
-def renamed(folder: Path, names: dict[str, str], *more: str) -> Path:
-    """The same recording with other topics; ``more`` get the speed commands, too."""
-    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        connections = {}
-        for topic, kind, at, message in messages():
-            for name in (names.get(topic, topic), *(more if topic == "/cmd_vel" else ())):
-                if name not in connections:
-                    connections[name] = writer.add_connection(name, kind, typestore=STORE)
-                writer.write(connections[name], at, STORE.serialize_cdr(message, kind))
-    return folder
-
-
 def test_without_a_mapping_topics_are_guessed_by_type(tmp_path: Path) -> None:
     names = {"/odom": "/ekf/filtered", "/cmd_vel": "/robot/cmd_vel", "/imu/data": "/xsens"}
-    log = read_logs([renamed(tmp_path / "a", names, "/joystick")])
+    log = read_logs([written(tmp_path / "a", StoragePlugin.MCAP, names, "/joystick")])
     assert set(log.columns) == {"run", "t", "v", "v_cmd", "pitch", "roll", "yaw_rate"}
     t = log.columns["t"] - 1e-9 * BEGIN
     np.testing.assert_allclose(log.columns["v"], 2.0 - 0.5 * t, atol=1e-6)
@@ -187,6 +143,6 @@ def test_without_a_mapping_topics_are_guessed_by_type(tmp_path: Path) -> None:
 
 
 def test_what_is_not_certain_is_not_guessed(tmp_path: Path) -> None:
-    bag = renamed(tmp_path / "b", {"/cmd_vel": "/a"}, "/b")
+    bag = written(tmp_path / "b", StoragePlugin.MCAP, {"/cmd_vel": "/a"}, "/b")
     with pytest.raises(InputError, match=r"v_cmd of .* is not recorded, expected one of /a, /b"):
         read_logs([bag])

@@ -5,10 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from slopewise.models.errors import InputError
 from slopewise.services.io.drive_log import read_drive_log
 from slopewise.services.io.log_checks import names_of
 from tests.services.faults import fault_in
@@ -65,12 +62,11 @@ def test_runs_that_start_their_own_clock_are_noticed(tmp_path: Path) -> None:
     assert not log.one_clock
 
 
-def test_no_files_and_missing_files(tmp_path: Path) -> None:
+def test_no_files_and_a_missing_one_of_parquet(tmp_path: Path) -> None:
     with fault_in("drive log", "", "at least one file"):
         read_drive_log([])
-    for name in ("none.csv", "none.parquet"):
-        with fault_in(tmp_path / name, "", "expected an existing file"):
-            read_drive_log([tmp_path / name])
+    with fault_in(tmp_path / "none.parquet", "", "expected an existing file"):
+        read_drive_log([tmp_path / "none.parquet"])
 
 
 def test_csv_needs_no_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,16 +111,6 @@ def test_parquet_that_cannot_be_used(tmp_path: Path) -> None:
         read_drive_log([path])
     parquet.write_table(table(columns | {"v": [1.0, 0.5], "run": [1.0, float("inf")]}), path)
     assert read_drive_log([path]).columns["run"].tolist() == ["1", "inf"]
-
-
-@settings(deadline=None)
-@given(text=st.text(alphabet='0123.,-\n"runtvcmdpi_ e', max_size=60))
-def test_any_text_is_a_log_or_one_line(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
-    path = written(tmp_path_factory.mktemp("log") / "log.csv", f"{HEADER},x,other\n{text}")
-    try:
-        assert read_drive_log([path]).runs
-    except InputError as error:
-        assert str(error).isprintable()  # noqa: PT017  either outcome is right
 
 
 @pytest.mark.parametrize(

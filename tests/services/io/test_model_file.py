@@ -162,25 +162,6 @@ def test_whole_numbers_are_floats(tables: dict[str, Any]) -> None:
     assert type(model.vehicle.mass) is float
 
 
-@pytest.mark.parametrize(
-    ("content", "field", "message"),
-    [
-        (b'name = "a"\n[vehicle\n', "line 2, column 9", "expected TOML, got: Expected ']'"),
-        (b"name = ", "end of document", "expected TOML"),
-        (b"a = 1\na = 2\n", "line 2, column 6", "Cannot overwrite a value"),
-        (b"\xff\xfe", "byte 0", "UTF-8"),
-        (b"a = " + b"[" * 5000, "", "expected TOML"),
-        (b"", "name", "missing key, expected text"),
-        (b"name = \x00", "line 1, column 8", "expected TOML"),
-    ],
-)
-def test_a_file_that_is_no_model(tmp_path: Path, content: bytes, field: str, message: str) -> None:
-    path = tmp_path / "m.toml"
-    path.write_bytes(content)
-    with fault_in(path, field, message):
-        read_model(path)
-
-
 def test_missing_file_and_directory(tmp_path: Path) -> None:
     with fault_in(tmp_path / "none.toml", "", "expected an existing file"):
         read_model(tmp_path / "none.toml")
@@ -281,27 +262,8 @@ def test_writing_where_nothing_can_be_written(tmp_path: Path) -> None:
 
 
 NAMES = st.text(min_size=1, max_size=8).filter(lambda name: not name.startswith("#"))
-COVARIANCE = [[4e-4, 0.0, 0.0, 0.0], [0.0, 9e-4, 0.0, 0.0], [0.0, 0.0, 1e-4, 0.0], [0.0] * 4]
-OPTIONAL = {
-    "vehicle.motor_torque_constant": 0.044,
-    "vehicle.gear_ratio": 78.7,
-    "vehicle.idle_current": 0.8,
-    "vehicle.front_overhang": 0.3,
-    "vehicle.max_step": 0.09,
-    "vehicle.front_brake_share": 0.6,
-    "braking.distance_offset": 0.1,
-    "braking.time_offset": 0.1,
-    "braking.speed_by_grade": [[-0.2, 1.0], [0.0, 3.0], [0.2, 3.5]],
-    "braking.roll_range": [-0.2, 0.2],
-    "braking.drive_in_dead_time": "either",
-    "braking.covariance": COVARIANCE,
-    "braking.sliding_friction": 0.6,
-    "braking.level": 0.9,
-    "braking.uphill": {"m_m": -0.03, "b_m": -0.3},
-    "braking.extrapolate": True,
-    "terrain.braking_resistance": 0.05,
-    "limits.max_path_deviation": 0.3,
-}
+OPTIONAL = tomllib.loads(Path(__file__).with_name("optional_keys.toml").read_text())
+COVARIANCE = OPTIONAL["braking.covariance"]
 SURFACE = st.fixed_dictionaries(
     {},
     optional={

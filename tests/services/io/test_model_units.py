@@ -73,92 +73,15 @@ def test_planner_and_guard_refuse_it_and_name_the_unit(
     assert f"{table}." in guard
 
 
-def scaled(**vehicle: float) -> dict[str, Any]:
+SIZES = tomllib.loads(Path(__file__).with_name("vehicle_sizes.toml").read_text())
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_vehicles_of_all_sizes_are_read(tmp_path: Path, name: str) -> None:
     tables = copy.deepcopy(ATV)
-    tables["vehicle"] = {
-        k: v for k, v in tables["vehicle"].items() if k not in ("max_step", "wheel_travel")
-    } | vehicle
-    return tables
-
-
-CAR = scaled(
-    mass=3.0,
-    wheelbase=0.3,
-    track_width=0.25,
-    cg_x=0.15,
-    cg_z=0.06,
-    wheel_radius=0.05,
-    width=0.28,
-    max_drive_force=25.0,
-    max_drive_power=150.0,
-    ground_clearance=0.03,
-    wheel_width=0.04,
-    front_overhang=0.05,
-    rear_overhang=0.05,
-)
-CAR["braking"] |= {"b_b": 0.7, "dead_time": 0.05, "distance_offset": 0.02}
-CAR["limits"] |= {"decel": 5.0, "jerk": 50.0}
-CAR["terrain"]["slip_track"] = 0.3
-TRUCK = scaled(
-    mass=600e3,
-    wheelbase=7.0,
-    track_width=6.0,
-    cg_x=3.0,
-    cg_z=4.0,
-    wheel_radius=2.0,
-    width=9.0,
-    max_drive_force=1.5e6,
-    max_drive_power=2.5e6,
-    ground_clearance=1.2,
-    wheel_width=1.4,
-    front_overhang=3.0,
-    rear_overhang=4.0,
-    max_wheel_speed=18.0,
-)
-TRUCK["terrain"]["slip_track"] = 6.0
-TRUCK["limits"]["speed"] = 15.0
-TRUCK["braking"]["speed_range"] = [2.0, 15.0]
-# Over a row of plants.
-STRADDLER = scaled(
-    mass=210.0,
-    wheelbase=1.2,
-    track_width=1.4,
-    cg_x=0.6,
-    cg_z=0.8,
-    wheel_radius=0.21,
-    width=1.7,
-    max_drive_force=1500.0,
-    max_drive_power=2000.0,
-    ground_clearance=0.69,
-)
-STRADDLER["terrain"]["slip_track"] = 2.0
-ROVER = scaled(
-    mass=1000.0,
-    wheelbase=2.2,
-    track_width=2.3,
-    cg_x=1.1,
-    cg_z=0.9,
-    wheel_radius=0.26,
-    width=2.7,
-    max_drive_force=1500.0,
-    max_drive_power=110.0,
-    ground_clearance=0.6,
-    max_wheel_speed=0.042,
-)
-ROVER["terrain"]["slip_track"] = 3.5
-ROVER["limits"]["speed"] = 0.04
-ROVER["braking"]["speed_range"] = [0.01, 0.04]
-SIZES = {
-    "1/10 car": CAR,
-    "mining truck": TRUCK,
-    "atv": ATV,
-    "straddler": STRADDLER,
-    "Mars rover": ROVER,
-}
-
-
-@pytest.mark.parametrize("tables", SIZES.values(), ids=SIZES)
-def test_vehicles_of_all_sizes_are_read(tmp_path: Path, tables: dict[str, Any]) -> None:
+    del tables["vehicle"]["max_step"], tables["vehicle"]["wheel_travel"]
+    for table, values in SIZES[name].items():
+        tables[table] |= values
     file = written(tmp_path, tables)
     model = read_model(file)
     read_guard_model(file)
