@@ -56,7 +56,8 @@ def _row(parameter: Any) -> str:
         label = " / ".join([*parameter.opts, *parameter.secondary_opts]) + metavar
         text = parameter.help or ""
     default = parameter.default
-    shown = "" if parameter.required or default is None or default == "" else f"`{default}`"
+    is_plain = not parameter.required and default not in (None, "") and parameter.show_default
+    shown = f"`{default}`" if is_plain else ""
     return f"| `{label}` | {shown} | {_plain(text).replace('|', '&#124;')} |"
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from slopewise.services.cli import options
-from slopewise.services.cli.command import ExitStatus, print_result, schema_of
+from slopewise.services.cli.command import ExitStatus, print_result, provenance_of, schema_of
 from slopewise.services.cli.tables import line, notes, table
 from slopewise.services.jobs.plural import plural
 
@@ -100,19 +99,13 @@ def calibrate(
         turn_rate=turn_rate,
     )
     log_input = LogInput(logs, map_file, nodata, topics, columns)
-    facts = {
-        "logs": ", ".join(log.name for log in logs),
-        "model so far": model,
-        "map": map_file.name if map_file else "none",
-        "written": f"{datetime.now():%Y-%m-%d %H:%M}",
-    }
     try:
         result = job.calibrate(log_input, model, settings=settings, quiet=as_json)
     except job.RejectedLogError as rejected:
         if stops is not None:
             summaries.write_rejected_stops(rejected, stops)
         if report is not None:
-            del facts["map"]
+            facts = provenance_of(logs, model)
             calibration_page.write_rejected_log(report, rejected, facts)
         raise
     numbers = None
@@ -125,6 +118,7 @@ def calibrate(
     if stops is not None:
         summaries.write_stops(result, stops)
     if report is not None:
+        facts = provenance_of(logs, model, map=map_file.name if map_file else "none")
         calibration_page.write_calibration_page(report, result, facts)
     summary = summaries.summarise(result, numbers)
     print_result(as_json, summary, _tables(result), out, stops, report, sheet)

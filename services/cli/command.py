@@ -7,7 +7,8 @@ A command is a typer function that returns an :class:`ExitStatus`, or None for 0
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from datetime import datetime
 from enum import IntEnum
 from importlib import import_module
 from pathlib import Path
@@ -64,3 +65,13 @@ def print_result(
 def print_ready(as_json: bool, message: str, facts: dict[str, object]) -> None:
     """Print the line of a command that runs until a signal, for the process that waits for it."""
     print(json.dumps({"ready": True, **facts}) if as_json else f"slopewise: {message}", flush=True)
+
+
+def provenance_of(logs: Sequence[Path], model: str, **facts: str) -> dict[str, str]:
+    """Facts on a page about drive logs: name -> value."""
+    return {
+        "logs": ", ".join(log.name for log in logs),
+        "model so far": model,
+        **facts,
+        "written": f"{datetime.now():%Y-%m-%d %H:%M}",
+    }

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from slopewise.services.cli import options
-from slopewise.services.cli.command import print_result
+from slopewise.services.cli.command import print_result, provenance_of
 from slopewise.services.cli.tables import line, notes, table
 
 if TYPE_CHECKING:
@@ -66,11 +65,7 @@ def discrepancy(
         findings,
         result.evidence,
         title=f"{findings.model.name} against its log",
-        provenance={
-            "logs": ", ".join(log.name for log in logs),
-            "model so far": model,
-            "written": f"{datetime.now():%Y-%m-%d %H:%M}",
-        },
+        provenance=provenance_of(logs, model),
     )
     print_result(as_json, result.summary, _tables(findings), *files, page)
 

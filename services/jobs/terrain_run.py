@@ -38,26 +38,24 @@ def monitor_rows(
     log: DriveLog, part: slice, usable_samples: NDArray[np.bool_], rates: tuple[str, ...]
 ) -> Iterator[tuple[DriveSample, bool, tuple[float, ...], tuple[float, ...]]]:
     """Samples of a run in the order of the monitor's arguments."""
-    columns = log.columns
-    count = part.stop - part.start
-    roll = np.nan_to_num(columns["roll"][part]) if "roll" in columns else np.zeros(count)
-    turning = [columns[name][part].tolist() for name in rates]
+    columns, accelerations = log.columns, _complete(log, ACCELERATIONS)
+    level = np.zeros(part.stop - part.start)
+    roll = np.nan_to_num(columns["roll"][part]) if "roll" in columns else level
     channels = [columns[name][part].tolist() for name in ("t", *NEEDED, "pitch")]
     return zip(
         map(DriveSample, *channels, roll.tolist()),
         usable_samples[part].tolist(),
-        list(zip(*turning, strict=True)) if turning else [()] * count,
-        _accelerations(log, part),
+        _rows(log, part, rates),
+        _rows(log, part, accelerations if len(accelerations) == len(ACCELERATIONS) else ()),
         strict=True,
     )
 
 
-def _accelerations(log: DriveLog, part: slice) -> list[tuple[float, ...]]:
-    """Accelerations of each sample, empty unless the log has all three axes."""
-    if len(_complete(log, ACCELERATIONS)) < len(ACCELERATIONS):
+def _rows(log: DriveLog, part: slice, names: tuple[str, ...]) -> list[tuple[float, ...]]:
+    """Values of each sample, empty without names."""
+    if not names:
         return [()] * (part.stop - part.start)
-    columns = [log.columns[name][part].tolist() for name in ACCELERATIONS]
-    return list(zip(*columns, strict=True))
+    return list(zip(*(log.columns[name][part].tolist() for name in names), strict=True))
 
 
 def run_events(

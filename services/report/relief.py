@@ -79,20 +79,18 @@ def coarsen(elevation: Floats, max_cells: int) -> tuple[Floats, int]:
 
     Returns:
         (rows, cols) heights, NaN where more than half a block is unknown; cells along the edge of
-        a block. Blocks begin at row and column 0; the last ones may reach beyond the map.
+        a block. Blocks begin at row and column 0; the last ones may be cut by the edge of the map.
     """
     factor = -(-max(elevation.shape) // max_cells)
     if factor <= 1:
         return elevation, 1
-    rows, columns = elevation.shape
-    border = ((0, -rows % factor), (0, -columns % factor))
-    padded = np.pad(elevation, border, constant_values=np.nan)
-    blocks = padded.reshape(padded.shape[0] // factor, factor, -1, factor)
-    known = np.isfinite(blocks)
-    count = known.sum(axis=(1, 3))
-    total = np.where(known, blocks, 0.0).sum(axis=(1, 3))
-    cells = np.pad(np.ones_like(elevation), border).reshape(blocks.shape).sum(axis=(1, 3))
-    mostly_known = (2 * count >= cells) & (count > 0)
+    rows, columns = (np.arange(0, count, factor) for count in elevation.shape)
+    known = np.isfinite(elevation)
+    total, count, cells = (
+        np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1)
+        for values in (np.where(known, elevation, 0.0), known * 1.0, np.ones_like(elevation))
+    )
+    mostly_known = (2.0 * count >= cells) & (count > 0.0)
     return np.divide(total, count, out=np.full(count.shape, np.nan), where=mostly_known), factor
 
 

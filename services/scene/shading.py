@@ -18,14 +18,10 @@ _LEVEL_TONE, _CONTRAST = 0.84, 1.25
 
 
 def shade(elevation: Floats, resolution: float) -> NDArray[np.uint8]:
-    """Grey and alpha of the relief, light from the north-west.
+    """Grey and alpha of the relief, light from the north-west, north on top: (rows, cols, 2).
 
-    Args:
-        elevation: (rows, cols) heights [m], row 0 at minimum y, NaN where unknown.
-        resolution: edge of a cell [m].
-
-    Returns:
-        (rows, cols, 2), north (the last row of the map) on top; alpha 0 where unknown, else 255.
+    Elevation: (rows, cols) [m], row 0 at minimum y, on cells of a resolution [m]; where it is NaN
+    alpha is 0.
     """
     known = np.isfinite(elevation)
     rise_y, rise_x = _rise(elevation, resolution, 0), _rise(elevation, resolution, 1)
@@ -64,10 +60,7 @@ def _rise(elevation: Floats, resolution: float, axis: int) -> Floats:
     """Slope along an axis from the known neighbours, 0 where neither is known."""
     step = np.diff(elevation, axis=axis) / resolution
     gap = np.full_like(np.take(elevation, [0], axis=axis), np.nan)
-    after = np.concatenate((step, gap), axis=axis)
-    before = np.concatenate((gap, step), axis=axis)
-    has_after, has_before = np.isfinite(after), np.isfinite(before)
-    total = np.where(has_after, after, 0.0) + np.where(has_before, before, 0.0)
-    count = has_after.astype(np.float64) + has_before
-    result: Floats = np.divide(total, count, out=np.zeros_like(total), where=count > 0.0)
-    return result
+    sides = np.stack([np.concatenate(pair, axis=axis) for pair in ((step, gap), (gap, step))])
+    known = np.isfinite(sides)
+    mean: Floats = np.where(known, sides, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return mean
