@@ -13,16 +13,15 @@ from __future__ import annotations
 
 import argparse
 import math
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from benchmarks.closed_loop.drive_loop import run_drive
-from benchmarks.closed_loop.guarded import learned_model
+from benchmarks.closed_loop.drive_loop import DrivenScene, run_drive
 from benchmarks.closed_loop.policies import CYCLE, View
-from benchmarks.closed_loop.records import DrivenScene
+from benchmarks.closed_loop.quad import learned_model
 from benchmarks.closed_loop.scenes import scene
 from benchmarks.closed_loop.tracking import DriveCommand
 from slopewise.models.parameters import Model
@@ -148,9 +147,8 @@ class TrackingMpc:
 
 def drive(number: int, reference: float = 3.5) -> DrivenScene:
     """One drive over generated hills."""
-    folder = Path(__file__).resolve().parents[1] / "docs" / "results" / "closed-loop.json"
-    terrain, route, course = scene(number, None)
-    return run_drive(terrain, route, course, TrackingMpc(learned_model(folder), reference), number)
+    model = replace(learned_model(), effect=())
+    return run_drive(*scene(number, None), TrackingMpc(model, reference), number)
 
 
 def main() -> None:

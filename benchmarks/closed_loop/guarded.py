@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.parameters import Braking, Model
-from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.models.parameters import Model
 from slopewise.services.guard.command_arc import Pose2d
 from slopewise.services.guard.decide import (
     BaseCommand,
@@ -31,11 +30,9 @@ from slopewise.services.guard.decide import (
 from slopewise.services.guard.guard_map import GuardMap
 from slopewise.services.guard.guard_model import brake_table, guard_model
 
-from .drive_loop import run_drive
-from .moving_horizon import MovingHorizon
-from .policies import CYCLE, RESERVE, Policy, View
-from .quad import LIMITS, QUAD, ROLLING
-from .records import DrivenScene
+from .drive_loop import DrivenScene, run_drive
+from .policies import CYCLE, RESERVE, MovingHorizon, Policy, View
+from .quad import LIMITS, learned_model
 from .scenes import dem_folder, scene
 from .tracking import DriveCommand
 
@@ -70,12 +67,7 @@ class Reckless:
 
 
 class Guarded:
-    """A policy whose commands arrive late and pass the guard.
-
-    Attributes:
-        actions: count of each action of the guard.
-        seconds: time of each decision [s].
-    """
+    """A policy whose commands arrive late and pass the guard."""
 
     exact = False
 
@@ -87,8 +79,8 @@ class Guarded:
         self._tables = (brake_table(self._model),)
         self._map: ElevationMap | None = None
         self._ground: GuardMap | None = None
-        self.actions: Counter[str] = Counter()
-        self.seconds: list[float] = []
+        self.actions: Counter[str] = Counter()  # of the guard
+        self.seconds: list[float] = []  # of each decision
 
     def command(self, view: View) -> DriveCommand:
         """Pass the policy's delayed command through the guard."""
@@ -125,20 +117,15 @@ class Guarded:
     def _decide(self, view: View, speed: float) -> GuardDecision:
         if view.elevation_map is not self._map:
             known = self._map = view.elevation_map
-            self._ground = GuardMap(
-                known.elevation,
-                known.resolution,
-                known.origin,
-                known.terrain_class,
-                known.class_names,
-            )
+            ground = (known.elevation, known.resolution, known.origin)
+            self._ground = GuardMap(*ground, known.terrain_class, known.class_names)
         assert self._ground is not None
         state, route = view.state, view.route
         reach = _PREVIEW[0] + _PREVIEW[1] * max(state.speed, 0.0)
-        ahead = view.station + np.array((0.0, 0.5, 1.0)) * reach
+        ahead = view.station + np.array((0.0, 1.0)) * reach
         headings = [route.at(float(min(s, route.length)), route.heading) for s in ahead]
-        turn = float(np.angle(np.exp(1j * (headings[2] - headings[0]))))
-        curvature = turn / float(ahead[2] - ahead[0])
+        turn = float(np.angle(np.exp(1j * (headings[1] - headings[0]))))
+        curvature = turn / float(ahead[1] - ahead[0])
         # The clear distance is that of the middle of the wheelbase.
         clear = max(view.clear - RESERVE, 0.0)
         guard_scene = GuardScene(self._model, self._tables, self._ground, clear)
@@ -150,26 +137,6 @@ class Guarded:
         )
         self.seconds.append(time.perf_counter() - start)
         return decision
-
-
-def learned_model(results: Path) -> Model:
-    """Model learned by the last closed-loop run, from its results."""
-    learned = json.loads(results.read_text())["learned"]["slopewise"]
-    tables = {}
-    for name, values in learned["surfaces"].items():
-        ranges: dict[str, Any] = {k: tuple(values[k]) for k in ("speed_range", "grade_range")}
-        numbers = {k: v for k, v in values.items() if k not in ranges}
-        tables[name] = SurfaceBraking(**numbers, **ranges, dead_time=learned["dead_time"])
-    weakest = min(tables.values(), key=lambda table: table.b_b or 0.0)
-    base = {name: getattr(weakest, name) for name in ("m_m", "b_m", "m_b", "b_b", "dead_time")}
-    braking = Braking(
-        **base,
-        distance_offset=weakest.distance_offset or 0.0,
-        speed_range=weakest.speed_range or (0.0, 4.0),
-        grade_range=weakest.grade_range or (-0.3, 0.3),
-        terrain=tables,
-    )
-    return Model(name="learned", vehicle=QUAD, braking=braking, terrain=ROLLING, limits=LIMITS)
 
 
 def drive(number: int, model: Model, kind: str, dem: Path | None) -> tuple[DrivenScene, Policy]:
@@ -214,9 +181,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--drives", type=int, default=300)
     parser.add_argument("--sane", type=int, default=40)
-    parser.add_argument("--results", type=Path, default=Path("docs/results/closed-loop.json"))
     options = parser.parse_args()
-    model, dem = learned_model(options.results), dem_folder()
+    model, dem = replace(learned_model(), effect=()), dem_folder()
     counts = {"sane": options.sane, "plain": options.sane, "reckless": options.drives}
     for kind, count in counts.items():
         drives = []

@@ -7,13 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .course import Course
+from .course import Course, Route, draw_route
 from .loop_terrain import PhysicsGround, crop, hills
-from .quad import QUAD
-from .route import Route, draw_route
 
-LEARNED, TESTED = (0.0, 0.4), (0.4, 1.0)
-"""Rows of each elevation model, as shares: ground to learn on, ground for tests alone."""
+TESTED = (0.4, 1.0)  # rows of each elevation model, as shares; models were learned on the others
 
 _SERIES = 5  # of seeds
 _ATTEMPTS = 200  # grounds that are tried for a route
@@ -27,19 +24,11 @@ def dem_folder() -> Path | None:
 
 
 def scene(number: int, dem: Path | None) -> tuple[PhysicsGround, Route, Course]:
-    """Ground, route and course of a drive.
-
-    Args:
-        number: number of the drive.
-        dem: elevation models for two of three drives; None for generated hills alone.
-
-    Raises:
-        RuntimeError: no ground has a route.
-    """
+    """Ground, route and course of a drive; elevation models are the ground of two of three."""
     rng = np.random.default_rng((_SERIES, number))
     for _ in range(_ATTEMPTS):
         terrain = hills(rng) if dem is None or number % 3 == 0 else crop(dem, rng, TESTED)
-        route = draw_route(terrain, rng, QUAD)
+        route = draw_route(terrain, rng)
         if route is not None:
             return terrain, route, Course(route, rng)
     raise RuntimeError(f"no route for drive {number} on {_ATTEMPTS} grounds")

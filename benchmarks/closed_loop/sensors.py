@@ -20,21 +20,14 @@ _PITCH_MOUNT = 0.01  # [rad] one standard deviation of the mount offset
 
 @dataclass(frozen=True, slots=True)
 class EstimatedState:
-    """The robot's estimate.
+    """The robot's estimate."""
 
-    Attributes:
-        time: [s].
-        x, y, yaw: pose of the middle of the wheelbase [m], [rad].
-        speed: [m/s].
-        pitch: pitch of the body with dive and mount offset, nose down positive [rad].
-    """
-
-    time: float
-    x: float
+    time: float  # [s]
+    x: float  # x, y, yaw: pose of the middle of the wheelbase [m], [rad]
     y: float
     yaw: float
-    speed: float
-    pitch: float
+    speed: float  # [m/s]
+    pitch: float  # pitch of the body with dive and mount offset, nose down positive [rad]
 
 
 class Sensors:

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 from slopewise.models.quantity import GRAVITY
-from slopewise.models.vehicle import Vehicle
 
-from .route import Route
+from .course import Route
+from .quad import QUAD
 from .sensors import EstimatedState
 from .world import TICK
 
@@ -23,26 +23,19 @@ _SERVICE_BRAKE = 0.99  # application below the emergency stop [1]
 
 @dataclass(frozen=True, slots=True)
 class DriveCommand:
-    """Command of a policy.
+    """Command of a policy."""
 
-    Attributes:
-        speed: now [m/s].
-        accel: from now on [m/s²].
-        stop: full braking until standstill, at any speed.
-        reason: human-readable.
-    """
-
-    speed: float = 0.0
-    accel: float = 0.0
-    stop: bool = False
-    reason: str = ""
+    speed: float = 0.0  # now [m/s]
+    accel: float = 0.0  # from now on [m/s²]
+    stop: bool = False  # full braking until standstill, at any speed
+    reason: str = ""  # human-readable
 
 
 class Tracker:
     """Follows a route at a commanded speed."""
 
-    def __init__(self, route: Route, vehicle: Vehicle) -> None:
-        self._route, self._vehicle = route, vehicle
+    def __init__(self, route: Route) -> None:
+        self._route = route
         self._windup = 0.0
 
     def actuate(
@@ -53,15 +46,9 @@ class Tracker:
         since: float,
         holding: bool,
     ) -> tuple[float, float, float]:
-        """Thrust [N], brake application 0 … 1, curvature [1/m].
+        """Thrust [N], brake application 0 … 1, curvature [1/m], a time since the command [s].
 
-        Args:
-            state: estimate.
-            station: along the route [m].
-            command: command of the last cycle.
-            since: time since that command [s].
-            holding: whether a stop was commanded and brake pressure still builds up; the speed is
-                then held.
+        The speed is held while brake pressure still builds up after the command of a stop.
         """
         curvature = self._pursue(state, station)
         if command.stop and not holding:
@@ -77,12 +64,12 @@ class Tracker:
         accel = command.accel + _GAIN * error + self._windup
         share = accel / GRAVITY - math.sin(state.pitch) + (0.0 if resting else _ROLLING)
         if command.stop:
-            return max(share, 0.0) * self._vehicle.mass * GRAVITY, 1.0, curvature
+            return max(share, 0.0) * QUAD.mass * GRAVITY, 1.0, curvature
         if resting:
             self._windup = 0.0
             return 0.0, _SERVICE_BRAKE, curvature
         if share >= 0.0:
-            return share * self._vehicle.mass * GRAVITY, 0.0, curvature
+            return share * QUAD.mass * GRAVITY, 0.0, curvature
         return 0.0, min(-share / _BRAKE, _SERVICE_BRAKE), curvature
 
     def _pursue(self, state: EstimatedState, station: float) -> float:

@@ -8,8 +8,7 @@ from slopewise.models.arrays import Floats
 from slopewise.planner.plan import motion_of
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 
-_STANDSTILL_SQ = 1e-6
-"""Below this v² the vehicle stands and no limit applies [m²/s²]."""
+_STANDSTILL_SQ = 1e-6  # Below this v² the vehicle stands and no limit applies [m²/s²]
 
 
 def travel_time(station: Floats, speed_sq: Floats) -> float:

@@ -13,9 +13,7 @@ from slopewise.models.vehicle import Vehicle
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 
-SPACING = 0.25
-"""Between stations in the plan view [m]."""
-
+SPACING = 0.25  # Between stations in the plan view [m]
 _SEED = 7  # of grounds and candidates
 _SIZE = 80.0  # [m] edge of the map, enough for 100 stations from its middle
 _RESOLUTION = 0.2  # [m] finer than a wheel, so that the swept footprint is checked in full
@@ -25,20 +23,13 @@ _ROUGHNESS = 0.01  # [m] noise of the cells, one standard deviation
 
 @dataclass(frozen=True, slots=True)
 class BenchmarkScene:
-    """M candidates of N stations on one map.
+    """M candidates of N stations on one map."""
 
-    Attributes:
-        elevation_map: ground.
-        model: vehicle, braking, limits.
-        x, y: positions, shape (N, M) [m].
-        count: number of stations, shape (M,).
-    """
-
-    elevation_map: ElevationMap
-    model: Model
-    x: Floats
+    elevation_map: ElevationMap  # ground
+    model: Model  # vehicle, braking, limits
+    x: Floats  # x, y: positions, shape (N, M) [m]
     y: Floats
-    count: Ints
+    count: Ints  # number of stations, shape (M,)
 
     def plan(self) -> TimeOptimalBatch:
         """Solve all candidates, from poses to time-optimal plans with their cost."""
@@ -55,14 +46,6 @@ def fan(stations: int, candidates: int) -> BenchmarkScene:
     x = 10.0 + SPACING * np.cumsum(np.cos(heading), axis=0)
     y = 0.5 * _SIZE + SPACING * np.cumsum(np.sin(heading), axis=0)
     return BenchmarkScene(hills(patches=12), atv(), x, y, np.full(candidates, stations))
-
-
-def laps(stations: int, candidates: int) -> BenchmarkScene:
-    """Concentric circles on known ground, for paths of any length."""
-    radius = np.linspace(15.0, 35.0, candidates)
-    angle = SPACING * np.arange(stations)[:, None] / radius
-    x, y = 0.5 * _SIZE + radius * np.cos(angle), 0.5 * _SIZE + radius * np.sin(angle)
-    return BenchmarkScene(hills(patches=0), atv(), x, y, np.full(candidates, stations))
 
 
 def hills(patches: int) -> ElevationMap:

@@ -12,12 +12,9 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.models.vehicle import Vehicle
 
-from .shapes import FAR, Block, Slope, height_of
-from .true_sizes import Size, size_of
+from .true_sizes import FAR, Block, Size, Slope, height_of, size_of
 
-LENGTH = 10.0
-"""Length of the path in wheelbases; the obstacle is in its middle."""
-
+LENGTH = 10.0  # Length of the path in wheelbases; the obstacle is in its middle
 KINDS = (
     "rock under a wheel",
     "rock between the wheels",
@@ -37,27 +34,16 @@ _MAX_GRADE = np.deg2rad(10.0)  # of the plane, along and across
 
 @dataclass(frozen=True, slots=True)
 class ObstacleCase:
-    """One obstacle in front of one vehicle.
+    """One obstacle in front of one vehicle."""
 
-    Attributes:
-        kind: kind of obstacle.
-        vehicle: name of its model.
-        block: the obstacle, in the frame of the path.
-        slope: plane under it.
-        resolution: resolution of the map [m].
-        heading: heading of the path on the map [rad].
-        seed: determines the noise.
-        certain, possible: its sizes, see :mod:`.true_sizes`.
-    """
-
-    kind: str
-    vehicle: str
-    block: Block
-    slope: Slope
-    resolution: float
-    heading: float
-    seed: int
-    certain: Size
+    kind: str  # kind of obstacle
+    vehicle: str  # name of its model
+    block: Block  # the obstacle, in the frame of the path
+    slope: Slope  # plane under it
+    resolution: float  # resolution of the map [m]
+    heading: float  # heading of the path on the map [rad]
+    seed: int  # determines the noise
+    certain: Size  # certain, possible: its sizes, see :mod:`.true_sizes`
     possible: Size
 
 
