@@ -79,16 +79,16 @@ class TrackingMpc:
         free = max(min(view.clear, view.known) - RESERVE, 0.0)
         if speed > 0.1 and self._needed(speed, grade)[0] > free:
             self._last[:] = 0.0
-            return DriveCommand(stop=True, reason="nothing but full brakes stops in time")
+            return DriveCommand(stop=True)  # nothing but full brakes stops in time
         for _ in range(PASSES):
             solved = self._solve(speed, free, grade, view)
         plan = np.array(solved["x"]).ravel()
         speeds, accel = plan[STEPS : 2 * STEPS], float(plan[2 * STEPS])
         if not np.isfinite(plan).all():
-            return DriveCommand(stop=True, reason="no solution")
+            return DriveCommand(stop=True)
         self._last = np.clip(speeds, 0.0, self._limits.speed)
         if speed < 0.05 and self._last[2] < 0.1:
-            return DriveCommand(reason="waits")
+            return DriveCommand()
         return DriveCommand(speed=speed, accel=float(np.clip(accel, -4.0, self._limits.accel)))
 
     def stopping_distance(self, view: View) -> float:

@@ -148,11 +148,7 @@ class CourseEvent:
 class Course:
     """Sight and events along one route."""
 
-    def __init__(
-        self,
-        route: Route,
-        rng: np.random.Generator,
-    ) -> None:
+    def __init__(self, route: Route, rng: np.random.Generator) -> None:
         self._route = route
         self._sight_end = self._draw_sight(rng)
         self.events = self._draw_events(rng)  # in order of their stations

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import time
 from collections import Counter, deque
 from dataclasses import replace
 from pathlib import Path
@@ -80,7 +79,6 @@ class Guarded:
         self._map: ElevationMap | None = None
         self._ground: GuardMap | None = None
         self.actions: Counter[str] = Counter()  # of the guard
-        self.seconds: list[float] = []  # of each decision
 
     def command(self, view: View) -> DriveCommand:
         """Pass the policy's delayed command through the guard."""
@@ -97,9 +95,8 @@ class Guarded:
             return self._limited(view, command, speed)
         if decision.action == "stop":
             self._waiting.clear()
-            return DriveCommand(stop=True, reason=f"guard: {decision.reason}")
-        slowed = replace(command, reason=decision.reason)
-        return self._limited(view, slowed, decision.command.speed)
+            return DriveCommand(stop=True)
+        return self._limited(view, command, decision.command.speed)
 
     def stopping_distance(self, view: View) -> float:
         """Prediction of the policy [m]."""
@@ -112,7 +109,7 @@ class Guarded:
             return command
         now = max(view.state.speed, 0.0)
         accel = np.clip((speed - now) / CYCLE, -2.0 * LIMITS.decel, LIMITS.accel)
-        return DriveCommand(speed=now, accel=float(accel), reason=command.reason)
+        return DriveCommand(speed=now, accel=float(accel))
 
     def _decide(self, view: View, speed: float) -> GuardDecision:
         if view.elevation_map is not self._map:
@@ -131,12 +128,9 @@ class Guarded:
         guard_scene = GuardScene(self._model, self._tables, self._ground, clear)
         motion = VehicleMotion(Pose2d(state.x, state.y, state.yaw), max(state.speed, 0.0))
         command = BaseCommand(speed, curvature * max(speed, state.speed))
-        start = time.perf_counter()
-        decision = decide(
+        return decide(
             guard_scene, motion, command, hold_time=CYCLE, late=_COMMAND_AGE, load=_LOAD_SHARE
         )
-        self.seconds.append(time.perf_counter() - start)
-        return decision
 
 
 def drive(number: int, model: Model, kind: str, dem: Path | None) -> tuple[DrivenScene, Policy]:
@@ -155,12 +149,7 @@ def drive(number: int, model: Model, kind: str, dem: Path | None) -> tuple[Drive
 
 def summary(drives: list[tuple[DrivenScene, Policy]]) -> dict[str, Any]:
     """Figures of drives of one kind."""
-    actions: Counter[str] = Counter()
-    seconds: list[float] = []
-    for _, policy in drives:
-        if isinstance(policy, Guarded):
-            actions.update(policy.actions)
-            seconds += policy.seconds
+    actions = sum((p.actions for _, p in drives if isinstance(p, Guarded)), Counter[str]())
     scenes = [scene for scene, _ in drives]
     return {
         "drives": len(scenes),
@@ -172,7 +161,6 @@ def summary(drives: list[tuple[DrivenScene, Policy]]) -> dict[str, Any]:
         "mean_speed": sum(s.distance for s in scenes) / sum(s.moving_time for s in scenes),
         "finished": sum(s.finished for s in scenes),
         "actions": dict(actions),
-        "ms": [1e3 * float(v) for v in np.percentile(seconds, (50, 99))] if seconds else [],
     }
 
 

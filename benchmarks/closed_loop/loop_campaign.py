@@ -18,7 +18,7 @@ from slopewise.models.parameters import Model
 from ..common.campaign import BenchmarkRequest, Progress, ResultCache, digest_of_sources, run_jobs
 from ..common.text_tables import table_of
 from .drive_loop import DrivenScene, run_drive
-from .policies import FixedSpeed, LevelStop, MovingHorizon, Planned, Policy, oracle_policy
+from .policies import LevelBrakes, MovingHorizon, Planned, Policy
 from .quad import LIMITS, learned_model
 from .scenes import dem_folder, scene
 
@@ -61,10 +61,11 @@ def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
     makers: list[Callable[[], Policy]] = [
         partial(MovingHorizon, model),
         partial(Planned, model),
-        partial(oracle_policy, perfect),
-        partial(FixedSpeed, model, 2.0),
-        partial(FixedSpeed, model, 3.5),
-        partial(LevelStop, model),
+        # The upper bound: exact model, exact sensors, foresight of all obstacles.
+        partial(Planned, perfect, name=PERFECT, exact=True),
+        partial(LevelBrakes, model, 2.0),
+        partial(LevelBrakes, model, 3.5),
+        partial(LevelBrakes, model),
     ]
     return {make().name: make for make in makers}
 

@@ -7,7 +7,7 @@ the loop as one more class of this shape.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -95,10 +95,10 @@ class Planned:
         plan = self._plan(view, max(float(speed), 0.0), view.clear - RESERVE)
         if plan.status is Status.INFEASIBLE:
             self._target = 0.0
-            return DriveCommand(stop=True, reason=plan.reason)
+            return DriveCommand(stop=True)
         now, accel = with_lead(plan, 0.0)
         self._target = max(now + accel * CYCLE, 0.0)
-        return DriveCommand(speed=now, accel=accel, reason=plan.reason)
+        return DriveCommand(speed=now, accel=accel)
 
     def stopping_distance(self, view: View) -> float:
         """Stopping distance of the model, its safety offset included [m]."""
@@ -113,14 +113,17 @@ class Planned:
         return plan
 
 
-class _Baseline:
-    """A target speed that is approached at the service accelerations."""
+class LevelBrakes:
+    """A speed approached at the service accelerations: a fixed one, or that of a level stop.
+
+    Without a speed it is as fast as a stop on level ground, v²/2a, fits into the clear distance.
+    """
 
     exact = False
 
-    def __init__(self, model: Model, name: str) -> None:
-        self.name = name
-        self._limits = model.limits
+    def __init__(self, model: Model, speed: float | None = None) -> None:
+        self.name = "level v²/2a" if speed is None else f"fixed {speed:g} m/s"
+        self._limits, self._speed = model.limits, speed
         # Learned on level ground: one deceleration, that of the middle surface at 2.5 m/s.
         level = sorted(model.braking.on(s).level_force(2.5) for s in ("", *model.braking.terrain))
         self._deceleration = GRAVITY * level[len(level) // 2]
@@ -130,45 +133,15 @@ class _Baseline:
         speed = max(view.state.speed, 0.0)
         clear = min(view.clear, view.known)
         if speed > _FULL_STOP_SPEED and clear < speed**2 / (2.0 * self._deceleration):
-            return DriveCommand(stop=True, reason="the known route ends")
-        target = min(self._target_speed(view, clear), self._limits.speed)
-        if clear < _MIN_CLEAR:
-            target = 0.0
+            return DriveCommand(stop=True)
+        target = self._speed or math.sqrt(2.0 * self._deceleration * max(clear, 0.0))
+        target = 0.0 if clear < _MIN_CLEAR else min(target, self._limits.speed)
         accel = np.clip((target - speed) / _RESPONSE, -self._limits.decel, self._limits.accel)
         return DriveCommand(speed=speed, accel=float(accel))
 
     def stopping_distance(self, view: View) -> float:
         """Stopping distance v²/2a of level ground [m]."""
         return float(view.state.speed**2 / (2.0 * self._deceleration))
-
-    def _target_speed(self, view: View, clear: float) -> float:
-        raise NotImplementedError
-
-
-class FixedSpeed(_Baseline):
-    """One speed for everything."""
-
-    def __init__(self, model: Model, speed: float) -> None:
-        super().__init__(model, f"fixed {speed:g} m/s")
-        self._speed = speed
-
-    def _target_speed(self, view: View, clear: float) -> float:
-        return self._speed
-
-
-class LevelStop(_Baseline):
-    """As fast as a stop on level ground, v²/2a, fits into the clear distance."""
-
-    def __init__(self, model: Model) -> None:
-        super().__init__(model, "level v²/2a")
-
-    def _target_speed(self, view: View, clear: float) -> float:
-        return math.sqrt(2.0 * self._deceleration * max(clear, 0.0))
-
-
-def oracle_policy(model: Model) -> Planned:
-    """The upper bound: exact model, exact sensors, foresight of all obstacles."""
-    return Planned(replace(model, name="perfect"), name="perfect knowledge", exact=True)
 
 
 class MovingHorizon:
@@ -197,11 +170,11 @@ class MovingHorizon:
         command = answer.command
         if command.stop:
             self._horizon.forget()
-            return DriveCommand(stop=True, reason=answer.reason)
+            return DriveCommand(stop=True)
         if answer.chosen is None:
-            return DriveCommand(reason=answer.reason)
+            return DriveCommand()
         speed, accel = with_lead(answer.chosen, answer.chosen.travel_time - command.valid_for)
-        return DriveCommand(speed=speed, accel=accel, reason=answer.reason)
+        return DriveCommand(speed=speed, accel=accel)
 
     def stopping_distance(self, view: View) -> float:
         """Stopping distance of the model; the current plan ends with the stop [m]."""

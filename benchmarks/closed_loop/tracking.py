@@ -28,7 +28,6 @@ class DriveCommand:
     speed: float = 0.0  # now [m/s]
     accel: float = 0.0  # from now on [m/s²]
     stop: bool = False  # full braking until standstill, at any speed
-    reason: str = ""  # human-readable
 
 
 class Tracker:

@@ -51,20 +51,8 @@ def drive(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> D
         2.0 * np.pi * station / stops.wave_length[:, None] + stops.wave_phase[:, None]
     )
     roll = np.broadcast_to(stops.roll[:, None], speed.shape)
-    return DrivenStops(
-        time,
-        speed,
-        station,
-        x,
-        y,
-        yaw,
-        curvature * speed,
-        stops.grade[:, None] + wave,
-        roll,
-        rest,
-        distance,
-        last,
-    )
+    poses = (x, y, yaw, curvature * speed, stops.grade[:, None] + wave, roll)
+    return DrivenStops(time, speed, station, *poses, rest, distance, last)
 
 
 def speeds(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> Floats:

@@ -15,15 +15,7 @@ import numpy as np
 from scipy.linalg import solve_triangular, toeplitz
 
 from .effect_plant import drive, speeds
-from .hidden_effects import (
-    FIELDS,
-    FREE,
-    NOT_NEGATIVE,
-    ONE_SIGN,
-    Doses,
-    amplified,
-    small_doses,
-)
+from .hidden_effects import FIELDS, FREE, NOT_NEGATIVE, ONE_SIGN, Doses, amplified, small_doses
 from .plant_physics import Floats, Physics, Stops
 from .sensing import CORRELATED, MEMORY, QUANTUM, RATE
 
@@ -78,12 +70,7 @@ NOT_IDENTIFIABLE = Identifiability(0.0, "", 0.0)
 
 
 def identifiability(
-    truth: Physics,
-    base: Physics,
-    stops: Stops,
-    noise: float,
-    scatter: float,
-    hidden: Iterable[str],
+    truth: Physics, base: Physics, stops: Stops, noise: float, scatter: float, hidden: Iterable[str]
 ) -> Identifiability:
     """Expected χ² of one set, between the truth and the world without these hidden effects.
 
@@ -152,11 +139,7 @@ class WeightedStops:
         by_delay = self.speed(truth, delay=stops.delay + eps) / eps
         by_speed = self.speed(truth, speed=stops.speed + eps) / eps
         random = np.stack(
-            [
-                scatter * by_friction,
-                _JITTER * by_delay,
-                noise / np.sqrt(_ONSET_SAMPLES) * by_speed,
-            ]
+            [scatter * by_friction, _JITTER * by_delay, noise / np.sqrt(_ONSET_SAMPLES) * by_speed]
         )
         lags = np.exp(-self.time / MEMORY) * CORRELATED * noise**2
         lags[0] = noise**2 + QUANTUM**2 / 12.0

@@ -188,6 +188,9 @@ _SETTLE = 0.5  # [s] at speed before the log begins
 _MAX_STOP = 8.0  # [s]
 _BODY_RETURN = 0.15  # [s] time constant of the body's attitude after standstill
 _AREAS = 2  # slippery ones at most
+_OF_STOP = ("speed", "grade", "wave", "wave_length", "wave_phase", "roll")
+_OF_CAR = ("build_up", "front", "furrows_along", "driveline", "air", "wind", "wind_from")
+_OF_HEAT = ("fading", "hot", "cooling")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,22 +254,13 @@ def drive(nature: CarNature, stops: Stops, finer: float = 1.0) -> DrivenStops:
         heat, since = traces[-1].heat, clock + min(traces[-1].rest, _MAX_STOP)
     rows = np.stack([trace.rows for trace in traces])
     speed, station, x, y, yaw, rate, grade, pitch, roll = np.moveaxis(rows, 2, 0)
-    rest = np.array([trace.rest for trace in traces])
-    swing = np.exp(-np.maximum(time - rest[:, None], 0.0) / _BODY_RETURN)
-    return DrivenStops(
-        time,
-        speed,
-        station,
-        x,
-        y,
-        yaw,
-        rate,
-        grade + swing * pitch,
-        stops.roll[:, None] + roll,
-        rest,
-        np.array([trace.distance for trace in traces]),
-        np.array([trace.deceleration for trace in traces]),
+    rest, distance, last = (
+        np.array([getattr(trace, name) for trace in traces])
+        for name in ("rest", "distance", "deceleration")
     )
+    swing = np.exp(-np.maximum(time - rest[:, None], 0.0) / _BODY_RETURN)
+    attitude = (grade + swing * pitch, stops.roll[:, None] + roll)
+    return DrivenStops(time, speed, station, x, y, yaw, rate, *attitude, rest, distance, last)
 
 
 def _drive_stop(
@@ -286,17 +280,9 @@ def _drive_stop(
     turn = curvature if abs(curvature) > 1e-9 else 1e-9
     state[0] = stops.x[i] + (math.sin(heading + turn * back) - math.sin(heading)) / turn
     state[1] = -stops.y[i] + (math.cos(heading + turn * back) - math.cos(heading)) / turn
+    push = _push(nature, stops, i, late, finer)
     return _Traces(
-        *stop_car(
-            state,
-            grounds,
-            np.array([area[:3] for area in areas]),
-            _push(nature, stops, i, late, finer),
-            heat,
-            time,
-            start,
-            back,
-        )
+        *stop_car(state, grounds, np.array([a[:3] for a in areas]), push, heat, time, start, back)
     )
 
 
@@ -305,26 +291,12 @@ def _push(nature: CarNature, stops: Stops, i: int, late: bool, finer: float) -> 
     strength = float(stops.friction[i]) * (1.0 - nature.glazing * float(stops.clock[i]))
     strength *= nature.repair if late else 1.0
     return CarPush(
-        float(stops.speed[i]),
-        float(stops.grade[i]),
-        float(stops.wave[i]),
-        float(stops.wave_length[i]),
-        float(stops.wave_phase[i]),
-        float(stops.roll[i]),
-        nature.delay + float(stops.delay[i]),
-        nature.build_up,
-        torque * nature.brake * strength,
-        torque * nature.assist * strength,
-        nature.front,
-        torque * nature.resistance,
-        torque * nature.furrows,
-        nature.furrows_along,
-        nature.driveline,
-        nature.air,
-        nature.wind,
-        nature.wind_from,
-        nature.fading,
-        nature.hot,
-        nature.cooling,
-        1.0 / finer,
+        **{name: float(getattr(stops, name)[i]) for name in _OF_STOP},
+        onset=nature.delay + float(stops.delay[i]),
+        brake=torque * nature.brake * strength,
+        assist=torque * nature.assist * strength,
+        rolling=torque * nature.resistance,
+        furrows=torque * nature.furrows,
+        step=1.0 / finer,
+        **{name: getattr(nature, name) for name in (*_OF_CAR, *_OF_HEAT)},
     )

@@ -13,15 +13,8 @@ from benchmarks.closed_loop.course import MAX_GRADE
 from benchmarks.closed_loop.drive_loop import run_drive
 from benchmarks.closed_loop.loop_campaign import summary
 from benchmarks.closed_loop.loop_terrain import RESOLUTION, PhysicsGround
-from benchmarks.closed_loop.policies import FixedSpeed, MovingHorizon
-from benchmarks.closed_loop.quad import (
-    HIDDEN,
-    LIMITS,
-    OVERHANG,
-    QUAD,
-    TrueVehicle,
-    learned_model,
-)
+from benchmarks.closed_loop.policies import LevelBrakes, MovingHorizon
+from benchmarks.closed_loop.quad import HIDDEN, LIMITS, OVERHANG, QUAD, TrueVehicle, learned_model
 from benchmarks.closed_loop.scenes import scene
 from benchmarks.closed_loop.world import TICK, DrivenWorld
 from tests.benchmarks.driven_stops import G
@@ -125,7 +118,7 @@ def test_planner_stops_before_walls_where_a_fixed_speed_does_not() -> None:
     assert figures["covered"] == 1.0
     assert figures["least_load"] > LIMITS.min_load
     assert figures["track_error"] < 0.4
-    fixed = run_drive(*scene(SCENES[0], None), FixedSpeed(model, 3.5), SCENES[0])
+    fixed = run_drive(*scene(SCENES[0], None), LevelBrakes(model, 3.5), SCENES[0])
     assert fixed.collisions > 0
     assert fixed.past_clear > 0
 
