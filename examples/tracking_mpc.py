@@ -19,10 +19,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.closed_loop.drive_loop import DrivenScene, run_drive
+from benchmarks.closed_loop.drive_loop import DrivenScene, run_drive, scene
 from benchmarks.closed_loop.policies import CYCLE, View
 from benchmarks.closed_loop.quad import learned_model
-from benchmarks.closed_loop.scenes import scene
 from benchmarks.closed_loop.tracking import DriveCommand
 from slopewise.models.parameters import Model
 from slopewise.services.export.functions import functions_of

@@ -1,8 +1,10 @@
-"""One drive: course, world, sensors, tracking and a policy, and the record of its outcome."""
+"""One drive: scene, world, sensors, tracking and a policy, and the record of its outcome."""
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -10,13 +12,36 @@ from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.quantity import GRAVITY
 
-from .course import Course, Route
-from .loop_terrain import SURFACES, PhysicsGround
+from .course import Course, Route, draw_route
+from .loop_terrain import SURFACES, PhysicsGround, crop, hills
 from .policies import CYCLE, Policy, View
 from .quad import OVERHANG, QUAD
-from .sensors import Sensors
-from .tracking import DriveCommand, Tracker
+from .tracking import DriveCommand, Sensors, Tracker
 from .world import TICK, DrivenWorld
+
+TESTED = (0.4, 1.0)  # rows of each elevation model, as shares; models were learned on the others
+
+_SERIES = 5  # of seeds
+_ATTEMPTS = 200  # grounds that are tried for a route
+
+
+def dem_folder() -> Path | None:
+    """Folder of public elevation models, None without any."""
+    default = Path(__file__).resolve().parents[2].parent / "shared" / "data"
+    folder = Path(os.environ.get("SLOPEWISE_DATA", default)) / "dem"
+    return folder if any(folder.glob("*.tif")) else None
+
+
+def scene(number: int, dem: Path | None) -> tuple[PhysicsGround, Route, Course]:
+    """Ground, route and course of a drive; elevation models are the ground of two of three."""
+    rng = np.random.default_rng((_SERIES, number))
+    for _ in range(_ATTEMPTS):
+        terrain = hills(rng) if dem is None or number % 3 == 0 else crop(dem, rng, TESTED)
+        route = draw_route(terrain, rng)
+        if route is not None:
+            return terrain, route, Course(route, rng)
+    raise RuntimeError(f"no route for drive {number} on {_ATTEMPTS} grounds")
+
 
 ROLLING = 0.5  # Speed from which a stop is recorded [m/s]
 FINISH = 6.0  # A drive ends this far before its route, where no plan slows down for the end yet [m]

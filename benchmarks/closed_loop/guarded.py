@@ -1,7 +1,6 @@
-"""The guard between a policy and the base of the closed loop, and a policy that needs it.
+"""A reckless planner behind the guard, over the scenes of the closed loop.
 
-``python -m benchmarks.closed_loop.guarded --drives 300`` drives a reckless planner behind the guard
-over the scenes of the closed loop, and slopewise's own with and without it.
+``python -m benchmarks.closed_loop.guarded --drives 300`` measures.
 """
 
 from __future__ import annotations
@@ -29,10 +28,9 @@ from slopewise.services.guard.decide import (
 from slopewise.services.guard.guard_map import GuardMap
 from slopewise.services.guard.guard_model import brake_table, guard_model
 
-from .drive_loop import DrivenScene, run_drive
-from .policies import CYCLE, RESERVE, MovingHorizon, Policy, View
+from .drive_loop import DrivenScene, dem_folder, run_drive, scene
+from .policies import CYCLE, RESERVE, View
 from .quad import LIMITS, learned_model
-from .scenes import dem_folder, scene
 from .tracking import DriveCommand
 
 _PREVIEW = (0.5, 0.35)  # [m], [s] ahead, where the curvature of the route is taken
@@ -44,36 +42,16 @@ _COMMAND_AGE = 0.02  # [s], as the guard measures it on a robot
 _LOAD_SHARE = 0.5  # of `min_load`, kept in every stop; the default of the guard's settings [1]
 
 
-class Reckless:
-    """Full speed towards goals that change at random, even on blocked routes."""
+class Guarded:
+    """Full speed towards goals that change at random, even on blocked routes, behind the guard."""
 
     name, exact = "reckless", False
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, model: Model) -> None:
         self._rng = np.random.default_rng((11, seed))
+        latency = float(np.random.default_rng((12, seed)).uniform(0.0, _MAX_LATENCY))
         self._goal, self._until = 0.0, -1.0
-
-    def command(self, view: View) -> DriveCommand:
-        """Command the goal, as hard as the vehicle can."""
-        if view.state.time >= self._until:
-            self._goal = float(self._rng.uniform(*_GOAL))
-            self._until = view.state.time + float(self._rng.uniform(*_HOLD_TIME))
-        return DriveCommand(speed=self._goal, accel=0.0)
-
-    def stopping_distance(self, view: View) -> float:
-        """NaN: no prediction."""
-        return math.nan
-
-
-class Guarded:
-    """A policy whose commands arrive late and pass the guard."""
-
-    exact = False
-
-    def __init__(self, policy: Policy, model: Model, latency: float) -> None:
-        self.name = f"guarded {policy.name}"
-        self._policy, self._delay = policy, round(latency / CYCLE)
-        self._waiting: deque[DriveCommand] = deque()
+        self._delay, self._waiting = round(latency / CYCLE), deque[float]()
         self._model = guard_model(model)
         self._tables = (brake_table(self._model),)
         self._map: ElevationMap | None = None
@@ -81,35 +59,27 @@ class Guarded:
         self.actions: Counter[str] = Counter()  # of the guard
 
     def command(self, view: View) -> DriveCommand:
-        """Pass the policy's delayed command through the guard."""
-        self._waiting.append(self._policy.command(view))
-        late = len(self._waiting) > self._delay
-        command = self._waiting.popleft() if late else DriveCommand()
-        if command.stop:
-            self._waiting.clear()
-            return command
-        speed = max(command.speed + command.accel * CYCLE, 0.0)
+        """Pass the goal, late and as hard as the vehicle can, through the guard."""
+        if view.state.time >= self._until:
+            self._goal = float(self._rng.uniform(*_GOAL))
+            self._until = view.state.time + float(self._rng.uniform(*_HOLD_TIME))
+        self._waiting.append(self._goal)
+        speed = self._waiting.popleft() if len(self._waiting) > self._delay else 0.0
         decision = self._decide(view, speed)
         self.actions[decision.action] += 1
-        if decision.action == "pass":
-            return self._limited(view, command, speed)
         if decision.action == "stop":
             self._waiting.clear()
             return DriveCommand(stop=True)
-        return self._limited(view, command, decision.command.speed)
-
-    def stopping_distance(self, view: View) -> float:
-        """Prediction of the policy [m]."""
-        self._waiting.clear()
-        return self._policy.stopping_distance(view)
-
-    def _limited(self, view: View, command: DriveCommand, speed: float) -> DriveCommand:
-        """Approach a speed within the limits of base and policy."""
-        if self._policy.name != "reckless" and speed >= command.speed:
-            return command
+        if decision.action != "pass":
+            speed = decision.command.speed
         now = max(view.state.speed, 0.0)
         accel = np.clip((speed - now) / CYCLE, -2.0 * LIMITS.decel, LIMITS.accel)
         return DriveCommand(speed=now, accel=float(accel))
+
+    def stopping_distance(self, view: View) -> float:
+        """NaN: no prediction."""
+        self._waiting.clear()
+        return math.nan
 
     def _decide(self, view: View, speed: float) -> GuardDecision:
         if view.elevation_map is not self._map:
@@ -133,23 +103,14 @@ class Guarded:
         )
 
 
-def drive(number: int, model: Model, kind: str, dem: Path | None) -> tuple[DrivenScene, Policy]:
-    """One drive of a kind: "reckless" and "sane" behind the guard, "plain" without it."""
-    terrain, route, course = scene(number, dem)
-    latency = float(np.random.default_rng((12, number)).uniform(0.0, _MAX_LATENCY))
-    policy: Policy
-    if kind == "reckless":
-        policy = Guarded(Reckless(number), model, latency)
-    elif kind == "sane":
-        policy = Guarded(MovingHorizon(model), model, 0.0)
-    else:
-        policy = MovingHorizon(model)
-    return run_drive(terrain, route, course, policy, number), policy
+def drive(number: int, model: Model, dem: Path | None) -> tuple[DrivenScene, Counter[str]]:
+    """One drive, and the count of each action of the guard."""
+    policy = Guarded(number, model)
+    return run_drive(*scene(number, dem), policy, number), policy.actions
 
 
-def summary(drives: list[tuple[DrivenScene, Policy]]) -> dict[str, Any]:
-    """Figures of drives of one kind."""
-    actions = sum((p.actions for _, p in drives if isinstance(p, Guarded)), Counter[str]())
+def summary(drives: list[tuple[DrivenScene, Counter[str]]]) -> dict[str, Any]:
+    """Figures of all drives."""
     scenes = [scene for scene, _ in drives]
     return {
         "drives": len(scenes),
@@ -160,24 +121,21 @@ def summary(drives: list[tuple[DrivenScene, Policy]]) -> dict[str, Any]:
         "least_share": min(float(s.min_load_shares.min()) for s in scenes),
         "mean_speed": sum(s.distance for s in scenes) / sum(s.moving_time for s in scenes),
         "finished": sum(s.finished for s in scenes),
-        "actions": dict(actions),
+        "actions": dict(sum((actions for _, actions in drives), Counter[str]())),
     }
 
 
 def main() -> None:
-    """Drive, and print the figures of each kind."""
+    """Drive, and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--drives", type=int, default=300)
-    parser.add_argument("--sane", type=int, default=40)
-    options = parser.parse_args()
+    count = parser.parse_args().drives
     model, dem = replace(learned_model(), effect=()), dem_folder()
-    counts = {"sane": options.sane, "plain": options.sane, "reckless": options.drives}
-    for kind, count in counts.items():
-        drives = []
-        for number in range(count):
-            drives.append(drive(number, model, kind, dem))
-            if number % 10 == 9 or number == count - 1:
-                print(kind, json.dumps(summary(drives)), flush=True)
+    drives = []
+    for number in range(count):
+        drives.append(drive(number, model, dem))
+        if number % 10 == 9 or number == count - 1:
+            print(json.dumps(summary(drives)), flush=True)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
@@ -17,10 +16,9 @@ from slopewise.models.parameters import Model
 
 from ..common.campaign import BenchmarkRequest, Progress, ResultCache, digest_of_sources, run_jobs
 from ..common.text_tables import table_of
-from .drive_loop import DrivenScene, run_drive
+from .drive_loop import DrivenScene, dem_folder, run_drive, scene
 from .policies import LevelBrakes, MovingHorizon, Planned, Policy
 from .quad import LIMITS, learned_model
-from .scenes import dem_folder, scene
 
 Result = dict[str, Any]
 
@@ -45,15 +43,7 @@ _LIBRARIES = ("mujoco", "numpy", "scipy")
 _STOP_KEYS = ("speed", "grade", "surface", "actual", "predicted", "left", "forced")
 
 
-@dataclass(frozen=True, slots=True)
-class DriveCounts:
-    """Number of drives by slopewise and perfect knowledge, and by each other policy."""
-
-    drives: int
-    baseline_drives: int
-
-
-FULL, QUICK = DriveCounts(330, 45), DriveCounts(12, 6)
+FULL, QUICK = (330, 45), (12, 6)  # drives by slopewise and perfect knowledge, by each other [1]
 
 
 def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
@@ -73,11 +63,11 @@ def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
     """Drive all scenes; results in the folder of the request are not computed again."""
     start = time.perf_counter()
-    size = QUICK if request.quick else FULL
+    many, few = QUICK if request.quick else FULL
     dem = dem_folder()
     drives: dict[str, list[DrivenScene]] = {}
     for name, make in policies(learned_model("slopewise"), learned_model("perfect")).items():
-        count = size.drives if name in (SLOPEWISE, PERFECT) else size.baseline_drives
+        count = many if name in (SLOPEWISE, PERFECT) else few
         stored = None if request.out is None else drive_cache(request.out, name)
         work = partial(_drive, make, dem)
         drives[name] = run_jobs(work, range(count), progress, f"driving: {name}", stored)

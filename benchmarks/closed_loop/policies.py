@@ -26,8 +26,7 @@ from slopewise.planner.settings import PlannerSettings
 
 from .course import Route
 from .quad import QUAD
-from .sensors import EstimatedState
-from .tracking import DriveCommand
+from .tracking import DriveCommand, EstimatedState
 
 CYCLE = 0.1  # Time between two decisions [s]
 HORIZON = 15.0  # Planned length of the path [m]

@@ -80,15 +80,8 @@ def run_jobs(
 ) -> list[Any]:
     """Results of distinct jobs, in their order; without those not started in time.
 
-    Processes are forked: models hold views that cannot be sent.
-
-    Args:
-        work: returns the result of a job, which is not None.
-        jobs: started in their order; equal ones have equal representations.
-        progress: see :data:`Progress`.
-        title: shown at the bar.
-        stored: holds results of earlier runs and receives new ones.
-        until: time of the monotonic clock after which no further job is started [s].
+    Processes are forked: models hold views that cannot be sent. After a time of the monotonic clock
+    [s] no further job is started.
     """
     advance = progress(title, len(jobs))
     known = [None if stored is None else stored.find(job) for job in jobs]
@@ -131,12 +124,9 @@ def _run(job: Any) -> Any:
 
 @cache
 def digest_of_sources(parts: Sequence[str], ignored: Collection[str], *origins: str) -> str:
-    """Digest of everything that results depend on.
+    """Digest of folders and files of benchmarks (``benchmarks/…``) and packages, and of origins.
 
-    Args:
-        parts: folders and files of the benchmarks (``benchmarks/…``) and of the packages.
-        ignored: file names that only present results.
-        origins: dependencies that are not sources, by their representation.
+    Files that only present results are ignored; origins are dependencies that are no sources.
     """
     from slopewise import models
 

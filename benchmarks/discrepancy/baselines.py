@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from . import gls_scan
+from .discrepancy_metrics import share
 from .sensing import Columns
-from .target_metric import share
 
 TITLES = {
     "pysindy": "PySINDy",
@@ -52,12 +52,7 @@ def summary(
     rows: Mapping[str, tuple[Sequence[Scored], str]],
     right_names: Callable[[Any], Sequence[Sequence[str]]],
 ) -> list[dict[str, Any]]:
-    """Shares of both methods on the same sets.
-
-    Args:
-        rows: sets of each row, and what is counted: first, exact, wrong or named.
-        right_names: alternatives of right names of an outcome.
-    """
+    """Shares of both methods on the same sets: rows count first, exact, wrong or any names."""
 
     def is_hit(outcome: Any, named: tuple[str, ...], counted: str) -> bool:
         allowed = [frozenset(names) for names in right_names(outcome)]

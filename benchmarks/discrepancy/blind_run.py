@@ -60,7 +60,6 @@ class Finding:
     # [{name, parameters: {name: (value, std)}, confidence, alternatives}]
     effects: tuple[dict[str, Any], ...] = ()
     located: tuple[tuple[str, float], ...] = ()  # [(axis, p value)], the strongest first
-    closed: float | None = None  # the workflow's own share of the closed gap [1]
     braking: dict[str, float] | None = None  # coefficients and dead time of the model to plan with
     added: tuple[tuple[str, dict[str, float]], ...] = ()  # [(name, parameters)] of its effects
     seconds: float = 0.0  # processor time [s]
@@ -118,10 +117,11 @@ def _prepare(folder: str) -> None:
 def investigate_log(log: SealedLog) -> Finding:
     """Run the workflow on a log; its fault is a finding, too."""
     from slopewise.models.discrepancy.workflow import investigate
+    from slopewise.services.io.model_file import model_from_dict
 
     start = time.process_time()
     try:
-        report = investigate(log.columns, runs_of(log.columns), _model_of(log.model))
+        report = investigate(log.columns, runs_of(log.columns), model_from_dict(log.model, "log"))
     except Exception:  # noqa: BLE001 every fault is a result of the benchmark
         seconds = time.process_time() - start
         return Finding("fault", text=traceback.format_exc(limit=-4), seconds=seconds)
@@ -138,7 +138,6 @@ def investigate_log(log: SealedLog) -> Finding:
         report.verdict.value,
         effects,
         tuple((axis.axis, axis.p_value) for axis in report.located),
-        report.gap.closed,
         {key: float(getattr(report.model.braking, key)) for key in COEFFICIENTS},
         tuple((effect.name, dict(effect.parameters)) for effect in report.model.effect),
         time.process_time() - start,
@@ -168,17 +167,3 @@ def tables_of(braking: dict[str, float], vehicle: dict[str, Any] | None = None) 
         },
         "limits": _LIMITS,
     }
-
-
-def _model_of(tables: dict[str, Any]) -> Any:
-    """Build a model from the tables of its file."""
-    from slopewise.models.parameters import Braking, Limits, Model, Terrain
-    from slopewise.models.vehicle import Vehicle
-
-    return Model(
-        name=tables["name"],
-        vehicle=Vehicle(**tables["vehicle"]),
-        braking=Braking(**tables["braking"]),
-        terrain=Terrain(**tables["terrain"]),
-        limits=Limits(**tables["limits"]),
-    )

@@ -58,7 +58,6 @@ class CarOutcome:
     after: float
     floor: float
     closed: float | None
-    told: float | None  # words: ok, a key of results
     seconds: float
     text: str
     strength: str = ""

@@ -149,24 +149,19 @@ def score_set(hidden: CarSet, finding: Finding) -> CarOutcome:
     allowed = [frozenset(names) for names in CAR_NAMES.get(spec.what, ())]
     named = frozenset(finding.names)
     before, after, floor = _gap_on_fresh_stops(hidden, finding)
+    conditions = (spec.seed, hidden.noise, hidden.scatter)
     return CarOutcome(
-        spec.what or CLEAN,
-        spec.seed,
-        hidden.noise,
-        hidden.scatter,
-        finding.verdict,
-        finding.names,
-        finding.is_confident and named in allowed,
-        finding.is_confident and not any(named <= names for names in allowed),
-        before,
-        after,
-        floor,
-        closed_share(before, after, floor) if spec.what else None,
-        finding.closed,
-        finding.seconds * 100.0 / len(hidden.stops.speed),
-        finding.text,
-        spec.strength,
-        finding.worse,
+        *(spec.what or CLEAN, *conditions, finding.verdict, finding.names),
+        right=finding.is_confident and named in allowed,
+        wrong=finding.is_confident and not any(named <= names for names in allowed),
+        before=before,
+        after=after,
+        floor=floor,
+        closed=closed_share(before, after, floor) if spec.what else None,
+        seconds=finding.seconds * 100.0 / len(hidden.stops.speed),
+        text=finding.text,
+        strength=spec.strength,
+        worse=finding.worse,
     )
 
 

@@ -105,15 +105,9 @@ def _families(share: float) -> Iterator[tuple[str, tuple[str, ...], str]]:
     absorbed = [("absorbed", (name,), "medium", 6) for name in CONFOUNDED]
     off_library = [("off", (name,), size, 4) for name in OFF_LIBRARY for size in SIZES[1:]]
     faint = [("faint", (name,), "small", 2) for name in NAMED]
-    for kind, names, size, count in (
-        ("clean", (), "", 300),
-        ("drift", (), "", 60),
-        *singles,
-        *pairs,
-        *absorbed,
-        *off_library,
-        *faint,
-    ):
+    plain: list[tuple[str, tuple[str, ...], str, int]]
+    plain = [("clean", (), "", 300), ("drift", (), "", 60)]
+    for kind, names, size, count in plain + singles + pairs + absorbed + off_library + faint:
         for _ in range(max(round(share * count), 1)):
             yield kind, names, size
 

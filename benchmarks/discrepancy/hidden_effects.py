@@ -165,17 +165,6 @@ def _off_library(
 Fields = dict[str, float]
 Doses = Mapping[str, Sequence[Sequence[Fields]]]
 
-ONE_SIGN = {
-    "aerodynamic_drag",
-    "viscous_resistance",
-    "brake_lag",
-    "turning_resistance",
-    "headwind",
-    "brake_fade",
-    "wheel_lockup",
-}
-"""Effects whose coefficient cannot be negative."""
-
 NOT_NEGATIVE = ("drag", "viscous", "lag", "turning", "wind_drag", "fade", "friction")
 """Fields of the plant that cannot be negative."""
 
@@ -196,6 +185,9 @@ FREE: dict[str, Fields] = {
     "session_drift": {"drift": 1e-7},
 }
 """Fitted fields of each effect, with steps for finite differences [SI]."""
+
+ONE_SIGN = {name for name, fields in FREE.items() if next(iter(fields)) in NOT_NEGATIVE}
+"""Effects whose coefficient cannot be negative."""
 
 
 def amplified(name: str, dose: Sequence[Fields], factor: Floats) -> Fields:

@@ -132,8 +132,6 @@ class SetOutcome:
     # whether the 95 % interval of each parameter of a named effect holds the truth
     covered: dict[str, bool]
     closing: Closing  # gap on fresh stops
-    # the workflow's own closed share
-    told: float | None  # words: ok, a key of results
     seconds: float  # processor time per 100 stops [s]
     text: str  # text, worse: see :class:`.blind_run.Finding`
     worse: float = 0.0
@@ -150,32 +148,23 @@ def score(hidden: HiddenSet, finding: Finding) -> SetOutcome:
     alternatives = {name for effect in finding.effects for name in effect["alternatives"]}
     axis = finding.located[0][0] if finding.located else ""
     stops = len(hidden.stops.speed)
+    request = (spec.kind, spec.names, spec.size, spec.seed)
+    conditions = (hidden.design, stops, hidden.noise, hidden.scatter)
+    expected = (known.gap, known.nearest, known.apart, hidden.identifiable)
     return SetOutcome(
-        spec.kind,
-        spec.names,
-        spec.size,
-        spec.seed,
-        hidden.design,
-        stops,
-        hidden.noise,
-        hidden.scatter,
-        known.gap,
-        known.nearest,
-        known.apart,
-        hidden.identifiable,
-        finding.verdict,
-        finding.names,
-        tuple(sorted(alternatives)),
-        finding.is_confident and named == truth,
-        finding.is_confident and bool(named - truth),
-        axis,
-        any(axis in AXES.get(name, ()) for name in spec.names),
-        _covered(hidden.hidden, finding) if finding.is_confident else {},
-        closing(hidden, finding),
-        finding.closed,
-        finding.seconds * 100.0 / max(stops, 1),
-        finding.text,
-        finding.worse,
+        *request,
+        *conditions,
+        *expected,
+        *(finding.verdict, finding.names, tuple(sorted(alternatives))),
+        right=finding.is_confident and named == truth,
+        wrong=finding.is_confident and bool(named - truth),
+        located=axis,
+        axis_right=any(axis in AXES.get(name, ()) for name in spec.names),
+        covered=_covered(hidden.hidden, finding) if finding.is_confident else {},
+        closing=closing(hidden, finding),
+        seconds=finding.seconds * 100.0 / max(stops, 1),
+        text=finding.text,
+        worse=finding.worse,
     )
 
 

@@ -69,7 +69,7 @@ def _run_all(size: FleetSize, folder: Path, advance: Callable[[int], Any]) -> Re
     paths = _write_paths(folder, size)
     some = paths[: size.small]
     advance(1)
-    local = _run(map_file, some, folder / "local", "--workers", "0")
+    _run(map_file, some, folder / "local", "--workers", "0")
     advance(1)
     # A first run loads the workers' libraries, so that timed ones begin in the same state.
     with cluster(1) as (address, _):
@@ -90,12 +90,8 @@ def _run_all(size: FleetSize, folder: Path, advance: Callable[[int], Any]) -> Re
     return {
         "size": {**asdict(size), "map_bytes": map_file.stat().st_size},
         "candidates": large["candidates"],
-        "statuses": large["statuses"],
         "seconds": large["seconds"],
         "speed_up": single["seconds"] / two["seconds"],
-        "one_worker": single["seconds"],
-        "two_workers": two["seconds"],
-        "local": local["seconds"],
         "memory": _memory(memory),
         "killed": killed | {"equal": digests["killed"] == digests["local"]},
         "resumed": again["resumed"],

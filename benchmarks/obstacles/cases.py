@@ -77,20 +77,19 @@ def _sizes(block: Block, resolution: float, vehicle: Vehicle) -> tuple[Size, Siz
     return Size(*map(min, zip(*sizes, strict=True))), Size(*map(max, zip(*sizes, strict=True)))
 
 
-def map_of(case: ObstacleCase, vehicle: Vehicle, *, empty: bool = False) -> ElevationMap:
-    """Map of a case, each cell the median of the heights in it; optionally without obstacle."""
+def map_of(case: ObstacleCase, vehicle: Vehicle) -> ElevationMap:
+    """Map of a case, each cell the median of the heights in it."""
     half = 0.5 * LENGTH * vehicle.wheelbase + 4.0 * vehicle.wheelbase
     cells = int(2.0 * half / case.resolution)
     along = (np.arange(cells) - 0.5 * (cells - 1)) * case.resolution
     inside = case.resolution * np.array([-0.4, 0.0, 0.4])
     c, s = np.cos(case.heading), np.sin(case.heading)
-    block = Block(0.0, 0.0, 0.0, 0.0, 0.0, 0.0) if empty else case.block
     heights = []
     for dx in inside:
         for dy in inside:
             x, y = np.meshgrid(along + dx, along + dy)
             level = case.slope.along * (c * dx + s * dy) + case.slope.across * (c * dy - s * dx)
-            heights.append(height_of(block, case.slope, c * x + s * y, c * y - s * x) - level)
+            heights.append(height_of(case.block, case.slope, c * x + s * y, c * y - s * x) - level)
     noise = np.random.default_rng(case.seed).normal(
         0.0, _NOISE * vehicle.wheel_radius, (cells,) * 2
     )

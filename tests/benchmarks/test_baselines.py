@@ -31,6 +31,9 @@ def logged(truth: Physics, count: int = 50, seed: int = 3) -> Columns:
         ({"step_scale": 0.8, "step_run": 24.0}, ("step_change",)),
         ({"lag": 0.15}, ("brake_lag",)),
         ({"furrow": 0.05, "furrow_direction": 0.7}, ("directional_surface",)),
+        ({"cross_slope": 0.5}, ("cross_slope",)),
+        ({"turning": 0.3}, ("turning_resistance",)),
+        ({"asymmetry": 0.5}, ("grade_asymmetry",)),
     ],
 )
 def test_scan_names_plain_effects(fields: dict[str, float], names: tuple[str, ...]) -> None:
@@ -47,42 +50,13 @@ def test_base_is_fitted_with_its_dead_time_and_scatter() -> None:
     assert fit.scatter.friction == pytest.approx(0.01, rel=0.6)
 
 
-@pytest.mark.parametrize(
-    ("name", "fields", "size"),
-    [
-        ("aerodynamic_drag", {"drag": 0.03}, 0.03),
-        ("viscous_resistance", {"viscous": 0.02}, 0.02),
-        ("cross_slope", {"cross_slope": 0.5}, 0.5),
-        ("turning_resistance", {"turning": 0.3}, 0.3),
-        ("grade_asymmetry", {"asymmetry": 0.5}, 0.5),
-        ("grade_nonlinearity", {"nonlinearity": 2.5}, 2.5),
-        ("brake_lag", {"lag": 0.13}, 1.0),
-        ("headwind", {"wind_drag": 0.02, "wind": 6.0, "wind_direction": 0.0}, 0.02),
-        ("wheel_lockup", {"friction": 0.42}, 1.0),
-        ("brake_fade", {"fade": 3e-3, "fade_tau": 110.0}, 3.0),
-    ],
-)
-def test_columns_are_the_speed_lost_by_a_unit_of_an_effect(
-    name: str, fields: dict[str, float], size: float
-) -> None:
-    """Fitted to stops of the plant, which has each effect from its formula, too."""
-    fit = gls_base.fit_base(logged(BASE._replace(**fields), count=80), CONFIGURED)
-    grid = [candidate for candidate in gls_scan.candidates(fit) if candidate.name == name]
-    best = grid[int(np.argmax(gls_scan.gains(fit, fit.base, grid)))]
-    columns = np.concatenate((fit.base, best.columns), axis=2)
-    refitted = fit._replace(**gls_base.fit_scatter(fit, columns)._asdict())
-    rows, target = gls_base.whitened(refitted, columns, refitted.scatter)
-    strength = np.linalg.lstsq(rows, target, rcond=None)[0][-1]
-    assert strength == pytest.approx(size, rel=0.3)
-
-
 def test_faults_are_reported_and_shares_counted() -> None:
     short = {name: values[:300] for name, values in logged(BASE, count=8).items()}
     assert "eight" in baselines.ask(short, CONFIGURED).fault
 
     def outcome(what: str, right: bool) -> CarOutcome:
         verdict = "missing_effect" if right else "none"
-        gap = (0.2, 0.1, 0.05, None, None)
+        gap = (0.2, 0.1, 0.05, None)
         return CarOutcome(what, 1, 0.01, 0.02, verdict, (), right, False, *gap, 1.0, "")
 
     answers = [BaselineAnswer(named, 1.0) for named in (("drag",), ("wind", "drag"), ())]

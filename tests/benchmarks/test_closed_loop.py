@@ -10,12 +10,11 @@ import pytest
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
 from benchmarks.closed_loop.course import MAX_GRADE
-from benchmarks.closed_loop.drive_loop import run_drive
+from benchmarks.closed_loop.drive_loop import run_drive, scene
 from benchmarks.closed_loop.loop_campaign import summary
 from benchmarks.closed_loop.loop_terrain import RESOLUTION, PhysicsGround
 from benchmarks.closed_loop.policies import LevelBrakes, MovingHorizon
 from benchmarks.closed_loop.quad import HIDDEN, LIMITS, OVERHANG, QUAD, TrueVehicle, learned_model
-from benchmarks.closed_loop.scenes import scene
 from benchmarks.closed_loop.world import TICK, DrivenWorld
 from tests.benchmarks.driven_stops import G
 

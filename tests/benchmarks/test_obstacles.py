@@ -92,6 +92,6 @@ def test_a_map_shows_the_case_along_its_path() -> None:
     ground, path = map_of(case, vehicle), path_of(case, vehicle)
     assert ground.contains(*path.points.T).all()
     assert ground.resolution == case.resolution
-    bare = map_of(case, vehicle, empty=True)
+    bare = map_of(replace(case, block=replace(case.block, height=0.0)), vehicle)
     largest = np.abs(ground.elevation - bare.elevation).max()
     assert largest == pytest.approx(abs(case.block.height), rel=0.05)
