@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.util import find_spec
@@ -47,8 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             parser.error(f"{options.what} needs the package {package}, which is not installed")
     if options.out is not None and options.out.exists() and not options.out.is_dir():
         parser.error(f"--out: expected a folder, got the file {options.out}")
-    console = Console()
-    console = Console(width=max(console.width, _WIDTH))
+    console = Console(width=max(Console().width, _WIDTH))
     request = BenchmarkRequest(
         options.quick, options.out, options.sets, options.minutes, options.tuning_share
     )
@@ -78,28 +78,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("what", nargs="?", choices=BENCHMARKS, default="planner")
     parser.add_argument("--quick", action="store_true", help="fewer repetitions")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures as JSON")
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="closed-loop, discrepancy: store results, from which an interrupted run resumes; "
-        "fleet: folder with space for the map",
-    )
+    out = "closed-loop, discrepancy: store results, from which an interrupted run resumes; "
+    out += "fleet: folder with space for the map"
+    parser.add_argument("--out", type=Path, metavar="DIR", help=out)
     parser.add_argument("--sets", type=int, metavar="N", help="discrepancy: at most N sets")
-    parser.add_argument(
-        "--minutes",
-        type=float,
-        metavar="M",
-        default=float("inf"),
-        help="discrepancy: start no further set after M minutes",
-    )
-    parser.add_argument(
-        "--tuning-share",
-        type=float,
-        metavar="S",
-        default=0.0,
-        help="discrepancy: only this share of the multi-body car's tuning half",
-    )
+    minutes = "discrepancy: start no further set after M minutes"
+    parser.add_argument("--minutes", type=float, metavar="M", default=math.inf, help=minutes)
+    share = "discrepancy: only this share of the multi-body car's tuning half"
+    parser.add_argument("--tuning-share", type=float, metavar="S", default=0.0, help=share)
     return parser
 
 

@@ -13,17 +13,15 @@ from __future__ import annotations
 
 import argparse
 import math
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from benchmarks.closed_loop.drive_loop import run_drive
-from benchmarks.closed_loop.guarded import learned_model
+from benchmarks.closed_loop.drive_loop import DrivenScene, run_drive, scene
 from benchmarks.closed_loop.policies import CYCLE, View
-from benchmarks.closed_loop.records import DrivenScene
-from benchmarks.closed_loop.scenes import scene
+from benchmarks.closed_loop.quad import learned_model
 from benchmarks.closed_loop.tracking import DriveCommand
 from slopewise.models.parameters import Model
 from slopewise.services.export.functions import functions_of
@@ -80,16 +78,16 @@ class TrackingMpc:
         free = max(min(view.clear, view.known) - RESERVE, 0.0)
         if speed > 0.1 and self._needed(speed, grade)[0] > free:
             self._last[:] = 0.0
-            return DriveCommand(stop=True, reason="nothing but full brakes stops in time")
+            return DriveCommand(stop=True)  # nothing but full brakes stops in time
         for _ in range(PASSES):
             solved = self._solve(speed, free, grade, view)
         plan = np.array(solved["x"]).ravel()
         speeds, accel = plan[STEPS : 2 * STEPS], float(plan[2 * STEPS])
         if not np.isfinite(plan).all():
-            return DriveCommand(stop=True, reason="no solution")
+            return DriveCommand(stop=True)
         self._last = np.clip(speeds, 0.0, self._limits.speed)
         if speed < 0.05 and self._last[2] < 0.1:
-            return DriveCommand(reason="waits")
+            return DriveCommand()
         return DriveCommand(speed=speed, accel=float(np.clip(accel, -4.0, self._limits.accel)))
 
     def stopping_distance(self, view: View) -> float:
@@ -148,9 +146,8 @@ class TrackingMpc:
 
 def drive(number: int, reference: float = 3.5) -> DrivenScene:
     """One drive over generated hills."""
-    folder = Path(__file__).resolve().parents[1] / "docs" / "results" / "closed-loop.json"
-    terrain, route, course = scene(number, None)
-    return run_drive(terrain, route, course, TrackingMpc(learned_model(folder), reference), number)
+    model = replace(learned_model(), effect=())
+    return run_drive(*scene(number, None), TrackingMpc(model, reference), number)
 
 
 def main() -> None:

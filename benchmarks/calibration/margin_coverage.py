@@ -57,27 +57,21 @@ _KNOWN = Braking(
 
 @dataclass(frozen=True, slots=True)
 class MarginCoverage:
-    """Margins of one vehicle at one quantile, on fresh stops.
-
-    Attributes:
-        beyond: share of the stops beyond the allowed distance [1].
-        promised: largest share that the quantile permits [1].
-        excess, true_excess: mean over the median distance at the same speed and grade [m];
-            unbounded distances are excluded and counted.
-        endless: share of the stops without a bounded distance [1].
-        state: whether a degraded state was learned.
-    """  # words: ok, keys of its JSON
+    """Margins of one vehicle at one quantile, on fresh stops."""  # words: ok, keys of its JSON
 
     vehicle: str
     seed: int
     stops: int
     quantile: float
-    beyond: float
-    promised: float
+    beyond: float  # share of the stops beyond the allowed distance [1]
+    promised: float  # largest share that the quantile permits [1]
+    # excess, true_excess: mean over the median distance at the same speed and grade [m]; unbounded
+    # distances are excluded and counted
     excess: float
     true_excess: float
+    # share of the stops without a bounded distance [1]
     endless: float  # words: ok, a key of its JSON
-    state: bool
+    state: bool  # whether a degraded state was learned
 
 
 def allowed_distance(braking: Braking, speed: Floats, grade: Floats, quantile: float) -> Floats:
@@ -147,29 +141,20 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     rows: list[MarginCoverage] = []
-    print(
-        f"{'vehicle':28}{'stops':>6}{'q':>7}{'beyond %':>10}{'of promised':>12}"
-        f"{'worst log':>10}{'excess m':>10}{'true m':>8}{'times':>7}{'endless':>9}"
-    )
+    heads = ("stops", "q", "of promised", "worst log", "excess m", "true m", "times", "endless")
+    print(f"{'vehicle':28}" + "".join(f"{head:>12}" for head in heads))
     for vehicle in VEHICLES:
         logs = [h for seed in range(given.seeds) for h in check_margins(vehicle, seed)[0]]
         rows += logs
         for q in QUANTILES:
             at = [h for h in logs if h.quantile == q]
             share = [h.beyond / h.promised for h in at]
-            excess, true = (
-                float(np.mean([getattr(h, n) for h in at])) for n in ("excess", "true_excess")
-            )
-            print(
-                f"{vehicle.name:28}{vehicle.stops:6d}{q:7.3f}"
-                f"{100 * np.mean([h.beyond for h in at]):10.3f}{np.mean(share):12.2f}"
-                f"{max(share):10.2f}{excess:10.3f}{true:8.3f}{excess / max(true, 1e-9):7.2f}"
-                f"{np.mean([h.endless for h in at]):9.3f}",
-                flush=True,
-            )
-    for q in QUANTILES:
-        mean = np.mean([h.beyond / h.promised for h in rows if h.quantile == q])
-        print(f"all vehicles at {q}: {mean:.2f} of the promised share beyond")
+            columns = [[getattr(h, n) for h in at] for n in ("excess", "true_excess", "endless")]
+            excess, true, endless = (float(np.mean(column)) for column in columns)
+            times = excess / max(true, 1e-9)
+            figures = (np.mean(share), max(share), excess, true, times, endless)
+            text = "".join(f"{figure:12.3f}" for figure in figures)
+            print(f"{vehicle.name:28}{vehicle.stops:12d}{q:12.3f}{text}", flush=True)
     if given.json:
         given.json.write_text(json.dumps([asdict(h) for h in rows], indent=1))
 

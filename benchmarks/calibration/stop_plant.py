@@ -1,7 +1,7 @@
 """Stops of uncalibrated vehicles: drive logs, and fresh stops of the same brakes.
 
-Own formulas: a stop is integrated by scipy's solve_ivp for the log; fresh stops on even slopes have
-s = v t_d + v² / (2 g (F + sin θ)). Nothing is shared with the models but the form of the law.
+Own formulas for stops on even slopes: v − g (F + sin θ) (t − t_d) in the log, and a distance of
+v t_d + v² / (2 g (F + sin θ)). Nothing is shared with the models but the form of the law.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from slopewise.models.arrays import Floats
 
@@ -23,32 +22,23 @@ _LEAD, _TAIL, _HZ = 1.2, 0.8, 50.0  # [s], [s], [Hz] of the log
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantVehicle:
-    """True parameters of the brakes.
+    """True parameters of the brakes."""
 
-    Attributes:
-        name: shown in tables.
-        stops: number of stops in the log.
-        scatter: force scatter from stop to stop over the force, over the weight if not `shared`.
-        freedom: degrees of Student's t for it, 0 for a normal one; of equal standard deviation.
-        late: standard deviation of the dead time [s].
-        weak: share of the stops with `ratio` of the force [1].
-        session: standard deviation of the force from session to session, over the force [1].
-        level: share of the brakes at each stop of the log, full if empty [1].
-        rolling: resistance that remains when it is smaller [1].
-    """
-
-    name: str
-    stops: int
+    name: str  # shown in tables
+    stops: int  # number of stops in the log
+    # force scatter from stop to stop over the force, over the weight if not `shared`
     scatter: float
     shared: bool = True
+    # degrees of Student's t for it, 0 for a normal one; of equal standard deviation
     freedom: float = 0.0
-    late: float = 0.0
-    weak: float = 0.0
+    late: float = 0.0  # standard deviation of the dead time [s]
+    weak: float = 0.0  # share of the stops with `ratio` of the force [1]
     ratio: float = 0.7
+    # standard deviation of the force from session to session, over the force [1]
     session: float = 0.0
     sessions: int = 1
-    level: tuple[float, ...] = ()
-    rolling: float = 0.0
+    level: tuple[float, ...] = ()  # share of the brakes at each stop of the log, full if empty [1]
+    rolling: float = 0.0  # resistance that remains when it is smaller [1]
     m_m: float = -0.03
     b_m: float = -0.35
     m_b: float = 0.015
@@ -101,7 +91,10 @@ def drive_log(
     parts: dict[str, list[NDArray[Any]]] = {}
     runs, begin, clock = [], 0, 0.0
     for i in range(vehicle.stops):
-        t, v = _stop(speed[i], grade[i], force[i], delay[i], float(rng.uniform(0.0, 1.0 / _HZ)))
+        pull = G * (force[i] + np.sin(grade[i]))
+        rest = delay[i] + speed[i] / pull
+        t = np.arange(-_LEAD + float(rng.uniform(0.0, 1.0 / _HZ)), rest + _TAIL, 1.0 / _HZ)
+        v = np.clip(speed[i] - pull * (t - delay[i]), 0.0, speed[i])
         n = len(t)
         row: dict[str, NDArray[Any]] = {
             "run": np.full(n, str(i)),
@@ -118,29 +111,3 @@ def drive_log(
         begin, clock = begin + n, clock + float(t[-1]) + 20.0
     columns = {name: np.concatenate(values) for name, values in parts.items()}
     return columns, runs, -columns["pitch"]
-
-
-def _stop(
-    speed: float, grade: float, force: float, delay: float, phase: float
-) -> tuple[Floats, Floats]:
-    """Times of the samples since the command [s], and true speeds [m/s]."""
-    pull = G * (force + np.sin(grade))
-
-    def rest(_: float, state: Floats) -> float:
-        return float(state[1])
-
-    rest.terminal = True  # type: ignore[attr-defined]
-    solved = solve_ivp(
-        lambda _, y: [y[1], -pull],
-        (delay, 120.0),
-        [0.0, speed],
-        events=rest,
-        dense_output=True,
-        rtol=1e-8,
-    )
-    end = float(solved.t[-1])
-    t = np.arange(-_LEAD + phase, end + _TAIL, 1.0 / _HZ)
-    v = np.where(t < delay, speed, 0.0)
-    moving = (t >= delay) & (t < end)
-    v[moving] = solved.sol(t[moving])[1]
-    return t, v

@@ -1,26 +1,122 @@
-"""Events of a drive: range of sight, obstacles, unknown ground.
+"""Route of a drive, and its events: range of sight, obstacles, unknown ground.
 
-They are drawn once from a seed and fixed to stations, so that every policy meets the same.
+Events are drawn once from a seed and fixed to stations, so that every policy meets the same.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from slopewise.models.arrays import Bools, Floats
 
 from .loop_terrain import RESOLUTION, PhysicsGround
-from .quad import WHEEL_PLACES
-from .route import Route
+from .quad import QUAD, WHEEL_PLACES
+
+LENGTH = 50.0  # Length of a route in the plan view [m]
+_STEP = 0.1  # [m] between points
+_MARGIN = 3.0  # [m] to the edge of the terrain
+_MAX_CURVATURE = 0.11  # [1/m]
+MAX_GRADE = np.deg2rad(20.0)  # Grade of the steepest route that is driven [rad]
+_MAX_ROLL = np.deg2rad(15.0)  # tyres on grass slide sideways before the vehicle tips
+_SEARCH = 8  # points around the last place among which the vehicle is located
+_MAX_DRAWS = 80  # of routes on one terrain
+_CHOICES = 5  # routes of which the steepest is driven
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """Points a tenth of a metre apart, arrays of shape (n,)."""
+
+    x: Floats  # x, y, heading: pose in the plan view [m], [rad]
+    y: Floats
+    heading: Floats
+    station: Floats  # along the ground, three-dimensional [m]
+    grade: Floats  # grade, roll: under the wheels, uphill and left side up positive [rad]
+    roll: Floats
+
+    @property
+    def length(self) -> float:
+        """Length along the ground [m]."""
+        return float(self.station[-1])
+
+    def locate(self, x: float, y: float, near: int) -> tuple[int, float]:
+        """Index of the nearest point around another one, and the station of the vehicle [m]."""
+        first = max(near - _SEARCH, 0)
+        part = slice(first, near + _SEARCH)
+        i = first + int(np.argmin((self.x[part] - x) ** 2 + (self.y[part] - y) ** 2))
+        heading = float(self.heading[i])
+        along = (x - self.x[i]) * math.cos(heading) + (y - self.y[i]) * math.sin(heading)
+        return i, float(self.station[i] + along / math.cos(self.grade[i]))
+
+    def at(self, station: float, values: Floats) -> float:
+        """Value of a column at a station."""
+        return float(np.interp(station, self.station, values))
+
+    def points(self, station: float, length: float, spacing: float = 0.5) -> Floats:
+        """Points of the route ahead of a station, shape (k, 2) [m]."""
+        end = min(station + length, self.length)
+        along = np.linspace(station, end, max(int((end - station) / spacing), 3) + 1)
+        return np.column_stack(
+            (np.interp(along, self.station, self.x), np.interp(along, self.station, self.y))
+        )
+
+
+def draw_route(terrain: PhysicsGround, rng: np.random.Generator) -> Route | None:
+    """Draw a winding route within the terrain and the grade; None without success."""
+    routes: list[Route] = []
+    for _ in range(_MAX_DRAWS):
+        route = _draw(terrain, rng)
+        inside = (
+            min(route.x.min(), route.y.min()) > _MARGIN
+            and max(route.x.max(), route.y.max()) < terrain.size - _MARGIN
+        )
+        gentle = np.abs(route.grade).max() <= MAX_GRADE and np.abs(route.roll).max() <= _MAX_ROLL
+        if inside and gentle:
+            routes.append(route)
+        if len(routes) == _CHOICES:
+            break
+    return max(routes, key=lambda r: float(np.abs(r.grade).max()), default=None)
+
+
+def _draw(terrain: PhysicsGround, rng: np.random.Generator) -> Route:
+    along = np.arange(0.0, LENGTH, _STEP)
+    wave = rng.uniform(18.0, 45.0)
+    swing = rng.uniform(0.0, _MAX_CURVATURE) * wave / (2.0 * np.pi)
+    direction = rng.uniform(0.0, 2.0 * np.pi)
+    heading = direction + swing * np.sin(2.0 * np.pi * along / wave + rng.uniform(0.0, 6.28))
+    x, y = np.cumsum(np.cos(heading)) * _STEP, np.cumsum(np.sin(heading)) * _STEP
+    middle = 0.5 * terrain.size + rng.uniform(-4.0, 4.0, 2)
+    x += middle[0] - 0.5 * (x[0] + x[-1])
+    y += middle[1] - 0.5 * (y[0] + y[-1])
+
+    def height(x_body: float, y_body: float) -> Floats:
+        east = x + x_body * np.cos(heading) - y_body * np.sin(heading)
+        north = y + x_body * np.sin(heading) + y_body * np.cos(heading)
+        heights: Floats = map_coordinates(
+            terrain.height, [north / RESOLUTION, east / RESOLUTION], order=1, mode="nearest"
+        )
+        return heights
+
+    wheelbase, track_width = QUAD.wheelbase, QUAD.track_width
+    half, side = 0.5 * wheelbase, 0.5 * track_width
+    corners = {(a, b): height(a * half, b * side) for a in (1, -1) for b in (1, -1)}
+    rise = (corners[1, 1] + corners[1, -1] - corners[-1, 1] - corners[-1, -1]) / (2 * wheelbase)
+    tilt = (corners[1, 1] + corners[-1, 1] - corners[1, -1] - corners[-1, -1]) / (2 * track_width)
+    grade = np.arctan(rise)
+    z = height(0.0, 0.0)
+    steps = np.sqrt(np.diff(x) ** 2 + np.diff(y) ** 2 + np.diff(z) ** 2)
+    station = np.concatenate(([0.0], np.cumsum(steps)))
+    return Route(x, y, heading, station, grade, np.arctan(tilt * np.cos(grade)))
+
 
 Kind = Literal["forced", "obstacle", "unknown"]
 
-UNKNOWN_RADIUS = 1.0
-"""Radius of a patch of unknown ground [m]."""
-
+UNKNOWN_RADIUS = 1.0  # Radius of a patch of unknown ground [m]
 _SPACING = (7.0, 10.0)  # [m] between events
 _MIN_REST = 10.0  # [m] of the route after the last event
 _KINDS: tuple[Kind, ...] = ("forced", "obstacle", "unknown")
@@ -32,24 +128,16 @@ _FOOTPRINT = 1.0  # [m]; no wheel is farther from the middle of the wheelbase
 
 @dataclass(slots=True)
 class CourseEvent:
-    """One event that blocks the route for a while.
+    """One event that blocks the route for a while."""
 
-    Attributes:
-        kind: ``forced``: a wall appears at the end of the clear distance, and full braking is
-            commanded; ``obstacle``: a wall comes into view; ``unknown``: a hole in the map.
-        trigger: station of the vehicle at which it happens [m].
-        barrier: station that the middle of the wheelbase must not pass [m].
-        centre: station of the middle of the hole; NaN without one [m].
-        over: whether it has ended.
-        active: whether a forced wall stands.
-    """
-
+    # ``forced``: a wall appears at the end of the clear distance, and full braking is commanded;
+    # ``obstacle``: a wall comes into view; ``unknown``: a hole in the map
     kind: Kind
-    trigger: float
-    barrier: float
-    centre: float = float("nan")
-    over: bool = False
-    active: bool = field(default=False)
+    trigger: float  # station of the vehicle at which it happens [m]
+    barrier: float  # station that the middle of the wheelbase must not pass [m]
+    centre: float = float("nan")  # station of the middle of the hole; NaN without one [m]
+    over: bool = False  # whether it has ended
+    active: bool = field(default=False)  # whether a forced wall stands
 
     @property
     def blocks(self) -> bool:
@@ -58,40 +146,29 @@ class CourseEvent:
 
 
 class Course:
-    """Sight and events along one route.
+    """Sight and events along one route."""
 
-    Attributes:
-        events: in order of their stations.
-    """
-
-    def __init__(
-        self,
-        route: Route,
-        rng: np.random.Generator,
-        *,
-        only_forced: bool = False,
-        sight: tuple[float, float] = _SIGHT,
-    ) -> None:
+    def __init__(self, route: Route, rng: np.random.Generator) -> None:
         self._route = route
-        self._sight_end = self._draw_sight(rng, sight)
-        self.events = self._draw_events(rng, only_forced)
+        self._sight_end = self._draw_sight(rng)
+        self.events = self._draw_events(rng)  # in order of their stations
 
-    def _draw_sight(self, rng: np.random.Generator, sight: tuple[float, float]) -> Floats:
-        edges, ranges = [0.0], [rng.uniform(*sight)]
+    def _draw_sight(self, rng: np.random.Generator) -> Floats:
+        edges, ranges = [0.0], [rng.uniform(*_SIGHT)]
         while edges[-1] < self._route.length:
             edges.append(edges[-1] + rng.uniform(*_STRETCH))
-            ranges.append(rng.uniform(*sight))
+            ranges.append(rng.uniform(*_SIGHT))
         station = self._route.station
         end = station + np.interp(station, edges, ranges)
         # Ground once seen to be free stays known.
         clear: Floats = np.minimum(np.maximum.accumulate(end), self._route.length)
         return clear
 
-    def _draw_events(self, rng: np.random.Generator, only_forced: bool) -> list[CourseEvent]:
+    def _draw_events(self, rng: np.random.Generator) -> list[CourseEvent]:
         events: list[CourseEvent] = []
         station = 0.0
         while (station := station + rng.uniform(*_SPACING)) < self._route.length - _MIN_REST:
-            kind = "forced" if only_forced else str(rng.choice(_KINDS, p=_SHARES))
+            kind = str(rng.choice(_KINDS, p=_SHARES))
             if kind == "forced":
                 events.append(CourseEvent("forced", station, self.sight_end(station)))
             elif kind == "obstacle":
@@ -124,11 +201,9 @@ class Course:
         return float(np.interp(station, self._route.station, self._sight_end))
 
     def reported_clear(self, station: float, foresight: bool) -> float:
-        """Station up to which no obstacle is reported to a policy [m].
+        """Station up to which no obstacle is reported to a policy at a station [m].
 
-        Args:
-            station: station of the vehicle [m].
-            foresight: whether all obstacles to come are known from the start.
+        With foresight all obstacles to come are known from the start.
         """
         barriers = [
             e.barrier

@@ -1,30 +1,50 @@
-"""One drive: course, world, sensors, tracking and a policy, and the record of its outcome."""
+"""One drive: scene, world, sensors, tracking and a policy, and the record of its outcome."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
+from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.quantity import GRAVITY
 
-from .course import Course
-from .loop_terrain import SURFACES, PhysicsGround
+from .course import Course, Route, draw_route
+from .loop_terrain import SURFACES, PhysicsGround, crop, hills
 from .policies import CYCLE, Policy, View
 from .quad import OVERHANG, QUAD
-from .records import DrivenScene, ForcedStop, StopTrace
-from .route import Route
-from .sensors import Sensors
-from .tracking import DriveCommand, Tracker
+from .tracking import DriveCommand, Sensors, Tracker
 from .world import TICK, DrivenWorld
 
-ROLLING = 0.5
-"""Speed from which a stop is recorded [m/s]."""
+TESTED = (0.4, 1.0)  # rows of each elevation model, as shares; models were learned on the others
 
-FINISH = 6.0
-"""A drive ends this far before its route, where no plan slows down for the end yet [m]."""
+_SERIES = 5  # of seeds
+_ATTEMPTS = 200  # grounds that are tried for a route
 
+
+def dem_folder() -> Path | None:
+    """Folder of public elevation models, None without any."""
+    default = Path(__file__).resolve().parents[2].parent / "shared" / "data"
+    folder = Path(os.environ.get("SLOPEWISE_DATA", default)) / "dem"
+    return folder if any(folder.glob("*.tif")) else None
+
+
+def scene(number: int, dem: Path | None) -> tuple[PhysicsGround, Route, Course]:
+    """Ground, route and course of a drive; elevation models are the ground of two of three."""
+    rng = np.random.default_rng((_SERIES, number))
+    for _ in range(_ATTEMPTS):
+        terrain = hills(rng) if dem is None or number % 3 == 0 else crop(dem, rng, TESTED)
+        route = draw_route(terrain, rng)
+        if route is not None:
+            return terrain, route, Course(route, rng)
+    raise RuntimeError(f"no route for drive {number} on {_ATTEMPTS} grounds")
+
+
+ROLLING = 0.5  # Speed from which a stop is recorded [m/s]
+FINISH = 6.0  # A drive ends this far before its route, where no plan slows down for the end yet [m]
 _STANDSTILL_SPEED = 0.03  # [m/s]
 _MOVING_SPEED = 0.05  # [m/s] above which time counts as driven
 _PAUSE = 0.5  # [s] at rest until a blocked station is cleared
@@ -35,22 +55,51 @@ _LOAD_FILTER = 0.15  # [s]; faster oscillation of the loads cannot tip the vehic
 BRAKE_BUILD_UP = 0.12  # [s] after a stop command the drive releases: the brake line has pressure
 
 
+@dataclass(frozen=True, slots=True)
+class ForcedStop:
+    """One emergency stop, by the truth."""
+
+    speed: float  # true speed at the command [m/s]
+    grade: float  # grade of the ground there [rad]
+    surface: str  # name of the surface there
+    actual: float  # distance from command to rest [m]
+    predicted: float  # distance predicted by the policy, offset included [m]
+    left: float  # clear distance left at rest, below 0 if exceeded [m]
+    forced: bool  # whether a wall forced it, not the policy
+
+
+@dataclass(slots=True)
+class DrivenScene:
+    """Outcome of one drive."""
+
+    finished: bool = False  # whether the end was reached
+    distance: float = 0.0  # driven distance [m]
+    moving_time: float = 0.0  # time without waiting at blocked stations [s]
+    stops: list[ForcedStop] = field(default_factory=list)  # emergency stops from above walking pace
+    collisions: int = 0  # walls touched
+    past_clear: int = 0  # times that the vehicle passed a barrier
+    farthest: float = -np.inf  # largest distance beyond one [m]
+    # minimum filtered load of front, rear, left, right over level, shape (4,) [1]
+    min_load_shares: Floats = field(default_factory=lambda: np.ones(4))
+    track_error: float = 0.0  # largest distance from the route [m]
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean speed while moving [m/s]."""
+        return self.distance / self.moving_time if self.moving_time > 0.0 else 0.0
+
+
 class _StopStart:
-    """State at the command of a stop, with the rows logged since."""
+    """State at the command of a stop."""
 
     def __init__(self, loop: _Loop, forced: bool) -> None:
         self.station, self.speed = loop.station, loop.world.speed
         self.predicted = loop.policy.stopping_distance(loop.view())
-        self.command_speed = loop.state.speed
-        self.command_station = loop.seen_station
         self.surface = SURFACES[loop.world.surface]
         self.forced = forced
-        self.rows: list[tuple[float, float, float, float]] = []
 
     def finish(self, loop: _Loop) -> ForcedStop:
-        """Record of the stop, by the truth."""
-        time, speed, pitch, station = np.array(self.rows).T
-        trace = StopTrace(time, speed, pitch, station, self.command_speed, self.command_station)
+        """Record of the stop."""
         return ForcedStop(
             self.speed,
             loop.route.at(self.station, loop.route.grade),
@@ -59,7 +108,6 @@ class _StopStart:
             self.predicted,
             loop.course.limit - loop.station,
             self.forced,
-            trace,
         )
 
 
@@ -74,8 +122,8 @@ class _Loop:
         self.world = DrivenWorld(terrain, np.random.default_rng(seed + 1))
         self.world.reset(float(route.x[0]), float(route.y[0]), float(route.heading[0]))
         self.sensors = Sensors(self.world, None if policy.exact else rng)
-        self.tracker = Tracker(route, QUAD)
-        self.drive = DrivenScene(policy.name, terrain.source)
+        self.tracker = Tracker(route)
+        self.drive = DrivenScene()
         self.mapped_heights = terrain.mapped_heights(None if policy.exact else rng)
         self.map = self._map()
         self.state = self.sensors.read()
@@ -85,9 +133,8 @@ class _Loop:
         self.commanded_at = -np.inf
         self.stop: _StopStart | None = None
         self.rest = 0.0
-        self.shares, self.wheels = np.ones(4), np.ones(4)
+        self.shares = np.ones(4)
         self.beyond = False
-        self.history: list[tuple[float, ...]] = []
         front = QUAD.cg_x / QUAD.wheelbase
         self.level = QUAD.mass * GRAVITY * np.array([front, 1.0 - front, 0.5, 0.5])
 
@@ -110,10 +157,10 @@ class _Loop:
             self.course.known - self.seen_station,
         )
 
-    def stop_now(self, *, forced: bool, reason: str) -> None:
+    def stop_now(self, *, forced: bool) -> None:
         """Command full braking and remember its start."""
         self.stop = _StopStart(self, forced)
-        self.command = DriveCommand(max(self.state.speed, 0.0), 0.0, stop=True, reason=reason)
+        self.command = DriveCommand(max(self.state.speed, 0.0), 0.0, stop=True)
         self.commanded_at = self.world.time
 
     def trigger(self) -> None:
@@ -125,7 +172,7 @@ class _Loop:
                     e.over = True
                     continue
                 e.active = True
-                self.stop_now(forced=True, reason="a wall at the end of the clear distance")
+                self.stop_now(forced=True)
         self.put_wall()
 
     def put_wall(self) -> None:
@@ -175,9 +222,7 @@ class _Loop:
         )
         keep = np.exp(-TICK / _LOAD_FILTER)
         self.shares += (axles / self.level - self.shares) * (1.0 - keep)
-        self.wheels += (4.0 * loads / (QUAD.mass * GRAVITY) - self.wheels) * (1.0 - keep)
         drive.min_load_shares = np.minimum(drive.min_load_shares, self.shares)
-        drive.min_wheel_load = min(drive.min_wheel_load, float(self.wheels.min()))
         over = self.station - self.course.limit
         drive.farthest = max(drive.farthest, over)
         if over > 0.0 and not self.beyond:
@@ -202,24 +247,6 @@ class _Loop:
         self.seen_index, self.seen_station = self.route.locate(
             self.state.x, self.state.y, self.seen_index
         )
-        if self.stop is not None:
-            since = self.world.time - self.commanded_at
-            self.stop.rows.append((since, self.state.speed, self.state.pitch, self.seen_station))
-
-    def remember(self) -> None:
-        """Add a row to the history."""
-        route, station = self.route, self.station
-        row = (
-            self.world.time,
-            station,
-            self.world.speed,
-            self.course.reported_clear(station, self.policy.exact),
-            self.course.limit,
-            route.at(station, route.grade),
-            route.at(station, route.roll),
-            float(self.world.surface),
-        )
-        self.history.append(row)
 
     def cycle(self) -> None:
         """Ask the policy for a command."""
@@ -227,38 +254,22 @@ class _Loop:
             return
         command = self.policy.command(self.view())
         if command.stop and self.world.speed > _MOVING_SPEED:
-            self.drive.reasons.append(command.reason)
-            self.stop_now(forced=False, reason=command.reason)
+            self.stop_now(forced=False)
             return
         self.command = command
         self.commanded_at = self.world.time
 
 
 def run_drive(
-    terrain: PhysicsGround,
-    route: Route,
-    course: Course,
-    policy: Policy,
-    seed: int,
-    watch: Callable[[DrivenWorld], None] | None = None,
+    terrain: PhysicsGround, route: Route, course: Course, policy: Policy, seed: int
 ) -> DrivenScene:
-    """Drive a route once.
-
-    Args:
-        terrain, route, course: the scene; the course is used up.
-        policy: decides on the speed.
-        seed: of noise and scatter.
-        watch: called every cycle.
-    """
+    """Drive a route once; the course is used up, the seed is that of noise and scatter."""
     loop = _Loop(terrain, route, course, policy, seed)
     drive, cycle = loop.drive, round(CYCLE / TICK)
     ticks = 0
     while loop.world.time < _MAX_TIME:
         if ticks % cycle == 0:
             loop.cycle()
-            loop.remember()
-            if watch is not None:
-                watch(loop.world)
         loop.trigger()
         loop.tick()
         loop.settle()
@@ -272,5 +283,4 @@ def run_drive(
         if loop.rest > _STUCK:
             break
     drive.distance = loop.station
-    drive.history = np.array(loop.history)
     return drive

@@ -1,7 +1,6 @@
-"""The guard between a policy and the base of the closed loop, and a policy that needs it.
+"""A reckless planner behind the guard, over the scenes of the closed loop.
 
-``python -m benchmarks.closed_loop.guarded --drives 300`` drives a reckless planner behind the guard
-over the scenes of the closed loop, and slopewise's own with and without it.
+``python -m benchmarks.closed_loop.guarded --drives 300`` measures.
 """
 
 from __future__ import annotations
@@ -9,7 +8,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import time
 from collections import Counter, deque
 from dataclasses import replace
 from pathlib import Path
@@ -18,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.parameters import Braking, Model
-from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.models.parameters import Model
 from slopewise.services.guard.command_arc import Pose2d
 from slopewise.services.guard.decide import (
     BaseCommand,
@@ -31,12 +28,9 @@ from slopewise.services.guard.decide import (
 from slopewise.services.guard.guard_map import GuardMap
 from slopewise.services.guard.guard_model import brake_table, guard_model
 
-from .drive_loop import run_drive
-from .moving_horizon import MovingHorizon
-from .policies import CYCLE, RESERVE, Policy, View
-from .quad import LIMITS, QUAD, ROLLING
-from .records import DrivenScene
-from .scenes import dem_folder, scene
+from .drive_loop import DrivenScene, dem_folder, run_drive, scene
+from .policies import CYCLE, RESERVE, View
+from .quad import LIMITS, learned_model
 from .tracking import DriveCommand
 
 _PREVIEW = (0.5, 0.35)  # [m], [s] ahead, where the curvature of the route is taken
@@ -48,152 +42,75 @@ _COMMAND_AGE = 0.02  # [s], as the guard measures it on a robot
 _LOAD_SHARE = 0.5  # of `min_load`, kept in every stop; the default of the guard's settings [1]
 
 
-class Reckless:
-    """Full speed towards goals that change at random, even on blocked routes."""
+class Guarded:
+    """Full speed towards goals that change at random, even on blocked routes, behind the guard."""
 
     name, exact = "reckless", False
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, model: Model) -> None:
         self._rng = np.random.default_rng((11, seed))
+        latency = float(np.random.default_rng((12, seed)).uniform(0.0, _MAX_LATENCY))
         self._goal, self._until = 0.0, -1.0
-
-    def command(self, view: View) -> DriveCommand:
-        """Command the goal, as hard as the vehicle can."""
-        if view.state.time >= self._until:
-            self._goal = float(self._rng.uniform(*_GOAL))
-            self._until = view.state.time + float(self._rng.uniform(*_HOLD_TIME))
-        return DriveCommand(speed=self._goal, accel=0.0)
-
-    def stopping_distance(self, view: View) -> float:
-        """NaN: no prediction."""
-        return math.nan
-
-
-class Guarded:
-    """A policy whose commands arrive late and pass the guard.
-
-    Attributes:
-        actions: count of each action of the guard.
-        seconds: time of each decision [s].
-    """
-
-    exact = False
-
-    def __init__(self, policy: Policy, model: Model, latency: float) -> None:
-        self.name = f"guarded {policy.name}"
-        self._policy, self._delay = policy, round(latency / CYCLE)
-        self._waiting: deque[DriveCommand] = deque()
+        self._delay, self._waiting = round(latency / CYCLE), deque[float]()
         self._model = guard_model(model)
         self._tables = (brake_table(self._model),)
         self._map: ElevationMap | None = None
         self._ground: GuardMap | None = None
-        self.actions: Counter[str] = Counter()
-        self.seconds: list[float] = []
+        self.actions: Counter[str] = Counter()  # of the guard
 
     def command(self, view: View) -> DriveCommand:
-        """Pass the policy's delayed command through the guard."""
-        self._waiting.append(self._policy.command(view))
-        late = len(self._waiting) > self._delay
-        command = self._waiting.popleft() if late else DriveCommand()
-        if command.stop:
-            self._waiting.clear()
-            return command
-        speed = max(command.speed + command.accel * CYCLE, 0.0)
+        """Pass the goal, late and as hard as the vehicle can, through the guard."""
+        if view.state.time >= self._until:
+            self._goal = float(self._rng.uniform(*_GOAL))
+            self._until = view.state.time + float(self._rng.uniform(*_HOLD_TIME))
+        self._waiting.append(self._goal)
+        speed = self._waiting.popleft() if len(self._waiting) > self._delay else 0.0
         decision = self._decide(view, speed)
         self.actions[decision.action] += 1
-        if decision.action == "pass":
-            return self._limited(view, command, speed)
         if decision.action == "stop":
             self._waiting.clear()
-            return DriveCommand(stop=True, reason=f"guard: {decision.reason}")
-        slowed = replace(command, reason=decision.reason)
-        return self._limited(view, slowed, decision.command.speed)
-
-    def stopping_distance(self, view: View) -> float:
-        """Prediction of the policy [m]."""
-        self._waiting.clear()
-        return self._policy.stopping_distance(view)
-
-    def _limited(self, view: View, command: DriveCommand, speed: float) -> DriveCommand:
-        """Approach a speed within the limits of base and policy."""
-        if self._policy.name != "reckless" and speed >= command.speed:
-            return command
+            return DriveCommand(stop=True)
+        if decision.action != "pass":
+            speed = decision.command.speed
         now = max(view.state.speed, 0.0)
         accel = np.clip((speed - now) / CYCLE, -2.0 * LIMITS.decel, LIMITS.accel)
-        return DriveCommand(speed=now, accel=float(accel), reason=command.reason)
+        return DriveCommand(speed=now, accel=float(accel))
+
+    def stopping_distance(self, view: View) -> float:
+        """NaN: no prediction."""
+        self._waiting.clear()
+        return math.nan
 
     def _decide(self, view: View, speed: float) -> GuardDecision:
         if view.elevation_map is not self._map:
             known = self._map = view.elevation_map
-            self._ground = GuardMap(
-                known.elevation,
-                known.resolution,
-                known.origin,
-                known.terrain_class,
-                known.class_names,
-            )
+            ground = (known.elevation, known.resolution, known.origin)
+            self._ground = GuardMap(*ground, known.terrain_class, known.class_names)
         assert self._ground is not None
         state, route = view.state, view.route
         reach = _PREVIEW[0] + _PREVIEW[1] * max(state.speed, 0.0)
-        ahead = view.station + np.array((0.0, 0.5, 1.0)) * reach
+        ahead = view.station + np.array((0.0, 1.0)) * reach
         headings = [route.at(float(min(s, route.length)), route.heading) for s in ahead]
-        turn = float(np.angle(np.exp(1j * (headings[2] - headings[0]))))
-        curvature = turn / float(ahead[2] - ahead[0])
+        turn = float(np.angle(np.exp(1j * (headings[1] - headings[0]))))
+        curvature = turn / float(ahead[1] - ahead[0])
         # The clear distance is that of the middle of the wheelbase.
         clear = max(view.clear - RESERVE, 0.0)
         guard_scene = GuardScene(self._model, self._tables, self._ground, clear)
         motion = VehicleMotion(Pose2d(state.x, state.y, state.yaw), max(state.speed, 0.0))
         command = BaseCommand(speed, curvature * max(speed, state.speed))
-        start = time.perf_counter()
-        decision = decide(
+        return decide(
             guard_scene, motion, command, hold_time=CYCLE, late=_COMMAND_AGE, load=_LOAD_SHARE
         )
-        self.seconds.append(time.perf_counter() - start)
-        return decision
 
 
-def learned_model(results: Path) -> Model:
-    """Model learned by the last closed-loop run, from its results."""
-    learned = json.loads(results.read_text())["learned"]["slopewise"]
-    tables = {}
-    for name, values in learned["surfaces"].items():
-        ranges: dict[str, Any] = {k: tuple(values[k]) for k in ("speed_range", "grade_range")}
-        numbers = {k: v for k, v in values.items() if k not in ranges}
-        tables[name] = SurfaceBraking(**numbers, **ranges, dead_time=learned["dead_time"])
-    weakest = min(tables.values(), key=lambda table: table.b_b or 0.0)
-    base = {name: getattr(weakest, name) for name in ("m_m", "b_m", "m_b", "b_b", "dead_time")}
-    braking = Braking(
-        **base,
-        distance_offset=weakest.distance_offset or 0.0,
-        speed_range=weakest.speed_range or (0.0, 4.0),
-        grade_range=weakest.grade_range or (-0.3, 0.3),
-        terrain=tables,
-    )
-    return Model(name="learned", vehicle=QUAD, braking=braking, terrain=ROLLING, limits=LIMITS)
+def drive(number: int, model: Model, dem: Path | None) -> tuple[DrivenScene, Counter[str]]:
+    """One drive, and the count of each action of the guard."""
+    policy = Guarded(number, model)
+    return run_drive(*scene(number, dem), policy, number), policy.actions
 
 
-def drive(number: int, model: Model, kind: str, dem: Path | None) -> tuple[DrivenScene, Policy]:
-    """One drive of a kind: "reckless" and "sane" behind the guard, "plain" without it."""
-    terrain, route, course = scene(number, dem)
-    latency = float(np.random.default_rng((12, number)).uniform(0.0, _MAX_LATENCY))
-    policy: Policy
-    if kind == "reckless":
-        policy = Guarded(Reckless(number), model, latency)
-    elif kind == "sane":
-        policy = Guarded(MovingHorizon(model), model, 0.0)
-    else:
-        policy = MovingHorizon(model)
-    return run_drive(terrain, route, course, policy, number), policy
-
-
-def summary(drives: list[tuple[DrivenScene, Policy]]) -> dict[str, Any]:
-    """Figures of drives of one kind."""
-    actions: Counter[str] = Counter()
-    seconds: list[float] = []
-    for _, policy in drives:
-        if isinstance(policy, Guarded):
-            actions.update(policy.actions)
-            seconds += policy.seconds
+def summary(drives: list[tuple[DrivenScene, Counter[str]]]) -> dict[str, Any]:
+    """Figures of all drives."""
     scenes = [scene for scene, _ in drives]
     return {
         "drives": len(scenes),
@@ -204,26 +121,21 @@ def summary(drives: list[tuple[DrivenScene, Policy]]) -> dict[str, Any]:
         "least_share": min(float(s.min_load_shares.min()) for s in scenes),
         "mean_speed": sum(s.distance for s in scenes) / sum(s.moving_time for s in scenes),
         "finished": sum(s.finished for s in scenes),
-        "actions": dict(actions),
-        "ms": [1e3 * float(v) for v in np.percentile(seconds, (50, 99))] if seconds else [],
+        "actions": dict(sum((actions for _, actions in drives), Counter[str]())),
     }
 
 
 def main() -> None:
-    """Drive, and print the figures of each kind."""
+    """Drive, and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--drives", type=int, default=300)
-    parser.add_argument("--sane", type=int, default=40)
-    parser.add_argument("--results", type=Path, default=Path("docs/results/closed-loop.json"))
-    options = parser.parse_args()
-    model, dem = learned_model(options.results), dem_folder()
-    counts = {"sane": options.sane, "plain": options.sane, "reckless": options.drives}
-    for kind, count in counts.items():
-        drives = []
-        for number in range(count):
-            drives.append(drive(number, model, kind, dem))
-            if number % 10 == 9 or number == count - 1:
-                print(kind, json.dumps(summary(drives)), flush=True)
+    count = parser.parse_args().drives
+    model, dem = replace(learned_model(), effect=()), dem_folder()
+    drives = []
+    for number in range(count):
+        drives.append(drive(number, model, dem))
+        if number % 10 == 9 or number == count - 1:
+            print(json.dumps(summary(drives)), flush=True)
 
 
 if __name__ == "__main__":

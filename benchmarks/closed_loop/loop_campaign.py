@@ -1,52 +1,49 @@
-"""The closed-loop benchmark: learn from stops, then let every policy drive the same scenes."""
+"""The closed-loop benchmark: every policy drives the same scenes with models learned from stops."""
 
 from __future__ import annotations
 
-import hashlib
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from rich.console import Console
+
 from slopewise.models.parameters import Model
 
-from ..common.campaign import BenchmarkRequest, Progress, run_numbered
-from ..common.result_cache import PickleCache, digest_of_sources
-from .drive_loop import run_drive
-from .learning_drives import stops_of_drive
-from .loop_calibration import COEFFICIENTS, fit
-from .loop_metrics import Result, show, summary, targets
-from .moving_horizon import MovingHorizon
-from .policies import CurvatureOnly, FixedSpeed, LevelStop, Planned, Policy, oracle_policy
-from .records import DrivenScene
-from .scenes import dem_folder, scene
-from .stop_sample import StopSample
+from ..common.campaign import BenchmarkRequest, Progress, ResultCache, digest_of_sources, run_jobs
+from ..common.text_tables import table_of
+from .drive_loop import DrivenScene, dem_folder, run_drive, scene
+from .policies import LevelBrakes, MovingHorizon, Planned, Policy
+from .quad import LIMITS, learned_model
 
-__all__ = ["run", "show"]
+Result = dict[str, Any]
 
 SLOPEWISE, PERFECT = "slopewise", "perfect knowledge"
+COLUMNS = (
+    ("drives", "drives", "{:.0f}"),
+    ("finished", "finished", "{:.0f}"),
+    ("forced", "forced_stops", "{:.0f}"),
+    ("collisions", "collisions", "{:.0f}"),
+    ("past clear", "past_clear", "{:.0f}"),
+    ("light", "load_violations", "{:.0f}"),
+    ("avoidable", "load_violations_avoidable", "{:.0f}"),
+    ("m/s", "mean_speed", "{:.2f}"),
+    ("covered", "covered", "{:.2%}"),
+    ("excess m", "mean_excess", "{:+.2f}"),
+    ("worst m", "worst_excess", "{:+.2f}"),
+)
+"""Title, key and form of the figures of a policy."""
 
-_EXACT = 10_000  # number of the first drive to learn from without noise
 _SOURCES = ("benchmarks/closed_loop", "models", "planner")
-_IGNORED_SOURCES = ("loop_campaign.py", "loop_metrics.py")
 _LIBRARIES = ("mujoco", "numpy", "scipy")
+_STOP_KEYS = ("speed", "grade", "surface", "actual", "predicted", "left", "forced")
 
 
-@dataclass(frozen=True, slots=True)
-class DriveCounts:
-    """Number of drives by slopewise and perfect knowledge, by each other policy, to learn from."""
-
-    drives: int
-    baseline_drives: int
-    calibration: int
-    exact_calibration: int
-
-
-FULL = DriveCounts(drives=330, baseline_drives=45, calibration=180, exact_calibration=120)
-QUICK = DriveCounts(drives=12, baseline_drives=6, calibration=75, exact_calibration=45)
+FULL, QUICK = (330, 45), (12, 6)  # drives by slopewise and perfect knowledge, by each other [1]
 
 
 def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
@@ -54,100 +51,123 @@ def policies(model: Model, perfect: Model) -> dict[str, Callable[[], Policy]]:
     makers: list[Callable[[], Policy]] = [
         partial(MovingHorizon, model),
         partial(Planned, model),
-        partial(oracle_policy, perfect),
-        partial(FixedSpeed, model, 2.0),
-        partial(FixedSpeed, model, 3.5),
-        partial(LevelStop, model),
-        partial(CurvatureOnly, model),
+        # The upper bound: exact model, exact sensors, foresight of all obstacles.
+        partial(Planned, perfect, name=PERFECT, exact=True),
+        partial(LevelBrakes, model, 2.0),
+        partial(LevelBrakes, model, 3.5),
+        partial(LevelBrakes, model),
     ]
     return {make().name: make for make in makers}
 
 
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
-    """Learn and drive; results in the folder of the request are not computed again."""
+    """Drive all scenes; results in the folder of the request are not computed again."""
     start = time.perf_counter()
-    size = QUICK if request.quick else FULL
+    many, few = QUICK if request.quick else FULL
     dem = dem_folder()
-
-    def run_all(
-        work: Callable[[int], Any], numbers: Iterable[int], title: str, *origins: object
-    ) -> list[Any]:
-        folder = None if request.out is None else request.out / "runs"
-        stored = None if folder is None else drive_cache(folder, title, *origins)
-        return run_numbered(work, numbers, progress, title, stored)
-
-    noisy = partial(stops_of_drive, exact=False)
-    samples = _flat(run_all(noisy, range(size.calibration), "learning"))
-    exact_numbers = range(_EXACT, _EXACT + size.exact_calibration)
-    exact = _flat(run_all(partial(stops_of_drive, exact=True), exact_numbers, "learning perfectly"))
-    model, perfect = fit(samples, SLOPEWISE), fit(exact, PERFECT)
-    drives = {}
-    for name, make in policies(model, perfect).items():
-        count = size.drives if name in (SLOPEWISE, PERFECT) else size.baseline_drives
-        origin = perfect if name == PERFECT else model
-        drives[name] = run_all(_Driver(make, dem), range(count), f"driving: {name}", origin)
+    drives: dict[str, list[DrivenScene]] = {}
+    for name, make in policies(learned_model("slopewise"), learned_model("perfect")).items():
+        count = many if name in (SLOPEWISE, PERFECT) else few
+        stored = None if request.out is None else drive_cache(request.out, name)
+        work = partial(_drive, make, dem)
+        drives[name] = run_jobs(work, range(count), progress, f"driving: {name}", stored)
     results = {name: summary(of, drives[PERFECT][: len(of)]) for name, of in drives.items()}
-    stop_keys = ("speed", "grade", "surface", "actual", "predicted", "left", "forced")
     return {
         "ground": "public elevation models and hills" if dem else "generated hills",
-        "learned": {SLOPEWISE: _learned(model, samples), PERFECT: _learned(perfect, exact)},
         "policies": results,
         "targets": targets(results, SLOPEWISE, PERFECT),
         "stops": [
-            {key: getattr(s, key) for key in stop_keys} for d in drives[SLOPEWISE] for s in d.stops
+            {key: getattr(s, key) for key in _STOP_KEYS} for d in drives[SLOPEWISE] for s in d.stops
         ],
         "seconds": time.perf_counter() - start,
     }
 
 
-class _Driver:
-    """One policy over scenes by number."""
-
-    def __init__(self, make: Callable[[], Policy], dem: Path | None) -> None:
-        self._make, self._dem = make, dem
-
-    def __call__(self, number: int) -> DrivenScene:
-        terrain, route, course = scene(number, self._dem)
-        return run_drive(terrain, route, course, self._make(), number)
+def _drive(make: Callable[[], Policy], dem: Path | None, number: int) -> DrivenScene:
+    return run_drive(*scene(number, dem), make(), number)
 
 
-def _flat(lists: list[list[StopSample]]) -> list[StopSample]:
-    return [stop for stops in lists for stop in stops]
-
-
-def _learned(model: Model, samples: list[StopSample]) -> Result:
-    keys = (*COEFFICIENTS, "distance_offset", "speed_range", "grade_range")
-    braking = model.braking
-    return {
-        "stops": len(samples),
-        "dead_time": braking.dead_time,
-        "surfaces": {
-            name: {key: getattr(braking.on(name), key) for key in keys} for name in braking.terrain
-        },
-    }
-
-
-def drive_cache(folder: Path, title: str, *origins: object) -> PickleCache:
-    """Cache of the results of one kind of work.
-
-    Args:
-        folder: folder of the whole campaign.
-        title: name of the work.
-        origins: dependencies that are neither sources nor data, by their representation.
-    """
-    digest = hashlib.sha256(repr((_source_digest(), *origins)).encode())
-    name = "".join(c if c.isalnum() else "_" for c in title)
-    return PickleCache(folder / f"{name}-{digest.hexdigest()[:16]}")
+def drive_cache(folder: Path, policy: str) -> ResultCache:
+    """Cache of the drives of one policy in the folder of the campaign."""
+    name = "".join(c if c.isalnum() else "_" for c in policy)
+    return ResultCache(folder / "runs" / f"{name}-{_source_digest()}")
 
 
 @cache
 def _source_digest() -> str:
-    """Digest of sources, libraries and elevation models."""
+    """Digest of sources, learned models, libraries and elevation models."""
     dem = dem_folder()
-    models = sorted(dem.glob("*.tif")) if dem is not None else []
+    files = sorted(dem.glob("*.tif")) if dem is not None else []
     return digest_of_sources(
         _SOURCES,
-        _IGNORED_SOURCES,
+        ("loop_campaign.py",),
+        *(repr(learned_model(name)) for name in ("slopewise", "perfect")),
         *(version(name) for name in _LIBRARIES),
-        *(f"{file.name} {file.stat().st_size}" for file in models),
+        *(f"{file.name} {file.stat().st_size}" for file in files),
     )
+
+
+def summary(drives: list[DrivenScene], perfect: list[DrivenScene]) -> Result:
+    """Figures of one policy, next to drives with perfect knowledge on the same scenes."""
+    stops = [stop for drive in drives for stop in drive.stops]
+    excess = np.array([s.predicted - s.actual for s in stops])
+    light = np.array([drive.min_load_shares.min() < LIMITS.min_load for drive in drives])
+    unavoidable = np.array([drive.min_load_shares.min() < LIMITS.min_load for drive in perfect])
+    return {
+        "drives": len(drives),
+        "finished": sum(drive.finished for drive in drives),
+        "forced_stops": sum(stop.forced for stop in stops),
+        "collisions": sum(drive.collisions for drive in drives),
+        "past_clear": sum(drive.past_clear for drive in drives),
+        "load_violations": int(light.sum()),
+        "load_violations_avoidable": int((light & ~unavoidable).sum()),
+        "least_load": float(min(drive.min_load_shares.min() for drive in drives)),
+        "mean_speed": sum(d.distance for d in drives) / sum(d.moving_time for d in drives),
+        "track_error": float(np.quantile([drive.track_error for drive in drives], 0.95)),
+        "covered": float(np.mean(excess >= 0.0)),
+        "worst_excess": float(excess.min()),
+        "mean_excess": float(np.mean(excess)),
+    }
+
+
+def targets(results: dict[str, Result], policy: str, perfect: str) -> list[Result]:
+    """Targets of a policy with the values that it reached."""
+    r = results[policy]
+    speed_share = r["mean_speed"] / results[perfect]["mean_speed"]
+    avoidable = r["load_violations_avoidable"]
+    rows: list[tuple[str, str, float, float]] = [
+        ("drives", ">=", 300, r["drives"]),
+        ("forced stops", ">=", 1000, r["forced_stops"]),
+        ("collisions", "<=", 0, r["collisions"]),
+        ("stops past the clear distance", "<=", 0, r["past_clear"]),
+        ("load violations that perfect knowledge avoids", "<=", 0, avoidable),
+        ("mean speed, share of perfect knowledge", ">=", 0.85, speed_share),
+        ("stops not longer than predicted, share", ">=", 0.999, r["covered"]),
+        ("mean excess of the prediction [m]", "<=", 0.25, r["mean_excess"]),
+    ]
+    return [
+        {
+            "what": what,
+            "relation": relation,
+            "wanted": target,
+            "reached": float(reached),
+            "passed": bool(reached >= target if relation == ">=" else reached <= target),
+        }
+        for what, relation, target, reached in rows
+    ]
+
+
+def show(result: Result, console: Console) -> None:
+    """Print the table of all policies, then the targets."""
+    titles = (title for title, _, _ in COLUMNS)
+    by_policy = table_of(f"closed loop: {result['ground']}", *titles, first="policy")
+    for name, row in result["policies"].items():
+        by_policy.add_row(name, *(form.format(row[key]) for _, key, form in COLUMNS))
+    console.print(by_policy)
+    reached = table_of("targets and values reached", "target", "reached", "", first="what")
+    for row in result["targets"]:
+        sign = {">=": "≥", "<=": "≤"}[row["relation"]]
+        mark = "yes" if row["passed"] else "[red]no[/]"
+        figures = (f"{sign} {row['wanted']:g}", f"{row['reached']:.4g}")
+        reached.add_row(row["what"].replace("[", "\\["), *figures, mark)
+    console.print(reached)

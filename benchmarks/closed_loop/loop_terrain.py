@@ -1,4 +1,4 @@
-"""Ground of the closed loop: a crop of a public elevation model, waves, or a uniform slope.
+"""Ground of the closed loop: a crop of a public elevation model, or waves.
 
 None is steeper than the trained grades. Three surfaces lie on it in patches.
 """
@@ -18,12 +18,8 @@ from slopewise.models.elevation_map import ElevationMap
 SURFACES = ("firm", "gravel", "grass")
 """Names of the surfaces in the planner's map and in the learned model."""
 
-RESOLUTION = 0.25
-"""Edge of a cell [m]."""
-
-MAX_GRADE = np.deg2rad(21.0)
-"""Steepest grade of a hill [rad]; routes keep to 20°."""
-
+RESOLUTION = 0.25  # Edge of a cell [m]
+MAX_GRADE = np.deg2rad(21.0)  # Steepest grade of a hill [rad]; routes keep to 20°
 _SIZE = 60.0  # [m] edge of a terrain
 _CELLS = int(_SIZE / RESOLUTION) + 1  # grid points of an edge
 _PATCH = 8.0  # [m] size of a surface patch
@@ -34,17 +30,10 @@ _DEM_SMOOTHING = 1.0  # [m]; a one-metre model has steps and noise
 
 @dataclass(frozen=True, slots=True)
 class PhysicsGround:
-    """Square ground with its lower left corner at the origin.
+    """Square ground with its lower left corner at the origin."""
 
-    Attributes:
-        height: heights of the grid points, row 0 at minimum y, shape (n, n) [m].
-        surface: index into :data:`SURFACES`, shape (n, n).
-        source: origin, for reports.
-    """
-
-    height: Floats
-    surface: Ints
-    source: str
+    height: Floats  # heights of the grid points, row 0 at minimum y, shape (n, n) [m]
+    surface: Ints  # index into :data:`SURFACES`, shape (n, n)
 
     @property
     def size(self) -> float:
@@ -75,15 +64,6 @@ class PhysicsGround:
         )
 
 
-def slope(direction: float, steepness: float, rng: np.random.Generator) -> PhysicsGround:
-    """A uniform slope that rises towards a direction [rad], with patches of every surface."""
-    along = RESOLUTION * np.arange(_CELLS)
-    x, y = np.meshgrid(along, along)
-    height = np.tan(steepness) * (np.cos(direction) * x + np.sin(direction) * y)
-    name = f"slope of {np.rad2deg(steepness):.0f}°"
-    return PhysicsGround(height - height.min(), _patches(rng), name)
-
-
 def hills(rng: np.random.Generator) -> PhysicsGround:
     """Waves of many lengths and directions."""
     along = RESOLUTION * np.arange(_CELLS)
@@ -94,7 +74,7 @@ def hills(rng: np.random.Generator) -> PhysicsGround:
         wave = 2.0 * np.pi / length * (np.cos(turn) * x + np.sin(turn) * y) + phase
         height += length * rng.uniform(0.3, 1.0) * np.sin(wave)
     height *= np.tan(rng.uniform(_MIN_RELIEF, MAX_GRADE)) / np.tan(_max_grade(height))
-    return PhysicsGround(height - height.min(), _patches(rng), "generated hills")
+    return PhysicsGround(height - height.min(), _patches(rng))
 
 
 def crop(
@@ -103,17 +83,11 @@ def crop(
     """Crop a hilly part of a one-metre elevation model (GeoTIFF) that is nowhere too steep.
 
     Surveyed heights are smoothed over a metre and interpolated by a spline.
-
-    Args:
-        folder: contains elevation models.
-        rng: draws one of them, and the place.
-        part: range of its rows, as shares.
     """
     files = sorted(folder.glob("*.tif"))
     cells = int(_SIZE) + 1
     while True:
-        file = files[rng.integers(len(files))]
-        model = _read(file)
+        model = _read(files[rng.integers(len(files))])
         first, last = (int(share * len(model)) for share in part)
         row = int(rng.integers(first, last - cells))
         column = int(rng.integers(0, model.shape[1] - cells))
@@ -123,8 +97,7 @@ def crop(
         piece = gaussian_filter(piece, _DEM_SMOOTHING)
         height = zoom(piece, _CELLS / cells, order=3)
         if _MIN_RELIEF < _max_grade(height) < MAX_GRADE:
-            source = f"{file.name} [{row}, {column}]"
-            return PhysicsGround(height - height.min(), _patches(rng), source)
+            return PhysicsGround(height - height.min(), _patches(rng))
 
 
 @cache

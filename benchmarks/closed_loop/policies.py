@@ -7,7 +7,7 @@ the loop as one more class of this shape.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -16,51 +16,43 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.horizon.answer import PlanarState
+from slopewise.planner.horizon.horizon import Horizon, HorizonSettings
+from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
 
+from .course import Route
 from .quad import QUAD
-from .route import Route
-from .sensors import EstimatedState
-from .tracking import DriveCommand
+from .tracking import DriveCommand, EstimatedState
 
-CYCLE = 0.1
-"""Time between two decisions [s]."""
-
-HORIZON = 15.0
-"""Planned length of the path [m]."""
-
-RESERVE = 0.15
-"""Part of the clear distance reserved for errors of localisation and tracking [m]."""
-
+CYCLE = 0.1  # Time between two decisions [s]
+HORIZON = 15.0  # Planned length of the path [m]
+RESERVE = 0.15  # Part of the clear distance reserved for errors of localisation and tracking [m]
 _LEAD = (0.1, 0.3)  # [s] ahead of now, in which the acceleration is commanded
 _SPEED_TOLERANCE = 0.1  # [m/s] by which planned and measured speed may differ
 _RESPONSE = 3.0 * CYCLE  # [s] in which a baseline approaches its speed
 _FULL_STOP_SPEED = 0.3  # [m/s] above which a baseline brakes in full
+_STRIDE = 2  # points of the route from one station of the horizon to the next
+_BEHIND = 20  # points of the route behind the vehicle
+_BUDGET = 0.05  # [s] of a cycle of the horizon; other processes share the machine
 _MIN_CLEAR = 0.3  # [m] below which a baseline stays at rest
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The robot's knowledge in one cycle.
+    """The robot's knowledge in one cycle."""
 
-    Attributes:
-        state: estimate of its motion.
-        station: along the route [m].
-        route: route to follow.
-        elevation_map: ground as known.
-        clear: along the route, for the middle of the wheelbase, until the front of the vehicle is
-            at the nearest obstacle or the end of sight [m].
-        known: along the route to unknown ground [m].
-    """
-
-    state: EstimatedState
-    station: float
-    route: Route
-    elevation_map: ElevationMap
+    state: EstimatedState  # estimate of its motion
+    station: float  # along the route [m]
+    route: Route  # route to follow
+    elevation_map: ElevationMap  # ground as known
+    # along the route, for the middle of the wheelbase, until the front of the vehicle is at the
+    # nearest obstacle or the end of sight [m]
     clear: float
-    known: float
+    known: float  # along the route to unknown ground [m]
 
 
 def with_lead(plan: SpeedPlan, time: float) -> tuple[float, float]:
@@ -75,15 +67,10 @@ def clear_of_front(clear: float) -> float:
 
 
 class Policy(Protocol):
-    """Decides on the speed.
+    """Decides on the speed."""
 
-    Attributes:
-        name: shown in tables.
-        exact: whether it has exact sensors, an exact map and foresight of all obstacles.
-    """
-
-    name: str
-    exact: bool
+    name: str  # shown in tables
+    exact: bool  # whether it has exact sensors, an exact map and foresight of all obstacles
 
     def command(self, view: View) -> DriveCommand:
         """Return the command of one cycle."""
@@ -107,10 +94,10 @@ class Planned:
         plan = self._plan(view, max(float(speed), 0.0), view.clear - RESERVE)
         if plan.status is Status.INFEASIBLE:
             self._target = 0.0
-            return DriveCommand(stop=True, reason=plan.reason)
+            return DriveCommand(stop=True)
         now, accel = with_lead(plan, 0.0)
         self._target = max(now + accel * CYCLE, 0.0)
-        return DriveCommand(speed=now, accel=accel, reason=plan.reason)
+        return DriveCommand(speed=now, accel=accel)
 
     def stopping_distance(self, view: View) -> float:
         """Stopping distance of the model, its safety offset included [m]."""
@@ -125,14 +112,17 @@ class Planned:
         return plan
 
 
-class _Baseline:
-    """A target speed that is approached at the service accelerations."""
+class LevelBrakes:
+    """A speed approached at the service accelerations: a fixed one, or that of a level stop.
+
+    Without a speed it is as fast as a stop on level ground, v²/2a, fits into the clear distance.
+    """
 
     exact = False
 
-    def __init__(self, model: Model, name: str) -> None:
-        self.name = name
-        self._limits = model.limits
+    def __init__(self, model: Model, speed: float | None = None) -> None:
+        self.name = "level v²/2a" if speed is None else f"fixed {speed:g} m/s"
+        self._limits, self._speed = model.limits, speed
         # Learned on level ground: one deceleration, that of the middle surface at 2.5 m/s.
         level = sorted(model.braking.on(s).level_force(2.5) for s in ("", *model.braking.terrain))
         self._deceleration = GRAVITY * level[len(level) // 2]
@@ -142,10 +132,9 @@ class _Baseline:
         speed = max(view.state.speed, 0.0)
         clear = min(view.clear, view.known)
         if speed > _FULL_STOP_SPEED and clear < speed**2 / (2.0 * self._deceleration):
-            return DriveCommand(stop=True, reason="the known route ends")
-        target = min(self._target_speed(view, clear), self._limits.speed)
-        if clear < _MIN_CLEAR:
-            target = 0.0
+            return DriveCommand(stop=True)
+        target = self._speed or math.sqrt(2.0 * self._deceleration * max(clear, 0.0))
+        target = 0.0 if clear < _MIN_CLEAR else min(target, self._limits.speed)
         accel = np.clip((target - speed) / _RESPONSE, -self._limits.decel, self._limits.accel)
         return DriveCommand(speed=speed, accel=float(accel))
 
@@ -153,74 +142,51 @@ class _Baseline:
         """Stopping distance v²/2a of level ground [m]."""
         return float(view.state.speed**2 / (2.0 * self._deceleration))
 
-    def _target_speed(self, view: View, clear: float) -> float:
-        raise NotImplementedError
 
+class MovingHorizon:
+    """The planner of a robot.
 
-class FixedSpeed(_Baseline):
-    """One speed for everything."""
+    The learned offset and force hold the scatter of stops already, so it plans at the median.
+    """
 
-    def __init__(self, model: Model, speed: float) -> None:
-        super().__init__(model, f"fixed {speed:g} m/s")
-        self._speed = speed
-
-    def _target_speed(self, view: View, clear: float) -> float:
-        return self._speed
-
-
-class LevelStop(_Baseline):
-    """As fast as a stop on level ground, v²/2a, fits into the clear distance."""
+    name, exact = "slopewise", False
 
     def __init__(self, model: Model) -> None:
-        super().__init__(model, "level v²/2a")
-
-    def _target_speed(self, view: View, clear: float) -> float:
-        return math.sqrt(2.0 * self._deceleration * max(clear, 0.0))
-
-
-class CurvatureOnly(_Baseline):
-    """Slower in curves, as regulated pure pursuit is, and without any other limit."""
-
-    def __init__(self, model: Model) -> None:
-        super().__init__(model, "curvature only")
-
-    def _target_speed(self, view: View, clear: float) -> float:
-        points = view.route.points(view.station, 4.0)
-        steps = np.diff(points, axis=0)
-        turns = np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
-        curvature = float(np.max(np.abs(turns) / np.hypot(*steps[1:].T)))
-        return math.sqrt(self._limits.lateral_accel / max(curvature, 1e-3))
-
-
-class ScriptedSpeed:
-    """Hold one drawn speed after another on free ground, to learn from the stops."""
-
-    name = "scripted"
-
-    def __init__(
-        self, rng: np.random.Generator, accel: float, max_speed: float, *, exact: bool
-    ) -> None:
-        self._rng, self._accel, self._max_speed = rng, accel, max_speed
-        self._target = rng.uniform(0.6, max_speed)
-        self._stood = False
-        self.exact = exact
+        self._stops = Planned(model)
+        self._horizon = Horizon(
+            model,
+            HorizonSettings(period=CYCLE, budget=_BUDGET),
+            uncertainty=Uncertainty(quantile=0.5),
+        )
 
     def command(self, view: View) -> DriveCommand:
-        """Approach a speed that is drawn again after every standstill."""
-        speed = max(view.state.speed, 0.0)
-        if speed < 0.05 and not self._stood:
-            self._target = self._rng.uniform(0.6, self._max_speed)
-        self._stood = speed < 0.05
-        if view.route.length - view.station < 6.0:
-            return DriveCommand(stop=True, reason="the route ends")
-        accel = np.clip((self._target - speed) / _RESPONSE, -self._accel, self._accel)
-        return DriveCommand(speed=speed, accel=float(accel))
+        """Run one cycle of the horizon."""
+        seen = view.state
+        state = PlanarState(x=seen.x, y=seen.y, heading=seen.yaw, speed=max(seen.speed, 0.0))
+        paths, first_station = _route_around(view)
+        clear = clear_of_front(view.station + view.clear - RESERVE - first_station)
+        answer = self._horizon.step(state, paths, view.elevation_map, clear=clear)
+        command = answer.command
+        if command.stop:
+            self._horizon.forget()
+            return DriveCommand(stop=True)
+        if answer.chosen is None:
+            return DriveCommand()
+        speed, accel = with_lead(answer.chosen, answer.chosen.travel_time - command.valid_for)
+        return DriveCommand(speed=speed, accel=accel)
 
     def stopping_distance(self, view: View) -> float:
-        """NaN: no prediction."""
-        return math.nan
+        """Stopping distance of the model; the current plan ends with the stop [m]."""
+        self._horizon.forget()
+        return self._stops.stopping_distance(view)
 
 
-def oracle_policy(model: Model) -> Planned:
-    """The upper bound: exact model, exact sensors, foresight of all obstacles."""
-    return Planned(replace(model, name="perfect"), name="perfect knowledge", exact=True)
+def _route_around(view: View) -> tuple[PathBatch, float]:
+    """The route around the vehicle, always on the same stations, and its first station [m]."""
+    route = view.route
+    here = int(np.searchsorted(route.station, view.station))
+    first = max(here - _BEHIND, 0) // _STRIDE * _STRIDE
+    last = int(np.searchsorted(route.station, view.station + HORIZON))
+    x, y = (np.ascontiguousarray(c[first:last:_STRIDE, None]) for c in (route.x, route.y))
+    paths = PathBatch(("route",), x, y, np.array([len(x)]), None)
+    return paths, float(route.station[first])

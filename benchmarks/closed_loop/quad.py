@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
-from slopewise.models.parameters import Limits, Terrain
+from slopewise.models.parameters import Limits, Model, Terrain
 from slopewise.models.vehicle import Vehicle
+from slopewise.services.io.model_file import read_model
 
-OVERHANG = 0.95
-"""Distance from the middle of the wheelbase to the front of the body [m]."""
-
+OVERHANG = 0.95  # Distance from the middle of the wheelbase to the front of the body [m]
 QUAD = Vehicle(
     mass=500.0,
     wheelbase=1.2,
@@ -40,32 +40,29 @@ LIMITS = Limits(speed=4.0, accel=1.5, decel=2.0, jerk=4.0, lateral_accel=2.0, mi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueVehicle:
-    """Parameters of the physics engine that the planner never sees.
+    """Parameters of the physics engine that the planner never sees."""
 
-    Attributes:
-        friction: friction of the tyres on each surface [1].
-        resistance: rolling resistance on each surface over the load [1].
-        brake_ratio: full brake torque at the rims over the weight [1].
-        front_share: front share of the brake torque [1].
-        brake_scatter: standard deviation of the brake torque from stop to stop [1].
-        dead_time: dead time of the hydraulics [s].
-        build_up: their first-order time constant [s].
-        spring, damper: suspension of one wheel [N/m], [N s/m].
-        wheel_mass: mass of one wheel [kg].
-        slip: wheel slip at which the anti-lock releases [1].
-    """
-
-    friction: tuple[float, ...] = (0.90, 0.66, 0.54)
+    friction: tuple[float, ...] = (0.90, 0.66, 0.54)  # friction of the tyres on each surface [1]
+    # rolling resistance on each surface over the load [1]
     resistance: tuple[float, ...] = (0.02, 0.06, 0.04)
-    brake_ratio: float = 0.55
-    front_share: float = 0.65
-    brake_scatter: float = 0.0075
-    dead_time: float = 0.12
-    build_up: float = 0.10
-    spring: float = 26000.0
+    brake_ratio: float = 0.55  # full brake torque at the rims over the weight [1]
+    front_share: float = 0.65  # front share of the brake torque [1]
+    brake_scatter: float = 0.0075  # standard deviation of the brake torque from stop to stop [1]
+    dead_time: float = 0.12  # dead time of the hydraulics [s]
+    build_up: float = 0.10  # their first-order time constant [s]
+    spring: float = 26000.0  # spring, damper: suspension of one wheel [N/m], [N s/m]
     damper: float = 1500.0
-    wheel_mass: float = 12.0
-    slip: float = 0.15
+    wheel_mass: float = 12.0  # mass of one wheel [kg]
+    slip: float = 0.15  # wheel slip at which the anti-lock releases [1]
 
 
 HIDDEN = TrueVehicle()
+
+
+def learned_model(name: str = "slopewise") -> Model:
+    """A model learned from this vehicle's stops, or the one of exact sensors, `perfect`.
+
+    Fitted to 300 drives by version 0.1.0 of this benchmark, which is no longer done: force by
+    surface, cross slopes, crests, and the margins that cover the stops.
+    """
+    return read_model(Path(__file__).with_name(f"{name}.toml"))

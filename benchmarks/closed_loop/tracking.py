@@ -1,16 +1,70 @@
-"""Tracking controller: pure pursuit, and speed by a PI law on thrust and brakes."""
+"""The robot: its estimate of its motion, pure pursuit, and a PI law on thrust and brakes."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from slopewise.models.quantity import GRAVITY
-from slopewise.models.vehicle import Vehicle
+import numpy as np
 
-from .route import Route
-from .sensors import EstimatedState
-from .world import TICK
+from slopewise.models.quantity import GRAVITY
+
+from .course import Route
+from .quad import QUAD
+from .world import TICK, DrivenWorld
+
+_ODOMETRY_NOISE = 0.05  # [m/s] of one reading
+_ODOMETRY_SCALE = 0.004  # one standard deviation of a drive's scale error
+_ACCELEROMETER_NOISE = 0.3  # [m/s²]
+_CORRECTION_TIME = 0.10  # [s] in which odometry corrects the integrated acceleration
+_POSITION_NOISE = 0.02  # [m] random walk, one standard deviation
+_POSITION_TIME = 2.0  # [s] its time constant
+_PITCH_NOISE = 0.003  # [rad]
+_PITCH_MOUNT = 0.01  # [rad] one standard deviation of the mount offset
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatedState:
+    """The robot's estimate."""
+
+    time: float  # [s]
+    x: float  # x, y, yaw: pose of the middle of the wheelbase [m], [rad]
+    y: float
+    yaw: float
+    speed: float  # [m/s]
+    pitch: float  # pitch of the body with dive and mount offset, nose down positive [rad]
+
+
+class Sensors:
+    """Estimator, called at every tick; exact without a generator."""
+
+    def __init__(self, world: DrivenWorld, rng: np.random.Generator | None) -> None:
+        self._world, self._rng = world, rng
+        self._speed = self._last = world.speed
+        self._wander = np.zeros(2)
+        self._scale = 1.0 if rng is None else 1.0 + _ODOMETRY_SCALE * rng.standard_normal()
+        self._mount = 0.0 if rng is None else _PITCH_MOUNT * rng.standard_normal()
+
+    def read(self) -> EstimatedState:
+        """Return the estimate; called once every tick."""
+        world, rng = self._world, self._rng
+        x, y, yaw = world.pose
+        if rng is None:
+            return EstimatedState(world.time, x, y, yaw, world.speed, world.pitch)
+        speed = world.speed
+        forward = (speed - self._last) / TICK + _ACCELEROMETER_NOISE * rng.standard_normal()
+        self._last = speed
+        seen = speed * self._scale + _ODOMETRY_NOISE * rng.standard_normal()
+        self._speed += forward * TICK
+        self._speed += (seen - self._speed) * TICK / _CORRECTION_TIME
+        keep = np.exp(-TICK / _POSITION_TIME)
+        self._wander *= keep
+        self._wander += _POSITION_NOISE * np.sqrt(1.0 - keep**2) * rng.standard_normal(2)
+        pitch = world.pitch + self._mount + _PITCH_NOISE * rng.standard_normal()
+        return EstimatedState(
+            world.time, x + self._wander[0], y + self._wander[1], yaw, self._speed, pitch
+        )
+
 
 _AHEAD, _AHEAD_TIME = 1.0, 0.35  # [m], [s] preview of the pursuit
 _GAIN, _RESET = 3.0, 1.5  # [1/s], [1/s²]
@@ -23,26 +77,18 @@ _SERVICE_BRAKE = 0.99  # application below the emergency stop [1]
 
 @dataclass(frozen=True, slots=True)
 class DriveCommand:
-    """Command of a policy.
+    """Command of a policy."""
 
-    Attributes:
-        speed: now [m/s].
-        accel: from now on [m/s²].
-        stop: full braking until standstill, at any speed.
-        reason: human-readable.
-    """
-
-    speed: float = 0.0
-    accel: float = 0.0
-    stop: bool = False
-    reason: str = ""
+    speed: float = 0.0  # now [m/s]
+    accel: float = 0.0  # from now on [m/s²]
+    stop: bool = False  # full braking until standstill, at any speed
 
 
 class Tracker:
     """Follows a route at a commanded speed."""
 
-    def __init__(self, route: Route, vehicle: Vehicle) -> None:
-        self._route, self._vehicle = route, vehicle
+    def __init__(self, route: Route) -> None:
+        self._route = route
         self._windup = 0.0
 
     def actuate(
@@ -53,15 +99,9 @@ class Tracker:
         since: float,
         holding: bool,
     ) -> tuple[float, float, float]:
-        """Thrust [N], brake application 0 … 1, curvature [1/m].
+        """Thrust [N], brake application 0 … 1, curvature [1/m], a time since the command [s].
 
-        Args:
-            state: estimate.
-            station: along the route [m].
-            command: command of the last cycle.
-            since: time since that command [s].
-            holding: whether a stop was commanded and brake pressure still builds up; the speed is
-                then held.
+        The speed is held while brake pressure still builds up after the command of a stop.
         """
         curvature = self._pursue(state, station)
         if command.stop and not holding:
@@ -77,12 +117,12 @@ class Tracker:
         accel = command.accel + _GAIN * error + self._windup
         share = accel / GRAVITY - math.sin(state.pitch) + (0.0 if resting else _ROLLING)
         if command.stop:
-            return max(share, 0.0) * self._vehicle.mass * GRAVITY, 1.0, curvature
+            return max(share, 0.0) * QUAD.mass * GRAVITY, 1.0, curvature
         if resting:
             self._windup = 0.0
             return 0.0, _SERVICE_BRAKE, curvature
         if share >= 0.0:
-            return share * self._vehicle.mass * GRAVITY, 0.0, curvature
+            return share * QUAD.mass * GRAVITY, 0.0, curvature
         return 0.0, min(-share / _BRAKE, _SERVICE_BRAKE), curvature
 
     def _pursue(self, state: EstimatedState, station: float) -> float:

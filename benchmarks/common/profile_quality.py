@@ -8,8 +8,7 @@ from slopewise.models.arrays import Floats
 from slopewise.planner.plan import motion_of
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 
-_STANDSTILL_SQ = 1e-6
-"""Below this v² the vehicle stands and no limit applies [m²/s²]."""
+_STANDSTILL_SQ = 1e-6  # Below this v² the vehicle stands and no limit applies [m²/s²]
 
 
 def travel_time(station: Floats, speed_sq: Floats) -> float:
@@ -20,12 +19,7 @@ def travel_time(station: Floats, speed_sq: Floats) -> float:
 def excess(
     station: Floats, speed_sq: Floats, speed_sq_max: Floats, accel: Floats, decel: Floats
 ) -> float:
-    """Largest violation of a bound, as a share of the largest speed or acceleration allowed.
-
-    Args:
-        station, speed_sq, speed_sq_max: shape (N,) [m], [m²/s²].
-        accel, decel: limits on each segment, shape (N − 1,) [m/s²].
-    """
+    """Largest violation of a bound, as a share of the largest speed or acceleration allowed."""
     gained = np.diff(speed_sq) / (2.0 * np.diff(station))
     moving = np.maximum(speed_sq[:-1], speed_sq[1:]) > _STANDSTILL_SQ
     violations = (

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.parameters import Braking, Limits, Model, Terrain
-from slopewise.models.vehicle import Vehicle
+from slopewise.models.parameters import Model
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
+from slopewise.services.io.model_file import read_model, shipped_models
 
-SPACING = 0.25
-"""Between stations in the plan view [m]."""
-
+SPACING = 0.25  # Between stations in the plan view [m]
 _SEED = 7  # of grounds and candidates
 _SIZE = 80.0  # [m] edge of the map, enough for 100 stations from its middle
 _RESOLUTION = 0.2  # [m] finer than a wheel, so that the swept footprint is checked in full
@@ -25,20 +23,13 @@ _ROUGHNESS = 0.01  # [m] noise of the cells, one standard deviation
 
 @dataclass(frozen=True, slots=True)
 class BenchmarkScene:
-    """M candidates of N stations on one map.
+    """M candidates of N stations on one map."""
 
-    Attributes:
-        elevation_map: ground.
-        model: vehicle, braking, limits.
-        x, y: positions, shape (N, M) [m].
-        count: number of stations, shape (M,).
-    """
-
-    elevation_map: ElevationMap
-    model: Model
-    x: Floats
+    elevation_map: ElevationMap  # ground
+    model: Model  # vehicle, braking, limits
+    x: Floats  # x, y: positions, shape (N, M) [m]
     y: Floats
-    count: Ints
+    count: Ints  # number of stations, shape (M,)
 
     def plan(self) -> TimeOptimalBatch:
         """Solve all candidates, from poses to time-optimal plans with their cost."""
@@ -55,14 +46,6 @@ def fan(stations: int, candidates: int) -> BenchmarkScene:
     x = 10.0 + SPACING * np.cumsum(np.cos(heading), axis=0)
     y = 0.5 * _SIZE + SPACING * np.cumsum(np.sin(heading), axis=0)
     return BenchmarkScene(hills(patches=12), atv(), x, y, np.full(candidates, stations))
-
-
-def laps(stations: int, candidates: int) -> BenchmarkScene:
-    """Concentric circles on known ground, for paths of any length."""
-    radius = np.linspace(15.0, 35.0, candidates)
-    angle = SPACING * np.arange(stations)[:, None] / radius
-    x, y = 0.5 * _SIZE + radius * np.cos(angle), 0.5 * _SIZE + radius * np.sin(angle)
-    return BenchmarkScene(hills(patches=0), atv(), x, y, np.full(candidates, stations))
 
 
 def hills(patches: int) -> ElevationMap:
@@ -86,31 +69,7 @@ def hills(patches: int) -> ElevationMap:
 
 
 def atv() -> Model:
-    """A 500 kg skid-steered all-terrain vehicle."""
-    return Model(
-        name="atv",
-        vehicle=Vehicle(
-            mass=500.0,
-            wheelbase=1.2,
-            track_width=1.0,
-            cg_x=0.6,
-            cg_z=0.55,
-            wheel_radius=0.28,
-            drive="skid_steer",
-            max_wheel_speed=6.0,
-            max_drive_force=2500.0,
-            max_drive_power=6000.0,
-        ),
-        braking=Braking(
-            m_m=-0.03,
-            b_m=-0.35,
-            m_b=0.015,
-            b_b=0.40,
-            dead_time=0.3,
-            distance_offset=0.2,
-            speed_range=(1.0, 4.0),
-            grade_range=(-0.26, 0.26),
-        ),
-        terrain=Terrain(motion_resistance=0.13, lateral_resistance=0.2, slip_track=1.15),
-        limits=Limits(speed=4.0, accel=1.0, decel=1.5, jerk=2.0, lateral_accel=2.0, min_load=0.1),
-    )
+    """The shipped all-terrain vehicle, without width and clearance of its body."""
+    model = read_model(shipped_models()["atv"])
+    vehicle = replace(model.vehicle, width=None, ground_clearance=None)
+    return replace(model, vehicle=vehicle, braking=replace(model.braking, covariance=None))

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import metadata
 from multiprocessing import get_context, parent_process
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -44,12 +45,7 @@ def timed(action: Callable[[], Any]) -> tuple[float, Any]:
 
 def summary(seconds: Sequence[float]) -> dict[str, float]:
     """Median, minimum and maximum [s]."""
-    values = np.asarray(seconds)
-    return {
-        "median": float(np.median(values)),
-        "min": float(values.min()),
-        "max": float(values.max()),
-    }
+    return {"median": float(np.median(seconds)), "min": min(seconds), "max": max(seconds)}
 
 
 def peak_memory() -> float:
@@ -110,35 +106,20 @@ def _burn(cores: set[int]) -> None:
 
 def machine() -> dict[str, Any]:
     """Processor, system and package versions behind the figures."""
-    names = (
-        "numpy",
-        "numba",
-        "osqp",
-        "casadi",
-        "toppra",
-        "trajectory-planning-helpers",
-        "piqp",
-        "clarabel",
-    )
+    names = ("numpy", "numba", "osqp", "casadi", "toppra", "trajectory-planning-helpers")
+    installed = {d.metadata["Name"].lower(): d.version for d in metadata.distributions()}
     return {
-        "processor": _processor(),
+        "processor": processor(),
         "cores": os.cpu_count(),
         "system": platform.platform(),
         "python": platform.python_version(),
-        "packages": {name: _version(name) for name in names},
+        "packages": {name: installed.get(name, "not installed") for name in names},
     }
 
 
-def _processor() -> str:
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as lines:
-            return next(line.split(":")[1].strip() for line in lines if "model name" in line)
-    except (OSError, StopIteration):
-        return platform.processor() or "unknown"
-
-
-def _version(name: str) -> str:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return "not installed"
+def processor() -> str:
+    """Name of the processor."""
+    file = Path("/proc/cpuinfo")
+    lines = file.read_text().splitlines() if file.is_file() else []
+    names = (line.partition(": ")[2] for line in lines if line.startswith("model name"))
+    return next(names, platform.machine())

@@ -1,6 +1,6 @@
-"""Other methods on the same logs, and their shares next to those of slopewise.
+"""Another method on the same logs, and its shares next to those of slopewise.
 
-Each receives the columns of a log and the configured coefficients, nothing else.
+It receives the columns of a log and the configured coefficients, nothing else.
 """
 
 from __future__ import annotations
@@ -8,19 +8,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from . import gls_scan
-from .discrepancy_metrics import record, share
-from .score import SetOutcome
+from .discrepancy_metrics import share
 from .sensing import Columns
-from .world_outcomes import CLEAN, Names, WorldOutcome
 
-BASELINES: dict[str, Callable[[Columns, dict[str, float]], tuple[str, ...]]] = {
-    "gls_scan": gls_scan.name_effects
-}
 TITLES = {
     "pysindy": "PySINDy",
     "gls_scan": "GLS scan",
@@ -32,114 +27,55 @@ TITLES = {
 
 @dataclass(frozen=True, slots=True)
 class BaselineAnswer:
-    """Names given by one method, the strongest first, its processor time [s], its fault if any."""
+    """Names given, the strongest first, processor time [s], and the fault if any."""
 
     named: tuple[str, ...]
     seconds: float
     fault: str = ""
 
 
-Answers = Mapping[str, BaselineAnswer]
+Scored = tuple[Any, BaselineAnswer]
+"""Outcome by slopewise with `right`, `wrong` and `verdict`, and the answer on the same set."""
 
 
-class ScoredSet(NamedTuple):
-    """One set: right names, slopewise's own score, and the answers of the other methods."""
-
-    allowed: Sequence[frozenset[str]]
-    right: bool
-    wrong: bool
-    alarm: bool
-    answers: Answers
-
-
-def ask_all(columns: Columns, configured: dict[str, float]) -> dict[str, BaselineAnswer]:
-    """Answers of all methods about one log."""
-    answers = {}
-    for key, name_effects in BASELINES.items():
-        start, fault = time.process_time(), ""
-        try:
-            named = name_effects(columns, configured)
-        except (ValueError, np.linalg.LinAlgError) as error:
-            named, fault = (), str(error)
-        answers[key] = BaselineAnswer(named, time.process_time() - start, fault)
-    return answers
+def ask(columns: Columns, configured: dict[str, float]) -> BaselineAnswer:
+    """Answer of the least-squares scan about one log."""
+    start, fault = time.process_time(), ""
+    try:
+        named = gls_scan.name_effects(columns, configured)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        named, fault = (), str(error)
+    return BaselineAnswer(named, time.process_time() - start, fault)
 
 
 def summary(
-    answers: Sequence[Answers], outcomes: Sequence[SetOutcome]
-) -> list[dict[str, Any]] | None:
-    """Shares of all methods on the same sets of the plant; None without answers."""
-    rows = [
-        (o, _scored((frozenset(o.truth),), o, given))
-        for given, o in zip(answers, outcomes, strict=True)
-        if given
-    ]
-    if not rows:
-        return None
-    single = [s for o, s in rows if o.kind == "single" and o.identifiable]
-    pairs = [s for o, s in rows if o.kind == "pair" and o.identifiable]
-    hidden = [s for o, s in rows if o.kind in ("single", "pair", "off")]
-    clean = [s for o, s in rows if o.kind == "clean"]
-    return [
-        _row("right name first, all effects", single, _is_first, lambda s: s.right),
-        _row("the right name and no other, all effects", single, _is_exact, lambda s: s.right),
-        _row("both names of a pair and no other", pairs, _is_exact, lambda s: s.right),
-        _row("a wrong name given", hidden, _is_wrong, lambda s: s.wrong),
-        _row("an effect named on clean sets", clean, _is_named, lambda s: s.alarm),
-    ]
+    rows: Mapping[str, tuple[Sequence[Scored], str]],
+    right_names: Callable[[Any], Sequence[Sequence[str]]],
+) -> list[dict[str, Any]]:
+    """Shares of both methods on the same sets: rows count first, exact, wrong or any names."""
 
+    def is_hit(outcome: Any, named: tuple[str, ...], counted: str) -> bool:
+        allowed = [frozenset(names) for names in right_names(outcome)]
+        match counted:
+            case "first":
+                return frozenset(named[:1]) in allowed
+            case "exact":
+                return frozenset(named) in allowed
+            case "wrong":
+                return bool(named) and not any(frozenset(named) <= names for names in allowed)
+        return bool(named)
 
-def world_summary(
-    answers: Sequence[Answers], outcomes: Sequence[WorldOutcome], names: Names
-) -> list[dict[str, Any]] | None:
-    """Shares of all methods on the same sets of a world of physics; None without answers."""
-    rows = [
-        (o, _scored([frozenset(right) for right in names.get(o.what, ())], o, given))
-        for given, o in zip(answers, outcomes, strict=True)
-        if given
-    ]
-    if not rows:
-        return None
-    hidden = [s for o, s in rows if o.what != CLEAN]
-    clean = [s for o, s in rows if o.what == CLEAN]
-    return [
-        _row("the right names and no other", hidden, _is_exact, lambda s: s.right),
-        _row("a wrong name given", hidden, _is_wrong, lambda s: s.wrong),
-        _row("an effect named on clean sets", clean, _is_named, lambda s: s.alarm),
-    ]
+    def own_hit(outcome: Any, counted: str) -> bool:
+        if counted == "named":
+            return bool(outcome.verdict == "missing_effect")
+        return bool(outcome.wrong if counted == "wrong" else outcome.right)
 
-
-def _scored(
-    allowed: Sequence[frozenset[str]], o: SetOutcome | WorldOutcome, answers: Answers
-) -> ScoredSet:
-    return ScoredSet(allowed, o.right, o.wrong, o.verdict == "missing_effect", answers)
-
-
-def _row(
-    what: str,
-    rows: Sequence[ScoredSet],
-    is_hit: Callable[[ScoredSet, tuple[str, ...]], bool],
-    slopewise: Callable[[ScoredSet], bool],
-) -> dict[str, Any]:
-    row: dict[str, Any] = {"what": what}
-    for key in BASELINES:
-        hits = [is_hit(s, s.answers[key].named) for s in rows if key in s.answers]
-        if hits:
-            row[key] = record(share(what, "", 0.0, hits))
-    return row | {"slopewise": record(share(what, "", 0.0, [slopewise(s) for s in rows]))}
-
-
-def _is_first(scored: ScoredSet, named: tuple[str, ...]) -> bool:
-    return frozenset(named[:1]) in scored.allowed
-
-
-def _is_exact(scored: ScoredSet, named: tuple[str, ...]) -> bool:
-    return frozenset(named) in scored.allowed
-
-
-def _is_wrong(scored: ScoredSet, named: tuple[str, ...]) -> bool:
-    return bool(named) and not any(frozenset(named) <= names for names in scored.allowed)
-
-
-def _is_named(_: ScoredSet, named: tuple[str, ...]) -> bool:
-    return bool(named)
+    result = []
+    for what, (sets, counted) in rows.items():
+        row: dict[str, Any] = {"what": what}
+        if sets:
+            hits = [is_hit(o, answer.named, counted) for o, answer in sets]
+            row["gls_scan"] = share(what, "", 0.0, hits).record()
+        own_hits = [own_hit(o, counted) for o, _ in sets]
+        result.append(row | {"slopewise": share(what, "", 0.0, own_hits).record()})
+    return result

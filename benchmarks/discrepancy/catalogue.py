@@ -9,11 +9,10 @@ from typing import TypeVar
 import numpy as np
 
 from . import sensing
-from .designs import DESIGNS, draw
 from .effect_plant import drive
 from .hidden_effects import NAMED, OFF_LIBRARY, PAIRS, SIZES, HiddenTerm, draw_hidden
 from .identifiability import NOT_IDENTIFIABLE, Identifiability, identifiability
-from .plant_physics import Physics, Stops
+from .plant_physics import DESIGNS, Physics, Stops, draw
 
 T = TypeVar("T")
 
@@ -41,46 +40,28 @@ ALL = SetConditions()
 
 @dataclass(frozen=True, slots=True)
 class SetSpec:
-    """One requested set.
+    """One requested set."""
 
-    Attributes:
-        kind: clean, drift, single, pair, absorbed, off or faint (a small effect as drawn).
-        names: hidden effects.
-        size: one of :data:`SIZES`, "" for none.
-        seed: determines all that is drawn.
-    """
-
-    kind: str
-    names: tuple[str, ...]
-    size: str
-    seed: int
+    kind: str  # clean, drift, single, pair, absorbed, off or faint (a small effect as drawn)
+    names: tuple[str, ...]  # hidden effects
+    size: str  # one of :data:`SIZES`, "" for none
+    seed: int  # determines all that is drawn
 
 
 @dataclass(frozen=True, slots=True)
 class HiddenSet:
-    """One set: a log, a configured model, and the truth.
+    """One set: a log, a configured model, and the truth."""
 
-    Attributes:
-        spec: request.
-        design, noise, scatter: conditions of driving and measurement.
-        columns: drive log.
-        configured: [braking] coefficients of the model file.
-        truth: world with its effects.
-        hidden: effects in it.
-        stops: as driven.
-        identifiability: what the log can show.
-    """
-
-    spec: SetSpec
-    design: str
+    spec: SetSpec  # request
+    design: str  # design, noise, scatter: conditions of driving and measurement
     noise: float
     scatter: float
-    columns: sensing.Columns
-    configured: dict[str, float]
-    truth: Physics
-    hidden: tuple[HiddenTerm, ...]
-    stops: Stops
-    identifiability: Identifiability = NOT_IDENTIFIABLE
+    columns: sensing.Columns  # drive log
+    configured: dict[str, float]  # [braking] coefficients of the model file
+    truth: Physics  # world with its effects
+    hidden: tuple[HiddenTerm, ...]  # effects in it
+    stops: Stops  # as driven
+    identifiability: Identifiability = NOT_IDENTIFIABLE  # what the log can show
 
     @property
     def base(self) -> Physics:
@@ -96,12 +77,7 @@ class HiddenSet:
 
 
 def specs(share: float, seed: int = 1) -> list[SetSpec]:
-    """All kinds in random order, each kind spread evenly over it.
-
-    Args:
-        share: 1 for the whole benchmark, less for fewer of each kind.
-        seed: of sets and order.
-    """
+    """All kinds in random order, each kind spread evenly over it; a share of each."""
     rng = np.random.default_rng((6, seed))
     drawn_specs = [SetSpec(*what, seed=int(rng.integers(2**31))) for what in _families(share)]
     return spread(drawn_specs, lambda s: (s.kind, s.names, s.size), rng)
@@ -129,15 +105,9 @@ def _families(share: float) -> Iterator[tuple[str, tuple[str, ...], str]]:
     absorbed = [("absorbed", (name,), "medium", 6) for name in CONFOUNDED]
     off_library = [("off", (name,), size, 4) for name in OFF_LIBRARY for size in SIZES[1:]]
     faint = [("faint", (name,), "small", 2) for name in NAMED]
-    for kind, names, size, count in (
-        ("clean", (), "", 300),
-        ("drift", (), "", 60),
-        *singles,
-        *pairs,
-        *absorbed,
-        *off_library,
-        *faint,
-    ):
+    plain: list[tuple[str, tuple[str, ...], str, int]]
+    plain = [("clean", (), "", 300), ("drift", (), "", 60)]
+    for kind, names, size, count in plain + singles + pairs + absorbed + off_library + faint:
         for _ in range(max(round(share * count), 1)):
             yield kind, names, size
 

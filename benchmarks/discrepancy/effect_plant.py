@@ -16,24 +16,15 @@ from numba import njit
 from .plant_physics import Floats, Physics, Stops
 
 GRAVITY = 9.80665  # [m/s²]
-STEP = 0.001
-"""Step of the integration [s]."""
-
+STEP = 0.001  # Step of the integration [s]
 _MAX_STOP = 14.0  # [s] after the onset; a vehicle that rolls longer does not stop
 
 
 class DrivenStops(NamedTuple):
-    """True motion: (n, samples) at ``time`` since the command, and (n,) for rest and distance.
+    """True motion: (n, samples) at ``time`` since the command, and (n,) for rest and distance."""
 
-    Attributes:
-        time: (samples,) [s].
-        speed, station, x, y, yaw, yaw_rate, grade, roll: SI, station from the command on.
-        rest: time of standstill since the command, inf without standstill [s].
-        distance: distance from the command to rest [m].
-        deceleration: value just before rest [m/s²].
-    """
-
-    time: Floats
+    time: Floats  # (samples,) [s]
+    # speed, station, x, y, yaw, yaw_rate, grade, roll: SI, station from the command on
     speed: Floats
     station: Floats
     x: Floats
@@ -42,19 +33,15 @@ class DrivenStops(NamedTuple):
     yaw_rate: Floats
     grade: Floats
     roll: Floats
-    rest: Floats
-    distance: Floats
-    deceleration: Floats
+    rest: Floats  # time of standstill since the command, inf without standstill [s]
+    distance: Floats  # distance from the command to rest [m]
+    deceleration: Floats  # value just before rest [m/s²]
 
 
 def drive(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> DrivenStops:
-    """Drive all stops in their order; brakes stay warm from one to the next.
+    """Drive all stops in their order, sampled at times since each command [s].
 
-    Args:
-        physics: this world.
-        stops: as driven.
-        time: increasing times since each stop command, shape (samples,) [s].
-        step: step of the integration [s].
+    Brakes stay warm from one to the next.
     """
     speed, station, rest, distance, last = _drive(_exact(physics), stops, time, step)
     curvature = stops.curvature[:, None]
@@ -64,20 +51,8 @@ def drive(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> D
         2.0 * np.pi * station / stops.wave_length[:, None] + stops.wave_phase[:, None]
     )
     roll = np.broadcast_to(stops.roll[:, None], speed.shape)
-    return DrivenStops(
-        time,
-        speed,
-        station,
-        x,
-        y,
-        yaw,
-        curvature * speed,
-        stops.grade[:, None] + wave,
-        roll,
-        rest,
-        distance,
-        last,
-    )
+    poses = (x, y, yaw, curvature * speed, stops.grade[:, None] + wave, roll)
+    return DrivenStops(time, speed, station, *poses, rest, distance, last)
 
 
 def speeds(physics: Physics, stops: Stops, time: Floats, step: float = STEP) -> Floats:

@@ -6,12 +6,12 @@ small about 4 %, medium about 10 %, large about 25 %.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from .designs import FIELD
-from .plant_physics import Physics, Stops
+from .plant_physics import FIELD, Floats, Physics, Stops
 
 SIZES = ("small", "medium", "large")
 _SHARES = (0.04, 0.10, 0.25)  # of the braking force [1]
@@ -81,31 +81,18 @@ FIELDS: dict[str, dict[str, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class HiddenTerm:
-    """One effect as the plant has it and as a report should state it.
+    """One effect as the plant has it and as a report should state it."""
 
-    Attributes:
-        name: effect, of :data:`NAMED` or :data:`OFF_LIBRARY`.
-        fields: changed fields of :class:`Physics`.
-        parameters: the report's parameters, SI; empty for effects without a name.
-    """
-
-    name: str
-    fields: dict[str, float]
+    name: str  # effect, of :data:`NAMED` or :data:`OFF_LIBRARY`
+    fields: dict[str, float]  # changed fields of :class:`Physics`
+    # the report's parameters, SI; empty for effects without a name
     parameters: dict[str, float] = field(default_factory=dict)
 
 
 def draw_hidden(
     name: str, size: str, physics: Physics, stops: Stops, rng: np.random.Generator
 ) -> HiddenTerm:
-    """Draw one effect in a size, where these stops meet it.
-
-    Args:
-        name: one of :data:`NAMED` or :data:`OFF_LIBRARY`.
-        size: one of :data:`SIZES`.
-        physics: base of the world.
-        stops: as driven.
-        rng: draws signs, places and directions.
-    """
+    """Draw one effect in a size, with its sign, place and direction, where these stops meet it."""
     level = SIZES.index(size)
     sign = float(rng.choice([-1.0, 1.0]))
     vary = float(rng.uniform(0.85, 1.15))
@@ -173,3 +160,85 @@ def _off_library(
             late = float(rng.uniform(0.25, 0.4))
             return {"overshoot": 2.0 * share * p.b_b, "overshoot_time": late}
     raise KeyError(name)
+
+
+Fields = dict[str, float]
+Doses = Mapping[str, Sequence[Sequence[Fields]]]
+
+NOT_NEGATIVE = ("drag", "viscous", "lag", "turning", "wind_drag", "fade", "friction")
+"""Fields of the plant that cannot be negative."""
+
+FREE: dict[str, Fields] = {
+    "aerodynamic_drag": {"drag": 1e-4},
+    "viscous_resistance": {"viscous": 1e-4},
+    "brake_lag": {"lag": 1e-3},
+    "grade_asymmetry": {"asymmetry": 1e-2},
+    "grade_nonlinearity": {"nonlinearity": 1e-2},
+    "cross_slope": {"cross_slope": 1e-2},
+    "turning_resistance": {"turning": 1e-3},
+    "headwind": {"wind_drag": 1e-4, "wind": 0.05, "wind_direction": 1e-2},
+    "brake_fade": {"fade": 1e-5, "fade_tau": 1.0},
+    "wheel_lockup": {"friction": 1e-3},
+    "surface_patch": {"patch": 1e-3},
+    "directional_surface": {"furrow": 1e-3, "furrow_direction": 1e-2},
+    "step_change": {"step_scale": 1e-3},
+    "session_drift": {"drift": 1e-7},
+}
+"""Fitted fields of each effect, with steps for finite differences [SI]."""
+
+ONE_SIGN = {name for name, fields in FREE.items() if next(iter(fields)) in NOT_NEGATIVE}
+"""Effects whose coefficient cannot be negative."""
+
+
+def amplified(name: str, dose: Sequence[Fields], factor: Floats) -> Fields:
+    """Fields of an effect that is a multiple of a small dose."""
+    first = dict(dose[0])
+    match name:
+        case "wheel_lockup":
+            return first
+        case "directional_surface":
+            size = first["furrow"] * float(np.hypot(*factor))
+            return {
+                "furrow": size,
+                "furrow_direction": 0.5 * float(np.arctan2(factor[1], factor[0])),
+            }
+        case "step_change":
+            return first | {"step_scale": 1.0 + float(factor[0]) * (first["step_scale"] - 1.0)}
+    key = next(iter(first))
+    return first | {key: first[key] * float(factor[0])}
+
+
+def small_doses(p: Physics, stops: Stops) -> Doses:
+    """Doses of every named effect; those in one inner list are fitted together."""
+    force = (p.m_m * stops.speed + p.b_m) * stops.grade + p.m_b * stops.speed + p.b_b
+    count = len(stops.speed)
+    angles = np.arange(8) * np.pi / 4.0
+    # A light wind with much drag is, in one direction, a loss proportional to the speed.
+    winds = [
+        [{"wind_drag": 1e-3, "wind": w, "wind_direction": a}] for w in (0.3, 5.0) for a in angles
+    ]
+    patches = [
+        [{"patch": 0.005, "patch_x": x, "patch_y": y, "patch_radius": 185.0}]
+        for x in np.linspace(170.0, FIELD[0] - 170.0, 5)
+        for y in np.linspace(170.0, FIELD[1] - 170.0, 3)
+    ]
+    furrows = [{"furrow": 0.005, "furrow_direction": a} for a in (0.0, np.pi / 4.0)]
+    return {
+        "aerodynamic_drag": [[{"drag": 1e-3}]],
+        "viscous_resistance": [[{"viscous": 1e-3}]],
+        "brake_lag": [[{"lag": tau}] for tau in (0.01, 0.1)],
+        "grade_asymmetry": [[{"asymmetry": 0.01}]],
+        "grade_nonlinearity": [[{"nonlinearity": 0.05}]],
+        "cross_slope": [[{"cross_slope": 0.02}]],
+        "turning_resistance": [[{"turning": 0.01}]],
+        "headwind": winds,
+        "brake_fade": [[{"fade": 0.02 / 50.0, "fade_tau": t}] for t in (60.0, 120.0, 300.0)],
+        "wheel_lockup": [[{"friction": q}] for q in np.quantile(force, (0.35, 0.55, 0.75, 0.9))],
+        "surface_patch": patches,
+        "directional_surface": [furrows],
+        "step_change": [
+            [{"step_scale": 0.99, "step_run": float(r)}]
+            for r in np.unique(np.linspace(0.15, 0.85, 9) * count // 1)
+        ],
+        "session_drift": [[{"drift": 0.01 / float(np.ptp(stops.clock))}]],
+    }

@@ -14,16 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular, toeplitz
 
-from .alternative_effects import (
-    FREE,
-    NOT_NEGATIVE,
-    ONE_SIGN,
-    Doses,
-    amplified,
-    small_doses,
-)
 from .effect_plant import drive, speeds
-from .hidden_effects import FIELDS
+from .hidden_effects import FIELDS, FREE, NOT_NEGATIVE, ONE_SIGN, Doses, amplified, small_doses
 from .plant_physics import Floats, Physics, Stops
 from .sensing import CORRELATED, MEMORY, QUANTUM, RATE
 
@@ -31,9 +23,7 @@ DETECTABLE_CHI2 = 30.0
 """Expected χ² from which an effect can be detected: in 19 of 20 sets it then exceeds the largest
 chance effect of a whole library (about 13)."""
 
-DISTINCT_CHI2 = 20.0
-"""Expected χ² to the nearest alternative from which the name can be given."""
-
+DISTINCT_CHI2 = 20.0  # Expected χ² to the nearest alternative from which the name can be given
 SHAPE_CHI2 = 40.0
 """Expected χ² to every named effect from which a shape without a name can be detected, among half a
 dozen freedoms on each of some fifteen axes."""
@@ -46,21 +36,17 @@ _JITTER = 0.008  # [s] of the onset, with the phase of the sampling
 _MAX_STOP = 9.0  # [s]
 _ONSET_SAMPLES = 20.0  # averaged to the speed at the command
 _MIN_SPEED = 0.15  # [m/s]; below it the encoder's steps dominate
+_EVALUATED = 40  # stops at most, spread evenly; they stand for the others
 _FITTED_ALTERNATIVES = 2  # nearest ones, fitted beyond their small dose
 
 
 @dataclass(frozen=True, slots=True)
 class Identifiability:
-    """Expected χ² of a set.
+    """Expected χ² of a set."""
 
-    Attributes:
-        gap: truth against the refitted base.
-        nearest: name of the best alternative.
-        apart: truth against that alternative, refitted.
-    """
-
-    gap: float
-    nearest: str
+    gap: float  # truth against the refitted base
+    nearest: str  # name of the best alternative
+    # truth against that alternative, refitted
     apart: float  # words: ok
 
     @property
@@ -84,26 +70,16 @@ NOT_IDENTIFIABLE = Identifiability(0.0, "", 0.0)
 
 
 def identifiability(
-    truth: Physics,
-    base: Physics,
-    stops: Stops,
-    noise: float,
-    scatter: float,
-    hidden: Iterable[str],
-    max_stops: int = 40,
+    truth: Physics, base: Physics, stops: Stops, noise: float, scatter: float, hidden: Iterable[str]
 ) -> Identifiability:
-    """Expected χ² of one set.
+    """Expected χ² of one set, between the truth and the world without these hidden effects.
 
-    Args:
-        truth: world with its effects.
-        base: world without them.
-        stops: as driven; their friction and delay are ignored.
-        noise, scatter: standard deviations of sensing and design.
-        hidden: names of the effects; a single one is no alternative to itself, of two each is.
-        max_stops: number of stops that are evaluated, spread evenly; they stand for the others.
+    A single effect is no alternative to itself, of two each is. Friction and delay of the stops are
+    ignored; noise and scatter are standard deviations of sensing and design.
     """
     names = tuple(hidden)
-    fit = WeightedStops(truth, _without_scatter(stops), noise, scatter, max_stops)
+    calm = stops._replace(friction=np.ones_like(stops.speed), delay=np.zeros_like(stops.speed))
+    fit = WeightedStops(truth, calm, noise, scatter)
     fitted, residual = fit.refit(base)
     gap = float(residual @ residual)
     if gap < DETECTABLE_CHI2:
@@ -118,27 +94,6 @@ def identifiability(
         options = [(name, float(left @ left)), _nearest(fit, alone, left, FREE[name], names)]
         best = min((best, *options), key=lambda option: option[1])
     return Identifiability(gap, *best)
-
-
-def change_beyond_base(
-    truth: Physics, base: Physics, stops: Stops, noise: float, scatter: float, rank: int = 3
-) -> float:
-    """Change of the stopping distance that a refitted base cannot reproduce [m].
-
-    Args:
-        truth, base, stops, noise, scatter: as of :func:`identifiability`.
-        rank: position of the reported stop among those that change most.
-    """
-    calm = _without_scatter(stops)
-    fitted, _ = WeightedStops(truth, calm, noise, scatter).refit(base)
-    distances = [drive(p, calm, np.zeros(1), _STEP).distance for p in (truth, fitted)]
-    change = np.abs(distances[0] - distances[1])
-    known = np.sort(change[np.isfinite(change)])
-    return float(known[-min(rank, len(known))])
-
-
-def _without_scatter(stops: Stops) -> Stops:
-    return stops._replace(friction=np.ones_like(stops.speed), delay=np.zeros_like(stops.speed))
 
 
 def _nearest(
@@ -172,9 +127,7 @@ def _nearest(
 class WeightedStops:
     """Stops of the truth, and the weights of differences from them."""
 
-    def __init__(
-        self, truth: Physics, stops: Stops, noise: float, scatter: float, max_stops: int = 40
-    ) -> None:
+    def __init__(self, truth: Physics, stops: Stops, noise: float, scatter: float) -> None:
         self.stops = stops
         rest = drive(truth, stops, np.zeros(1), _STEP).rest
         end = min(float(np.max(rest, where=np.isfinite(rest), initial=1.0)), _MAX_STOP)
@@ -186,18 +139,14 @@ class WeightedStops:
         by_delay = self.speed(truth, delay=stops.delay + eps) / eps
         by_speed = self.speed(truth, speed=stops.speed + eps) / eps
         random = np.stack(
-            [
-                scatter * by_friction,
-                _JITTER * by_delay,
-                noise / np.sqrt(_ONSET_SAMPLES) * by_speed,
-            ]
+            [scatter * by_friction, _JITTER * by_delay, noise / np.sqrt(_ONSET_SAMPLES) * by_speed]
         )
         lags = np.exp(-self.time / MEMORY) * CORRELATED * noise**2
         lags[0] = noise**2 + QUANTUM**2 / 12.0
         covariance = toeplitz(lags)
         self.roots = []
         count = len(stops.speed)
-        evaluated = np.unique(np.linspace(0, count - 1, min(max_stops, count)).astype(int))
+        evaluated = np.unique(np.linspace(0, count - 1, min(_EVALUATED, count)).astype(int))
         self._each = float(np.sqrt(count / len(evaluated)))
         for i in evaluated:
             w = np.flatnonzero(rolling[i])

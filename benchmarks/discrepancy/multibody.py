@@ -10,72 +10,221 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from .effect_plant import GRAVITY, DrivenStops
-from .multibody_kernels import CarPush, stop_car
 from .plant_physics import Floats, Stops
-from .vehicle_models import CAR, loaded, on_ground, rolling_state
+from .vehicle_models import CAR, WHEELS, car_slopes, loaded, on_ground, rolling_state
 
-BEFORE = 1.2
-"""Logged time before each command [s]."""
+_STEP, _STEP_BY_SPEED = 1e-3, 3e-4  # [s], [s per m/s]: wheels are the stiffer the slower they roll
+_MIN_SPEED = 0.12  # [m/s]; below about 0.1 the package has no tyre forces: extrapolated
+_GAIN = 15.0  # [1/s] of the speed controller
+_PACKAGE_GRAVITY = 9.81  # [m/s²]
 
-MAX_CURVATURE = 0.05
-"""Curvature up to which this car is steered [1/m]."""
 
+class CarPush(NamedTuple):
+    """External forces during one stop, SI; torques of all wheels together [N m]."""
+
+    speed: float
+    grade: float
+    wave: float
+    wave_length: float
+    wave_phase: float
+    roll: float
+    onset: float
+    build_up: float
+    brake: float
+    assist: float
+    front: float
+    rolling: float
+    furrows: float
+    furrows_along: float
+    driveline: float
+    air: float
+    wind: float
+    wind_from: float
+    fading: float
+    hot: float
+    cooling: float
+    step: float
+
+
+@njit(cache=False)
+def _grade(push: CarPush, station: float) -> float:
+    turn = 2.0 * math.pi * station / push.wave_length + push.wave_phase
+    return push.grade + push.wave * math.sin(turn)
+
+
+@njit(cache=False)
+def _brake(push: CarPush, t: float, grade: float, heat: float) -> float:
+    """Torque of all wheels: pressure builds up by two equal lags, pads lose by heat."""
+    late = (t - push.onset) / push.build_up
+    pressure = 1.0 - (1.0 + late) * math.exp(-late) if late > 0.0 else 0.0
+    lost = push.fading * (1.0 - math.exp(-heat / push.hot))
+    return max(push.brake + push.assist * grade, 0.0) * pressure * (1.0 - lost)
+
+
+@njit(cache=False)
+def _slopes(state: Floats, t: float, grade: float, brake: float, push: CarPush, car: Any) -> Floats:
+    """The package's derivatives with external forces."""
+    f = np.array(car_slopes(state, np.zeros(2), car))
+    yaw = -state[4]
+    ahead = state[3] + push.wind * math.cos(yaw - push.wind_from)
+    f[3] -= GRAVITY * math.sin(grade) + push.air * abs(ahead) * ahead / car.m
+    lateral = GRAVITY * math.cos(grade) * math.sin(push.roll)
+    down = GRAVITY * math.cos(grade) * math.cos(push.roll) - _PACKAGE_GRAVITY
+    for k in (10, 15, 20):
+        f[k] += lateral
+    for k in (12, 17, 22):
+        f[k] += down
+    rolling = push.rolling + push.furrows * 0.5 * (1.0 + math.cos(2.0 * (yaw - push.furrows_along)))
+    driving = 0.0
+    if t < push.onset:
+        force = car.m * (_GAIN * (push.speed - state[3]) + GRAVITY * math.sin(grade))
+        driving = force * car.R_w + rolling
+    for k in range(WHEELS.start, WHEELS.stop):
+        share = 0.5 * (push.front if k < WHEELS.start + 2 else 1.0 - push.front)
+        torque = 0.25 * (driving - rolling) - share * brake - push.driveline * state[k]
+        f[k] += torque / car.I_y_w
+        # Brakes hold a wheel and never turn it backwards.
+        if state[k] <= 0.0 and f[k] < 0.0:
+            f[k] = 0.0
+    return f
+
+
+@njit(cache=False)
+def _ground(areas: Floats, x: float, y: float) -> int:
+    """Number of the slippery area at a place, counted from 1; 0 for none."""
+    for k in range(len(areas)):
+        if areas[k, 2] > 0.0 and math.hypot(x - areas[k, 0], y - areas[k, 1]) <= areas[k, 2]:
+            return k + 1
+    return 0
+
+
+@njit(cache=False)
+def _stepped(
+    state: Floats, t: float, h: float, grade: float, heat: float, push: CarPush, car: Any
+) -> Floats:
+    """Advance by one Runge–Kutta step."""
+    half, end = t + 0.5 * h, t + h
+    middle = _brake(push, half, grade, heat)
+    a = _slopes(state, t, grade, _brake(push, t, grade, heat), push, car)
+    b = _slopes(state + 0.5 * h * a, half, grade, middle, push, car)
+    c = _slopes(state + 0.5 * h * b, half, grade, middle, push, car)
+    d = _slopes(state + h * c, end, grade, _brake(push, end, grade, heat), push, car)
+    stepped: Floats = state + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+    stepped[WHEELS] = np.maximum(stepped[WHEELS], 0.0)
+    return stepped
+
+
+@njit(cache=False)
+def stop_car(
+    state: Floats,
+    grounds: Any,
+    areas: Floats,
+    push: CarPush,
+    heat: float,
+    time: Floats,
+    start: float,
+    back: float,
+) -> tuple[Floats, float, float, float, float]:
+    """Drive one stop, first at constant speed from time ``start`` [s] and station ``back`` [m].
+
+    The command is at time and station 0. ``grounds`` are parameters of the car on the road and on
+    each of the areas (x, y, radius) [m], ``heat`` is in the brakes [J/kg], ``time`` that of rows.
+
+    Returns:
+        Rows of speed, station, x, y, yaw, yaw rate, grade, pitch, roll, shape (samples, 9); time of
+        rest [s] and distance [m], inf without standstill; deceleration before rest [m/s²]; heat.
+    """
+    rows = np.empty((len(time), 9))
+    t, s, k, decel = start, back, 0, 0.0
+    while k < len(time):
+        grade = _grade(push, s)
+        if t >= time[k] - 1e-9:
+            place = (state[3], s, state[0], -state[1])
+            rows[k] = (*place, -state[4], -state[5], grade, state[8], state[6])
+            k += 1
+            continue
+        v = state[3]
+        if v < _MIN_SPEED:
+            break
+        car = grounds[_ground(areas, state[0], -state[1])]
+        h = min(_STEP, _STEP_BY_SPEED * v) * push.step
+        h = min(h, time[k] - t)
+        brake = _brake(push, t, grade, heat)
+        spin = state[WHEELS]
+        front = push.front * 0.5 * (spin[0] + spin[1])
+        power = brake * (front + (1.0 - push.front) * 0.5 * (spin[2] + spin[3]))
+        heat += h * (power / car.m - heat / push.cooling)
+        state = _stepped(state, t, h, grade, heat, push, car)
+        decel = (v - state[3]) / h
+        s, t = s + 0.5 * h * (v + state[3]), t + h
+    if k == len(time) or decel <= 0.0:
+        rows[k:] = rows[k - 1]
+        return rows, np.inf, np.inf, 0.0, heat
+    # Constant deceleration from here to standstill.
+    v, left = state[3], state[3] / decel
+    last = rows[k - 1].copy()
+    last[5] = 0.0
+    for j in range(k, len(time)):
+        since = min(time[j] - t, left)
+        rows[j] = last
+        rows[j, 0] = v - decel * since
+        rows[j, 1] = s + v * since - 0.5 * decel * since**2
+        distance = rows[j, 1] - last[1]
+        rows[j, 2] += distance * math.cos(last[4])
+        rows[j, 3] += distance * math.sin(last[4])
+    return rows, t + left, s + 0.5 * v * left, decel, heat
+
+
+BEFORE = 1.2  # Logged time before each command [s]
+MAX_CURVATURE = 0.05  # Curvature up to which this car is steered [1/m]
 _SAMPLE = 0.02  # [s], as of :mod:`.sensing`
 _SETTLE = 0.5  # [s] at speed before the log begins
 _MAX_STOP = 8.0  # [s]
 _BODY_RETURN = 0.15  # [s] time constant of the body's attitude after standstill
 _AREAS = 2  # slippery ones at most
+_OF_STOP = ("speed", "grade", "wave", "wave_length", "wave_phase", "roll")
+_OF_CAR = ("build_up", "front", "furrows_along", "driveline", "air", "wind", "wind_from")
+_OF_HEAT = ("fading", "hot", "cooling")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CarNature:
-    """True parameters of this world; the defaults are a car without effects.
+    """True parameters of this world; the defaults are a car without effects."""
 
-    Attributes:
-        brake: torque of all wheels at the rims over the dry weight, on level ground [1].
-        assist: that share per grade [1/rad]; brakes that sense the slope press harder downhill.
-        front: brake share of the front axle [1].
-        resistance: rolling resistance over the dry weight [1].
-        friction: peak friction of the tyres on loose ground, 0 for the road [1].
-        delay: dead time of the command [s].
-        build_up: each of two lags of the brake pressure [s].
-        payload: [kg] from run ``payload_run`` on. repair: factor on the brakes from that run on.
-        air: force on the body per relative air speed squared [N s²/m²]; wind [m/s] blows against
-            a vehicle that heads towards ``wind_from`` [rad].
-        driveline: viscous torque of each wheel [N m s].
-        fading: largest share of the brakes lost by heat [1], 1 − 1/e of it at ``hot`` [J/kg].
-        cooling: time constant of that heat [s].
-        glazing: share of the brakes lost per second of the session [1/s].
-        furrows: resistance across them over the dry weight, none along [1]; ``furrows_along`` is
-            the heading of the largest resistance [rad].
-        slippery: x, y, radius [m] and friction [1] of areas, two at most.
-    """
-
-    brake: float = 0.42
+    brake: float = 0.42  # torque of all wheels at the rims over the dry weight, on level ground [1]
+    # that share per grade [1/rad]; brakes that sense the slope press harder downhill
     assist: float = -0.08
-    front: float = 0.66
-    resistance: float = 0.02
-    friction: float = 0.0
-    delay: float = 0.16
-    build_up: float = 0.015
+    front: float = 0.66  # brake share of the front axle [1]
+    resistance: float = 0.02  # rolling resistance over the dry weight [1]
+    friction: float = 0.0  # peak friction of the tyres on loose ground, 0 for the road [1]
+    delay: float = 0.16  # dead time of the command [s]
+    build_up: float = 0.015  # each of two lags of the brake pressure [s]
+    # [kg] from run ``payload_run`` on. repair: factor on the brakes from that run on
     payload: float = 0.0
     repair: float = 1.0
     payload_run: int = 10**9
+    # force on the body per relative air speed squared [N s²/m²]; wind [m/s] blows against a vehicle
+    # that heads towards ``wind_from`` [rad]
     air: float = 0.0
     wind: float = 0.0
     wind_from: float = 0.0
-    driveline: float = 0.0
+    driveline: float = 0.0  # viscous torque of each wheel [N m s]
+    # largest share of the brakes lost by heat [1], 1 − 1/e of it at ``hot`` [J/kg]
     fading: float = 0.0
     hot: float = 20.0
-    cooling: float = 150.0
-    glazing: float = 0.0
+    cooling: float = 150.0  # time constant of that heat [s]
+    glazing: float = 0.0  # share of the brakes lost per second of the session [1/s]
+    # resistance across them over the dry weight, none along [1]; ``furrows_along`` is the heading
+    # of the largest resistance [rad]
     furrows: float = 0.0
     furrows_along: float = 0.0
+    # x, y, radius [m] and friction [1] of areas, two at most
     slippery: tuple[tuple[float, float, float, float], ...] = ()
 
 
@@ -92,10 +241,7 @@ class _Traces(NamedTuple):
 def drive(nature: CarNature, stops: Stops, finer: float = 1.0) -> DrivenStops:
     """Drive all stops in their order, sampled at 50 Hz from :data:`BEFORE` each command.
 
-    Args:
-        nature: true parameters.
-        stops: as driven.
-        finer: divides the steps of the integration.
+    ``finer`` divides the steps of the integration.
     """
     count = np.arange(-round(BEFORE / _SAMPLE), round(_MAX_STOP / _SAMPLE))
     time: Floats = np.asarray(count * _SAMPLE, np.float64)
@@ -108,22 +254,13 @@ def drive(nature: CarNature, stops: Stops, finer: float = 1.0) -> DrivenStops:
         heat, since = traces[-1].heat, clock + min(traces[-1].rest, _MAX_STOP)
     rows = np.stack([trace.rows for trace in traces])
     speed, station, x, y, yaw, rate, grade, pitch, roll = np.moveaxis(rows, 2, 0)
-    rest = np.array([trace.rest for trace in traces])
-    swing = np.exp(-np.maximum(time - rest[:, None], 0.0) / _BODY_RETURN)
-    return DrivenStops(
-        time,
-        speed,
-        station,
-        x,
-        y,
-        yaw,
-        rate,
-        grade + swing * pitch,
-        stops.roll[:, None] + roll,
-        rest,
-        np.array([trace.distance for trace in traces]),
-        np.array([trace.deceleration for trace in traces]),
+    rest, distance, last = (
+        np.array([getattr(trace, name) for trace in traces])
+        for name in ("rest", "distance", "deceleration")
     )
+    swing = np.exp(-np.maximum(time - rest[:, None], 0.0) / _BODY_RETURN)
+    attitude = (grade + swing * pitch, stops.roll[:, None] + roll)
+    return DrivenStops(time, speed, station, x, y, yaw, rate, *attitude, rest, distance, last)
 
 
 def _drive_stop(
@@ -143,17 +280,9 @@ def _drive_stop(
     turn = curvature if abs(curvature) > 1e-9 else 1e-9
     state[0] = stops.x[i] + (math.sin(heading + turn * back) - math.sin(heading)) / turn
     state[1] = -stops.y[i] + (math.cos(heading + turn * back) - math.cos(heading)) / turn
+    push = _push(nature, stops, i, late, finer)
     return _Traces(
-        *stop_car(
-            state,
-            grounds,
-            np.array([area[:3] for area in areas]),
-            _push(nature, stops, i, late, finer),
-            heat,
-            time,
-            start,
-            back,
-        )
+        *stop_car(state, grounds, np.array([a[:3] for a in areas]), push, heat, time, start, back)
     )
 
 
@@ -162,26 +291,12 @@ def _push(nature: CarNature, stops: Stops, i: int, late: bool, finer: float) -> 
     strength = float(stops.friction[i]) * (1.0 - nature.glazing * float(stops.clock[i]))
     strength *= nature.repair if late else 1.0
     return CarPush(
-        float(stops.speed[i]),
-        float(stops.grade[i]),
-        float(stops.wave[i]),
-        float(stops.wave_length[i]),
-        float(stops.wave_phase[i]),
-        float(stops.roll[i]),
-        nature.delay + float(stops.delay[i]),
-        nature.build_up,
-        torque * nature.brake * strength,
-        torque * nature.assist * strength,
-        nature.front,
-        torque * nature.resistance,
-        torque * nature.furrows,
-        nature.furrows_along,
-        nature.driveline,
-        nature.air,
-        nature.wind,
-        nature.wind_from,
-        nature.fading,
-        nature.hot,
-        nature.cooling,
-        1.0 / finer,
+        **{name: float(getattr(stops, name)[i]) for name in _OF_STOP},
+        onset=nature.delay + float(stops.delay[i]),
+        brake=torque * nature.brake * strength,
+        assist=torque * nature.assist * strength,
+        rolling=torque * nature.resistance,
+        furrows=torque * nature.furrows,
+        step=1.0 / finer,
+        **{name: getattr(nature, name) for name in (*_OF_CAR, *_OF_HEAT)},
     )

@@ -1,15 +1,79 @@
-"""Score of a finding, compared with the truth of its set."""
+"""Score of a finding, compared with the truth of its set, and on fresh stops of the plant.
+
+Stops of the same design in the same session are driven as the truth has them, with noise and
+scatter, and as the plant has them with the configured, the found and the true model. The score so
+rests on the content of a finding and not on the product's simulation of it.
+"""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from .blind_run import Finding
-from .catalogue import HiddenSet
-from .fresh_stops import Closing, closing
-from .hidden_effects import HiddenTerm
+import numpy as np
+
+from .blind_run import COEFFICIENTS, Finding
+from .catalogue import HiddenSet, sampled_late
+from .effect_plant import drive, speeds
+from .hidden_effects import FIELDS, HiddenTerm
+from .plant_physics import Physics, draw
+from .sensing import RATE
+
+MIN_GAP = 1.5  # Gap, over the floor, from which a closed share is meaningful [1]
+_MIN_SPEED = 0.1  # [m/s] of compared samples
+
+
+@dataclass(frozen=True, slots=True)
+class Closing:
+    """Disagreement of speeds on fresh stops, root mean square [m/s]."""
+
+    before: float  # by the configured model
+    after: float  # by the finding
+    floor: float  # by the truth itself
+
+    @property
+    def share(self) -> float | None:
+        """Closed share of the closable gap; None where the gap is too small."""
+        return closed_share(self.before, self.after, self.floor)
+
+
+def closed_share(before: float, after: float, floor: float) -> float | None:
+    """Closed share of the closable gap; None where the gap is too small."""
+    return None if before < MIN_GAP * floor else (before - after) / (before - floor)
+
+
+def closing(hidden: HiddenSet, finding: Finding) -> Closing:
+    """Drive fresh stops by the configured, the found and the true model."""
+    rng = np.random.default_rng((hidden.spec.seed, 9))
+    stops = draw(hidden.design, len(hidden.stops.speed), hidden.scatter, rng)
+    stops = sampled_late(stops._replace(clock=hidden.stops.clock), rng)
+    time = np.arange(0, round(10.0 * RATE)) / RATE
+    real = drive(hidden.truth, stops, time)
+    rolling = (real.speed > _MIN_SPEED) & np.isfinite(real.distance)[:, None]
+    noise = hidden.noise * rng.standard_normal(real.speed.shape)
+    calm = stops._replace(friction=np.ones_like(stops.speed), delay=np.zeros_like(stops.speed))
+    base = Physics(**(dict.fromkeys(COEFFICIENTS, 0.0) | hidden.configured))
+    # The dead time of a log counts from the sample at which it shows the command.
+    truth = hidden.truth._replace(dead_time=hidden.truth.dead_time - 0.5 / RATE)
+    gaps = [
+        float(np.sqrt(np.mean(((real.speed + noise - speeds(physics, calm, time))[rolling]) ** 2)))
+        for physics in (base, physics_of(finding, base), truth)
+    ]
+    return Closing(*gaps)
+
+
+def physics_of(finding: Finding, base: Physics) -> Physics:
+    """The plant with the coefficients and effects of a finding; a surface may lie in places."""
+    physics, counts = base._replace(**(finding.braking or {})), Counter[str]()
+    for name, parameters in finding.added:
+        counts[name] += 1
+        suffix = "" if counts[name] == 1 else f"_{counts[name]}"
+        fields = {k: v.replace("patch", f"patch{suffix}") for k, v in FIELDS[name].items()}
+        physics = physics._replace(**{fields[k]: float(v) for k, v in parameters.items()})
+    return physics
+
 
 _PERIODS = {"headwind": math.tau, "directional_surface": math.pi}  # [rad] of their direction
 _Z_95 = 1.959964  # standard deviations that hold 95 %
@@ -44,25 +108,9 @@ AXES: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class SetOutcome:
-    """One set with its scored finding.
+    """One set with its scored finding."""  # words: ok, keys of results
 
-    Attributes:
-        kind, truth, size, seed, design, stops, noise, scatter: description of the set.
-        gap, nearest, apart: expected χ², see :class:`.identifiability.Identifiability`.
-        identifiable: whether the log suffices for a right answer.
-        verdict, named, alternatives: finding.
-        right: whether exactly the true names were given, with confidence.
-        wrong: whether a false name was given with confidence.
-        located: strongest axis.
-        axis_right: whether it is one of the effect's.
-        covered: whether the 95 % interval of each parameter of a named effect holds the truth.
-        closing: gap on fresh stops.
-        told: the workflow's own closed share.
-        seconds: processor time per 100 stops [s].
-        text, worse: see :class:`.blind_run.Finding`.
-    """  # words: ok, keys of results
-
-    kind: str
+    kind: str  # kind, truth, size, seed, design, stops, noise, scatter: description of the set
     truth: tuple[str, ...]
     size: str
     seed: int
@@ -70,22 +118,22 @@ class SetOutcome:
     stops: int
     noise: float
     scatter: float
-    gap: float
+    gap: float  # gap, nearest, apart: expected χ², see :class:`.identifiability.Identifiability`
     nearest: str
     apart: float  # words: ok, a key of results
-    identifiable: bool
-    verdict: str
+    identifiable: bool  # whether the log suffices for a right answer
+    verdict: str  # verdict, named, alternatives: finding
     named: tuple[str, ...]
     alternatives: tuple[str, ...]
-    right: bool
-    wrong: bool
-    located: str
-    axis_right: bool
+    right: bool  # whether exactly the true names were given, with confidence
+    wrong: bool  # whether a false name was given with confidence
+    located: str  # strongest axis
+    axis_right: bool  # whether it is one of the effect's
+    # whether the 95 % interval of each parameter of a named effect holds the truth
     covered: dict[str, bool]
-    closing: Closing
-    told: float | None  # words: ok, a key of results
-    seconds: float
-    text: str
+    closing: Closing  # gap on fresh stops
+    seconds: float  # processor time per 100 stops [s]
+    text: str  # text, worse: see :class:`.blind_run.Finding`
     worse: float = 0.0
 
     def record(self) -> dict[str, Any]:
@@ -100,32 +148,23 @@ def score(hidden: HiddenSet, finding: Finding) -> SetOutcome:
     alternatives = {name for effect in finding.effects for name in effect["alternatives"]}
     axis = finding.located[0][0] if finding.located else ""
     stops = len(hidden.stops.speed)
+    request = (spec.kind, spec.names, spec.size, spec.seed)
+    conditions = (hidden.design, stops, hidden.noise, hidden.scatter)
+    expected = (known.gap, known.nearest, known.apart, hidden.identifiable)
     return SetOutcome(
-        spec.kind,
-        spec.names,
-        spec.size,
-        spec.seed,
-        hidden.design,
-        stops,
-        hidden.noise,
-        hidden.scatter,
-        known.gap,
-        known.nearest,
-        known.apart,
-        hidden.identifiable,
-        finding.verdict,
-        finding.names,
-        tuple(sorted(alternatives)),
-        finding.is_confident and named == truth,
-        finding.is_confident and bool(named - truth),
-        axis,
-        any(axis in AXES.get(name, ()) for name in spec.names),
-        _covered(hidden.hidden, finding) if finding.is_confident else {},
-        closing(hidden, finding),
-        finding.closed,
-        finding.seconds * 100.0 / max(stops, 1),
-        finding.text,
-        finding.worse,
+        *request,
+        *conditions,
+        *expected,
+        *(finding.verdict, finding.names, tuple(sorted(alternatives))),
+        right=finding.is_confident and named == truth,
+        wrong=finding.is_confident and bool(named - truth),
+        located=axis,
+        axis_right=any(axis in AXES.get(name, ()) for name in spec.names),
+        covered=_covered(hidden.hidden, finding) if finding.is_confident else {},
+        closing=closing(hidden, finding),
+        seconds=finding.seconds * 100.0 / max(stops, 1),
+        text=finding.text,
+        worse=finding.worse,
     )
 
 

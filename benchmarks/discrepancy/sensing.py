@@ -10,15 +10,9 @@ from numpy.typing import NDArray
 from .effect_plant import DrivenStops
 from .plant_physics import Floats, Stops
 
-RATE = 50.0
-"""Sampling rate [Hz]."""
-
-BEFORE, AFTER = 2.0, 1.0
-"""Logged time before each command and after each standstill [s]."""
-
-QUANTUM = 0.01
-"""Step of the logged speed [m/s]."""
-
+RATE = 50.0  # Sampling rate [Hz]
+BEFORE, AFTER = 2.0, 1.0  # Logged time before each command and after each standstill [s]
+QUANTUM = 0.01  # Step of the logged speed [m/s]
 CORRELATED, MEMORY = 0.2, 0.08
 """Correlated share of the speed noise's variance [1], and its time constant [s]."""
 
@@ -36,13 +30,7 @@ def sample_times(longest: float) -> Floats:
 
 
 def log(motion: DrivenStops, stops: Stops, noise: float, rng: np.random.Generator) -> Columns:
-    """Columns of a drive log, one run after the other.
-
-    Args:
-        motion: true motion, sampled on :func:`sample_times`.
-        stops: as driven.
-        noise: standard deviation of the speed [m/s].
-        rng: draws all noise.
+    """Columns of a drive log, one run after the other, with this noise of the speed [m/s].
 
     Stops that never come to rest end where the sampling ends.
     """

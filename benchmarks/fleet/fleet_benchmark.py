@@ -23,11 +23,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from ..common.campaign import BenchmarkRequest, Progress
+from ..common.text_tables import table_of
 from .local_cluster import cluster, workers_of
 
 Result = dict[str, Any]
@@ -51,11 +50,8 @@ class FleetSize:
     small: int
 
 
-FULL = FleetSize(tiles=64, files=40, fans=100, small=6)
-"""4.3 GB of heights, 100,000 paths."""
-
-QUICK = FleetSize(tiles=8, files=4, fans=20, small=4)
-"""67 MB, 2,000 paths."""
+FULL = FleetSize(tiles=64, files=40, fans=100, small=6)  # 4.3 GB of heights, 100,000 paths
+QUICK = FleetSize(tiles=8, files=4, fans=20, small=4)  # 67 MB, 2,000 paths
 
 
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
@@ -73,14 +69,15 @@ def _run_all(size: FleetSize, folder: Path, advance: Callable[[int], Any]) -> Re
     paths = _write_paths(folder, size)
     some = paths[: size.small]
     advance(1)
-    local = _run(map_file, some, folder / "local", "--workers", "0")
+    _run(map_file, some, folder / "local", "--workers", "0")
     advance(1)
+    # A first run loads the workers' libraries, so that timed ones begin in the same state.
     with cluster(1) as (address, _):
-        _warm(map_file, paths[0], folder / "warm1", address)
+        _run(map_file, paths[:1], folder / "warm1", "--scheduler", address)
         single = _run(map_file, some, folder / "one", "--scheduler", address)
     advance(1)
     with cluster(2) as (address, workers):
-        _warm(map_file, paths[0], folder / "warm2", address)
+        _run(map_file, paths[:1], folder / "warm2", "--scheduler", address)
         two = _run(map_file, some, folder / "two", "--scheduler", address)
         advance(1)
         with _watched(workers) as memory:
@@ -93,12 +90,8 @@ def _run_all(size: FleetSize, folder: Path, advance: Callable[[int], Any]) -> Re
     return {
         "size": {**asdict(size), "map_bytes": map_file.stat().st_size},
         "candidates": large["candidates"],
-        "statuses": large["statuses"],
         "seconds": large["seconds"],
         "speed_up": single["seconds"] / two["seconds"],
-        "one_worker": single["seconds"],
-        "two_workers": two["seconds"],
-        "local": local["seconds"],
         "memory": _memory(memory),
         "killed": killed | {"equal": digests["killed"] == digests["local"]},
         "resumed": again["resumed"],
@@ -111,28 +104,16 @@ def _write_map(path: Path, size: FleetSize) -> Path:
     """Hills made of waves, by rows of tiles; with unknown hollows."""
     import rasterio
     from rasterio.transform import from_origin
+    from rasterio.windows import Window
 
     cells = size.tiles * _TILE
     half = 0.5 * _RESOLUTION
     rng = np.random.default_rng(_SEED)
-    with rasterio.open(
-        path,
-        "w",
-        driver="GTiff",
-        width=cells,
-        height=cells,
-        count=1,
-        dtype="float32",
-        crs="EPSG:32633",
-        nodata=-9999.0,
-        tiled=True,
-        blockxsize=_TILE,
-        blockysize=_TILE,
-        BIGTIFF="YES",
-        transform=from_origin(-half, cells * _RESOLUTION - half, _RESOLUTION, _RESOLUTION),
-    ) as dataset:
-        from rasterio.windows import Window
-
+    place = from_origin(-half, cells * _RESOLUTION - half, _RESOLUTION, _RESOLUTION)
+    form = {"driver": "GTiff", "width": cells, "height": cells, "count": 1, "dtype": "float32"}
+    tiles = {"tiled": True, "blockxsize": _TILE, "blockysize": _TILE, "BIGTIFF": "YES"}
+    where = {"crs": "EPSG:32633", "nodata": -9999.0, "transform": place}
+    with rasterio.open(path, "w", **form, **tiles, **where) as dataset:
         x = (np.arange(cells) * _RESOLUTION).astype(np.float32)
         along = 1.1 * np.sin(x / 11.0) + 0.3 * np.sin(x / 3.1)
         for first in range(0, cells, _TILE):
@@ -170,21 +151,8 @@ def _write_paths(folder: Path, size: FleetSize) -> list[Path]:
 
 
 def _command(map_file: Path, paths: list[Path], out: Path, *options: str) -> list[str]:
-    return [
-        sys.executable,
-        "-m",
-        "slopewise.services.cli",
-        "fleet",
-        "plan",
-        str(map_file),
-        *map(str, paths),
-        "--model",
-        "atv",
-        "--out",
-        str(out),
-        "--json",
-        *options,
-    ]
+    command = [sys.executable, "-m", "slopewise.services.cli", "fleet", "plan", str(map_file)]
+    return [*command, *map(str, paths), "--model", "atv", "--out", str(out), "--json", *options]
 
 
 def _run(map_file: Path, paths: list[Path], out: Path, *options: str) -> Result:
@@ -195,11 +163,6 @@ def _run(map_file: Path, paths: list[Path], out: Path, *options: str) -> Result:
         raise RuntimeError(f"fleet plan ended with {done.returncode}: {done.stderr.strip()}")
     result: Result = json.loads(done.stdout)
     return result
-
-
-def _warm(map_file: Path, paths: Path, out: Path, address: str) -> None:
-    """Load the workers' libraries, so that timed runs begin in the same state."""
-    _run(map_file, [paths], out, "--scheduler", address)
 
 
 @contextmanager
@@ -265,12 +228,8 @@ def _killed(map_file: Path, paths: list[Path], folder: Path) -> Result:
     if process.returncode != 0:
         raise RuntimeError(f"fleet plan ended with {process.returncode}: {error.strip()}")
     result = json.loads(text)
-    return {
-        "after_parts": dead,
-        "parts": parts,
-        "planned": result["planned"],
-        "candidates": result["candidates"],
-    }
+    counts = {key: result[key] for key in ("planned", "candidates")}
+    return {"after_parts": dead, "parts": parts, **counts}
 
 
 def _digest(folder: Path) -> str:
@@ -284,9 +243,7 @@ def _digest(folder: Path) -> str:
 
 def show(result: Result, console: Console) -> None:
     """Print the table."""
-    table = Table(title="Fleet", box=box.SIMPLE_HEAD)
-    table.add_column("what")
-    table.add_column("measured", justify="right")
+    table = table_of("Fleet", "measured", first="what")
     memory, killed = result["memory"], result["killed"]
     rows = {
         "map": f"{result['size']['map_bytes'] / 1e9:.2f} GB",
@@ -294,9 +251,8 @@ def show(result: Result, console: Console) -> None:
         "all, two workers": f"{result['seconds']:.0f} s",
         "second worker": f"{result['speed_up']:.2f} x",
         "most memory of a worker": _megabytes(memory["most"]),
-        "in the second, the last quarter": " ".join(
-            (_megabytes(memory["second_quarter"]), _megabytes(memory["last_quarter"]))
-        ),
+        "in the second, the last quarter": f"{_megabytes(memory['second_quarter'])} "
+        f"{_megabytes(memory['last_quarter'])}",
         "worker killed after": f"{killed['after_parts']} of {killed['parts']} parts",
         "planned nevertheless": f"{killed['planned']:,} of {killed['candidates']:,}",
         "its bytes are the local run's": "yes" if killed["equal"] else "NO",

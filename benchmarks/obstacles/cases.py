@@ -12,12 +12,9 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.models.vehicle import Vehicle
 
-from .shapes import FAR, Block, Slope, height_of
-from .true_sizes import Size, size_of
+from .true_sizes import FAR, Block, Size, Slope, height_of, size_of
 
-LENGTH = 10.0
-"""Length of the path in wheelbases; the obstacle is in its middle."""
-
+LENGTH = 10.0  # Length of the path in wheelbases; the obstacle is in its middle
 KINDS = (
     "rock under a wheel",
     "rock between the wheels",
@@ -37,27 +34,16 @@ _MAX_GRADE = np.deg2rad(10.0)  # of the plane, along and across
 
 @dataclass(frozen=True, slots=True)
 class ObstacleCase:
-    """One obstacle in front of one vehicle.
+    """One obstacle in front of one vehicle."""
 
-    Attributes:
-        kind: kind of obstacle.
-        vehicle: name of its model.
-        block: the obstacle, in the frame of the path.
-        slope: plane under it.
-        resolution: resolution of the map [m].
-        heading: heading of the path on the map [rad].
-        seed: determines the noise.
-        certain, possible: its sizes, see :mod:`.true_sizes`.
-    """
-
-    kind: str
-    vehicle: str
-    block: Block
-    slope: Slope
-    resolution: float
-    heading: float
-    seed: int
-    certain: Size
+    kind: str  # kind of obstacle
+    vehicle: str  # name of its model
+    block: Block  # the obstacle, in the frame of the path
+    slope: Slope  # plane under it
+    resolution: float  # resolution of the map [m]
+    heading: float  # heading of the path on the map [rad]
+    seed: int  # determines the noise
+    certain: Size  # certain, possible: its sizes, see :mod:`.true_sizes`
     possible: Size
 
 
@@ -91,20 +77,19 @@ def _sizes(block: Block, resolution: float, vehicle: Vehicle) -> tuple[Size, Siz
     return Size(*map(min, zip(*sizes, strict=True))), Size(*map(max, zip(*sizes, strict=True)))
 
 
-def map_of(case: ObstacleCase, vehicle: Vehicle, *, empty: bool = False) -> ElevationMap:
-    """Map of a case, each cell the median of the heights in it; optionally without obstacle."""
+def map_of(case: ObstacleCase, vehicle: Vehicle) -> ElevationMap:
+    """Map of a case, each cell the median of the heights in it."""
     half = 0.5 * LENGTH * vehicle.wheelbase + 4.0 * vehicle.wheelbase
     cells = int(2.0 * half / case.resolution)
     along = (np.arange(cells) - 0.5 * (cells - 1)) * case.resolution
     inside = case.resolution * np.array([-0.4, 0.0, 0.4])
     c, s = np.cos(case.heading), np.sin(case.heading)
-    block = Block(0.0, 0.0, 0.0, 0.0, 0.0, 0.0) if empty else case.block
     heights = []
     for dx in inside:
         for dy in inside:
             x, y = np.meshgrid(along + dx, along + dy)
             level = case.slope.along * (c * dx + s * dy) + case.slope.across * (c * dy - s * dx)
-            heights.append(height_of(block, case.slope, c * x + s * y, c * y - s * x) - level)
+            heights.append(height_of(case.block, case.slope, c * x + s * y, c * y - s * x) - level)
     noise = np.random.default_rng(case.seed).normal(
         0.0, _NOISE * vehicle.wheel_radius, (cells,) * 2
     )

@@ -1,106 +1,110 @@
-"""Obstacles around the limits of two vehicles, planned over and driven in a physics engine."""
+"""Obstacles around the limits of two vehicles: planned over, compared with their geometry."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from importlib.util import find_spec
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
 
 from rich.console import Console
 
 from slopewise.models.parameters import Model
+from slopewise.planner.path import batch
+from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
+from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.model_file import read_model, shipped_models
 
 from ..common.campaign import BenchmarkRequest, Progress
 from ..common.text_tables import table_of
 from ..common.timing import machine, timed
-from . import planned_outcomes
-from .cases import cases
+from .cases import ObstacleCase, cases, map_of, path_of
 
-CASES, QUICK_CASES = 2400, 240
-DRIVES, QUICK_DRIVES = 200, 20
-"""Cases and drives of a whole and of a quick run [1]: the latter takes about a minute."""
+CASES, QUICK_CASES = 2400, 240  # of a whole and of a quick run [1]
 VEHICLES = ("atv", "husky")
-_SEED = 23  # of planned cases; driven ones have the next
-_CASES_PER_DRIVE = 4  # enough of passed and of blocked ones
+TOO_LARGE, SMALL = 1.1, 0.8
+"""Sizes from which an obstacle must be blocked, and up to which it must be passed [1]."""
+
+_SEED = 23  # of the cases
 
 Result = dict[str, Any]
 
 
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
-    """Plan over all cases, drive some of them."""
+    """Plan over all cases."""
     count = QUICK_CASES if request.quick else CASES
-    drives = QUICK_DRIVES if request.quick else DRIVES
-    advance = progress("obstacles", count + drives)
+    advance = progress("obstacles", count)
     models = {name: read_model(shipped_models()[name]) for name in VEHICLES}
     drawn_cases = list(cases(count, models, _SEED))
-    seconds, outcomes = timed(lambda: planned_outcomes.outcomes(drawn_cases, models, advance))
-    result: Result = {
+    seconds, planned = timed(lambda: outcomes(drawn_cases, models, advance))
+    return {
         "quick": request.quick,
         "machine": machine(),
         "vehicles": list(VEHICLES),
-        "planned": {"seconds": seconds, **planned_outcomes.summary(outcomes)},
+        "planned": {"seconds": seconds, **summary(planned)},
     }
-    if find_spec("mujoco") is not None:
-        result["driven"] = _driven(models, drives, advance)
-    return result
 
 
-def _driven(built: dict[str, Model], count: int, advance: Callable[[int], Any]) -> Result:
-    """Drives around the limits of the engine's vehicles, over further obstacles."""
-    from . import driven_outcomes
-    from .engine_limits import measured_in_engine
+class PlannedOutcome(NamedTuple):
+    """A case, and whether its obstacle blocks the path."""
 
-    models = {name: measured_in_engine(model) for name, model in built.items()}
-    drawn_cases = cases(_CASES_PER_DRIVE * count, models, _SEED + 1)
-    outcomes = planned_outcomes.outcomes(drawn_cases, models, None)
-    limits = {
-        name: {"max_step": model.vehicle.max_step, "wheel_travel": model.vehicle.wheel_travel}
-        for name, model in models.items()
+    case: ObstacleCase
+    is_blocked: bool
+
+
+def outcomes(
+    cases: Iterable[ObstacleCase], models: Mapping[str, Model], advance: Callable[[int], Any]
+) -> list[PlannedOutcome]:
+    """Plan over all cases."""
+    results = []
+    for case in cases:
+        model = models[case.vehicle]
+        path = batch([path_of(case, model.vehicle)], PlannerSettings().spacing_on(case.resolution))
+        solved = time_optimal_batch(map_of(case, model.vehicle), path, model)
+        is_blocked = solved.bounds.barrier_station[0] < solved.profile.count[0]
+        results.append(PlannedOutcome(case, bool(is_blocked)))
+        advance(1)
+    return results
+
+
+def must_block(case: ObstacleCase) -> bool:
+    """Whether the obstacle is certainly too large."""
+    return case.certain.largest >= TOO_LARGE
+
+
+def must_pass(case: ObstacleCase) -> bool:
+    """Whether the obstacle is small in any case."""
+    return case.possible.largest <= SMALL
+
+
+def summary(results: list[PlannedOutcome]) -> Result:
+    """Counts of each kind and of all, as plain data."""
+    kinds = sorted({outcome.case.kind for outcome in results})
+    rows = {kind: _row([o for o in results if o.case.kind == kind]) for kind in kinds}
+    return {"kinds": rows, "all": _row(results)}
+
+
+def _row(results: list[PlannedOutcome]) -> Result:
+    large = [o for o in results if must_block(o.case)]
+    small = [o for o in results if must_pass(o.case)]
+    return {
+        "cases": len(results),
+        "too_large": len(large),
+        "passed_though_too_large": sum(not o.is_blocked for o in large),
+        "small": len(small),
+        "barred_though_small": sum(o.is_blocked for o in small),
     }
-    drives = driven_outcomes.drives(outcomes, models, built, count, advance)
-    return {"limits": limits, **driven_outcomes.summary(drives)}
 
 
 def show(result: Result, console: Console) -> None:
-    """Print the tables of planned and driven obstacles."""
-    table = table_of(
-        f"obstacles: {result['planned']['all']['cases']} planned",
-        "cases",
-        "too large",
-        "of these passed",
-        "small",
-        "of these blocked",
-        first="kind",
-    )
+    """Print the table."""
     planned = result["planned"]
+    columns = {
+        "cases": "cases",
+        "too large": "too_large",
+        "of these passed": "passed_though_too_large",
+        "small": "small",
+        "of these blocked": "barred_though_small",
+    }
+    table = table_of(f"obstacles: {planned['all']['cases']} planned", *columns, first="kind")
     for kind, row in {**planned["kinds"], "all": planned["all"]}.items():
-        table.add_row(
-            kind,
-            str(row["cases"]),
-            str(row["too_large"]),
-            str(row["passed_though_too_large"]),
-            str(row["small"]),
-            str(row["barred_though_small"]),
-        )
-    console.print(table)
-    if "driven" not in result:
-        console.print("not driven: needs mujoco (pip install '.\\[sim]' in a clone)")
-        return
-    for name, limits in result["driven"]["limits"].items():
-        console.print(
-            f"{name} in the engine: steps to {limits['max_step']:.3f} m, one wheel to "
-            f"{limits['wheel_travel']:.3f} m"
-        )
-    table = table_of(
-        "obstacles driven", "drives", "struck", "tipped", "in the air", "stuck", "failed"
-    )
-    for name, label in (
-        ("passed", "plan is ok"),
-        ("barred", "blocked, driven nevertheless"),
-        ("barred_too_large", "of these certainly too large"),
-    ):
-        row = result["driven"][name]
-        keys = ("drives", "struck", "tipped", "wheel_in_the_air", "stuck", "failed")
-        table.add_row(label, *(str(row[key]) for key in keys))
+        table.add_row(kind, *(str(row[key]) for key in columns.values()))
     console.print(table)

@@ -1,15 +1,24 @@
-"""Times of the planner's stages on a batch of candidates, compared with the lower bound."""
+"""Times of the planner's stages on a batch of candidates, compared with a lower bound.
+
+That are the cheapest possible speed profiles: compiled forward–backward passes in tiles that stay
+in the cache, without branches. Both know speed bounds and limits of acceleration and write v² from
+rest, shape (N, M) [m²/s²]; the second one brakes with the force of the segment's first station at
+the speed of its end.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from slopewise.models.arrays import Floats
+from slopewise.models.quantity import GRAVITY
 from slopewise.planner.bounds.speed_bounds import speed_bounds
 from slopewise.planner.ground.braking_ground import ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
+from slopewise.planner.kernels.compiled import TILE, kernel
 from slopewise.planner.kernels.limits import planning_limits
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, solve
 from slopewise.planner.profile.time_optimal import (
@@ -20,8 +29,70 @@ from slopewise.planner.profile.time_optimal import (
 from slopewise.planner.swept.hazards import swept_hazards
 
 from ..common.scene import SPACING, BenchmarkScene
-from ..common.timing import interleave, summary
-from .lower_bound_passes import braking_pass, plain_pass
+from ..common.timing import interleave, peak_memory, summary
+
+
+class BrakingLine(NamedTuple):
+    """Coefficients of F_b/W = (m_m v + b_m) θ + m_b v + b_b."""
+
+    m_m: float
+    b_m: float
+    m_b: float
+    b_b: float
+
+
+@kernel
+def plain_pass(
+    speed_sq_max: Floats, ds: float, accel: float, decel: float, speed_sq: Floats
+) -> None:
+    """Apply speed bounds and constant limits, between stations at equal distances [m]."""
+    stations, candidates = speed_sq_max.shape
+    gain, loss = 2.0 * ds * accel, 2.0 * ds * decel
+    for first in range(0, candidates, TILE):
+        end = min(first + TILE, candidates)
+        for j in range(first, end):
+            speed_sq[stations - 1, j] = speed_sq_max[stations - 1, j]
+        for k in range(stations - 2, -1, -1):
+            for j in range(first, end):
+                speed_sq[k, j] = min(speed_sq_max[k, j], speed_sq[k + 1, j] + loss)
+        for j in range(first, end):
+            speed_sq[0, j] = 0.0
+        for k in range(stations - 1):
+            for j in range(first, end):
+                speed_sq[k + 1, j] = min(speed_sq[k + 1, j], speed_sq[k, j] + gain)
+
+
+@kernel
+def braking_pass(
+    speed_sq_max: Floats,
+    station: Floats,
+    grade: Floats,
+    sin_grade: Floats,
+    b: BrakingLine,
+    accel: float,
+    decel: float,
+    speed_sq: Floats,
+) -> None:
+    """Apply the bounds as :func:`plain_pass` does, with F_b/W in the backward pass."""
+    stations, candidates = speed_sq_max.shape
+    for first in range(0, candidates, TILE):
+        end = min(first + TILE, candidates)
+        for j in range(first, end):
+            speed_sq[stations - 1, j] = speed_sq_max[stations - 1, j]
+        for k in range(stations - 2, -1, -1):
+            for j in range(first, end):
+                twice = 2.0 * (station[k + 1, j] - station[k, j])
+                v = np.sqrt(speed_sq[k + 1, j])
+                force = (b.m_m * v + b.b_m) * grade[k, j] + b.m_b * v + b.b_b + sin_grade[k, j]
+                slowed = speed_sq[k + 1, j] + twice * min(decel, GRAVITY * force)
+                speed_sq[k, j] = min(speed_sq_max[k, j], slowed)
+        for j in range(first, end):
+            speed_sq[0, j] = 0.0
+        for k in range(stations - 1):
+            for j in range(first, end):
+                twice = 2.0 * (station[k + 1, j] - station[k, j])
+                speed_sq[k + 1, j] = min(speed_sq[k + 1, j], speed_sq[k, j] + twice * accel)
+
 
 _UNBOUNDED = 1e3
 """Service deceleration that never binds, so that the brakes limit everywhere [m/s²]."""
@@ -39,7 +110,8 @@ def stages(scene: BenchmarkScene, solved: TimeOptimalBatch) -> dict[str, Callabl
     scalars, limits = planning_limits(model), model.limits
     candidates = scene.x.shape[1]
     clear, start = np.full(candidates, np.inf), np.zeros(candidates)
-    out = np.empty_like(solved.speed_sq)
+    out, b = np.empty_like(solved.speed_sq), model.braking
+    line = BrakingLine(b.m_m, b.b_m, b.m_b, b.b_b)
 
     def terrain() -> TerrainProfile:
         size = (model.vehicle.wheelbase, model.vehicle.track_width)
@@ -59,16 +131,8 @@ def stages(scene: BenchmarkScene, solved: TimeOptimalBatch) -> dict[str, Callabl
         plain_pass(bounds.speed_sq_max, SPACING, limits.accel, limits.decel, out)
 
     def by_brakes() -> None:
-        braking_pass(
-            bounds.speed_sq_max,
-            profile.station,
-            profile.grade,
-            profile.sin_grade,
-            model.braking,
-            limits.accel,
-            limits.decel,
-            out,
-        )
+        ground_columns = (profile.station, profile.grade, profile.sin_grade)
+        braking_pass(bounds.speed_sq_max, *ground_columns, line, limits.accel, limits.decel, out)
 
     return {
         "plain pass": by_bounds,
@@ -83,6 +147,18 @@ def stages(scene: BenchmarkScene, solved: TimeOptimalBatch) -> dict[str, Callabl
         "poses to ranked plans": lambda: np.argsort(scene.plan().cost),
         "the same without the swept footprint": without_sweep,
     }
+
+
+def memory(scene: BenchmarkScene) -> Result:
+    """Arrays of one batch, and peak memory of this process [bytes]."""
+    solved = scene.plan()
+    arrays: dict[int, int] = {}
+    for part in (solved, solved.profile, solved.ground, solved.bounds):
+        for name in part.__slots__:
+            value = getattr(part, name)
+            if isinstance(value, np.ndarray) and 0 not in value.strides:
+                arrays[value.ctypes.data] = value.nbytes
+    return {"batch_arrays": sum(arrays.values()), "process_peak": peak_memory()}
 
 
 def in_batch(scene: BenchmarkScene, rounds: int) -> list[Result]:

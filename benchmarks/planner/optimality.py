@@ -7,7 +7,7 @@ exact constraints.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
@@ -31,8 +31,7 @@ from ..common.scene import SPACING, atv, hills
 from ..common.text_tables import duration, table_of
 from ..common.timing import machine, summary, timed
 
-INSTANCES, QUICK_INSTANCES = 500, 40
-"""Problems of a whole and of a quick run [1]."""
+INSTANCES, QUICK_INSTANCES = 500, 40  # Problems of a whole and of a quick run [1]
 TARGET_EXCESS, TARGET_RATIO = 0.01, 10.0
 """Largest excess of travel time, and smallest ratio of solution times, that are aimed at [1]."""
 
@@ -44,15 +43,10 @@ Result = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Instance:
-    """One generated problem.
+    """One generated problem."""
 
-    Attributes:
-        name: description of the drawn problem.
-        problem: jerk-limited, below the time-optimal profile.
-    """
-
-    name: str
-    problem: SmoothingProblem
+    name: str  # description of the drawn problem
+    problem: SmoothingProblem  # jerk-limited, below the time-optimal profile
 
 
 def instances(count: int, seed: int = _SEED) -> Iterator[Instance]:
@@ -95,17 +89,14 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
 def compare(instance: Instance) -> Result:
     """Excess of travel time and seconds of one problem, solved by both."""
     problem = instance.problem
-    reference = _reference(len(problem.speed_sq_max))
-    planner, smoothed = _timed_again(partial(smooth, problem))
-    ipopt, optimum = _timed_again(partial(reference.solve, problem))
-    row: Result = {
-        "name": instance.name,
-        "planner": planner,
-        "ipopt": ipopt,
-        "excess": None,
-        "breach": None,
-        "reason": smoothed.reason or optimum.reason,
-    }
+    by_planner = partial(smooth, problem)
+    by_ipopt = partial(_reference(len(problem.speed_sq_max)).solve, problem)
+    for warm_up in (by_planner, by_ipopt):
+        warm_up()
+    planner, smoothed = timed(by_planner)
+    ipopt, optimum = timed(by_ipopt)
+    row: Result = {"name": instance.name, "planner": planner, "ipopt": ipopt, "excess": None}
+    row |= {"breach": None, "reason": smoothed.reason or optimum.reason}
     if smoothed.speed_sq is None or optimum.speed_sq is None:
         return row
     time = travel_time(stations_of(problem), smoothed.speed_sq)
@@ -113,12 +104,6 @@ def compare(instance: Instance) -> Result:
     row["travel_time"] = optimum.travel_time
     row["breach"] = smooth_excess(problem, smoothed.speed_sq)
     return row
-
-
-def _timed_again(action: Callable[[], Any]) -> tuple[float, Any]:
-    """Seconds and result of an action that ran once before, untimed."""
-    action()
-    return timed(action)
 
 
 @cache

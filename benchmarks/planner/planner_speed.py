@@ -6,7 +6,6 @@ Times belong to a machine; their ratios are the result.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 from rich.console import Console
@@ -16,20 +15,20 @@ from ..common.campaign import BenchmarkRequest, Progress
 from ..common.scene import SPACING, fan
 from ..common.text_tables import duration, table_of
 from ..common.timing import machine
-from .batch import in_batch
-from .scaling import growth_with_candidates, growth_with_stations, memory
+from .batch import in_batch, memory
 from .solver_comparison import emitted, jerk_limited, select_free, tasks_of, time_optimal
 
 STATIONS, CANDIDATES = 100, 1000  # of the batch, 25 m long
 
 Result = dict[str, Any]
+Values = tuple[float | None, float | None]  # by medians and by minimum times
 
 
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
     """Measure everything; the quick run takes half a minute."""
     quick = request.quick
     rounds = 3 if quick else 10
-    advance = progress("planner", 5)
+    advance = progress("planner", 4)
     scene = fan(STATIONS, CANDIDATES)
     result: Result = {
         "quick": quick,
@@ -46,11 +45,6 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
     advance(1)
     result["plans"] = emitted(scene, candidates, rounds)
     advance(1)
-    result["growth"] = {
-        "stations": growth_with_stations(quick),
-        "candidates": growth_with_candidates(quick),
-    }
-    advance(1)
     result["memory"] = memory(scene)
     result["targets"] = _targets(result)
     return result
@@ -62,69 +56,59 @@ def _targets(result: Result) -> list[Result]:
         {row["name"]: row for row in result[key]} for key in ("batch", "single", "smoothing")
     )
     pipeline, profile = batch["poses to ranked plans"], batch["profile"]
+    bare, brakes = batch["the same without the swept footprint"], batch["profile, brakes decide"]
     smooth, toppra, ipopt = smoothing["planner"], single["toppra"], smoothing["CasADi + IPOPT"]
+    candidates = result["problem"]["candidates"]
 
-    def target(name: str, relation: str, limit: float, unit: str, *values: float) -> Result:
-        passed = None
-        if values:
-            passed = values[0] <= limit if relation == "<=" else values[0] >= limit
-        median, by_min = values or (None, None)
-        return {
+    def ratio(row: Result, to: str) -> Values:
+        return row[to], row[f"{to}_least"]
+
+    def faster(tool: Result, planner: Result, plans: int = 1) -> Values:
+        if "note" in tool:
+            return None, None
+        return plans * tool["median"] / planner["median"], plans * tool["min"] / planner["min"]
+
+    milliseconds: Values = 1e3 * smooth["median"], 1e3 * smooth["min"]
+    by_toppra = [faster(toppra, row, candidates) for row in (profile, pipeline)]
+    rows: list[tuple[str, str, float, str, Values]] = [
+        ("poses to ranked plans, to the plain pass", "<=", 45.0, "×", ratio(pipeline, "to_plain")),
+        ("the same without the swept footprint", "<=", 25.0, "×", ratio(bare, "to_plain")),
+        ("profile, to the pass with braking", "<=", 1.5, "×", ratio(profile, "to_braking")),
+        ("the same where brakes decide", "<=", 1.5, "×", ratio(brakes, "to_braking")),
+        ("profile in batch, faster than toppra", ">=", 3000.0, "×", by_toppra[0]),
+        ("poses to ranked plans, faster than toppra", ">=", 200.0, "×", by_toppra[1]),
+        ("smoothed plan", "<=", 0.06, "ms", milliseconds),
+        ("smoothed plan, faster than IPOPT", ">=", 5.0, "×", faster(ipopt, smooth)),
+    ]
+    return [
+        {
             "name": name,
             "relation": relation,
             "limit": limit,
             "unit": unit,
-            "value": median,
+            "value": value,
             "value_least": by_min,
-            "passed": passed,
+            "passed": _passes(relation, limit, value),
         }
-
-    def at_most(name: str, limit: float, row: Result, to: str) -> Result:
-        return target(name, "<=", limit, "×", row[to], row[f"{to}_least"])
-
-    def at_least(
-        name: str, limit: float, tool: Result, planner: Result, share: float = 1.0
-    ) -> Result:
-        if "note" in tool:
-            return target(name, ">=", limit, "×")
-        ratios = (tool[kind] / (planner[kind] * share) for kind in ("median", "min"))
-        return target(name, ">=", limit, "×", *ratios)
-
-    per_candidate = 1.0 / result["problem"]["candidates"]
-    bare, brakes = batch["the same without the swept footprint"], batch["profile, brakes decide"]
-    milliseconds = (1e3 * smooth["median"], 1e3 * smooth["min"])
-    return [
-        at_most("poses to ranked plans, to the plain pass", 45.0, pipeline, "to_plain"),
-        at_most("the same without the swept footprint", 25.0, bare, "to_plain"),
-        at_most("profile, to the pass with braking", 1.5, profile, "to_braking"),
-        at_most("the same where brakes decide", 1.5, brakes, "to_braking"),
-        at_least("profile in batch, faster than toppra", 3000.0, toppra, profile, per_candidate),
-        at_least(
-            "poses to ranked plans, faster than toppra", 200.0, toppra, pipeline, per_candidate
-        ),
-        target("smoothed plan", "<=", 0.06, "ms", *milliseconds),
-        at_least("smoothed plan, faster than IPOPT", 5.0, ipopt, smooth),
+        for name, relation, limit, unit, (value, by_min) in rows
     ]
+
+
+def _passes(relation: str, limit: float, value: float | None) -> bool | None:
+    if value is None:
+        return None
+    return value <= limit if relation == "<=" else value >= limit
 
 
 def show(result: Result, console: Console) -> None:
     """Print all tables, the targets last."""
-    for table in _tables(result):
-        console.print(table)
-
-
-def _tables(result: Result) -> Iterator[Table]:
-    yield _batch_table(result)
     title = "The time-optimal problem, one candidate (N = {stations})"
-    yield _solver_table(title.format(**result["problem"]), result["single"])
-    yield _solver_table("The jerk-limited problem, the same candidates", result["smoothing"])
-    yield _plan_table(result)
-    for title, by in (
-        ("Growth with stations, 16 candidates", "stations"),
-        ("Growth with candidates, 100 stations", "candidates"),
-    ):
-        yield _growth_table(title, by, result["growth"][by])
-    yield _target_table(result["targets"])
+    console.print(_batch_table(result))
+    console.print(_solver_table(title.format(**result["problem"]), result["single"]))
+    smoothing = "The jerk-limited problem, the same candidates"
+    console.print(_solver_table(smoothing, result["smoothing"]))
+    console.print(_plan_table(result))
+    console.print(_target_table(result["targets"]))
 
 
 def _spread(row: Result) -> tuple[str, str]:
@@ -133,14 +117,11 @@ def _spread(row: Result) -> tuple[str, str]:
 
 def _batch_table(result: Result) -> Table:
     problem = result["problem"]
-    table = table_of(
+    title = (
         f"In batch: {problem['candidates']} candidates of {problem['stations']} stations, "
-        "one thread; ratios of medians (of least times)",
-        "median",
-        "min … max",
-        "to plain",
-        "to braking",
+        "one thread; ratios of medians (of least times)"
     )
+    table = table_of(title, "median", "min … max", "to plain", "to braking")
     for row in result["batch"]:
         ratios = (
             f"{row[key]:.3g}× ({row[f'{key}_least']:.3g}×)" for key in ("to_plain", "to_braking")
@@ -168,15 +149,6 @@ def _plan_table(result: Result) -> Table:
     memory = result["memory"]
     table.add_row("arrays of a batch", f"{memory['batch_arrays'] / 1e6:.1f} MB")
     table.add_row("peak of this process", f"{memory['process_peak'] / 1e6:.0f} MB")
-    return table
-
-
-def _growth_table(title: str, by: str, rows: list[Result]) -> Table:
-    table = table_of(title, *(str(row[by]) for row in rows))
-    for name in dict.fromkeys(name for row in rows for name in row):
-        if name not in ("stations", "candidates"):
-            cells = (duration(row[name]["median"]) if name in row else "–" for row in rows)
-            table.add_row(name, *cells)
     return table
 
 

@@ -1,8 +1,17 @@
-"""The planner compared with other solvers on the same problems, candidate by candidate."""
+"""The planner compared with other solvers on the same problems, candidate by candidate.
+
+A tool that is not installed raises ImportError when it is built, which its row reports.
+"""
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
+import logging
+import sys
+import types
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
@@ -13,7 +22,12 @@ from slopewise.models.quantity import GRAVITY
 from slopewise.planner.kernels.limits import planning_limits
 from slopewise.planner.pipeline.candidates import finished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from slopewise.planner.profile.reference import JerkLimitedReference, time_optimal_problem
+from slopewise.planner.profile.reference import (
+    JerkLimitedReference,
+    TimeOptimalProblem,
+    TimeOptimalReference,
+    time_optimal_problem,
+)
 from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.profile.time_optimal import (
@@ -27,15 +41,117 @@ from slopewise.planner.verify.track import track_of
 from ..common.profile_quality import excess, smooth_excess, stations_of, travel_time
 from ..common.scene import BenchmarkScene
 from ..common.timing import summary, timed
-from . import quadratic
-from .planner_baselines import BASELINES, BaselineTask
+
+_MIN_SPEED = 1e-3  # Lowest speed bound that all tools accept [m/s]
+_LATERAL_GRIP = 10.0
+"""Grip of the trajectory-planning-helpers across the path [m/s²]: so much that the longitudinal
+limits stay nearly whole."""
+
+
+@dataclass(frozen=True, slots=True)
+class BaselineTask:
+    """One candidate up to the station where it must rest."""
+
+    accel: float  # accel, decel: service limits [m/s²]
+    decel: float
+    problem: TimeOptimalProblem  # stations, bounds, brakes and drive as the planner knows them
+
+    @property
+    def speed_max(self) -> Floats:
+        """Positive bound of the speed, shape (N,) [m/s]."""
+        return np.maximum(np.sqrt(self.problem.speed_sq_max), _MIN_SPEED)
+
+
+Solver = Callable[[], Floats | None]
+
+
+def toppra(task: BaselineTask) -> Solver:
+    """Time-optimal path parameterisation by reachability analysis (TOPP-RA)."""
+    logging.getLogger("toppra").setLevel(logging.ERROR)
+    ta = importlib.import_module("toppra")
+    constraint = importlib.import_module("toppra.constraint")
+    algorithm = importlib.import_module("toppra.algorithm")
+    station, speed = task.problem.station, task.speed_max
+
+    def limits(s: float) -> Floats:
+        top = float(np.interp(s, station, speed))
+        return np.array([[-top, top]])
+
+    path = ta.SplineInterpolator(station, station[:, None])
+    constraints = [
+        constraint.JointVelocityConstraintVarying(limits),
+        constraint.JointAccelerationConstraint(np.array([[-task.decel, task.accel]])),
+    ]
+    instance = algorithm.TOPPRA(constraints, path, gridpoints=station, solver_wrapper="seidel")
+
+    def solve() -> Floats | None:
+        _, speeds, _ = instance.compute_parameterization(0.0, 0.0)
+        return None if speeds is None else np.asarray(speeds) ** 2
+
+    return solve
+
+
+def planning_helpers(task: BaselineTask) -> Solver:
+    """Forward–backward solver of the trajectory-planning-helpers.
+
+    It derives speed bounds from curvature only and shares the grip between the directions, so the
+    bounds are given to it as curvatures.
+    """
+    calculate = _submodule("trajectory_planning_helpers", "calc_vel_profile").calc_vel_profile
+    speed = task.speed_max
+    ds = np.diff(task.problem.station)
+    grip = np.tile([task.decel, _LATERAL_GRIP], (len(speed), 1))
+    machines = np.array([[0.0, task.accel], [2.0 * float(speed.max()), task.accel]])
+
+    def solve() -> Floats | None:
+        profile = calculate(
+            ax_max_machines=machines,
+            kappa=_LATERAL_GRIP / speed**2,
+            el_lengths=ds,
+            closed=False,
+            drag_coeff=0.0,
+            m_veh=1.0,
+            loc_gg=grip,
+            v_max=float(speed.max()),
+            dyn_model_exp=2.0,
+            v_start=0.1,
+            v_end=0.0,
+        )
+        return np.asarray(profile) ** 2
+
+    return solve
+
+
+def ipopt(task: BaselineTask) -> Solver:
+    """The exact discrete problem with the braking model, by CasADi and IPOPT."""
+    reference = TimeOptimalReference(len(task.problem.station))
+    return lambda: reference.solve(task.problem).speed_sq
+
+
+BASELINES: dict[str, Callable[[BaselineTask], Solver]] = {
+    "toppra": toppra,
+    "trajectory-planning-helpers": planning_helpers,
+    "CasADi + IPOPT": ipopt,
+}
+"""Builders of solvers; only the returned solver is timed."""
+
+
+def _submodule(package: str, name: str) -> Any:
+    """Import one module of a package without its ``__init__``, which loads unused solvers."""
+    if package not in sys.modules:
+        spec = importlib.util.find_spec(package)
+        if spec is None:
+            raise ImportError(package)
+        bare = types.ModuleType(package)
+        bare.__path__ = list(spec.submodule_search_locations or [])
+        sys.modules[package] = bare
+    return importlib.import_module(f"{package}.{name}")
+
 
 Result = dict[str, Any]
 Problem = TypeVar("Problem")
 Solve = Callable[[], Floats | None]
-Quality = tuple[float, float]
-"""Travel time [s] and largest excess of a solution."""
-
+Quality = tuple[float, float]  # Travel time [s] and largest excess of a solution
 _FAULTS = (AttributeError, TypeError, ValueError, RuntimeError)
 """Raised by a tool whose version does not fit."""
 
@@ -77,28 +193,15 @@ def time_optimal(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: i
 def profile_stage(task: BaselineTask) -> Callable[[], Floats]:
     """The planner's profile stage on one candidate, exact in brakes and drive."""
     p = task.problem
-
-    def column(values: Floats) -> Floats:
-        return np.ascontiguousarray(values[:, None])
-
-    problem = ProfileProblem(
-        column(p.station),
-        column(p.speed_sq_max),
-        column(p.sin_grade),
-        column(p.lower_slope),
-        column(p.lower_intercept),
-        column(p.slowest),
-        column(p.accel_max),
-        column(p.demand),
-        np.array([p.start_sq]),
-        p.decel,
-        p.specific_power,
-    )
+    columns = [p.station, p.speed_sq_max, p.sin_grade, p.lower_slope, p.lower_intercept]
+    columns += [p.slowest, p.accel_max, p.demand]
+    batch = [np.ascontiguousarray(values[:, None]) for values in columns]
+    problem = ProfileProblem._make([*batch, np.array([p.start_sq]), p.decel, p.specific_power])
     return lambda: time_optimal_profile(problem)[0][:, 0]
 
 
 def jerk_limited(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: int) -> list[Result]:
-    """The jerk-limited problem by the planner, and the same program by other solvers."""
+    """The jerk-limited problem by the planner's solvers, and without its tangents by IPOPT."""
     problems = [smoothing_problem(scene, task) for task in tasks]
 
     def reference(problem: SmoothingProblem) -> Solve:
@@ -113,9 +216,6 @@ def jerk_limited(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: i
         "planner": lambda problem: lambda: smooth(problem).speed_sq,
         'planner, solver = "osqp"': lambda problem: lambda: smooth(problem, "osqp").speed_sq,
         'planner, solver = "ipopt"': lambda problem: lambda: smooth(problem, "ipopt").speed_sq,
-        "OSQP": quadratic.osqp,
-        "PIQP": quadratic.piqp,
-        "Clarabel": quadratic.clarabel,
         "CasADi + IPOPT": reference,
     }
     return [_row(name, problems, make, quality, rounds) for name, make in makers.items()]
@@ -140,8 +240,7 @@ def smoothing_problem(scene: BenchmarkScene, task: BaselineTask) -> SmoothingPro
 def emitted(scene: BenchmarkScene, candidates: Sequence[int], rounds: int) -> list[Result]:
     """Cost of each emitted plan: the verifier alone, and all of it."""
     solved, model = scene.plan(), scene.model
-    verifying: list[float] = []
-    finishing: list[float] = []
+    seconds: dict[str, list[float]] = {"judge": [], "plan smoothed, judged, explained": []}
     for j in candidates:
         verify = partial(
             check,
@@ -153,13 +252,11 @@ def emitted(scene: BenchmarkScene, candidates: Sequence[int], rounds: int) -> li
             model,
         )
         finish = partial(finished, solved, j, "plan", smooth=True)
-        for action, seconds in ((verify, verifying), (finish, finishing)):
+        actions: tuple[Callable[[], Any], ...] = (verify, finish)
+        for times, action in zip(seconds.values(), actions, strict=True):
             action()
-            seconds += [timed(action)[0] for _ in range(rounds)]
-    return [
-        {"name": "judge", **summary(verifying)},
-        {"name": "plan smoothed, judged, explained", **summary(finishing)},
-    ]
+            times += [timed(action)[0] for _ in range(rounds)]
+    return [{"name": name, **summary(times)} for name, times in seconds.items()]
 
 
 def _row(

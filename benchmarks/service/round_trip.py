@@ -1,9 +1,8 @@
 """Round trip of a plan request over zenoh, between two processes on the loopback.
 
-``python -m benchmarks.service.round_trip [--requests 500] [--candidates 20] [--rate 50 --seconds
-60]``, each candidate of 100 points. The cost of the wire is the round trip minus the planner's own
-time, which the reply contains. With a rate, memory of the service is measured, too. The service is
-not imported: both sides are commands and payloads as any client uses them.
+``python -m benchmarks.service.round_trip [--requests 500] [--candidates 20]``, each candidate of
+100 points. The cost of the wire is the round trip minus the planner's own time, which the reply
+contains. The service is not imported: both sides are commands and payloads as of any client.
 """
 
 from __future__ import annotations
@@ -24,11 +23,10 @@ import zenoh
 
 _POINTS, _LENGTH = 100, 25.0  # of a candidate, [m]
 _FORMAT = "application/msgpack;slopewise.{}.v1"
-_PAGE = 4096  # [bytes] of memory
 _WARM_UP = 20  # requests that are not timed
 
 
-def measure(requests: int, candidates: int, rate: float, seconds: float) -> dict[str, Any]:
+def measure(requests: int, candidates: int) -> dict[str, Any]:
     """Start a service, send requests, stop it; times in ms."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -47,9 +45,7 @@ def measure(requests: int, candidates: int, rate: float, seconds: float) -> dict
             assert process.stdout is not None
             process.stdout.readline()
             started = time.perf_counter() - start
-            fan = _fan(candidates)
-            figures = _run(endpoint, process.pid, fan, requests, rate, seconds)
-            return {"start": started, **figures}
+            return {"start": started, **_run(endpoint, _fan(candidates), requests)}
         finally:
             process.terminate()
             process.wait(10.0)
@@ -61,14 +57,7 @@ def _fan(candidates: int) -> list[np.ndarray]:
     return [np.stack([along, c * along**2], axis=1) for c in curvatures]
 
 
-def _run(
-    endpoint: str,
-    process: int,
-    fan: list[np.ndarray],
-    requests: int,
-    rate: float,
-    seconds: float,
-) -> dict[str, Any]:
+def _run(endpoint: str, fan: list[np.ndarray], requests: int) -> dict[str, Any]:
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
@@ -91,8 +80,6 @@ def _run(
         for client in ("", "robot"):
             times = np.array([_once(querier, fan, client) for _ in range(requests)])
             result["named" if client else "alone"] = _figures(times)
-        if rate > 0.0:
-            result["sustained"] = _sustained(querier, process, fan, rate, seconds)
         return result
 
 
@@ -127,35 +114,13 @@ def _figures(times: np.ndarray) -> dict[str, float]:
     }
 
 
-def _sustained(
-    querier: Any, process: int, fan: list[np.ndarray], rate: float, seconds: float
-) -> dict[str, Any]:
-    """Requests at a constant rate; memory of the service at the quarters of the time."""
-    times, memory = [], []
-    start = time.perf_counter()
-    count = int(rate * seconds)
-    for n in range(count):
-        time.sleep(max(start + n / rate - time.perf_counter(), 0.0))
-        times.append(_once(querier, fan, "robot"))
-        if n + 1 in (count // 4, count // 2, 3 * count // 4, count):
-            pages = Path(f"/proc/{process}/statm").read_text().split()[1]
-            memory.append(int(pages) * _PAGE / 1e6)
-    elapsed = time.perf_counter() - start
-    figures: dict[str, Any] = _figures(np.array(times))
-    return {**figures, "rate": count / elapsed, "memory_mb": memory}
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--requests", type=int, default=500)
     parser.add_argument("--candidates", type=int, default=20)
-    parser.add_argument("--rate", type=float, default=0.0)
-    parser.add_argument("--seconds", type=float, default=60.0)
     given = parser.parse_args()
-    print(
-        json.dumps(measure(given.requests, given.candidates, given.rate, given.seconds), indent=1)
-    )
+    print(json.dumps(measure(given.requests, given.candidates), indent=1))
 
 
 if __name__ == "__main__":

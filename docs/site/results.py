@@ -28,6 +28,7 @@ from rich.table import Table
 from rich.text import Text
 
 from benchmarks.__main__ import BENCHMARKS, benchmark
+from benchmarks.common.timing import processor
 
 _PLACE = re.compile(
     r"(?P<begin>^<!-- results: (?P<name>[\w-]+) -->\n)(?P<so_far>.*?)"
@@ -97,20 +98,11 @@ def facts() -> dict[str, Any]:
     return {
         "date": f"{date.today()}",
         "version": version("slopewise"),
-        "processor": _processor(),
+        "processor": processor(),
         "cores": os.cpu_count(),
         "memory": os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
         "python": platform.python_version(),
     }
-
-
-def _processor() -> str:
-    match = re.search(r"^model name\s*: (.*)$", _read(Path("/proc/cpuinfo")), re.MULTILINE)
-    return match[1] if match else platform.machine()
-
-
-def _read(path: Path) -> str:
-    return path.read_text() if path.is_file() else ""
 
 
 def _name(file: Path) -> str:

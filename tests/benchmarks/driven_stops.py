@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ast
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,10 +32,3 @@ def decelerations(
         inside = (t > 0.0) & (v < at[1] * scene.speed[i]) & (v > at[0] * scene.speed[i])
         slopes.append(-np.polyfit(t[inside], v[inside], 1)[0])
     return np.array(slopes)
-
-
-def imported_modules(file: Path) -> set[str]:
-    """Modules that a source file imports."""
-    nodes = list(ast.walk(ast.parse(file.read_text())))
-    names = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
-    return names | {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}

@@ -2,40 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from benchmarks.discrepancy import designs, effect_plant, hidden_effects, plant_physics, sensing
-from tests.benchmarks.driven_stops import G, imported_modules, stops
+from benchmarks.discrepancy import effect_plant, hidden_effects, plant_physics, sensing
+from tests.benchmarks.driven_stops import G, stops
 
 BASE = plant_physics.Physics(m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.4, dead_time=0.3)
 NOW = np.zeros(1)
 V, A = 4.0, G * 0.4
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "plant_physics",
-        "effect_plant",
-        "engine_plant",
-        "multibody",
-        "multibody_kernels",
-        "vehicle_models",
-        "sensing",
-        "designs",
-        "hidden_effects",
-        "identifiability",
-        "alternative_effects",
-    ],
-)
-def test_plants_import_no_product_code(name: str) -> None:
-    folder = Path(effect_plant.__file__).parent
-    for module in imported_modules(folder / f"{name}.py"):
-        assert not {"slopewise", "models", "planner", "services"} & set(module.split("."))
+def test_plants_import_no_product_code() -> None:
+    for file in Path(effect_plant.__file__).parent.glob("*.py"):
+        imports = file.name != "blind_run.py" and re.search(
+            r"^ *(?:from|import) +(?:slopewise|models|planner|services)\b", file.read_text(), re.M
+        )
+        assert not imports, file
 
 
 def test_constant_force_stops_by_the_closed_form() -> None:
@@ -47,40 +34,11 @@ def test_constant_force_stops_by_the_closed_form() -> None:
     np.testing.assert_allclose(motion.rest, 0.3 + V / a, rtol=1e-5)
 
 
-def test_drag_lag_and_viscous_resistance_by_closed_forms() -> None:
-    c, k = 0.05, 0.03
-    drag = effect_plant.drive(BASE._replace(drag=c), stops(), NOW).distance[0]
-    assert drag == pytest.approx(V * 0.3 + np.log1p(c * V * V / A) / (2.0 * c), rel=1e-5)
-    late = effect_plant.drive(BASE._replace(lag=0.1), stops(), NOW).rest[0]
-    # v − a (t − τ (1 − exp(−t/τ))) = 0 with exp(−t/τ) negligible.
-    assert late == pytest.approx(0.3 + V / A + 0.1, abs=2e-3)
-    slow = effect_plant.drive(BASE._replace(viscous=k), stops(), NOW).rest[0]
-    assert slow == pytest.approx(0.3 + np.log1p(G * k * V / A) / (G * k), rel=1e-5)
-
-
 def test_all_effects_together_by_another_integrator() -> None:
-    p = BASE._replace(
-        b_m=-0.2,
-        drag=0.02,
-        viscous=0.01,
-        wind_drag=0.01,
-        wind=5.0,
-        wind_direction=0.4,
-        lag=0.08,
-        fade=0.01,
-        fade_tau=100.0,
-        friction=0.38,
-        asymmetry=0.2,
-        nonlinearity=0.8,
-        cross_slope=0.2,
-        turning=0.1,
-        furrow=0.02,
-        furrow_direction=0.3,
-        step_scale=0.9,
-        step_delta=0.01,
-        step_run=1.0,
-        drift=1e-5,
-    )
+    p = BASE._replace(b_m=-0.2, drag=0.02, viscous=0.01, wind_drag=0.01, wind=5.0, lag=0.08)
+    p = p._replace(wind_direction=0.4, fade=0.01, fade_tau=100.0, friction=0.38, asymmetry=0.2)
+    p = p._replace(nonlinearity=0.8, cross_slope=0.2, turning=0.1, furrow=0.02, drift=1e-5)
+    p = p._replace(furrow_direction=0.3, step_scale=0.9, step_delta=0.01, step_run=1.0)
     scene = stops(2, grade=0.05, wave=0.02, wave_phase=0.5, roll=0.1, curvature=0.08, heading=0.2)
     driven = effect_plant.drive(p, scene, NOW)
     heat = ended = 0.0
@@ -113,18 +71,9 @@ def test_all_effects_together_by_another_integrator() -> None:
         assert driven.distance[run] == pytest.approx(float(exact.y[0, -1]), abs=2e-3)
 
 
-def test_patch_acts_inside_its_circle_only() -> None:
-    p = BASE._replace(patch=-0.2, patch_x=0.0, patch_y=0.0, patch_radius=2.0)
-    inside, outside = effect_plant.drive(p, stops(x=[0.0, 20.0]), NOW).distance
-    assert outside == pytest.approx(1.2 + V * V / (2.0 * A), rel=1e-5)
-    # Slowed by half the force up to two metres, by all of it after that.
-    rest = V * V - 2.0 * (2.0 - 1.2) * 0.5 * A
-    assert inside == pytest.approx(2.0 + rest / (2.0 * A), rel=2e-3)
-
-
 def test_log_has_noise_steps_and_a_body_that_rocks_back() -> None:
     rng = np.random.default_rng(1)
-    scene = designs.draw("mixed", 60, 0.02, rng)
+    scene = plant_physics.draw("mixed", 60, 0.02, rng)
     motion = effect_plant.drive(BASE, scene, sensing.sample_times(8.0))
     log = sensing.log(motion, scene, 0.03, rng)
     np.testing.assert_allclose(log["v"] / sensing.QUANTUM, np.round(log["v"] / sensing.QUANTUM))
@@ -140,7 +89,7 @@ def test_larger_sizes_change_more(name: str) -> None:
     changes = []
     for size in hidden_effects.SIZES:
         rng = np.random.default_rng(5)
-        scene = designs.draw("mixed", 60, 0.0, rng)._replace(friction=np.ones(60))
+        scene = plant_physics.draw("mixed", 60, 0.0, rng)._replace(friction=np.ones(60))
         term = hidden_effects.draw_hidden(name, size, BASE, scene, rng)
         time = np.arange(0.0, 4.0, 0.02)
         changed = effect_plant.speeds(BASE._replace(**term.fields), scene, time)

@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.obstacles import planned_outcomes
+from benchmarks.obstacles import obstacle_benchmark
 from benchmarks.obstacles.cases import ObstacleCase, cases, map_of, path_of
-from benchmarks.obstacles.planned_outcomes import PlannedOutcome, must_block, must_pass
-from benchmarks.obstacles.shapes import Block, Slope
-from benchmarks.obstacles.true_sizes import size_of
+from benchmarks.obstacles.obstacle_benchmark import PlannedOutcome, must_block, must_pass, outcomes
+from benchmarks.obstacles.true_sizes import Block, Slope, size_of
 from slopewise.services.io.model_file import read_model, shipped_models
 
 MODELS = {name: read_model(shipped_models()[name]) for name in ("atv", "husky")}
@@ -21,19 +20,21 @@ QUAD = MODELS["atv"].vehicle
 
 @pytest.fixture(scope="module")
 def planned() -> list[PlannedOutcome]:
-    return planned_outcomes.outcomes(cases(CASES, MODELS, seed=5), MODELS, None)
+    return outcomes(cases(CASES, MODELS, seed=5), MODELS, lambda _: None)
 
 
-def test_no_large_obstacle_is_passed(planned: list[PlannedOutcome]) -> None:
+def test_no_large_obstacle_is_passed_and_few_small_ones_are_blocked(
+    planned: list[PlannedOutcome],
+) -> None:
     large = [o for o in planned if must_block(o.case)]
     assert len(large) > 0.2 * CASES
-    assert not [o.case for o in large if o.blocked_by is None]
-
-
-def test_few_small_obstacles_are_blocked(planned: list[PlannedOutcome]) -> None:
+    assert not [o.case for o in large if not o.is_blocked]
     small = [o for o in planned if must_pass(o.case)]
     assert len(small) > 0.2 * CASES
-    assert sum(o.blocked_by is not None for o in small) <= 0.05 * len(small)
+    assert sum(o.is_blocked for o in small) <= 0.05 * len(small)
+    result = obstacle_benchmark.summary(planned)
+    assert result["all"]["cases"] == CASES
+    assert sum(row["cases"] for row in result["kinds"].values()) == CASES
 
 
 def test_oblique_ditch_that_lifts_single_wheels_is_blocked() -> None:
@@ -42,17 +43,12 @@ def test_oblique_ditch_that_lifts_single_wheels_is_blocked() -> None:
     ditch = Block(0.0, 0.0, -0.45000373, 0.36717564, 60.0, -0.02844622)
     size = size_of(ditch, longer)
     assert size.step < 0.6
-    assert size.articulation > planned_outcomes.TOO_LARGE
+    assert size.articulation > obstacle_benchmark.TOO_LARGE
     case = ObstacleCase(
         "ditch", "husky", ditch, Slope(0.0, 0.0), 0.05, 2.20885169, 2014385351, size, size
     )
-    assert planned_outcomes.planned(case, replace(model, vehicle=longer)).blocked_by is not None
-
-
-def test_summary_counts_all(planned: list[PlannedOutcome]) -> None:
-    result = planned_outcomes.summary(planned)
-    assert result["all"]["cases"] == CASES
-    assert sum(row["cases"] for row in result["kinds"].values()) == CASES
+    (planned,) = outcomes([case], {"husky": replace(model, vehicle=longer)}, lambda _: None)
+    assert planned.is_blocked
 
 
 # ------------------------------------------------------------------------------ the truth
@@ -96,6 +92,6 @@ def test_a_map_shows_the_case_along_its_path() -> None:
     ground, path = map_of(case, vehicle), path_of(case, vehicle)
     assert ground.contains(*path.points.T).all()
     assert ground.resolution == case.resolution
-    bare = map_of(case, vehicle, empty=True)
+    bare = map_of(replace(case, block=replace(case.block, height=0.0)), vehicle)
     largest = np.abs(ground.elevation - bare.elevation).max()
     assert largest == pytest.approx(abs(case.block.height), rel=0.05)
