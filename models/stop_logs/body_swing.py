@@ -29,6 +29,9 @@ _BUILD_UP = (0.03, 0.06, 0.12, 0.25, 0.5)  # [s] time constants of brakes that a
 _MIN_GAIN = 40.0
 """Reduction of the squared residuals, in their variance, from which a swing is certain [1]: six
 standard deviations, squared, and some more for what neighbouring samples share."""
+_BETTER = 1.2
+"""Reduction over that by other shapes from which it is a swing [1]: those with as many numbers come
+within a hundredth of it where there is none."""
 _MAX_STOP_COUNT = 40
 """Stops that the swing is fitted to [1]: more cost time and hardly sharpen it."""
 _MIN_STOP_COUNT = 5
@@ -61,33 +64,41 @@ def swing_of(stops: Sequence[StopSamples], grounds: Sequence[Floats], refit: Ref
         return _by_pitch_rate(pool)
     plain = pool(None)
     swings = [Swing(1.0, f, d) for f in _FREQUENCIES.tolist() for d in _DAMPING]
-    explained = [plain.explained(swing.lead) for swing in swings]
+    explained = [plain.explained([swing.lead]) for swing in swings]
     best = max(range(len(swings)), key=lambda k: explained[k][1])
     size, gain = explained[best]
-    rival = max(plain.explained(shape)[1] for shape in _rivals())
-    if size <= 0.0 or gain < max(_MIN_GAIN, rival):
+    rival = max(plain.explained(shapes)[1] for shapes in _rivals())
+    if size[0] <= 0.0 or gain < max(_MIN_GAIN, rival):
         return None
-    return _refined(dataclasses.replace(swings[best], gain=size), pool)
+    swing = _refined(dataclasses.replace(swings[best], gain=float(size[0])), pool)
+    gain = plain.reduction(pool(swing))
+    return swing if gain > _BETTER * rival else None
 
 
-def _rivals() -> Iterator[Shape]:
-    """Shapes of brakes that build up, and of a deceleration that changes."""
+def _rivals() -> Iterator[list[Shape | None]]:
+    """Shapes of brakes that build up, and of a deceleration that changes on the way."""
 
     def build_up(tau: float) -> Shape:
         return lambda since: -np.expm1(-np.maximum(since, 0.0) / tau)
 
-    yield from map(build_up, _BUILD_UP)
-    yield lambda since: np.maximum(since, 0.0) ** 2
+    def power(n: float) -> Shape:
+        return lambda since: np.maximum(since, 0.0) ** n
+
+    yield from ([build_up(tau)] for tau in _BUILD_UP)
+    yield [power(2.0)]
+    yield [power(2.0), power(3.0)]
+    yield [power(2.0), power(3.0), power(4.0)]
 
 
 def _by_pitch_rate(pool: Callable[[Swing | None], _Pool]) -> Swing | None:
     """The swing as a height times the pitch rate of the log."""
     plain = pool(None)
-    height, gain = plain.explained(None)
+    size, gain = plain.explained([None])
+    height = size.item()
     if height <= 0.0 or gain < _MIN_GAIN:
         return None
     for _ in range(_PASSES):
-        height = max(height + pool(Swing(height=height)).explained(None)[0], 0.0)
+        height = max(height + pool(Swing(height=height)).explained([None])[0].item(), 0.0)
     return Swing(height=height)
 
 
@@ -105,7 +116,7 @@ def _refined(swing: Swing, pool: Callable[[Swing | None], _Pool]) -> Swing:
 
     for _ in range(_PASSES):
         shapes = [shape_of(_DIFFERENCE * unit) for unit in np.eye(3)]
-        x = x + np.clip(pool(at(x)).step(shapes), -_LARGEST_STEP, _LARGEST_STEP)
+        x = x + np.clip(pool(at(x)).explained(shapes)[0], -_LARGEST_STEP, _LARGEST_STEP)
     return at(x)
 
 
@@ -127,8 +138,14 @@ class _Pool:
                 knee, stop.time[new], speed[new], ground[new], stop.standstill_time, swing
             )
             slowing = GRAVITY * (knee.force_ratio + np.sin(knee.mean_grade))
-            lost = None if rate is None else -rate[new][: knee.samples]
+            # Before the onset its rate is noise of the sensor alone.
+            lost = None if rate is None else np.where(since > 0.0, -rate[new][: len(since)], 0.0)
             self.parts.append((since, residual / knee.rms, follows, -slowing, lost, knee.rms))
+
+    def reduction(self, other: _Pool) -> float:
+        """By how much less the squared residuals of other fits of the same stops are."""
+        pairs = zip(self.parts, other.parts, strict=True)
+        return sum(len(a[0]) * (1.0 - (b[-1] / a[-1]) ** 2) for a, b in pairs)
 
     def _columns(self, shapes: Sequence[Shape | None]) -> Iterator[tuple[Floats, Floats]]:
         """(n, k) shapes of each stop that its fit does not follow, and (n,) its residuals."""
@@ -136,18 +153,13 @@ class _Pool:
             columns = np.array([lost if s is None else slowing * s(since) for s in shapes]).T / rms
             yield columns - follows @ (follows.T @ columns), residual
 
-    def step(self, shapes: Sequence[Shape | None]) -> Floats:
-        """(k,) sizes of some shapes in all stops, by least squares."""
+    def explained(self, shapes: Sequence[Shape | None]) -> tuple[Floats, float]:
+        """Sizes (k,) of shapes in all stops (None: the pitch rate), and their reduction of the
+        squared residuals.
+        """
         normal, right = np.zeros((len(shapes), len(shapes))), np.zeros(len(shapes))
         for columns, residual in self._columns(shapes):
             normal += columns.T @ columns
             right += columns.T @ residual
-        return np.asarray(np.linalg.lstsq(normal, right, rcond=1e-9)[0], np.float64)
-
-    def explained(self, shape: Shape | None) -> tuple[float, float]:
-        """Size of a shape (None: the pitch rate), and its reduction of the squared residuals."""
-        agree = power = 0.0
-        for columns, residual in self._columns([shape]):
-            agree += float(columns[:, 0] @ residual)
-            power += float(columns[:, 0] @ columns[:, 0])
-        return (agree / power, agree**2 / power) if power > 0.0 else (0.0, 0.0)
+        sizes = np.asarray(np.linalg.lstsq(normal, right, rcond=1e-9)[0], np.float64)
+        return sizes, float(sizes @ right)

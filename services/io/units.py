@@ -45,14 +45,15 @@ def factor_to(unit: str, written: str) -> float | None:
 
     Args:
         unit: unit of the drive log, a key of :data:`FACTORS`.
-        written: unit or number > 0; empty: the drive log's own.
+        written: unit, number or quotient > 0; empty: the drive log's own.
     """
     if not written:
         return 1.0
     if written in FACTORS[unit]:
         return FACTORS[unit][written]
+    above, _, below = written.rpartition("/")
     try:
-        factor = float(written)
-    except ValueError:
+        factor = float(above or 1.0) / float(below)
+    except (ValueError, ZeroDivisionError):
         return None
     return factor if math.isfinite(factor) and factor > 0.0 else None

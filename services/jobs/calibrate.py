@@ -16,6 +16,7 @@ from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
 from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, find_stops
+from slopewise.services.io.columns import in_own_units, parse_names
 from slopewise.services.io.decode import decode_table
 from slopewise.services.io.drive_log import DriveLog, read_logs
 from slopewise.services.io.files import fault, read_toml
@@ -94,8 +95,12 @@ def calibrate(
             advance(2)
         except (InputError, ParameterError) as error:
             if isinstance(error, ParameterError):
-                error = fault(names_of(logs), error.field, f"expected {error.expected}")
+                expected = in_own_units(f"expected {error.expected}", parse_names(columns))
+                error = fault(names_of(logs), error.field, expected)
             raise RejectedLogError(error, log, settings.stops) from None
+    warnings = (*log.notes, *calibration.warnings)
+    own = tuple(in_own_units(sentence, parse_names(columns)) for sentence in warnings)
+    calibration = replace(calibration, warnings=own)
     return CalibrateResult(calibration, updated, log, time.perf_counter() - begin)
 
 
