@@ -223,9 +223,7 @@ def _knee(
     swing: Swing | None = None,
 ) -> Knee | None:
     new, at = stop.fresh, slope(stop.window.held_speed)
-    time, speed, grade = stop.time, stop.speed, ground
-    if swing is not None and swing.height and stop.pitch_rate is not None:
-        speed = speed + swing.height * stop.pitch_rate
+    time, speed, grade = stop.time, stop.of_body(swing), ground
     if not new.all():
         time, speed, grade = time[new], speed[new], grade[new]
     return fit_knee(time, speed, grade, stop.standstill_time, at, held, swing)

@@ -246,22 +246,15 @@ def _jacobian(solved: _Solved, t: Floats, pull: _Pull, onset: float) -> Floats:
 
 
 def residuals(
-    knee: Knee,
-    time: Floats,
-    speed: Floats,
-    grade: Floats,
-    standstill_time: float,
-    swing: Swing | None,
+    knee: Knee, time: Floats, speed: Floats, grade: Floats, swing: Swing | None
 ) -> tuple[Floats, Floats, Floats]:
-    """Residuals of a stop that :func:`fit_knee` fitted, on ground of one grade.
+    """Time since the onset (n,) [s], residuals (n,) [m/s] of a fit, and what it follows (n, 4).
 
-    Returns:
-        (n,) time since the onset [s], (n,) residual [m/s], (n, 4) orthonormal columns of what the
-        fit follows.
+    The latter are orthonormal columns; arguments as of :func:`fit_knee`, on ground of one grade.
     """
     pull = _Pull(time, grade, 0.0, knee.held_weight, swing)
     t, v = time[: knee.samples], speed[: knee.samples]
-    solved = _solve(t, v, pull, np.array([knee.onset_time]), standstill_time)
+    solved = _solve(t, v, pull, np.array([knee.onset_time]), float(t[-1]))
     follows, _ = np.linalg.qr(_jacobian(solved, t, pull, knee.onset_time).T)
     return t - knee.onset_time, solved.residual[0], follows
 

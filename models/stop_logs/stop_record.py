@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.stop_logs.find_stops import StopWindow
 from slopewise.models.stop_logs.held_values import fresh_samples
-from slopewise.models.stop_logs.onset import Knee
+from slopewise.models.stop_logs.onset import Knee, Swing
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +72,12 @@ class StopSamples:
     def cut_short(self) -> bool:
         """It did not reach standstill: `distance` is less than that of the whole stop."""
         return self.window.cut_short
+
+    def of_body(self, swing: Swing | None) -> Floats:
+        """(n,) speed without what a known pitch rate adds to it at the wheels [m/s]."""
+        if swing is None or not swing.height or self.pitch_rate is None:
+            return self.speed
+        return self.speed + swing.height * self.pitch_rate
 
     def mean_of(self, grade: Floats) -> float:
         """Mean over the distance from the command to the end of a grade (n,) at the samples."""

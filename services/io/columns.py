@@ -41,19 +41,13 @@ _SYNONYMS: Mapping[str, tuple[str, float]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class ColumnName:
-    """One entry.
-
-    Attributes:
-        entry: the whole entry as written.
-        left: name before the equals sign. right: name, number or mean behind it.
-        unit: as written, or "". sign: -1.0 if the column is inverted.
-    """
+    """One entry."""
 
     entry: str
     left: str
-    right: str
-    unit: str
-    sign: float
+    right: str  # a column, a number, or mean(…)
+    unit: str  # as written, or ""
+    sign: float  # -1.0 if the column is inverted
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -76,11 +70,7 @@ class ColumnName:
 
 
 def parse_names(text: str) -> tuple[ColumnName, ...]:
-    """Entries of the option, separated by commas.
-
-    Raises:
-        InputError: names the entry that cannot be read.
-    """
+    """Entries of the option, separated by commas."""
     return tuple(_parse(entry.strip()) for entry in _COMMA.split(text) if text.strip())
 
 
@@ -101,14 +91,9 @@ def text_columns(names: Iterable[ColumnName]) -> tuple[str, ...]:
 
 
 def rename_columns(table: Table, names: Sequence[ColumnName]) -> Table:
-    """The table with a drive log's names and units.
-
-    Raises:
-        InputError: an entry has an unknown name or unit, or its column is not in the file; a cell
-            is not a number, in the file's own name of the column.
-    """
+    """The table with a drive log's names and units."""
     renamed: dict[str, list[str] | Floats] = {}
-    used = set()
+    used: set[str] = set()
     for name in (_oriented(n, table) for n in names):
         target, sign = _SYNONYMS.get(name.left, (name.left, 1.0))
         if target in renamed:

@@ -27,8 +27,8 @@ from slopewise.services.io.columns import (
     rename_columns,
     text_columns,
 )
+from slopewise.services.io.derived_speed import derived_speed, source_of_speed
 from slopewise.services.io.files import fault
-from slopewise.services.io.logs.derived_speed import derived_speed, source_of_speed
 from slopewise.services.io.table import Table, read_table
 from slopewise.services.io.topics import read_topics
 from slopewise.services.io.units import OPTIONAL, REQUIRED, TEXT
@@ -48,7 +48,6 @@ class DriveLog:
     Attributes:
         columns: `run` and `terrain` as text, all others float64, NaN where not measured.
         runs: samples of each run, in the order of the files.
-        sources: file of each run.
         one_clock: no run begins before the end of the one in front of it: `t` orders the runs.
         notes: sentences on columns that others stand for.
     """
@@ -70,12 +69,8 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = ""
     """One log from tables, or from recordings.
 
     Args:
-        paths: all tables, or all recordings.
         topics: topic mapping of the recordings; without one, topics are inferred from their types.
         names: names of columns in tables, see :mod:`slopewise.services.io.columns`.
-
-    Raises:
-        InputError: names file and field; also if tables and recordings are mixed.
     """
     bags = [path for path in paths if is_bag(path)]
     if not bags:
@@ -98,11 +93,7 @@ def read_drive_log(paths: Sequence[Path], names: Sequence[ColumnName] = ()) -> D
     Columns that only some of the files have are NaN (`terrain`: empty) in the others.
 
     Args:
-        paths: CSV or Parquet files.
         names: columns with other names than a drive log's.
-
-    Raises:
-        InputError: names the row and column. Parquet rows count from 1.
     """
     if not paths:
         raise fault("drive log", "", "expected at least one file, got none")
@@ -133,7 +124,7 @@ def _log_of_tables(tables: Sequence[Table]) -> DriveLog:
 
 def _notes(tables: Sequence[Table]) -> tuple[str, ...]:
     """Which columns stand for a speed or command that a file does not have."""
-    notes = {}
+    notes: dict[str, None] = {}
     for columns in (table.columns for table in tables):
         if "v" not in columns:
             notes[f"v is {source_of_speed(columns)}"] = None

@@ -13,8 +13,7 @@ from slopewise.models.terrain.signature import DRIVING_NAMES, FEATURE_NAMES
 from slopewise.models.terrain.signature_model import LinearPicture, NormalPicture, SignatureModel
 from slopewise.services.io.files import fault, write_atomic
 
-_VERSION = 1
-"""Version of the file's format."""
+_VERSION = 1  # Version of the file's format
 _NUMBERS = ("temperature", "threshold", "known_refused")
 
 
@@ -40,11 +39,7 @@ def _lists(picture: LinearPicture | NormalPicture) -> dict[str, Any]:
 
 
 def read_signatures(path: Path) -> SignatureModel:
-    """The model of a signature file.
-
-    Raises:
-        InputError: names the file and the key, and what was expected.
-    """
+    """The model of a signature file."""
     try:
         content = json.loads(path.read_text("utf-8"))
     except OSError as error:

@@ -24,15 +24,10 @@ from slopewise.services.io.signature_file import read_signatures
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainFile:
-    """Content of a terrain file; every key except `name` is optional.
-
-    Attributes:
-        name: name of the vehicle.
-        signatures: file of signatures in the same folder, empty: none.
-    """
+    """Content of a terrain file; every key except `name` is optional."""
 
     name: str
-    signatures: str = ""
+    signatures: str = ""  # file of signatures in the same folder, empty: none
     terrain: tuple[TerrainClass, ...] = ()
     filter: FilterSettings = field(default_factory=FilterSettings)
     motion: MotionSettings = field(default_factory=MotionSettings)
@@ -57,20 +52,12 @@ class TerrainFile:
 
 
 def read_terrains(path: Path) -> TerrainFile:
-    """The terrain file at a path.
-
-    Raises:
-        InputError: names the file and the dotted key, or the line that is not TOML.
-    """
+    """The terrain file at a path."""
     return decode_table(TerrainFile, read_toml(path), str(path))
 
 
 def read_signatures_of(terrains: TerrainFile, path: Path) -> SignatureModel | None:
-    """The signatures that the terrain file at a path names, None if it names none.
-
-    Raises:
-        InputError: the file of signatures is not there or cannot be used.
-    """
+    """The signatures that the terrain file at a path names, None if it names none."""
     return read_signatures(path.parent / terrains.signatures) if terrains.signatures else None
 
 
@@ -89,9 +76,5 @@ def shipped_terrains() -> dict[str, Path]:
 
 
 def find_terrains(name_or_path: str | Path) -> Path:
-    """The terrain file a user means: an existing file, else one that comes with the package.
-
-    Raises:
-        InputError: neither; lists those that come with it.
-    """
+    """The terrain file a user means: an existing file, else one that comes with the package."""
     return find_shipped(name_or_path, "terrains", "terrain")

@@ -13,17 +13,14 @@ from slopewise.models.stop_logs.drive_quality import Suspect
 from slopewise.models.terrain.monitor import Classified, GroundChange
 from slopewise.services.io.table import write_csv
 
+_MEASURED = ("samples", "speed", "speed_difference", "yaw_rate", "onset_current")
 _TEXT = ("run", "phase", "terrain", "rules", "note")
 COLUMNS = (
     "run",
     "t",
     "t_end",
     "phase",
-    "samples",
-    "speed",
-    "speed_difference",
-    "yaw_rate",
-    "onset_current",
+    *_MEASURED,
     "motion_resistance",
     "motion_resistance_std",
     "lateral_resistance",
@@ -57,8 +54,6 @@ def event_row(
     """A row of the table; parameters are the estimates when the stretch ends.
 
     Args:
-        run: name of the run.
-        event: a stretch or a change.
         centres: centres of rotation of the left and right side [m], NaN where unknown.
     """
     if isinstance(event, GroundChange):
@@ -81,11 +76,7 @@ def event_row(
         "t": o.begin,
         "t_end": o.end,
         "phase": o.phase.value,
-        "samples": o.samples,
-        "speed": o.speed,
-        "speed_difference": o.speed_difference,
-        "yaw_rate": o.yaw_rate,
-        "onset_current": o.onset_current,
+        **{name: getattr(o, name) for name in _MEASURED},
         "terrain": event.answer.name,
         "probability": event.answer.probability,
         "rules": event.rules.name,
@@ -110,13 +101,7 @@ def _note(event: Classified) -> str:
 
 
 def excluded_row(run: str, time: Sequence[float] | Floats, stretch: Suspect) -> dict[str, Any]:
-    """A row for an excluded stretch.
-
-    Args:
-        run: name of the run.
-        time: (n,) of the whole log [s].
-        stretch: the data issue.
-    """
+    """A row for an excluded stretch; ``time``: (n,) of the whole log [s]."""
     last = min(stretch.stop, len(time)) - 1
     return {
         "run": run,

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -17,7 +15,7 @@ from slopewise.models.terrain.monitor import MonitorSettings, TerrainMonitor
 from slopewise.models.terrain.resistances import Drivetrain
 from slopewise.models.terrain.signature_model import SignatureModel
 from slopewise.models.terrain.trace import TerrainTrace, trace
-from slopewise.services.io.drive_log import DriveLog, read_logs
+from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.files import fault
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.terrain_file import (
@@ -27,6 +25,7 @@ from slopewise.services.io.terrain_file import (
     read_terrains,
     shipped_terrains,
 )
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
 from slopewise.services.jobs.terrain_run import (
@@ -39,27 +38,19 @@ from slopewise.services.jobs.terrain_run import (
 
 
 def terrain(
-    logs: Sequence[Path],
+    logs: LogInput,
     model_file: str,
     *,
     terrains: str | None = None,
     adapt: bool = False,
     learn: bool = False,
-    topics: Path | None = None,
-    columns: str = "",
     quiet: bool = True,
 ) -> TerrainResult:
     """Read, estimate, classify.
 
-    Args:
-        logs: tables or recordings.
-        model_file: model file or shipped vehicle, with the terrain so far.
-        terrains: file or shipped name of the known classes; by default those of the model's name.
-        adapt: classes follow the log, and new ones are added.
-        learn: classes are an output; without labels in the log they are found by adaptation.
-        topics: topic mapping of recordings.
-        columns: names and units of tables that differ.
-        quiet: without a progress bar.
+    Known classes are those of a file or shipped name, by default of the model's name. `adapt`: they
+    follow the log, and new ones are added; `learn`: they are an output, without labels in the log
+    by adaptation.
 
     Raises:
         InputError: names file and field.
@@ -68,7 +59,7 @@ def terrain(
     model = read_model(model_path)
     _check_vehicle(model, str(model_path))
     known, signatures = _read_classes(terrains, model)
-    log = read_logs(logs, topics, columns)
+    log = logs.read()
     _check_channels(log)
     begin = time.perf_counter()
     rates = complete_rates(log)
@@ -92,7 +83,7 @@ def terrain(
         classes=known.classes if adaptive is None else adaptive.classes,
         usable_samples=usable_samples,
         seconds=time.perf_counter() - begin,
-        notes=(*_notes(log, known, monitor, learn=learn), *_not_compared(runs)),
+        notes=_notes(log, known, monitor, runs, learn),
         signatures=signatures,
     )
 
@@ -152,21 +143,9 @@ def _check_channels(log: DriveLog) -> None:
                 raise fault(source, f"column {name}", missing)
 
 
-def _not_compared(runs: list[RunEvents]) -> list[str]:
-    """Note on the seconds in which a change could not be detected."""
-    count = sum(run.not_compared for run in runs)
-    total = count + sum(run.compared for run in runs)
-    if not count:
-        return []
-    return [
-        f"changes: {count} of {total} steady seconds could not be compared, no similar driving "
-        "came before them"
-    ]
-
-
 def _notes(
-    log: DriveLog, terrains: TerrainFile, monitor: TerrainMonitor, *, learn: bool
-) -> list[str]:
+    log: DriveLog, known: TerrainFile, monitor: TerrainMonitor, runs: list[RunEvents], learn: bool
+) -> tuple[str, ...]:
     notes = []
     if not monitor.estimator.signed:
         notes.append("no current is negative: taken as magnitudes, their signs from the balance")
@@ -174,8 +153,14 @@ def _notes(
         notes.append("no column roll: taken as level from side to side")
     if not complete_rates(log):
         notes.append("no columns roll_rate, pitch_rate: changes are detected from fewer channels")
-    if not terrains.terrain and learn:
+    if not known.terrain and learn:
         notes.append("no classes known before: those learned now are in the file")
-    elif not terrains.terrain:
+    elif not known.terrain:
         notes.append("no classes known: --terrains gives some, --learn makes them")
-    return notes
+    if missed := sum(run.not_compared for run in runs):
+        steady = missed + sum(run.compared for run in runs)
+        notes.append(
+            f"changes: {missed} of {steady} steady seconds could not be compared, no similar "
+            "driving came before them"
+        )
+    return tuple(notes)

@@ -17,8 +17,9 @@ from slopewise.models.terrain.signature_model import SignatureModel
 from slopewise.models.terrain.surfaces import model_on, with_surface
 from slopewise.services.io.files import fault
 from slopewise.services.io.signature_file import write_signatures
-from slopewise.services.io.terrain_file import TerrainFile, write_terrains
+from slopewise.services.io.terrain_file import write_terrains
 from slopewise.services.io.terrain_table import event_row, excluded_row, write_terrain_table
+from slopewise.services.jobs.plural import plural
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
 
 
@@ -63,42 +64,36 @@ def updated_model(result: TerrainResult) -> Model:
     return model
 
 
-def learned_terrains(result: TerrainResult) -> TerrainFile:
-    """Classes learned from the log: from its column terrain if it has one, else adapted ones."""
-    learned = result.classes
-    if any(label for _, label in result.labelled):
-        labels = [label for _, label in result.labelled]
-        values = [event.observation.known.values for event, _ in result.labelled]
-        learned = classes_of(result.terrains.name, labels, np.array(values))
-    return replace(result.terrains, terrain=learned.terrain)
-
-
 def write_learned(result: TerrainResult, path: Path) -> str:
-    """Write classes, and signatures next to them where the log has labels.
+    """Write the classes learned from the log's labels, else by adaptation; and signatures.
 
     Returns:
         A note on the signatures, or on why they are missing; "" without labels.
     """
-    learned, note = replace(learned_terrains(result), signatures=""), ""
+    learned, note, signatures = result.classes, "", ""
+    values, labels = zip(*result.labelled, strict=True) if result.labelled else ((), ())
+    if any(labels):
+        known = np.array([event.observation.known.values for event in values])
+        learned = classes_of(result.terrains.name, labels, known)
     try:
-        model = learned_signatures(result)
+        model = _fit_signatures(result)
     except ParameterError as error:
         note = f"no signatures learned: expected {error.expected}"
     else:
         if model is not None:
             file = path.with_suffix(".signatures.json")
             write_signatures(model, file)
-            learned = replace(learned, signatures=file.name)
-            classes = f"{len(model.classes)} class{'es' * (len(model.classes) != 1)}"
+            signatures = file.name
             note = (
-                f"signatures of {classes} in {file.name}: {model.known_refused:.1%} of held-out "
-                "known ground was rejected as unknown"
+                f"signatures of {plural(len(model.classes), 'class')} in {signatures}: "
+                f"{model.known_refused:.1%} of held-out known ground was rejected as unknown"
             )
-    write_terrains(learned, path)
+    terrains = replace(result.terrains, terrain=learned.terrain, signatures=signatures)
+    write_terrains(terrains, path)
     return note
 
 
-def learned_signatures(result: TerrainResult) -> SignatureModel | None:
+def _fit_signatures(result: TerrainResult) -> SignatureModel | None:
     """Signatures by the log's column terrain, None if it has none.
 
     Raises:

@@ -26,32 +26,20 @@ _LASTING = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEvents:
-    """Terrain events of one run, in chronological order.
-
-    Attributes:
-        run: name of the run.
-        samples: part of the log.
-        events: stretches with their classes, and changes.
-        excluded: stretches that nothing is learned from.
-        known: features of the ground at the end of the run.
-        labels: terrain as the log names it, one per classified stretch.
-        signatures: signatures of the run, each with the log's name of the ground.
-        centres: centres of rotation (left, right) [m], one pair per classified stretch; NaN if not
-            observable.
-        compared: steady seconds in which a change was looked for.
-        not_compared: steady seconds in which it could not be.
-    """
+    """Terrain events of one run, in chronological order."""
 
     run: str
     samples: slice
     events: list[Classified | GroundChange]
     excluded: list[Suspect]
-    known: Features
-    labels: list[str]
-    signatures: list[tuple[Signature, str]]
+    known: Features  # of the ground at the end of the run
+    labels: list[str]  # terrain as the log names it, one per classified stretch
+    signatures: list[tuple[Signature, str]]  # with the log's name of the ground
     centres: list[tuple[float, float]]
+    """Centres of rotation (left, right) of each stretch [m], NaN where not observable."""
     compared: int
     not_compared: int
+    """Steady seconds in which a change would have been detected, and could not be."""
 
     @property
     def classified(self) -> list[Classified]:
@@ -85,25 +73,17 @@ class RunEvents:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainResult:
-    """Events of all runs, and what they were made from.
-
-    Attributes:
-        classes: classes at the end of the log.
-        usable_samples: samples that may be learned from, shape (samples,).
-        seconds: time of computing, without reading.
-        notes: assumptions and limits.
-        signatures: classifier of signatures, None where f_r, μ_t and B_s alone classify.
-    """
+    """Events of all runs, and what they were made from."""
 
     runs: list[RunEvents]
     log: DriveLog
     model: Model
     terrains: TerrainFile
-    classes: TerrainClasses
-    usable_samples: NDArray[np.bool_]
-    seconds: float
+    classes: TerrainClasses  # at the end of the log
+    usable_samples: NDArray[np.bool_]  # (samples,), may be learned from
+    seconds: float  # without reading
     notes: tuple[str, ...] = ()
-    signatures: SignatureModel | None = None
+    signatures: SignatureModel | None = None  # None: f_r, μ_t and B_s alone classify
 
     @property
     def known(self) -> Features:
@@ -130,9 +110,10 @@ class TerrainResult:
         """Features of the stretches by the class they were given, known classes only."""
         names = {terrain_class.name for terrain_class in self.classes.terrain}
         values: dict[str, list[tuple[float, float, float]]] = {}
-        for event in (event for run in self.runs for event in run.classified):
-            if event.answer.name in names:
-                values.setdefault(event.answer.name, []).append(event.observation.known.values)
+        for run in self.runs:
+            for event in run.classified:
+                if event.answer.name in names:
+                    values.setdefault(event.answer.name, []).append(event.observation.known.values)
         return values
 
     @property

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from slopewise.models.stop_logs.drive_quality import Suspect
 from slopewise.models.terrain.estimator import DriveSample
 from slopewise.models.terrain.monitor import Classified, GroundChange, TerrainMonitor
+from slopewise.models.terrain.observation import GroundObservation
 from slopewise.models.terrain.phases import Phase
 from slopewise.models.terrain.rotation_centres import rotation_centres
 from slopewise.models.terrain.signature import Signature
@@ -73,6 +74,7 @@ def run_events(
     for row in monitor_rows(log, part, usable_samples, rates):
         events += monitor.update(*row)
     events += monitor.finish()
+    stretches = [event.observation for event in events if isinstance(event, Classified)]
     channels = {*CHANNELS, "t"}
     excluded = [s for s in suspects if s.channel in channels and part.start <= s.start < part.stop]
     return RunEvents(
@@ -81,16 +83,16 @@ def run_events(
         events=events,
         excluded=excluded,
         known=monitor.estimator.known,
-        labels=_labels(log, part, events),
+        labels=_names_at(log, part, [0.5 * (o.begin + o.end) for o in stretches]),
         signatures=_labelled_signatures(log, part, monitor),
-        centres=_centres(log, part, events),
+        centres=_centres(log, part, stretches),
         compared=monitor.change.compared,
         not_compared=monitor.change.not_compared,
     )
 
 
 def _centres(
-    log: DriveLog, part: slice, events: list[Classified | GroundChange]
+    log: DriveLog, part: slice, stretches: list[GroundObservation]
 ) -> list[tuple[float, float]]:
     """Centres of rotation (left, right) [m] of each stretch that turns, NaN if not observable.
 
@@ -100,10 +102,7 @@ def _centres(
     rims = 0.5 * (log.columns["v_left"][part] + log.columns["v_right"][part])
     is_independent = bool(np.nanmax(np.abs(v - rims), initial=0.0) > _SAME_SPEED)
     centres = []
-    for event in events:
-        if not isinstance(event, Classified):
-            continue
-        o = event.observation
+    for o in stretches:
         if not is_independent or o.phase not in (Phase.TURN, Phase.SPOT):
             centres.append((np.nan, np.nan))
             continue
@@ -119,20 +118,14 @@ def _labelled_signatures(
 ) -> list[tuple[Signature, str]]:
     """Signatures of a run with the log's own name of the ground, empty where it has none."""
     signatures = monitor.signatures.found
-    if "terrain" not in log.columns:
-        return [(signature, "") for _, signature in signatures]
-    time = log.columns["t"][part]
-    ends = np.array([float(time[0]) + seconds - 2.5 for seconds, _ in signatures])
-    index = np.searchsorted(time, ends).clip(max=part.stop - part.start - 1)
-    names = log.columns["terrain"][part][index]
-    return [(signature, str(name)) for (_, signature), name in zip(signatures, names, strict=True)]
+    first = float(log.columns["t"][part.start])
+    names = _names_at(log, part, [first + seconds - 2.5 for seconds, _ in signatures])
+    return [(signature, name) for (_, signature), name in zip(signatures, names, strict=True)]
 
 
-def _labels(log: DriveLog, part: slice, events: list[Classified | GroundChange]) -> list[str]:
-    """The log's own name of the ground in the middle of each stretch, empty where it has none."""
-    stretches = [e.observation for e in events if isinstance(e, Classified)]
+def _names_at(log: DriveLog, part: slice, times: list[float]) -> list[str]:
+    """The log's own name of the ground at each time, empty where it has none."""
     if "terrain" not in log.columns:
-        return [""] * len(stretches)
-    middle = np.array([0.5 * (o.begin + o.end) for o in stretches])
-    index = np.searchsorted(log.columns["t"][part], middle).clip(max=part.stop - part.start - 1)
+        return [""] * len(times)
+    index = np.searchsorted(log.columns["t"][part], times).clip(max=part.stop - part.start - 1)
     return [str(name) for name in log.columns["terrain"][part][index]]

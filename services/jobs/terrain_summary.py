@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from typing import Any
 
@@ -102,18 +103,11 @@ def _run(run: RunEvents, result: TerrainResult) -> RunRow:
             for s in run.excluded
         ],
         stretches=[
-            {
-                key: finite(value) if isinstance(value, float) else value
-                for key, value in row.items()
-            }
+            {k: finite(v) if isinstance(v, float) else v for k, v in row.items()}
             | {"probabilities": event.answer.probabilities}
             for row, event in zip(stretch_rows(run), run.classified, strict=True)
         ],
     )
-
-
-def _plain(value: Any) -> Any:
-    return finite(value) if isinstance(value, float) else value
 
 
 def _features(known: Features) -> dict[str, FeatureValue]:
@@ -128,3 +122,21 @@ def _spread(values: list[tuple[float, float, float]]) -> dict[str, Any]:
         mean = float(np.mean(known)) if len(known) else None
         table[name] = {"mean": mean, "std": float(np.std(known)) if len(known) else None}
     return table
+
+
+def run_cells(run: RunEvents, spread: str = "") -> list[str]:
+    """A run as a row of a table; spread: how a standard deviation follows its value."""
+    values = [
+        f"{value:.3f}{spread.format(std)}" if math.isfinite(value) else "–"
+        for value, std in zip(run.known.values, run.known.stds, strict=True)
+    ]
+    counts = (
+        len(run.classified),
+        sum(not change.again for change in run.changes),
+        round(run.stuck_seconds),
+        len(run.excluded),
+    )
+    name = run.typical_class
+    probability = f"{run.probabilities[name]:.2f}" if name else "–"
+    cells = [str(count) if count else "–" for count in counts]
+    return [run.run, *values, name or "–", probability, *cells]
