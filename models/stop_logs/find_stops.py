@@ -10,7 +10,6 @@ Source: Braking Sec. 2 (procedure), (1).
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -101,17 +100,17 @@ class StopSettings:
     def __post_init__(self) -> None:
         for name in ("least_speed", "longest", "settled_speed", "turn_rate"):
             value = getattr(self, name)
-            if value is None:
-                continue
-            if not value > 0.0 or (value == np.inf and name not in ("turn_rate", "longest")):
+            endless = value == np.inf and name not in ("turn_rate", "longest")
+            if value is not None and (not value > 0.0 or endless):
                 raise ParameterError(name, f"a finite number > 0, got {value:g}")
         for name, lowest in (("ramp", 0.0), ("fewest", 3)):
-            if not lowest <= getattr(self, name) < np.inf:
-                expected = f"a finite number >= {lowest:g}, got {getattr(self, name):g}"
-                raise ParameterError(name, expected)
+            value = getattr(self, name)
+            if not lowest <= value < np.inf:
+                raise ParameterError(name, f"a finite number >= {lowest:g}, got {value:g}")
         for name in ("step", "full_brake"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ParameterError(name, f"a share 0 … 1, got {getattr(self, name):g}")
+            value = getattr(self, name)
+            if not 0.0 <= value <= 1.0:
+                raise ParameterError(name, f"a share 0 … 1, got {value:g}")
         if self.least_speed is not None and not self.settled_speed < self.least_speed:
             expected = f"less than the least speed of {self.least_speed:g} m/s"
             raise ParameterError("settled_speed", f"{expected}, got {self.settled_speed:g}")
@@ -119,27 +118,18 @@ class StopSettings:
 
 @dataclass(frozen=True, slots=True)
 class StopWindow:
-    """One stop as samples of its log.
+    """One stop as samples of its log."""
 
-    Attributes:
-        begin, command, standstill, end: first sample that belongs to it, the stop command, the
-            first sample at standstill (or the last of a stop cut short), one behind the last.
-        held_speed: mean speed just before the command, in the direction of travel [m/s].
-        verdict, reason: whether it may be learned from; the reason adds numbers.
-        level: application of the brakes, by the log. direction: -1 if it drove backwards.
-        is_bound: cut short, and otherwise usable: the force was no less than what it shows.
-    """
-
-    begin: int
-    command: int
-    standstill: int
-    end: int
-    held_speed: float
+    begin: int  # first sample that belongs to it
+    command: int  # the stop command
+    standstill: int  # first sample at standstill, or the last of a stop cut short
+    end: int  # one behind the last sample that belongs to it
+    held_speed: float  # mean just before the command, in the direction of travel [m/s]
     verdict: Usability
-    reason: str = ""
-    level: float = 1.0
-    direction: int = 1
-    is_bound: bool = False
+    reason: str = ""  # why it is not usable, with numbers
+    level: float = 1.0  # application of the brakes, by the log
+    direction: int = 1  # -1 if it drove backwards
+    is_bound: bool = False  # cut short, else usable: the force was no less than it shows
 
     @property
     def usable(self) -> bool:
@@ -169,25 +159,18 @@ def find_stops(
     """
     settings = settings or StopSettings()
     part = {name: values[run] for name, values in columns.items() if values.dtype.kind in "fiub"}
-    windows = _Search(part, usable[run], settings, 1).windows()
+    windows = _Search(part, usable[run], settings, run.start, 1).windows()
     if np.any(part["v_cmd"] < -STOP_COMMAND_MAX_SPEED):
         part |= {"v": -part["v"], "v_cmd": -part["v_cmd"]}
-        windows += _Search(part, usable[run], settings, -1).windows()
-        windows.sort(key=lambda w: w.command)
-    return [_shifted(w, run.start) for w in windows]
-
-
-def _shifted(w: StopWindow, by: int) -> StopWindow:
-    places = {n: getattr(w, n) + by for n in ("begin", "command", "standstill", "end")}
-    return dataclasses.replace(w, **places)
+        windows += _Search(part, usable[run], settings, run.start, -1).windows()
+    return sorted(windows, key=lambda w: w.command)
 
 
 def application(brake: Floats | None, uneven: float) -> tuple[float, bool]:
     """Application of the brakes during a stop, and whether it is held; full without the channel.
 
-    Args:
-        brake: (n,) 0 … 1, NaN where it is missing, 0 where it is yet to come.
-        uneven: how far from the median [1].
+    ``brake`` is NaN where it is missing, 0 where it is yet to come; ``uneven``: how far from the
+    median a held one may be.
     """
     brake = brake if brake is None else brake[np.isfinite(brake) & (brake > 0.0)]
     if brake is None or not len(brake):
@@ -200,11 +183,16 @@ class _Search:
     """One run while it is searched; indices count from its first sample, ahead is positive."""
 
     def __init__(
-        self, part: Mapping[str, Floats], usable: Bools, settings: StopSettings, direction: int
+        self,
+        part: Mapping[str, Floats],
+        usable: Bools,
+        settings: StopSettings,
+        offset: int,
+        direction: int,
     ) -> None:
         self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
         self.part, self.usable, self.settings = part, usable, settings
-        self.direction = direction
+        self.offset, self.direction = offset, direction
         self.brake = part.get("brake")
         self.is_stop = self.v_cmd <= STOP_COMMAND_MAX_SPEED
         if self.brake is not None and np.isnan(self.v_cmd).all():
@@ -264,32 +252,24 @@ class _Search:
         released = self._released(zero)
         last = int(np.searchsorted(self.t, self.t[i] + s.longest, side="right"))
         standstill = self._standstill(i, min(last, len(self.t)), held)
+        is_bound = False
         if standstill is None or standstill > released:
-            return self._cut_short(begin, i, zero, held, released, last)
-        end = min(
-            int(np.searchsorted(self.t, self.t[standstill] + s.after, side="right")), released
-        )
-        verdict, reason = self._verdict(begin, i, zero, standstill, held)
+            end = min(released, last)
+            standstill = end - 1
+            verdict = Usability.ABORTED if released < len(self.t) else Usability.UNFINISHED
+            event = "next command" if verdict is Usability.ABORTED else "end of the log"
+            after = self.t[min(end, len(self.t) - 1)] - self.t[i]
+            reason = f"{event} after {after:.2f} s, still at {self.v[standstill]:.2f} m/s"
+            if self.v[standstill] <= (1.0 - _MIN_LOST) * held:
+                is_bound = self._verdict(begin, i, zero, standstill, held)[0] is Usability.USABLE
+        else:
+            after = self.t[standstill] + s.after
+            end = min(int(np.searchsorted(self.t, after, side="right")), released)
+            end = max(end, standstill + 1)
+            verdict, reason = self._verdict(begin, i, zero, standstill, held)
         level = application(self._brake(slice(i, standstill + 1)), s.uneven)[0]
-        end = max(end, standstill + 1)
-        return StopWindow(begin, i, standstill, end, held, verdict, reason, level, self.direction)
-
-    def _cut_short(
-        self, begin: int, i: int, zero: int, held: float, released: int, last: int
-    ) -> StopWindow:
-        """A stop that ends with the next command, with the log, or with its longest time."""
-        verdict = Usability.ABORTED if released < len(self.t) else Usability.UNFINISHED
-        end = min(released, last)
-        would_be, _ = self._verdict(begin, i, zero, end - 1, held)
-        level = application(self._brake(slice(i, end)), self.settings.uneven)[0]
-        event = "next command" if verdict is Usability.ABORTED else "end of the log"
-        after = self.t[min(end, len(self.t) - 1)] - self.t[i]
-        reason = f"{event} after {after:.2f} s, still at {self.v[end - 1]:.2f} m/s"
-        lost = 1.0 - self.v[end - 1] / held
-        is_bound = would_be is Usability.USABLE and lost >= _MIN_LOST
-        return StopWindow(
-            begin, i, end - 1, end, held, verdict, reason, level, self.direction, is_bound
-        )
+        places = (self.offset + k for k in (begin, i, standstill, end))
+        return StopWindow(*places, held, verdict, reason, level, self.direction, is_bound)
 
     def _standstill(self, i: int, stop: int, held: float) -> int | None:
         """First sample at zero or below; the first of a settled stretch that meets no zero soon."""
