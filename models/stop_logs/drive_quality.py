@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.stop_logs import unit_suspects
-from slopewise.models.stop_logs.held_values import held_period
 
 _SENTINELS = (99.99, 999.0, 999.9, 1000.0, 9999.0, 32767.0, 32768.0, 65535.0, 1e6)
 """Values by which loggers mark missing samples, in any unit: full scale of 16 bits and rows of
@@ -185,8 +184,7 @@ def _frozen(name: str, values: Floats, part: dict[str, Floats]) -> list[tuple[in
         commands = np.append(np.flatnonzero(part["v_cmd"] <= 0.0), len(t))
         first = commands[np.searchsorted(commands, starts)]
         since_command = np.where(first < stops, t[stops - 1] - t[np.minimum(first, stops - 1)], 0.0)
-        slow = 2.0 * held_period(t, values)
-        frozen |= matters & (since_command >= max(_FROZEN_FOR, slow))
+        frozen |= matters & (since_command >= _FROZEN_FOR)
     stretches = [(int(a), int(b)) for a, b in zip(starts[frozen], stops[frozen], strict=True)]
     if name in _WHEELS:
         stretches = [(a, b) for a, b in stretches if not _set_points(part, a, b)]

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.errors import ParameterError
-from slopewise.models.stop_logs.held_values import fresh_samples
 from slopewise.models.stop_logs.speed_floor import speed_floor
 
 STOP_COMMAND_MAX_SPEED = 0.01
@@ -147,6 +146,7 @@ def find_stops(
     run: slice,
     usable: Bools,
     settings: StopSettings | None = None,
+    fresh: Bools | None = None,
 ) -> list[StopWindow]:
     """Every stop of one run, usable or not.
 
@@ -156,13 +156,15 @@ def find_stops(
             applied brakes are the command.
         run: samples of the run. usable: (n,) samples that may be used, see
             :func:`slopewise.models.stop_logs.drive_quality.usable`. settings: what is a stop.
+            fresh: (n,) samples with a new value of the speed; None: all.
     """
     settings = settings or StopSettings()
     part = {name: values[run] for name, values in columns.items() if values.dtype.kind in "fiub"}
-    windows = _Search(part, usable[run], settings, run.start, 1).windows()
+    new = np.ones_like(usable[run]) if fresh is None else fresh[run]
+    windows = _Search(part, usable[run], new, settings, run.start, 1).windows()
     if np.any(part["v_cmd"] < -STOP_COMMAND_MAX_SPEED):
         part |= {"v": -part["v"], "v_cmd": -part["v_cmd"]}
-        windows += _Search(part, usable[run], settings, run.start, -1).windows()
+        windows += _Search(part, usable[run], new, settings, run.start, -1).windows()
     return sorted(windows, key=lambda w: w.command)
 
 
@@ -186,18 +188,18 @@ class _Search:
         self,
         part: Mapping[str, Floats],
         usable: Bools,
+        fresh: Bools,
         settings: StopSettings,
         offset: int,
         direction: int,
     ) -> None:
         self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
-        self.part, self.usable, self.settings = part, usable, settings
+        self.part, self.usable, self.fresh, self.settings = part, usable, fresh, settings
         self.offset, self.direction = offset, direction
         self.brake = part.get("brake")
         self.is_stop = self.v_cmd <= STOP_COMMAND_MAX_SPEED
         if self.brake is not None and np.isnan(self.v_cmd).all():
             self.is_stop = self.brake > _APPLIED
-        self.fresh = fresh_samples(self.t, self.v)
         self.floor = speed_floor(
             self.t, self.v, self.is_stop & ~(np.abs(self.v_cmd) > STOP_COMMAND_MAX_SPEED), usable
         )
@@ -268,8 +270,18 @@ class _Search:
             end = max(end, standstill + 1)
             verdict, reason = self._verdict(begin, i, zero, standstill, held)
         level = application(self._brake(slice(i, standstill + 1)), s.uneven)[0]
-        places = (self.offset + k for k in (begin, i, standstill, end))
-        return StopWindow(*places, held, verdict, reason, level, self.direction, is_bound)
+        return StopWindow(
+            self.offset + begin,
+            self.offset + i,
+            self.offset + standstill,
+            self.offset + end,
+            held,
+            verdict,
+            reason,
+            level,
+            self.direction,
+            is_bound,
+        )
 
     def _standstill(self, i: int, stop: int, held: float) -> int | None:
         """First sample at zero or below; the first of a settled stretch that meets no zero soon."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.arrays import Bools, Floats
+from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
 from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, Usability, find_stops
@@ -31,6 +31,8 @@ _A_STOP = (
     "a stop begins where v_cmd goes to 0 while the vehicle rolls, and ends, under brakes, where it "
     "stands"
 )
+
+_NO_KNEE = "show no force: record the speed more often, or stop from higher speeds"
 
 Estimate = Callable[[Measured, Mount], tuple[Mount, Slope] | None]
 """Mount and slope coefficient for a second measurement, from the first one and the mount of the
@@ -98,8 +100,13 @@ def measure_stops(
     suspects = find_suspects(columns, runs)
     matter = ["v", "v_cmd"] if is_mapped(ground) else ["v", "v_cmd", "pitch"]
     is_usable = usable(len(columns["t"]), suspects, matter)
-    windows, notes = _windows(columns, runs, is_usable, settings or StopSettings(), min_count)
-    fresh, slow = _fresh(columns, runs)
+    fresh = fresh_samples(columns, runs)
+
+    def found(settings: StopSettings) -> tuple[StopWindow, ...]:
+        each = (find_stops(columns, run, is_usable, settings, fresh) for run in runs)
+        return tuple(window for stops in each for window in stops)
+
+    windows, notes = _windows(found, settings or StopSettings(), min_count)
 
     def samples(chosen: Iterable[StopWindow]) -> list[StopSamples]:
         return [cut(columns, w, ground, fresh) for w in chosen]
@@ -107,6 +114,8 @@ def measure_stops(
     def refuse_few(count: int) -> None:
         if count < min_count:
             message = too_few(min_count, count, windows)
+            if count < (usable_count := sum(w.usable for w in windows)):
+                message += f"; of {usable_count} usable ones {usable_count - count} {_NO_KNEE}"
             raise ParameterError("stops", _reason(message, columns, windows, suspects))
 
     stops = samples(w for w in windows if w.usable)
@@ -119,7 +128,7 @@ def measure_stops(
         mount, slope = again
         measured = measure(stops, mount, slope, (measured.dive, measured.swing), bounds)
     sparse = samples(w for w in windows if w.verdict is Usability.SPARSE)
-    notes = (*notes, *slow, *_findings(measured))
+    notes = (*notes, *_slow_sensor(columns, runs), *_findings(measured))
     return MeasuredLog(measured, mount, windows, suspects, tuple(sparse), notes)
 
 
@@ -132,17 +141,9 @@ _BY_OTHER_COMMANDS = {
 
 
 def _windows(
-    columns: Mapping[str, NDArray[Any]],
-    runs: Sequence[slice],
-    is_usable: Bools,
-    settings: StopSettings,
-    min_count: int,
+    found: Callable[[StopSettings], tuple[StopWindow, ...]], settings: StopSettings, min_count: int
 ) -> tuple[tuple[StopWindow, ...], tuple[str, ...]]:
     """Stops, with ramps and then reversals among them where the others are too few."""
-
-    def found(settings: StopSettings) -> tuple[StopWindow, ...]:
-        return tuple(w for run in runs for w in find_stops(columns, run, is_usable, settings))
-
     windows = steps = found(settings)
     notes: tuple[str, ...] = ()
     for name, verdict in (("ramps", Usability.RAMPED), ("reversals", Usability.REVERSED)):
@@ -154,22 +155,13 @@ def _windows(
     return (windows, notes) if sum(w.usable for w in windows) >= min_count else (steps, ())
 
 
-def _fresh(
-    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]
-) -> tuple[Bools, tuple[str, ...]]:
-    """(n,) samples with a new value of the speed, and a note where most runs repeat it."""
-    fresh = np.ones(len(columns["t"]), np.bool_)
-    periods = []
-    for run in runs:
-        t, v = columns["t"][run], columns["v"][run]
-        fresh[run] = fresh_samples(t, v)
-        if period := held_period(t, v):
-            periods.append((period, float(np.median(np.diff(t)))))
-    if len(periods) <= len(runs) / 2:
-        return fresh, ()
-    period, step = np.median(periods, axis=0).tolist()
+def _slow_sensor(columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]) -> tuple[str, ...]:
+    period = held_period(columns, runs)
+    if not period:
+        return ()
+    step = float(np.median(np.diff(columns["t"])))
     every = f"a new value every {period:.3g} s, in rows every {step:.3g} s"
-    return fresh, (f"v has {every}: rows that repeat it are not counted",)
+    return (f"v has {every}: rows that repeat it are not counted",)
 
 
 def _findings(measured: Measured) -> tuple[str, ...]:

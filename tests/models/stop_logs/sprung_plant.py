@@ -41,7 +41,7 @@ def stop(plant: Sprung, speed: float, grade: float, error: float) -> dict[str, n
     force = (p.m_m * speed + p.b_m) * grade + p.m_b * speed + p.b_b + error
     stiffness = (2.0 * np.pi * p.frequency) ** 2
 
-    def rates(t: float, y: np.ndarray, braking: bool) -> list[float]:
+    def rates(_: float, y: np.ndarray, braking: bool) -> list[float]:
         _, lean, rate, built = y
         asked = force if braking else 0.0
         acting = built if p.lag > 0.0 else asked
@@ -52,50 +52,32 @@ def stop(plant: Sprung, speed: float, grade: float, error: float) -> dict[str, n
         growth = (asked - built) / p.lag if p.lag > 0.0 else 0.0
         return [-slowing, rate, turn, growth]
 
-    fall = _fall(rates, p.dead_time, np.array([speed, -p.dive * G * np.sin(grade), 0.0, 0.0]))
-    end = fall.t[-1]
+    def at_rest(_: float, y: np.ndarray, braking: bool) -> float:
+        return float(y[0]) if braking else 1.0
+
+    at_rest.terminal = True  # type: ignore[attr-defined]
+    accuracy = {"rtol": 1e-7, "atol": 1e-9, "events": at_rest, "dense_output": True}
+    leaning = -p.dive * G * np.sin(grade)
+    begin = p.dead_time
+    fall = solve_ivp(
+        rates, (begin, 60.0), [speed, leaning, 0.0, 0.0], args=(True,), max_step=0.05, **accuracy
+    )
+    end = float(fall.t[-1])
     rest = solve_ivp(
-        lambda t, y: rates(t, y, False),
-        (end, end + 1.6),
-        [0.0, *fall.y[1:3, -1], 0.0],
-        rtol=1e-8,
-        atol=1e-10,
-        dense_output=True,
+        rates, (end, end + 1.6), [0.0, *fall.y[1:3, -1], 0.0], args=(False,), **accuracy
     )
     time = np.arange(-1.5, end + 1.5, 1.0 / p.hz)
-    v, lean, rate = np.zeros((3, len(time)))
-    lean -= p.dive * G * np.sin(grade)
-    for k, t in enumerate(time):
-        if t < p.dead_time:
-            v[k] = speed
-        elif t < end:
-            v[k], lean[k], rate[k] = fall.sol(t)[:3]
-        else:
-            _, lean[k], rate[k] = rest.sol(t)[:3]
+    v, lean, rate = np.full(len(time), speed), np.full(len(time), leaning), np.zeros(len(time))
+    falls, rests = (time >= begin) & (time < end), time >= end
+    v[falls], lean[falls], rate[falls] = fall.sol(time[falls])[:3]
+    v[rests], lean[rests], rate[rests] = rest.sol(time[rests])[:3]
     return {
         "time": time,
-        "v": np.where(time < end, v - p.height * rate, 0.0),
+        "v": np.where(rests, 0.0, v - p.height * rate),
         "pitch": lean - grade,
         "pitch_rate": rate,
         "command": np.where(time < -1e-9, speed, 0.0),
     }
-
-
-def _fall(rates, begin, state):
-    def at_rest(t, y):
-        return y[0]
-
-    at_rest.terminal = True
-    return solve_ivp(
-        lambda t, y: rates(t, y, True),
-        (begin, 60.0),
-        state,
-        events=at_rest,
-        rtol=1e-8,
-        atol=1e-10,
-        max_step=0.01,
-        dense_output=True,
-    )
 
 
 def drive(
