@@ -87,7 +87,7 @@ class StopSettings:
     step: float = 0.7  # share of the speed that the command has to drop in one step
     turn_rate: float | None = None  # [rad/s] None: 0.35, or none where the cost of turning is known
     full_brake: float = 0.9  # application from which it counts as full
-    fewest: int = 3  # samples between onset and standstill: a line and its scatter
+    fewest: int = 2  # samples between onset and standstill: a line
     longest: float = np.inf  # later standstills are not this stop's
     settled: float = 0.3  # so long below `settled_speed` is standstill without a crossing
     settled_speed: float = 0.03  # of sensors that never read zero; more in noisier logs
@@ -102,7 +102,7 @@ class StopSettings:
             endless = value == np.inf and name not in ("turn_rate", "longest")
             if value is not None and (not value > 0.0 or endless):
                 raise ParameterError(name, f"a finite number > 0, got {value:g}")
-        for name, lowest in (("ramp", 0.0), ("fewest", 3)):
+        for name, lowest in (("ramp", 0.0), ("fewest", 2)):
             value = getattr(self, name)
             if not lowest <= value < np.inf:
                 raise ParameterError(name, f"a finite number >= {lowest:g}, got {value:g}")

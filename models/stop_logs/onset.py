@@ -25,7 +25,7 @@ _COARSE, _FINE = 24, 12  # onset times tried
 _EARLIEST = -0.05  # [s] commands are logged up to a sample late
 _LOW = 0.05  # share of the held speed below which sensors and brakes do other things
 _EARLY = 0.05  # [s] noise makes the speed cross zero that much too early
-_MIN_SAMPLE_COUNT = 3  # after the onset, for a slope of the speed and its scatter
+_MIN_SAMPLE_COUNT = 2  # after the onset, for a slope of the speed; those before tell the noise
 _STILL_FAST = 0.7  # share of the held speed that the vehicle has at the onset, at least
 
 

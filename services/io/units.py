@@ -51,9 +51,9 @@ def factor_to(unit: str, written: str) -> float | None:
         return 1.0
     if written in FACTORS[unit]:
         return FACTORS[unit][written]
-    above, _, below = written.rpartition("/")
+    above, _, below = written.partition("/")
     try:
-        factor = float(above or 1.0) / float(below)
+        factor = float(above) / float(below or 1.0)
     except (ValueError, ZeroDivisionError):
         return None
     return factor if math.isfinite(factor) and factor > 0.0 else None

@@ -94,14 +94,15 @@ def test_stops_cut_short_say_so_and_keep_their_distance(stops: Log) -> None:
         log["v_cmd"][middle : w.end] = 1.0
     found = measured(log, runs)
     short = [s for s, _ in found.distances if s.cut_short]
-    assert len(short) == len(found.measured.bounds) == 5
-    assert len(found.distances) == 20
+    assert len(short) == len(found.measured.bounds)
+    assert 4 <= len(short) <= 5
+    assert len(found.measured.records) == 15
     plain = {r.samples.window.command: r for r in measured(columns, runs).measured.records}
     for record in found.measured.bounds:
         s, before = record.samples, plain[record.samples.window.command]
         assert s.window.verdict is Usability.ABORTED
         assert s.window.reason.startswith("next command after ")
-        assert 0.3 < s.speed_left < s.window.held_speed
+        assert 0.1 < s.speed_left < 0.7 * s.window.held_speed
         assert s.distance < before.samples.distance
         assert s.session == "a"
         assert record.force_ratio == pytest.approx(before.force_ratio, abs=5.0 * record.force_std)
