@@ -31,9 +31,9 @@ _MIN_GAIN = 40.0
 standard deviations, squared, and some more for what neighbouring samples share."""
 _BETTER = 1.2
 """Reduction over that by other shapes from which it is a swing [1]: those with as many numbers come
-within a hundredth of it where there is none."""
+within a hundredth of it where the body is rigid."""
 _MAX_STOP_COUNT = 40
-"""Stops that the swing is fitted to [1]: more cost time and hardly sharpen it."""
+"""Stops that the swing is fitted to [1]: more cost time and sharpen it by less than its error."""
 _MIN_STOP_COUNT = 5
 _PASSES = 4
 """Gauss-Newton steps [1]: the third changes nothing that matters."""
@@ -63,15 +63,15 @@ def swing_of(stops: Sequence[StopSamples], grounds: Sequence[Floats], refit: Ref
     explained = [plain.explained([swing.lead]) for swing in swings]
     best = max(range(len(swings)), key=lambda k: explained[k][1])
     size, gain = explained[best]
-    rival = max(plain.explained(shapes)[1] for shapes in _other_shapes())
-    if size[0] <= 0.0 or gain < max(_MIN_GAIN, rival):
+    unrelated = max(plain.explained(shapes)[1] for shapes in _other_shapes())
+    if size[0] <= 0.0 or gain < max(_MIN_GAIN, unrelated):
         return None
     swing = _refined(dataclasses.replace(swings[best], gain=float(size[0])), pool)
-    return swing if plain.reduction(pool(swing)) > _BETTER * rival else None
+    return swing if plain.reduction(pool(swing)) > _BETTER * unrelated else None
 
 
 def _other_shapes() -> list[list[Shape]]:
-    """Brakes that build up, and decelerations that change on the way."""
+    """Brakes that build up, and decelerations that change during a stop."""
 
     def build_up(tau: float) -> Shape:
         return lambda since: -np.expm1(-np.maximum(since, 0.0) / tau)
@@ -95,7 +95,7 @@ def _by_pitch_rate(plain: _Pool, pool: Callable[[Swing | None], _Pool]) -> Swing
 
 
 def _refined(swing: Swing, pool: Callable[[Swing | None], _Pool]) -> Swing:
-    """The swing of least squares, the stops fitted anew with each step."""
+    """The swing of least squares, the stops fitted again with each step."""
     x = np.array([np.log(swing.gain), np.log(swing.frequency), swing.damping])
 
     def at(x: Floats) -> Swing:
@@ -130,9 +130,9 @@ class _Pool:
             lost = None if rate is None else np.where(since > 0.0, -rate[new][: len(since)], 0.0)
             self.parts.append((since, residual / knee.rms, follows, -slowing, lost, knee.rms))
 
-    def reduction(self, other: _Pool) -> float:
+    def reduction(self, refitted: _Pool) -> float:
         """By how much less the squared residuals of other fits of the same stops are."""
-        pairs = zip(self.parts, other.parts, strict=True)
+        pairs = zip(self.parts, refitted.parts, strict=True)
         return sum(len(a[0]) * (1.0 - (b[-1] / a[-1]) ** 2) for a, b in pairs)
 
     def explained(self, shapes: Sequence[Shape]) -> tuple[Floats, float]:

@@ -1,4 +1,4 @@
-"""What the onsets of all stops share: the dead time of the brakes, and how well speeds are held.
+"""Common to the onsets of all stops: the dead time of the brakes, and how well speeds are held.
 
 It is a property of the hardware, so all stops share it up to a scatter from stop to stop. Knowing
 it sharpens each single stop: onset and force of a knee are correlated, and an onset pulled towards

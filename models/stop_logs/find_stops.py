@@ -56,7 +56,7 @@ class Usability(Enum):
 
     @property
     def remedy(self) -> str:
-        """What to try, so that such stops can be used."""
+        """Change of the log or its settings after which such stops can be used."""
         return _REMEDIES[self]
 
 
@@ -69,7 +69,7 @@ _REMEDIES = {
     Usability.TURNING: "brake on straights, or raise --turn-rate",
     Usability.PARTIAL: "apply the brakes fully, or hold one application",
     Usability.SLOW: "lower --least-speed",  # words: ok, an option
-    Usability.COASTED: "leave out the column brake if it is not that of these brakes",
+    Usability.COASTED: "drop the column brake if it belongs to others",
     Usability.SPARSE: "record the speed more often, or stop from higher speeds",
     Usability.SUSPECT: "record again without the samples that are listed as suspect",
 }
@@ -79,7 +79,7 @@ _REMEDIES = {
 class StopSettings:
     """Definition of a stop. Times in s, speeds in m/s."""
 
-    least_speed: float | None = None  # of a stop; None: above the log's noise floor
+    least_speed: float | None = None  # None: above the noise floor. words: ok, a key
     held_for: float = 0.2  # before the command, over which the speed is averaged
     before: float = 1.0  # how much of the log in front of the command belongs to a stop
     after: float = 1.5  # and behind standstill
@@ -87,9 +87,9 @@ class StopSettings:
     step: float = 0.7  # share of the speed that the command has to drop in one step
     turn_rate: float | None = None  # [rad/s] None: 0.35, or none where the cost of turning is known
     full_brake: float = 0.9  # application from which it counts as full
-    fewest: int = 2  # samples between onset and standstill: a line
+    fewest: int = 2  # words: ok, a key; samples from onset to standstill
     longest: float = np.inf  # later standstills are not this stop's
-    settled: float = 0.3  # so long below `settled_speed` is standstill without a crossing
+    settled: float = 0.3  # duration below `settled_speed` that is standstill without a crossing
     settled_speed: float = 0.03  # of sensors that never read zero; more in noisier logs
     partial: bool = False  # stops at a held part of the brakes may be learned from
     uneven: float = 0.06  # how far an application may be from its median and still be held
@@ -99,8 +99,8 @@ class StopSettings:
     def __post_init__(self) -> None:
         for name in ("least_speed", "longest", "settled_speed", "turn_rate"):
             value = getattr(self, name)
-            endless = value == np.inf and name not in ("turn_rate", "longest")
-            if value is not None and (not value > 0.0 or endless):
+            is_infinite = value == np.inf and name not in ("turn_rate", "longest")
+            if value is not None and (not value > 0.0 or is_infinite):
                 raise ParameterError(name, f"a finite number > 0, got {value:g}")
         for name, lowest in (("ramp", 0.0), ("fewest", 2)):
             value = getattr(self, name)

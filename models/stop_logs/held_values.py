@@ -17,15 +17,15 @@ from slopewise.models.arrays import Bools, Floats
 
 _MOVING = 0.15  # [m/s] slower than that, equal values are standstill
 _MIN_CHANGE_COUNT = 8  # from which a period is known
-_STEP = 1.5  # changes of more than so many steps of the resolution are large
+_STEP = 1.5  # changes of more than this many steps of the resolution are large
 _LATE = 0.25  # share of a period by which a new value may be late
 _HELD = 1.5  # rows that a fast sensor keeps a value for at most, on average
 
 
 def held_period(columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]) -> float:
     """Time between new values of `v` in a drive log [s]; 0 if every row has one."""
-    found = [_changes(columns["t"][run], columns["v"][run]) for run in runs]
-    size, rows, seconds = np.concatenate(found, axis=1) if found else np.empty((3, 0))
+    changes = [_changes(columns["t"][run], columns["v"][run]) for run in runs]
+    size, rows, seconds = np.concatenate(changes, axis=1) if changes else np.empty((3, 0))
     if len(size) < _MIN_CHANGE_COUNT:
         return 0.0
     large = size > _STEP * float(np.min(size))

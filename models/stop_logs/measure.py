@@ -53,7 +53,7 @@ def measure(
     """Measure stops.
 
     Args:
-        stops: samples of whole stops. cut_short: of those that bound the force from below.
+        stops: samples of whole stops. cut_short: samples of stops that bound the force from below.
         mount: offset of the pitch sensor.
         slope: current estimate; it only matters where the grade varies along a stop.
         body: its dive and swing, if they are known already, such as from an earlier call.
@@ -70,15 +70,15 @@ def measure(
     swing = swing_of(stops, grounds, knee_of) if body is None else body[1]
     knees = [knee_of(i, swing) for i in range(len(stops))]
     missing = tuple(stop for stop, knee in zip(stops, knees, strict=True) if knee is None)
-    found = _with_knees(stops, grounds, knees)
-    if not found:
+    fitted = _with_knees(stops, grounds, knees)
+    if not fitted:
         return Measured((), missing, DeadTime(0.0, 0.0, 0.0), np.empty(0), dive, swing)
-    measured = [knee for _, _, knee in found]
+    measured = [knee for _, _, knee in fitted]
     noise = speed_noise(measured)
     common = dead_time(measured, noise)
     seen = np.array([knee.mean_grade for knee in measured])
-    grade = shrunk(seen, _grade_noise([stop for stop, _, _ in found]))
-    records, by_dead_time = _records(found, grade, noise, common)
+    grade = shrunk(seen, _grade_noise([stop for stop, _, _ in fitted]))
+    records, by_dead_time = _records(fitted, grade, noise, common)
 
     first = _first_knees(cut_short, mount, slope)
     grounds = [_ground(s, k, mount, dive) for s, k in zip(cut_short, first, strict=True)]
@@ -93,27 +93,27 @@ def _first_knees(stops: Sequence[StopSamples], mount: Mount, slope: Slope) -> li
     return [_knee(stop, _ground(stop, None, mount, Dive()), slope) for stop in stops]
 
 
-_Found = list[tuple[StopSamples, Floats, Knee]]
+_Fitted = list[tuple[StopSamples, Floats, Knee]]
 
 
 def _with_knees(
     stops: Sequence[StopSamples], grounds: Sequence[Floats], knees: Sequence[Knee | None]
-) -> _Found:
+) -> _Fitted:
     return [(s, g, k) for s, g, k in zip(stops, grounds, knees, strict=True) if k is not None]
 
 
 def _records(
-    found: _Found, grade: Floats, noise: Floats, common: DeadTime
+    fitted: _Fitted, grade: Floats, noise: Floats, common: DeadTime
 ) -> tuple[tuple[StopRecord, ...], Floats]:
     """Records of stops on their ground, and the change of their forces with the dead time."""
-    if not found:
+    if not fitted:
         return (), np.empty(0)
-    knees = [knee for _, _, knee in found]
+    knees = [knee for _, _, knee in fitted]
     sharp = sharpen(knees, noise, common)
     seen = np.array([knee.mean_grade for knee in knees])
     force = sharp.force_ratio + np.sin(seen) - np.sin(grade)
     numbers = np.column_stack((noise, sharp.onset_speed, grade, force, sharp.force_std)).tolist()
-    rows = zip(found, numbers, strict=True)
+    rows = zip(fitted, numbers, strict=True)
     records = tuple(StopRecord(stop, knee, ground, *row) for (stop, ground, knee), row in rows)
     return records, sharp.by_dead_time
 

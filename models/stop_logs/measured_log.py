@@ -59,7 +59,7 @@ class MeasuredLog:
     def distances(self) -> tuple[tuple[StopSamples, float], ...]:
         """Every straight stop whose distance is known, and its mean grade from the command on.
 
-        With or without a force of its own; those cut short are among them, and marked so.
+        Its force may be unknown; those cut short are included, and marked so.
         """
         records = (*self.measured.records, *self.measured.bounds)
         rows = [(r.samples, r.mean_grade) for r in records]
@@ -102,11 +102,11 @@ def measure_stops(
     is_usable = usable(len(columns["t"]), suspects, matter)
     fresh = fresh_samples(columns, runs)
 
-    def found(settings: StopSettings) -> tuple[StopWindow, ...]:
+    def search(settings: StopSettings) -> tuple[StopWindow, ...]:
         each = (find_stops(columns, run, is_usable, settings, fresh) for run in runs)
         return tuple(window for stops in each for window in stops)
 
-    windows, notes = _windows(found, settings or StopSettings(), min_count)
+    windows, notes = _windows(search, settings or StopSettings(), min_count)
 
     def samples(chosen: Iterable[StopWindow]) -> list[StopSamples]:
         return [cut(columns, w, ground, fresh) for w in chosen]
@@ -141,16 +141,16 @@ _BY_OTHER_COMMANDS = {
 
 
 def _windows(
-    found: Callable[[StopSettings], tuple[StopWindow, ...]], settings: StopSettings, min_count: int
+    search: Callable[[StopSettings], tuple[StopWindow, ...]], settings: StopSettings, min_count: int
 ) -> tuple[tuple[StopWindow, ...], tuple[str, ...]]:
     """Stops, with ramps and then reversals among them where the others are too few."""
-    windows = steps = found(settings)
+    windows = steps = search(settings)
     notes: tuple[str, ...] = ()
     for name, verdict in (("ramps", Usability.RAMPED), ("reversals", Usability.REVERSED)):
         count = sum(w.verdict is verdict for w in windows)
         if count and sum(w.usable for w in windows) < min_count:
             settings = dataclasses.replace(settings, **{name: True})
-            windows = found(settings)
+            windows = search(settings)
             notes = (*notes, _BY_OTHER_COMMANDS[verdict].format(count, len(windows)))
     return (windows, notes) if sum(w.usable for w in windows) >= min_count else (steps, ())
 
@@ -171,7 +171,7 @@ def _findings(measured: Measured) -> tuple[str, ...]:
         how = f"{swing.height:.2f} m times the pitch rate"
         if swing.gain:
             how = f"springs of {swing.frequency / (2.0 * np.pi):.1f} Hz"
-        notes.append(f"the body swings on its springs while it brakes: taken out of v as {how}")
+        notes.append(f"the body swings on its springs while it brakes: removed from v as {how}")
     if count := len(measured.bounds):
         notes.append(f"{count} stops were cut short: the force is no less than what they show")
     return tuple(notes)

@@ -25,7 +25,7 @@ _COARSE, _FINE = 24, 12  # onset times tried
 _EARLIEST = -0.05  # [s] commands are logged up to a sample late
 _LOW = 0.05  # share of the held speed below which sensors and brakes do other things
 _EARLY = 0.05  # [s] noise makes the speed cross zero that much too early
-_MIN_SAMPLE_COUNT = 2  # after the onset, for a slope of the speed; those before tell the noise
+_MIN_SAMPLE_COUNT = 2  # after the onset, for a slope of the speed; earlier ones show the noise
 _STILL_FAST = 0.7  # share of the held speed that the vehicle has at the onset, at least
 
 
@@ -82,10 +82,10 @@ def fit_knee(
     Args:
         time: (n,) since the stop command [s], increasing, from before it to standstill or after.
         speed: (n,) [m/s]. grade: (n,) θ of the ground [rad], uphill positive.
-        standstill_time: of the first zero crossing since the command [s].
+        standstill_time: first zero crossing since the command [s].
         slope: change of F_b/W with grade; it matters where the grade varies along the stop.
-        held_weight: of the evidence that held speeds are held: (speed noise over the standard
-            deviation of the creep)² [s²].
+        held_weight: (speed noise over the standard deviation of the creep)² [s²], the weight
+            of the evidence that held speeds are held.
     """
     level = float(np.mean(speed[time <= 0.0])) if (time <= 0.0).any() else float(speed[0])
     fast = np.flatnonzero((time <= standstill_time) & (speed >= _STILL_FAST * level))

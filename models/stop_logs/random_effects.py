@@ -58,18 +58,18 @@ def fit_with_bounds(
 ) -> LinearFit:
     """Fit as :func:`fit`, raised to lower bounds that it would clearly contradict.
 
-    A bound that the fit obeys says nothing, so that many of them do not add up; one far beyond
+    A bound that the fit obeys is ignored, so that many of them do not add up; one far beyond
     any observation is an error.
     """
     result = fit(design, observed, noise, prior_mean, prior_covariance)
     if bounds is None:
         return result
     n, broken = len(observed), np.zeros(len(bounds.observed), np.bool_)
-    # Of so many bounds, noise alone lifts one beyond that in two logs.
-    sure = float(norm.isf(0.5 / (len(broken) + 1.0)))
+    # With this number of bounds, noise alone lifts one beyond that in two logs.
+    z_score = float(norm.isf(0.5 / (len(broken) + 1.0)))
     while True:
         std = np.hypot(bounds.noise, result.scatter)
-        lowest = bounds.observed - sure * std
+        lowest = bounds.observed - z_score * std
         short = lowest - bounds.design @ result.coefficients
         now = broken | ((short > 0.0) & (short <= _REJECT * std))
         if (now == broken).all():
@@ -78,9 +78,9 @@ def fit_with_bounds(
         design_too = np.concatenate((design, bounds.design[now]))
         observed_too = np.concatenate((observed, lowest[now]))
         noise_too = np.concatenate((noise, std[now]))
-        both = fit(design_too, observed_too, noise_too, prior_mean, prior_covariance)
-        rows = {name: getattr(both, name)[..., :n] for name in _BY_OBSERVATION}
-        result = dataclasses.replace(both, **rows)
+        joint = fit(design_too, observed_too, noise_too, prior_mean, prior_covariance)
+        rows = {name: getattr(joint, name)[..., :n] for name in _BY_OBSERVATION}
+        result = dataclasses.replace(joint, **rows)
 
 
 def fit(

@@ -127,7 +127,7 @@ def cut(
 ) -> StopSamples:
     """The samples of a window of a log, with distance and standstill.
 
-    ``grade``: of the ground along the way [rad], None if only the body's pitch is known.
+    ``grade``: of the ground along the path [rad], None if only the body's pitch is known.
     ``fresh``: samples of the log with a new value of the speed.
     """
     part = slice(window.begin, window.end)

@@ -23,7 +23,7 @@ _FACTORS = {  # unit, as the option --columns writes it -> numbers in it per m/s
 }
 _RATIO_TOLERANCE = 0.04  # knots and miles per hour differ by 15 %
 _STEEP = 0.7  # [rad] 40°: no vehicle spends a twentieth of its time on that
-_BESIDE_DEGREES = 0.1  # [rad] a pitch of more is steep, next to a yaw in degrees more likely too
+_NEXT_TO_DEGREES = 0.1  # [rad] a pitch of more is steep, next to a yaw in degrees more likely too
 _FASTEST_TURN = 8.0  # [rad/s]
 _MIN_DISTANCE = 5.0  # [m]
 
@@ -51,8 +51,8 @@ def _angles(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
         high = float(np.quantile(np.abs(values), 0.95)) if len(values) else 0.0
         if high > _STEEP:
             yield name, f"expected radians, got {high:.2f}, which looks like degrees"
-        elif high > _BESIDE_DEGREES and in_degrees:
-            yield name, f"expected radians, got {high:.2f} beside a yaw that jumps by 360: degrees"
+        elif high > _NEXT_TO_DEGREES and in_degrees:
+            yield name, f"expected radians, got {high:.2f} next to a yaw that jumps by 360: degrees"
     if in_degrees:
         yield "yaw", "expected radians, got jumps by 360, which look like degrees"
 
@@ -92,15 +92,15 @@ def _speeds(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
         if min(distance, by_speed) >= _MIN_DISTANCE and (unit := _unit(by_speed / distance)):
             yield "v", _reason(by_speed / distance, "what x, y travel", unit)
         return
-    others = ("v_cmd", "v_left", "v_right")
-    if not channels.keys() >= set(others):
+    references = ("v_cmd", "v_left", "v_right")
+    if not channels.keys() >= set(references):
         return
-    valid = np.isfinite(np.array([channels[name] for name in ("v", *others)])).all(axis=0)
+    valid = np.isfinite(np.array([channels[name] for name in ("v", *references)])).all(axis=0)
     if valid.sum() < 10:
         return
     t = channels["t"][valid]
     by_speed, command, left, right = (
-        float(np.trapezoid(np.abs(channels[name][valid]), t)) for name in ("v", *others)
+        float(np.trapezoid(np.abs(channels[name][valid]), t)) for name in ("v", *references)
     )
     wheels = 0.5 * (left + right)
     if min(by_speed, command, wheels) < _MIN_DISTANCE or abs(command / wheels - 1.0) > 0.1:
@@ -113,13 +113,13 @@ def _speeds(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
 
 
 def _unit(ratio: float) -> str | None:
-    """The unit whose factor a ratio is, None if there is none."""
+    """The unit whose factor a ratio is, None if it is that of no unit."""
     near = [u for u, factor in _FACTORS.items() if abs(ratio / factor - 1.0) < _RATIO_TOLERANCE]
     return near[0] if near else None
 
 
-def _reason(ratio: float, other: str, unit: str) -> str:
-    return f"expected m/s, got {ratio:.2f} times {other}, which looks like {unit}"
+def _reason(ratio: float, reference: str, unit: str) -> str:
+    return f"expected m/s, got {ratio:.2f} times {reference}, which looks like {unit}"
 
 
 def _finite(values: Floats | None) -> Floats:

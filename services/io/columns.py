@@ -56,7 +56,7 @@ class ColumnName:
         return (self.right,) if mean is None else tuple(c.strip() for c in mean[1].split(","))
 
     def constant(self, table: Table) -> float | None:
-        """The number in place of a column, None where there is none."""
+        """The number in place of a column, None if it is not a number."""
         try:
             return None if self.right in table.columns else float(self.right)
         except ValueError:
@@ -159,12 +159,12 @@ def in_own_units(sentence: str, names: Sequence[ColumnName]) -> str:
     for name in names:
         target = _SYNONYMS.get(name.left, (name.left, 1.0))[0]
         unit = _KNOWN.get(target, "")
-        own = FACTORS.get(unit, {}).get(name.unit)
-        if own is not None and name.unit != unit:
-            sentence = _converted(sentence, unit, name.unit, own)
+        factor = FACTORS.get(unit, {}).get(name.unit)
+        if factor is not None and name.unit != unit:
+            sentence = _converted(sentence, unit, name.unit, factor)
     return sentence
 
 
-def _converted(sentence: str, unit: str, own: str, factor: float) -> str:
+def _converted(sentence: str, unit: str, file_unit: str, factor: float) -> str:
     number = re.compile(rf"(-?\d+(?:\.\d+)?) {re.escape(unit)}(?![\w/²])")
-    return number.sub(lambda m: f"{float(m[1]) / factor:.6g} {own}", sentence)
+    return number.sub(lambda m: f"{float(m[1]) / factor:.6g} {file_unit}", sentence)

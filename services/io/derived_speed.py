@@ -17,7 +17,7 @@ _NOISE_OF_THIRD = 0.6745 * np.sqrt(20.0)
 
 
 def source_of_speed(columns: Container[str]) -> str:
-    """What gives the speed of a log without a column for it, as text; empty if nothing does."""
+    """Columns that give the speed of a log without `v`, as text; empty if none do."""
     if "v_left" in columns and "v_right" in columns:
         return "the mean of v_left and v_right"
     return "the change of x and y" if "x" in columns and "y" in columns else ""
@@ -35,7 +35,7 @@ def derived_speed(columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]) ->
         if len(new) < 4:
             speed[run] = 0.0
             continue
-        # A position that is repeated is none; its speed holds until the next.
+        # A repeated position is not a measurement; its speed holds until the next.
         last = np.searchsorted(new, np.arange(len(part["t"])), side="right") - 1
         at = {name: values[new] for name, values in part.items()}
         age = part["t"] - at["t"][last]

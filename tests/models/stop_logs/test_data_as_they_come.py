@@ -85,20 +85,20 @@ def test_quantised_and_noisy_speeds_are_not_slow() -> None:
 # --------------------------------------------------------------------------- stops cut short
 
 
-def test_stops_cut_short_say_so_and_keep_their_distance(stops: Log) -> None:
+def test_stops_cut_short_are_marked_and_keep_their_distance(stops: Log) -> None:
     columns, runs = stops
     log = columns | {"v_cmd": columns["v_cmd"].copy(), "session": np.full(len(columns["t"]), "a")}
-    whole = {w.command: w for w in windows(columns, runs)}
-    for w in list(whole.values())[:5]:
+    by_command = {w.command: w for w in windows(columns, runs)}
+    for w in list(by_command.values())[:5]:
         middle = w.command + int(0.9 * (w.standstill - w.command))
         log["v_cmd"][middle : w.end] = 1.0
-    found = measured(log, runs)
-    short = [s for s, _ in found.distances if s.cut_short]
-    assert len(short) == len(found.measured.bounds)
+    log_stops = measured(log, runs)
+    short = [s for s, _ in log_stops.distances if s.cut_short]
+    assert len(short) == len(log_stops.measured.bounds)
     assert 4 <= len(short) <= 5
-    assert len(found.measured.records) == 15
+    assert len(log_stops.measured.records) == 15
     plain = {r.samples.window.command: r for r in measured(columns, runs).measured.records}
-    for record in found.measured.bounds:
+    for record in log_stops.measured.bounds:
         s, before = record.samples, plain[record.samples.window.command]
         assert s.window.verdict is Usability.ABORTED
         assert s.window.reason.startswith("next command after ")
@@ -106,7 +106,7 @@ def test_stops_cut_short_say_so_and_keep_their_distance(stops: Log) -> None:
         assert s.distance < before.samples.distance
         assert s.session == "a"
         assert record.force_ratio == pytest.approx(before.force_ratio, abs=5.0 * record.force_std)
-    assert any("5 stops were cut short" in note for note in found.notes)
+    assert any("5 stops were cut short" in note for note in log_stops.notes)
 
 
 def test_bounds_count_where_the_fit_contradicts_them_only() -> None:
@@ -123,7 +123,7 @@ def test_bounds_count_where_the_fit_contradicts_them_only() -> None:
 
     obeyed = fitted(*[0.4] * 50)
     assert obeyed.coefficients == plain.coefficients
-    assert fitted(2.0).coefficients == plain.coefficients  # no stop is so much stronger
+    assert fitted(2.0).coefficients == plain.coefficients  # no stop is five times as strong
     raised = fitted(0.44, 0.44, 0.44)
     assert plain.coefficients[0] + 0.001 < raised.coefficients[0] < 0.44
     assert len(raised.residuals) == 20
@@ -137,7 +137,7 @@ def backwards(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return columns | {name: -columns[name] for name in ("v", "v_cmd", "pitch")}
 
 
-def test_driving_backwards_teaches_the_same(stops: Log) -> None:
+def test_stops_driven_backwards_have_the_same_forces(stops: Log) -> None:
     columns, runs = stops
     ahead, back = measured(columns, runs), measured(backwards(columns), runs)
     assert [r.force_ratio for r in back.measured.records] == [
@@ -186,7 +186,7 @@ def test_reversals_and_ramps_are_stops_where_there_are_no_others(stops: Log) -> 
     assert first.usable
 
 
-def test_a_command_to_back_up_before_it_stands_cuts_the_stop_short(stops: Log) -> None:
+def test_a_command_to_back_up_before_standstill_cuts_the_stop_short(stops: Log) -> None:
     columns, runs = stops
     (w,) = windows(columns, runs[:1])
     log = columns | {"v_cmd": columns["v_cmd"].copy()}
@@ -204,7 +204,7 @@ def test_applied_brakes_are_the_command_of_a_log_without_one(stops: Log) -> None
     assert np.isnan(measured(columns, runs).distances[0][0].brake_level)
 
 
-def test_a_refusal_explains_each_kind_where_it_stands(stops: Log) -> None:
+def test_a_refusal_explains_each_kind_with_its_first_stop(stops: Log) -> None:
     columns, runs = stops
     log = columns | {"yaw_rate": np.full(len(columns["t"]), 0.6)}
     with pytest.raises(ParameterError) as refused:
@@ -216,9 +216,9 @@ def test_a_refusal_explains_each_kind_where_it_stands(stops: Log) -> None:
 
 def test_mean_grades_and_sparse_stops_are_among_the_distances() -> None:
     columns, runs, truth = drive(Plant(hz=10.0, pitch_noise=0.0), 30, 5, speeds=(0.3, 1.5))
-    found = measured(columns, runs)
-    assert len(found.measured.records) < len(found.distances) == len(found.windows)
-    for stop, grade in found.distances:
+    log_stops = measured(columns, runs)
+    assert len(log_stops.measured.records) < len(log_stops.distances) == len(log_stops.windows)
+    for stop, grade in log_stops.distances:
         k = int(stop.run)
         assert stop.distance == pytest.approx(truth.distance[k], abs=0.08)
         assert grade == pytest.approx(truth.grade[k], abs=0.02)
@@ -272,7 +272,7 @@ def joint(**factors: float) -> dict[str, np.ndarray]:
         ({"v": 3.6}, "v"),
         ({"v": 1.0 / 0.514444}, "v"),
         ({"v": 2.0, "v_cmd": 4.0}, None),  # a command that is not followed
-        ({"v_left": 1.0 / 0.28, "v_right": 1.0 / 0.28}, None),  # rad/s, or km/h: who knows
+        ({"v_left": 1.0 / 0.28, "v_right": 1.0 / 0.28}, None),  # rad/s or km/h: ambiguous
         ({"v_cmd": 3.6, "v_left": 3.6, "v_right": 3.6}, "v_cmd"),
     ],
 )
@@ -282,7 +282,7 @@ def test_a_speed_is_held_against_command_and_wheels(
     assert [name for name, _ in unit_suspects.find(joint(**factors))] == [suspect] * bool(suspect)
 
 
-def test_a_small_pitch_beside_a_yaw_in_degrees_is_in_degrees() -> None:
+def test_a_small_pitch_next_to_a_yaw_in_degrees_is_in_degrees() -> None:
     t = np.arange(0.0, 20.0, 0.1)
     channels = {"t": t, "pitch": 0.3 + 0.0 * t, "yaw": (36.0 * t) % 360.0}
     assert [name for name, _ in unit_suspects.find(channels)] == ["pitch", "yaw"]
