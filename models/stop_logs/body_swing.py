@@ -39,7 +39,7 @@ _PASSES = 4
 """Gauss-Newton steps [1]: the third changes nothing that matters."""
 _DIFFERENCE = 1e-3  # of the logarithms of gain and frequency, and of the damping, for derivatives
 _LARGEST_STEP = 0.3  # of the same
-_DAMPING_RANGE = 0.05, 0.95
+_DAMPING_RANGE = 0.05, 0.95  # [1] of a body that swings at all, and does so several times
 
 Refit = Callable[[int, Swing | None], Knee | None]
 """Fit of a stop, by its index, with a swing."""

@@ -36,13 +36,8 @@ def dead_time(knees: Sequence[Knee], noise: Floats) -> DeadTime:
     """Common dead time of some stops, at least one; noise: (n,) of the speed of each [m/s]."""
     onset = np.array([knee.onset_time for knee in knees])
     std = noise * np.sqrt([knee.covariance[1, 1] for knee in knees])
-    fit = random_effects.fit(
-        np.ones((len(onset), 1)),
-        onset,
-        std,
-        np.array([float(np.median(onset))]),
-        np.array([[_NO_IDEA**2]]),
-    )
+    prior = np.array([float(np.median(onset))]), np.array([[_NO_IDEA**2]])
+    fit = random_effects.fit(np.ones((len(onset), 1)), onset, std, *prior)
     value = max(float(fit.coefficients[0]), 0.0)
     return DeadTime(value, float(np.sqrt(fit.covariance[0, 0])), fit.scatter)
 

@@ -27,13 +27,7 @@ def mount_of_log(
     ground: Floats | None,
     measured: Measured,
 ) -> Mount:
-    """Offset of the pitch sensor, unknown if no channel determines it.
-
-    Args:
-        columns: channels of a drive log, (n,). runs: samples of each run.
-        usable: (n,) samples that may be used. ground: (n,) grade by a map [rad], None without.
-        measured: stops with the dive of the body.
-    """
+    """Offset of the pitch sensor, unknown if no channel determines it; ground: by a map [rad]."""
     pitch = np.array(columns["pitch"], np.float64)
     use = np.zeros(len(pitch), np.bool_)
     heights = np.full(len(pitch), np.nan)

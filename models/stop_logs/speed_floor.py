@@ -60,10 +60,8 @@ def speed_floor(time: Floats, speed: Floats, standing: Bools, usable: Bools) -> 
         return SpeedFloor(None, noise)
     level = np.array([float(np.quantile(block, _QUANTILE)) for block in blocks])
     times, more = _NEAR
-    near = level <= times * float(level.min()) + more
-    rest = np.concatenate(
-        [block for block, is_near in zip(blocks, near.tolist(), strict=True) if is_near]
-    )
+    highest = times * float(level.min()) + more
+    rest = np.concatenate([b for b, at in zip(blocks, level, strict=True) if at <= highest])
     return SpeedFloor(float(np.quantile(rest, _QUANTILE)) if len(rest) >= _ENOUGH else None, noise)
 
 
