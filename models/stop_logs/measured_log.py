@@ -102,9 +102,8 @@ def measure_stops(
     is_usable = usable(len(columns["t"]), suspects, matter)
     fresh = fresh_samples(columns, runs)
 
-    def search(settings: StopSettings) -> tuple[StopWindow, ...]:
-        each = (find_stops(columns, run, is_usable, settings, fresh) for run in runs)
-        return tuple(window for stops in each for window in stops)
+    def search(how: StopSettings) -> tuple[StopWindow, ...]:
+        return tuple(w for run in runs for w in find_stops(columns, run, is_usable, how, fresh))
 
     windows, notes = _windows(search, settings or StopSettings(), min_count)
 
@@ -114,8 +113,8 @@ def measure_stops(
     def refuse_few(count: int) -> None:
         if count < min_count:
             message = too_few(min_count, count, windows)
-            if count < (usable_count := sum(w.usable for w in windows)):
-                message += f"; of {usable_count} usable ones {usable_count - count} {_NO_KNEE}"
+            unmeasured = sum(w.usable for w in windows) - count
+            message += f"; {unmeasured} usable ones {_NO_KNEE}" if unmeasured else ""
             raise ParameterError("stops", _reason(message, columns, windows, suspects))
 
     stops = samples(w for w in windows if w.usable)
@@ -127,9 +126,9 @@ def measure_stops(
     if again is not None:
         mount, slope = again
         measured = measure(stops, mount, slope, (measured.dive, measured.swing), bounds)
-    sparse = samples(w for w in windows if w.verdict is Usability.SPARSE)
+    sparse = tuple(samples(w for w in windows if w.verdict is Usability.SPARSE))
     notes = (*notes, *_slow_sensor(columns, runs), *_findings(measured))
-    return MeasuredLog(measured, mount, windows, suspects, tuple(sparse), notes)
+    return MeasuredLog(measured, mount, windows, suspects, sparse, notes)
 
 
 _BY_OTHER_COMMANDS = {

@@ -51,9 +51,8 @@ def mount_of_log(
         if window.direction < 0:  # its pitch is that of the other direction
             continue
         part = slice(window.begin, window.standstill)
-        pitch[part] -= dive_pitch(record.samples, record.knee, measured.dive)[
-            : window.standstill - window.begin
-        ]
+        dive = dive_pitch(record.samples, record.knee, measured.dive)
+        pitch[part] -= dive[: window.standstill - window.begin]
         use[window.command : window.standstill] = True
     use &= usable
     if ground is not None:

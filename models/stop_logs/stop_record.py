@@ -136,17 +136,8 @@ def cut(
     speed, new = window.direction * columns["v"][part], fresh[part]
     if not new.all() and new.any():
         speed = np.interp(time, time[new], speed[new])
-    forward = np.maximum(speed, 0.0)
     k = window.standstill - window.begin
-    if not window.cut_short:
-        forward[k:] = 0.0
-    steps = 0.5 * (forward[1:] + forward[:-1]) * np.diff(time)
-    station = np.concatenate(([0.0], np.cumsum(steps)))
-    end = float(time[k])
-    if not window.cut_short:
-        end = _crossing(time[k - 1], speed[k - 1], time[k], speed[k])
-        # The last step ends at the crossing and not at the sample behind it.
-        station[k:] += 0.5 * speed[k - 1] * (end - time[k])
+    station, end = _stations(time, speed, k, window.cut_short)
     has_level = "brake" in columns and np.isfinite(columns["brake"][part]).any()
     run, terrain, session = (
         str(columns[name][window.command]) if name in columns else ""
@@ -170,6 +161,21 @@ def cut(
         clock=clock,
         brake_level=window.level if has_level else np.nan,
     )
+
+
+def _stations(time: Floats, speed: Floats, k: int, cut_short: bool) -> tuple[Floats, float]:
+    """(n,) distance since the first sample [m], and time of standstill at sample k, or the cut."""
+    forward = np.maximum(speed, 0.0)
+    if not cut_short:
+        forward[k:] = 0.0
+    steps = 0.5 * (forward[1:] + forward[:-1]) * np.diff(time)
+    station = np.concatenate(([0.0], np.cumsum(steps)))
+    if cut_short:
+        return station, float(time[k])
+    end = _crossing(time[k - 1], speed[k - 1], time[k], speed[k])
+    # The last step ends at the crossing and not at the sample behind it.
+    station[k:] += 0.5 * speed[k - 1] * (end - time[k])
+    return station, end
 
 
 def _crossing(t0: float, v0: float, t1: float, v1: float) -> float:

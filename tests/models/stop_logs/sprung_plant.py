@@ -7,12 +7,15 @@ v_body − h · pitch rate.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 G = 9.80665
+
+Rates = Callable[[float, np.ndarray, bool], list[float]]
 
 
 @dataclass(frozen=True)
@@ -35,10 +38,8 @@ class Sprung:
     hz: float = 50.0
 
 
-def stop(plant: Sprung, speed: float, grade: float, error: float) -> dict[str, np.ndarray]:
-    """One stop, 1.5 s of driving before it and 1.5 s of rest after it; time since the command."""
-    p = plant
-    force = (p.m_m * speed + p.b_m) * grade + p.m_b * speed + p.b_b + error
+def _rates(p: Sprung, force: float, grade: float) -> Rates:
+    """Derivatives of speed, pitch of the body, its rate, and the force that has built up."""
     stiffness = (2.0 * np.pi * p.frequency) ** 2
 
     def rates(_: float, y: np.ndarray, braking: bool) -> list[float]:
@@ -51,6 +52,15 @@ def stop(plant: Sprung, speed: float, grade: float, error: float) -> dict[str, n
         turn = stiffness * (p.dive * felt - pitch) - 4.0 * np.pi * p.damping * p.frequency * rate
         growth = (asked - built) / p.lag if p.lag > 0.0 else 0.0
         return [-slowing, rate, turn, growth]
+
+    return rates
+
+
+def stop(plant: Sprung, speed: float, grade: float, error: float) -> dict[str, np.ndarray]:
+    """One stop, 1.5 s of driving before it and 1.5 s of rest after it; time since the command."""
+    p = plant
+    force = (p.m_m * speed + p.b_m) * grade + p.m_b * speed + p.b_b + error
+    rates = _rates(p, force, grade)
 
     def at_rest(_: float, y: np.ndarray, braking: bool) -> float:
         return float(y[0]) if braking else 1.0
