@@ -27,7 +27,7 @@ def mount_of_log(
     ground: Floats | None,
     measured: Measured,
 ) -> Mount:
-    """Offset of the pitch sensor, unknown if no channel determines it; ground: grade by a map [rad]."""
+    """Offset of the pitch sensor, unknown if no channel shows it; ground: grade by a map [rad]."""
     pitch = np.array(columns["pitch"], np.float64)
     use = np.zeros(len(pitch), np.bool_)
     heights = np.full(len(pitch), np.nan)
