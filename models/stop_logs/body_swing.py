@@ -5,8 +5,8 @@ height h of the body above its pitch axis: 0.1 m/s at the onset of soft springs,
 brakes look early and the force depend on grade and speed. Where the log has the pitch rate, h is
 all that is unknown; else the response is that of a damped oscillator to the deceleration.
 
-It is told from brakes that build up or change while the vehicle slows, whose residuals have another
-shape: the swing is taken out only where no such shape explains the stops as well.
+Brakes that build up, or change while the vehicle slows, leave residuals of another shape: the swing
+is taken out only where no such shape explains the stops as well.
 Source: none; standard vehicle dynamics.
 """
 
@@ -29,27 +29,26 @@ _BUILD_UP = (0.03, 0.06, 0.12, 0.25, 0.5)  # [s] time constants of brakes that a
 _MIN_GAIN = 40.0
 """Reduction of the squared residuals, in their variance, from which a swing is certain [1]: six
 standard deviations, squared, and some more for what neighbouring samples share."""
+_BETTER = 1.2
+"""Reduction over that by other shapes from which it is a swing [1]: those with as many numbers come
+within a hundredth of it where the body is rigid."""
 _MAX_STOP_COUNT = 40
-"""Stops that the swing is fitted to [1]: more cost time and hardly sharpen it."""
+"""Stops that the swing is fitted to [1]: more cost time and sharpen it by less than its error."""
 _MIN_STOP_COUNT = 5
 _PASSES = 4
 """Gauss-Newton steps [1]: the third changes nothing that matters."""
-_DIFFERENCE = 1e-3  # of the same, for derivatives
-_LARGEST_STEP = 0.3  # of the logarithms of gain and frequency, and of the damping
-_DAMPING_RANGE = 0.05, 0.95
+_DIFFERENCE = 1e-3  # of the logarithms of gain and frequency, and of the damping, for derivatives
+_LARGEST_STEP = 0.3  # of the same
+_DAMPING_RANGE = 0.05, 0.95  # [1] of a body that swings at all, and does so several times
 
 Refit = Callable[[int, Swing | None], Knee | None]
 """Fit of a stop, by its index, with a swing."""
-Shape = Callable[[Floats], Floats]
-"""Speed that is lost per deceleration, at times since the onset (n,) [s]."""
+Shape = Callable[[Floats], Floats] | None
+"""Speed lost per deceleration, at times since the onset (n,) [s]; None: the pitch rate's."""
 
 
 def swing_of(stops: Sequence[StopSamples], grounds: Sequence[Floats], refit: Refit) -> Swing | None:
-    """The swing that the stops share, None where they show none.
-
-    Args:
-        stops: samples. grounds: (n,) grades of each [rad]. refit: fit of a stop with a swing.
-    """
+    """The swing that the stops share, None where they show none; grounds: (n,) grades [rad]."""
     chosen = range(0, len(stops), max(len(stops) // _MAX_STOP_COUNT, 1))
     if len(chosen) < _MIN_STOP_COUNT:
         return None
@@ -57,55 +56,58 @@ def swing_of(stops: Sequence[StopSamples], grounds: Sequence[Floats], refit: Ref
     def pool(swing: Swing | None) -> _Pool:
         return _Pool([(stops[i], refit(i, swing), grounds[i]) for i in chosen], swing)
 
-    if all(s.pitch_rate is not None and np.isfinite(s.pitch_rate).all() for s in stops):
-        return _by_pitch_rate(pool)
     plain = pool(None)
+    if all(s.pitch_rate is not None and np.isfinite(s.pitch_rate).all() for s in stops):
+        return _by_pitch_rate(plain, pool)
     swings = [Swing(1.0, f, d) for f in _FREQUENCIES.tolist() for d in _DAMPING]
-    explained = [plain.explained(swing.lead) for swing in swings]
+    explained = [plain.explained([swing.lead]) for swing in swings]
     best = max(range(len(swings)), key=lambda k: explained[k][1])
     size, gain = explained[best]
-    rival = max(plain.explained(shape)[1] for shape in _rivals())
-    if size <= 0.0 or gain < max(_MIN_GAIN, rival):
+    unrelated = max(plain.explained(shapes)[1] for shapes in _other_shapes())
+    if size[0] <= 0.0 or gain < max(_MIN_GAIN, unrelated):
         return None
-    return _refined(dataclasses.replace(swings[best], gain=size), pool)
+    swing = _refined(dataclasses.replace(swings[best], gain=float(size[0])), pool)
+    return swing if plain.reduction(pool(swing)) > _BETTER * unrelated else None
 
 
-def _rivals() -> Iterator[Shape]:
-    """Shapes of brakes that build up, and of a deceleration that changes."""
+def _other_shapes() -> list[list[Shape]]:
+    """Brakes that build up, and decelerations that change during a stop."""
 
     def build_up(tau: float) -> Shape:
         return lambda since: -np.expm1(-np.maximum(since, 0.0) / tau)
 
-    yield from map(build_up, _BUILD_UP)
-    yield lambda since: np.maximum(since, 0.0) ** 2
+    def power(n: int) -> Shape:
+        return lambda since: np.maximum(since, 0.0) ** n
+
+    changing = [[power(n) for n in range(2, last + 1)] for last in (2, 3, 4)]
+    return [[build_up(tau)] for tau in _BUILD_UP] + changing
 
 
-def _by_pitch_rate(pool: Callable[[Swing | None], _Pool]) -> Swing | None:
+def _by_pitch_rate(plain: _Pool, pool: Callable[[Swing | None], _Pool]) -> Swing | None:
     """The swing as a height times the pitch rate of the log."""
-    plain = pool(None)
-    height, gain = plain.explained(None)
+    size, gain = plain.explained([None])
+    height = size.item()
     if height <= 0.0 or gain < _MIN_GAIN:
         return None
     for _ in range(_PASSES):
-        height = max(height + pool(Swing(height=height)).explained(None)[0], 0.0)
+        height = max(height + pool(Swing(height=height)).explained([None])[0].item(), 0.0)
     return Swing(height=height)
 
 
 def _refined(swing: Swing, pool: Callable[[Swing | None], _Pool]) -> Swing:
-    """The swing of least squares, the stops fitted anew with each step."""
+    """The swing of least squares, the stops fitted again with each step."""
     x = np.array([np.log(swing.gain), np.log(swing.frequency), swing.damping])
 
     def at(x: Floats) -> Swing:
         gain, frequency = np.exp(x[:2]).tolist()
         return Swing(gain, frequency, float(np.clip(x[2], *_DAMPING_RANGE)))
 
-    def shape_of(change: Floats) -> Shape:
-        there, here = at(x + change), at(x)
+    def shape_of(there: Swing, here: Swing) -> Shape:
         return lambda since: (there.lead(since) - here.lead(since)) / _DIFFERENCE
 
     for _ in range(_PASSES):
-        shapes = [shape_of(_DIFFERENCE * unit) for unit in np.eye(3)]
-        x = x + np.clip(pool(at(x)).step(shapes), -_LARGEST_STEP, _LARGEST_STEP)
+        shapes = [shape_of(at(x + _DIFFERENCE * unit), at(x)) for unit in np.eye(3)]
+        x = x + np.clip(pool(at(x)).explained(shapes)[0], -_LARGEST_STEP, _LARGEST_STEP)
     return at(x)
 
 
@@ -120,34 +122,30 @@ class _Pool:
             if knee is None:
                 continue
             new, rate = stop.fresh, stop.pitch_rate
-            speed = stop.speed
-            if rate is not None and swing is not None:
-                speed = speed + swing.height * rate
             since, residual, follows = residuals(
-                knee, stop.time[new], speed[new], ground[new], stop.standstill_time, swing
+                knee, stop.time[new], stop.of_body(swing)[new], ground[new], swing
             )
             slowing = GRAVITY * (knee.force_ratio + np.sin(knee.mean_grade))
-            lost = None if rate is None else -rate[new][: knee.samples]
+            # Before the onset its rate is noise of the sensor alone.
+            lost = None if rate is None else np.where(since > 0.0, -rate[new][: len(since)], 0.0)
             self.parts.append((since, residual / knee.rms, follows, -slowing, lost, knee.rms))
 
-    def _columns(self, shapes: Sequence[Shape | None]) -> Iterator[tuple[Floats, Floats]]:
-        """(n, k) shapes of each stop that its fit does not follow, and (n,) its residuals."""
-        for since, residual, follows, slowing, lost, rms in self.parts:
-            columns = np.array([lost if s is None else slowing * s(since) for s in shapes]).T / rms
-            yield columns - follows @ (follows.T @ columns), residual
+    def reduction(self, refitted: _Pool) -> float:
+        """By how much less the squared residuals of other fits of the same stops are."""
+        pairs = zip(self.parts, refitted.parts, strict=True)
+        return sum(len(a[0]) * (1.0 - (b[-1] / a[-1]) ** 2) for a, b in pairs)
 
-    def step(self, shapes: Sequence[Shape | None]) -> Floats:
-        """(k,) sizes of some shapes in all stops, by least squares."""
+    def explained(self, shapes: Sequence[Shape]) -> tuple[Floats, float]:
+        """Sizes (k,) of shapes in all stops, and their reduction of the squared residuals."""
         normal, right = np.zeros((len(shapes), len(shapes))), np.zeros(len(shapes))
         for columns, residual in self._columns(shapes):
             normal += columns.T @ columns
             right += columns.T @ residual
-        return np.asarray(np.linalg.lstsq(normal, right, rcond=1e-9)[0], np.float64)
+        sizes = np.asarray(np.linalg.lstsq(normal, right, rcond=1e-9)[0], np.float64)
+        return sizes, float(sizes @ right)
 
-    def explained(self, shape: Shape | None) -> tuple[float, float]:
-        """Size of a shape (None: the pitch rate), and its reduction of the squared residuals."""
-        agree = power = 0.0
-        for columns, residual in self._columns([shape]):
-            agree += float(columns[:, 0] @ residual)
-            power += float(columns[:, 0] @ columns[:, 0])
-        return (agree / power, agree**2 / power) if power > 0.0 else (0.0, 0.0)
+    def _columns(self, shapes: Sequence[Shape]) -> Iterator[tuple[Floats, Floats]]:
+        """(n, k) shapes of each stop that its fit does not follow, and (n,) its residuals."""
+        for since, residual, follows, slowing, lost, rms in self.parts:
+            columns = np.array([lost if s is None else slowing * s(since) for s in shapes]).T / rms
+            yield columns - follows @ (follows.T @ columns), residual

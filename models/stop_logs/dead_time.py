@@ -1,4 +1,4 @@
-"""What the onsets of all stops share: the dead time of the brakes, and how well speeds are held.
+"""Common to the onsets of all stops: the dead time of the brakes, and how well speeds are held.
 
 It is a property of the hardware, so all stops share it up to a scatter from stop to stop. Knowing
 it sharpens each single stop: onset and force of a knee are correlated, and an onset pulled towards
@@ -33,47 +33,27 @@ class DeadTime:
 
 
 def dead_time(knees: Sequence[Knee], noise: Floats) -> DeadTime:
-    """Common dead time of some stops.
-
-    Args:
-        knees: at least one. noise: (n,) speed noise of each stop, correlation allowed for [m/s].
-    """
+    """Common dead time of some stops, at least one; noise: (n,) of the speed of each [m/s]."""
     onset = np.array([knee.onset_time for knee in knees])
     std = noise * np.sqrt([knee.covariance[1, 1] for knee in knees])
-    fit = random_effects.fit(
-        np.ones((len(onset), 1)),
-        onset,
-        std,
-        np.array([float(np.median(onset))]),
-        np.array([[_NO_IDEA**2]]),
-    )
+    prior = np.array([float(np.median(onset))]), np.array([[_NO_IDEA**2]])
+    fit = random_effects.fit(np.ones((len(onset), 1)), onset, std, *prior)
     value = max(float(fit.coefficients[0]), 0.0)
     return DeadTime(value, float(np.sqrt(fit.covariance[0, 0])), fit.scatter)
 
 
 @dataclass(frozen=True, slots=True)
 class Sharpened:
-    """Stops once their common dead time is known.
+    """Stops once their common dead time is known, (n,) each."""
 
-    Attributes:
-        onset_speed: (n,) [m/s]. force_ratio: (n,) F_b/W. force_std: (n,) its measurement noise.
-        by_dead_time: (n,) change of the force with the common dead time [1/s]: an error of the
-            dead time is an error of all stops alike.
-    """
-
-    onset_speed: Floats
-    force_ratio: Floats
-    force_std: Floats
-    by_dead_time: Floats
+    onset_speed: Floats  # [m/s]
+    force_ratio: Floats  # F_b/W
+    force_std: Floats  # its measurement noise
+    by_dead_time: Floats  # change of the force with the dead time [1/s]: an error of all alike
 
 
 def sharpen(knees: Sequence[Knee], noise: Floats, common: DeadTime) -> Sharpened:
-    """Condition every knee on the common dead time, as normal distributions are conditioned.
-
-    Args:
-        knees: n of them. noise: (n,) of the speed [m/s], as for :func:`dead_time`.
-        common: dead time of all.
-    """
+    """Condition every knee on the common dead time, as normal distributions are conditioned."""
     covariance = np.stack([knee.covariance for knee in knees]) * (noise**2)[:, None, None]
     onset = np.array([knee.onset_time for knee in knees])
     speed = np.array([knee.onset_speed for knee in knees])
@@ -96,9 +76,7 @@ def sharpen(knees: Sequence[Knee], noise: Floats, common: DeadTime) -> Sharpened
 def held_weights(knees: Sequence[Knee | None], noise: Floats) -> Floats:
     """(n,) weight of the evidence that the speed was held, for :func:`.onset.fit_knee` [s²].
 
-    Args:
-        knees: first fits, with the weak weight; None without a fit.
-        noise: speed noise of each stop with a fit, correlation included [m/s].
+    ``knees``: first fits, with the weak weight; ``noise``: of the speed of those with a fit [m/s].
     """
     weights = np.full(len(knees), HELD)
     measured = [knee for knee in knees if knee is not None]

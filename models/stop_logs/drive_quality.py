@@ -11,7 +11,7 @@ Source: none; each threshold is stated with its check.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -25,19 +25,14 @@ from slopewise.models.stop_logs import unit_suspects
 _SENTINELS = (99.99, 999.0, 999.9, 1000.0, 9999.0, 32767.0, 32768.0, 65535.0, 1e6)
 """Values by which loggers mark missing samples, in any unit: full scale of 16 bits and rows of
 nines."""
-_LARGEST = {  # beyond these a value is no measurement
-    "v": 40.0,
-    "v_cmd": 40.0,
-    "v_left": 60.0,
-    "v_right": 60.0,
-    "pitch": np.pi / 2,
-    "roll": np.pi,
-    "yaw_rate": 40.0,
-    "current_left": 2000.0,
-    "current_right": 2000.0,
-}
-_FREEZES = ("v", "v_left", "v_right", "pitch", "yaw_rate")
 _WHEELS = ("v_left", "v_right")
+_LARGEST = {  # beyond these a value is no measurement
+    **dict.fromkeys(("v", "v_cmd"), 40.0),
+    **dict.fromkeys(_WHEELS, 60.0),
+    **{"pitch": np.pi / 2, "roll": np.pi, "yaw_rate": 40.0},
+    **dict.fromkeys(("current_left", "current_right"), 2000.0),
+}
+_FREEZES = ("v", *_WHEELS, "pitch", "yaw_rate")
 _FAR = 3.0  # times the largest measured value: a sentinel's distance from measurements
 _MOVING = 0.15  # [m/s] slower than that, the same value again and again is standstill
 _FROZEN_FOR = 1.0  # [s] at least, and
@@ -59,30 +54,19 @@ class SuspectKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Suspect:
-    """Samples [start, stop) of one channel that are not to be trusted.
-
-    Attributes:
-        start, stop: samples of the log. channel: name of the column.
-        kind: what is wrong. reason: the same as a sentence, with numbers.
-    """
+    """Samples [start, stop) of one channel of a log that are not to be trusted."""
 
     start: int
     stop: int
-    channel: str
+    channel: str  # name of the column
     kind: SuspectKind
-    reason: str
+    reason: str  # a sentence with numbers
 
 
 def find_suspects(
     columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]
 ) -> tuple[Suspect, ...]:
-    """All suspect stretches of a log, in the order of the samples.
-
-    Args:
-        columns: channels by name, (n,); ``t`` [s] is needed, text columns are passed over. Names
-            and units are those of a drive log.
-        runs: samples of each run; time increases within each.
-    """
+    """All suspect stretches of a drive log, in the order of the samples; texts are passed over."""
     suspects: list[Suspect] = []
     for run in runs:
         part = {
@@ -97,11 +81,9 @@ def find_suspects(
 def usable(
     count: int, stretches: Iterable[Suspect], channels: Iterable[str] | None = None
 ) -> Bools:
-    """(count,) whether a sample may be used.
+    """(count,) samples that may be used; ``channels``: those that matter, by default all.
 
-    Args:
-        count: samples of the log.
-        stretches: as found. channels: those that matter, by default all. Gaps always matter.
+    Gaps in time always matter.
     """
     is_usable = np.ones(count, np.bool_)
     matter = None if channels is None else {*channels, "t"}
@@ -118,8 +100,6 @@ def _suspects_of_run(part: dict[str, Floats], begin: int) -> list[Suspect]:
         reason = f"no samples for {t[k + 1] - t[k]:.2f} s"
         suspects.append(Suspect(begin + k, begin + k + 2, "t", SuspectKind.GAP, reason))
     for name, values in part.items():
-        if name == "t":
-            continue
         for a, b, kind, reason in _suspects_of_channel(name, values, part):
             suspects.append(Suspect(begin + a, begin + b, name, kind, reason))
     for name, reason in unit_suspects.find(part):
@@ -129,14 +109,12 @@ def _suspects_of_run(part: dict[str, Floats], begin: int) -> list[Suspect]:
 
 def _suspects_of_channel(
     name: str, values: Floats, part: dict[str, Floats]
-) -> list[tuple[int, int, SuspectKind, str]]:
-    suspects = []
+) -> Iterator[tuple[int, int, SuspectKind, str]]:
     if name in _LARGEST:
         # A column that a log does not have at all is NaN throughout: absent, not suspect.
         missing = ~np.isfinite(values)
-        if not missing.all():
-            for a, b in stretches_of(missing):
-                suspects.append((a, b, SuspectKind.NOT_FINITE, f"{name} is not a number"))
+        for a, b in stretches_of(missing) if not missing.all() else []:
+            yield a, b, SuspectKind.NOT_FINITE, f"{name} is not a number"
         size = np.abs(np.where(missing, 0.0, values))
         beyond = size > _LARGEST[name]
         # A sentinel may lie within the limit: then it is far from everything else.
@@ -145,19 +123,15 @@ def _suspects_of_channel(
         for a, b in stretches_of(beyond):
             sentinel = np.isin(size[a:b], _SENTINELS).any()
             fault = "stands for no value" if sentinel else "is beyond any vehicle"
-            suspects.append((a, b, SuspectKind.SENTINEL, f"{name} of {values[a]:g} {fault}"))
-        valid = ~(missing | beyond)
+            yield a, b, SuspectKind.SENTINEL, f"{name} of {values[a]:g} {fault}"
         if name in ("v", "v_left", "v_right"):
-            for a, b in _jumps(values, valid):
-                suspects.append(
-                    (a, b, SuspectKind.JUMP, f"{name} jumps to {values[a]:.2f} m/s and back")
-                )
+            for a, b in _jumps(values, ~(missing | beyond)):
+                yield a, b, SuspectKind.JUMP, f"{name} jumps to {values[a]:.2f} m/s and back"
     if name in _FREEZES:
         for a, b in _frozen(name, values, part):
             seconds = part["t"][b - 1] - part["t"][a]
             reason = f"{name} stays at exactly {values[a]:g} for {seconds:.1f} s"
-            suspects.append((a, b, SuspectKind.FROZEN, reason))
-    return suspects
+            yield a, b, SuspectKind.FROZEN, reason
 
 
 def stretches_of(mask: Bools) -> list[tuple[int, int]]:

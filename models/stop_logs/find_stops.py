@@ -10,7 +10,6 @@ Source: Braking Sec. 2 (procedure), (1).
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -21,7 +20,6 @@ from numpy.typing import NDArray
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.errors import ParameterError
-from slopewise.models.stop_logs.held_values import fresh_samples
 from slopewise.models.stop_logs.speed_floor import speed_floor
 
 STOP_COMMAND_MAX_SPEED = 0.01
@@ -58,7 +56,7 @@ class Usability(Enum):
 
     @property
     def remedy(self) -> str:
-        """What to try, so that such stops can be used."""
+        """Change of the log or its settings after which such stops can be used."""
         return _REMEDIES[self]
 
 
@@ -71,7 +69,7 @@ _REMEDIES = {
     Usability.TURNING: "brake on straights, or raise --turn-rate",
     Usability.PARTIAL: "apply the brakes fully, or hold one application",
     Usability.SLOW: "lower --least-speed",  # words: ok, an option
-    Usability.COASTED: "leave out the column brake if it is not that of these brakes",
+    Usability.COASTED: "drop the column brake if it belongs to others",
     Usability.SPARSE: "record the speed more often, or stop from higher speeds",
     Usability.SUSPECT: "record again without the samples that are listed as suspect",
 }
@@ -81,7 +79,7 @@ _REMEDIES = {
 class StopSettings:
     """Definition of a stop. Times in s, speeds in m/s."""
 
-    least_speed: float | None = None  # of a stop; None: above the log's noise floor
+    least_speed: float | None = None  # None: above the noise floor. words: ok, a key
     held_for: float = 0.2  # before the command, over which the speed is averaged
     before: float = 1.0  # how much of the log in front of the command belongs to a stop
     after: float = 1.5  # and behind standstill
@@ -89,9 +87,9 @@ class StopSettings:
     step: float = 0.7  # share of the speed that the command has to drop in one step
     turn_rate: float | None = None  # [rad/s] None: 0.35, or none where the cost of turning is known
     full_brake: float = 0.9  # application from which it counts as full
-    fewest: int = 3  # samples between onset and standstill: a line and its scatter
+    fewest: int = 2  # words: ok, a key; samples from onset to standstill
     longest: float = np.inf  # later standstills are not this stop's
-    settled: float = 0.3  # so long below `settled_speed` is standstill without a crossing
+    settled: float = 0.3  # duration below `settled_speed` that is standstill without a crossing
     settled_speed: float = 0.03  # of sensors that never read zero; more in noisier logs
     partial: bool = False  # stops at a held part of the brakes may be learned from
     uneven: float = 0.06  # how far an application may be from its median and still be held
@@ -101,17 +99,17 @@ class StopSettings:
     def __post_init__(self) -> None:
         for name in ("least_speed", "longest", "settled_speed", "turn_rate"):
             value = getattr(self, name)
-            if value is None:
-                continue
-            if not value > 0.0 or (value == np.inf and name not in ("turn_rate", "longest")):
+            is_infinite = value == np.inf and name not in ("turn_rate", "longest")
+            if value is not None and (not value > 0.0 or is_infinite):
                 raise ParameterError(name, f"a finite number > 0, got {value:g}")
-        for name, lowest in (("ramp", 0.0), ("fewest", 3)):
-            if not lowest <= getattr(self, name) < np.inf:
-                expected = f"a finite number >= {lowest:g}, got {getattr(self, name):g}"
-                raise ParameterError(name, expected)
+        for name, lowest in (("ramp", 0.0), ("fewest", 2)):
+            value = getattr(self, name)
+            if not lowest <= value < np.inf:
+                raise ParameterError(name, f"a finite number >= {lowest:g}, got {value:g}")
         for name in ("step", "full_brake"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ParameterError(name, f"a share 0 … 1, got {getattr(self, name):g}")
+            value = getattr(self, name)
+            if not 0.0 <= value <= 1.0:
+                raise ParameterError(name, f"a share 0 … 1, got {value:g}")
         if self.least_speed is not None and not self.settled_speed < self.least_speed:
             expected = f"less than the least speed of {self.least_speed:g} m/s"
             raise ParameterError("settled_speed", f"{expected}, got {self.settled_speed:g}")
@@ -119,27 +117,18 @@ class StopSettings:
 
 @dataclass(frozen=True, slots=True)
 class StopWindow:
-    """One stop as samples of its log.
+    """One stop as samples of its log."""
 
-    Attributes:
-        begin, command, standstill, end: first sample that belongs to it, the stop command, the
-            first sample at standstill (or the last of a stop cut short), one behind the last.
-        held_speed: mean speed just before the command, in the direction of travel [m/s].
-        verdict, reason: whether it may be learned from; the reason adds numbers.
-        level: application of the brakes, by the log. direction: -1 if it drove backwards.
-        is_bound: cut short, and otherwise usable: the force was no less than what it shows.
-    """
-
-    begin: int
-    command: int
-    standstill: int
-    end: int
-    held_speed: float
+    begin: int  # first sample that belongs to it
+    command: int  # the stop command
+    standstill: int  # first sample at standstill, or the last of a stop cut short
+    end: int  # one behind the last sample that belongs to it
+    held_speed: float  # mean just before the command, in the direction of travel [m/s]
     verdict: Usability
-    reason: str = ""
-    level: float = 1.0
-    direction: int = 1
-    is_bound: bool = False
+    reason: str = ""  # why it is not usable, with numbers
+    level: float = 1.0  # application of the brakes, by the log
+    direction: int = 1  # -1 if it drove backwards
+    is_bound: bool = False  # cut short, else usable: the force was no less than it shows
 
     @property
     def usable(self) -> bool:
@@ -157,6 +146,7 @@ def find_stops(
     run: slice,
     usable: Bools,
     settings: StopSettings | None = None,
+    fresh: Bools | None = None,
 ) -> list[StopWindow]:
     """Every stop of one run, usable or not.
 
@@ -166,28 +156,23 @@ def find_stops(
             applied brakes are the command.
         run: samples of the run. usable: (n,) samples that may be used, see
             :func:`slopewise.models.stop_logs.drive_quality.usable`. settings: what is a stop.
+            fresh: (n,) samples with a new value of the speed; None: all.
     """
     settings = settings or StopSettings()
     part = {name: values[run] for name, values in columns.items() if values.dtype.kind in "fiub"}
-    windows = _Search(part, usable[run], settings, 1).windows()
+    new = np.ones_like(usable[run]) if fresh is None else fresh[run]
+    windows = _Search(part, usable[run], new, settings, run.start, 1).windows()
     if np.any(part["v_cmd"] < -STOP_COMMAND_MAX_SPEED):
         part |= {"v": -part["v"], "v_cmd": -part["v_cmd"]}
-        windows += _Search(part, usable[run], settings, -1).windows()
-        windows.sort(key=lambda w: w.command)
-    return [_shifted(w, run.start) for w in windows]
-
-
-def _shifted(w: StopWindow, by: int) -> StopWindow:
-    places = {n: getattr(w, n) + by for n in ("begin", "command", "standstill", "end")}
-    return dataclasses.replace(w, **places)
+        windows += _Search(part, usable[run], new, settings, run.start, -1).windows()
+    return sorted(windows, key=lambda w: w.command)
 
 
 def application(brake: Floats | None, uneven: float) -> tuple[float, bool]:
     """Application of the brakes during a stop, and whether it is held; full without the channel.
 
-    Args:
-        brake: (n,) 0 … 1, NaN where it is missing, 0 where it is yet to come.
-        uneven: how far from the median [1].
+    ``brake`` is NaN where it is missing, 0 where it is yet to come; ``uneven``: how far from the
+    median a held one may be.
     """
     brake = brake if brake is None else brake[np.isfinite(brake) & (brake > 0.0)]
     if brake is None or not len(brake):
@@ -200,16 +185,21 @@ class _Search:
     """One run while it is searched; indices count from its first sample, ahead is positive."""
 
     def __init__(
-        self, part: Mapping[str, Floats], usable: Bools, settings: StopSettings, direction: int
+        self,
+        part: Mapping[str, Floats],
+        usable: Bools,
+        fresh: Bools,
+        settings: StopSettings,
+        offset: int,
+        direction: int,
     ) -> None:
         self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
-        self.part, self.usable, self.settings = part, usable, settings
-        self.direction = direction
+        self.part, self.usable, self.fresh, self.settings = part, usable, fresh, settings
+        self.offset, self.direction = offset, direction
         self.brake = part.get("brake")
         self.is_stop = self.v_cmd <= STOP_COMMAND_MAX_SPEED
         if self.brake is not None and np.isnan(self.v_cmd).all():
             self.is_stop = self.brake > _APPLIED
-        self.fresh = fresh_samples(self.t, self.v)
         self.floor = speed_floor(
             self.t, self.v, self.is_stop & ~(np.abs(self.v_cmd) > STOP_COMMAND_MAX_SPEED), usable
         )
@@ -264,31 +254,33 @@ class _Search:
         released = self._released(zero)
         last = int(np.searchsorted(self.t, self.t[i] + s.longest, side="right"))
         standstill = self._standstill(i, min(last, len(self.t)), held)
+        is_bound = False
         if standstill is None or standstill > released:
-            return self._cut_short(begin, i, zero, held, released, last)
-        end = min(
-            int(np.searchsorted(self.t, self.t[standstill] + s.after, side="right")), released
-        )
-        verdict, reason = self._verdict(begin, i, zero, standstill, held)
+            end = min(released, last)
+            standstill = end - 1
+            verdict = Usability.ABORTED if released < len(self.t) else Usability.UNFINISHED
+            event = "next command" if verdict is Usability.ABORTED else "end of the log"
+            after = self.t[min(end, len(self.t) - 1)] - self.t[i]
+            reason = f"{event} after {after:.2f} s, still at {self.v[standstill]:.2f} m/s"
+            if self.v[standstill] <= (1.0 - _MIN_LOST) * held:
+                is_bound = self._verdict(begin, i, zero, standstill, held)[0] is Usability.USABLE
+        else:
+            after = self.t[standstill] + s.after
+            end = min(int(np.searchsorted(self.t, after, side="right")), released)
+            end = max(end, standstill + 1)
+            verdict, reason = self._verdict(begin, i, zero, standstill, held)
         level = application(self._brake(slice(i, standstill + 1)), s.uneven)[0]
-        end = max(end, standstill + 1)
-        return StopWindow(begin, i, standstill, end, held, verdict, reason, level, self.direction)
-
-    def _cut_short(
-        self, begin: int, i: int, zero: int, held: float, released: int, last: int
-    ) -> StopWindow:
-        """A stop that ends with the next command, with the log, or with its longest time."""
-        verdict = Usability.ABORTED if released < len(self.t) else Usability.UNFINISHED
-        end = min(released, last)
-        would_be, _ = self._verdict(begin, i, zero, end - 1, held)
-        level = application(self._brake(slice(i, end)), self.settings.uneven)[0]
-        event = "next command" if verdict is Usability.ABORTED else "end of the log"
-        after = self.t[min(end, len(self.t) - 1)] - self.t[i]
-        reason = f"{event} after {after:.2f} s, still at {self.v[end - 1]:.2f} m/s"
-        lost = 1.0 - self.v[end - 1] / held
-        is_bound = would_be is Usability.USABLE and lost >= _MIN_LOST
         return StopWindow(
-            begin, i, end - 1, end, held, verdict, reason, level, self.direction, is_bound
+            self.offset + begin,
+            self.offset + i,
+            self.offset + standstill,
+            self.offset + end,
+            held,
+            verdict,
+            reason,
+            level,
+            self.direction,
+            is_bound,
         )
 
     def _standstill(self, i: int, stop: int, held: float) -> int | None:

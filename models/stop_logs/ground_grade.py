@@ -29,41 +29,29 @@ from slopewise.models.stop_logs import random_effects
 _SETTLING = (0.0, 0.03, 0.06, 0.1, 0.15, 0.22, 0.3)  # [s] time constants tried
 _DIVE_PRIOR = 0.02  # [rad s²/m] twice the dive of a soft suspension
 _MIN_SAMPLE_COUNT = 8  # samples of pitch that a stop must have
-_MIN_GRADE_COUNT = 5
-"""Grades in a stop from which a slope along it is fitted [1]; fewer give their mean."""
+_MIN_GRADE_COUNT = 5  # grades from which their own scatter is known
 _MIN_SHARE = 1e-3  # of the dive's shape that ground cannot explain
 
 
 @dataclass(frozen=True, slots=True)
 class StopPitch:
-    """Pitch around one stop.
+    """Pitch around one stop, (n,) samples."""
 
-    Attributes:
-        time: (n,) since the stop command [s], from before it to some time after standstill.
-        station: (n,) distance since the first sample [m]. pitch: (n,) [rad], nose down positive.
-        onset_time, standstill_time: start and end of braking [s]. deceleration: its mean [m/s²].
-    """
-
-    time: Floats
-    station: Floats
-    pitch: Floats
-    onset_time: float
-    standstill_time: float
-    deceleration: float
+    time: Floats  # since the stop command [s], from before it to some time after standstill
+    station: Floats  # distance since the first sample [m]
+    pitch: Floats  # [rad], nose down positive
+    onset_time: float  # start of braking [s]
+    standstill_time: float  # and its end [s]
+    deceleration: float  # its mean [m/s²]
 
 
 @dataclass(frozen=True, slots=True)
 class Dive:
-    """How the body pitches under braking.
+    """How the body pitches under braking."""
 
-    Attributes:
-        per_deceleration: [rad per m/s²], its standard deviation ``std``.
-        settling: time constant of the suspension [s].
-    """
-
-    per_deceleration: float = 0.0
-    std: float = _DIVE_PRIOR
-    settling: float = 0.0
+    per_deceleration: float = 0.0  # [rad per m/s²]
+    std: float = _DIVE_PRIOR  # of it
+    settling: float = 0.0  # time constant of the suspension [s]
 
     @property
     def steeper(self) -> float:
@@ -152,10 +140,7 @@ def shrunk(grade: Floats, noise: Floats) -> Floats:
 
     An error of the grade is also one of the gravity-free force, with the opposite sign. On ground
     that is level within the noise, a regression on the measured grades would find these errors and
-    a slope coefficient near −1. Slopes well beyond the noise are not changed.
-
-    Args:
-        grade: (n,) [rad]. noise: (n,) standard deviations [rad].
+    a slope coefficient near −1. Slopes well beyond the noise (n,) [rad] are not changed.
     """
     n = len(grade)
     if n < _MIN_GRADE_COUNT:

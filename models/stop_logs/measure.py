@@ -32,73 +32,60 @@ Slope = Callable[[float], float]
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Stops with their ground, and what they share.
+    """Stops with their ground, and what they share."""
 
-    Attributes:
-        records: stops that could be measured, in order. unmeasured: those that could not.
-        dead_time: dead time of the brakes. by_dead_time: (n,) change of each force with it [1/s].
-        dive, swing: of the body. bounds: stops cut short, whose force was at least as measured.
-    """
-
-    records: tuple[StopRecord, ...]
+    records: tuple[StopRecord, ...]  # stops that could be measured, in order
     unmeasured: tuple[StopSamples, ...]
     dead_time: DeadTime
-    by_dead_time: Floats
-    dive: Dive
-    swing: Swing | None = None
-    bounds: tuple[StopRecord, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Body:
-    """How the body dives and swings under braking."""
-
+    by_dead_time: Floats  # (n,) change of each force with it [1/s]
     dive: Dive
     swing: Swing | None
+    bounds: tuple[StopRecord, ...] = ()  # cut short: the force was at least as measured
 
 
 def measure(
     stops: Sequence[StopSamples],
     mount: Mount,
     slope: Slope,
-    body: Body | None = None,
+    body: tuple[Dive, Swing | None] | None = None,
     cut_short: Sequence[StopSamples] = (),
 ) -> Measured:
     """Measure stops.
 
     Args:
-        stops: samples extracted from the log.
+        stops: samples of whole stops. cut_short: samples of stops that bound the force from below.
         mount: offset of the pitch sensor.
         slope: current estimate; it only matters where the grade varies along a stop.
-        body: if it is known already, such as from an earlier call.
-        cut_short: stops that bound the force from below.
+        body: its dive and swing, if they are known already, such as from an earlier call.
     """
     # The dive is in proportion to the deceleration, which the first knees give.
     first = _first_knees(stops, mount, slope)
-    dive = _dive(stops, first) if body is None else body.dive
+    dive = _dive(stops, first) if body is None else body[0]
     grounds = [_ground(s, k, mount, dive) for s, k in zip(stops, first, strict=True)]
     held = held_weights(first, speed_noise([knee for knee in first if knee is not None])).tolist()
 
     def knee_of(i: int, swing: Swing | None) -> Knee | None:
         return _knee(stops[i], grounds[i], slope, held[i], swing)
 
-    if body is None:
-        swing = swing_of(stops, grounds, knee_of)
-    else:
-        swing = body.swing
+    swing = swing_of(stops, grounds, knee_of) if body is None else body[1]
     knees = [knee_of(i, swing) for i in range(len(stops))]
-    usable = [i for i, knee in enumerate(knees) if knee is not None]
     missing = tuple(stop for stop, knee in zip(stops, knees, strict=True) if knee is None)
-    if not usable:
+    fitted = _with_knees(stops, grounds, knees)
+    if not fitted:
         return Measured((), missing, DeadTime(0.0, 0.0, 0.0), np.empty(0), dive, swing)
-    measured = [knee for knee in knees if knee is not None]
+    measured = [knee for _, _, knee in fitted]
     noise = speed_noise(measured)
     common = dead_time(measured, noise)
     seen = np.array([knee.mean_grade for knee in measured])
-    grade = shrunk(seen, _grade_noise([stops[i] for i in usable]))
-    on_ground = [(stops[i], grounds[i]) for i in usable]
-    records, by_dead_time = _records(on_ground, measured, grade, noise, common)
-    bounds = _bounds(cut_short, mount, slope, Body(dive, swing), common)
+    grade = shrunk(seen, _grade_noise([stop for stop, _, _ in fitted]))
+    records, by_dead_time = _records(fitted, grade, noise, common)
+
+    first = _first_knees(cut_short, mount, slope)
+    grounds = [_ground(s, k, mount, dive) for s, k in zip(cut_short, first, strict=True)]
+    knees = [_knee(s, g, slope, HELD, swing) for s, g in zip(cut_short, grounds, strict=True)]
+    short = _with_knees(cut_short, grounds, knees)
+    seen = np.array([knee.mean_grade for _, _, knee in short])
+    bounds = _records(short, seen, speed_noise([knee for _, _, knee in short]), common)[0]
     return Measured(records, missing, common, by_dead_time, dive, swing, bounds)
 
 
@@ -106,40 +93,29 @@ def _first_knees(stops: Sequence[StopSamples], mount: Mount, slope: Slope) -> li
     return [_knee(stop, _ground(stop, None, mount, Dive()), slope) for stop in stops]
 
 
+_Fitted = list[tuple[StopSamples, Floats, Knee]]
+
+
+def _with_knees(
+    stops: Sequence[StopSamples], grounds: Sequence[Floats], knees: Sequence[Knee | None]
+) -> _Fitted:
+    return [(s, g, k) for s, g, k in zip(stops, grounds, knees, strict=True) if k is not None]
+
+
 def _records(
-    on_ground: Sequence[tuple[StopSamples, Floats]],
-    knees: Sequence[Knee],
-    grade: Floats,
-    noise: Floats,
-    common: DeadTime,
+    fitted: _Fitted, grade: Floats, noise: Floats, common: DeadTime
 ) -> tuple[tuple[StopRecord, ...], Floats]:
-    """Records of the stops on their ground, and the change of their forces with the dead time."""
+    """Records of stops on their ground, and the change of their forces with the dead time."""
+    if not fitted:
+        return (), np.empty(0)
+    knees = [knee for _, _, knee in fitted]
     sharp = sharpen(knees, noise, common)
     seen = np.array([knee.mean_grade for knee in knees])
     force = sharp.force_ratio + np.sin(seen) - np.sin(grade)
     numbers = np.column_stack((noise, sharp.onset_speed, grade, force, sharp.force_std)).tolist()
-    rows = zip(on_ground, knees, numbers, strict=True)
-    records = tuple(StopRecord(stop, knee, ground, *row) for (stop, ground), knee, row in rows)
+    rows = zip(fitted, numbers, strict=True)
+    records = tuple(StopRecord(stop, knee, ground, *row) for (stop, ground, knee), row in rows)
     return records, sharp.by_dead_time
-
-
-def _bounds(
-    stops: Sequence[StopSamples], mount: Mount, slope: Slope, body: Body, common: DeadTime
-) -> tuple[StopRecord, ...]:
-    """Records of stops cut short, with the dead time of the others."""
-    first = _first_knees(stops, mount, slope)
-    grounds = [_ground(s, k, mount, body.dive) for s, k in zip(stops, first, strict=True)]
-    fitted = [
-        (stop, ground, knee)
-        for stop, ground in zip(stops, grounds, strict=True)
-        if (knee := _knee(stop, ground, slope, HELD, body.swing)) is not None
-    ]
-    if not fitted:
-        return ()
-    knees = [knee for _, _, knee in fitted]
-    grade = np.array([knee.mean_grade for knee in knees])
-    on_ground = [(stop, ground) for stop, ground, _ in fitted]
-    return _records(on_ground, knees, grade, speed_noise(knees), common)[0]
 
 
 def _grade_noise(stops: Sequence[StopSamples]) -> Floats:
@@ -223,9 +199,7 @@ def _knee(
     swing: Swing | None = None,
 ) -> Knee | None:
     new, at = stop.fresh, slope(stop.window.held_speed)
-    time, speed, grade = stop.time, stop.speed, ground
-    if swing is not None and swing.height and stop.pitch_rate is not None:
-        speed = speed + swing.height * stop.pitch_rate
+    time, speed, grade = stop.time, stop.of_body(swing), ground
     if not new.all():
         time, speed, grade = time[new], speed[new], grade[new]
     return fit_knee(time, speed, grade, stop.standstill_time, at, held, swing)

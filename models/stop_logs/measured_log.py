@@ -10,19 +10,19 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.arrays import Bools, Floats
+from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
 from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, Usability, find_stops
 from slopewise.models.stop_logs.held_values import fresh_samples, held_period
-from slopewise.models.stop_logs.measure import Body, Measured, Slope, measure
+from slopewise.models.stop_logs.measure import Measured, Slope, measure
 from slopewise.models.stop_logs.mount_of_log import mount_of_log
 from slopewise.models.stop_logs.mount_offset import Mount
 from slopewise.models.stop_logs.stop_record import StopSamples, cut
@@ -32,54 +32,23 @@ _A_STOP = (
     "stands"
 )
 
+_NO_KNEE = "show no force: record the speed more often, or stop from higher speeds"
+
 Estimate = Callable[[Measured, Mount], tuple[Mount, Slope] | None]
 """Mount and slope coefficient for a second measurement, from the first one and the mount of the
 log; None to keep the first."""
 
 
 @dataclass(frozen=True, slots=True)
-class StopDistance:
-    """Distance of one stop, whether its force could be measured or not.
-
-    Attributes:
-        speed: at the stop command [m/s]. distance: from the command to standstill, or to the cut
-            [m]. mean_grade: of the ground, over that distance [rad].
-        brake_level: application [1], NaN if it is not in the log.
-        run, session, surface: names, "" where the log has none.
-        cut_short: it did not reach standstill, but still drove `speed_left` [m/s].
-        time: of the stop command [s].
-    """
-
-    speed: float
-    distance: float
-    mean_grade: float
-    brake_level: float
-    run: str
-    session: str
-    surface: str
-    cut_short: bool
-    speed_left: float
-    time: float
-
-
-@dataclass(frozen=True, slots=True)
 class MeasuredLog:
-    """The measured stops of a log, before anything is fitted to their forces.
-
-    Attributes:
-        measured: stops with grade, force and dead time.
-        mount: offset of the pitch sensor, subtracted from the grades.
-        windows: every stop of the log, usable or not. suspects: excluded stretches.
-        others: stops without a force of their own: cut short, or with too few samples.
-        notes: sentences on how the log had to be read.
-    """
+    """The measured stops of a log, before anything is fitted to their forces."""
 
     measured: Measured
-    mount: Mount
-    windows: tuple[StopWindow, ...]
-    suspects: tuple[Suspect, ...]
-    others: tuple[StopSamples, ...] = ()
-    notes: tuple[str, ...] = ()
+    mount: Mount  # of the pitch sensor, subtracted from the grades
+    windows: tuple[StopWindow, ...]  # every stop, usable or not
+    suspects: tuple[Suspect, ...]  # excluded stretches
+    sparse: tuple[StopSamples, ...]  # stops with too few samples for a force
+    notes: tuple[str, ...]  # sentences on how the log was read
 
     @property
     def usable(self) -> int:
@@ -87,30 +56,19 @@ class MeasuredLog:
         return sum(w.usable for w in self.windows)
 
     @property
-    def distances(self) -> tuple[StopDistance, ...]:
-        """Every stop whose distance is known, in the order of the log; a bound where cut short."""
-        grades = [(r.samples, r.mean_grade) for r in self.measured.records]
-        for s in (*self.measured.unmeasured, *self.others):
-            by_pitch = s.window.direction * self.mount.offset - s.pitch
-            by_pitch /= self.measured.dive.steeper
-            known = s.grade is not None and np.isfinite(s.grade).all()
-            grades.append((s, s.mean_of(s.grade if known and s.grade is not None else by_pitch)))
-        grades.sort(key=lambda row: row[0].window.command)
-        return tuple(
-            StopDistance(
-                s.window.held_speed,
-                s.distance,
-                grade,
-                s.brake_level,
-                s.run,
-                s.session,
-                s.terrain,
-                s.window.cut_short,
-                s.speed_left,
-                s.clock,
-            )
-            for s, grade in grades
-        )
+    def distances(self) -> tuple[tuple[StopSamples, float], ...]:
+        """Every straight stop whose distance is known, and its mean grade from the command on.
+
+        Its force may be unknown; those cut short are included, and marked so.
+        """
+        records = (*self.measured.records, *self.measured.bounds)
+        rows = [(r.samples, r.mean_grade) for r in records]
+        for s in (*self.measured.unmeasured, *self.sparse):
+            ground = (s.window.direction * self.mount.offset - s.pitch) / self.measured.dive.steeper
+            if s.grade is not None:
+                ground = np.where(np.isfinite(s.grade), s.grade, ground)
+            rows.append((s, s.mean_of(ground)))
+        return tuple(sorted(rows, key=lambda row: row[0].window.command))
 
 
 def is_mapped(ground: Floats | None) -> bool:
@@ -131,12 +89,10 @@ def measure_stops(
     """Find and measure the stops of a log.
 
     Args:
-        columns: channels of a drive log, (n,): ``t`` [s], ``v``, ``v_cmd`` [m/s], ``pitch`` [rad]
-            and what else it has. runs: samples of each run.
+        columns: channels of a drive log, (n,). runs: samples of each run.
         slope: current estimate of the coefficient; it matters where the grade varies along a stop.
         estimate: of mount and slope, for a second measurement.
         ground: (n,) grade of the ground by a map [rad], NaN where unknown; None without a map.
-        settings: definition of a stop. min_count: smallest number of usable stops.
 
     Raises:
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
@@ -144,48 +100,35 @@ def measure_stops(
     suspects = find_suspects(columns, runs)
     matter = ["v", "v_cmd"] if is_mapped(ground) else ["v", "v_cmd", "pitch"]
     is_usable = usable(len(columns["t"]), suspects, matter)
-    windows, notes = _windows(columns, runs, is_usable, settings or StopSettings(), min_count)
-    fresh, slow = _fresh(columns, runs)
-    stops = [cut(columns, w, ground, fresh) for w in windows if w.usable]
+    fresh = fresh_samples(columns, runs)
+
+    def search(how: StopSettings) -> tuple[StopWindow, ...]:
+        return tuple(w for run in runs for w in find_stops(columns, run, is_usable, how, fresh))
+
+    windows, notes = _windows(search, settings or StopSettings(), min_count)
+
+    def samples(chosen: Iterable[StopWindow]) -> list[StopSamples]:
+        return [cut(columns, w, ground, fresh) for w in chosen]
 
     def refuse_few(count: int) -> None:
         if count < min_count:
             message = too_few(min_count, count, windows)
+            unmeasured = sum(w.usable for w in windows) - count
+            message += f"; {unmeasured} usable ones {_NO_KNEE}" if unmeasured else ""
             raise ParameterError("stops", _reason(message, columns, windows, suspects))
 
+    stops = samples(w for w in windows if w.usable)
     refuse_few(len(stops))
-    bounds = [cut(columns, w, ground, fresh) for w in windows if w.is_bound]
+    bounds = samples(w for w in windows if w.is_bound)
     measured, mount = measure(stops, Mount(), slope, None, bounds), Mount()
     refuse_few(len(measured.records))
     again = estimate(measured, mount_of_log(columns, runs, is_usable, ground, measured))
     if again is not None:
         mount, slope = again
-        body = Body(measured.dive, measured.swing)
-        measured = measure(stops, mount, slope, body, bounds)
-    sparse = [cut(columns, w, ground, fresh) for w in windows if w.verdict is Usability.SPARSE]
-    notes = (*notes, *slow, *_told(measured))
-    return MeasuredLog(measured, mount, windows, suspects, (*bounds, *sparse), notes)
-
-
-def _windows(
-    columns: Mapping[str, NDArray[Any]],
-    runs: Sequence[slice],
-    is_usable: Bools,
-    settings: StopSettings,
-    min_count: int,
-) -> tuple[tuple[StopWindow, ...], tuple[str, ...]]:
-    """Stops, with ramps and then reversals among them where the others are too few."""
-    windows = without = _found(columns, runs, is_usable, settings)
-    notes: tuple[str, ...] = ()
-    for name, verdict in (("ramps", Usability.RAMPED), ("reversals", Usability.REVERSED)):
-        if sum(w.usable for w in windows) >= min_count:
-            break
-        count = sum(w.verdict is verdict for w in windows)
-        if count:
-            settings = dataclasses.replace(settings, **{name: True})
-            windows = _found(columns, runs, is_usable, settings)
-            notes = (*notes, _BY_OTHER_COMMANDS[verdict].format(count, len(windows)))
-    return (windows, notes) if sum(w.usable for w in windows) >= min_count else (without, ())
+        measured = measure(stops, mount, slope, (measured.dive, measured.swing), bounds)
+    sparse = tuple(samples(w for w in windows if w.verdict is Usability.SPARSE))
+    notes = (*notes, *_slow_sensor(columns, runs), *_findings(measured))
+    return MeasuredLog(measured, mount, windows, suspects, sparse, notes)
 
 
 _BY_OTHER_COMMANDS = {
@@ -196,43 +139,39 @@ _BY_OTHER_COMMANDS = {
 }
 
 
-def _found(
-    columns: Mapping[str, NDArray[Any]],
-    runs: Sequence[slice],
-    is_usable: Bools,
-    settings: StopSettings,
-) -> tuple[StopWindow, ...]:
-    return tuple(w for run in runs for w in find_stops(columns, run, is_usable, settings))
+def _windows(
+    search: Callable[[StopSettings], tuple[StopWindow, ...]], settings: StopSettings, min_count: int
+) -> tuple[tuple[StopWindow, ...], tuple[str, ...]]:
+    """Stops, with ramps and then reversals among them where the others are too few."""
+    windows = steps = search(settings)
+    notes: tuple[str, ...] = ()
+    for name, verdict in (("ramps", Usability.RAMPED), ("reversals", Usability.REVERSED)):
+        count = sum(w.verdict is verdict for w in windows)
+        if count and sum(w.usable for w in windows) < min_count:
+            settings = dataclasses.replace(settings, **{name: True})
+            windows = search(settings)
+            notes = (*notes, _BY_OTHER_COMMANDS[verdict].format(count, len(windows)))
+    return (windows, notes) if sum(w.usable for w in windows) >= min_count else (steps, ())
 
 
-def _fresh(
-    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]
-) -> tuple[Bools, tuple[str, ...]]:
-    """(n,) samples with a new value of the speed, and a note where others repeat it."""
-    fresh = np.ones(len(columns["t"]), np.bool_)
-    periods, rows = [], []
-    for run in runs:
-        t, v = columns["t"][run], columns["v"][run]
-        fresh[run] = fresh_samples(t, v)
-        if period := held_period(t, v):
-            periods.append(period)
-            rows.append(float(np.median(np.diff(t))))
-    if len(periods) <= len(runs) / 2:
-        return fresh, ()
-    every = f"{np.median(periods):.3g} s, in rows every {np.median(rows):.3g} s"
-    return fresh, (f"v has a new value every {every}: rows that repeat it are not counted",)
+def _slow_sensor(columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]) -> tuple[str, ...]:
+    period = held_period(columns, runs)
+    if not period:
+        return ()
+    step = float(np.median(np.diff(columns["t"])))
+    every = f"a new value every {period:.3g} s, in rows every {step:.3g} s"
+    return (f"v has {every}: rows that repeat it are not counted",)
 
 
-def _told(measured: Measured) -> tuple[str, ...]:
+def _findings(measured: Measured) -> tuple[str, ...]:
     """Notes on the body's swing and on stops cut short."""
     notes = []
     if (swing := measured.swing) is not None:
         how = f"{swing.height:.2f} m times the pitch rate"
         if swing.gain:
             how = f"springs of {swing.frequency / (2.0 * np.pi):.1f} Hz"
-        notes.append(f"the body swings on its springs while it brakes: taken out of v as {how}")
-    if measured.bounds:
-        count = len(measured.bounds)
+        notes.append(f"the body swings on its springs while it brakes: removed from v as {how}")
+    if count := len(measured.bounds):
         notes.append(f"{count} stops were cut short: the force is no less than what they show")
     return tuple(notes)
 

@@ -27,13 +27,7 @@ def mount_of_log(
     ground: Floats | None,
     measured: Measured,
 ) -> Mount:
-    """Offset of the pitch sensor, unknown if no channel determines it.
-
-    Args:
-        columns: channels of a drive log, (n,). runs: samples of each run.
-        usable: (n,) samples that may be used. ground: (n,) grade by a map [rad], None without.
-        measured: stops with the dive of the body.
-    """
+    """Offset of the pitch sensor, unknown if no channel shows it; ground: grade by a map [rad]."""
     pitch = np.array(columns["pitch"], np.float64)
     use = np.zeros(len(pitch), np.bool_)
     heights = np.full(len(pitch), np.nan)
@@ -57,9 +51,8 @@ def mount_of_log(
         if window.direction < 0:  # its pitch is that of the other direction
             continue
         part = slice(window.begin, window.standstill)
-        pitch[part] -= dive_pitch(record.samples, record.knee, measured.dive)[
-            : window.standstill - window.begin
-        ]
+        dive = dive_pitch(record.samples, record.knee, measured.dive)
+        pitch[part] -= dive[: window.standstill - window.begin]
         use[window.command : window.standstill] = True
     use &= usable
     if ground is not None:

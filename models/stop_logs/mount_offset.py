@@ -23,8 +23,7 @@ TYPICAL_MOUNTING_STD = 0.5 * np.pi / 180.0
 _CELL = 2.0  # [m] ground within is a plane
 _STEADY = 0.5  # [m/s²] harder braking or drive pitches the body
 _MIN_STEP = 1.0  # [m]
-_MIN_SAMPLE_COUNT = 20
-"""Samples from which a mount offset is estimated [1]."""
+_MIN_SAMPLE_COUNT = 20  # from which a mount offset is estimated
 _BLOCKS = 40
 """Blocks whose medians give the offset's error [1]: blocks, since neighbouring samples share
 errors."""
@@ -32,11 +31,11 @@ errors."""
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """The offset [rad], nose down positive, its standard deviation, and where it is known from."""
+    """Offset of a pitch sensor."""
 
-    offset: float = 0.0
+    offset: float = 0.0  # [rad], nose down positive
     std: float = TYPICAL_MOUNTING_STD
-    source: str = ""
+    source: str = ""  # what determined it, "" if nothing did
 
     @property
     def known(self) -> bool:
@@ -95,10 +94,7 @@ def from_headings(pitch: Floats, x: Floats, y: Floats, heading: Floats, use: Boo
 
     In each cell pitch = −(g_x cos ψ + g_y sin ψ) + offset with its own slopes g; the offset is what
     all cells share. A cell that was driven in one direction only carries no information.
-
-    Args:
-        pitch, heading: (n,) [rad]. x, y: (n,) positions [m].
-        use: (n,) steady samples, see :func:`steady`.
+    ``use``: steady samples, see :func:`steady`; pitch and heading in rad, positions in m.
     """
     use = use & np.isfinite(pitch) & np.isfinite(x) & np.isfinite(y) & np.isfinite(heading)
     if int(use.sum()) < _MIN_SAMPLE_COUNT:

@@ -25,8 +25,7 @@ _COARSE, _FINE = 24, 12  # onset times tried
 _EARLIEST = -0.05  # [s] commands are logged up to a sample late
 _LOW = 0.05  # share of the held speed below which sensors and brakes do other things
 _EARLY = 0.05  # [s] noise makes the speed cross zero that much too early
-_MIN_SAMPLE_COUNT = 3
-"""Samples after the onset that a slope of the speed needs [1]."""
+_MIN_SAMPLE_COUNT = 2  # after the onset, for a slope of the speed; earlier ones show the noise
 _STILL_FAST = 0.7  # share of the held speed that the vehicle has at the onset, at least
 
 
@@ -36,16 +35,12 @@ class Swing:
 
     The wheels are ahead of the body's fall by the deceleration times ``lead``: the response of a
     damped oscillator to the brakes. Where the pitch rate is logged, by ``height`` times that.
-
-    Attributes:
-        gain: height of the body above its pitch axis times the dive [s²].
-        frequency: natural frequency [rad/s]. damping: ratio, below 1. height: [m].
     """
 
-    gain: float = 0.0
-    frequency: float = 1.0
-    damping: float = 0.5
-    height: float = 0.0
+    gain: float = 0.0  # height of the body above its pitch axis times the dive [s²]
+    frequency: float = 1.0  # natural frequency [rad/s]
+    damping: float = 0.5  # ratio, below 1
+    height: float = 0.0  # of the body above its pitch axis [m]
 
     def lead(self, since: Floats) -> Floats:
         """Time by which the wheels are ahead, at times after the onset [s]; 0 before it."""
@@ -58,29 +53,19 @@ class Swing:
 
 @dataclass(frozen=True, slots=True)
 class Knee:
-    """One stop in numbers.
+    """One stop in numbers; variances are those for a speed noise of 1 m/s."""
 
-    Attributes:
-        onset_speed: v_i [m/s]. onset_time: since the stop command [s].
-        force_ratio: F_b/W at the mean grade of the braking.
-        covariance: (3, 3) of onset_speed, onset_time, force_ratio for a speed noise of 1 m/s.
-        rms: root mean square of the residuals [m/s]. correlation: between consecutive residuals.
-        samples: number of them. mean_grade: time average of θ from onset to standstill [rad].
-        creep: change of the held speed before the onset [m/s²]. creep_variance: its variance for a
-            speed noise of 1 m/s. held_weight: it was fitted with [s²].
-    """
-
-    onset_speed: float
-    onset_time: float
-    force_ratio: float
-    covariance: Floats
-    rms: float
-    correlation: float
-    samples: int
-    mean_grade: float
-    creep: float
+    onset_speed: float  # v_i [m/s]
+    onset_time: float  # since the stop command [s]
+    force_ratio: float  # F_b/W at the mean grade of the braking
+    covariance: Floats  # (3, 3) of onset_speed, onset_time, force_ratio
+    rms: float  # root mean square of the residuals [m/s]
+    correlation: float  # between consecutive residuals
+    samples: int  # that were fitted
+    mean_grade: float  # time average of θ from onset to standstill [rad]
+    creep: float  # change of the held speed before the onset [m/s²]
     creep_variance: float
-    held_weight: float = HELD
+    held_weight: float = HELD  # that it was fitted with [s²]
 
 
 def fit_knee(
@@ -92,19 +77,15 @@ def fit_knee(
     held_weight: float = HELD,
     swing: Swing | None = None,
 ) -> Knee | None:
-    """Least squares of held speed, knee and fall.
+    """Least squares of held speed, knee and fall; None with too few samples, or without a fall.
 
     Args:
         time: (n,) since the stop command [s], increasing, from before it to standstill or after.
         speed: (n,) [m/s]. grade: (n,) θ of the ground [rad], uphill positive.
-        standstill_time: time of the first zero crossing since the command [s].
-        slope: change of F_b/W with grade, m v_i + b, current estimate; it matters where the
-            grade varies along the stop.
-        held_weight: weight of the evidence that held speeds are held: (speed noise over the
-            standard deviation of the creep)² [s²].
-
-    Returns:
-        None where there are too few samples or the speed does not fall.
+        standstill_time: first zero crossing since the command [s].
+        slope: change of F_b/W with grade; it matters where the grade varies along the stop.
+        held_weight: (speed noise over the standard deviation of the creep)² [s²], the weight
+            of the evidence that held speeds are held.
     """
     level = float(np.mean(speed[time <= 0.0])) if (time <= 0.0).any() else float(speed[0])
     fast = np.flatnonzero((time <= standstill_time) & (speed >= _STILL_FAST * level))
@@ -198,17 +179,14 @@ def _cumulative(time: Floats, values: Floats) -> Floats:
 class _Solved(NamedTuple):
     """Held speed, creep before the onset and force for each of K onset times.
 
-    Attributes:
-        before, fall: (K, n) columns of the design next to one of ones: time before the onset [s],
-            speed that gravity takes after it [m/s].
-        solution: (K, 3). residual: (K, n) [m/s]. cost: (K,) [m²/s²].
+    The columns of the design are one of ones, ``before`` and ``fall``.
     """
 
-    before: Floats
-    fall: Floats
-    solution: Floats
-    residual: Floats
-    cost: Floats
+    before: Floats  # (K, n) time before the onset [s]
+    fall: Floats  # (K, n) speed that gravity takes after it [m/s]
+    solution: Floats  # (K, 3)
+    residual: Floats  # (K, n) [m/s]
+    cost: Floats  # (K,) [m²/s²]
 
 
 def _solve(t: Floats, v: Floats, pull: _Pull, onset: Floats, standstill_time: float) -> _Solved:
@@ -246,22 +224,15 @@ def _jacobian(solved: _Solved, t: Floats, pull: _Pull, onset: float) -> Floats:
 
 
 def residuals(
-    knee: Knee,
-    time: Floats,
-    speed: Floats,
-    grade: Floats,
-    standstill_time: float,
-    swing: Swing | None,
+    knee: Knee, time: Floats, speed: Floats, grade: Floats, swing: Swing | None
 ) -> tuple[Floats, Floats, Floats]:
-    """Residuals of a stop that :func:`fit_knee` fitted, on ground of one grade.
+    """Time since the onset (n,) [s], residuals (n,) [m/s] of a fit, and what it follows (n, 4).
 
-    Returns:
-        (n,) time since the onset [s], (n,) residual [m/s], (n, 4) orthonormal columns of what the
-        fit follows.
+    The latter are orthonormal columns; arguments as of :func:`fit_knee`, on ground of one grade.
     """
     pull = _Pull(time, grade, 0.0, knee.held_weight, swing)
     t, v = time[: knee.samples], speed[: knee.samples]
-    solved = _solve(t, v, pull, np.array([knee.onset_time]), standstill_time)
+    solved = _solve(t, v, pull, np.array([knee.onset_time]), float(t[-1]))
     follows, _ = np.linalg.qr(_jacobian(solved, t, pull, knee.onset_time).T)
     return t - knee.onset_time, solved.residual[0], follows
 

@@ -8,6 +8,7 @@ the residuals show (Knapp and Hartung 2003).
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +18,9 @@ from scipy.stats import norm
 from slopewise.models.arrays import Bools, Floats
 
 _REJECT = 4.0  # standard deviations: one good observation in 16,000 is lost
-_PASSES = 20
-"""Iterations of mean and spread at most [1]; it ends by its tolerance."""
-_MAD = 1.4826
-"""Standard deviation of a normal law over its median absolute deviation [1]."""
+_PASSES = 20  # iterations of mean and spread at most; it ends by its tolerance
+_MAD = 1.4826  # standard deviation of a normal law over its median absolute deviation
+_BY_OBSERVATION = ("kept", "residuals", "variance", "gain")
 _MAX_REJECTED_SHARE = 0.4
 """Share of values that may be rejected as outliers [1]: below the half at which a median breaks
 down."""
@@ -28,23 +28,15 @@ down."""
 
 @dataclass(frozen=True, slots=True)
 class LinearFit:
-    """Coefficients of y = X β with what is known of them.
+    """Coefficients of y = X β with what is known of them."""
 
-    Attributes:
-        coefficients: (p,). covariance: (p, p).
-        scatter: standard deviation from observation to observation beyond the measurement noise.
-        kept: (n,) observations that the fit rests on.
-        residuals: (n,) y − X β of all. variance: (n,) measurement noise and scatter together.
-        gain: (p, n) change of the coefficients with each observation, 0 for rejected ones.
-    """
-
-    coefficients: Floats
-    covariance: Floats
-    scatter: float
-    kept: Bools
-    residuals: Floats
-    variance: Floats
-    gain: Floats
+    coefficients: Floats  # (p,)
+    covariance: Floats  # (p, p)
+    scatter: float  # standard deviation of observations beyond the measurement noise
+    kept: Bools  # words: ok, (n,) observations that the fit rests on
+    residuals: Floats  # (n,) y − X β of all
+    variance: Floats  # (n,) measurement noise and scatter together
+    gain: Floats  # (p, n) change of the coefficients with each observation, 0 for rejected ones
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,41 +58,29 @@ def fit_with_bounds(
 ) -> LinearFit:
     """Fit as :func:`fit`, raised to lower bounds that it would clearly contradict.
 
-    A bound that the fit obeys says nothing, so that many of them do not add up; one far beyond
+    A bound that the fit obeys is ignored, so that many of them do not add up; one far beyond
     any observation is an error.
     """
     result = fit(design, observed, noise, prior_mean, prior_covariance)
-    broken: Bools | None = None
-    # Of so many bounds, noise alone lifts one beyond that in two logs.
-    sure = 0.0 if bounds is None else float(norm.isf(0.5 / (len(bounds.observed) + 1.0)))
-    while bounds is not None:
+    if bounds is None:
+        return result
+    n, broken = len(observed), np.zeros(len(bounds.observed), np.bool_)
+    # With this number of bounds, noise alone lifts one beyond that in two logs.
+    z_score = float(norm.isf(0.5 / (len(broken) + 1.0)))
+    while True:
         std = np.hypot(bounds.noise, result.scatter)
-        least = bounds.observed - sure * std
-        short = least - bounds.design @ result.coefficients
-        now = (short > 0.0) & (short <= _REJECT * std)
-        if broken is not None:
-            now |= broken  # once it counts it goes on to, so that this ends
-        if not now.any() or (broken is not None and (now == broken).all()):
-            break
+        lowest = bounds.observed - z_score * std
+        short = lowest - bounds.design @ result.coefficients
+        now = broken | ((short > 0.0) & (short <= _REJECT * std))
+        if (now == broken).all():
+            return result
         broken = now
-        both = fit(
-            np.concatenate((design, bounds.design[now])),
-            np.concatenate((observed, least[now])),
-            np.concatenate((noise, std[now])),
-            prior_mean,
-            prior_covariance,
-        )
-        n = len(observed)
-        result = LinearFit(
-            both.coefficients,
-            both.covariance,
-            both.scatter,
-            both.kept[:n],
-            both.residuals[:n],
-            both.variance[:n],
-            both.gain[:, :n],
-        )
-    return result
+        design_too = np.concatenate((design, bounds.design[now]))
+        observed_too = np.concatenate((observed, lowest[now]))
+        noise_too = np.concatenate((noise, std[now]))
+        joint = fit(design_too, observed_too, noise_too, prior_mean, prior_covariance)
+        rows = {name: getattr(joint, name)[..., :n] for name in _BY_OBSERVATION}
+        result = dataclasses.replace(joint, **rows)
 
 
 def fit(
@@ -114,10 +94,8 @@ def fit(
 ) -> LinearFit:
     """Fit with a weak prior, which decides only where the observations carry no information.
 
-    Args:
-        design: (n, p). observed: (n,). noise: (n,) standard deviations of the measurement.
-        prior_mean: (p,). prior_covariance: (p, p), positive definite.
-        reject: standard deviations from which an observation is rejected.
+    ``noise``: (n,) standard deviations of the measurement; ``reject``: those from which one is
+    rejected.
     """
     information: Floats = np.asarray(np.linalg.inv(prior_covariance), np.float64)
     start = _start(design, observed, noise, prior_mean, information)
@@ -181,22 +159,9 @@ def _scatter(design: Floats, observed: Floats, noise: Floats, info: Floats, mean
         quadratic = residual @ (residual / variance) + shift @ info @ shift
         return float(np.sum(np.log(variance)) - np.linalg.slogdet(covariance)[1] + quadratic)
 
-    typical = max(
-        float(
-            np.std(
-                observed
-                - design
-                @ _solve(
-                    design,
-                    observed,
-                    np.full(len(noise), float(np.median(noise)) ** 2 + 1e-12),
-                    info,
-                    mean,
-                )[0]
-            )
-        ),
-        1e-9,
-    )
+    even = np.full(len(noise), float(np.median(noise)) ** 2 + 1e-12)
+    left = observed - design @ _solve(design, observed, even, info, mean)[0]
+    typical = max(float(np.std(left)), 1e-9)
     low, high = np.log(1e-3 * typical), np.log(10.0 * typical)
     best = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-3})
     return float(np.exp(best.x))
@@ -218,12 +183,5 @@ def _result(
     shown = float(np.sum(residuals[kept] ** 2 / variance[kept])) / freedom
     gain = np.zeros((design.shape[1], len(observed)))
     gain[:, kept] = covariance @ (design[kept] / variance[kept][:, None]).T
-    return LinearFit(
-        beta,
-        covariance * max(shown, 1.0),
-        scatter,
-        kept,
-        residuals,
-        variance * max(shown, 1.0),
-        gain,
-    )
+    shown = max(shown, 1.0)
+    return LinearFit(beta, covariance * shown, scatter, kept, residuals, variance * shown, gain)

@@ -12,22 +12,14 @@ from slopewise.models.arrays import Floats
 from slopewise.models.stop_logs.find_stops import StopWindow
 
 _BEFORE = 1.0  # [s] examined
-_SUNK = 0.95
-"""Share of its largest value there that the last command before 0 has at most."""
-
-_MIN_SHARE = 0.5
-"""Share of the stops from which it is reported [1]."""
+_SUNK = 0.95  # share of its largest value there that the last command before 0 has at most
+_MIN_SHARE = 0.5  # of the stops, from which it is reported
 
 
 def sinking_commands(
     columns: Mapping[str, NDArray[Any]], windows: Sequence[StopWindow]
 ) -> tuple[str, ...]:
-    """Warning where the command sank gradually in most usable stops, else empty.
-
-    Args:
-        columns: channels of a drive log, (n,): ``t`` [s] and ``v_cmd`` [m/s].
-        windows: stops of the log.
-    """
+    """Warning where the command sank gradually in most usable stops, else empty."""
     last = np.array([_last_command(columns, w) for w in windows if w.usable])
     sunk = last[last <= _SUNK]
     if len(last) == 0 or len(sunk) <= _MIN_SHARE * len(last):

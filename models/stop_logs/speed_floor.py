@@ -33,15 +33,10 @@ _BACKWARDS = 2.0  # standard deviations below 0 at which a vehicle rolls backwar
 
 
 class SpeedFloor(NamedTuple):
-    """Speeds of a run that are indistinguishable from rest.
+    """Speeds of a run that are indistinguishable from rest."""
 
-    Attributes:
-        rest: speed that is read at rest [m/s], None where the run never shows rest for long.
-        noise: of single samples, standard deviation [m/s].
-    """
-
-    rest: float | None
-    noise: float
+    rest: float | None  # read at rest [m/s], None where the run never shows rest for long
+    noise: float  # of single samples, standard deviation [m/s]
 
     @property
     def slowest(self) -> float:
@@ -56,12 +51,7 @@ class SpeedFloor(NamedTuple):
 
 
 def speed_floor(time: Floats, speed: Floats, standing: Bools, usable: Bools) -> SpeedFloor:
-    """The floor of one run.
-
-    Args:
-        time, speed: (n,) [s], [m/s]. standing: (n,) the command is 0. usable: (n,) samples
-            that may be used.
-    """
+    """The floor of one run, from (n,) samples; ``standing``: the command is 0."""
     differences = np.abs(np.diff(speed[usable], 2))
     # The calm half of a run: changes of the commanded speed are no noise.
     noise = float(np.quantile(differences, 0.25)) / _QUARTER if len(differences) else 0.0
@@ -70,10 +60,8 @@ def speed_floor(time: Floats, speed: Floats, standing: Bools, usable: Bools) -> 
         return SpeedFloor(None, noise)
     level = np.array([float(np.quantile(block, _QUANTILE)) for block in blocks])
     times, more = _NEAR
-    near = level <= times * float(level.min()) + more
-    rest = np.concatenate(
-        [block for block, is_near in zip(blocks, near.tolist(), strict=True) if is_near]
-    )
+    highest = times * float(level.min()) + more
+    rest = np.concatenate([b for b, at in zip(blocks, level, strict=True) if at <= highest])
     return SpeedFloor(float(np.quantile(rest, _QUANTILE)) if len(rest) >= _ENOUGH else None, noise)
 
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.stop_logs.find_stops import StopWindow
-from slopewise.models.stop_logs.held_values import fresh_samples
-from slopewise.models.stop_logs.onset import Knee
+from slopewise.models.stop_logs.onset import Knee, Swing
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,37 +20,23 @@ class StopSamples:
 
     Speed, pitch and grade are those in the direction of travel. A stop that was cut short ends with
     its last sample before the cut.
-
-    Attributes:
-        window: where in the log. run, terrain, session: names, "" where the log has none.
-        time: since the stop command [s]. speed: [m/s]. pitch: pitch of the body [rad], nose
-            down positive. grade: known from a map [rad], NaN where it is not, None without a map.
-        station: distance since the first sample, forward only [m].
-        fresh: (n,) samples with a new value of the speed, which is interpolated between them.
-        standstill_time: time of the first zero crossing since the command, or of the cut [s].
-        distance: from the command to standstill, or to the cut [m].
-        clock: time of the stop command in the log [s].
-        brake_level: application of the brakes [1], NaN if it is not in the log.
-        speed_left: at the cut [m/s]; 0 for a stop that ended at standstill.
-        pitch_rate: of the body, nose down positive [rad/s], None if it is not in the log.
     """
 
     window: StopWindow
-    run: str
+    run: str  # names, "" where the log has none
     terrain: str
-    time: Floats
-    speed: Floats
-    pitch: Floats
-    grade: Floats | None
-    station: Floats
-    fresh: Bools
-    standstill_time: float
-    distance: float
-    clock: float
-    session: str = ""
-    brake_level: float = np.nan
-    speed_left: float = 0.0
-    pitch_rate: Floats | None = None
+    session: str
+    time: Floats  # since the stop command [s]
+    speed: Floats  # [m/s], interpolated between fresh samples
+    fresh: Bools  # samples with a new value of the speed
+    pitch: Floats  # of the body, nose down positive [rad]
+    pitch_rate: Floats | None  # [rad/s], None if it is not in the log
+    grade: Floats | None  # by a map [rad], NaN where it does not know it
+    station: Floats  # distance since the first sample, forward only [m]
+    standstill_time: float  # first zero crossing since the command, or the cut [s]
+    distance: float  # from the command to standstill, or to the cut [m]
+    clock: float  # time of the stop command in the log [s]
+    brake_level: float  # application [1], NaN if it is not in the log
 
     @property
     def at_command(self) -> int:
@@ -64,63 +49,55 @@ class StopSamples:
         return self.window.standstill - self.window.begin
 
     @property
-    def speed_at_command(self) -> float:
-        """Speed held before the stop command, in the direction of travel [m/s]."""
-        return self.window.held_speed
-
-    @property
     def cut_short(self) -> bool:
         """It did not reach standstill: `distance` is less than that of the whole stop."""
         return self.window.cut_short
 
+    @property
+    def speed_left(self) -> float:
+        """Speed at the cut, 0 for a whole stop [m/s]."""
+        return float(self.speed[self.at_standstill]) if self.cut_short else 0.0
+
+    @property
+    def braking(self) -> slice:
+        """Samples from the stop command to standstill."""
+        return slice(self.at_command, self.at_standstill + 1)
+
+    def of_body(self, swing: Swing | None) -> Floats:
+        """(n,) speed without what a known pitch rate adds to it at the wheels [m/s]."""
+        if swing is None or not swing.height or self.pitch_rate is None:
+            return self.speed
+        return self.speed + swing.height * self.pitch_rate
+
     def mean_of(self, grade: Floats) -> float:
-        """Mean over the distance from the command to the end of a grade (n,) at the samples."""
-        along = slice(self.at_command, self.at_standstill + 1)
-        station, grade = self.station[along], grade[along]
+        """Mean of a grade (n,) over the distance from the command to the end [rad]."""
+        station, grade = self.station[self.braking], grade[self.braking]
         length = float(station[-1] - station[0])
         return float(np.trapezoid(grade, station)) / length if length > 0.0 else float(grade[0])
 
 
 @dataclass(frozen=True, slots=True)
 class StopRecord:
-    """One measured stop, and the fitted model's prediction of it.
-
-    Attributes:
-        samples: where it comes from. knee: onset, speed and force of this stop alone.
-        ground: (n,) grade of the ground at the samples [rad].
-        noise: speed noise, correlation included [m/s].
-        onset_speed: v_i [m/s]. grade: mean while braking [rad]. force_ratio: F_b/W, a lower bound
-            of it for a stop that was cut short. force_std: its measurement noise.
-        onset_shift: by how much named effects make the onset look later [s].
-        applied: share of full brake application; force_ratio is as if it were 1. resistance: of
-            rolling, which stays when it is less [1].
-        by_effects: by how much they make the stop longer [m].
-        kept: False if it fits no other stop and the coefficients ignore it.
-        in_weaker_state: it fits no other stop but those of a weaker state of the brakes.
-        predicted_distance, predicted_time: prediction of a fit without this stop, without safety
-            offsets [m], [s]; inf if the model does not stop here.
-        without: (4,) coefficients of the fit that has not seen it.
-        bound_distance: distance that plans at the quantile reserve for this stop, with offset [m].
-    """
+    """One measured stop, and the fitted model's prediction of it."""
 
     samples: StopSamples
-    knee: Knee
-    ground: Floats
-    noise: float
-    onset_speed: float
-    grade: float
-    force_ratio: float
-    force_std: float
-    onset_shift: float = 0.0
-    by_effects: float = 0.0
-    applied: float = 1.0
-    resistance: float = 0.0
-    kept: bool = True
-    predicted_distance: float = np.nan
-    predicted_time: float = np.nan
-    bound_distance: float = np.nan
-    in_weaker_state: bool = False
-    without: Floats | None = None
+    knee: Knee  # onset, speed and force of this stop alone
+    ground: Floats  # (n,) grade of the ground at the samples [rad]
+    noise: float  # of the speed, correlation included [m/s]
+    onset_speed: float  # v_i [m/s]
+    grade: float  # mean while braking [rad]
+    force_ratio: float  # F_b/W; no more than it where the stop was cut short
+    force_std: float  # measurement noise of it
+    onset_shift: float = 0.0  # by how much named effects make the onset look later [s]
+    by_effects: float = 0.0  # by how much they make the stop longer [m]
+    applied: float = 1.0  # share of full braking; force_ratio is as if it were 1
+    resistance: float = 0.0  # of rolling, which stays when less is applied [1]
+    kept: bool = True  # words: ok, False if it fits no other stop and the coefficients ignore it
+    predicted_distance: float = np.nan  # by a fit without this stop, without offsets [m]
+    predicted_time: float = np.nan  # likewise [s]; both inf where the model does not stop
+    bound_distance: float = np.nan  # that plans at the quantile reserve, with offset [m]
+    in_weaker_state: bool = False  # it fits stops of a weaker state of the brakes only
+    without: Floats | None = None  # (4,) coefficients of the fit that has not seen it
 
     def at_level(self, coefficients: Floats) -> Floats:
         """(4,) coefficients of full brakes as they act at the application of this stop."""
@@ -142,64 +119,63 @@ class StopRecord:
     def path(self) -> tuple[Floats, Floats]:
         """(n,) distance since the stop command [m] and (n,) grade [rad], up to standstill."""
         s = self.samples
-        along = slice(s.at_command, s.at_standstill + 1)
-        return s.station[along] - s.station[s.at_command], self.ground[along]
+        return s.station[s.braking] - s.station[s.at_command], self.ground[s.braking]
 
 
 def cut(
-    columns: Mapping[str, NDArray[Any]],
-    window: StopWindow,
-    grade: Floats | None,
-    fresh: Bools | None = None,
+    columns: Mapping[str, NDArray[Any]], window: StopWindow, grade: Floats | None, fresh: Bools
 ) -> StopSamples:
-    """The samples of a window, with distance and standstill.
+    """The samples of a window of a log, with distance and standstill.
 
-    Args:
-        columns: channels of the log. window: a stop.
-        grade: (all samples,) of the ground along the way [rad], None if only the body's pitch is
-            known. fresh: (all samples,) with a new value of the speed; None finds them.
+    ``grade``: of the ground along the path [rad], None if only the body's pitch is known.
+    ``fresh``: samples of the log with a new value of the speed.
     """
     part = slice(window.begin, window.end)
     clock = float(columns["t"][window.command])
     time = columns["t"][part] - clock
-    speed = window.direction * columns["v"][part]
-    new = fresh_samples(time, speed) if fresh is None else fresh[part]
-    if not new.all():
+    speed, new = window.direction * columns["v"][part], fresh[part]
+    if not new.all() and new.any():
         speed = np.interp(time, time[new], speed[new])
-    forward = np.maximum(speed, 0.0)
     k = window.standstill - window.begin
-    if not window.cut_short:
+    station, end = _stations(time, speed, k, window.cut_short)
+    has_level = "brake" in columns and np.isfinite(columns["brake"][part]).any()
+    run, terrain, session = (
+        str(columns[name][window.command]) if name in columns else ""
+        for name in ("run", "terrain", "session")
+    )
+    rate = columns.get("pitch_rate")
+    return StopSamples(
+        window=window,
+        run=run,
+        terrain=terrain,
+        session=session,
+        time=time,
+        speed=speed,
+        fresh=new,
+        pitch=window.direction * columns["pitch"][part],
+        pitch_rate=None if rate is None else window.direction * rate[part],
+        grade=None if grade is None else grade[part],
+        station=station,
+        standstill_time=end,
+        distance=float(station[k] - station[window.command - window.begin]),
+        clock=clock,
+        brake_level=window.level if has_level else np.nan,
+    )
+
+
+def _stations(time: Floats, speed: Floats, k: int, cut_short: bool) -> tuple[Floats, float]:
+    """(n,) distance since the first sample [m], and time of standstill at sample k, or the cut."""
+    forward = np.maximum(speed, 0.0)
+    if not cut_short:
         forward[k:] = 0.0
     steps = 0.5 * (forward[1:] + forward[:-1]) * np.diff(time)
     station = np.concatenate(([0.0], np.cumsum(steps)))
-    end_time = float(time[k])
-    if not window.cut_short:
-        end_time = _crossing(time[k - 1], speed[k - 1], time[k], speed[k])
-        # The last step ends at the crossing and not at the sample behind it.
-        station[k:] += 0.5 * speed[k - 1] * (end_time - time[k])
-    level = window.level if np.isfinite(columns.get("brake", np.nan)).any() else np.nan
-
-    def name(column: str) -> str:
-        return str(columns[column][window.command]) if column in columns else ""
-
-    return StopSamples(
-        window,
-        name("run"),
-        name("terrain"),
-        time,
-        speed,
-        window.direction * columns["pitch"][part],
-        None if grade is None else grade[part],
-        station,
-        new,
-        end_time,
-        float(station[k] - station[window.command - window.begin]),
-        clock,
-        name("session"),
-        level,
-        float(speed[k]) if window.cut_short else 0.0,
-        window.direction * columns["pitch_rate"][part] if "pitch_rate" in columns else None,
-    )
+    if cut_short:
+        return station, float(time[k])
+    end = _crossing(time[k - 1], speed[k - 1], time[k], speed[k])
+    # The last step ends at the crossing and not at the sample behind it.
+    station[k:] += 0.5 * speed[k - 1] * (end - time[k])
+    return station, end
 
 
 def _crossing(t0: float, v0: float, t1: float, v1: float) -> float:

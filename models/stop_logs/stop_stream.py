@@ -23,29 +23,21 @@ from slopewise.models.stop_logs.find_stops import STOP_COMMAND_MAX_SPEED
 _HOLDING = 0.1  # [s] time constant of the mean of the held speed
 _SETTLE = 0.05  # [s] after the dead time, before the line begins
 _LITTLE = 0.15  # share of the held speed below which the line has ended
-_MIN_SAMPLE_COUNT = 4
-"""Samples that the fit of a stop in progress needs [1]."""
+_MIN_SAMPLE_COUNT = 4  # of the line of a stop
 _LONGEST_STEP = 0.5  # [s] a stop with a gap is discarded
 _STANDING = 0.02  # [m/s]
 
 
 @dataclass(frozen=True, slots=True)
 class StreamedStop:
-    """One stop as the stream measured it.
+    """One stop as the stream measured it."""
 
-    Attributes:
-        time: time of the stop command, on the clock of the samples [s].
-        onset_speed: [m/s]. grade: mean of the line [rad]. force_ratio: F_b/W.
-        force_std: of it, by the residuals of the line.
-        dead_time: from command to onset by where the line meets the held speed [s].
-    """
-
-    time: float
-    onset_speed: float
-    grade: float
-    force_ratio: float
-    force_std: float
-    dead_time: float
+    time: float  # of the stop command, on the clock of the samples [s]
+    onset_speed: float  # [m/s]
+    grade: float  # mean of the line [rad]
+    force_ratio: float  # F_b/W
+    force_std: float  # of it, by the residuals of the line
+    dead_time: float  # from command to onset, by where the line meets the held speed [s]
 
 
 class StopStream:
@@ -71,12 +63,10 @@ class StopStream:
     def feed(
         self, time: float, speed: float, command: float, pitch: float, grade: float = math.nan
     ) -> StreamedStop | None:
-        """One sample; the stop that it completes, if it does.
+        """One sample, in SI units; the stop that it completes, if it does.
 
-        Args:
-            time: [s]; samples that do not come later than the one before are ignored.
-            speed, command: [m/s]. pitch: pitch of the body, nose down positive [rad].
-            grade: grade of the ground from a map [rad]; NaN takes it from the pitch.
+        Samples that do not come later than the one before are ignored. ``grade``: of the ground,
+        from a map; NaN takes it from the pitch.
         """
         step = time - self._time
         if not (math.isfinite(time) and math.isfinite(speed) and math.isfinite(command)):
@@ -115,15 +105,8 @@ class StopStream:
             return self._finish()
         if since >= self.dead_time + _SETTLE and speed > _LITTLE * self._held:
             w = speed + GRAVITY * self._pull
-            s = self._sums
-            s[0] += 1.0
-            s[1] += since
-            s[2] += w
-            s[3] += since * since
-            s[4] += since * w
-            s[5] += w * w
-            s[6] += speed
-            s[7] += theta
+            more = (1.0, since, w, since * since, since * w, w * w, speed, theta)
+            self._sums = [a + b for a, b in zip(self._sums, more, strict=True)]
         return None
 
     def _finish(self) -> StreamedStop | None:

@@ -2,13 +2,16 @@
 
 Each entry is NAME=COLUMN[:UNIT]: meaning of a column of the file, as a drive log calls it, and the
 unit that the file has it in; without one, the drive log's. A sign before the column inverts it.
-A number in place of a unit is a factor, such as a wheel radius. Where the file has no such column,
-but one with the first name, and the second is a drive log's, the entry is read from right to left.
+A number or quotient in place of a unit is a factor, such as a wheel radius, or 1/80 for pressures
+of 80 bar at full brakes. In place of a column, a number is a constant (`pitch=0`), and `mean(a,b)`
+the mean of several. Where the file has no such column, but one with the first name, and the second
+is a drive log's, the entry is read from right to left.
 """
 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -22,6 +25,8 @@ from slopewise.services.io.table import Table
 from slopewise.services.io.units import FACTORS, OPTIONAL, REPLAYED, REQUIRED, TEXT, factor_to
 
 OPTION = "--columns"
+_MEAN = re.compile(r"mean\((.+)\)")
+_COMMA = re.compile(r",(?![^(]*\))")
 _KNOWN = {**REQUIRED, **OPTIONAL, **REPLAYED, **dict.fromkeys(TEXT, "")}
 _SYNONYMS: Mapping[str, tuple[str, float]] = MappingProxyType(
     {
@@ -40,18 +45,33 @@ class ColumnName:
 
     entry: str
     left: str
-    right: str
+    right: str  # a column, a number, or mean(…)
     unit: str  # as written, or ""
     sign: float  # -1.0 if the column is inverted
 
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the file, several where their mean is taken."""
+        mean = _MEAN.fullmatch(self.right)
+        return (self.right,) if mean is None else tuple(c.strip() for c in mean[1].split(","))
+
+    def constant(self, table: Table) -> float | None:
+        """The number in place of a column, None if it is not a number."""
+        try:
+            return None if self.right in table.columns else float(self.right)
+        except ValueError:
+            return None
+
     def fits(self, table: Table) -> bool:
         """Return True if left is a name of a drive log and right a column of the table."""
-        return (self.left in _KNOWN or self.left in _SYNONYMS) and self.right in table.columns
+        is_there = all(c in table.columns for c in self.columns)
+        is_known = self.left in _KNOWN or self.left in _SYNONYMS
+        return is_known and (is_there or self.constant(table) is not None)
 
 
 def parse_names(text: str) -> tuple[ColumnName, ...]:
     """Entries of the option, separated by commas."""
-    return tuple(_parse(entry.strip()) for entry in text.split(",") if text.strip())
+    return tuple(_parse(entry.strip()) for entry in _COMMA.split(text) if text.strip())
 
 
 def _parse(entry: str) -> ColumnName:
@@ -73,12 +93,12 @@ def text_columns(names: Iterable[ColumnName]) -> tuple[str, ...]:
 def rename_columns(table: Table, names: Sequence[ColumnName]) -> Table:
     """The table with a drive log's names and units."""
     renamed: dict[str, list[str] | Floats] = {}
-    used = set()
+    used: set[str] = set()
     for name in (_oriented(n, table) for n in names):
         target, sign = _SYNONYMS.get(name.left, (name.left, 1.0))
         if target in renamed:
             raise fault(OPTION, name.entry, f"expected each column once, got {target} twice")
-        used.add(name.right)
+        used.update(name.columns)
         renamed[target] = _values(table, name, target, sign)
     unchanged = {n: c for n, c in table.columns.items() if n not in used and n not in renamed}
     return replace(table, columns={**unchanged, **renamed})
@@ -88,14 +108,18 @@ def _values(table: Table, name: ColumnName, target: str, sign: float) -> list[st
     if target in TEXT:
         if name.unit:
             raise fault(OPTION, name.entry, f"expected no unit, {target} is text")
-        return table.columns[name.right]
+        return table.columns.get(name.right, len(table.rows) * [name.right])
     unit = _KNOWN[target]
     factor = factor_to(unit, name.unit)
     if factor is None:
         expected = f"expected one of {', '.join(FACTORS[unit])}, or a factor > 0, got {name.unit}"
         raise fault(OPTION, name.entry, expected)
     blank = None if target in REQUIRED else np.nan
-    values = table.numbers(name.right, name.unit or unit, blank=blank)
+    if (constant := name.constant(table)) is not None:
+        values = np.full(len(table.rows), constant)
+    else:
+        several = [table.numbers(c, name.unit or unit, blank=blank) for c in name.columns]
+        values = several[0] if len(several) == 1 else np.mean(several, axis=0)
     values = name.sign * sign * factor * values
     # Per cent of an angle are its tangent.
     return np.arctan(values) if unit == "rad" and name.unit == "%" else values
@@ -116,14 +140,31 @@ def _oriented(name: ColumnName, table: Table) -> ColumnName:
     if name.left not in _KNOWN and name.left not in _SYNONYMS:
         expected = f"expected one of {', '.join((*_KNOWN, *_SYNONYMS))}, got {name.left}"
         raise fault(OPTION, name.entry, expected)
-    if name.right not in table.columns:
-        raise _missing(name, table)
+    absent = [c for c in name.columns if c not in table.columns]
+    if absent and name.constant(table) is None and name.left not in TEXT:
+        raise _missing(name, absent[0], table)
     return name
 
 
-def _missing(name: ColumnName, table: Table) -> InputError:
+def _missing(name: ColumnName, column: str, table: Table) -> InputError:
     header = list(table.columns)
     message = f"missing column of {OPTION} {name.entry}, got the header {','.join(header)}"
-    close = difflib.get_close_matches(name.right, header, n=1)
+    close = difflib.get_close_matches(column, header, n=1)
     message += f"; is it {close[0]}?" if close else ""
-    return fault(table.source, f"column {name.right}", message)
+    return fault(table.source, f"column {column}", message)
+
+
+def in_own_units(sentence: str, names: Sequence[ColumnName]) -> str:
+    """The sentence with its numbers in the units that a file has, such as km/h for m/s."""
+    for name in names:
+        target = _SYNONYMS.get(name.left, (name.left, 1.0))[0]
+        unit = _KNOWN.get(target, "")
+        factor = FACTORS.get(unit, {}).get(name.unit)
+        if factor is not None and name.unit != unit:
+            sentence = _converted(sentence, unit, name.unit, factor)
+    return sentence
+
+
+def _converted(sentence: str, unit: str, file_unit: str, factor: float) -> str:
+    number = re.compile(rf"(-?\d+(?:\.\d+)?) {re.escape(unit)}(?![\w/²])")
+    return number.sub(lambda m: f"{float(m[1]) / factor:.6g} {file_unit}", sentence)

@@ -27,6 +27,7 @@ from slopewise.services.io.columns import (
     rename_columns,
     text_columns,
 )
+from slopewise.services.io.derived_speed import derived_speed, source_of_speed
 from slopewise.services.io.files import fault
 from slopewise.services.io.table import Table, read_table
 from slopewise.services.io.topics import read_topics
@@ -48,12 +49,14 @@ class DriveLog:
         columns: `run` and `terrain` as text, all others float64, NaN where not measured.
         runs: samples of each run, in the order of the files.
         one_clock: no run begins before the end of the one in front of it: `t` orders the runs.
+        notes: sentences on columns that others stand for.
     """
 
     columns: dict[str, NDArray[Any]]
     runs: tuple[slice, ...]
     sources: tuple[str, ...]
     one_clock: bool
+    notes: tuple[str, ...] = ()
 
     @property
     def further(self) -> tuple[str, ...]:
@@ -113,7 +116,18 @@ def _log_of_tables(tables: Sequence[Table]) -> DriveLog:
     one_clock = all(t[a.stop - 1] < t[b.start] for a, b in itertools.pairwise(runs))
     for column in joined.values():
         column.flags.writeable = False
-    return DriveLog(joined, tuple(runs), tuple(sources), one_clock)
+    return DriveLog(joined, tuple(runs), tuple(sources), one_clock, _notes(tables))
+
+
+def _notes(tables: Sequence[Table]) -> tuple[str, ...]:
+    """Which columns stand for a speed or command that a file does not have."""
+    notes: dict[str, None] = {}
+    for columns in (table.columns for table in tables):
+        if "v" not in columns:
+            notes[f"v is {source_of_speed(columns)}"] = None
+        if "v_cmd" not in columns:
+            notes["no column v_cmd: a stop begins where the brakes are applied"] = None
+    return tuple(notes)
 
 
 def _missing(name: str, columns: dict[str, NDArray[Any]]) -> NDArray[Any]:
@@ -122,7 +136,7 @@ def _missing(name: str, columns: dict[str, NDArray[Any]]) -> NDArray[Any]:
 
 
 def _columns_of(table: Table) -> tuple[dict[str, NDArray[Any]], list[slice]]:
-    table.require(REQUIRED, "" if "v_cmd" in table.columns else _NO_COMMAND)
+    table.require(_needed(table), "" if "v_cmd" in table.columns else _NO_COMMAND)
     columns: dict[str, NDArray[Any]] = {}
     if "run" not in table.columns:
         columns["run"] = np.full(len(table.rows), Path(table.source).stem)
@@ -136,7 +150,18 @@ def _columns_of(table: Table) -> tuple[dict[str, NDArray[Any]], list[slice]]:
         elif (further := _further(table, name)) is not None:
             columns[name] = further
     _check_ranges(table, columns)
-    return columns, _runs(table, columns)
+    runs = _runs(table, columns)
+    if "v" not in columns:
+        columns["v"] = derived_speed(columns, runs)
+    # Without commands, applied brakes are the stop command.
+    columns.setdefault("v_cmd", np.full(len(table.rows), np.nan))
+    return columns, runs
+
+
+def _needed(table: Table) -> list[str]:
+    """Columns that the table must have; speed and command may show in others."""
+    given = {"v": bool(source_of_speed(table.columns)), "v_cmd": "brake" in table.columns}
+    return [name for name in REQUIRED if not given.get(name, False)]
 
 
 def _further(table: Table, name: str) -> NDArray[Any] | None:
@@ -157,7 +182,9 @@ def _check_ranges(table: Table, columns: dict[str, NDArray[Any]]) -> None:
     if "brake" in columns:
         brake = columns["brake"]
         if (outside := np.flatnonzero((brake < 0.0) | (brake > 1.0))).size:
-            expected = f"expected 0 … 1, got {brake[outside[0]]:g}"
+            factor = "%" if np.nanmax(brake) <= 100.0 else f"1/{np.nanmax(brake):.3g}"
+            hint = f"with a pressure or per cent, {OPTION} brake=brake:{factor}"
+            expected = f"expected 0 … 1, got {brake[outside[0]]:g}; {hint}"
             raise table.error(int(outside[0]), "brake", expected)
 
 

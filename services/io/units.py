@@ -43,14 +43,15 @@ FACTORS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 def factor_to(unit: str, written: str) -> float | None:
     """Factor from a written unit to that of a drive log; a number is a factor; None if neither.
 
-    Nothing written is the drive log's own unit.
+    A quotient such as 1/80 counts as its number; nothing written is the drive log's own unit.
     """
     if not written:
         return 1.0
     if written in FACTORS[unit]:
         return FACTORS[unit][written]
+    above, _, below = written.partition("/")
     try:
-        factor = float(written)
-    except ValueError:
+        factor = float(above) / float(below or 1.0)
+    except (ValueError, ZeroDivisionError):
         return None
     return factor if math.isfinite(factor) and factor > 0.0 else None

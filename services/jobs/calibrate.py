@@ -15,6 +15,7 @@ from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
 from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, find_stops
+from slopewise.models.stop_logs.held_values import fresh_samples
 from slopewise.services.io.decode import decode_table
 from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.files import fault, read_toml
@@ -48,10 +49,11 @@ class RejectedLogError(InputError):
         self.log = log
         self.suspects: tuple[Suspect, ...] = find_suspects(log.columns, log.runs)
         usable_samples = usable(len(log.columns["t"]), self.suspects, ["v", "v_cmd"])
+        fresh = fresh_samples(log.columns, log.runs)
         self.windows: list[StopWindow] = [
             window
             for run in log.runs
-            for window in find_stops(log.columns, run, usable_samples, settings)
+            for window in find_stops(log.columns, run, usable_samples, settings, fresh)
         ]
 
 
@@ -80,10 +82,12 @@ def calibrate(
             advance(2)
         except (InputError, ParameterError) as error:
             if isinstance(error, ParameterError):
-                error = fault(logs.names, error.field, f"expected {error.expected}")
+                expected = logs.in_own_units(f"expected {error.expected}")
+                error = fault(logs.names, error.field, expected)
             raise RejectedLogError(error, log, settings.stops) from None
     missing = unseen_channels(model.effect, log.columns)
-    calibration = replace(calibration, warnings=(*calibration.warnings, *missing))
+    warnings = map(logs.in_own_units, (*log.notes, *calibration.warnings, *missing))
+    calibration = replace(calibration, warnings=tuple(warnings))
     return CalibrateResult(calibration, updated, log, time.perf_counter() - begin)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from slopewise.models.arrays import Floats
 from slopewise.models.vehicle import Vehicle
+from slopewise.services.io.columns import in_own_units, parse_names
 from slopewise.services.io.drive_log import DriveLog, read_logs
 from slopewise.services.io.log_checks import names_of
 from slopewise.services.io.no_data import NoData
@@ -36,3 +37,7 @@ class LogInput:
     def grade(self, log: DriveLog, vehicle: Vehicle) -> Floats | None:
         """Grade of the ground at each sample [rad], None without a map."""
         return grade_by_map(log, self.map_file, vehicle, self.nodata)
+
+    def in_own_units(self, sentence: str) -> str:
+        """The sentence with its numbers in the units that the files have."""
+        return in_own_units(sentence, parse_names(self.columns))

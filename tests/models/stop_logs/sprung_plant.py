@@ -7,12 +7,15 @@ v_body − h · pitch rate.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 G = 9.80665
+
+Rates = Callable[[float, np.ndarray, bool], list[float]]
 
 
 @dataclass(frozen=True)
@@ -35,67 +38,65 @@ class Sprung:
     hz: float = 50.0
 
 
-def stop(plant: Sprung, speed: float, grade: float, error: float) -> dict[str, np.ndarray]:
-    """One stop, 1.5 s of driving before it and 1.5 s of rest after it; time since the command."""
-    p = plant
-    force = (p.m_m * speed + p.b_m) * grade + p.m_b * speed + p.b_b + error
+def _rates(p: Sprung, force: float, grade: float) -> Rates:
+    """Derivatives of speed, pitch of the body, its rate, and the force that has built up."""
     stiffness = (2.0 * np.pi * p.frequency) ** 2
 
-    def rates(t: float, y: np.ndarray, braking: bool) -> list[float]:
-        _, lean, rate, built = y
+    def rates(_: float, y: np.ndarray, braking: bool) -> list[float]:
+        _, pitch, rate, built = y
         asked = force if braking else 0.0
         acting = built if p.lag > 0.0 else asked
         # At even speed and at rest the body feels the slope, under brakes their force.
         felt = G * acting if braking else -G * np.sin(grade)
         slowing = G * (acting + np.sin(grade)) if braking else 0.0
-        turn = stiffness * (p.dive * felt - lean) - 4.0 * np.pi * p.damping * p.frequency * rate
+        turn = stiffness * (p.dive * felt - pitch) - 4.0 * np.pi * p.damping * p.frequency * rate
         growth = (asked - built) / p.lag if p.lag > 0.0 else 0.0
         return [-slowing, rate, turn, growth]
 
-    fall = _fall(rates, p.dead_time, np.array([speed, -p.dive * G * np.sin(grade), 0.0, 0.0]))
-    end = fall.t[-1]
+    return rates
+
+
+def stop(plant: Sprung, speed: float, grade: float, error: float) -> dict[str, np.ndarray]:
+    """One stop, 1.5 s of driving before it and 1.5 s of rest after it; time since the command."""
+    p = plant
+    force = (p.m_m * speed + p.b_m) * grade + p.m_b * speed + p.b_b + error
+    rates = _rates(p, force, grade)
+
+    def at_rest(_: float, y: np.ndarray, braking: bool) -> float:
+        return float(y[0]) if braking else 1.0
+
+    at_rest.terminal = True  # type: ignore[attr-defined]
+    accuracy = {"rtol": 1e-7, "atol": 1e-9, "events": at_rest, "dense_output": True}
+    pitch_at_rest = -p.dive * G * np.sin(grade)
+    begin = p.dead_time
+    fall = solve_ivp(
+        rates,
+        (begin, 60.0),
+        [speed, pitch_at_rest, 0.0, 0.0],
+        args=(True,),
+        max_step=0.05,
+        **accuracy,
+    )
+    end = float(fall.t[-1])
     rest = solve_ivp(
-        lambda t, y: rates(t, y, False),
-        (end, end + 1.6),
-        [0.0, *fall.y[1:3, -1], 0.0],
-        rtol=1e-8,
-        atol=1e-10,
-        dense_output=True,
+        rates, (end, end + 1.6), [0.0, *fall.y[1:3, -1], 0.0], args=(False,), **accuracy
     )
     time = np.arange(-1.5, end + 1.5, 1.0 / p.hz)
-    v, lean, rate = np.zeros((3, len(time)))
-    lean -= p.dive * G * np.sin(grade)
-    for k, t in enumerate(time):
-        if t < p.dead_time:
-            v[k] = speed
-        elif t < end:
-            v[k], lean[k], rate[k] = fall.sol(t)[:3]
-        else:
-            _, lean[k], rate[k] = rest.sol(t)[:3]
+    v, pitch, rate = (
+        np.full(len(time), speed),
+        np.full(len(time), pitch_at_rest),
+        np.zeros(len(time)),
+    )
+    is_falling, is_at_rest = (time >= begin) & (time < end), time >= end
+    v[is_falling], pitch[is_falling], rate[is_falling] = fall.sol(time[is_falling])[:3]
+    v[is_at_rest], pitch[is_at_rest], rate[is_at_rest] = rest.sol(time[is_at_rest])[:3]
     return {
         "time": time,
-        "v": np.where(time < end, v - p.height * rate, 0.0),
-        "pitch": lean - grade,
+        "v": np.where(is_at_rest, 0.0, v - p.height * rate),
+        "pitch": pitch - grade,
         "pitch_rate": rate,
         "command": np.where(time < -1e-9, speed, 0.0),
     }
-
-
-def _fall(rates, begin, state):
-    def at_rest(t, y):
-        return y[0]
-
-    at_rest.terminal = True
-    return solve_ivp(
-        lambda t, y: rates(t, y, True),
-        (begin, 60.0),
-        state,
-        events=at_rest,
-        rtol=1e-8,
-        atol=1e-10,
-        max_step=0.01,
-        dense_output=True,
-    )
 
 
 def drive(
@@ -107,17 +108,17 @@ def drive(
     runs, begin, clock = [], 0, 0.0
     for i in range(count):
         speed, grade = rng.uniform(1.0, 4.0), rng.uniform(-0.2, 0.2)
-        one = stop(plant, speed, grade, plant.scatter * rng.standard_normal())
-        n = len(one["time"])
+        samples = stop(plant, speed, grade, plant.scatter * rng.standard_normal())
+        n = len(samples["time"])
         rows = {
             "run": np.full(n, str(i)),
-            "t": clock + 1.5 + one["time"],
-            "v": one["v"] + plant.speed_noise * rng.standard_normal(n),
-            "v_cmd": one["command"],
-            "pitch": one["pitch"] + plant.pitch_noise * rng.standard_normal(n),
+            "t": clock + 1.5 + samples["time"],
+            "v": samples["v"] + plant.speed_noise * rng.standard_normal(n),
+            "v_cmd": samples["command"],
+            "pitch": samples["pitch"] + plant.pitch_noise * rng.standard_normal(n),
         }
         if gyro:
-            rows["pitch_rate"] = one["pitch_rate"] + 0.005 * rng.standard_normal(n)
+            rows["pitch_rate"] = samples["pitch_rate"] + 0.005 * rng.standard_normal(n)
         for name, values in rows.items():
             parts.setdefault(name, []).append(values)
         runs.append(slice(begin, begin + n))

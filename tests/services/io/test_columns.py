@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slopewise.services.io.columns import parse_names
+from slopewise.services.io.columns import in_own_units, parse_names
 from slopewise.services.io.drive_log import DriveLog, read_drive_log, read_logs
 from tests.services.faults import fault_in
 
@@ -132,3 +132,50 @@ def test_recordings_have_topics(tmp_path: Path) -> None:
     bag.write_bytes(b"")
     with fault_in("--columns", "", "expected tables, recordings have a topic mapping: --topics"):
         read_logs([bag], names="speed=v:km/h")
+
+
+def test_constants_means_quotients_and_sessions(tmp_path: Path) -> None:
+    text = "t,left,right,v_cmd,bar,day\n0,3.6,7.2,1,40,mon\n1,7.2,7.2,1,80,tue\n"
+    names = "v=mean(left,right):km/h,pitch=2:deg,brake=bar:1/80,session=day,terrain=sand"
+    columns = read(tmp_path, names, text).columns
+    np.testing.assert_allclose(columns["v"], (1.5, 2.0))
+    np.testing.assert_allclose(columns["pitch"], np.deg2rad(2.0))
+    np.testing.assert_allclose(columns["brake"], (0.5, 1.0))
+    assert columns["session"].tolist() == ["mon", "tue"]
+    assert columns["terrain"].tolist() == ["sand", "sand"]
+    with fault_in(tmp_path / "log.csv", "column rihgt", "is it right?"):
+        read(tmp_path, "v=mean(left,rihgt),pitch=0", text)
+    with fault_in(tmp_path / "log.csv", "row 2, column brake", "--columns brake=brake:1/120"):
+        read(tmp_path, "v=left,pitch=0", text.replace("bar", "brake").replace("40", "120"))
+
+
+def test_a_sentence_in_the_units_of_the_file() -> None:
+    names = parse_names("speed=v:km/h,t=stamp:ms,yaw_rate=r:deg/s,x=x:0.5")
+    sentence = "first at 2.50 s: 1.50 m/s, at 1.00 m/s² and -0.10 rad/s"
+    expected = "first at 2500 ms: 5.4 km/h, at 1.00 m/s² and -5.72958 deg/s"
+    assert in_own_units(sentence, names) == expected
+
+
+def test_speed_of_wheels_or_positions_where_there_is_no_column_for_it(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    t = np.arange(0.0, 6.0, 0.05)
+    v = -np.clip(2.0 - 1.5 * (t - 2.0), 0.0, 2.0)  # backwards, and a stop
+    path = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * 0.05)))
+    rows = zip(t, 0.8 * path, 0.6 * path, *(rng.normal(0.0, 0.002, (2, len(t)))), strict=True)
+    lines = [
+        f"{a:.2f},{x + e:.5f},{y + f:.5f},{np.arctan2(0.6, 0.8)},0,0" for a, x, y, e, f in rows
+    ]
+    log = read(tmp_path, "", "\n".join(["t,x,y,yaw,v_cmd,pitch", *lines]))
+    assert log.notes == ("v is the change of x and y",)
+    assert np.max(np.abs(log.columns["v"] - v)) < 0.25  # at the onset
+    assert np.sqrt(np.mean((log.columns["v"] - v) ** 2)) < 0.05
+    wheels = "t,v_left,v_right,v_cmd,pitch\n0,1,2,1,0\n1,1,1,1,0\n"
+    log = read(tmp_path, "", wheels)
+    assert log.columns["v"].tolist() == [1.5, 1.0]
+    assert log.notes == ("v is the mean of v_left and v_right",)
+
+
+def test_brakes_stand_for_commands(tmp_path: Path) -> None:
+    log = read(tmp_path, "", "t,v,brake,pitch\n0,1,0,0\n1,0.5,1,0\n")
+    assert np.isnan(log.columns["v_cmd"]).all()
+    assert log.notes == ("no column v_cmd: a stop begins where the brakes are applied",)

@@ -43,7 +43,8 @@ def test_stops_are_found_as_an_eye_finds_them(
     columns = reader.read(real_data(folder))  # type: ignore[attr-defined]
     log = log_of(columns, tmp_path / "log.csv")
     learned = learn(log.columns, log.runs, KNOWN)
-    assert len(learned.windows) == pytest.approx(by_eye, rel=0.1)
+    forward = [w for w in learned.windows if w.direction > 0]
+    assert len(forward) == pytest.approx(by_eye, rel=0.1)
     assert learned.verdicts["usable"] >= min_usable
     assert 0.0 <= learned.dead_time.value < 0.8
     low, high = learned.braking.speed_range
