@@ -14,11 +14,7 @@ class GyroBias:
     """Running mean [rad/s] of the yaw rate at rest."""
 
     def __init__(self, memory: float = 60.0) -> None:
-        """Begin without knowledge: bias 0.
-
-        Args:
-            memory: time constant of forgetting [s of rest].
-        """
+        """Begin with bias 0; ``memory``: time constant of forgetting [s of rest]."""
         self.bias = 0.0
         self.seconds = 0.0
         self._memory = memory
@@ -26,12 +22,7 @@ class GyroBias:
         self._samples = 0
 
     def update(self, yaw_rate: float, elapsed: float) -> None:
-        """One sample at rest.
-
-        Args:
-            yaw_rate: as measured [rad/s].
-            elapsed: time since the sample before [s].
-        """
+        """One sample at rest [rad/s], so long after the one before [s]."""
         self._samples += 1
         self.seconds = min(self.seconds + elapsed, self._memory)
         gain = max(1.0 / self._samples, min(1.0, elapsed / self._memory))

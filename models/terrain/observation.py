@@ -1,4 +1,4 @@
-"""What one stretch of steady motion tells of the ground."""
+"""Estimates of the ground from one stretch of steady motion."""
 
 from __future__ import annotations
 
@@ -6,7 +6,29 @@ import math
 from dataclasses import dataclass
 
 from slopewise.models.terrain.phases import Phase
-from slopewise.models.terrain.resistances import TerrainEstimate
+
+_TWO_SIDED = 1.96
+"""Standard deviations of a normal distribution on either side that hold 95 %."""
+
+
+@dataclass(frozen=True, slots=True)
+class TerrainEstimate:
+    """A value with its standard deviation; both NaN if the stretch does not determine it."""
+
+    value: float
+    std: float
+    note: str = ""
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the value on this ground."""
+        return self.value - _TWO_SIDED * self.std, self.value + _TWO_SIDED * self.std
+
+    @property
+    def is_known(self) -> bool:
+        """True if value and standard deviation are finite."""
+        return math.isfinite(self.value + self.std)
+
 
 UNKNOWN = TerrainEstimate(math.nan, math.nan)
 
@@ -36,18 +58,20 @@ class Features:
 
 @dataclass(frozen=True, slots=True)
 class GroundObservation:
-    """A stretch, and what is known of the ground once it ends.
+    """A stretch, and the estimates once it ends.
 
     Attributes:
         begin, end: time [s].
-        phase: what the vehicle did.
-        samples: how many were used.
+        phase: kind of motion.
+        samples: number of samples used.
         speed: mean of the rim speeds of both sides [m/s].
         speed_difference: mean ΔV [m/s].
         yaw_rate: mean ω_z without bias [rad/s].
+        pitch: mean, nose down positive [rad].
         onset_current: mean current of both sides over the first 0.5 s of steady motion [A].
-        own: what this stretch alone tells: f_r of a straight, μ_t and B_s of a turn.
-        known: latest of each parameter in this run; what a class is told from.
+        measured: estimates of this stretch alone: f_r of a straight, μ_t and B_s of a turn.
+        turning: turning thrust of this stretch, see :mod:`.resistances` [1].
+        known: latest of each parameter in this run.
     """
 
     begin: float
@@ -57,6 +81,13 @@ class GroundObservation:
     speed: float
     speed_difference: float
     yaw_rate: float
+    pitch: float
     onset_current: float
-    own: Features
+    measured: Features
+    turning: TerrainEstimate
     known: Features
+
+    @property
+    def rim_speed(self) -> float:
+        """Speed at the rim of the faster side [m/s]."""
+        return abs(self.speed) + 0.5 * abs(self.speed_difference)

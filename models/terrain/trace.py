@@ -50,19 +50,19 @@ class TerrainTrace:
 
 def trace(
     estimator: TerrainEstimator,
-    rows: Iterable[tuple[DriveSample, bool, tuple[float, ...]]],
+    rows: Iterable[tuple[DriveSample, bool]],
     settings: FilterSettings,
 ) -> TerrainTrace:
-    """Send a run through an estimator and keep what it thought.
+    """Send a run through an estimator and record its states.
 
     Args:
         estimator: fresh, or at the beginning of a run.
-        rows: samples as :meth:`TerrainMonitor.update` takes them.
-        settings: of its filter.
+        rows: arguments of :meth:`TerrainMonitor.update`.
+        settings: those of its filter.
     """
     kept: list[tuple[float, ...]] = []
     ran = False
-    for sample, usable, _ in rows:
+    for sample, usable in rows:
         before = estimator.filter.variance
         estimator.update(sample, usable)
         active = estimator.filter.variance != before

@@ -1,4 +1,4 @@
-"""`slopewise terrain`: resistances, slip track, class and changes of terrain from drive logs."""
+"""`slopewise terrain`: resistances, slip track, description and changes of terrain from logs."""
 
 from __future__ import annotations
 
@@ -17,6 +17,21 @@ from slopewise.services.report.plural import plural
 
 if TYPE_CHECKING:
     from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
+
+
+_COLUMNS = (
+    "run",
+    "f_r",
+    "μ_t",
+    "B_s\nm",
+    "hardness",
+    "grip",
+    "agrees with",
+    "parts",
+    "changed",
+    "stuck\ns",
+    "excluded",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,12 +56,9 @@ class TerrainOptions:
         Path | None,
         typer.Option(
             metavar="T2.toml",
-            help="Write classes learned from the column terrain, else from clusters.",
+            help="Write classes and thresholds learned from the columns terrain and site.",
         ),
     ] = None
-    adapt: Annotated[
-        bool, typer.Option(help="Update the classes from the log, and add new ones.")
-    ] = False
     topics: Topics = None
     columns: Columns = ""
     as_json: AsJson = False
@@ -54,10 +66,11 @@ class TerrainOptions:
 
 @command("terrain_summary.TerrainSummary")
 def terrain(options: TerrainOptions) -> None:
-    """Resistances, slip track, class and changes of terrain from the logs of a skid-steered robot.
+    """Resistances, slip track and changes of terrain from the logs of a skid-steered robot.
 
-    Needs wheel speeds and motor currents of both sides and the yaw rate. Stuck and suspect
-    stretches are listed and excluded.
+    The ground is hard or soft, gripping or slippery, or undecided, and agrees with known classes; it
+    has a single name only where three days or sites were measured. Needs wheel speeds and motor
+    currents of both sides and the yaw rate. Stuck and suspect stretches are listed and excluded.
 
     [bold]Example[/]  slopewise terrain drive.csv --model husky --out terrain.csv --update mine.toml
     """
@@ -70,8 +83,6 @@ def terrain(options: TerrainOptions) -> None:
         options.logs,
         options.model,
         terrains=options.terrains,
-        adapt=options.adapt,
-        learn=options.learn is not None,
         topics=options.topics,
         columns=options.columns,
         quiet=options.as_json,
@@ -92,24 +103,23 @@ def terrain(options: TerrainOptions) -> None:
 def _tables(result: TerrainResult, note: str) -> Iterator[Any]:
     """One row per run, then events and notes."""
     yield from table(
-        ("run", "f_r", "μ_t", "B_s\nm", "class", "p", "parts", "changed", "stuck\ns", "excluded"),
+        _COLUMNS,
         (_cells(run) for run in result.runs),
         title="terrain by run",
         more="more runs; --out or --json gives all",
     )
     for run in result.runs[:LISTED]:
         for change in run.changes:
-            classes = f", {change.classes[0]} to {change.classes[1]}" if change.classes else ""
             again = ", again" if change.again else ""
-            moment = f"before {change.time:.1f} s"
-            yield line(f"  {run.run}: the ground changed {moment}{classes}{again}")
+            words = f"from {change.before} to {change.now}{again}"  # words: ok
+            yield line(f"  {run.run}: the ground changed before {change.time:.1f} s, {words}")
         for reason in dict.fromkeys(stretch.reason for stretch in run.excluded):
             yield line(f"  {run.run}: excluded: {reason}")
     if (share := result.agreement) is not None:
-        yield f"  class as labelled in the log: {share:.0%} of each label, on average"
+        yield f"  agrees with its label in the log: {share:.0%} of each label, on average"
     for name, count in result.unknown_ground:
-        action = "name it in the column terrain and --learn it, or add a class by --adapt"
-        yield line(f"  {name}: {plural(count, 'stretch')} of no known class: {action}")
+        action = "name it in the column terrain and --learn it"
+        yield line(f"  {name}: {plural(count, 'stretch')} that agree with no class: {action}")
     for text in filter(None, (*result.notes, note)):
         yield line(f"  note: {text}")
 
@@ -120,15 +130,13 @@ def _cells(run: RunEvents, spread: str = "") -> list[str]:
         for value, std in zip(run.known.values, run.known.stds, strict=True)
     ]
     counts = (
-        len(run.classified),
+        len(run.stretches),
         sum(not change.again for change in run.changes),
         round(run.stuck_seconds),
         len(run.excluded),
     )
-    name = run.typical_class
-    probability = f"{run.probabilities[name]:.2f}" if name else "–"
-    cells = [str(count) if count else "–" for count in counts]
-    return [run.run, *values, name or "–", probability, *cells]
+    ground = [run.hardness, run.grip, run.name or f"{{{', '.join(run.agrees_with)}}}"]
+    return [run.run, *values, *ground, *(str(count) if count else "–" for count in counts)]
 
 
 def _write_page(result: TerrainResult, options: TerrainOptions, path: Path, note: str) -> None:
@@ -139,7 +147,7 @@ def _write_page(result: TerrainResult, options: TerrainOptions, path: Path, note
 
     def variety(run: RunEvents) -> float:
         """Straights and turns; else many stretches."""
-        phases = [event.observation.phase for event in run.classified]
+        phases = [stretch.observation.phase for stretch in run.stretches]
         turns = sum(phase in (Phase.TURN, Phase.SPOT) for phase in phases)
         return min(turns, phases.count(Phase.STRAIGHT)) + 1e-3 * len(phases)
 
@@ -152,9 +160,12 @@ def _write_page(result: TerrainResult, options: TerrainOptions, path: Path, note
         trace=trace_run(result, shown),
         changes=[change.time for change in shown.changes],
         points=[
-            (event.answer.name, event.observation.known.values) for event, _ in result.labelled
+            (label or "unnamed", stretch.observation.known.values)
+            for run in result.runs
+            for stretch, label in zip(run.stretches, run.labels, strict=True)
+            if not stretch.is_stuck
         ],
-        classes=result.classes,
+        classes=result.terrains.classes,
         rows=[_cells(run, spread=" ± {:.3f}")[:-1] for run in result.runs],
         excluded=[
             (run.run, f"{t[stretch.start]:.2f} s", stretch.reason)
@@ -162,13 +173,9 @@ def _write_page(result: TerrainResult, options: TerrainOptions, path: Path, note
             for stretch in run.excluded
         ],
         notes=[text for text in (*result.notes, note) if text],
-        reliability=[
-            (f"{level.said:.2f}", f"{level.right:.2f}", str(level.count))
-            for level in result.reliability
-        ],
         facts={
             "model": f"{result.model.name} ({options.model})",
-            "classes": f"{result.terrains.name}, {len(result.classes.terrain)} known",
+            "classes": f"{result.terrains.name}, {len(result.terrains.terrain)} known",
             "samples": f"{len(t)} in {plural(len(result.runs), 'run')}",
             "computed in": f"{result.seconds:.2f} s",
         },

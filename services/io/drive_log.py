@@ -45,7 +45,7 @@ class DriveLog:
     """Samples of one or several files; arrays are (samples,) and read-only.
 
     Attributes:
-        columns: `run` and `terrain` as text, all others float64, NaN where not measured.
+        columns: `run`, `terrain` and `site` as text, all others float64, NaN where not measured.
         runs: samples of each run, in the order of the files.
         sources: file of each run.
         one_clock: no run begins before the end of the one in front of it: `t` orders the runs.
@@ -92,7 +92,7 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = ""
 def read_drive_log(paths: Sequence[Path], names: Sequence[ColumnName] = ()) -> DriveLog:
     """One log from one or several tables, in the order given.
 
-    Columns that only some of the files have are NaN (`terrain`: empty) in the others.
+    Columns that only some of the files have are NaN (`terrain`, `site`: empty) in the others.
 
     Args:
         paths: CSV or Parquet files.

@@ -1,25 +1,23 @@
-"""Terrain files: the classes one vehicle knows, and settings of the terrain estimator, as TOML."""
+"""Terrain files: the classes and thresholds of one vehicle, and settings of the estimator."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from slopewise.models.terrain.adaptation import AdaptationSettings
-from slopewise.models.terrain.change import ChangeSettings
 from slopewise.models.terrain.classes import TerrainClass, TerrainClasses
-from slopewise.models.terrain.classifier import ClassifierSettings
+from slopewise.models.terrain.description import ThresholdSettings
 from slopewise.models.terrain.settings import (
     EstimatorSettings,
     FilterSettings,
     MotionSettings,
     ResistanceSettings,
 )
-from slopewise.models.terrain.signature_memory import MemorySettings
-from slopewise.models.terrain.signature_model import SignatureModel
 from slopewise.services.io.decode import decode_table, encode_table
 from slopewise.services.io.files import find_shipped, read_toml, shipped_files, write_atomic
-from slopewise.services.io.signature_file import read_signatures
+
+_IGNORED = ("signatures", "classifier", "change", "adaptation", "memory")
+"""Keys of files written by earlier versions, which had a classifier; they change nothing now."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,19 +26,14 @@ class TerrainFile:
 
     Attributes:
         name: name of the vehicle.
-        signatures: file of signatures in the same folder, empty: none.
     """
 
     name: str
-    signatures: str = ""
     terrain: tuple[TerrainClass, ...] = ()
+    thresholds: ThresholdSettings = field(default_factory=ThresholdSettings)
     filter: FilterSettings = field(default_factory=FilterSettings)
     motion: MotionSettings = field(default_factory=MotionSettings)
     resistance: ResistanceSettings = field(default_factory=ResistanceSettings)
-    classifier: ClassifierSettings = field(default_factory=ClassifierSettings)
-    change: ChangeSettings = field(default_factory=ChangeSettings)
-    adaptation: AdaptationSettings = field(default_factory=AdaptationSettings)
-    memory: MemorySettings = field(default_factory=MemorySettings)
 
     def __post_init__(self) -> None:
         TerrainClasses(name=self.name, terrain=self.terrain)
@@ -57,25 +50,17 @@ class TerrainFile:
 
 
 def read_terrains(path: Path) -> TerrainFile:
-    """The terrain file at a path.
+    """The terrain file at a path; keys of earlier versions' classifier are ignored.
 
     Raises:
         InputError: names the file and the dotted key, or the line that is not TOML.
     """
-    return decode_table(TerrainFile, read_toml(path), str(path))
-
-
-def read_signatures_of(terrains: TerrainFile, path: Path) -> SignatureModel | None:
-    """The signatures that the terrain file at a path names, None if it names none.
-
-    Raises:
-        InputError: the file of signatures is not there or cannot be used.
-    """
-    return read_signatures(path.parent / terrains.signatures) if terrains.signatures else None
+    tables = {key: value for key, value in read_toml(path).items() if key not in _IGNORED}
+    return decode_table(TerrainFile, tables, str(path))
 
 
 def write_terrains(terrains: TerrainFile, path: Path) -> None:
-    """Write, all or nothing; :func:`read_terrains` gives the same again."""
+    """Write, all or nothing; :func:`read_terrains` returns the same again."""
     import tomli_w
 
     tables = encode_table(terrains)
@@ -89,7 +74,7 @@ def shipped_terrains() -> dict[str, Path]:
 
 
 def find_terrains(name_or_path: str | Path) -> Path:
-    """The terrain file a user means: an existing file, else one that comes with the package.
+    """An existing terrain file, else one that comes with the package.
 
     Raises:
         InputError: neither; lists those that come with it.

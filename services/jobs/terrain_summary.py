@@ -2,33 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from slopewise.models.terrain.observation import Features
+from slopewise.models.terrain.agreement import ALPHA
+from slopewise.models.terrain.classes import FEATURES
+from slopewise.models.terrain.evidence import evidence_of
+from slopewise.models.terrain.observation import Features, TerrainEstimate
 from slopewise.services.jobs.summary import Summary, finite
 from slopewise.services.jobs.terrain_outputs import stretch_rows
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
 
-FEATURES = ("motion_resistance", "lateral_resistance", "slip_track")
-
 
 class FeatureValue(Summary, frozen=True):
-    """Estimate of f_r [1], μ_t [1] or B_s [m]."""
+    """Estimate of f_r [1], μ_t [1] or B_s [m], with its 95 % interval."""
 
     value: float | None
     std: float | None
+    interval: tuple[float, float] | None
+
+
+class GroundWords(Summary, frozen=True):
+    """`hard`, `soft` and `gripping`, `slippery`, or `undecided`."""
+
+    hardness: str
+    grip: str
 
 
 class ChangeRow(Summary, frozen=True):
-    """A change of terrain at a time of the log [s]; `again`: within ten seconds of the last."""
+    """A change of terrain at a time of the log [s], from one word to its opposite.
+
+    `again`: within ten seconds of the last. `classes` is null: no class is told by a change.
+    """
 
     t: float
     strength: float
     classes: tuple[str, str] | None
+    before: str
+    now: str
     again: bool
 
 
@@ -43,11 +56,17 @@ class ExcludedRow(Summary, frozen=True):
 
 
 class RunRow(Summary, frozen=True, kw_only=True):
-    """Terrain of one run; `stretches` have the columns of the table."""
+    """Terrain of one run; `stretches` have the columns of the table.
+
+    `class` is null unless a single name may be given; `probabilities` then holds its own. Compared
+    seconds are those of stretches that a description and changes are made of.
+    """
 
     run: str
     terrain: dict[str, FeatureValue]
-    typical_class: str = msgspec.field(name="class")
+    description: GroundWords = msgspec.field(name="words")
+    agrees_with: list[str]
+    class_name: str | None = msgspec.field(name="class")
     stuck: float
     probabilities: dict[str, float]
     changes: list[ChangeRow]
@@ -58,7 +77,7 @@ class RunRow(Summary, frozen=True, kw_only=True):
 
 
 class TerrainSummary(Summary, frozen=True):
-    """Output of `terrain --json`."""
+    """Output of `terrain --json`; `reliability` is empty, as no class has a probability."""
 
     model: str
     seconds: float
@@ -79,37 +98,50 @@ def summarise(result: TerrainResult, *notes: str) -> TerrainSummary:
         [*result.notes, *filter(None, notes)],
         _features(result.known),
         result.agreement,
-        [asdict(level) for level in result.reliability],
+        [],
         [run for run, _ in result.unknown_ground],
-        {name: _spread(values) for name, values in result.class_values.items()},
+        {name: _spread(values) for name, values in result.values_by_name.items()},
         [_run(run, result) for run in result.runs],
     )
 
 
 def _run(run: RunEvents, result: TerrainResult) -> RunRow:
     t = result.log.columns["t"]
+    observations = [stretch.observation for stretch in run.stretches]
+    compared = [o for o in observations if any(evidence_of(o))]
+    others = [o for o in observations if not any(evidence_of(o))]
     return RunRow(
         run=run.run,
         terrain=_features(run.known),
-        typical_class=run.typical_class,
+        description=GroundWords(run.hardness, run.grip),
+        agrees_with=list(run.agrees_with),
+        class_name=run.name or None,
         stuck=run.stuck_seconds,
-        probabilities=run.probabilities,
-        changes=[ChangeRow(c.time, c.strength, c.classes, c.again) for c in run.changes],
-        compared_seconds=run.compared,
-        not_compared_seconds=run.not_compared,
+        probabilities=_probabilities(run.name),
+        changes=[
+            ChangeRow(c.time, c.strength, None, c.before, c.now, c.again) for c in run.changes
+        ],
+        compared_seconds=round(sum(o.end - o.begin for o in compared)),
+        not_compared_seconds=round(sum(o.end - o.begin for o in others)),
         excluded=[
             ExcludedRow(float(t[s.start]), float(t[s.stop - 1]), s.channel, s.kind.value, s.reason)
             for s in run.excluded
         ],
         stretches=[
-            {
-                key: finite(value) if isinstance(value, float) else value
-                for key, value in row.items()
+            {key: _plain(value) for key, value in row.items()}
+            | {
+                "agrees_with": list(stretch.agrees_with),
+                "p_values": stretch.p_values,
+                "probabilities": _probabilities(stretch.name),
             }
-            | {"probabilities": event.answer.probabilities}
-            for row, event in zip(stretch_rows(run), run.classified, strict=True)
+            for row, stretch in zip(stretch_rows(run), run.stretches, strict=True)
         ],
     )
+
+
+def _probabilities(name: str) -> dict[str, float]:
+    """Level of the set of classes that a single name comes from; no other class has one."""
+    return {name: 1.0 - ALPHA} if name else {}
 
 
 def _plain(value: Any) -> Any:
@@ -117,8 +149,12 @@ def _plain(value: Any) -> Any:
 
 
 def _features(known: Features) -> dict[str, FeatureValue]:
-    estimates = {name: getattr(known, name) for name in FEATURES}
-    return {n: FeatureValue(finite(e.value), finite(e.std)) for n, e in estimates.items()}
+    return {name: _feature(getattr(known, name)) for name in FEATURES}
+
+
+def _feature(estimate: TerrainEstimate) -> FeatureValue:
+    interval = estimate.interval if estimate.is_known else None
+    return FeatureValue(finite(estimate.value), finite(estimate.std), interval)
 
 
 def _spread(values: list[tuple[float, float, float]]) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """Terrain that the robot drives on, by labels from estimators and by its own samples.
 
-A label holds for a few seconds. Own samples give the terrain parameters of Slip and, with known
-classes, a class; a detector reports when the terrain changes, whether its class is known or not.
+A label holds for a few seconds. Own samples give the terrain parameters of Slip and a description,
+hard or soft, gripping or slippery or undecided; a change is a description that turned around. They
+give no name: plans use the weakest of the surfaces that the description leaves open.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class CurrentTerrain:
         model: model of the model file.
         monitor: makes a terrain estimator of a model; loads it with the first samples.
         label_for: time that a label holds [s].
-        min_probability: smallest probability of an accepted class [1].
+        min_probability: smallest probability of an accepted label [1].
         unsupported_reason: why samples are not used; empty while they are used.
     """
 
@@ -48,8 +49,7 @@ class CurrentTerrain:
     _label: str = ""
     _label_until: float = -np.inf
     _label_probability: float = 0.0
-    _class: str = ""
-    _class_probability: float = 0.0
+    _source: str = ""
     _monitors: OrderedDict[str, Any] = field(default_factory=OrderedDict)
     _last: dict[str, float] = field(default_factory=dict)
 
@@ -60,12 +60,27 @@ class CurrentTerrain:
         self._label_until = now + self.label_for
 
     def surface(self, now: float) -> str:
-        """Name of the terrain now, empty where it is unknown."""
-        return self._label if now <= self._label_until else self._class
+        """Name of the terrain now by its label, empty where it is unknown."""
+        return self._label if now <= self._label_until else ""
 
     def probability(self, now: float) -> float:
-        """Probability of the class now [1]."""
-        return self._label_probability if now <= self._label_until else self._class_probability
+        """Probability of the label now [1]."""
+        return self._label_probability if now <= self._label_until else 0.0
+
+    def description(self) -> str:
+        """Description of the ground by the latest samples, empty without any."""
+        monitor = self._monitors.get(self._source)
+        return "" if monitor is None else str(monitor.describer.describe())
+
+    def open_surfaces(self) -> tuple[str, ...]:
+        """Surfaces that the latest samples leave open; none before the first samples."""
+        monitor = self._monitors.get(self._source)
+        return () if monitor is None else tuple(monitor.open_surfaces())
+
+    def flags(self) -> list[str]:
+        """Warnings about the samples and the vehicle file."""
+        checks = [monitor.vehicle_check.message() for monitor in self._monitors.values()]
+        return [text for text in (self.unsupported_reason, *dict.fromkeys(checks)) if text]
 
     def drive(self, source: str, columns: dict[str, Floats]) -> TerrainUpdate:
         """Samples in chronological order; a source that restarts begins another run."""
@@ -74,31 +89,21 @@ class CurrentTerrain:
         monitor = self._monitor(source, float(columns["t"][0]))
         if monitor is None:
             return TerrainUpdate()
+        from slopewise.models.terrain.description import GroundChange
         from slopewise.models.terrain.estimator import DriveSample
-        from slopewise.models.terrain.monitor import GroundChange
 
-        self._last[source] = float(columns["t"][-1])
+        self._last[source], self._source = float(columns["t"][-1]), source
         changed, features = False, None
         none = np.zeros_like(columns["t"])
         rows = [columns.get(name, none).tolist() for name in _SAMPLED]
         for sample in map(DriveSample, *rows):
             for event in monitor.update(sample):
                 if isinstance(event, GroundChange):
-                    changed, self._class = True, ""
+                    changed = True
                     continue
-                self._classify(event.answer.name, event.answer.probability)
                 known = event.observation.known
                 features = tuple(zip(known.values, known.stds, strict=True))
-        return TerrainUpdate(changed, features, valid=bool(self._class))
-
-    def _classify(self, name: str, probability: float) -> None:
-        from slopewise.models.terrain.classifier import NONE
-
-        self._class_probability = float(np.nan_to_num(probability))
-        if name == NONE:
-            self._class = ""
-        elif name:
-            self._class = name if probability >= self.min_probability else ""
+        return TerrainUpdate(changed, features)
 
     def _monitor(self, source: str, begin: float) -> Any:
         monitor = self._monitors.pop(source, None)
@@ -124,25 +129,17 @@ def monitor_maker(terrains: str) -> Callable[[Model], Any]:
         InputError: there is no such file, or it cannot be used.
     """
     file: Any = None
-    signatures: Any = None
     if terrains:
-        from slopewise.services.io.terrain_file import (
-            find_terrains,
-            read_signatures_of,
-            read_terrains,
-        )
+        from slopewise.services.io.terrain_file import find_terrains, read_terrains
 
-        path = find_terrains(terrains)
-        file = read_terrains(path)
-        signatures = read_signatures_of(file, path)
+        file = read_terrains(find_terrains(terrains))
 
     def make(model: Model) -> Any:
         # Takes half a second to load; a service without such samples never loads it.
-        from slopewise.models.terrain.monitor import MonitorSettings, TerrainMonitor
+        from slopewise.models.terrain.monitor import TerrainMonitor
         from slopewise.services.io.terrain_file import TerrainFile
 
         known = file or TerrainFile(name=model.name)
-        settings = MonitorSettings(known.estimator, known.classifier, known.change, known.memory)
-        return TerrainMonitor(model, known.classes, settings, signatures=signatures)
+        return TerrainMonitor(model, known.classes, known.thresholds, known.estimator)
 
     return make

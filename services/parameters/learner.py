@@ -14,6 +14,7 @@ from slopewise.models.laws import braking
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_logs.stop_stream import StreamedStop
+from slopewise.models.terrain.surfaces import with_open_surfaces
 from slopewise.services.parameters.braking_groups import BASE, group_of
 from slopewise.services.parameters.current_terrain import CurrentTerrain, monitor_maker
 from slopewise.services.parameters.learned_stop import LearnedStop
@@ -76,6 +77,7 @@ class Learner:
         self._warnings = RecentWarnings()
         self._streams = StopStreams(settings)
         self._last_surface = ""
+        self._open_surfaces: tuple[str, ...] = ()
 
     # ------------------------------------------------------------------ observations
 
@@ -201,10 +203,16 @@ class Learner:
         """Warnings about learned parameters and about the senders of stops."""
         return [*self.state.braking.forces.flags(), *self._warnings.active()]
 
+    def is_outdated(self) -> bool:
+        """Return True if the description of the ground changed since the last active model."""
+        return self.ground.open_surfaces() != self._open_surfaces
+
     def active(self) -> tuple[Model, float, float]:
         """The model to plan with, the age common to all of it, and the greatest age [s]."""
         model = self.state.basis
         for kind in self.state.kinds():
             model = kind.apply(model)
+        self._open_surfaces = self.ground.open_surfaces()
+        model = with_open_surfaces(model, self._open_surfaces)
         ages = self.state.braking.forces.ages(time.monotonic())
         return model, self.state.braking.common_age(ages), max(ages.values(), default=0.0)

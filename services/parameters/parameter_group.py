@@ -40,12 +40,10 @@ class TerrainUpdate:
     Attributes:
         changed: another terrain was detected.
         features: (f_r, μ_t, B_s) with standard deviations, NaN where unknown; None without news.
-        valid: the terrain is of a known class; only then may features make a plan faster.
     """
 
     changed: bool = False
     features: tuple[tuple[float, float], ...] | None = None
-    valid: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,6 +114,8 @@ class ParameterService:
         if changes or kind == "stop":
             cause = f"{kind} {observation.sequence}: {reason}"
             self._commit(changes, cause, observation.source, seen=seen)
+        if self.learner.is_outdated():
+            self._publish()
         return self._receipt(TAKEN, reason)
 
     def _store_samples(self, samples: DriveSamples, key: str) -> None:
@@ -271,8 +273,7 @@ class ParameterService:
         flags += [f"the clock of {name} was set" for name in clocks]
         flags += [*self._filter.notices.active(), *self.notices.active()]
         learner = self.learner
-        reasons = (learner.state.unsupported_reason, learner.ground.unsupported_reason)
-        flags += [reason for reason in reasons if reason]
+        flags += filter(None, [learner.state.unsupported_reason, *learner.ground.flags()])
         flags += [*learner.flags(), *learner.state.effects.flags()]
         return [
             *flags,

@@ -22,7 +22,7 @@ from slopewise.services.report.figures import COLOURS, FAINT, FIRST, INK, SECOND
 from slopewise.services.report.page import MAX_ROWS, render, write_page
 
 Point = tuple[str, tuple[float, float, float]]
-"""Class, and (f_r, μ_t, B_s) of a stretch."""
+"""Name of the ground, and (f_r, μ_t, B_s) of a stretch."""
 
 _MAX_POINTS = 3000
 """Points of a line."""
@@ -36,11 +36,9 @@ class TerrainPage:
     Attributes:
         title: what was driven. verdict: a sentence.
         run: name of the run in detail. trace: its signals. changes: times of its changes [s].
-        points: class and features of all stretches. classes: known ones.
+        points: name of the ground and features of all stretches. classes: known ones.
         rows: cells of the table of runs.
         excluded: (run, time of begin, reason) of excluded intervals.
-        reliability: (stated, correct, stretches) by tenths of probability, where the log is
-            labelled.
         notes: messages for the reader. facts: name -> value.
     """
 
@@ -53,7 +51,6 @@ class TerrainPage:
     classes: TerrainClasses
     rows: Sequence[Sequence[str]]
     excluded: Sequence[Sequence[str]] = ()
-    reliability: Sequence[Sequence[str]] = ()
     notes: Sequence[str] = ()
     facts: Mapping[str, str] = field(default_factory=dict)
 
@@ -71,7 +68,6 @@ def write_terrain_page(path: Path, content: TerrainPage) -> None:
         "notices": content.notes,
         "run": content.run,
         "rows": content.rows,
-        "reliability": content.reliability,
         "excluded": content.excluded[:MAX_ROWS],
         "more_excluded": len(content.excluded) - MAX_ROWS,
         "pictures": draw_figures(

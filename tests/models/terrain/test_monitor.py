@@ -1,7 +1,9 @@
-"""Monitor of terrain on a log, and the slip track filter in it."""
+"""Monitor of terrain on a log: descriptions, changes, checks; and the slip track filter in it."""
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -10,114 +12,312 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
-from slopewise.models.parameters import Braking, Limits, Model, Terrain
 from slopewise.models.stop_logs.drive_quality import SuspectKind
-from slopewise.models.terrain.adaptation import AdaptiveClassifier
-from slopewise.models.terrain.log_checks import implausible
-from slopewise.models.terrain.monitor import (
-    Classified,
+from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses
+from slopewise.models.terrain.description import (
+    UNDECIDED,
     GroundChange,
-    MonitorSettings,
-    TerrainMonitor,
+    GroundDescriber,
+    GroundDescription,
+    ThresholdSettings,
+    open_surfaces,
 )
-from slopewise.models.terrain.phases import Phase
+from slopewise.models.terrain.log_checks import implausible
+from slopewise.models.terrain.monitor import DescribedStretch, TerrainMonitor
 from slopewise.models.terrain.settings import FilterSettings
 from slopewise.models.terrain.slip_track_filter import SlipTrackFilter, steady_state_variance
+from slopewise.models.terrain.surfaces import with_open_surfaces
 from slopewise.models.terrain.trace import trace
+from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.services.io.terrain_file import find_terrains, read_terrains
 from tests.models.terrain import plant
-from tests.models.terrain.vehicles import QUIET, estimator_of, samples_of, vehicle_of
+from tests.models.terrain.vehicles import (
+    MODEL,
+    QUIET,
+    estimator_of,
+    observation_of,
+    samples_of,
+    vehicle_of,
+)
+from tests.planner.scenes import ground_map, straight
+
+# ----------------------------------------------------------------------------- description
+
+
+HUSKY = read_terrains(find_terrains("husky"))
+THRESHOLDS = ThresholdSettings(soft_above=0.15, slippery_below=0.3)
+NAN = math.nan
+
+
+def described(*observations, thresholds=THRESHOLDS):
+    describer = GroundDescriber(thresholds)
+    changes = [c for o in observations for c in describer.add(o)]
+    return describer, changes
+
+
+def repeated(count, begin=0.0, **features):
+    """Stretches of two seconds each."""
+    f_r = features.pop("f_r", NAN)
+    return [observation_of(f_r, end=begin + 2.0 * (i + 1), **features) for i in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("f_r", "turning", "text"),
+    [
+        (0.12, NAN, "hard"),
+        (0.19, NAN, "soft"),
+        (0.15, NAN, UNDECIDED),
+        (0.10, 0.2, "hard, slippery"),
+        (NAN, 0.4, "gripping"),
+    ],
+)
+def test_what_is_stated(f_r, turning, text):
+    describer, _ = described(*repeated(3, f_r=f_r, turning=turning))
+    assert str(describer.describe()) == text
+
+
+def test_the_score_by_hand_and_the_two_levels():
+    # ln(0.19/0.15) = 0.2364 over √(0.17² + 0.18²/3) = 0.1994
+    describer, _ = described(*repeated(3, f_r=0.19, error=0.18))
+    score = describer.describe().hardness_score
+    assert score == pytest.approx(0.2364 / 0.1994, abs=1e-3)
+    assert describer.describe().hardness == "soft"
+    assert describer.describe(relied_on=True).hardness == UNDECIDED
+    assert math.isnan(describer.describe().grip_score)
+    # twice the speed: 0.20 ln 2 more
+    fast = [dataclasses.replace(o, speed=0.6) for o in repeated(3, f_r=0.19, error=0.18)]
+    more = described(*fast)[0].describe().hardness_score - score
+    assert more == pytest.approx(0.2 * math.log(2.0) / 0.1994, abs=1e-3)
+
+
+def test_evidence_is_forgotten_after_twelve_seconds():
+    describer, _ = described(*repeated(3, f_r=0.3), *repeated(7, 6.0, turning=0.6))
+    assert str(describer.describe()) == "gripping"
+
+
+def test_without_a_threshold_nothing_is_stated():
+    describer, _ = described(*repeated(3, f_r=0.9, turning=0.9), thresholds=ThresholdSettings())
+    assert str(describer.describe()) == UNDECIDED
+
+
+def test_a_change_is_a_description_turned_around():
+    rows = [*repeated(4, f_r=0.08, turning=0.6), *repeated(4, 8.0, f_r=0.3, turning=0.6)]
+    _, changes = described(*rows)
+    (change,) = changes
+    assert (change.before, change.now, change.again) == ("hard", "soft", False)
+    assert 8.0 < change.time <= 14.0
+    assert change.strength >= 1.0
+    back = [*rows, *repeated(3, 16.0, f_r=0.08, turning=0.6)]
+    assert [(c.now, c.again) for c in described(*back)[1]] == [("soft", False), ("hard", True)]
+    # to undecided ground is no change, and what was before is remembered
+    _, changes = described(*rows[:4], *repeated(4, 8.0, f_r=0.15), *repeated(3, 16.0, f_r=0.3))
+    assert [(c.before, c.now) for c in changes] == [("hard", "soft")]
+
+
+# --------------------------------------------------------- no description makes a plan faster
+
+
+SURFACES = {
+    "asphalt": (0.08, 0.40, 0.42),
+    "ice": (0.11, 0.08, 0.12),
+    "loam": (0.20, 0.60, 0.30),
+    "snow": (0.30, 0.30, 0.20),
+}
+"""f_r, μ_t and the b_b of a table of braking."""
+DESCRIPTIONS = [
+    GroundDescription(*texts)
+    for texts in itertools.product(("hard", "soft", UNDECIDED), ("gripping", "slippery", UNDECIDED))
+]
+CLASSES = TerrainClasses(
+    name="x",
+    terrain=tuple(
+        TerrainClass(
+            name=name,
+            motion_resistance=FeatureOfClass(mean=f_r, std=0.01, samples=6),
+            lateral_resistance=FeatureOfClass(mean=mu_t, std=0.01, samples=6),
+        )
+        for name, (f_r, mu_t, _) in SURFACES.items()
+    ),
+)
+TABLES = {
+    **{name: SurfaceBraking(b_b=b_b) for name, (_, _, b_b) in SURFACES.items()},
+    "wet": SurfaceBraking(b_b=0.15, state_of="loam"),
+}
+SURFACED = dataclasses.replace(MODEL, braking=dataclasses.replace(MODEL.braking, terrain=TABLES))
+
+
+def opened(description):
+    names = open_surfaces(CLASSES, THRESHOLDS, SURFACED.vehicle, description)
+    return names, with_open_surfaces(SURFACED, names)
+
+
+def test_surfaces_that_a_description_leaves_open():
+    def names(hardness, grip):
+        return opened(GroundDescription(hardness, grip))[0]
+
+    assert names("hard", "gripping") == ("asphalt",)
+    assert names("hard", UNDECIDED) == ("asphalt", "ice")
+    assert names(UNDECIDED, "gripping") == ("asphalt", "loam", "snow")
+    assert names("soft", "slippery") == ()
+    assert names(UNDECIDED, UNDECIDED) == tuple(SURFACES)
+
+
+@pytest.mark.parametrize("description", DESCRIPTIONS, ids=str)
+@pytest.mark.parametrize("surface", ["", *SURFACES])
+def test_no_description_makes_a_plan_faster_on_any_surface(description, surface):
+    """Right or wrong: on ground with or without a name a plan with it is nowhere faster."""
+    here = ground_map(lambda x, y: 0.0 * x, x=(-2.0, 8.0), y=(-2.0, 2.0), resolution=0.5)
+    if surface:
+        numbers = np.zeros(here.elevation.shape, np.int64)
+        here = dataclasses.replace(here, terrain_class=numbers, class_names=(surface,))
+    names, model = opened(description)
+    (before,) = CandidatePlanner(SURFACED).plan(here, [straight(6.0)])
+    (after,) = CandidatePlanner(model).plan(here, [straight(6.0)])
+    assert np.all(after.speed <= before.speed + 1e-9)
+    if surface:
+        assert np.array_equal(after.speed, before.speed)
+    weakest = [model.braking.on(name).b_b for name in ("", *model.braking.states_of(""))]
+    assert min(weakest) <= min([SURFACES[name][2] for name in names], default=0.25)
+    assert ("loam" not in names) or min(weakest) <= 0.15  # its state counts as well
+
+
+def test_undecided_is_never_faster_than_any_decision():
+    """The weakest of what is open: the less is stated, the weaker."""
+
+    def weakest(description):
+        braking = opened(description)[1].braking
+        return min(braking.on(name).b_b for name in ("", *braking.states_of("")))
+
+    for hardness, grip in itertools.product(("hard", "soft"), ("gripping", "slippery")):
+        exact = weakest(GroundDescription(hardness, grip))
+        for vague in (
+            GroundDescription(hardness),
+            GroundDescription(grip=grip),
+            GroundDescription(),
+        ):
+            assert weakest(vague) <= exact
+
 
 # --------------------------------------------------------------------------------- monitor
 
 
-HUSKY = read_terrains(find_terrains("husky")).classes
-MODEL = Model(
-    name="plant",
-    vehicle=vehicle_of(),
-    braking=Braking(
-        m_m=0.0,
-        b_m=-0.2,
-        m_b=0.0,
-        b_b=0.25,
-        dead_time=0.4,
-        speed_range=(0.2, 1.0),
-        grade_range=(-0.26, 0.26),
-    ),
-    terrain=Terrain(motion_resistance=0.13, lateral_resistance=0.2, slip_track=1.15),
-    limits=Limits(speed=1.0, accel=0.5, decel=0.8, jerk=2.0, lateral_accel=1.0, min_load=0.1),
-)
-
-
 def events(log, monitor=None):
-    monitor = TerrainMonitor(MODEL, HUSKY, MonitorSettings(QUIET)) if monitor is None else monitor
+    if monitor is None:
+        monitor = TerrainMonitor(MODEL, HUSKY.classes, HUSKY.thresholds, QUIET)
     estimates = []
     for sample in samples_of(log):
         estimates += monitor.update(sample)
     return estimates + list(monitor.finish()), monitor
 
 
+@pytest.mark.parametrize("settings", [QUIET, None], ids=["quiet", "as printed"])
 @pytest.mark.parametrize(
-    ("ground", "name"),
-    [(plant.ASPHALT, "asphalt"), (plant.DIRT, "dirt_road"), (plant.SAND, "beach_sand")],
+    ("ground", "name", "hardness"),
+    [
+        (plant.ASPHALT, "asphalt", "hard"),
+        (plant.PLOWED, "plowed_terrain", "soft"),
+        (plant.SAND, "beach_sand", "soft"),
+    ],
 )
-def test_the_class_of_a_square(ground, name):
-    estimates, _ = events(plant.drive(plant.square(), ground))
-    last = [e for e in estimates if isinstance(e, Classified)][-1]
-    assert last.answer.name == name
-    assert last.answer.probability > 0.8
+def test_a_square_agrees_with_its_class_and_has_no_name(ground, name, hardness, settings):
+    # Slip 2.1: a yaw rate with noise of 0.3 rad/s
+    log = plant.drive(plant.square(), ground, gyro_std=0.3 if settings is None else 0.02)
+    monitor = TerrainMonitor(MODEL, HUSKY.classes, HUSKY.thresholds, settings)
+    estimates, _ = events(log, monitor)
+    last = [e for e in estimates if isinstance(e, DescribedStretch)][-1]
+    assert name in last.agrees_with
+    assert last.description.hardness == hardness
+    assert last.name == ""
     assert not [e for e in estimates if isinstance(e, GroundChange)]
 
 
-@pytest.mark.parametrize("name", ["ASPHALT", "DIRT", "PLOWED", "SAND"])
-def test_the_class_with_the_gyroscope_and_the_settings_of_print(name):
-    # Slip 2.1: a yaw rate with noise of 0.3 rad/s
-    log = plant.drive(plant.square(), getattr(plant, name), gyro_std=0.3)
-    estimates, _ = events(log, TerrainMonitor(MODEL, HUSKY))
-    complete = [e for e in estimates if np.isfinite(e.observation.known.values).all()]
-    expected = {"DIRT": "dirt_road", "PLOWED": "plowed_terrain", "SAND": "beach_sand"}
-    assert {e.answer.name for e in complete} == {expected.get(name, "asphalt")}
+def test_classes_of_three_days_give_a_name():
+    apart = [t for t in HUSKY.terrain if t.name != "dirt_road"]  # which agrees as well
+    terrain = tuple(dataclasses.replace(t, days=3.0) for t in apart)
+    classes = TerrainClasses(name="husky", terrain=terrain)
+    monitor = TerrainMonitor(MODEL, classes, HUSKY.thresholds, QUIET)
+    estimates, _ = events(plant.drive(plant.square(), plant.ASPHALT), monitor)
+    assert estimates[-1].agrees_with == ("asphalt",)
+    assert estimates[-1].name == "asphalt"
+    assert estimates[0].name == ""  # straight only
 
 
 @pytest.mark.parametrize("dt", [0.1, 0.05, 0.02])
 def test_slow_logs_have_the_same_result(dt):
     estimates, _ = events(plant.drive(plant.square(turn=4.0), plant.DIRT, dt=dt))
-    assert estimates[-1].answer.name == "dirt_road"
+    assert "dirt_road" in estimates[-1].agrees_with
     assert estimates[-1].observation.known.values == pytest.approx((0.13, 0.20, 1.15), abs=0.1)
     assert not [e for e in estimates if isinstance(e, GroundChange)]
 
 
-def test_a_change_is_noticed_and_what_was_known_forgotten():
-    legs = plant.square(sides=8)
+def test_after_a_change_what_was_known_is_forgotten():
     when = 2.0 + 4 * 10.6 + 1.0
 
     def ground(s):
         return plant.ASPHALT if s < when else plant.SAND
 
-    estimates, _ = events(plant.drive(legs, ground))
-    changes = [e for e in estimates if isinstance(e, GroundChange)]
-    assert len(changes) == 1
-    assert 0.0 < changes[0].time - when < 6.0
-    at = estimates.index(changes[0])
-    after = next(e for e in estimates[at + 1 :] if isinstance(e, Classified))
+    estimates, _ = events(plant.drive(plant.square(sides=8), ground))
+    (change,) = [e for e in estimates if isinstance(e, GroundChange)]
+    assert (change.before, change.now) == ("hard", "soft")
+    assert 0.0 < change.time - when < 8.0
+    after = estimates[estimates.index(change) + 1]
     assert np.isnan(after.observation.known.values[1])  # not yet turned on the new ground
-    assert estimates[-1].answer.name == "beach_sand"
+    assert estimates[-1].description.hardness == "soft"
+    assert "asphalt" not in estimates[-1].agrees_with
 
 
-def test_stuck_has_no_class():
+def test_stuck_is_not_described():
     estimates, _ = events(plant.drive([(2, 0, 0), (8, 0.5, 0.0), (6, 0.0, np.nan)], plant.DIRT))
-    stuck = [
-        e for e in estimates if isinstance(e, Classified) and e.observation.phase is Phase.STUCK
-    ]
+    stuck = [e for e in estimates if isinstance(e, DescribedStretch) and e.is_stuck]
     assert stuck
-    assert all(e.answer.name == "" for e in stuck)
+    assert all(str(e.description) == UNDECIDED and not e.agrees_with for e in stuck)
+    assert all(e.rules.name == "" for e in stuck)
 
 
-def test_adaptive_classes_are_trained_while_driving():
-    adaptive = AdaptiveClassifier(HUSKY)
-    monitor = TerrainMonitor(MODEL, HUSKY, MonitorSettings(QUIET), adaptive=adaptive)
-    events(plant.drive(plant.square(sides=6), plant.ASPHALT), monitor)
-    assert adaptive.classes.terrain[0].lateral_resistance.samples > 6.0
+# ---------------------------------------------------------------------------- vehicle check
+
+
+def message_of(ground, pitches=(0.0,), **changes):
+    """Message on drives over slopes, with a vehicle file that is wrong by some keys."""
+    vehicle = dataclasses.replace(vehicle_of(), **changes)
+    model = dataclasses.replace(MODEL, vehicle=vehicle)
+    monitor = TerrainMonitor(model, HUSKY.classes, HUSKY.thresholds, QUIET)
+    for pitch in pitches:
+        monitor.begin_run()
+        events(plant.drive(plant.square(sides=3), ground, pitch=pitch), monitor)
+    return monitor.vehicle_check.message()
+
+
+SLOPES = (-0.15, -0.07, 0.0, 0.07, 0.12)
+
+
+@pytest.mark.parametrize("ground", [plant.ASPHALT, plant.DIRT, plant.SAND])
+@pytest.mark.parametrize("pitches", [(0.0, 0.0), SLOPES])
+def test_a_right_vehicle_file_is_not_questioned(ground, pitches):
+    assert message_of(ground, pitches) == ""
+
+
+@pytest.mark.parametrize(
+    ("changes", "pitches", "fact"),
+    [
+        ({"mass": 6.0}, (0.0, 0.0), "at most 1.2"),
+        ({"motor_torque_constant": 0.2}, (0.0, 0.0), "at most 1.2"),
+        ({"mass": 400.0}, (0.0, 0.0), "at least"),
+        ({"mass": 12.0}, SLOPES, "on slopes the thrust changes by 2.5"),
+        ({"mass": 75.0}, SLOPES, "on slopes the thrust changes by 0.4"),
+        ({"motor_torque_constant": 0.1}, SLOPES, "on slopes the thrust changes by 2.3"),
+        ({"wheel_radius": 0.3}, SLOPES, "on slopes the thrust changes by 0.43"),
+    ],
+)
+def test_a_vehicle_file_that_cannot_be_right_is_reported(changes, pitches, fact):
+    message = message_of(plant.DIRT, pitches, **changes)
+    assert "the vehicle file cannot be right" in message
+    assert fact in message
+    assert "motor_torque_constant" in message
+
+
+# ------------------------------------------------------------------------------ log checks
 
 
 def log_of(**changes):
@@ -171,7 +371,7 @@ def test_a_sentinel_marks_its_own_samples():
 
 def test_the_trace_of_a_run_settles_where_riccati_says():
     log = plant.drive(plant.square(turn=4.0), plant.DIRT)
-    rows = [(sample, True, ()) for sample in samples_of(log)]
+    rows = [(sample, True) for sample in samples_of(log)]
     trace_rows = trace(estimator_of(), rows, QUIET.filter)
     assert len(trace_rows.time) == len(log["t"])
     assert trace_rows.predicted_variance[0] == pytest.approx(0.3**2 + 1e-4)
@@ -181,7 +381,7 @@ def test_the_trace_of_a_run_settles_where_riccati_says():
     assert trace_rows.active.sum() > 1000
     assert np.isnan(trace_rows.slip_track[:200]).all()
     standing = plant.drive([(3, 0, 0)], plant.DIRT)
-    rows = [(sample, True, ()) for sample in samples_of(standing)]
+    rows = [(sample, True) for sample in samples_of(standing)]
     trace_rows = trace(estimator_of(), rows, QUIET.filter)
     assert not trace_rows.active.any()
     assert np.isnan(trace_rows.settled_variance)
