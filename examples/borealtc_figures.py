@@ -1,4 +1,4 @@
-"""Terrain on BorealTC: parameters, the two words, classes and changes, on runs that were left out.
+"""Terrain on BorealTC: parameters, the two words, classes and changes, on held-out runs.
 
     python examples/borealtc_figures.py path/to/borealtc
 
@@ -162,7 +162,7 @@ def changes_in(
 
 
 def joined(runs: Sequence[Run], *, seed: int = 0, pairs: int = 9) -> dict[tuple[str, str], float]:
-    """Share of changes found by ordered pair of classes that alters a word; runs are left out."""
+    """Share of changes found by ordered pair of classes that alters a word; runs are held out."""
     random = np.random.default_rng(seed)
     shares = {}
     for a, b in itertools.permutations(dict.fromkeys(run.terrain for run in runs), 2):
@@ -170,15 +170,15 @@ def joined(runs: Sequence[Run], *, seed: int = 0, pairs: int = 9) -> dict[tuple[
             continue
         first = random.choice([r for r in runs if r.terrain == a], pairs)
         second = random.choice([r for r in runs if r.terrain == b], pairs)
-        found = 0
+        count = 0
         for before, after in zip(first, second, strict=True):
             _, thresholds = learn([run for run in runs if run not in (before, after)])
             joint = min(before.seconds, _BEFORE)
             head = [o for o in before.ground if o.end <= joint]
             tail = [moved_by(o, joint) for o in after.ground if o.end <= _AFTER]
             changes = changes_in([*head, *tail], thresholds)
-            found += any(c.time > joint and c.now in TRUTH[b] for c in changes)
-        shares[a, b] = found / pairs
+            count += any(c.time > joint and c.now in TRUTH[b] for c in changes)
+        shares[a, b] = count / pairs
     return shares
 
 
@@ -186,7 +186,7 @@ def false_changes(runs: Sequence[Run]) -> tuple[int, float]:
     """Changes inside single runs, and minutes driven."""
     count = 0
     for run in runs:
-        _, thresholds = learn([other for other in runs if other is not run])
+        _, thresholds = learn([r for r in runs if r is not run])
         count += len(changes_in(run.ground, thresholds))
     return count, sum(run.seconds for run in runs) / 60.0
 
@@ -203,8 +203,8 @@ def coverage(runs: Sequence[Run]) -> dict[str, tuple[float, int]]:
             half = len(known) // 2
             if half < 2:
                 continue
-            for part, other in ((known[:half], known[half:]), (known[half:], known[:half])):
-                middle = float(np.median([e.value for e in other]))
+            for part, rest in ((known[:half], known[half:]), (known[half:], known[:half])):
+                middle = float(np.median([e.value for e in rest]))
                 inside.setdefault(name, []).extend(
                     e.interval[0] <= middle <= e.interval[1] for e in part
                 )
@@ -227,7 +227,7 @@ def main(folder: str) -> None:
                 for axis in ("hardness", "grip")
             ]
             print(
-                f"{text} left out, {name}: {'; '.join(parts)}; agrees {c['agrees']} of "
+                f"{text} held out, {name}: {'; '.join(parts)}; agrees {c['agrees']} of "
                 f"{c['windows']}, single {c['single']}, {c['single wrong']} wrong"
             )
     shares = joined(runs)

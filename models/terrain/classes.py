@@ -27,7 +27,7 @@ class FeatureOfClass:
         samples: runs behind mean and spread; days or sites where there are three of them.
         rule: [low, high] of the expert rules; None if they do not use this feature.
         confidence: how well this feature characterises this class.
-        decides: an observation within the rule is of this class whatever else was measured.
+        decides: an observation within the rule is of this class by this feature alone.
     """
 
     mean: float = quantity("feature", "Mean over repeated runs.")
@@ -51,7 +51,7 @@ class FeatureOfClass:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainClass:
-    """One class; features that were never measured on it are left out."""
+    """One class; features that were never measured on it are missing."""
 
     name: str
     days: float = quantity(
@@ -132,7 +132,7 @@ class RuleAnswer:
 def by_rules(classes: TerrainClasses, values: tuple[float, float, float]) -> RuleAnswer:
     """Class by the expert rules. Source: Slip, Table 4, weighted by Table 3.
 
-    A rule that decides alone comes first (Slip 4.2); classes without rules are left out.
+    A rule that decides alone comes first (Slip 4.2). Classes without rules never answer.
     ``values``: (f_r, μ_t, B_s), NaN where not known.
     """
     met = {terrain.name: terrain.share_met(values) for terrain in classes.terrain}

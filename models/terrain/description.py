@@ -97,7 +97,7 @@ class GroundChange:
         time: end of the stretch that showed it [s]; the change is up to six seconds back.
         strength: standard deviations beyond the threshold over those that are a change, above 1.
         before, now: `hard` and `soft`, or `gripping` and `slippery`, in either order.
-        again: another change was seen within ten seconds before: patchy ground, or the way back.
+        again: another change was seen within ten seconds before: patchy ground, or a return.
     """
 
     time: float
@@ -126,7 +126,7 @@ class GroundDescriber:
 
     def begin_run(self) -> None:
         """Another run, perhaps on other ground."""
-        self.window.clear()
+        self.window.drop_before(math.inf)
         self._lasting: dict[str, str] = {}
         self._changed_at = -math.inf
 
@@ -184,7 +184,7 @@ def open_surfaces(
     vehicle: Vehicle,
     description: GroundDescription,
 ) -> tuple[str, ...]:
-    """Names of the classes that a description leaves open: those it does not contradict."""
+    """Names of the classes that a description does not contradict."""
     lever = vehicle.track_width / vehicle.wheelbase
     return tuple(
         terrain_class.name
@@ -194,13 +194,13 @@ def open_surfaces(
 
 
 def _is_open(
-    terrain: TerrainClass, settings: ThresholdSettings, lever: float, said: GroundDescription
+    terrain: TerrainClass, settings: ThresholdSettings, lever: float, description: GroundDescription
 ) -> bool:
     f_r, mu_t = terrain.motion_resistance, terrain.lateral_resistance
     sides = (
-        (said.hardness, HARDNESS, settings.soft_above, None if f_r is None else f_r.mean),
+        (description.hardness, HARDNESS, settings.soft_above, None if f_r is None else f_r.mean),
         (
-            said.grip,
+            description.grip,
             GRIP,
             settings.slippery_below,
             None if f_r is None or mu_t is None else mu_t.mean + lever * f_r.mean,

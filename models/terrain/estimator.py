@@ -46,7 +46,7 @@ class DriveSample(NamedTuple):
 
     Attributes:
         time: [s]. v_left, v_right: rim speeds [m/s]. yaw_rate: ω_z as measured [rad/s].
-        current_left, current_right: of the sides' motors [A].
+        current_left, current_right: currents of the sides' motors [A].
         pitch: nose down positive [rad]. roll: left side up positive [rad].
     """
 
@@ -64,8 +64,8 @@ class TerrainEstimator:
     """f_r, μ_t and B_s of the ground under a skid-steered vehicle.
 
     Attributes:
-        filter: of the slip track; runs in turns.
-        bias: of the yaw rate gyroscope; learned at rest.
+        filter: slip track; runs in turns.
+        bias: bias of the yaw rate gyroscope; learned at rest.
         phases: kind of motion now.
         signed: the currents have a sign, positive driving forward. False until one is negative.
     """
@@ -78,10 +78,10 @@ class TerrainEstimator:
         motion_resistance: TerrainEstimate,
         settings: EstimatorSettings | None = None,
     ) -> None:
-        """Begin.
+        """Begin; ParameterError if the vehicle has no motor torque constant or gear ratio.
 
         Args:
-            vehicle: with motor torque constant and gear ratio, else a ParameterError.
+            vehicle: sizes and motors.
             slip_track: B_s to begin with [m].
             motion_resistance: f_r assumed in turns before the first straight.
             settings: the paper's, where it gives them, by default.
@@ -114,10 +114,8 @@ class TerrainEstimator:
     def update(self, sample: DriveSample, usable: bool = True) -> GroundObservation | None:
         """One sample; an observation if it ends a stretch that is long enough.
 
-        Args:
-            sample: one that is not later than the one before is ignored.
-            usable: False excludes the sample and ends the stretch, as a number that is not finite
-                does.
+        A sample that is not later than the one before is ignored. One that is not ``usable``, or
+        has a number that is not finite, ends the stretch.
         """
         time, v_left, v_right, yaw_rate, current_left, current_right, pitch, roll = sample
         elapsed = 0.0 if self._time is None else time - self._time
@@ -173,8 +171,7 @@ class TerrainEstimator:
     def _close(self, *, trim: bool) -> GroundObservation | None:
         """Evaluate the open stretch.
 
-        Args:
-            trim: motion may have changed; the smoothed speeds see it late by their time constant.
+        ``trim``: motion may have changed; the smoothed speeds follow late by their time constant.
         """
         samples, phase = self._samples, self._kind
         self._samples, self._kind = [], Phase.OTHER
@@ -235,7 +232,7 @@ class TerrainEstimator:
             settings = self._settings.resistance
             turning = turning_thrust_of(stretch, self._vehicle, self._drive, settings)
         onset = time <= time[0] + _ONSET
-        both = np.abs(stretch.current_left[onset]) + np.abs(stretch.current_right[onset])
+        current = np.abs(stretch.current_left[onset]) + np.abs(stretch.current_right[onset])
         return GroundObservation(
             begin=float(time[0]),
             end=float(time[-1]),
@@ -245,7 +242,7 @@ class TerrainEstimator:
             speed_difference=float(np.mean(stretch.v_right - stretch.v_left)),
             yaw_rate=float(np.mean(stretch.yaw_rate)),
             pitch=float(np.mean(stretch.pitch)),
-            onset_current=float(np.mean(both)) / 2.0,
+            onset_current=float(np.mean(current)) / 2.0,
             measured=measured,
             turning=turning,
             known=self.known,

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from slopewise.models.terrain.observation import GroundObservation, TerrainEstimate
+from slopewise.models.terrain.observation import GroundObservation
 
 REFERENCE_SPEED = 0.3
 """Rim speed that resistances are taken at [m/s]: the middle of BorealTC's drives."""
@@ -28,7 +28,7 @@ class Evidence(NamedTuple):
 
     Attributes:
         end: time of the stretch's end [s]. quantity: `motion`, `turning`, `lateral`, or `slip`.
-        log: natural logarithm of its value at the reference speed. variance: of the logarithm.
+        log: natural logarithm of its value at the reference speed, with its variance.
     """
 
     end: float
@@ -56,14 +56,9 @@ def evidence_of(observation: GroundObservation) -> Iterator[Evidence]:
     rim = max(observation.rim_speed, 0.1 * REFERENCE_SPEED)
     for quantity, estimate in estimates.items():
         if estimate.is_known:
-            log, variance = _log(estimate)
-            log += _EXPONENTS[quantity] * math.log(rim / REFERENCE_SPEED)
-            yield Evidence(observation.end, quantity, log, variance)
-
-
-def _log(estimate: TerrainEstimate) -> tuple[float, float]:
-    value = max(estimate.value, _FLOOR)
-    return math.log(value), (estimate.std / value) ** 2
+            value = max(estimate.value, _FLOOR)
+            log = math.log(value) + _EXPONENTS[quantity] * math.log(rim / REFERENCE_SPEED)
+            yield Evidence(observation.end, quantity, log, (estimate.std / value) ** 2)
 
 
 class EvidenceWindow:
@@ -85,10 +80,6 @@ class EvidenceWindow:
         """Drop stretches that ended before a time [s]."""
         while self._entries and self._entries[0].end < time:
             self._entries.popleft()
-
-    def clear(self) -> None:
-        """Drop everything."""
-        self._entries.clear()
 
     def mean(self, quantity: str, since: float = -math.inf) -> MeanEvidence | None:
         """Mean logarithm of a quantity over stretches that ended since a time; None without any."""

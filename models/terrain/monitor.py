@@ -34,11 +34,11 @@ class DescribedStretch:
 
     Attributes:
         observation: its measurements.
-        description: of the last seconds.
-        p_values: of agreement by class.
+        description: description of the last seconds.
+        p_values: agreement by class.
         agrees_with: classes that are not rejected, in their order; empty while stuck.
         name: the single class where one may be named, else empty.
-        rules: of the paper's table, for its vehicle and site.
+        rules: answer of the paper's table, for its vehicle and site.
     """
 
     observation: GroundObservation
@@ -78,7 +78,7 @@ class TerrainMonitor:
         Args:
             model: vehicle, and the terrain to begin with.
             classes: known classes of terrain.
-            thresholds: of the description; without, nothing is stated.
+            thresholds: those of the vehicle; without, nothing is stated.
             settings: those of the estimator.
         """
         self._model, self._classes = model, classes
@@ -108,7 +108,7 @@ class TerrainMonitor:
         return () if done is None else self._describe(done)
 
     def open_surfaces(self) -> tuple[str, ...]:
-        """Classes that the description leaves open, as certain as plans rely on."""
+        """Classes that the description, as certain as plans rely on, does not contradict."""
         description = self.describer.describe(relied_on=True)
         return open_surfaces(self._classes, self._thresholds, self._model.vehicle, description)
 

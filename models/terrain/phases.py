@@ -24,7 +24,7 @@ _SLOWER = 2.0
 class Phase(Enum):
     """Kind of motion, steady unless it is OTHER."""
 
-    OTHER = "transient"
+    OTHER = "transient"  # words: ok, not rest, straight, turn or stuck
     REST = "rest"
     STRAIGHT = "straight"
     TURN = "turn"
@@ -55,13 +55,9 @@ class MotionPhases:
         self.withheld = True
 
     def update(self, elapsed: float, v_left: float, v_right: float, yaw_rate: float) -> Phase:
-        """One sample: the phase, OTHER unless it is steady.
+        """One sample, ``elapsed`` [s] after the one before: the phase, OTHER unless it is steady.
 
-        Args:
-            elapsed: time since the sample before [s].
-            v_left: speed at the rim of the left wheels [m/s].
-            v_right: speed at the rim of the right wheels [m/s].
-            yaw_rate: ω_z without bias [rad/s].
+        ``v_left``, ``v_right``: speeds at the rim [m/s]. ``yaw_rate``: ω_z without bias [rad/s].
         """
         s = self._settings
         v, dv = 0.5 * (v_left + v_right), v_right - v_left

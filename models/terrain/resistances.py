@@ -43,7 +43,7 @@ class Drivetrain:
 
     Attributes:
         force_per_ampere: τ k_t / r [N/A].
-        idle_current: of one side [A].
+        idle_current: current of one side [A].
         weight: W [N].
     """
 
@@ -153,20 +153,12 @@ def lateral_resistance_of(
     signed: bool,
     min_inner_speed: float,
 ) -> TerrainEstimate:
-    """μ_t [1] of a steady turn. Source: Slip (27), for σ = +1 and, corrected, for σ = −1.
+    """μ_t [1] of a steady turn, left or right. Source: Slip (27); for σ = −1 corrected.
 
     σ = +1 where the sides turn in opposite directions, so that rolling resists both turning
     thrusts. In any other turn the inner side may push or brake. Currents without sign do not show
-    which: the balance along the vehicle does, F_inner = f_r F_z + W sin θ − F_outer.
-
-    Args:
-        stretch: a steady turn, left or right.
-        vehicle: wheelbase, track width, height of the centre of gravity.
-        drive: drivetrain of the vehicle.
-        motion_resistance: f_r of the ground.
-        settings: errors of the currents.
-        signed: currents have a sign.
-        min_inner_speed: of inner wheels that roll [m/s]; slower ones leave σ open: no estimate.
+    which: the balance along the vehicle does, F_inner = f_r F_z + W sin θ − F_outer. Inner wheels
+    below ``min_inner_speed`` [m/s] leave σ open: no estimate.
     """
     speed = 0.5 * (stretch.v_left + stretch.v_right)
     attitude = (-stretch.pitch, stretch.roll, speed * stretch.yaw_rate, vehicle.track_width)

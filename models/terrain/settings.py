@@ -38,41 +38,28 @@ class MotionSettings:
 
     rest_speed: float = quantity("m/s", "Rim speeds below this are rest.", default=0.01, above=0.0)
     rest_yaw_rate: float = quantity(
-        "rad/s",
-        "Yaw rates above this at rest are a vehicle that is turned, no bias.",
-        default=0.1,
-        above=0.0,
+        "rad/s", "Yaw rates above this at rest are no bias.", default=0.1, above=0.0
     )
     rest_time: float = quantity(
-        "s", "Rest begins so long after wheels and gyroscope calm down.", default=1.0, above=0.0
+        "s", "Rest begins this time after wheels and gyroscope calm down.", default=1.0, above=0.0
     )
     turn_begin: float = quantity(
         "m/s", "Difference of rim speeds that begins a turn.", default=0.06, above=0.0
     )
     turn_end: float = quantity(
-        "m/s",
-        "Difference of rim speeds that ends it, and still is straight.",
-        default=0.04,
-        above=0.0,
+        "m/s", "Difference that ends it, and still is straight.", default=0.04, above=0.0
     )
     least_speed: float = quantity(  # words: ok, a key of the file
         "m/s", "Mean rim speed that a straight needs.", default=0.08, above=0.0
     )
     least_inner_speed: float = quantity(  # words: ok, a key of the file
-        "m/s",
-        "Inner wheels slower than this stand: it is open which way they roll.",
-        default=0.03,
-        at_least=0.0,
+        "m/s", "Inner wheels slower than this stand.", default=0.03, at_least=0.0
     )
     smoothing: float = quantity(
         "s", "Time constant that speeds and yaw rate are smoothed with.", default=0.1, above=0.0
     )
     steady_change: float = quantity(
-        "1",
-        "Steady: smoothed at two time constants, they differ by less than this share.",
-        default=0.1,
-        above=0.0,
-        at_most=1.0,
+        "1", "Change that is steady, a share.", default=0.1, above=0.0, at_most=1.0
     )
     steady_floor: float = quantity(
         "rad/s", "Yaw rates that differ by less than this are the same.", default=0.02, at_least=0.0
@@ -81,10 +68,7 @@ class MotionSettings:
         "s", "Onset of steady motion: it has been so for this long.", default=0.2, at_least=0.0
     )
     stuck_slip: float = quantity(
-        "1",
-        "Wheels that ask for this many times the yaw rate of a free turn spin.",
-        default=5.0,
-        above=1.0,
+        "1", "Yaw rate of a turn without slip over that of spin.", default=5.0, above=1.0
     )
     stuck_time: float = quantity("s", "Spinning for this long is stuck.", default=0.6, above=0.0)
     longest_stretch: float = quantity(
@@ -113,10 +97,7 @@ class ResistanceSettings:
     """
 
     pitch_std: float = quantity(
-        "rad",
-        "Error of the pitch on nearly level ground; twice that on steeper ground.",
-        default=0.01,
-        at_least=0.0,
+        "rad", "Error of the pitch up to 3°; twice that beyond.", default=0.01, at_least=0.0
     )
     current_std: float = quantity(
         "A", "Error of the mean current of a side: offset of the sensor.", default=0.1, at_least=0.0

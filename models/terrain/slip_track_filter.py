@@ -29,10 +29,8 @@ class SlipTrackFilter:
     def update(self, speed_difference: float, yaw_rate: float, elapsed: float) -> None:
         """One sample of a turn. Source: Slip (7)–(11) with A = 1, B = 0.
 
-        Args:
-            speed_difference: ΔV = V_R − V_L [m/s].
-            yaw_rate: ω_z without bias [rad/s].
-            elapsed: time since the sample before [s]; Q grows with it, for logs of any rate.
+        ``speed_difference``: ΔV = V_R − V_L [m/s]. ``yaw_rate``: ω_z without bias [rad/s].
+        ``elapsed``: time since the sample before [s]; Q grows with it, for logs of any rate.
         """
         predicted = self.variance + self._growth * elapsed
         innovation_variance = speed_difference * speed_difference * predicted + self._noise
@@ -62,10 +60,7 @@ def steady_state_variance(
     The root of the scalar Riccati equation P = P R/(H² P + R) + Q, before a sample:
     P = (Q + √(Q² + 4 Q R/H²))/2, and P − Q after it. With print's Q and R, 0.0025 m⁻² before a
     sample belongs to ΔV = 1.2 m/s. Source: Slip (8), (9), (11); print gives the unit as m².
-
-    Args:
-        speed_difference: ΔV, the same in every sample, not 0 [m/s].
-        settings: those of the filter, sampled at its ``sample_time``.
+    ``speed_difference``: ΔV, the same in every sample, not 0 [m/s].
     """
     settings = FilterSettings() if settings is None else settings
     Q, R = settings.process_variance, settings.yaw_rate_std**2

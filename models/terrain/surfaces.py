@@ -26,7 +26,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking, Model, Terrain
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.models.surface_names import states_of
-from slopewise.models.terrain.observation import UNKNOWN, Features, TerrainEstimate
+from slopewise.models.terrain.observation import Features, TerrainEstimate
 
 _UPPER = 1.645
 """Standard deviations of a normal distribution below which 95 % lie [1]."""
@@ -35,45 +35,29 @@ _UPPER = 1.645
 def model_on(model: Model, known: Features, *, valid: bool = True) -> Model:
     """The model with the terrain parameters of the ground driven now.
 
-    A larger standard deviation never shortens a stop and never raises a speed.
-
-    Args:
-        model: as it was.
-        known: latest estimates; unknown ones change nothing.
-        valid: the description is as certain as plans rely on; if not, no parameter becomes faster.
-            Less motion resistance to brake with counts all the same.
+    A larger standard deviation never shortens a stop and never raises a speed. Unknown estimates
+    change nothing. ``valid``: the description is as certain as plans rely on; if not, no parameter
+    becomes faster, but less motion resistance to brake with still counts.
     """
     old, measured = model.terrain, known.motion_resistance
-    if not valid:
-        known = _none_faster(known, old)
-    wide = _slower(known.slip_track, old.slip_track)
-    terrain = dataclasses.replace(
-        old,
-        motion_resistance=max(_slower(known.motion_resistance, old.motion_resistance), 0.0),
-        lateral_resistance=max(_slower(known.lateral_resistance, old.lateral_resistance), 0.0),
-        slip_track=max(wide, model.vehicle.track_width),
-    )
+    lowest = {
+        "motion_resistance": 0.0,
+        "lateral_resistance": 0.0,
+        "slip_track": model.vehicle.track_width,
+    }
+    news = {}
+    for name, floor in lowest.items():
+        estimate, before = getattr(known, name), getattr(old, name)
+        upper = estimate.value + _UPPER * estimate.std
+        use = math.isfinite(upper) and (valid or upper >= before)
+        news[name] = max(upper if use else before, floor)
+    terrain = dataclasses.replace(old, **news)
     if model.braking.level == 1.0 or not measured.is_known:
         return dataclasses.replace(model, terrain=terrain)
-    lowest = max(min(old.rolling_while_braking, measured.value), 0.0)
-    terrain = dataclasses.replace(terrain, braking_resistance=lowest)
+    resistance = max(min(old.rolling_while_braking, measured.value), 0.0)
+    terrain = dataclasses.replace(terrain, braking_resistance=resistance)
     braking = _with_scatter(model.braking, _open(old), _open(terrain))
     return dataclasses.replace(model, terrain=terrain, braking=braking)
-
-
-def _none_faster(known: Features, old: Terrain) -> Features:
-    """Estimates without those whose upper end is faster than the value so far."""
-    before = (old.motion_resistance, old.lateral_resistance, old.slip_track)
-    estimates = (known.motion_resistance, known.lateral_resistance, known.slip_track)
-    slower = [
-        UNKNOWN if _upper(estimate) < value else estimate
-        for estimate, value in zip(estimates, before, strict=True)
-    ]
-    return Features(*slower)
-
-
-def _upper(estimate: TerrainEstimate) -> float:
-    return estimate.value + _UPPER * estimate.std
 
 
 def _open(terrain: Terrain) -> float:
@@ -97,24 +81,13 @@ def _with_scatter(braking: Braking, before: float, now: float) -> Braking:
     return dataclasses.replace(braking, force_std=wider(braking.force_std), terrain=tables)
 
 
-def _slower(estimate: TerrainEstimate, otherwise: float) -> float:
-    value = _upper(estimate)
-    return value if math.isfinite(value) else otherwise
-
-
 def with_surface(
     model: Model, name: str, motion_resistance: TerrainEstimate, reference: float
 ) -> Model:
-    """The model with a table of braking for a class of terrain, unless it has one from stops.
+    """The model with a table of braking for a named ground, unless it has one from stops.
 
-    Args:
-        model: its braking coefficients belong to ``reference``.
-        name: name of the class.
-        motion_resistance: f_r of the class.
-        reference: f_r of the ground that the braking coefficients were learned on.
-
-    Raises:
-        ParameterError: so little resistance that the brakes would not stop it.
+    ``reference``: f_r of the ground that the braking coefficients were learned on. ParameterError
+    if there is so little resistance that the brakes would not stop the vehicle.
     """
     if name in model.braking.terrain:
         return model
@@ -131,7 +104,7 @@ def with_surface(
 
 
 def with_open_surfaces(model: Model, names: Collection[str]) -> Model:
-    """The model whose base may turn out to be any of the surfaces that are left open.
+    """The model whose base may turn out to be any of the named surfaces.
 
     Plans then use the weakest of the base and these; surfaces that a map names are unchanged, so
     that no description of the ground, right or wrong, makes a plan faster than none.

@@ -34,6 +34,10 @@ _CERTAIN, _TOLERANCE = 3.0, 1.5
 with the slope explain smaller ones."""
 _MAX_STRETCHES = 500
 """Latest stretches that are checked [1], some ten minutes of driving."""
+_SENTENCE = (
+    "the vehicle file cannot be right: {}; check mass, motor_torque_constant, gear_ratio, "
+    "wheel_radius and idle_current"
+)
 
 
 class VehicleCheck:
@@ -59,7 +63,6 @@ class VehicleCheck:
         """Sentence about a file that cannot be right, else empty."""
         turns, (uphill, thrust) = np.array(self._turns), np.array(self._straights or [(0, 0)]).T
         rolling = thrust - uphill
-        advice = "check mass, motor_torque_constant, gear_ratio, wheel_radius and idle_current"
         for name, values, lowest in (
             ("turns", turns, _MIN_TURNING),
             ("straights", rolling, _MIN_ROLLING),
@@ -69,18 +72,14 @@ class VehicleCheck:
             median = float(np.median(values))
             if not lowest <= median <= _MAX_GRIP:
                 limit = f"at least {lowest:g}" if median < lowest else f"at most {_MAX_GRIP:g}"
-                return (
-                    f"the vehicle file cannot be right: {name} take a thrust of {median:.2g} "
-                    f"of the weight, ground allows {limit}; {advice}"
-                )
+                fact = f"{name} take a thrust of {median:.2g} of the weight, ground allows {limit}"
+                return _SENTENCE.format(fact)
         if len(uphill) >= _MIN_SLOPES and float(np.std(uphill)) > _MIN_SLOPE_STD:
             factor, error = _slope(uphill, thrust)
             margin = _CERTAIN * error
             if factor - margin > _TOLERANCE or factor + margin < 1.0 / _TOLERANCE:
-                return (
-                    f"the vehicle file cannot be right: on slopes the thrust changes by "
-                    f"{factor:.2g} ± {error:.2g} of what its weight asks for; {advice}"
-                )
+                share = f"{factor:.2g} ± {error:.2g} of what its weight asks for"
+                return _SENTENCE.format(f"on slopes the thrust changes by {share}")
         return ""
 
 

@@ -68,8 +68,8 @@ class TerrainOptions:
 def terrain(options: TerrainOptions) -> None:
     """Resistances, slip track and changes of terrain from the logs of a skid-steered robot.
 
-    The ground is hard or soft, gripping or slippery, or undecided, and agrees with known classes; it
-    has a single name only where three days or sites were measured. Needs wheel speeds and motor
+    The ground is hard or soft, gripping or slippery, or undecided, and agrees with known classes;
+    it has a single name only where three days or sites were measured. Needs wheel speeds and motor
     currents of both sides and the yaw rate. Stuck and suspect stretches are listed and excluded.
 
     [bold]Example[/]  slopewise terrain drive.csv --model husky --out terrain.csv --update mine.toml

@@ -64,7 +64,7 @@ class RunEvents:
     @property
     def name(self) -> str:
         """Class that most stretches with a single name have, empty without any."""
-        return _most_frequent([stretch.name for stretch in self.ground if stretch.name])
+        return _mode([stretch.name for stretch in self.ground if stretch.name])
 
     @property
     def hardness(self) -> str:
@@ -89,12 +89,12 @@ class RunEvents:
         return sum(o.end - o.begin for o in stuck)
 
 
-def _most_frequent(texts: list[str]) -> str:
+def _mode(texts: list[str]) -> str:
     return max(dict.fromkeys(texts), key=texts.count) if texts else ""
 
 
 def _stated(texts: list[str]) -> str:
-    return _most_frequent([text for text in texts if text != UNDECIDED]) or UNDECIDED
+    return _mode([text for text in texts if text != UNDECIDED]) or UNDECIDED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,7 +24,7 @@ class FeatureValue(Summary, frozen=True):
     interval: tuple[float, float] | None
 
 
-class GroundWords(Summary, frozen=True):
+class GroundText(Summary, frozen=True):
     """`hard`, `soft` and `gripping`, `slippery`, or `undecided`."""
 
     hardness: str
@@ -34,7 +34,7 @@ class GroundWords(Summary, frozen=True):
 class ChangeRow(Summary, frozen=True):
     """A change of terrain at a time of the log [s], from one word to its opposite.
 
-    `again`: within ten seconds of the last. `classes` is null: no class is told by a change.
+    `again`: within ten seconds of the last. `classes` is null: a change has no class.
     """
 
     t: float
@@ -64,7 +64,7 @@ class RunRow(Summary, frozen=True, kw_only=True):
 
     run: str
     terrain: dict[str, FeatureValue]
-    description: GroundWords = msgspec.field(name="words")
+    description: GroundText = msgspec.field(name="words")
     agrees_with: list[str]
     class_name: str | None = msgspec.field(name="class")
     stuck: float
@@ -109,11 +109,11 @@ def _run(run: RunEvents, result: TerrainResult) -> RunRow:
     t = result.log.columns["t"]
     observations = [stretch.observation for stretch in run.stretches]
     compared = [o for o in observations if any(evidence_of(o))]
-    others = [o for o in observations if not any(evidence_of(o))]
+    unused = [o for o in observations if not any(evidence_of(o))]
     return RunRow(
         run=run.run,
         terrain=_features(run.known),
-        description=GroundWords(run.hardness, run.grip),
+        description=GroundText(run.hardness, run.grip),
         agrees_with=list(run.agrees_with),
         class_name=run.name or None,
         stuck=run.stuck_seconds,
@@ -122,7 +122,7 @@ def _run(run: RunEvents, result: TerrainResult) -> RunRow:
             ChangeRow(c.time, c.strength, None, c.before, c.now, c.again) for c in run.changes
         ],
         compared_seconds=round(sum(o.end - o.begin for o in compared)),
-        not_compared_seconds=round(sum(o.end - o.begin for o in others)),
+        not_compared_seconds=round(sum(o.end - o.begin for o in unused)),
         excluded=[
             ExcludedRow(float(t[s.start]), float(t[s.stop - 1]), s.channel, s.kind.value, s.reason)
             for s in run.excluded

@@ -2,7 +2,7 @@
 
 A label holds for a few seconds. Own samples give the terrain parameters of Slip and a description,
 hard or soft, gripping or slippery or undecided; a change is a description that turned around. They
-give no name: plans use the weakest of the surfaces that the description leaves open.
+give no name: plans use the weakest of the surfaces that it does not exclude.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class CurrentTerrain:
         return "" if monitor is None else str(monitor.describer.describe())
 
     def open_surfaces(self) -> tuple[str, ...]:
-        """Surfaces that the latest samples leave open; none before the first samples."""
+        """Surfaces that the latest samples do not exclude; none before the first samples."""
         monitor = self._monitors.get(self._source)
         return () if monitor is None else tuple(monitor.open_surfaces())
 

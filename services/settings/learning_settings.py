@@ -14,7 +14,7 @@ class Learning:
 
     Attributes:
         enabled: False: the model file's parameters hold, observations are counted only.
-        terrains: terrain file or name of shipped classes that ground is classified by; empty: none.
+        terrains: terrain file, or a shipped name, that ground is described by; empty: none.
         estimators: ids whose liveliness tokens have to be there; without one plans are slower.
     """
 

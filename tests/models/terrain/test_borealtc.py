@@ -92,15 +92,15 @@ def test_clocks_are_brought_together(reader):
     assert reader.clock_offset(t, 0 * t, slow, 0 * slow) == 0.0
 
 
-@pytest.mark.parametrize("by_class", [False, True], ids=["runs left out", "class left out"])
-def test_descriptions_of_ground_that_was_left_out(figures, runs, by_class):
+@pytest.mark.parametrize("by_class", [False, True], ids=["runs", "class"])
+def test_descriptions_of_ground_that_was_held_out(figures, runs, by_class):
     counts = figures.held_out(runs, by_class=by_class)
     for axis in ("hardness", "grip"):
         stated = sum(c[f"{axis} stated"] for c in counts.values())
         assert stated >= 0.55 * sum(c[f"{axis} windows"] for c in counts.values())
         for name, count in counts.items():
             assert count[f"{axis} wrong"] <= 0.05 * count[f"{axis} stated"], (axis, name)
-    # the ground that took no part agrees with a single class all the same: why names need days
+    # the ground that took no part agrees with one class as well: so names need days
     if by_class:
         assert sum(c["single wrong"] for c in counts.values()) > 30
     else:
@@ -119,7 +119,7 @@ def test_intervals_hold_for_the_other_half_of_a_run(figures, runs):
         assert share > 0.9, name
 
 
-def test_the_shipped_file_is_what_the_recording_gives(figures, runs):
+def test_the_shipped_file_is_that_of_the_recording(figures, runs):
     classes, thresholds = figures.learn(runs)
     shipped = read_terrains(find_terrains("borealtc"))
     assert shipped.thresholds.soft_above == pytest.approx(thresholds.soft_above, abs=0.002)

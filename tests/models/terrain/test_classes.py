@@ -108,7 +108,7 @@ def test_agreement_of_one_feature_is_students_t():
 
 
 def test_a_class_rejects_its_share_of_its_own_runs():
-    # runs and class from one distribution: 5 % are rejected, whichever kinds were driven
+    # runs and class from one distribution: 5 % are rejected, for each kind of motion
     random = np.random.default_rng(3)
     rejected = []
     for i in range(400):
@@ -142,8 +142,8 @@ def test_with_three_days_the_spread_is_that_of_days():
         return LabelledRun("a", site, (observation_of(f_r, NAN, NAN),))
 
     same = [run(0.1 * math.exp(x), "") for x in (-0.1, 0.0, 0.1)]
-    other = [run(0.1 * math.exp(x), site) for x, site in ((-0.4, "1"), (0.0, "2"), (0.4, "3"))]
-    (one_day,), (days,) = classes_of("x", same).terrain, classes_of("x", same + other).terrain
+    three = [run(0.1 * math.exp(x), site) for x, site in ((-0.4, "1"), (0.0, "2"), (0.4, "3"))]
+    (one_day,), (days,) = classes_of("x", same).terrain, classes_of("x", same + three).terrain
     assert (one_day.days, one_day.motion_resistance.samples) == (1.0, 3.0)
     assert one_day.motion_resistance.std / 0.1 == pytest.approx(0.1)
     assert (days.days, days.motion_resistance.samples) == (4.0, 4.0)  # no site is a fourth

@@ -233,8 +233,8 @@ def test_a_square_agrees_with_its_class_and_has_no_name(ground, name, hardness, 
 
 
 def test_classes_of_three_days_give_a_name():
-    apart = [t for t in HUSKY.terrain if t.name != "dirt_road"]  # which agrees as well
-    terrain = tuple(dataclasses.replace(t, days=3.0) for t in apart)
+    distinct = [t for t in HUSKY.terrain if t.name != "dirt_road"]  # which agrees as well
+    terrain = tuple(dataclasses.replace(t, days=3.0) for t in distinct)
     classes = TerrainClasses(name="husky", terrain=terrain)
     monitor = TerrainMonitor(MODEL, classes, HUSKY.thresholds, QUIET)
     estimates, _ = events(plant.drive(plant.square(), plant.ASPHALT), monitor)

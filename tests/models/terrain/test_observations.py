@@ -232,7 +232,7 @@ def test_what_does_not_average_out():
     assert shifted.value - first.value == pytest.approx(0.018111, abs=1e-5)
 
 
-def test_pitch_counts_twice_on_slopes_and_a_swinging_one_gives_no_estimate():
+def test_pitch_counts_twice_on_slopes_and_none_where_it_swings():
     settings = ResistanceSettings(pitch_std=0.01, current_std=0.0, **NO_SCATTER)
     straight = stretch(v_left=0.5, v_right=0.5, current_left=4.0, current_right=4.0)
     sloping = dataclasses.replace(straight, pitch=straight.pitch - 0.1)

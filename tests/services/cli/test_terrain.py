@@ -109,7 +109,7 @@ def test_without_names_of_the_ground_nothing_is_learned(world: Path) -> None:
     one_line_of(here("terrain", "log.csv", *TERRAIN[2:], "--learn", "l.toml"), "column terrain")
 
 
-def test_a_vehicle_file_that_cannot_be_right_is_said(world: Path) -> None:
+def test_a_vehicle_file_that_cannot_be_right_is_reported(world: Path) -> None:
     husky = read_model(world / "husky.toml")
     light = replace(husky, vehicle=replace(husky.vehicle, mass=5.0, max_drive_force=90.0))
     write_model(light, world / "light.toml")
