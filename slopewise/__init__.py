@@ -17,65 +17,44 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from slopewise._calibration import calibrate, find_discrepancies
-    from slopewise._io import read_drive_log, read_map, read_model, read_paths, write_model
-    from slopewise._planning import Horizon, check_plan, plan
-    from slopewise.models.candidate_path import CandidatePath
-    from slopewise.models.elevation_map import ElevationMap
-    from slopewise.models.errors import SlopewiseError
-    from slopewise.models.parameters import Model
-    from slopewise.planner.horizon.answer import PlanarState
-    from slopewise.planner.plan import SpeedPlan
-    from slopewise.services.check.check_report import CheckReport
-    from slopewise.services.check.external_plan import GivenPlan
-    from slopewise.services.client import PlanClient
-    from slopewise.services.io.drive_log import DriveLog
+    from slopewise._calibration import calibrate as calibrate
+    from slopewise._calibration import find_discrepancies as find_discrepancies
+    from slopewise._io import read_drive_log as read_drive_log
+    from slopewise._io import read_map as read_map
+    from slopewise._io import read_model as read_model
+    from slopewise._io import read_paths as read_paths
+    from slopewise._io import write_model as write_model
+    from slopewise._planning import Horizon as Horizon
+    from slopewise._planning import check_plan as check_plan
+    from slopewise._planning import plan as plan
+    from slopewise.models.candidate_path import CandidatePath as CandidatePath
+    from slopewise.models.elevation_map import ElevationMap as ElevationMap
+    from slopewise.models.errors import SlopewiseError as SlopewiseError
+    from slopewise.models.parameters import Model as Model
+    from slopewise.planner.horizon.answer import PlanarState as PlanarState
+    from slopewise.planner.plan import SpeedPlan as SpeedPlan
+    from slopewise.services.check.check_report import CheckReport as CheckReport
+    from slopewise.services.check.external_plan import GivenPlan as GivenPlan
+    from slopewise.services.client import PlanClient as PlanClient
+    from slopewise.services.io.drive_log import DriveLog as DriveLog
 
-__all__ = [
-    "CandidatePath",
-    "CheckReport",
-    "DriveLog",
-    "ElevationMap",
-    "GivenPlan",
-    "Horizon",
-    "Model",
-    "PlanClient",
-    "PlanarState",
-    "SlopewiseError",
-    "SpeedPlan",
-    "calibrate",
-    "check_plan",
-    "find_discrepancies",
-    "plan",
-    "read_drive_log",
-    "read_map",
-    "read_model",
-    "read_paths",
-    "write_model",
-]
-
-_HOMES = {
-    "CandidatePath": "slopewise.models.candidate_path",
-    "CheckReport": "slopewise.services.check.check_report",
-    "DriveLog": "slopewise.services.io.drive_log",
-    "ElevationMap": "slopewise.models.elevation_map",
-    "GivenPlan": "slopewise.services.check.external_plan",
-    "Horizon": "slopewise._planning",
-    "Model": "slopewise.models.parameters",
-    "PlanClient": "slopewise.services.client",
-    "PlanarState": "slopewise.planner.horizon.answer",
-    "SlopewiseError": "slopewise.models.errors",
-    "SpeedPlan": "slopewise.planner.plan",
-    "calibrate": "slopewise._calibration",
-    "check_plan": "slopewise._planning",
-    "find_discrepancies": "slopewise._calibration",
-    "plan": "slopewise._planning",
-    "read_drive_log": "slopewise._io",
-    "read_map": "slopewise._io",
-    "read_model": "slopewise._io",
-    "read_paths": "slopewise._io",
-    "write_model": "slopewise._io",
+_NAMES = {
+    "_calibration": "calibrate find_discrepancies",
+    "_io": "read_drive_log read_map read_model read_paths write_model",
+    "_planning": "Horizon check_plan plan",
+    "models.candidate_path": "CandidatePath",
+    "models.elevation_map": "ElevationMap",
+    "models.errors": "SlopewiseError",
+    "models.parameters": "Model",
+    "planner.horizon.answer": "PlanarState",
+    "planner.plan": "SpeedPlan",
+    "services.check.check_report": "CheckReport",
+    "services.check.external_plan": "GivenPlan",
+    "services.client": "PlanClient",
+    "services.io.drive_log": "DriveLog",
 }
+_HOMES = {name: f"{__name__}.{home}" for home, names in _NAMES.items() for name in names.split()}
+__all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> Any:

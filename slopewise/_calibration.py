@@ -13,7 +13,8 @@ from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.parameters import Model
 from slopewise.services.io.drive_log import DriveLog
-from slopewise.services.io.logs.log_source import grade_by_map, refuse_wrong_units
+from slopewise.services.io.log_checks import refuse_wrong_units
+from slopewise.services.io.track_grade import grade_by_map
 from slopewise.services.jobs.calibrate import calibrate_log
 
 

@@ -194,11 +194,21 @@ def _lead(kind: Any) -> str:
 
 
 def _attributes(kind: Any) -> dict[str, str]:
-    """Description of each attribute in a docstring; several may share a sentence."""
+    """Description of each attribute, from the comment on it or the docstring.
+
+    Several may share a sentence.
+    """
     text = inspect.getdoc(kind) or ""
-    if "Attributes:" not in text:
+    is_message = issubclass(kind, msgspec.Struct) and kind is not msgspec.Struct
+    source = inspect.getsource(kind) if is_message else ""
+    comments = re.findall(r"(?m)^    (\w+): [^#\n]*# (?!words: ok)(.*?)(?:; words: ok)?$", source)
+    body = " ".join(
+        note if re.match(r"\w+(, \w+)+: ", note) else f"{name}: {note}" for name, note in comments
+    )
+    if "Attributes:" in text:
+        body = " ".join(text.split("Attributes:", 1)[1].split())
+    if not body:
         return {}
-    body = " ".join(text.split("Attributes:", 1)[1].split())
     names = "|".join(sorted(get_type_hints(kind, include_extras=True), key=len, reverse=True))
     starts = list(re.finditer(rf"(?:^|(?<=\s))((?:{names})(?:, (?:{names}))*): ", body))
     ends = [match.start() for match in starts[1:]] + [len(body)]

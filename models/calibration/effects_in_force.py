@@ -117,9 +117,9 @@ def measured_beside(
             strict=True,
         )
     )
-    return dataclasses.replace(
-        measured, records=records, dead_time=dataclasses.replace(measured.dead_time, value=dead)
-    )
+    # Forces of stops cut short hold what the effects add, and are no bounds without it.
+    dead_time = dataclasses.replace(measured.dead_time, value=dead)
+    return dataclasses.replace(measured, records=records, dead_time=dead_time, bounds=())
 
 
 def _steepness(seen: list[tuple[float, float]]) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.stop_logs import random_effects
-from slopewise.models.stop_logs.random_effects import LinearFit
+from slopewise.models.stop_logs.random_effects import Bounds, LinearFit
 
 NAMES = ("m_m", "b_m", "m_b", "b_b")
 """Order of coefficients and covariance."""
@@ -73,6 +73,7 @@ def fit_force(
     known: Floats,
     *,
     common: tuple[Floats, float] | None = None,
+    bounds: Bounds | None = None,
     prior_std: tuple[float, ...] = WEAK_PRIOR,
 ) -> ForceFit:
     """Joint fit of all four coefficients.
@@ -83,10 +84,13 @@ def fit_force(
         known: (4,) coefficients known before.
         common: what errs alike in all stops: (n,) change of the force with it, and its standard
             deviation.
+        bounds: lower bounds of forces; none of them counts that the fit obeys.
         prior_std: (4,) how well ``known`` is known.
     """
     prior = np.diag(np.square(prior_std))
-    regression = random_effects.fit(design(speed, grade), force_ratio, noise, known, prior)
+    regression = random_effects.fit_with_bounds(
+        design(speed, grade), force_ratio, noise, known, prior, bounds
+    )
     covariance = regression.covariance
     if common is not None:
         direction = regression.gain @ common[0] * common[1]

@@ -127,7 +127,7 @@ def learn(
         measured = beside_uphill(measured, uneven.value, known)
         surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
     warnings += notes(surfaces[0], mount, known, uneven)
-    warnings += sinking_commands(columns, log.windows)
+    warnings += (*sinking_commands(columns, log.windows), *log.notes)
     good = usable(len(columns["t"]), log.suspects, ["v", "v_cmd"])
     driven = speed_error(columns, runs, good)
     braking = _braking(known, surfaces, measured.dead_time, uneven)

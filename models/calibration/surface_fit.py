@@ -9,7 +9,7 @@ the base; a base without stops is the weakest surface. Source: Braking Sec. 4.1,
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,6 +44,7 @@ from slopewise.models.quantity import Matrix
 from slopewise.models.stop_logs.find_stops import StopSettings
 from slopewise.models.stop_logs.measure import Measured
 from slopewise.models.stop_logs.mount_offset import Mount
+from slopewise.models.stop_logs.random_effects import Bounds
 from slopewise.models.stop_logs.stop_record import StopRecord
 
 FEWEST_STOPS = 8
@@ -125,7 +126,19 @@ def fit_records(records: Sequence[StopRecord], measured: Measured, known: Brakin
         np.array([r.force_std for r in records]),
         np.array([known.m_m, known.b_m, known.m_b, known.b_b]),
         common=(measured.by_dead_time[rows], measured.dead_time.std),
+        bounds=_bounds(measured, {r.samples.terrain for r in records}),
     )
+
+
+def _bounds(measured: Measured, surfaces: Container[str]) -> Bounds | None:
+    """Stops of some surfaces that were cut short."""
+    short = [r for r in measured.bounds if r.samples.terrain in surfaces]
+    if not short:
+        return None
+    force, noise, speed, grade = np.array(
+        [(r.force_ratio, r.force_std, r.onset_speed, r.grade) for r in short]
+    ).T
+    return Bounds(design(speed, grade), force, noise)
 
 
 def fit_surfaces(

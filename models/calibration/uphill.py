@@ -30,7 +30,7 @@ def beside_uphill(measured: Measured, change: float, known: Braking) -> Measured
     """
     dead = measured.dead_time.value
     records = tuple(_without(r, change, dead, known) for r in measured.records)
-    return dataclasses.replace(measured, records=records)
+    return dataclasses.replace(measured, records=records, bounds=())
 
 
 def _without(record: StopRecord, change: float, dead: float, known: Braking) -> StopRecord:

@@ -1,4 +1,4 @@
-"""The dead time of the brakes from the onsets of all stops.
+"""What the onsets of all stops share: the dead time of the brakes, and how well speeds are held.
 
 It is a property of the hardware, so all stops share it up to a scatter from stop to stop. Knowing
 it sharpens each single stop: onset and force of a knee are correlated, and an onset pulled towards
@@ -17,8 +17,9 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.stop_logs import random_effects
-from slopewise.models.stop_logs.onset import Knee
+from slopewise.models.stop_logs.onset import CREEP, HELD, Knee
 
+_MIN_STOP_COUNT = 30  # stops without which their spread says little about how speeds are held
 _NO_IDEA = 1.0  # [s] prior standard deviation around nothing in particular
 
 
@@ -90,3 +91,28 @@ def sharpen(knees: Sequence[Knee], noise: Floats, common: DeadTime) -> Sharpened
         np.sqrt(np.maximum(variance, 1e-12)),
         by_force,
     )
+
+
+def held_weights(knees: Sequence[Knee | None], noise: Floats) -> Floats:
+    """(n,) weight of the evidence that the speed was held, for :func:`.onset.fit_knee` [s²].
+
+    Args:
+        knees: first fits, with the weak weight; None without a fit.
+        noise: speed noise of each stop with a fit, correlation included [m/s].
+    """
+    weights = np.full(len(knees), HELD)
+    measured = [knee for knee in knees if knee is not None]
+    if len(measured) < _MIN_STOP_COUNT:
+        return weights
+    creep = np.array([knee.creep for knee in measured])
+    std = noise * np.sqrt([knee.creep_variance for knee in measured])
+    fit = random_effects.fit(
+        np.ones((len(creep), 1)), creep, np.maximum(std, 1e-9), np.zeros(1), np.array([[CREEP**2]])
+    )
+    # A spread that is not seen may still be as large as chance could hide.
+    hidden = float(np.mean(std**2)) * np.sqrt(2.0 / len(creep))
+    spread = np.sqrt(fit.scatter**2 + float(fit.coefficients[0]) ** 2 + hidden)
+    # A stop that crept unlike all others keeps its creep.
+    retained = np.where(fit.kept, np.minimum((noise / spread) ** 2, 1e6), HELD)
+    weights[[knee is not None for knee in knees]] = np.maximum(retained, HELD)
+    return weights

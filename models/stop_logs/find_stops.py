@@ -2,14 +2,15 @@
 
 A stop begins with the first sample at which a rolling vehicle receives the stop command and ends
 with the first zero crossing of its speed; the suspension rocks back afterwards, so later crossings
-carry no information. Stops other than full, straight, undisturbed braking are found, too, and
-excluded with a reason.
+carry no information. A vehicle that drives backwards is seen from its direction of travel. Stops
+other than full, straight, undisturbed braking are found, too, and excluded with a reason.
 
 Source: Braking Sec. 2 (procedure), (1).
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -20,8 +21,8 @@ from numpy.typing import NDArray
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.errors import ParameterError
+from slopewise.models.stop_logs.held_values import fresh_samples
 from slopewise.models.stop_logs.speed_floor import speed_floor
-from slopewise.models.stop_logs.stop_channels import application
 
 STOP_COMMAND_MAX_SPEED = 0.01
 """A command of at most this is the stop command [m/s]."""
@@ -33,6 +34,11 @@ _STRAIGHT = 0.35
 """Mean yaw rate from which a stop is no longer straight [rad/s]."""
 
 _SOON = 1.0  # [s] after it has settled, a speed that reads 0 at rest does
+_HELD_ON = 0.85  # share of the samples of a stop at one application; the rest is its building up
+_MIN_LOST = 0.3  # share of its speed that a stop cut short has to lose to say anything
+_APPLIED = 0.05
+"""Application above which the brakes are a stop command, in a log without v_cmd [1]: above the
+offset of an unloaded pressure sensor, a few per cent of its range."""
 
 
 class Usability(Enum):
@@ -50,43 +56,47 @@ class Usability(Enum):
     SPARSE = "too few samples while it braked"
     SUSPECT = "suspect samples"
 
+    @property
+    def remedy(self) -> str:
+        """What to try, so that such stops can be used."""
+        return _REMEDIES[self]
+
+
+_REMEDIES = {
+    Usability.USABLE: "",
+    Usability.ABORTED: "command 0 until the vehicle stands; until then it bounds the force only",
+    Usability.UNFINISHED: "record until the vehicle stands; until then it bounds the force only",
+    Usability.RAMPED: "command 0 in one step, or ramps = true in --stop-settings",
+    Usability.REVERSED: "command 0 before driving back, or reversals = true in --stop-settings",
+    Usability.TURNING: "brake on straights, or raise --turn-rate",
+    Usability.PARTIAL: "apply the brakes fully, or hold one application",
+    Usability.SLOW: "lower --least-speed",  # words: ok, an option
+    Usability.COASTED: "leave out the column brake if it is not that of these brakes",
+    Usability.SPARSE: "record the speed more often, or stop from higher speeds",
+    Usability.SUSPECT: "record again without the samples that are listed as suspect",
+}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopSettings:
-    """Definition of a stop. Times in s, speeds in m/s.
+    """Definition of a stop. Times in s, speeds in m/s."""
 
-    Attributes:
-        least_speed: slower vehicles have nothing to stop; None takes the log's noise
-            floor.
-        held_for: before the command, over which the speed is averaged.
-        before, after: how much of the log around a stop belongs to it.
-        ramp: a command that came down over a longer time than that is no step.
-        step: share of the speed that the command has to drop in one step.
-        turn_rate: mean |yaw rate| from which a stop is no longer straight [rad/s]; None takes 0.35,
-            and no limit where what turning costs is known.
-        full_brake: brake application from which it counts as full [1].
-        fewest: samples between onset and standstill.
-        longest: later standstills are not this stop's.
-        settled: a speed below ``settled_speed`` for this long is standstill without a crossing.
-        settled_speed: of sensors that never read zero; more where the log is noisier at rest.
-        partial: stops at a part of the brakes that is held may be learned from.
-        uneven: how far an application may be from its median and still be held [1].
-    """
-
-    least_speed: float | None = None
-    held_for: float = 0.2
-    before: float = 1.0
-    after: float = 1.5
-    ramp: float = 0.15
-    step: float = 0.7
-    turn_rate: float | None = None
-    full_brake: float = 0.9
-    fewest: int = 6
-    longest: float = np.inf
-    settled: float = 0.3
-    settled_speed: float = 0.03
-    partial: bool = False
-    uneven: float = 0.06
+    least_speed: float | None = None  # of a stop; None: above the log's noise floor
+    held_for: float = 0.2  # before the command, over which the speed is averaged
+    before: float = 1.0  # how much of the log in front of the command belongs to a stop
+    after: float = 1.5  # and behind standstill
+    ramp: float = 0.15  # a command that came down over a longer time is no step
+    step: float = 0.7  # share of the speed that the command has to drop in one step
+    turn_rate: float | None = None  # [rad/s] None: 0.35, or none where the cost of turning is known
+    full_brake: float = 0.9  # application from which it counts as full
+    fewest: int = 3  # samples between onset and standstill: a line and its scatter
+    longest: float = np.inf  # later standstills are not this stop's
+    settled: float = 0.3  # so long below `settled_speed` is standstill without a crossing
+    settled_speed: float = 0.03  # of sensors that never read zero; more in noisier logs
+    partial: bool = False  # stops at a held part of the brakes may be learned from
+    uneven: float = 0.06  # how far an application may be from its median and still be held
+    ramps: bool = False  # commands that come down gradually are stops from where they begin to
+    reversals: bool = False  # commands to drive the other way are stop commands
 
     def __post_init__(self) -> None:
         for name in ("least_speed", "longest", "settled_speed", "turn_rate"):
@@ -113,10 +123,11 @@ class StopWindow:
 
     Attributes:
         begin, command, standstill, end: first sample that belongs to it, the stop command, the
-            first sample at standstill (or the last of an unfinished stop), one behind the last.
-        held_speed: mean speed just before the command [m/s].
+            first sample at standstill (or the last of a stop cut short), one behind the last.
+        held_speed: mean speed just before the command, in the direction of travel [m/s].
         verdict, reason: whether it may be learned from; the reason adds numbers.
-        level: application of the brakes, by the log.
+        level: application of the brakes, by the log. direction: -1 if it drove backwards.
+        is_bound: cut short, and otherwise usable: the force was no less than what it shows.
     """
 
     begin: int
@@ -127,11 +138,18 @@ class StopWindow:
     verdict: Usability
     reason: str = ""
     level: float = 1.0
+    direction: int = 1
+    is_bound: bool = False
 
     @property
     def usable(self) -> bool:
         """The braking model may learn from it."""
         return self.verdict is Usability.USABLE
+
+    @property
+    def cut_short(self) -> bool:
+        """The next command, or the end of the log, came before it stood."""
+        return self.verdict in (Usability.ABORTED, Usability.UNFINISHED)
 
 
 def find_stops(
@@ -144,54 +162,82 @@ def find_stops(
 
     Args:
         columns: channels by name, (n,): ``t`` [s], ``v`` and ``v_cmd`` [m/s]; ``yaw_rate``
-            [rad/s] and ``brake`` [1] where the log has them.
-        run: samples of the run.
-        usable: (n,) samples that may be used, see
-        :func:`slopewise.models.stop_logs.drive_quality.usable`.
-        settings: definition of a stop.
+            [rad/s] and ``brake`` [1] where the log has them. Where ``v_cmd`` is NaN throughout,
+            applied brakes are the command.
+        run: samples of the run. usable: (n,) samples that may be used, see
+            :func:`slopewise.models.stop_logs.drive_quality.usable`. settings: what is a stop.
     """
     settings = settings or StopSettings()
     part = {name: values[run] for name, values in columns.items() if values.dtype.kind in "fiub"}
-    search = _Search(part, usable[run], settings)
-    offset = run.start
-    return [
-        StopWindow(
-            w.begin + offset,
-            w.command + offset,
-            w.standstill + offset,
-            w.end + offset,
-            w.held_speed,
-            w.verdict,
-            w.reason,
-            w.level,
-        )
-        for w in search.windows()
-    ]
+    windows = _Search(part, usable[run], settings, 1).windows()
+    if np.any(part["v_cmd"] < -STOP_COMMAND_MAX_SPEED):
+        part |= {"v": -part["v"], "v_cmd": -part["v_cmd"]}
+        windows += _Search(part, usable[run], settings, -1).windows()
+        windows.sort(key=lambda w: w.command)
+    return [_shifted(w, run.start) for w in windows]
+
+
+def _shifted(w: StopWindow, by: int) -> StopWindow:
+    places = {n: getattr(w, n) + by for n in ("begin", "command", "standstill", "end")}
+    return dataclasses.replace(w, **places)
+
+
+def application(brake: Floats | None, uneven: float) -> tuple[float, bool]:
+    """Application of the brakes during a stop, and whether it is held; full without the channel.
+
+    Args:
+        brake: (n,) 0 … 1, NaN where it is missing, 0 where it is yet to come.
+        uneven: how far from the median [1].
+    """
+    brake = brake if brake is None else brake[np.isfinite(brake) & (brake > 0.0)]
+    if brake is None or not len(brake):
+        return 1.0, True
+    level = float(np.median(brake))
+    return level, bool(np.mean(np.abs(brake - level) <= uneven) >= _HELD_ON)
 
 
 class _Search:
-    """One run while it is searched; indices count from its first sample."""
+    """One run while it is searched; indices count from its first sample, ahead is positive."""
 
-    def __init__(self, part: Mapping[str, Floats], usable: Bools, settings: StopSettings) -> None:
+    def __init__(
+        self, part: Mapping[str, Floats], usable: Bools, settings: StopSettings, direction: int
+    ) -> None:
         self.t, self.v, self.v_cmd = part["t"], part["v"], part["v_cmd"]
         self.part, self.usable, self.settings = part, usable, settings
+        self.direction = direction
+        self.brake = part.get("brake")
         self.is_stop = self.v_cmd <= STOP_COMMAND_MAX_SPEED
+        if self.brake is not None and np.isnan(self.v_cmd).all():
+            self.is_stop = self.brake > _APPLIED
+        self.fresh = fresh_samples(self.t, self.v)
         self.floor = speed_floor(
-            self.t, self.v, np.abs(self.v_cmd) <= STOP_COMMAND_MAX_SPEED, usable
+            self.t, self.v, self.is_stop & ~(np.abs(self.v_cmd) > STOP_COMMAND_MAX_SPEED), usable
         )
 
     def windows(self) -> list[StopWindow]:
         starts = np.flatnonzero(self.is_stop & ~np.concatenate(([True], self.is_stop[:-1])))
         windows = []
-        for i in starts.tolist():
-            before = self._samples(self.t[i] - self.settings.held_for, i + 1)
-            rolling = self.v[before][self.usable[before]]
-            held = float(np.mean(rolling)) if len(rolling) else 0.0
+        for zero in starts.tolist():
+            i = self._ramp_start(zero) if self.settings.ramps else zero
+            held = self._held(i)
             lowest = self.settings.least_speed
             slowest = max(self.floor.slowest, self.settings.settled_speed)
             if held >= (slowest if lowest is None else min(lowest, slowest)):
-                windows.append(self._window(i, held))
+                windows.append(self._window(i, zero, held))
         return windows
+
+    def _held(self, i: int) -> float:
+        before = self._samples(self.t[i] - self.settings.held_for, i + 1)
+        rolling = self.v[before][self.usable[before]]
+        return float(np.mean(rolling)) if len(rolling) else 0.0
+
+    def _ramp_start(self, zero: int) -> int:
+        """First sample of a command that falls from there on until it is 0."""
+        before = self.v_cmd[:zero]
+        rising = np.flatnonzero(np.diff(before) > 0.0)
+        fall = slice(int(rising[-1]) + 1 if len(rising) else 0, zero + 1)
+        from_top = self.v_cmd[fall][0] - self.v_cmd[fall] > STOP_COMMAND_MAX_SPEED
+        return fall.start + int(np.argmax(from_top)) if from_top.any() else zero
 
     def _settled_speed(self, held: float) -> float:
         """Speed below which the vehicle stands, from the reading at rest [m/s]."""
@@ -202,36 +248,47 @@ class _Search:
     def _samples(self, since: float, stop: int) -> slice:
         return slice(int(np.searchsorted(self.t, since - 1e-9)), stop)
 
-    def _window(self, i: int, held: float) -> StopWindow:
+    def _released(self, zero: int) -> int:
+        """First sample of the next command, in either direction."""
+        released = ~self.is_stop[zero:]
+        if self.v_cmd[zero] >= -STOP_COMMAND_MAX_SPEED:
+            released |= self.v_cmd[zero:] < -STOP_COMMAND_MAX_SPEED
+        return zero + int(np.argmax(released)) if released.any() else len(self.t)
+
+    def _window(self, i: int, zero: int, held: float) -> StopWindow:
         s = self.settings
         begin = self._samples(self.t[i] - s.before, i).start
-        stopped = np.flatnonzero(
-            self.is_stop[begin:i]
-        )  # an earlier stop does not belong to this one
+        # An earlier stop does not belong to this one.
+        stopped = np.flatnonzero(self.is_stop[begin:i])
         begin += int(stopped[-1]) + 1 if len(stopped) else 0
-        again = np.flatnonzero(~self.is_stop[i:])
-        released = i + int(again[0]) if len(again) else len(self.t)
+        released = self._released(zero)
         last = int(np.searchsorted(self.t, self.t[i] + s.longest, side="right"))
         standstill = self._standstill(i, min(last, len(self.t)), held)
-        if standstill is None:
-            verdict = Usability.ABORTED if released < len(self.t) else Usability.UNFINISHED
-            end = min(released, last)
-            return StopWindow(begin, i, end - 1, end, held, verdict)
-        if standstill > released:
-            return StopWindow(begin, i, released - 1, released, held, Usability.ABORTED)
+        if standstill is None or standstill > released:
+            return self._cut_short(begin, i, zero, held, released, last)
         end = min(
             int(np.searchsorted(self.t, self.t[standstill] + s.after, side="right")), released
         )
-        verdict, reason = self._verdict(begin, i, standstill, held)
+        verdict, reason = self._verdict(begin, i, zero, standstill, held)
+        level = application(self._brake(slice(i, standstill + 1)), s.uneven)[0]
+        end = max(end, standstill + 1)
+        return StopWindow(begin, i, standstill, end, held, verdict, reason, level, self.direction)
+
+    def _cut_short(
+        self, begin: int, i: int, zero: int, held: float, released: int, last: int
+    ) -> StopWindow:
+        """A stop that ends with the next command, with the log, or with its longest time."""
+        verdict = Usability.ABORTED if released < len(self.t) else Usability.UNFINISHED
+        end = min(released, last)
+        would_be, _ = self._verdict(begin, i, zero, end - 1, held)
+        level = application(self._brake(slice(i, end)), self.settings.uneven)[0]
+        event = "next command" if verdict is Usability.ABORTED else "end of the log"
+        after = self.t[min(end, len(self.t) - 1)] - self.t[i]
+        reason = f"{event} after {after:.2f} s, still at {self.v[end - 1]:.2f} m/s"
+        lost = 1.0 - self.v[end - 1] / held
+        is_bound = would_be is Usability.USABLE and lost >= _MIN_LOST
         return StopWindow(
-            begin,
-            i,
-            standstill,
-            max(end, standstill + 1),
-            held,
-            verdict,
-            reason,
-            application(self._brake(slice(i, standstill + 1)), s.uneven)[0],
+            begin, i, end - 1, end, held, verdict, reason, level, self.direction, is_bound
         )
 
     def _standstill(self, i: int, stop: int, held: float) -> int | None:
@@ -252,9 +309,11 @@ class _Search:
         return None if first is None else i + first
 
     def _brake(self, braking: slice) -> Floats | None:
-        return self.part["brake"][braking] if "brake" in self.part else None
+        return None if self.brake is None else self.brake[braking]
 
-    def _verdict(self, begin: int, i: int, standstill: int, held: float) -> tuple[Usability, str]:
+    def _verdict(
+        self, begin: int, i: int, zero: int, standstill: int, held: float
+    ) -> tuple[Usability, str]:
         s = self.settings
         braking = slice(i, standstill + 1)
         if s.least_speed is not None and held < s.least_speed:
@@ -262,8 +321,8 @@ class _Search:
         near = self._samples(self.t[i] - 0.5 * s.before, standstill + 1)
         if not self.usable[near].all():
             return Usability.SUSPECT, f"{int((~self.usable[near]).sum())} suspect samples"
-        if self.v_cmd[i] < -STOP_COMMAND_MAX_SPEED:
-            return Usability.REVERSED, f"command of {self.v_cmd[i]:.2f} m/s"
+        if self.v_cmd[zero] < -STOP_COMMAND_MAX_SPEED and not s.reversals:
+            return Usability.REVERSED, f"command of {self.direction * self.v_cmd[zero]:.2f} m/s"
         # A command that came down before it reached zero is no step. Commands may be off by a
         # factor from the speed, so they are also compared with themselves.
         typical = min(held, float(np.max(self.v_cmd[begin:i])))
@@ -276,7 +335,10 @@ class _Search:
             mean = float(np.mean(rate[np.isfinite(rate)])) if np.isfinite(rate).any() else 0.0
             if mean > (_STRAIGHT if s.turn_rate is None else s.turn_rate):
                 return Usability.TURNING, f"mean yaw rate {mean:.2f} rad/s"
-        brake = self._brake(braking)
+        return self._verdict_of_brakes(braking, held)
+
+    def _verdict_of_brakes(self, braking: slice, held: float) -> tuple[Usability, str]:
+        s, brake = self.settings, self._brake(braking)
         if brake is not None and np.isfinite(brake).any() and not np.nansum(np.abs(brake)) > 0.0:
             return Usability.COASTED, "brake application of 0 until it stood"
         level, held_on = application(brake, s.uneven)
@@ -284,7 +346,8 @@ class _Search:
             addition = "" if held_on else ", and not held there"
             return Usability.PARTIAL, f"brakes applied to {level:.0%}{addition}"
         falling = np.flatnonzero(self.v[braking] > 0.9 * held)
-        onset = int(falling[-1]) if len(falling) else 0
-        if standstill - i - onset < s.fewest:
-            return Usability.SPARSE, f"{standstill - i - onset} samples while it braked"
+        onset = braking.start + int(falling[-1]) if len(falling) else braking.start
+        count = int(np.sum(self.fresh[onset + 1 : braking.stop]))
+        if count < s.fewest:
+            return Usability.SPARSE, f"{count} new values of v while it braked"
         return Usability.USABLE, ""

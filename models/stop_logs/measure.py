@@ -1,8 +1,8 @@
 """Measuring all stops of a log together: ground under them, onsets, forces.
 
-All stops together determine what a single one cannot: dive of the body, noise of the speed, dead
-time of the brakes, how well speeds are held. The order: knees on the raw grade, dive and
-mount, knees on the ground.
+All stops together determine what a single one cannot: dive and swing of the body, noise of the
+speed, dead time of the brakes, how well speeds are held. The order: knees on the raw grade, dive
+and mount, swing, knees on the ground.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.stop_logs.creep import held_weights
-from slopewise.models.stop_logs.dead_time import DeadTime, dead_time, sharpen
+from slopewise.models.stop_logs.body_swing import swing_of
+from slopewise.models.stop_logs.dead_time import DeadTime, dead_time, held_weights, sharpen
 from slopewise.models.stop_logs.ground_grade import Dive, StopPitch, estimate_dive, shrunk
 from slopewise.models.stop_logs.mount_offset import Mount
-from slopewise.models.stop_logs.onset import HELD, Knee, fit_knee
+from slopewise.models.stop_logs.onset import HELD, Knee, Swing, fit_knee
 from slopewise.models.stop_logs.stop_record import StopRecord, StopSamples
 
 _POOLED = 20.0  # samples of one stop that weigh as much as the noise of all stops
@@ -37,7 +37,7 @@ class Measured:
     Attributes:
         records: stops that could be measured, in order. unmeasured: those that could not.
         dead_time: dead time of the brakes. by_dead_time: (n,) change of each force with it [1/s].
-        dive: dive of the body.
+        dive, swing: of the body. bounds: stops cut short, whose force was at least as measured.
     """
 
     records: tuple[StopRecord, ...]
@@ -45,10 +45,24 @@ class Measured:
     dead_time: DeadTime
     by_dead_time: Floats
     dive: Dive
+    swing: Swing | None = None
+    bounds: tuple[StopRecord, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """How the body dives and swings under braking."""
+
+    dive: Dive
+    swing: Swing | None
 
 
 def measure(
-    stops: Sequence[StopSamples], mount: Mount, slope: Slope, dive: Dive | None = None
+    stops: Sequence[StopSamples],
+    mount: Mount,
+    slope: Slope,
+    body: Body | None = None,
+    cut_short: Sequence[StopSamples] = (),
 ) -> Measured:
     """Measure stops.
 
@@ -56,40 +70,76 @@ def measure(
         stops: samples extracted from the log.
         mount: offset of the pitch sensor.
         slope: current estimate; it only matters where the grade varies along a stop.
-        dive: if it is known already, such as from an earlier call.
+        body: if it is known already, such as from an earlier call.
+        cut_short: stops that bound the force from below.
     """
     # The dive is in proportion to the deceleration, which the first knees give.
-    first = [_knee(stop, _ground(stop, None, mount, Dive()), slope) for stop in stops]
-    if dive is None:
-        dive = _dive(stops, first)
+    first = _first_knees(stops, mount, slope)
+    dive = _dive(stops, first) if body is None else body.dive
     grounds = [_ground(s, k, mount, dive) for s, k in zip(stops, first, strict=True)]
-    held = held_weights(first, speed_noise([knee for knee in first if knee is not None]))
-    knees = [_knee(s, g, slope, h) for s, g, h in zip(stops, grounds, held.tolist(), strict=True)]
+    held = held_weights(first, speed_noise([knee for knee in first if knee is not None])).tolist()
+
+    def knee_of(i: int, swing: Swing | None) -> Knee | None:
+        return _knee(stops[i], grounds[i], slope, held[i], swing)
+
+    if body is None:
+        swing = swing_of(stops, grounds, knee_of)
+    else:
+        swing = body.swing
+    knees = [knee_of(i, swing) for i in range(len(stops))]
     usable = [i for i, knee in enumerate(knees) if knee is not None]
     missing = tuple(stop for stop, knee in zip(stops, knees, strict=True) if knee is None)
     if not usable:
-        return Measured((), missing, DeadTime(0.0, 0.0, 0.0), np.empty(0), dive)
+        return Measured((), missing, DeadTime(0.0, 0.0, 0.0), np.empty(0), dive, swing)
     measured = [knee for knee in knees if knee is not None]
     noise = speed_noise(measured)
     common = dead_time(measured, noise)
-    sharp = sharpen(measured, noise, common)
     seen = np.array([knee.mean_grade for knee in measured])
     grade = shrunk(seen, _grade_noise([stops[i] for i in usable]))
+    on_ground = [(stops[i], grounds[i]) for i in usable]
+    records, by_dead_time = _records(on_ground, measured, grade, noise, common)
+    bounds = _bounds(cut_short, mount, slope, Body(dive, swing), common)
+    return Measured(records, missing, common, by_dead_time, dive, swing, bounds)
+
+
+def _first_knees(stops: Sequence[StopSamples], mount: Mount, slope: Slope) -> list[Knee | None]:
+    return [_knee(stop, _ground(stop, None, mount, Dive()), slope) for stop in stops]
+
+
+def _records(
+    on_ground: Sequence[tuple[StopSamples, Floats]],
+    knees: Sequence[Knee],
+    grade: Floats,
+    noise: Floats,
+    common: DeadTime,
+) -> tuple[tuple[StopRecord, ...], Floats]:
+    """Records of the stops on their ground, and the change of their forces with the dead time."""
+    sharp = sharpen(knees, noise, common)
+    seen = np.array([knee.mean_grade for knee in knees])
     force = sharp.force_ratio + np.sin(seen) - np.sin(grade)
-    records = tuple(
-        StopRecord(
-            stops[i],
-            measured[j],
-            grounds[i],
-            float(noise[j]),
-            float(sharp.onset_speed[j]),
-            float(grade[j]),
-            float(force[j]),
-            float(sharp.force_std[j]),
-        )
-        for j, i in enumerate(usable)
-    )
-    return Measured(records, missing, common, sharp.by_dead_time, dive)
+    numbers = np.column_stack((noise, sharp.onset_speed, grade, force, sharp.force_std)).tolist()
+    rows = zip(on_ground, knees, numbers, strict=True)
+    records = tuple(StopRecord(stop, knee, ground, *row) for (stop, ground), knee, row in rows)
+    return records, sharp.by_dead_time
+
+
+def _bounds(
+    stops: Sequence[StopSamples], mount: Mount, slope: Slope, body: Body, common: DeadTime
+) -> tuple[StopRecord, ...]:
+    """Records of stops cut short, with the dead time of the others."""
+    first = _first_knees(stops, mount, slope)
+    grounds = [_ground(s, k, mount, body.dive) for s, k in zip(stops, first, strict=True)]
+    fitted = [
+        (stop, ground, knee)
+        for stop, ground in zip(stops, grounds, strict=True)
+        if (knee := _knee(stop, ground, slope, HELD, body.swing)) is not None
+    ]
+    if not fitted:
+        return ()
+    knees = [knee for _, _, knee in fitted]
+    grade = np.array([knee.mean_grade for knee in knees])
+    on_ground = [(stop, ground) for stop, ground, _ in fitted]
+    return _records(on_ground, knees, grade, speed_noise(knees), common)[0]
 
 
 def _grade_noise(stops: Sequence[StopSamples]) -> Floats:
@@ -151,12 +201,13 @@ def dive_pitch(stop: StopSamples, knee: Knee, dive: Dive) -> Floats:
 
 
 def _mean_deceleration(stop: StopSamples, knee: Knee) -> float:
-    return knee.onset_speed / max(stop.standstill_time - knee.onset_time, 1e-3)
+    lost = knee.onset_speed - stop.speed_left
+    return lost / max(stop.standstill_time - knee.onset_time, 1e-3)
 
 
 def _ground(stop: StopSamples, knee: Knee | None, mount: Mount, dive: Dive) -> Floats:
     """Grade of the ground at the samples: the map's where there is one, else from the pitch."""
-    grade = mount.offset - stop.pitch
+    grade = stop.window.direction * mount.offset - stop.pitch
     if knee is not None:
         grade = (grade + dive_pitch(stop, knee, dive)) / dive.steeper
     if stop.grade is not None:
@@ -164,6 +215,17 @@ def _ground(stop: StopSamples, knee: Knee | None, mount: Mount, dive: Dive) -> F
     return grade
 
 
-def _knee(stop: StopSamples, ground: Floats, slope: Slope, held: float = HELD) -> Knee | None:
-    slope_here = slope(stop.window.held_speed)
-    return fit_knee(stop.time, stop.speed, ground, stop.standstill_time, slope_here, held)
+def _knee(
+    stop: StopSamples,
+    ground: Floats,
+    slope: Slope,
+    held: float = HELD,
+    swing: Swing | None = None,
+) -> Knee | None:
+    new, at = stop.fresh, slope(stop.window.held_speed)
+    time, speed, grade = stop.time, stop.speed, ground
+    if swing is not None and swing.height and stop.pitch_rate is not None:
+        speed = speed + swing.height * stop.pitch_rate
+    if not new.all():
+        time, speed, grade = time[new], speed[new], grade[new]
+    return fit_knee(time, speed, grade, stop.standstill_time, at, held, swing)

@@ -54,6 +54,8 @@ def mount_of_log(
             heading[run] = mount_offset.course(station, place["x"], place["y"])
     for record in measured.records:
         window = record.samples.window
+        if window.direction < 0:  # its pitch is that of the other direction
+            continue
         part = slice(window.begin, window.standstill)
         pitch[part] -= dive_pitch(record.samples, record.knee, measured.dive)[
             : window.standstill - window.begin

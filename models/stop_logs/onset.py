@@ -31,6 +31,32 @@ _STILL_FAST = 0.7  # share of the held speed that the vehicle has at the onset, 
 
 
 @dataclass(frozen=True, slots=True)
+class Swing:
+    """Speed of the wheels against that of a body that pitches on its springs while it is braked.
+
+    The wheels are ahead of the body's fall by the deceleration times ``lead``: the response of a
+    damped oscillator to the brakes. Where the pitch rate is logged, by ``height`` times that.
+
+    Attributes:
+        gain: height of the body above its pitch axis times the dive [s²].
+        frequency: natural frequency [rad/s]. damping: ratio, below 1. height: [m].
+    """
+
+    gain: float = 0.0
+    frequency: float = 1.0
+    damping: float = 0.5
+    height: float = 0.0
+
+    def lead(self, since: Floats) -> Floats:
+        """Time by which the wheels are ahead, at times after the onset [s]; 0 before it."""
+        after, root = np.maximum(since, 0.0), np.sqrt(1.0 - self.damping**2)
+        decay = np.exp(-self.damping * self.frequency * after)
+        ring = np.sin(root * self.frequency * after) / root
+        result: Floats = self.gain * self.frequency * decay * ring
+        return result
+
+
+@dataclass(frozen=True, slots=True)
 class Knee:
     """One stop in numbers.
 
@@ -64,6 +90,7 @@ def fit_knee(
     standstill_time: float,
     slope: float = 0.0,
     held_weight: float = HELD,
+    swing: Swing | None = None,
 ) -> Knee | None:
     """Least squares of held speed, knee and fall.
 
@@ -82,7 +109,7 @@ def fit_knee(
     level = float(np.mean(speed[time <= 0.0])) if (time <= 0.0).any() else float(speed[0])
     fast = np.flatnonzero((time <= standstill_time) & (speed >= _STILL_FAST * level))
     latest = min(0.9 * standstill_time, float(time[fast[-1]]) if len(fast) else 0.0)
-    pull = _Pull(time, grade, slope, held_weight)
+    pull = _Pull(time, grade, slope, held_weight, swing)
     # Which samples belong to the fall must not depend on their own noise: the first cut is by the
     # crossing, the second by the first fit.
     t, v = _until(time, speed, (1.0 - _LOW) * standstill_time)
@@ -132,8 +159,11 @@ def _best_onset(
 class _Pull:
     """Integrals of sin θ + slope (θ − mean) over time, and mean grades."""
 
-    def __init__(self, time: Floats, grade: Floats, slope: float, held_weight: float) -> None:
+    def __init__(
+        self, time: Floats, grade: Floats, slope: float, held_weight: float, swing: Swing | None
+    ) -> None:
         self.time, self.grade, self.slope, self.held = time, grade, slope, held_weight
+        self.swing = swing
         self._grade = _cumulative(time, grade)
         self._sine_and_slope = _cumulative(time, np.sin(grade)) + slope * self._grade
 
@@ -186,6 +216,10 @@ def _solve(t: Floats, v: Floats, pull: _Pull, onset: Floats, standstill_time: fl
     before = np.minimum(since, 0.0)
     fall = -GRAVITY * np.maximum(since, 0.0)
     target = v + GRAVITY * pull.after(onset, standstill_time, since)
+    if pull.swing is not None and pull.swing.gain:
+        lead = GRAVITY * pull.swing.lead(since)
+        fall -= lead
+        target += np.sin(pull.mean_grade(onset, standstill_time))[:, None] * lead
     # Normal equations by elimination: no sample is both before and after the onset.
     ones = np.ones(len(t))
     by_before, by_fall = before @ ones, fall @ ones
@@ -203,13 +237,39 @@ def _solve(t: Floats, v: Floats, pull: _Pull, onset: Floats, standstill_time: fl
     return _Solved(before, fall, np.array((speed, creep, force)).T, residual, cost)
 
 
+def _jacobian(solved: _Solved, t: Floats, pull: _Pull, onset: float) -> Floats:
+    """(4, n) change of the speeds with onset speed, creep, force and onset time."""
+    _, creep, force = solved.solution[0].tolist()
+    sine = np.sin(float(np.interp(onset, pull.time, pull.grade)))
+    by_onset = np.where(t > onset, GRAVITY * (force + sine), -creep)
+    return np.array((np.ones(len(t)), solved.before[0], solved.fall[0], by_onset))
+
+
+def residuals(
+    knee: Knee,
+    time: Floats,
+    speed: Floats,
+    grade: Floats,
+    standstill_time: float,
+    swing: Swing | None,
+) -> tuple[Floats, Floats, Floats]:
+    """Residuals of a stop that :func:`fit_knee` fitted, on ground of one grade.
+
+    Returns:
+        (n,) time since the onset [s], (n,) residual [m/s], (n, 4) orthonormal columns of what the
+        fit follows.
+    """
+    pull = _Pull(time, grade, 0.0, knee.held_weight, swing)
+    t, v = time[: knee.samples], speed[: knee.samples]
+    solved = _solve(t, v, pull, np.array([knee.onset_time]), standstill_time)
+    follows, _ = np.linalg.qr(_jacobian(solved, t, pull, knee.onset_time).T)
+    return t - knee.onset_time, solved.residual[0], follows
+
+
 def _knee(solved: _Solved, t: Floats, pull: _Pull, onset: float, standstill_time: float) -> Knee:
     residual = solved.residual[0]
     speed, creep, force = (float(x) for x in solved.solution[0])
-    braking = t > onset
-    sine = np.sin(float(np.interp(onset, pull.time, pull.grade)))
-    by_onset = np.where(braking, GRAVITY * (force + sine), -creep)
-    jacobian = np.array((np.ones(len(t)), solved.before[0], solved.fall[0], by_onset))
+    jacobian = _jacobian(solved, t, pull, onset)
     normal = jacobian @ jacobian.T
     normal[1, 1] += pull.held
     normal[np.diag_indices(4)] += 1e-12

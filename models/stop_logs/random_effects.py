@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
+from scipy.stats import norm
 
 from slopewise.models.arrays import Bools, Floats
 
@@ -44,6 +45,62 @@ class LinearFit:
     residuals: Floats
     variance: Floats
     gain: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Lower bounds of some values: (k, p) design, (k,) observed bound, (k,) its noise."""
+
+    design: Floats
+    observed: Floats
+    noise: Floats
+
+
+def fit_with_bounds(
+    design: Floats,
+    observed: Floats,
+    noise: Floats,
+    prior_mean: Floats,
+    prior_covariance: Floats,
+    bounds: Bounds | None,
+) -> LinearFit:
+    """Fit as :func:`fit`, raised to lower bounds that it would clearly contradict.
+
+    A bound that the fit obeys says nothing, so that many of them do not add up; one far beyond
+    any observation is an error.
+    """
+    result = fit(design, observed, noise, prior_mean, prior_covariance)
+    broken: Bools | None = None
+    # Of so many bounds, noise alone lifts one beyond that in two logs.
+    sure = 0.0 if bounds is None else float(norm.isf(0.5 / (len(bounds.observed) + 1.0)))
+    while bounds is not None:
+        std = np.hypot(bounds.noise, result.scatter)
+        least = bounds.observed - sure * std
+        short = least - bounds.design @ result.coefficients
+        now = (short > 0.0) & (short <= _REJECT * std)
+        if broken is not None:
+            now |= broken  # once it counts it goes on to, so that this ends
+        if not now.any() or (broken is not None and (now == broken).all()):
+            break
+        broken = now
+        both = fit(
+            np.concatenate((design, bounds.design[now])),
+            np.concatenate((observed, least[now])),
+            np.concatenate((noise, std[now])),
+            prior_mean,
+            prior_covariance,
+        )
+        n = len(observed)
+        result = LinearFit(
+            both.coefficients,
+            both.covariance,
+            both.scatter,
+            both.kept[:n],
+            both.residuals[:n],
+            both.variance[:n],
+            both.gain[:, :n],
+        )
+    return result
 
 
 def fit(

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.arrays import Floats
+from slopewise.models.arrays import Bools, Floats
 from slopewise.models.stop_logs.find_stops import StopWindow
+from slopewise.models.stop_logs.held_values import fresh_samples
 from slopewise.models.stop_logs.onset import Knee
 
 
@@ -18,14 +19,21 @@ from slopewise.models.stop_logs.onset import Knee
 class StopSamples:
     """The samples of one stop, (n,) each, from before the command to some time after standstill.
 
+    Speed, pitch and grade are those in the direction of travel. A stop that was cut short ends with
+    its last sample before the cut.
+
     Attributes:
-        window: where in the log. run, terrain: names, "" for ground without a name.
+        window: where in the log. run, terrain, session: names, "" where the log has none.
         time: since the stop command [s]. speed: [m/s]. pitch: pitch of the body [rad], nose
             down positive. grade: known from a map [rad], NaN where it is not, None without a map.
         station: distance since the first sample, forward only [m].
-        standstill_time: time of the first zero crossing since the command [s].
-        distance: from the command to standstill [m].
+        fresh: (n,) samples with a new value of the speed, which is interpolated between them.
+        standstill_time: time of the first zero crossing since the command, or of the cut [s].
+        distance: from the command to standstill, or to the cut [m].
         clock: time of the stop command in the log [s].
+        brake_level: application of the brakes [1], NaN if it is not in the log.
+        speed_left: at the cut [m/s]; 0 for a stop that ended at standstill.
+        pitch_rate: of the body, nose down positive [rad/s], None if it is not in the log.
     """
 
     window: StopWindow
@@ -36,9 +44,14 @@ class StopSamples:
     pitch: Floats
     grade: Floats | None
     station: Floats
+    fresh: Bools
     standstill_time: float
     distance: float
     clock: float
+    session: str = ""
+    brake_level: float = np.nan
+    speed_left: float = 0.0
+    pitch_rate: Floats | None = None
 
     @property
     def at_command(self) -> int:
@@ -47,8 +60,25 @@ class StopSamples:
 
     @property
     def at_standstill(self) -> int:
-        """Index of the first sample at standstill."""
+        """Index of the first sample at standstill, or of the last before the cut."""
         return self.window.standstill - self.window.begin
+
+    @property
+    def speed_at_command(self) -> float:
+        """Speed held before the stop command, in the direction of travel [m/s]."""
+        return self.window.held_speed
+
+    @property
+    def cut_short(self) -> bool:
+        """It did not reach standstill: `distance` is less than that of the whole stop."""
+        return self.window.cut_short
+
+    def mean_of(self, grade: Floats) -> float:
+        """Mean over the distance from the command to the end of a grade (n,) at the samples."""
+        along = slice(self.at_command, self.at_standstill + 1)
+        station, grade = self.station[along], grade[along]
+        length = float(station[-1] - station[0])
+        return float(np.trapezoid(grade, station)) / length if length > 0.0 else float(grade[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +89,8 @@ class StopRecord:
         samples: where it comes from. knee: onset, speed and force of this stop alone.
         ground: (n,) grade of the ground at the samples [rad].
         noise: speed noise, correlation included [m/s].
-        onset_speed: v_i [m/s]. grade: mean while braking [rad]. force_ratio: F_b/W.
-        force_std: its measurement noise.
+        onset_speed: v_i [m/s]. grade: mean while braking [rad]. force_ratio: F_b/W, a lower bound
+            of it for a stop that was cut short. force_std: its measurement noise.
         onset_shift: by how much named effects make the onset look later [s].
         applied: share of full brake application; force_ratio is as if it were 1. resistance: of
             rolling, which stays when it is less [1].
@@ -104,6 +134,11 @@ class StopRecord:
         return self.applied * self.force_ratio + (1.0 - self.applied) * self.resistance
 
     @property
+    def mean_grade(self) -> float:
+        """Grade of the ground, mean over the distance from the command to standstill [rad]."""
+        return self.samples.mean_of(self.ground)
+
+    @property
     def path(self) -> tuple[Floats, Floats]:
         """(n,) distance since the stop command [m] and (n,) grade [rad], up to standstill."""
         s = self.samples
@@ -112,39 +147,58 @@ class StopRecord:
 
 
 def cut(
-    columns: Mapping[str, NDArray[Any]], window: StopWindow, grade: Floats | None
+    columns: Mapping[str, NDArray[Any]],
+    window: StopWindow,
+    grade: Floats | None,
+    fresh: Bools | None = None,
 ) -> StopSamples:
     """The samples of a window, with distance and standstill.
 
     Args:
-        columns: channels of the log. window: a stop that reached standstill.
-        grade: (all samples,) of the ground [rad], None if only the body's pitch is known.
+        columns: channels of the log. window: a stop.
+        grade: (all samples,) of the ground along the way [rad], None if only the body's pitch is
+            known. fresh: (all samples,) with a new value of the speed; None finds them.
     """
     part = slice(window.begin, window.end)
     clock = float(columns["t"][window.command])
     time = columns["t"][part] - clock
-    speed = columns["v"][part]
+    speed = window.direction * columns["v"][part]
+    new = fresh_samples(time, speed) if fresh is None else fresh[part]
+    if not new.all():
+        speed = np.interp(time, time[new], speed[new])
     forward = np.maximum(speed, 0.0)
-    forward[window.standstill - window.begin :] = 0.0
+    k = window.standstill - window.begin
+    if not window.cut_short:
+        forward[k:] = 0.0
     steps = 0.5 * (forward[1:] + forward[:-1]) * np.diff(time)
     station = np.concatenate(([0.0], np.cumsum(steps)))
-    k = window.standstill - window.begin
-    standstill_time = _crossing(time[k - 1], speed[k - 1], time[k], speed[k])
-    # The last step ends at the crossing and not at the sample behind it.
-    station[k:] += 0.5 * speed[k - 1] * (standstill_time - time[k])
-    at_command = window.command - window.begin
+    end_time = float(time[k])
+    if not window.cut_short:
+        end_time = _crossing(time[k - 1], speed[k - 1], time[k], speed[k])
+        # The last step ends at the crossing and not at the sample behind it.
+        station[k:] += 0.5 * speed[k - 1] * (end_time - time[k])
+    level = window.level if np.isfinite(columns.get("brake", np.nan)).any() else np.nan
+
+    def name(column: str) -> str:
+        return str(columns[column][window.command]) if column in columns else ""
+
     return StopSamples(
         window,
-        str(columns["run"][window.command]) if "run" in columns else "",
-        str(columns["terrain"][window.command]) if "terrain" in columns else "",
+        name("run"),
+        name("terrain"),
         time,
         speed,
-        columns["pitch"][part],
+        window.direction * columns["pitch"][part],
         None if grade is None else grade[part],
         station,
-        standstill_time,
-        float(station[k] - station[at_command]),
+        new,
+        end_time,
+        float(station[k] - station[window.command - window.begin]),
         clock,
+        name("session"),
+        level,
+        float(speed[k]) if window.cut_short else 0.0,
+        window.direction * columns["pitch_rate"][part] if "pitch_rate" in columns else None,
     )
 
 

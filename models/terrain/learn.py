@@ -23,10 +23,10 @@ _SPREAD = {"motion": 0.17, "lateral": 0.13, "slip": 0.08}
 
 @dataclass(frozen=True, slots=True)
 class LabelledRun:
-    """Stretches of one run on one named ground; ``site``: day or site, "" where it has no name."""
+    """Stretches of one run on one named ground; ``session``: day or site, "" without a name."""
 
     name: str
-    site: str
+    session: str
     observations: tuple[GroundObservation, ...]
 
 
@@ -43,10 +43,10 @@ def classes_of(name: str, runs: Iterable[LabelledRun]) -> TerrainClasses:
 
 
 def _class_of(name: str, runs: list[LabelledRun]) -> TerrainClass:
-    days = len({run.site for run in runs})
+    days = len({run.session for run in runs})
     by_unit: dict[object, list[LabelledRun]] = {}
     for index, run in enumerate(runs):
-        by_unit.setdefault(run.site if days >= MIN_DAYS else index, []).append(run)
+        by_unit.setdefault(run.session if days >= MIN_DAYS else index, []).append(run)
     means = [_means(unit) for unit in by_unit.values()]
     features = {
         key: _feature([m[quantity] for m in means if quantity in m], _SPREAD[quantity])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.services.check.tolerances import TOLERANCES
 
 
@@ -15,12 +15,10 @@ class Violation:
     """One rule broken at one row of a plan, where it is worst between that row and the next.
 
     Attributes:
-        candidate: name of the plan.
         row: index of the plan's row, from 0.
         station: metres along the ground.
         kind: of :data:`slopewise.services.check.tolerances.TOLERANCES`.
         size: by how much the limit is passed, in ``unit``.
-        sentence: what was found and what was allowed.
     """
 
     candidate: str
@@ -37,16 +35,12 @@ class CheckReport:
     """Result of one plan with N rows at different places.
 
     Attributes:
-        candidate: name of the plan.
-        status: status that the plan reports.
         violations: by station; empty if the plan keeps every rule that could be judged.
-        notes: what was not checked, and the reason.
         station: (N,) own stations [m].
         stop_distance: (N,) nominal emergency stops, with the safety offset, 0 at rest [m]: speed
             held in the dead time, force as learned. Of a stop that was not followed to its end,
             the distance up to there.
         rear_load: (N,) least rear load on them, as a share of the level static one.
-        stops: number of stops that were integrated.
     """
 
     candidate: str
@@ -75,44 +69,40 @@ class CheckReport:
 
 @dataclass(slots=True)
 class ViolationLog:
-    """Collects violations of one plan.
-
-    Attributes:
-        candidate: name of the plan.
-        row: (M,) row of the plan that each sample belongs to. station: (M,) of the samples [m].
-    """
+    """Collects violations of one plan."""
 
     candidate: str
-    row: Ints
-    station: Floats
+    row: Ints  # (M,) row of the plan that each sample belongs to
+    station: Floats  # (M,) of the samples [m]
     _worst: dict[tuple[int, str], Violation] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
-    def add(self, kind: str, excess: Floats, sentence: str, *values: Floats) -> None:
+    def add(
+        self,
+        kind: str,
+        excess: Floats,
+        sentence: str,
+        *values: Floats,
+        where: Bools | bool = True,
+        at: Ints | None = None,
+    ) -> None:
         """Note every row where something goes beyond its limit by more than the tolerance.
 
         Args:
-            kind: its tolerance decides.
-            excess: (M,) by how much, at each sample; −inf where it does not apply.
-            sentence: with ``{0:…}`` for what was found at the sample, and so on.
-            values: (M,) numbers for the sentence.
+            excess: by how much, at each sample (M,), or at those of ``at``.
+            sentence: with ``{0:…}`` for the first of ``values`` at the sample, and so on.
+            where: the samples to which the rule applies.
+            at: samples of ``excess``, ``values`` and ``where``; all without.
         """
         tolerance = TOLERANCES[kind]
-        for k in np.flatnonzero(~(excess <= tolerance.value)).tolist():
-            size = float(excess[k])
+        for i in np.flatnonzero(where & ~(excess <= tolerance.value)).tolist():
+            k, size = (i if at is None else int(at[i])), float(excess[i])
             key = (int(self.row[k]), kind)
             known = self._worst.get(key)
             if known is None or size > known.size:
-                message = sentence.format(*(float(v[k]) for v in values))
-                self._worst[key] = Violation(
-                    self.candidate,
-                    key[0],
-                    float(self.station[k]),
-                    kind,
-                    size,
-                    tolerance.unit,
-                    message,
-                )
+                message = sentence.format(*(float(v[i]) for v in values))
+                place = (self.candidate, key[0], float(self.station[k]))
+                self._worst[key] = Violation(*place, kind, size, tolerance.unit, message)
 
     def violations(self) -> tuple[Violation, ...]:
         """All of them, by station."""

@@ -43,7 +43,6 @@ class ExternalPlan:
     Arrays are (N,), SI, and None where the plan does not report them.
 
     Attributes:
-        name: name of the candidate.
         x, y: middle of the wheelbase in map coordinates [m].
         speed: v >= 0; v² is linear between rows [m/s].
         station: metres along the ground, in three dimensions.
@@ -115,8 +114,7 @@ class ExternalPlan:
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
 
 
-GivenPlan = ExternalPlan
-"""The class under its public name."""
+GivenPlan = ExternalPlan  # The class under its public name
 
 
 def plan_of_columns(
@@ -127,9 +125,6 @@ def plan_of_columns(
     Args:
         columns: at least ``x``, ``y`` and ``speed``, (N,) each, of one candidate.
         name: name of the candidate where no column holds it.
-
-    Raises:
-        ParameterError: names what is missing or wrong.
     """
     for needed in NEEDED:
         if needed not in columns:

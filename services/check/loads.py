@@ -32,19 +32,13 @@ class LoadShares(NamedTuple):
 
 
 class BodyAttitude(NamedTuple):
-    """How the vehicle stands at places of any shape.
+    """How the vehicle stands at places of any shape."""
 
-    Attributes:
-        sine: sin θ. normal_ratio: cos θ cos φ. cross_slope_ratio: cos θ sin φ.
-        vertical_curvature: κ_v, of which only crests take load [1/m].
-        turn: κ / cos φ, the lateral acceleration for each unit of v² [1/m].
-    """
-
-    sine: Floats
-    normal_ratio: Floats
-    cross_slope_ratio: Floats
-    vertical_curvature: Floats
-    turn: Floats
+    sine: Floats  # sin θ
+    normal_ratio: Floats  # cos θ cos φ
+    cross_slope_ratio: Floats  # cos θ sin φ
+    vertical_curvature: Floats  # κ_v, of which only crests take load [1/m]
+    turn: Floats  # κ / cos φ, the lateral acceleration for each unit of v² [1/m]
 
 
 def shares_of(

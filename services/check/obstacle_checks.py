@@ -105,9 +105,5 @@ def _steps(
     sample = np.clip(np.searchsorted(along, middle, "right") - 1, 0, len(along) - 1)
     np.maximum.at(highest, sample, step)
     limit = vehicle.shape.max_step
-    log.add(
-        "step",
-        np.where(moving, highest / limit - 1.0, _NOTHING),
-        f"a step of {{0:.3f}} m at a wheel, {limit:.3f} m is the highest",
-        highest,
-    )
+    sentence = f"a step of {{0:.3f}} m at a wheel, {limit:.3f} m is the highest"
+    log.add("step", highest / limit - 1.0, sentence, highest, where=moving)

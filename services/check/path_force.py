@@ -20,42 +20,33 @@ from slopewise.models.surface_names import candidate_surfaces
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line
 
-NO_LIMIT = 1e6
-"""Friction coefficient of a model that has none: above any demand."""
+NO_LIMIT = 1e6  # Friction coefficient of a model that has none: above any demand
 
 
 class PathForce(NamedTuple):
     """Force of the R surfaces that are touched, at M samples, linear in the speed at onset.
 
     Attributes:
-        names: names of the surfaces.
-        on: (R, M) samples where a wheel may be on them.
         slope, intercept: (R, M) coefficients of F_b/W, without ground terms [s/m], [1].
-        force_surplus: (R, M) share by which it may be off where the model extrapolates.
         variance_terms: (R, 3, M) variance of F_b/W: coefficients of v², 2 v and 1 with v the speed
             at onset.
-        trained_speed_min: (R, 1) speeds below which the force no longer changes [m/s].
         trained_speed_max: (M,) highest trained speed of them all, by grade where the model has it
             [m/s].
-        extra: (M,) ground terms [1].
-        friction: (M,) lowest μ of them all, :data:`NO_LIMIT` where unknown.
-        dead_time: (M,) longest of them all [s].
-        offset: safety offset, the longest along the line [m].
         grade_excess, roll_excess: (M,) grade and roll outside the trained range [rad].
     """
 
     names: tuple[str, ...]
-    on: Bools
+    on: Bools  # (R, M) samples where a wheel may be on them
     slope: Floats
     intercept: Floats
-    force_surplus: Floats
+    force_surplus: Floats  # (R, M) share by which it may be off where the model extrapolates
     variance_terms: Floats
-    trained_speed_min: Floats
+    trained_speed_min: Floats  # (R, 1) speeds below which the force no longer changes [m/s]
     trained_speed_max: Floats
-    extra: Floats
-    friction: Floats
-    dead_time: Floats
-    offset: float
+    extra: Floats  # (M,) ground terms [1]
+    friction: Floats  # (M,) lowest μ of them all, :data:`NO_LIMIT` where unknown
+    dead_time: Floats  # (M,) longest of them all [s]
+    offset: float  # safety offset, the longest along the line [m]
     grade_excess: Floats
     roll_excess: Floats
 
@@ -84,9 +75,6 @@ def path_force_along(
     """The braking force of a model on the ground along a line.
 
     Args:
-        model: vehicle, braking and effects.
-        ground: ground under the line.
-        line: samples of the plan.
         class_names: names of the terrain classes of the map.
         width: z-score, standard deviations of the force that are subtracted; 0 is its mean.
     """

@@ -14,8 +14,7 @@ from slopewise.services.check.plan_line import Line
 _CURVATURE_SPAN = 0.25
 """Of the wheelbase, on either side: over that the vertical curvature is taken."""
 
-_CHUNK = 4096
-"""Samples whose ground below the body is sampled together: 30 MB of points."""
+_CHUNK = 4096  # Samples whose ground below the body is sampled together: 30 MB of points
 
 _WHEELS = ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))
 """Front left, front right, rear left, rear right: wheelbases ahead, track widths to the left."""
@@ -25,23 +24,18 @@ class LineGround(NamedTuple):
     """M samples of a line; arrays are (M,) unless stated otherwise.
 
     Attributes:
-        station: metres along the ground, in three dimensions.
-        z: height of the path, NaN where unknown [m]. wheels: (4, M) heights under the wheels [m].
         grade, roll: slopes of the plane nearest to the wheels, 0 where unknown [rad].
-        vertical_curvature: change of the grade along the ground, negative over a crest [1/m].
-        known: path and wheels are on known ground. body_known: so is all below the body.
-        classes: (C, M) terrain classes that path or wheels touch.
     """
 
-    station: Floats
-    z: Floats
-    wheels: Floats
+    station: Floats  # metres along the ground, in three dimensions
+    z: Floats  # height of the path, NaN where unknown [m]
+    wheels: Floats  # (4, M) heights under the wheels [m]
     grade: Floats
     roll: Floats
-    vertical_curvature: Floats
-    known: Bools
-    body_known: Bools
-    classes: Bools
+    vertical_curvature: Floats  # change of the grade along the ground, negative over a crest [1/m]
+    known: Bools  # path and wheels are on known ground
+    body_known: Bools  # so is all below the body
+    classes: Bools  # (C, M) terrain classes that path or wheels touch
 
 
 def ground_under(heights: Heights, line: Line, vehicle: Vehicle) -> LineGround:

@@ -15,8 +15,7 @@ from slopewise.services.check.heights import Heights, in_cells
 from slopewise.services.check.obstacle_checks import check_obstacles
 from slopewise.services.check.path_force import path_force_along
 from slopewise.services.check.path_ground import ground_under
-from slopewise.services.check.plan_line import Line, line_of
-from slopewise.services.check.planned_motion import motion_along
+from slopewise.services.check.plan_line import Line, line_of, motion_along
 from slopewise.services.check.reported_columns import check_columns, check_reported_stops
 from slopewise.services.check.stop_dynamics import StopDynamics
 from slopewise.services.check.stop_ends import check_places, check_stops
@@ -39,7 +38,6 @@ def check_plan_on_map(
     Args:
         plan: N rows of positions and speeds, SI, with any further columns.
         model: vehicle, braking, effects and limits; effects at their means.
-        heights: map.
         clear: station up to which the path is known to be free, and before which the front of the
             vehicle stays [m]. The plan's own clear distance and the end of its path are used as
             well, for the middle of the wheelbase.
@@ -48,9 +46,6 @@ def check_plan_on_map(
 
     Returns:
         Every violation with its row, kind and size; none for a plan that may be driven.
-
-    Raises:
-        ParameterError: the plan begins off the map.
     """
     if not clear >= 0.0:
         raise ParameterError("clear", f"a distance >= 0 [m], got {clear:g}")

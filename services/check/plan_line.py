@@ -1,4 +1,4 @@
-"""The line that a plan drives: samples between its rows, with heading and curvature."""
+"""The line that a plan drives, and its motion: samples between its rows."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.services.check.external_plan import ExternalPlan
 
 _MIN_SAMPLES, _MAX_SAMPLES = 4, 40  # of each segment: a fifth of a wheel, or bounded memory
@@ -19,24 +19,18 @@ class Line(NamedTuple):
     """M samples along a plan of N rows, and beyond its last row; arrays are (M,) unless stated.
 
     Attributes:
-        row: row that each sample belongs to, N − 1 beyond the last one.
-        share: share of the distance to the next row.
-        at_row: (N,) sample of each row.
         x, y, flat: position, and metres in the plan view [m].
-        heading: heading without jumps [rad].
-        curvature: plan-view curvature, left positive [1/m].
-        driven: samples up to the last row; those behind it continue it straight.
     """
 
-    row: Ints
-    share: Floats
+    row: Ints  # row that each sample belongs to, N − 1 beyond the last one
+    share: Floats  # share of the distance to the next row
     at_row: Ints
     x: Floats
     y: Floats
     flat: Floats
-    heading: Floats
-    curvature: Floats
-    driven: int
+    heading: Floats  # heading without jumps [rad]
+    curvature: Floats  # plan-view curvature, left positive [1/m]
+    driven: int  # samples up to the last row; those behind it continue it straight
 
     def between(self, values: Floats) -> Floats:
         """(M,) values that are linear between rows (N,); as at the last row beyond it."""
@@ -49,7 +43,6 @@ def line_of(plan: ExternalPlan, beyond: float) -> Line:
     """Samples of a plan without repeated places.
 
     Args:
-        plan: N rows.
         beyond: metres straight on behind the last row, where stops may still end.
     """
     x, y = plan.x, plan.y
@@ -112,3 +105,33 @@ def _reach(x: Floats, y: Floats) -> float:
     fifth = np.abs(np.diff(np.stack((x, y)), n=5, axis=1))
     noise = 1.4826 * float(np.median(fifth)) / np.sqrt(252.0)
     return float(np.sqrt(2.5 * noise / _MAX_NOISE))
+
+
+class Motion(NamedTuple):
+    """Motion at M samples; arrays are (M,).
+
+    Attributes:
+        speed, accel: [m/s], [m/s²]; the acceleration holds from its sample on.
+    """
+
+    speed: Floats
+    accel: Floats
+    accel_before: Floats
+    moving: Bools  # the plan moves there
+    excused: Bools  # it brakes down from a start that was too fast
+
+
+def motion_along(line: Line, station: Floats, speed: Floats, status: str) -> Motion:
+    """The motion of a plan with speeds (N,) at its rows, v² linear between them."""
+    at_rows = station[line.at_row]
+    energy = line.between(speed * speed)
+    accel = 0.5 * np.diff(speed * speed) / np.diff(at_rows)
+    after = np.append(accel, 0.0)[line.row]
+    before = after.copy()
+    before[line.at_row[1:]] = accel
+    energy[line.driven :] = 0.0
+    moving = energy > 0.0
+    braking_down = np.minimum.accumulate(after < 0.0)
+    braking_down[1:] |= braking_down[:-1]  # up to where it ends
+    excused = braking_down & (status in ("degraded", "infeasible"))
+    return Motion(np.sqrt(energy), after, before, moving, excused)

@@ -25,20 +25,14 @@ class PathState(NamedTuple):
     """Conditions of L vehicles at their places; arrays are (L,).
 
     Attributes:
-        sample: the sample behind.
-        share: share of the distance from it to the next.
-        pose: attitude of the body.
-        curvature: curvature of the path [1/m].
-        yaw: heading [rad].
-        friction: lowest friction coefficient.
         slope, intercept: coefficients of the force where the line has one surface; else ignored.
     """
 
     sample: Ints
-    share: Floats
+    share: Floats  # share of the distance from it to the next
     pose: BodyAttitude
-    curvature: Floats
-    yaw: Floats
+    curvature: Floats  # curvature of the path [1/m]
+    yaw: Floats  # heading [rad]
     friction: Floats
     slope: Floats
     intercept: Floats

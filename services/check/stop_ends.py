@@ -13,7 +13,7 @@ from slopewise.services.check.driving_checks import add_load
 from slopewise.services.check.friction import braking_cap
 from slopewise.services.check.path_force import PathForce
 from slopewise.services.check.path_ground import LineGround
-from slopewise.services.check.planned_motion import Motion
+from slopewise.services.check.plan_line import Motion
 from slopewise.services.check.stop_dynamics import StopDynamics
 from slopewise.services.check.stop_integration import StopEnds, nominal_stops, worst_case_stops
 
@@ -45,7 +45,6 @@ def check_stops(
 
     Args:
         clear: (M,) station before which a stop from each sample has to end [m].
-        rows: (N,) samples of the plan's rows.
     """
     brakes, model = field.brakes, field.model
     lanes = np.flatnonzero(motion.moving & ground.known)
@@ -54,36 +53,24 @@ def check_stops(
     start = ground.station[lanes]
     give_up = float(clear[lanes].max()) + _OVERRUN
     stops = worst_case_stops(field, start, motion.speed[lanes], brakes.dead_time[lanes], give_up)
-    end = stops.end + brakes.offset
-    longest = np.zeros(len(clear))
-    longest[lanes] = end - start
-
-    def spread(values: Floats, fill: float = _NOTHING) -> Floats:
-        out = np.full(len(clear), fill)
-        out[lanes] = values
-        return out
-
-    excess = np.where(stops.ended, end - clear[lanes], np.maximum(end - clear[lanes], _OVERRUN))
-    log.add(
-        "stopping_path",
-        spread(excess),
-        "a stop from {0:.2f} m/s ends {1:.2f} m on, {2:.2f} m are clear",
-        motion.speed,
-        longest,
-        clear - ground.station,
-    )
+    end, speed = stops.end + brakes.offset, motion.speed[lanes]
+    longest, free = end - start, clear[lanes]
+    excess = np.where(stops.ended, end - free, np.maximum(end - free, _OVERRUN))
+    sentence = "a stop from {0:.2f} m/s ends {1:.2f} m on"
+    far = f"{sentence}, {{2:.2f}} m are clear"
+    log.add("stopping_path", excess, far, speed, longest, free - start, at=lanes)
     for kind, blocked, noun in _blocking_ground(ground, brakes, model):
-        ahead = _next_blocked(blocked, ground.station)
-        log.add(
-            kind,
-            spread(end - ahead[lanes]),
-            f"a stop from {{0:.2f}} m/s ends {{1:.2f}} m on, beyond {noun} {{2:.2f}} m ahead",
-            motion.speed,
-            longest,
-            ahead - ground.station,
-        )
-    _loads_on(log, model, stops, lanes, len(clear))
-    _hold_at(log, field, stops, spread)
+        ahead = _next_blocked(blocked, ground.station)[lanes]
+        beyond = f"{sentence}, beyond {noun} {{2:.2f}} m ahead"
+        log.add(kind, end - ahead, beyond, speed, longest, ahead - start, at=lanes)
+    for kind, noun, share, even in (
+        ("tip_over", "rear axle", stops.rear, stops.rear_even),
+        ("rollover", "lighter side", stops.side, stops.side_even),
+        ("rollover", "lightest wheel", stops.wheel, stops.wheel_even),
+    ):
+        subject = f"on a stop the {noun} keeps"
+        add_load(log, kind, subject, (share, even), model.limits.min_load, at=lanes)
+    _hold_at(log, field, stops, lanes)
     return _nominal_at_rows(field, ground, motion, rows, give_up)._replace(lanes=len(lanes))
 
 
@@ -115,14 +102,14 @@ def _blocking_ground(
     kinds = [
         ("unknown_terrain", ~ground.known, "unknown ground"),
         ("unknown_terrain", ~ground.body_known, "unknown ground below the body"),
-        ("model_validity", brakes.roll_excess > _TRAINED, "side slopes that it was not trained on"),
     ]
-    if not model.braking.extrapolate:
-        noun = "grades that it was not trained on"
-        kinds.append(("model_validity", brakes.grade_excess > _TRAINED, noun))
-    else:
-        del kinds[2]
-    return kinds
+    if model.braking.extrapolate:
+        return kinds
+    return [
+        *kinds,
+        ("model_validity", brakes.roll_excess > _TRAINED, "side slopes that it was not trained on"),
+        ("model_validity", brakes.grade_excess > _TRAINED, "grades that it was not trained on"),
+    ]
 
 
 def _next_blocked(blocked: Bools, station: Floats) -> Floats:
@@ -142,48 +129,18 @@ def _run_length(mask: Bools, station: Floats) -> Floats:
     return length
 
 
-def _loads_on(log: ViolationLog, model: Model, stops: StopEnds, lanes: Ints, count: int) -> None:
-    used = np.zeros(count, np.bool_)
-    used[lanes] = True
-    loads = (
-        ("tip_over", "rear axle", stops.rear, stops.rear_even),
-        ("rollover", "lighter side", stops.side, stops.side_even),
-        ("rollover", "lightest wheel", stops.wheel, stops.wheel_even),
-    )
-    for kind, what, share, even in loads:
-        shares = np.ones((2, count))
-        shares[:, lanes] = share, even
-        subject = f"on a stop the {what} keeps"
-        add_load(log, kind, subject, (shares[0], shares[1]), model.limits.min_load, used)
-
-
-def _hold_at(log: ViolationLog, field: StopDynamics, stops: StopEnds, spread: object) -> None:
+def _hold_at(log: ViolationLog, field: StopDynamics, stops: StopEnds, lanes: Ints) -> None:
     """Note where brakes or friction do not hold the vehicle where its stops end."""
-    assert callable(spread)
     here = field.at(stops.end)
     zero = np.zeros(len(stops.end))
-    held = np.minimum(
-        field.force(here, zero), braking_cap(field.model.vehicle, here.pose, here.friction, zero)
-    )
-    slope = np.abs(here.pose.sine)
-    sentence = "a stop ends where {0:.3f} of the weight has to be held, {1} {2:.3f}"
-    lack = np.where(stops.ended, slope - held, _NOTHING)
-    log.add(
-        "holding",
-        spread(lack),
-        sentence.replace("{1}", "brakes hold"),
-        spread(slope, 0.0),
-        spread(slope, 0.0),
-        spread(held, 0.0),
-    )
-    pull = np.hypot(here.pose.sine, here.pose.cross_slope_ratio)
-    grip = here.friction * here.pose.normal_ratio
-    lack = np.where(stops.ended, pull - grip, _NOTHING)
-    log.add(
-        "holding",
-        spread(lack),
-        sentence.replace("{1}", "friction holds"),
-        spread(pull, 0.0),
-        spread(pull, 0.0),
-        spread(grip, 0.0),
-    )
+    cap = braking_cap(field.model.vehicle, here.pose, here.friction, zero)
+    for noun, pull, held in (
+        ("brakes hold", np.abs(here.pose.sine), np.minimum(field.force(here, zero), cap)),
+        (
+            "friction holds",
+            np.hypot(here.pose.sine, here.pose.cross_slope_ratio),
+            here.friction * here.pose.normal_ratio,
+        ),
+    ):
+        sentence = f"a stop ends where {{0:.3f}} of the weight has to be held, {noun} {{1:.3f}}"
+        log.add("holding", pull - held, sentence, pull, held, where=stops.ended, at=lanes)

@@ -17,9 +17,7 @@ from slopewise.models.quantity import GRAVITY
 from slopewise.services.check.loads import shares_of
 from slopewise.services.check.stop_dynamics import PathState, StopDynamics
 
-TIME_STEP = 0.02
-"""Step of the integrator [s]; halving it moves stops by less than a millimetre."""
-
+TIME_STEP = 0.02  # Step of the integrator [s]; halving it moves stops by less than a millimetre
 _MAX_STOP_TIME = 60.0  # [s] of a stop: brakes that take longer do not hold the vehicle
 
 
@@ -37,23 +35,17 @@ class State(NamedTuple):
     """State of L stops under way; arrays are (L,), the last (6, L).
 
     Attributes:
-        lane: number of the stop.
         s, v: station and speed [m], [m/s].
-        onset_speed: speed when the brakes take hold [m/s].
-        force: built-up F_b/W [1].
-        heat: heat of the brakes [J/kg].
-        time: dead time [s].
-        min_shares: lowest rear, side and wheel shares so far, and the same without crests.
     """
 
     lane: Ints
     s: Floats
     v: Floats
-    onset_speed: Floats
-    force: Floats
-    heat: Floats
-    time: Floats
-    min_shares: Floats
+    onset_speed: Floats  # speed when the brakes take hold [m/s]
+    force: Floats  # built-up F_b/W [1]
+    heat: Floats  # heat of the brakes [J/kg]
+    time: Floats  # dead time [s]
+    min_shares: Floats  # lowest rear, side and wheel shares so far, and the same without crests
 
     def only(self, selected: Bools) -> State:
         """Some of them."""
@@ -148,13 +140,11 @@ class StopEnds(NamedTuple):
     """Results of L stops; arrays are (L,).
 
     Attributes:
-        end: station where the vehicle comes to rest, without safety offset [m].
-        ended: it does, before the give-up.
         rear, side, wheel: lowest shares of the level static load during the stop.
         rear_even, side_even, wheel_even: the same without crests.
     """
 
-    end: Floats
+    end: Floats  # station where the vehicle comes to rest, without safety offset [m]
     ended: Bools
     rear: Floats
     side: Floats
@@ -176,7 +166,6 @@ def worst_case_stops(
     """Emergency stops from L places at worst.
 
     Args:
-        field: forces along the line.
         station, speed, dead_time: (L,) of the stop commands [m], [m/s], [s].
         give_up: a stop that gets here is not followed further [m].
 

@@ -6,17 +6,12 @@ from typing import NamedTuple
 
 
 class Tolerance(NamedTuple):
-    """By how much a limit may be passed.
+    """By how much a limit may be passed."""
 
-    Attributes:
-        value: in ``unit``. rationale: origin of the value.
-        meaning: half a sentence about the kind of violation.
-    """
-
-    value: float
+    value: float  # in ``unit``
     unit: str
-    meaning: str
-    rationale: str
+    meaning: str  # half a sentence about the kind of violation
+    rationale: str  # origin of the value
 
 
 TOLERANCES: dict[str, Tolerance] = {

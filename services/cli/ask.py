@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import zenoh
@@ -25,29 +25,16 @@ def ask(
     timeout: float,
     subject: str,
 ) -> T:
-    """The reply at a key.
-
-    Args:
-        session: open session.
-        key: key of the service.
-        kind: type of the reply.
-        request: message, None for a query without payload.
-        timeout: longest wait [s].
-        subject: beginning of the error if there is no reply.
+    """The reply at a key within a time [s]; without a request the query has no payload.
 
     Raises:
-        InputError: no reply in time.
+        InputError: no reply in time; begins with the subject.
     """
-    if request is None:
-        replies = session.get(key, timeout=timeout)
-    else:
-        replies = session.get(
-            key,
-            payload=codec.encode(request, Format.MESSAGEPACK),
-            encoding=codec.encoding_of(type(request), Format.MESSAGEPACK),
-            timeout=timeout,
-        )
-    for reply in replies:
+    message: dict[str, Any] = {}
+    if request is not None:
+        message["payload"] = codec.encode(request, Format.MESSAGEPACK)
+        message["encoding"] = codec.encoding_of(type(request), Format.MESSAGEPACK)
+    for reply in session.get(key, timeout=timeout, **message):
         if reply.ok is not None:
             encoding = str(reply.ok.encoding)
             return codec.decode(kind, reply.ok.payload, encoding, key, _MAX_REPLY)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Annotated, Any
 
 import typer
-
-from slopewise.services.cli.command import command
 
 CONTEXT: dict[str, Any] = {
     "allow_extra_args": True,
@@ -19,29 +16,20 @@ CONTEXT: dict[str, Any] = {
 """Every option, `--help` too, is that of the benchmarks."""
 
 
-@dataclass(frozen=True, slots=True)
-class BenchOptions:
-    """Options of `slopewise bench`."""
-
+def bench(
     arguments: Annotated[
         list[str] | None,
         typer.Argument(metavar="[NAME] [--json FILE] …", help="See slopewise bench --help."),
-    ] = field(default=None)
-
-
-@command()
-def bench(options: BenchOptions) -> None:
+    ] = None,
+) -> None:
     """Benchmark the planner against its peers, or one of cycle, optimality, closed-loop, …
 
     Times depend on the machine, so ratios are the result.
     """
-    benchmarks().main(options.arguments or [])
+    benchmarks().main(arguments or [])
 
 
 def benchmarks() -> Any:
-    """The program of the benchmarks: in `slopewise` when installed, else in the repository.
-
-    Nothing else of the product imports benchmarks.
-    """
+    """The program of the benchmarks: in `slopewise` when installed, else in the repository."""
     installed = find_spec("slopewise.benchmarks") is not None
     return import_module(f"{'slopewise.' if installed else ''}benchmarks.__main__")

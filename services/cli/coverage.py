@@ -4,22 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from slopewise.services.cli.command import ExitStatus, command, print_result
-from slopewise.services.cli.options import (
-    AsJson,
-    Columns,
-    GroundMap,
-    LogFiles,
-    ModelFile,
-    NoDataValue,
-    Quantile,
-    Topics,
-)
-from slopewise.services.cli.tables import decimals, notes, table
-from slopewise.services.report.plural import plural
+from slopewise.services.cli import options
+from slopewise.services.cli.command import ExitStatus, print_result, schema_of
+from slopewise.services.cli.tables import notes, number, table
+from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
     from slopewise.services.jobs.coverage import CoverageSummary, PartCoverage
@@ -28,22 +18,17 @@ _SESSIONS = 20
 """Sessions up to which each has a row; beyond that --json has them."""
 
 
-@dataclass(frozen=True, slots=True)
-class CoverageOptions:
-    """Options of `slopewise coverage`."""
-
-    logs: LogFiles
-    model: ModelFile
-    map_file: GroundMap = None
-    nodata: NoDataValue = None
-    topics: Topics = None
-    columns: Columns = ""
-    quantile: Quantile = 0.999
-    as_json: AsJson = False
-
-
-@command("coverage.CoverageSummary")
-def coverage(options: CoverageOptions) -> ExitStatus | None:
+def coverage(
+    logs: options.LogFiles,
+    model: options.ModelFile,
+    map_file: options.GroundMap = None,
+    nodata: options.NoDataValue = None,
+    topics: options.Topics = None,
+    columns: options.Columns = "",
+    quantile: options.Quantile = 0.999,
+    as_json: options.AsJson = False,
+    json_schema: Annotated[bool, schema_of("jobs.coverage.CoverageSummary")] = False,
+) -> ExitStatus | None:
     """Test whether a model covers the stops of a log.
 
     The model is not updated: every stop that can be measured is compared with the distance that
@@ -52,24 +37,16 @@ def coverage(options: CoverageOptions) -> ExitStatus | None:
 
     [bold]Example[/]  slopewise coverage today.csv --model mine.toml
     """
-    from slopewise.services.io.no_data import nodata_of
     from slopewise.services.jobs.coverage import coverage as job
+    from slopewise.services.jobs.log_input import LogInput
 
-    summary = job(
-        options.logs,
-        options.model,
-        quantile=options.quantile,
-        map_file=options.map_file,
-        nodata=nodata_of(options.nodata),
-        topics=options.topics,
-        columns=options.columns,
-        quiet=options.as_json,
-    )
-    print_result(options.as_json, summary, tables(summary, options.model))
+    log_input = LogInput(logs, map_file, nodata, topics, columns)
+    summary = job(log_input, model, quantile=quantile, quiet=as_json)
+    print_result(as_json, summary, _tables(summary))
     return None if summary.covers else ExitStatus.NOT_ADMISSIBLE
 
 
-def tables(summary: CoverageSummary, model: str) -> Iterator[Any]:
+def _tables(summary: CoverageSummary) -> Iterator[Any]:
     """One row per part, and whether the model covers the log."""
     parts: list[tuple[str, PartCoverage]] = [("all", summary)]
     parts += [(_range(part.range, 1.0, "m/s"), part) for part in summary.by_speed]
@@ -79,10 +56,10 @@ def tables(summary: CoverageSummary, model: str) -> Iterator[Any]:
     yield from table(
         ("", "stops", "beyond", "allowed longer by, mean m", "not allowed at all"),
         (
-            (label, p.stops, p.beyond, decimals(p.mean_excess_m, 3), p.not_allowed)
+            (label, p.stops, p.beyond, number(p.mean_excess_m, ".3f"), p.not_allowed)
             for label, p in parts
         ),
-        title=f"{model} at {summary.quantile:g}",
+        title=f"{summary.model} at {summary.quantile:g}",
     )
     covers = "covers" if summary.covers else "does not cover"
     yield f"the model {covers} the {plural(summary.stops, 'measured stop')} of this log"

@@ -2,39 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from slopewise.services.cli.command import command, print_result
-from slopewise.services.cli.options import AsJson
-from slopewise.services.cli.plan import PlanOptions, write_page
+from slopewise.services.cli import options
+from slopewise.services.cli.command import print_result, schema_of
 from slopewise.services.cli.plan import tables as plan_tables
 
 
-@dataclass(frozen=True, slots=True)
-class DemoOptions:
-    """Options of `slopewise demo`."""
-
+def demo(
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Where map, paths, plans and report go.")
-    ] = Path("out/demo")
-    as_json: AsJson = False
-
-
-@command("plan_summary.DemoSummary")
-def demo(options: DemoOptions) -> None:
+    ] = Path("out/demo"),
+    as_json: options.AsJson = False,
+    json_schema: Annotated[bool, schema_of("jobs.plan_summary.DemoSummary")] = False,
+) -> None:
     """Plan a dozen candidates over a generated hill, and write a page with the plans."""
     from slopewise.services.jobs.demo import MODEL, START_SPEED
     from slopewise.services.jobs.demo import demo as job
-    from slopewise.services.jobs.plan_summary import summarise_demo
+    from slopewise.services.jobs.plan_summary import summarise
+    from slopewise.services.report.plan_page import write_job_page
 
-    result, map_file, path_file = job(options.out, quiet=options.as_json)
-    page = options.out / "report.html"
-    write_page(result, PlanOptions(map_file, path_file, MODEL, speed=START_SPEED), page)
-    summary = summarise_demo(result, page) if options.as_json else None
-    print_result(options.as_json, summary, plan_tables(result))
-    if not options.as_json:
+    result, map_file, path_file = job(out, quiet=as_json)
+    page = out / "report.html"
+    write_job_page(page, result, map_file, path_file, MODEL, START_SPEED, math.inf)
+    print_result(as_json, summarise(result, page) if as_json else None, plan_tables(result))
+    if not as_json:
         typer.echo(f"\nOpen {page} in a browser to see them")

@@ -3,56 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slopewise.services.cli.command import command, print_result
-from slopewise.services.cli.options import (
-    AsJson,
-    Columns,
-    FalseAlarm,
-    GroundMap,
-    LogFiles,
-    ModelFile,
-    NoDataValue,
-    Seed,
-    Topics,
-)
+from slopewise.services.cli import options
+from slopewise.services.cli.command import print_result
 from slopewise.services.cli.tables import line, notes, table
 
 if TYPE_CHECKING:
-    from slopewise.models.discrepancy.findings import Findings, Gap
-    from slopewise.services.jobs.discrepancy import DiscrepancyResult
+    from slopewise.models.discrepancy.findings import Findings
 
 _AXES = 3
 """Axes of the disagreement that are listed, strongest first; --json has all."""
 
 
-@dataclass(frozen=True, slots=True)
-class DiscrepancyOptions:
-    """Options of `slopewise discrepancy`."""
-
-    logs: LogFiles
-    model: ModelFile
+def discrepancy(
+    logs: options.LogFiles,
+    model: options.ModelFile,
     out: Annotated[
         Path,
         typer.Option(metavar="DIR", help="Folder for discrepancy.json, model.toml, report.html."),
-    ]
-    map_file: GroundMap = None
-    nodata: NoDataValue = None
-    topics: Topics = None
-    columns: Columns = ""
-    false_alarm: FalseAlarm = 0.005
-    seed: Seed = 20
-    as_json: AsJson = False
-
-
-@command()
-def discrepancy(options: DiscrepancyOptions) -> None:
+    ],
+    map_file: options.GroundMap = None,
+    nodata: options.NoDataValue = None,
+    topics: options.Topics = None,
+    columns: options.Columns = "",
+    false_alarm: options.FalseAlarm = 0.005,
+    seed: options.Seed = 20,
+    as_json: options.AsJson = False,
+) -> None:
     """Find where a model and a drive log disagree, name the missing effect, add it to the model.
 
     The stops of the log are replayed. The model's own numbers are fitted first: where that closes
@@ -69,46 +51,33 @@ def discrepancy(options: DiscrepancyOptions) -> None:
 
     [bold]Example[/]  slopewise discrepancy drive.csv --model mine.toml --out out/discrepancy
     """
-    from slopewise.services.io.no_data import nodata_of
-    from slopewise.services.jobs import discrepancy as job
-
-    settings = job.discrepancy_settings(false_alarm=options.false_alarm, seed=options.seed)
-    result = job.discrepancy(
-        options.logs,
-        options.model,
-        settings=settings,
-        map_file=options.map_file,
-        nodata=nodata_of(options.nodata),
-        topics=options.topics,
-        columns=options.columns,
-        quiet=options.as_json,
-    )
-    files = _write(result, options)
-    print_result(options.as_json, result.summary, _tables(result.findings), *files)
-
-
-def _write(result: DiscrepancyResult, options: DiscrepancyOptions) -> list[Path]:
-    """Write DIR/discrepancy.json, DIR/model.toml, DIR/report.html; each all or nothing."""
     from slopewise.services.io.findings_file import PAGE, write_findings
+    from slopewise.services.jobs import discrepancy as job
+    from slopewise.services.jobs.log_input import LogInput
     from slopewise.services.report.discrepancy_page import write_discrepancy_page
 
-    files = write_findings(result.findings, options.out)
-    page = options.out / PAGE
-    provenance = {
-        "logs": ", ".join(log.name for log in options.logs),
-        "model so far": options.model,
-        "written": f"{datetime.now():%Y-%m-%d %H:%M}",
-    }
-    title = f"{result.findings.model.name} against its log"
+    settings = job.discrepancy_settings(false_alarm=false_alarm, seed=seed)
+    log_input = LogInput(logs, map_file, nodata, topics, columns)
+    result = job.discrepancy(log_input, model, settings=settings, quiet=as_json)
+    findings, page = result.findings, out / PAGE
+    files = write_findings(findings, out)
     write_discrepancy_page(
-        page, result.findings, result.evidence, title=title, provenance=provenance
+        page,
+        findings,
+        result.evidence,
+        title=f"{findings.model.name} against its log",
+        provenance={
+            "logs": ", ".join(log.name for log in logs),
+            "model so far": model,
+            "written": f"{datetime.now():%Y-%m-%d %H:%M}",
+        },
     )
-    return [*files, page]
+    print_result(as_json, result.summary, _tables(findings), *files, page)
 
 
 def _tables(findings: Findings) -> Iterator[Any]:
     """Verdict, named effects, gap, and the next stops to drive."""
-    from slopewise.models.discrepancy.report.words import answers, sure_words
+    from slopewise.models.discrepancy.report.words import answers, closed_words, sure_words
 
     summary = f" – {findings.summary}" if findings.summary else ""
     yield line(f"{findings.verdict.value}{summary}", "bold")
@@ -124,20 +93,13 @@ def _tables(findings: Findings) -> Iterator[Any]:
         columns = ("effect", "parameters", "confidence", "or", "where")
         yield from table(columns, rows, left=columns)
     for gap in (findings.gap, findings.stop_distance):
-        yield line(gap_line(gap))
+        yield line(
+            f"{gap.metric}: {gap.before:.3f} {gap.unit} as configured, {gap.refit:.3f} refitted, "
+            f"{gap.after:.3f} with the effects, floor {gap.noise_floor:.3f}; {closed_words(gap)}"
+        )
     for axis in findings.located[:_AXES]:
         share = f"{axis.share_of_gap:.0%} of the remainder"
         yield line(f"follows {axis.axis}: {share}, p = {axis.p_value:.2g}")
     for title, text in list(answers(findings).items())[1:]:
         yield line(f"{title}: {text}")
     yield from notes(findings.notes)
-
-
-def gap_line(gap: Gap) -> str:
-    """One line: before, after, floor, and the closed share."""
-    from slopewise.models.discrepancy.report.words import closed_words
-
-    return (
-        f"{gap.metric}: {gap.before:.3f} {gap.unit} as configured, {gap.refit:.3f} refitted, "
-        f"{gap.after:.3f} with the effects, floor {gap.noise_floor:.3f}; {closed_words(gap)}"
-    )

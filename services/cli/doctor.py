@@ -3,47 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slopewise.services.cli.command import ExitStatus, command, print_result
-from slopewise.services.cli.options import AsJson
+from slopewise.services.cli import options
+from slopewise.services.cli.command import ExitStatus, print_result
 from slopewise.services.cli.tables import line
 
 if TYPE_CHECKING:
     from slopewise.services.doctor.robot_facts import ConfigIssue, RobotFacts
 
 
-@dataclass(frozen=True, slots=True)
-class DoctorOptions:
-    """Options of `slopewise doctor`."""
-
+def doctor(
     model: Annotated[
         str, typer.Option("--model", "-m", metavar="M.toml", help="Model file, or shipped vehicle.")
-    ] = ""
+    ] = "",
     nav2: Annotated[
         list[Path] | None,
         typer.Option("--nav2", metavar="PARAMS.yaml", help="Parameters of Nav2 or a base; repeat."),
-    ] = None
+    ] = None,
     bag: Annotated[
         Path | None, typer.Option("--bag", metavar="BAG", help="A recording of the robot.")
-    ] = None
+    ] = None,
     config: Annotated[
         Path | None,
         typer.Option("--config", "-c", metavar="ros.toml", help="Settings of slopewise ros."),
-    ] = None
+    ] = None,
     live: Annotated[
         float,
         typer.Option("--live", metavar="SECONDS", help="Listen to the robot for this duration."),
-    ] = 0.0
-    as_json: AsJson = False
-
-
-@command()
-def doctor(options: DoctorOptions) -> ExitStatus | None:
+    ] = 0.0,
+    as_json: options.AsJson = False,
+) -> ExitStatus | None:
     """Examine a robot, a recording or parameter files, and report settings that do not fit.
 
     Decelerations along the chain against the brakes learned, limits that are not obeyed, clocks,
@@ -54,7 +47,7 @@ def doctor(options: DoctorOptions) -> ExitStatus | None:
     from slopewise.services.doctor.examine import CHECKS, examine
     from slopewise.services.doctor.robot_facts import IssueSeverity
 
-    facts = _facts(options)
+    facts = _facts(model, nav2 or [], bag, config, live)
     sources = {
         "model": facts.model,
         "edge": facts.edge,
@@ -63,25 +56,20 @@ def doctor(options: DoctorOptions) -> ExitStatus | None:
     }
     names = [name for name, fact in sources.items() if fact is not None]
     issues = examine(facts)
-    summary = {
-        "looked_at": names,
-        "checks": len(CHECKS),
-        "findings": [
-            {"check": i.check, "severity": i.severity.value, "words": i.message, "remedy": i.fix}
-            for i in issues
-        ],
-    }
-    print_result(options.as_json, summary, _tables(names, len(CHECKS), issues))
+    findings = [
+        {"check": i.check, "severity": i.severity.value, "words": i.message, "remedy": i.fix}
+        for i in issues
+    ]
+    summary = {"looked_at": names, "checks": len(CHECKS), "findings": findings}
+    print_result(as_json, summary, _tables(names, len(CHECKS), issues))
     has_errors = any(issue.severity is IssueSeverity.ERROR for issue in issues)
     return ExitStatus.NOT_ADMISSIBLE if has_errors else None
 
 
-def _facts(options: DoctorOptions) -> RobotFacts:
-    """Read the sources.
-
-    Raises:
-        InputError: there is no source, or a file cannot be used.
-    """
+def _facts(
+    model: str, nav2: list[Path], bag: Path | None, config: Path | None, live: float
+) -> RobotFacts:
+    """Read the sources; InputError without one."""
     from slopewise.models.errors import InputError
     from slopewise.services.doctor.message_collector import live_traffic, recorded_traffic
     from slopewise.services.doctor.nav2_file import read_nav2
@@ -89,20 +77,16 @@ def _facts(options: DoctorOptions) -> RobotFacts:
     from slopewise.services.io.model_file import find_model, read_model
     from slopewise.services.ros.settings import read_settings
 
-    if not (options.nav2 or options.bag or options.live > 0.0):
+    if not (nav2 or bag or live > 0.0):
         raise InputError("doctor", "", "expected --nav2, --bag or --live: a source to examine")
-    edge = None if options.config is None else read_settings(options.config)
-    if options.live > 0.0 and edge is None:
+    edge = None if config is None else read_settings(config)
+    if live > 0.0 and edge is None:
         raise InputError("--live", "", "expected --config ros.toml: where the robot is")
-    traffic = None if options.bag is None else recorded_traffic(options.bag)
-    if options.live > 0.0 and edge is not None:
-        traffic = live_traffic(edge, options.live)
-    return RobotFacts(
-        read_model(find_model(options.model)) if options.model else None,
-        edge,
-        read_nav2(options.nav2) if options.nav2 else None,
-        traffic,
-    )
+    traffic = None if bag is None else recorded_traffic(bag)
+    if live > 0.0 and edge is not None:
+        traffic = live_traffic(edge, live)
+    robot = read_model(find_model(model)) if model else None
+    return RobotFacts(robot, edge, read_nav2(nav2) if nav2 else None, traffic)
 
 
 def _tables(names: list[str], check_count: int, issues: list[ConfigIssue]) -> Iterator[Any]:

@@ -4,43 +4,36 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from slopewise.services.cli.command import command, print_result
-from slopewise.services.cli.options import AsJson
+from slopewise.services.cli import options
+from slopewise.services.cli.command import print_result
 from slopewise.services.cli.tables import table
 
 
-@dataclass(frozen=True, slots=True)
-class ExportOptions:
-    """Options of `slopewise export`."""
-
+def export(
     model: Annotated[
         str, typer.Argument(metavar="M.toml", help="Model file, or shipped vehicle.")
-    ] = ""
+    ] = "",
     casadi: Annotated[
         Path | None, typer.Option(metavar="FILE", help="All functions, for CasADi to read.")
-    ] = None
+    ] = None,
     c: Annotated[
         Path | None, typer.Option("--c", metavar="FOLDER", help="C code, header, test vectors.")
-    ] = None
+    ] = None,
     json_schema: Annotated[
         bool, typer.Option("--json-schema", help="Print the JSON schema of model files.")
-    ] = False
-    as_json: AsJson = False
-
-
-@command()
-def export(options: ExportOptions) -> None:
+    ] = False,
+    as_json: options.AsJson = False,
+) -> None:
     """Export a model: stopping distance, speed bound, loads, effects, with derivatives.
 
     [bold]Example[/]  slopewise export mine.toml --c generated
     """
-    if options.json_schema:
+    if json_schema:
         from slopewise.services.export.schema import model_schema
 
         typer.echo(json.dumps(model_schema(), indent=1))
@@ -48,24 +41,24 @@ def export(options: ExportOptions) -> None:
     from slopewise.models.errors import InputError
     from slopewise.services.io.model_file import find_model, read_model
 
-    if not options.model:
+    if not model:
         raise InputError("export", "M.toml", "expected a model file, or --json-schema")
-    model = read_model(find_model(options.model))
+    vehicle = read_model(find_model(model))
     from slopewise.services.export.c_code import write_c
     from slopewise.services.export.functions import functions_of, write_functions
 
-    functions, files = functions_of(model), []
-    if options.casadi is not None:
-        write_functions(functions, options.casadi)
-        files.append(options.casadi)
-    if options.c is not None:
-        files += write_c(model, functions, options.c)
+    functions, files = functions_of(vehicle), []
+    if casadi is not None:
+        write_functions(functions, casadi)
+        files.append(casadi)
+    if c is not None:
+        files += write_c(vehicle, functions, c)
     rows = [
         {"name": f.name, "inputs": dict(f.inputs), "output": dict([f.output]), "is": f.meaning}
         for f in functions
     ]
-    summary = {"model": model.name, "files": [str(file) for file in files], "functions": rows}
-    print_result(options.as_json, summary, _tables(rows), *files)
+    summary = {"model": vehicle.name, "files": [str(file) for file in files], "functions": rows}
+    print_result(as_json, summary, _tables(rows), *files)
 
 
 def _tables(functions: list[dict[str, Any]]) -> Iterator[Any]:
@@ -74,4 +67,4 @@ def _tables(functions: list[dict[str, Any]]) -> Iterator[Any]:
         (unit,) = function["output"].values()
         rows.append((function["name"], ", ".join(function["inputs"]), unit, function["is"]))
     columns = ("function", "inputs", "unit", "meaning")
-    yield from table(columns, rows, left=columns, limit=len(rows))
+    yield from table(columns, rows, left=columns)

@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slopewise.services.cli.command import ExitStatus, command, print_result
-from slopewise.services.cli.options import (
-    AsJson,
-    ClearDistance,
-    Coverage,
-    FalseAlarm,
-    GroundMap,
-    LogFiles,
-    ModelFile,
-    NoDataValue,
-    Quantile,
-    Seed,
-    Smooth,
-    Spacing,
-    StartSpeed,
-    Topics,
-    clear_of,
-)
+from slopewise.services.cli import options
+from slopewise.services.cli.command import ExitStatus, print_result, schema_of
 from slopewise.services.cli.tables import LISTED, line, notes, table
-from slopewise.services.report.plural import plural
+from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
     from slopewise.services.fleet.calibrate_fleet import FleetCalibrateResult
@@ -42,39 +26,35 @@ Workers = Annotated[
 Scheduler = Annotated[
     str, typer.Option(metavar="ADDRESS", help="A running Dask scheduler, e.g. tcp://10.0.0.1:8786.")
 ]
+_CALIBRATION = "fleet.calibrate_fleet.FleetCalibrationSummary"
 ByFolder = Annotated[
     bool, typer.Option("--by-folder", help="A folder is a vehicle; else each file is one.")
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class FleetPlanOptions:
-    """Options of `slopewise fleet plan`."""
-
+def fleet_plan(
     map_file: Annotated[
         Path, typer.Argument(metavar="MAP", help="Elevation map: tiled GeoTIFF in metres.")
-    ]
+    ],
     path_files: Annotated[
         list[Path],
         typer.Argument(metavar="PATHS…", help="Candidates: CSV or Parquet with x,y[,candidate]."),
-    ]
-    model: ModelFile
+    ],
+    model: options.ModelFile,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Where the results go, as Parquet in parts.")
-    ]
-    speed: StartSpeed = 0.0
-    clear: ClearDistance = None
-    spacing: Spacing = None
-    quantile: Quantile = 0.999
-    nodata: NoDataValue = None
-    smooth: Smooth = True
-    workers: Workers = None
-    scheduler: Scheduler = ""
-    as_json: AsJson = False
-
-
-@command()
-def fleet_plan(options: FleetPlanOptions) -> ExitStatus | None:
+    ],
+    speed: options.StartSpeed = 0.0,
+    clear: options.ClearDistance = math.inf,
+    spacing: options.Spacing = None,
+    quantile: options.Quantile = 0.999,
+    nodata: options.NoDataValue = None,
+    smooth: options.Smooth = True,
+    workers: Workers = None,
+    scheduler: Scheduler = "",
+    as_json: options.AsJson = False,
+    json_schema: Annotated[bool, schema_of("fleet.plan_fleet.FleetPlanSummary")] = False,
+) -> ExitStatus | None:
     r"""Plan the candidates of many files over a map that need not fit into memory.
 
     DIR/plans has one row per station, DIR/candidates one per candidate, in parts. A run that was
@@ -83,25 +63,25 @@ def fleet_plan(options: FleetPlanOptions) -> ExitStatus | None:
 
     [bold]Example[/]  slopewise fleet plan county.tif paths-*.csv --model atv --out out/county
     """
-    from slopewise.services.fleet.plan_fleet import FleetPlanRequest, plan_fleet
-    from slopewise.services.io.no_data import nodata_of
+    from slopewise.services.fleet.plan_fleet import plan_fleet
+    from slopewise.services.fleet.plan_part import FleetPlanRequest
     from slopewise.services.jobs.plan import planner_settings, uncertainty_at
 
     request = FleetPlanRequest(
-        options.map_file,
-        options.path_files,
-        options.model,
-        options.out,
-        options.speed,
-        clear_of(options.clear),
-        planner_settings(smooth=options.smooth, spacing=options.spacing),
-        uncertainty_at(options.quantile),
-        options.workers,
-        options.scheduler,
-        nodata_of(options.nodata),
+        map_file,
+        path_files,
+        model,
+        out,
+        speed,
+        clear,
+        planner_settings(smooth=smooth, spacing=spacing),
+        uncertainty_at(quantile),
+        workers,
+        scheduler,
+        nodata,
     )
-    summary = plan_fleet(request, quiet=options.as_json)
-    print_result(options.as_json, summary, _plan_tables(summary), options.out)
+    summary = plan_fleet(request, quiet=as_json)
+    print_result(as_json, summary, _plan_tables(summary), out)
     return None if summary.admissible else ExitStatus.NOT_ADMISSIBLE
 
 
@@ -120,24 +100,19 @@ def _plan_tables(summary: FleetPlanSummary) -> Iterator[Any]:
     yield f"{summary.seconds:.1f} s, {rate:.0f} candidates planned per second"
 
 
-@dataclass(frozen=True, slots=True)
-class FleetCalibrateOptions:
-    """Options of `slopewise fleet calibrate`."""
-
-    logs: LogFiles
-    model: ModelFile
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder, with one model per vehicle.")]
-    by_folder: ByFolder = False
-    map_file: GroundMap = None
-    nodata: NoDataValue = None
-    coverage: Coverage = 0.995
-    workers: Workers = None
-    scheduler: Scheduler = ""
-    as_json: AsJson = False
-
-
-@command()
-def fleet_calibrate(options: FleetCalibrateOptions) -> None:
+def fleet_calibrate(
+    logs: options.LogFiles,
+    model: options.ModelFile,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder, with one model per vehicle.")],
+    by_folder: ByFolder = False,
+    map_file: options.GroundMap = None,
+    nodata: options.NoDataValue = None,
+    coverage: options.Coverage = 0.995,
+    workers: Workers = None,
+    scheduler: Scheduler = "",
+    as_json: options.AsJson = False,
+    json_schema: Annotated[bool, schema_of(_CALIBRATION)] = False,
+) -> None:
     """Fit a braking model to each vehicle of a fleet, pooled where its stops carry little.
 
     Surface by surface: how the vehicles differ, and each as far as its stops support. A vehicle
@@ -146,21 +121,20 @@ def fleet_calibrate(options: FleetCalibrateOptions) -> None:
     [bold]Example[/]  slopewise fleet calibrate logs/*.csv --model atv --out out/fleet
     """
     from slopewise.services.fleet.calibrate_fleet import calibrate_fleet
-    from slopewise.services.io.no_data import nodata_of
 
     result = calibrate_fleet(
-        options.logs,
-        options.model,
-        options.out,
-        by_folder=options.by_folder,
-        map_file=options.map_file,
-        nodata=nodata_of(options.nodata),
-        coverage=options.coverage,
-        workers=options.workers,
-        scheduler=options.scheduler,
-        quiet=options.as_json,
+        logs,
+        model,
+        out,
+        by_folder=by_folder,
+        map_file=map_file,
+        nodata=nodata,
+        coverage=coverage,
+        workers=workers,
+        scheduler=scheduler,
+        quiet=as_json,
     )
-    print_result(options.as_json, result.summary, _calibrate_tables(result, options.out))
+    print_result(as_json, result.summary, _calibrate_tables(result, out))
 
 
 def _calibrate_tables(result: FleetCalibrateResult, out: Path) -> Iterator[Any]:
@@ -197,32 +171,26 @@ def _calibrate_tables(result: FleetCalibrateResult, out: Path) -> Iterator[Any]:
     yield line(f"wrote {len(result.vehicles)} model files to {out}")
 
 
-@dataclass(frozen=True, slots=True)
-class FleetDiscrepancyOptions:
-    """Options of `slopewise fleet discrepancy`."""
-
-    logs: LogFiles
+def fleet_discrepancy(
+    logs: options.LogFiles,
     models: Annotated[
         str,
         typer.Option(
             metavar="MODEL|DIR",
             help="Model file or name for all, or a folder with NAME.toml for each vehicle.",
         ),
-    ]
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")]
-    by_folder: ByFolder = False
-    map_file: GroundMap = None
-    nodata: NoDataValue = None
-    topics: Topics = None
-    false_alarm: FalseAlarm = 0.005
-    seed: Seed = 20
-    workers: Workers = None
-    scheduler: Scheduler = ""
-    as_json: AsJson = False
-
-
-@command()
-def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")],
+    by_folder: ByFolder = False,
+    map_file: options.GroundMap = None,
+    nodata: options.NoDataValue = None,
+    topics: options.Topics = None,
+    false_alarm: options.FalseAlarm = 0.005,
+    seed: options.Seed = 20,
+    workers: Workers = None,
+    scheduler: Scheduler = "",
+    as_json: options.AsJson = False,
+) -> None:
     r"""Compare the logs of many vehicles with their models: which lack which effect, how certainly.
 
     DIR/vehicles/NAME has discrepancy.json, model.toml and report.html as `slopewise discrepancy`
@@ -234,51 +202,40 @@ def fleet_discrepancy(options: FleetDiscrepancyOptions) -> None:
               slopewise fleet discrepancy logs/*/* --by-folder --models out/vehicles --out out/may
     """
     from slopewise.services.fleet.fleet_page import write_fleet_page
-    from slopewise.services.fleet.investigate_fleet import (
-        PAGE,
-        FleetDiscrepancyRequest,
-        investigate_fleet,
-    )
-    from slopewise.services.io.no_data import nodata_of
+    from slopewise.services.fleet.investigate_fleet import PAGE, investigate_fleet
+    from slopewise.services.fleet.vehicle_finding import FleetDiscrepancyRequest
     from slopewise.services.jobs.discrepancy import discrepancy_settings
 
     request = FleetDiscrepancyRequest(
-        options.logs,
-        options.models,
-        options.out,
-        options.by_folder,
-        options.map_file,
-        options.topics,
-        discrepancy_settings(false_alarm=options.false_alarm, seed=options.seed),
-        options.workers,
-        options.scheduler,
-        nodata_of(options.nodata),
+        logs,
+        models,
+        out,
+        by_folder,
+        map_file,
+        topics,
+        discrepancy_settings(false_alarm=false_alarm, seed=seed),
+        workers,
+        scheduler,
+        nodata,
     )
-    result = investigate_fleet(request, quiet=options.as_json)
-    page = options.out / PAGE
-    write_fleet_page(page, result.rows, result.totals)
-    print_result(options.as_json, result.summary, _discrepancy_tables(result), page)
+    result = investigate_fleet(request, quiet=as_json)
+    page = out / PAGE
+    write_fleet_page(page, result.rows, result.summary)
+    print_result(as_json, result.summary, _discrepancy_tables(result), page)
 
 
 def _discrepancy_tables(result: FleetDiscrepancyResult) -> Iterator[Any]:
     """The fleet by verdict and by effect, then the vehicles with the largest gaps."""
-    from slopewise.services.fleet import fleet_text
+    from slopewise.services.fleet.fleet_summary import format_effects, sort_by_prediction_error
     from slopewise.services.fleet.investigate_fleet import LINES
 
-    c = result.totals
+    c = result.summary
     verdicts = ", ".join(f"{count} {name}" for name, count in c.verdicts.items())
     yield line(f"{c.examined} of {len(result.rows)} vehicles examined: {verdicts}")
     if c.effects:
         yield from table(
             ("effect", "missing in", "confidence", "of them right", "perhaps in", "numbers"),
-            (
-                (
-                    e.name,
-                    *fleet_text.prevalence_cells(e, c.examined),
-                    fleet_text.format_parameters(e),
-                )
-                for e in c.effects
-            ),
+            ((e.name, *e.cells(c.examined)) for e in c.effects),
             left=("numbers",),
         )
     yield from table(
@@ -288,18 +245,18 @@ def _discrepancy_tables(result: FleetDiscrepancyResult) -> Iterator[Any]:
                 row["vehicle"],
                 row["stops"],
                 row["verdict"],
-                fleet_text.format_effects(row),
+                format_effects(row),
                 *(f"{row[f'stop_distance_{moment}']:.2f}" for moment in ("before", "after")),
             )
-            for row in fleet_text.sort_by_prediction_error(result.rows)
+            for row in sort_by_prediction_error(result.rows)
         ),
         left=("verdict", "effects"),
         more=f"more, in {LINES}",
     )
-    yield line(fleet_text.format_false_alarms(c), "dim")
-    yield from notes(fleet_text.list_failed(c, LISTED))
-    if result.resumed:
-        yield f"{result.resumed} of them were examined by an earlier run"
-    if result.unexpected:
-        vehicles = plural(result.unexpected, "vehicle")
+    yield line(c.false_alarms, "dim")
+    yield from notes(c.list_failed(LISTED))
+    if c.resumed:
+        yield f"{c.resumed} of them were examined by an earlier run"
+    if c.unexpected:
+        vehicles = plural(c.unexpected, "vehicle")
         yield from notes([f"not among these: {vehicles} in the folder"])

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+
+def _nodata(text: str) -> Any:
+    from slopewise.services.io.no_data import nodata_of
+
+    return nodata_of(text)
+
 
 MapFile = Annotated[
     Path,
@@ -15,9 +21,10 @@ MapFile = Annotated[
     ),
 ]
 NoDataValue = Annotated[
-    str | None,
+    Any,
     typer.Option(
         "--nodata",
+        parser=_nodata,
         metavar="VALUE",
         help="Height of the map that marks unknown ground; none: all its heights are ground. "
         "By default undeclared no-data values are detected and reported.",
@@ -48,9 +55,10 @@ ZenohFile = Annotated[
 ]
 StartSpeed = Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")]
 ClearDistance = Annotated[
-    float | None,
+    float,
     typer.Option(
         metavar="METRES",
+        show_default=False,
         help="Station up to which the path is known to be free for the front of the vehicle; the "
         "middle of the wheelbase stays behind it. Default: the end of the path.",
     ),
@@ -95,8 +103,3 @@ JsonLine = Annotated[
     bool,
     typer.Option("--json", help="Print the line that it is ready as JSON, on standard output."),
 ]
-
-
-def clear_of(clear: float | None) -> float:
-    """Clear distance of an option [m]: infinite if it is omitted."""
-    return math.inf if clear is None else clear

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slopewise.services.cli.command import command, print_result
-from slopewise.services.cli.options import AsJson, Connect, Namespace, Timeout, ZenohFile
-from slopewise.services.cli.tables import line, notes, table
-from slopewise.services.report.plural import plural
+from slopewise.services.cli import options
+from slopewise.services.cli.command import print_result, schema_of
+from slopewise.services.cli.tables import line, notes, number, table
+from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
     import msgspec
@@ -38,55 +37,50 @@ _SHORTER = -1e-9
 """Change of a stopping distance below which it is shorter [m], beyond rounding."""
 
 
-@dataclass(frozen=True, slots=True)
-class ParamsOptions:
-    """Options of `slopewise params`."""
-
+def params(
     group: Annotated[
         str,
         typer.Argument(
             help="braking, braking.SURFACE, terrain, limits, effects; all by default. diff: "
             "compare two model files, without a service."
         ),
-    ] = ""
+    ] = "",
     files: Annotated[
         list[Path] | None, typer.Argument(metavar="[A.toml B.toml]", help="Files of diff.")
-    ] = None
+    ] = None,
     history: Annotated[
         bool,
         typer.Option("--history", help="The last changes: when, by what cause, to which values."),
-    ] = False
+    ] = False,
     limit: Annotated[
         int, typer.Option("--most", min=1, max=10_000, help="Changes that are listed.")
-    ] = 20
+    ] = 20,
     rollback: Annotated[
         int | None,
         typer.Option(metavar="VERSION", help="Restore GROUP, or all, as of a version."),
-    ] = None
+    ] = None,
     changes: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter of GROUP; repeat it."),
-    ] = None
+    ] = None,
     investigate: Annotated[
         bool,
         typer.Option("--investigate", help="Compare the stored stops with the model."),
-    ] = False
+    ] = False,
     adopt: Annotated[
         str, typer.Option(metavar="OFFER", help="Plan with the model change that it proposes.")
-    ] = ""
+    ] = "",
     faster: Annotated[
         bool,
         typer.Option("--faster", help="Even if stops get shorter than by the model file."),
-    ] = False
-    connect: Connect = "tcp/127.0.0.1:7447"
-    namespace: Namespace = "slopewise/robot"
-    timeout: Timeout = 2.0
-    zenoh_file: ZenohFile = ""
-    as_json: AsJson = False
-
-
-@command()
-def params(options: ParamsOptions) -> None:
+    ] = False,
+    connect: options.Connect = "tcp/127.0.0.1:7447",
+    namespace: options.Namespace = "slopewise/robot",
+    timeout: options.Timeout = 2.0,
+    zenoh_file: options.ZenohFile = "",
+    as_json: options.AsJson = False,
+    json_schema: Annotated[bool, schema_of("wire.parameter_messages.ParameterReply")] = False,
+) -> None:
     """Read the parameters of a running service, set them, or restore an earlier version.
 
     Limits may be set tighter than in the model file, not wider; braking above it is used in plans
@@ -98,75 +92,78 @@ def params(options: ParamsOptions) -> None:
               slopewise params --investigate
               slopewise params diff configs/vehicles/atv.toml learned.toml
     """
-    if options.group == "diff" or options.files:
+    if group == "diff" or files:
         from slopewise.services.jobs.compare_models import compare_models
 
-        comparison = compare_models(options.files or [])
-        print_result(options.as_json, comparison, _comparison_tables(comparison))
+        comparison = compare_models(files or [])
+        print_result(as_json, comparison, _comparison_tables(comparison))
         return
-    reply = request(options)
-    print_result(options.as_json, reply, tables(reply, options))
+    message = _message(
+        group, limit if history else 0, rollback, changes, investigate, adopt, faster
+    )
+    reply = _request(*message, connect, namespace, timeout, zenoh_file)
+    print_result(as_json, reply, _tables(reply, group, history, investigate))
 
 
-def request(options: ParamsOptions) -> ParameterReply:
-    """Read or change the parameters of the service.
+def _message(
+    group: str,
+    history: int,
+    rollback: int | None,
+    changes: list[str] | None,
+    investigate: bool,
+    adopt: str,
+    faster: bool,
+) -> tuple[str, msgspec.Struct]:
+    """Name of the key, and message; InputError if the options do not fit together."""
+    from slopewise.models.errors import InputError
+    from slopewise.services.wire import parameter_messages as messages
 
-    Raises:
-        InputError: an option cannot be used, there is no reply, or the service rejects the change.
-    """
+    if sum(map(bool, (history, rollback is not None, changes, investigate, adopt))) > 1:
+        expected = "expected one of --history, --rollback, --set, --investigate, --adopt"
+        raise InputError("params", "", f"{expected}, got several")
+    if faster and not adopt:
+        raise InputError("--faster", "", "expected --adopt with it, got none")
+    who = _operator()
+    if rollback is not None:
+        if rollback < 0:
+            raise InputError("--rollback", "", f"expected a version, got {rollback}")
+        return "params/rollback", messages.RollBack(version=rollback, group=group, who=who)
+    if changes:
+        if not group:
+            raise InputError("--set", "", "expected the group that is to be changed before it")
+        values = _values(changes)
+        return "params/set", messages.SetParameters(group=group, values=values, who=who)
+    if investigate:
+        return "discrepancy", messages.DiscrepancyQuestion(start=True, who=who)
+    if adopt:
+        return "params/adopt", messages.AdoptOffer(offer=adopt, faster=faster, who=who)
+    return "params", messages.ParameterQuestion(group=group, history=history)
+
+
+def _request(
+    name: str,
+    message: msgspec.Struct,
+    connect: str,
+    namespace: str,
+    timeout: float,
+    zenoh_file: str,
+) -> ParameterReply:
+    """Reply of the service, of an investigation when it is done; InputError without one."""
     from slopewise.models.errors import InputError
     from slopewise.services.cli.ask import ask
     from slopewise.services.wire.connect import client_session
     from slopewise.services.wire.parameter_messages import DiscrepancyQuestion, ParameterReply
 
-    actions = (
-        options.history,
-        options.rollback is not None,
-        bool(options.changes),
-        options.investigate,
-        bool(options.adopt),
-    )
-    if sum(actions) > 1:
-        expected = "expected one of --history, --rollback, --set, --investigate, --adopt"
-        raise InputError("params", "", f"{expected}, got several")
-    if options.faster and not options.adopt:
-        raise InputError("--faster", "", "expected --adopt with it, got none")
-    name, message = _message(options)
-    key = f"{options.namespace}/v1/{name}"
-    with client_session(options.connect, options.zenoh_file) as session:
-        reply = ask(session, key, ParameterReply, message, options.timeout, "params")
-        while options.investigate and reply.status == "ok" and reply.investigating:
+    key = f"{namespace}/v1/{name}"
+    with client_session(connect, zenoh_file) as session:
+        reply = ask(session, key, ParameterReply, message, timeout, "params")
+        while name == "discrepancy" and reply.status == "ok" and reply.investigating:
             time.sleep(_PERIOD)
             poll = DiscrepancyQuestion(who=_operator())
-            reply = ask(session, key, ParameterReply, poll, options.timeout, "params")
+            reply = ask(session, key, ParameterReply, poll, timeout, "params")
     if reply.status != "ok":
         raise InputError(key, "", reply.reason)
     return reply
-
-
-def _message(options: ParamsOptions) -> tuple[str, msgspec.Struct]:
-    """Name of the key, and message."""
-    from slopewise.models.errors import InputError
-    from slopewise.services.wire import parameter_messages as messages
-
-    group, operator = options.group, _operator()
-    if options.rollback is not None:
-        if options.rollback < 0:
-            raise InputError("--rollback", "", f"expected a version, got {options.rollback}")
-        rollback = messages.RollBack(version=options.rollback, group=group, who=operator)
-        return "params/rollback", rollback
-    if options.changes:
-        if not group:
-            raise InputError("--set", "", "expected the group that is to be changed before it")
-        values = _values(options.changes)
-        return "params/set", messages.SetParameters(group=group, values=values, who=operator)
-    if options.investigate:
-        return "discrepancy", messages.DiscrepancyQuestion(start=True, who=operator)
-    if options.adopt:
-        adopt = messages.AdoptOffer(offer=options.adopt, faster=options.faster, who=operator)
-        return "params/adopt", adopt
-    count = options.limit if options.history else 0
-    return "params", messages.ParameterQuestion(group=group, history=count)
 
 
 def _values(changes: list[str]) -> dict[str, float]:
@@ -194,17 +191,19 @@ def _operator() -> str:
         return "operator"
 
 
-def tables(reply: ParameterReply, options: ParamsOptions) -> Iterator[Any]:
+def _tables(
+    reply: ParameterReply, group: str, is_history: bool, is_investigation: bool
+) -> Iterator[Any]:
     """One row per parameter, or one row per change; then the proposal and the flags."""
     stored = "" if reply.durable else ", not stored on disk"
     title = f"{reply.service}: version {reply.version}{stored}"
-    if options.history:
+    if is_history:
         yield from _history(reply.history, title)
-    elif not options.investigate:
+    elif not is_investigation:
         yield from _groups(reply.groups, title)
-    if reply.investigation and (options.investigate or not options.group):
+    if reply.investigation and (is_investigation or not group):
         yield line(f"stored stops: {reply.investigation}")
-    if reply.offer is not None and options.group in ("", "effects"):
+    if reply.offer is not None and group in ("", "effects"):
         yield from _offer(reply.offer)
     for flag in reply.flags:
         yield line(flag, "yellow")
@@ -218,11 +217,11 @@ def _groups(groups: list[ParameterGroup], title: str) -> Iterator[Any]:
         facts = [group.group + state, f"version {group.version}"]
         facts.append(f"{group.cause}{operator}, {_age(group.age)}")
         for name, value in group.values.items():
-            std = f"{group.stds[name]:.2g}" if name in group.stds else None
+            std = number(group.stds.get(name), ".2g")
             rows.append((facts[0], name, f"{value:.4g}", std, group.unit.get(name, ""), *facts[1:]))
             facts = ["", "", ""]
     columns = ("group", "parameter", "value", "std", "unit", "since", "last change")
-    yield from table(columns, rows, title=title, left=columns, limit=len(rows))
+    yield from table(columns, rows, title=title, left=columns)
 
 
 def _history(history: list[HistoryEntry], title: str) -> Iterator[Any]:
@@ -233,7 +232,7 @@ def _history(history: list[HistoryEntry], title: str) -> Iterator[Any]:
         last = values or "as in the model file"
         rows.append((entry.version, moment, entry.group, entry.cause, entry.who, last))
     columns = ("version", "when", "group", "cause", "who", "values")
-    yield from table(columns, rows, title=title, left=columns, limit=len(rows))
+    yield from table(columns, rows, title=title, left=columns)
 
 
 def _offer(offer: ModelProposal) -> Iterator[Any]:

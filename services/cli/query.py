@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slopewise.services.cli.command import ExitStatus, command, print_result
-from slopewise.services.cli.options import (
-    AsJson,
-    ClearDistance,
-    Connect,
-    Namespace,
-    NoDataValue,
-    PathFile,
-    StartSpeed,
-    Timeout,
-    ZenohFile,
-)
-from slopewise.services.cli.tables import decimals, line, table
+from slopewise.services.cli import options
+from slopewise.services.cli.command import ExitStatus, print_result
+from slopewise.services.cli.tables import line, number, table
 
 if TYPE_CHECKING:
     from slopewise.models.candidate_path import CandidatePath
     from slopewise.services.client import ClientAnswer, PlanClient
+    from slopewise.services.io.no_data import NoData
     from slopewise.services.wire.plan_messages import MapUpdate
     from slopewise.services.wire.plan_messages import Path as PathMessage
 
@@ -37,26 +28,20 @@ _PERIOD = 0.01
 """Pause between requests for the version of the map [s]; a request takes about as long."""
 
 
-@dataclass(frozen=True, slots=True)
-class QueryOptions:
-    """Options of `slopewise query`."""
-
-    path_file: PathFile
-    connect: Connect = "tcp/127.0.0.1:7447"
-    namespace: Namespace = "slopewise/robot"
-    speed: StartSpeed = 0.0
-    clear: ClearDistance = None
+def query(
+    path_file: options.PathFile,
+    connect: options.Connect = "tcp/127.0.0.1:7447",
+    namespace: options.Namespace = "slopewise/robot",
+    speed: options.StartSpeed = 0.0,
+    clear: options.ClearDistance = math.inf,
     map_file: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="Elevation map to send before.")
-    ] = None
-    nodata: NoDataValue = None
-    timeout: Timeout = 2.0
-    zenoh_file: ZenohFile = ""
-    as_json: AsJson = False
-
-
-@command()
-def query(options: QueryOptions) -> ExitStatus | None:
+    ] = None,
+    nodata: options.NoDataValue = None,
+    timeout: options.Timeout = 2.0,
+    zenoh_file: options.ZenohFile = "",
+    as_json: options.AsJson = False,
+) -> ExitStatus | None:
     """Request plans along candidate paths from a running service.
 
     Without a reply in time the result is the client's own stop. Status 3: no plan may be driven.
@@ -68,18 +53,18 @@ def query(options: QueryOptions) -> ExitStatus | None:
     from slopewise.services.io.path_file import read_paths
     from slopewise.services.wire.connect import client_session
 
-    paths = [_message(path) for path in read_paths(options.path_file)]
-    update = _map_update(options)
-    with client_session(options.connect, options.zenoh_file) as session:
+    paths = [_message(path) for path in read_paths(path_file)]
+    update = None if map_file is None else _map_update(map_file, nodata)
+    with client_session(connect, zenoh_file) as session:
         try:
-            client = PlanClient(session, namespace=options.namespace, timeout=options.timeout)
+            client = PlanClient(session, namespace=namespace, timeout=timeout)
         except ParameterError as error:
             raise InputError(f"--{error.field}", "", f"expected {error.expected}") from None
         with client:
             if update is not None:
-                _send_map(client, update, options.timeout)
-            outcome = client.plan(options.speed, paths, clear=options.clear)
-    print_result(options.as_json, _summary(outcome), _tables(outcome))
+                _send_map(client, update, timeout)
+            outcome = client.plan(speed, paths, clear=None if math.isinf(clear) else clear)
+    print_result(as_json, _summary(outcome), _tables(outcome))
     plans = [] if outcome.reply is None else outcome.reply.plans
     is_admissible = any(p.status != "infeasible" and p.progress > 0.0 for p in plans)
     return None if is_admissible else ExitStatus.NOT_ADMISSIBLE
@@ -99,17 +84,13 @@ def _message(path: CandidatePath) -> PathMessage:
     return PathMessage(name=path.name, points=points, speed_limit=limit)
 
 
-def _map_update(options: QueryOptions) -> MapUpdate | None:
+def _map_update(map_file: Path, nodata: NoData) -> MapUpdate:
     from slopewise.services.io.map_file import read_map
-    from slopewise.services.io.no_data import nodata_of
     from slopewise.services.wire.plan_messages import MapUpdate
 
-    nodata = nodata_of(options.nodata)
-    if options.map_file is None:
-        return None
-    ground = read_map(options.map_file, nodata=nodata)
+    ground = read_map(map_file, nodata=nodata)
     for assumption in ground.assumed:
-        _log.warning("%s: %s", options.map_file, assumption)
+        _log.warning("%s: %s", map_file, assumption)
     return MapUpdate(
         source=f"query-{os.getpid()}-{time.time_ns()}",
         sequence=1,
@@ -169,14 +150,13 @@ def _tables(outcome: ClientAnswer) -> Iterator[Any]:
                 plan.status,
                 f"{plan.travel_time:.2f}",
                 f"{plan.progress:.1f}",
-                decimals(plan.least_margin, 2),
+                number(plan.least_margin, ".2f"),
                 plan.reason,
             )
             for plan in reply.plans
         ),
         title=f"{reply.service}: {reply.status}, in {1e3 * outcome.seconds:.1f} ms",
         left=("status", "reason"),
-        limit=len(reply.plans),
     )
     for note in (*reply.flags, *(c.reason for c in reply.ranking if not c.usable)):
         yield line(note)

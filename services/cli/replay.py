@@ -6,23 +6,14 @@ import os
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slopewise.services.cli.command import command, print_result
-from slopewise.services.cli.options import (
-    AsJson,
-    Columns,
-    Connect,
-    LogFiles,
-    Namespace,
-    Topics,
-    ZenohFile,
-)
-from slopewise.services.cli.tables import line, table
-from slopewise.services.report.plural import plural
+from slopewise.services.cli import options
+from slopewise.services.cli.command import print_result
+from slopewise.services.cli.tables import line, number, table
+from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
     import zenoh
@@ -39,26 +30,20 @@ _MAX_BATCH = 1000
 """Samples that are sent together at most; a log at 4 kHz has as many in a batch."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReplayOptions:
-    """Options of `slopewise replay`."""
-
-    logs: LogFiles
-    connect: Connect = "tcp/127.0.0.1:7447"
-    namespace: Namespace = "slopewise/robot"
+def replay(
+    logs: options.LogFiles,
+    connect: options.Connect = "tcp/127.0.0.1:7447",
+    namespace: options.Namespace = "slopewise/robot",
     speed_up: Annotated[
         float,
         typer.Option(metavar="X", help="Seconds of the log per second; inf: as fast as possible."),
-    ] = 1.0
-    topics: Topics = None
-    columns: Columns = ""
-    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For each reply.")] = 5.0
-    zenoh_file: ZenohFile = ""
-    as_json: AsJson = False
-
-
-@command()
-def replay(options: ReplayOptions) -> None:
+    ] = 1.0,
+    topics: options.Topics = None,
+    columns: options.Columns = "",
+    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For each reply.")] = 5.0,
+    zenoh_file: options.ZenohFile = "",
+    as_json: options.AsJson = False,
+) -> None:
     """Play recorded drives to a running service, and report what it learned from them.
 
     Samples are sent as a robot sends them, each batch after the reply to the one before, so that
@@ -73,22 +58,28 @@ def replay(options: ReplayOptions) -> None:
     from slopewise.services.wire.connect import client_session
     from slopewise.services.wire.parameter_messages import ParameterReply
 
-    if not options.speed_up > 0.0:
-        raise InputError("--speed-up", "", f"expected a factor > 0, got {options.speed_up:g}")
-    log = read_logs(options.logs, options.topics, options.columns)
-    key = f"{options.namespace}/v1/params"
-    with client_session(options.connect, options.zenoh_file) as session:
-        before = ask(session, key, ParameterReply, None, options.timeout, key)
+    if not speed_up > 0.0:
+        raise InputError("--speed-up", "", f"expected a factor > 0, got {speed_up:g}")
+    log = read_logs(logs, topics, columns)
+    key = f"{namespace}/v1/params"
+    with client_session(connect, zenoh_file) as session:
+        before = ask(session, key, ParameterReply, None, timeout, key)
         begin = time.monotonic()
-        receipts = _play(log, session, options)
+        receipts = _play(log, session, namespace, speed_up, timeout, quiet=as_json)
         took = time.monotonic() - begin
-        after = ask(session, key, ParameterReply, None, options.timeout, key)
+        after = ask(session, key, ParameterReply, None, timeout, key)
     summary = _summary(log, took, receipts, before, after)
-    print_result(options.as_json, summary, _tables(summary))
+    print_result(as_json, summary, _tables(summary))
 
 
 def _play(
-    log: DriveLog, session: zenoh.Session, options: ReplayOptions
+    log: DriveLog,
+    session: zenoh.Session,
+    namespace: str,
+    speed_up: float,
+    timeout: float,
+    *,
+    quiet: bool,
 ) -> Counter[tuple[str, str]]:
     """Send all samples; number of batches by status and reason of their receipts."""
     from slopewise.services.cli.ask import ask
@@ -96,19 +87,19 @@ def _play(
     from slopewise.services.wire.observations import ObservationAck
 
     receipts: Counter[tuple[str, str]] = Counter()
-    t, key = log.columns["t"], f"{options.namespace}/v1/obs/drive"
+    t, key = log.columns["t"], f"{namespace}/v1/obs/drive"
     # One sender per run, unless the clock of all runs is the same.
     name, sequence = f"replay-{os.getpid()}-{time.time_ns()}", 0
-    with progress_bar("playing", len(t), quiet=options.as_json) as advance:
+    with progress_bar("playing", len(t), quiet=quiet) as advance:
         for number, part in enumerate(log.runs):
             source = name if log.one_clock else f"{name}-{number}"
             begin, first = time.monotonic(), float(t[part.start])
             for rows in _batches(t, part):
-                due = begin + (float(t[rows.stop - 1]) - first) / options.speed_up
+                due = begin + (float(t[rows.stop - 1]) - first) / speed_up
                 time.sleep(max(due - time.monotonic(), 0.0))
                 sequence += 1
                 samples = _samples(log, rows, source, sequence)
-                receipt = ask(session, key, ObservationAck, samples, options.timeout, key)
+                receipt = ask(session, key, ObservationAck, samples, timeout, key)
                 receipts[receipt.status, receipt.reason] += 1
                 advance(rows.stop - rows.start)
     return receipts
@@ -167,14 +158,14 @@ def _summary(
         ],
         "version": {"before": before.version, "after": after.version},
         "learned": {
-            group.group: {
-                "valid": group.valid,
-                "cause": group.cause,
-                "before": earlier.get(group.group, {}),
-                "after": group.values,
-                "stds": group.stds,
+            g.group: {
+                "valid": g.valid,
+                "cause": g.cause,
+                "before": earlier.get(g.group, {}),
+                "after": g.values,
+                "stds": g.stds,
             }
-            for group in after.groups
+            for g in after.groups
         },
     }
 
@@ -188,24 +179,18 @@ def _tables(summary: dict[str, Any]) -> Iterator[Any]:
         f"{summary['took']:.1f} s ({factor:.0f}-fold); "
         f"version {version['before']} → {version['after']}"
     )
-    rows = [
-        (
-            name,
-            parameter,
-            f"{group['before'][parameter]:.4g}" if parameter in group["before"] else None,
-            f"{value:.4g}",
-            f"{group['stds'][parameter]:.2g}" if parameter in group["stds"] else None,
-            "yes" if group["valid"] else "no",
-        )
-        for name, group in summary["learned"].items()
-        for parameter, value in group["after"].items()
-        if group["before"].get(parameter) != value
-    ]
-    columns = ("group", "parameter", "before", "after", "± std", "valid")
+    rows = []
+    for name, group in summary["learned"].items():
+        before, stds = group["before"], group["stds"]
+        for parameter, value in group["after"].items():
+            if before.get(parameter) != value:
+                earlier = number(before.get(parameter), ".4g")
+                std = number(stds.get(parameter), ".2g")
+                valid = "yes" if group["valid"] else "no"
+                rows.append((name, parameter, earlier, f"{value:.4g}", std, valid))
     if rows:
-        yield from table(
-            columns, rows, title="what was learned", left=("parameter",), limit=len(rows)
-        )
+        head = ("group", "parameter", "before", "after", "± std", "valid")
+        yield from table(head, rows, title="what was learned", left=("parameter",))
     else:
         yield "no parameter was changed"
     for receipt in summary["receipts"]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import signal
 import time
-from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,22 +12,16 @@ from typing import Annotated
 
 import typer
 
-from slopewise.services.cli.command import command, print_ready, print_result
-from slopewise.services.cli.options import AsJson, JsonLine
+from slopewise.services.cli import options
+from slopewise.services.cli.command import print_ready, print_result
 
 
-@dataclass(frozen=True, slots=True)
-class ServeOptions:
-    """Options of `slopewise serve`."""
-
+def serve(
     config: Annotated[
         Path, typer.Option("--config", "-c", metavar="service.toml", help="The service's settings.")
-    ]
-    as_json: JsonLine = False
-
-
-@command()
-def serve(options: ServeOptions) -> None:
+    ],
+    as_json: options.JsonLine = False,
+) -> None:
     """Reply to plan requests over zenoh until a signal asks to stop.
 
     [bold]Example[/]  slopewise serve --config configs/service.toml
@@ -36,28 +29,22 @@ def serve(options: ServeOptions) -> None:
     from slopewise.models.errors import InputError
     from slopewise.services.settings.service_settings import read_config
 
-    _require("serve", "zenoh")
-    config = read_config(options.config)
-    if config.page.enabled and not all(map(find_spec, ("waitress", "prometheus_client"))):
+    _require_zenoh("serve")
+    settings = read_config(config)
+    if settings.page.enabled and not all(map(find_spec, ("waitress", "prometheus_client"))):
         expected = "expected what serves the page: pip install '.[service]' in a clone"
-        raise InputError(str(options.config), "page.enabled", expected)
+        raise InputError(str(config), "page.enabled", expected)
     from slopewise.services.daemon.daemon import serve as run_service
 
-    run_service(config, None, partial(print_ready, options.as_json))
+    run_service(settings, None, partial(print_ready, as_json))
 
 
-@dataclass(frozen=True, slots=True)
-class RosOptions:
-    """Options of `slopewise ros`."""
-
+def ros(
     config: Annotated[
         Path, typer.Option("--config", "-c", metavar="ros.toml", help="The edge's settings.")
-    ]
-    as_json: JsonLine = False
-
-
-@command()
-def ros(options: RosOptions) -> None:
+    ],
+    as_json: options.JsonLine = False,
+) -> None:
     """Give a robot with ROS 2 speed limits: paths, maps and odometry in, limits out.
 
     Uses the keys of rmw_zenoh, without ROS, and requests plans from a running `slopewise serve`.
@@ -76,40 +63,34 @@ def ros(options: RosOptions) -> None:
     from slopewise.services.settings.service_settings import ZenohSettings
     from slopewise.services.settings.zenoh_session import zenoh_config
 
-    settings = read_settings(options.config)
+    settings = read_settings(config)
     peers = {"ros": (settings.ros.connect, settings.ros.config)}
     if settings.service.connect:
         peers["service"] = ((settings.service.connect,), settings.service.config)
     with contextlib.ExitStack() as stack:
         sessions = []
-        for table, (connect, config) in peers.items():
-            client = ZenohSettings(mode="client", connect=connect, config=config)
+        for table, (connect, zenoh_file) in peers.items():
+            client = ZenohSettings(mode="client", connect=connect, config=zenoh_file)
             try:
                 sessions.append(stack.enter_context(zenoh.open(zenoh_config(client))))
             except zenoh.ZError:
                 expected = f"expected a router or service at {', '.join(connect)}, got none"
-                raise InputError(str(options.config), f"{table}.connect", expected) from None
+                raise InputError(str(config), f"{table}.connect", expected) from None
         edge = stack.enter_context(RosEdge(settings, sessions[0], sessions[-1]))
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: edge.stop())
         paths, endpoints = settings.topics.paths, settings.ros.connect
         message = f"{', '.join(paths)} of ROS 2 at {', '.join(endpoints)}"
-        print_ready(options.as_json, message, {"paths": [*paths], "connects": [*endpoints]})
+        print_ready(as_json, message, {"paths": [*paths], "connects": [*endpoints]})
         edge.wait(None)
 
 
-@dataclass(frozen=True, slots=True)
-class GuardOptions:
-    """Options of `slopewise guard`."""
-
+def guard(
     config: Annotated[
         Path, typer.Option("--config", "-c", metavar="guard.toml", help="The guard's settings.")
-    ]
-    as_json: JsonLine = False
-
-
-@command()
-def guard(options: GuardOptions) -> None:
+    ],
+    as_json: options.JsonLine = False,
+) -> None:
     """Monitor velocity commands: pass, limit or stop each so that the vehicle can always stop.
 
     Needs no planner, and integrates stopping distances independently of it; two processes watch
@@ -117,28 +98,20 @@ def guard(options: GuardOptions) -> None:
 
     [bold]Example[/]  slopewise guard --config configs/guard.toml
     """
-    _require("guard", "zenoh")
+    _require_zenoh("guard")
     from slopewise.services.guard.watchdog import serve as run_guard
 
-    run_guard(options.config, None, partial(print_ready, options.as_json))
+    run_guard(config, None, partial(print_ready, as_json))
 
 
-def _require(name: str, module: str) -> None:
+def _require_zenoh(name: str) -> None:
     from slopewise.models.errors import InputError
 
-    if find_spec(module) is None:
-        raise InputError(name, "", f"needs {module}: pip install eclipse-{module}")
+    if find_spec("zenoh") is None:
+        raise InputError(name, "", "needs zenoh: pip install eclipse-zenoh")
 
 
-@dataclass(frozen=True, slots=True)
-class WarmUpOptions:
-    """Options of `slopewise warm-up`."""
-
-    as_json: AsJson = False
-
-
-@command()
-def warm_up(options: WarmUpOptions) -> None:
+def warm_up(as_json: options.AsJson = False) -> None:
     """Compile all that plans need, once after an installation, so that no plan waits for it.
 
     [bold]Example[/]  slopewise warm-up
@@ -159,5 +132,4 @@ def warm_up(options: WarmUpOptions) -> None:
     plans.answer(request, ground, requests.CLIENT)
     seconds, plan_seconds = compiled - begin, time.perf_counter() - compiled
     message = f"ready after {seconds:.1f} s; a plan takes {1e3 * plan_seconds:.1f} ms from now on"
-    summary = {"seconds": seconds, "plan_seconds": plan_seconds}
-    print_result(options.as_json, summary, [message])
+    print_result(as_json, {"seconds": seconds, "plan_seconds": plan_seconds}, [message])

@@ -3,37 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slopewise.services.cli.command import command, print_result
-from slopewise.services.cli.options import AsJson, Columns, LogFiles, ModelFile, Topics
+from slopewise.services.cli import options
+from slopewise.services.cli.command import print_result, schema_of
 from slopewise.services.cli.tables import notes, table
 
 if TYPE_CHECKING:
     from slopewise.services.jobs.simulate import SimulateSummary
 
 
-@dataclass(frozen=True, slots=True)
-class SimulateOptions:
-    """Options of `slopewise simulate`."""
-
-    logs: LogFiles
-    model: ModelFile
+def simulate(
+    logs: options.LogFiles,
+    model: options.ModelFile,
     out: Annotated[
         Path | None,
         typer.Option(metavar="sim.csv", help="Write run,t,v_measured,v_simulated,residual."),
-    ] = None
-    topics: Topics = None
-    columns: Columns = ""
-    as_json: AsJson = False
-
-
-@command("simulate.SimulateSummary")
-def simulate(options: SimulateOptions) -> None:
+    ] = None,
+    topics: options.Topics = None,
+    columns: options.Columns = "",
+    as_json: options.AsJson = False,
+    json_schema: Annotated[bool, schema_of("jobs.simulate.SimulateSummary")] = False,
+) -> None:
     """Replay the stops of a drive log through the model.
 
     From each stop command on, the model drives: dead time at held speed, then braking along the
@@ -41,18 +35,13 @@ def simulate(options: SimulateOptions) -> None:
 
     [bold]Example[/]  slopewise simulate drive.csv --model atv --out sim.csv
     """
+    from slopewise.services.jobs.log_input import LogInput
     from slopewise.services.jobs.simulate import simulate as job
 
-    result = job(
-        options.logs,
-        options.model,
-        topics=options.topics,
-        columns=options.columns,
-        quiet=options.as_json,
-    )
-    if options.out is not None:
-        result.write(options.out)
-    print_result(options.as_json, result.summary, tables(result.summary), options.out)
+    result = job(LogInput(logs, topics=topics, columns=columns), model, quiet=as_json)
+    if out is not None:
+        result.write(out)
+    print_result(as_json, result.summary, tables(result.summary), out)
 
 
 def tables(summary: SimulateSummary) -> Iterator[Any]:

@@ -20,17 +20,11 @@ def table(
     title: str = "",
     left: Collection[str] = (),
     more: str = "",
-    limit: int = LISTED,
 ) -> Iterator[Table | Text]:
-    """A table of the first rows, and a line on the others.
+    """A table; the first column, and those of `left`, are aligned to the left.
 
-    Args:
-        columns: titles.
-        rows: cells; None is shown as a dash, Text keeps its style.
-        title: title of the table.
-        left: columns that are aligned to the left, besides the first.
-        more: end of the line on rows that are not listed, "more plans; --json gives all".
-        limit: number of rows that are listed.
+    None is shown as a dash, Text keeps its style. With `more`, "more plans; --json gives all", only
+    the first rows are listed, and a line ends with it.
     """
     from rich import box
     from rich.table import Table
@@ -45,15 +39,12 @@ def table(
             overflow="fold",
         )
     all_rows = list(rows)
-    for row in all_rows[:limit]:
-        grid.add_row(*(cell if isinstance(cell, Text) else Text(_shown(cell)) for cell in row))
+    for row in all_rows[:LISTED] if more else all_rows:
+        cells = ("–" if cell is None else cell for cell in row)
+        grid.add_row(*(cell if isinstance(cell, Text) else Text(str(cell)) for cell in cells))
     yield grid
-    if more and len(all_rows) > limit:
-        yield Text(f"… and {len(all_rows) - limit} {more}")
-
-
-def _shown(cell: object) -> str:
-    return "–" if cell is None else str(cell)
+    if more and len(all_rows) > LISTED:
+        yield Text(f"… and {len(all_rows) - LISTED} {more}")
 
 
 def line(text: str, style: str = "") -> Text:
@@ -65,17 +56,9 @@ def line(text: str, style: str = "") -> Text:
 
 def notes(texts: Iterable[str], label: str = "note") -> Iterator[Text]:
     """A yellow line per text."""
-    for text in texts:
-        yield line(f"{label}: {text}", "yellow")
+    return (line(f"{label}: {text}", "yellow") for text in texts)
 
 
-def named(name: str, text: str) -> Text:
-    """An indented line that begins with a name in bold."""
-    from rich.text import Text
-
-    return Text.assemble("  ", (name, "bold"), f": {text}")
-
-
-def decimals(value: float | None, digits: int, unit: str = "") -> str | None:
-    """A number with a fixed number of decimals, None for none."""
-    return None if value is None else f"{value:.{digits}f}{unit}"
+def number(value: float | None, form: str) -> str | None:
+    """A number in a format such as ".3f"; None for none."""
+    return None if value is None else format(value, form)

@@ -9,13 +9,9 @@ from __future__ import annotations
 
 import ctypes
 
-_MMAP_THRESHOLD = -3
-"""Parameter of mallopt, from malloc.h."""
-_ARENA_MAX = -8
-"""Numbers of parameters in glibc's malloc.h."""
-
-_ARENAS = 2
-"""One for the planner's threads, one for zenoh's."""
+_MMAP_THRESHOLD = -3  # parameter of mallopt, from malloc.h
+_ARENA_MAX = -8  # numbers of parameters in glibc's malloc.h
+_ARENAS = 2  # one for the planner's threads, one for zenoh's
 
 _MAX_ARENA_BLOCK = 1 << 20
 """Larger blocks return to the system immediately when freed [bytes]: requests are smaller."""

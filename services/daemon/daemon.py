@@ -52,17 +52,13 @@ _log = logging.getLogger("slopewise")
 _SWITCH_INTERVAL = 0.001
 """Longest wait of planning for a thread that learns or draws [s]: well below a cycle."""
 
-_MAX_STATUS_BYTES = 1_000_000
-"""Largest status of another service that is decoded [bytes]."""
+_MAX_STATUS_BYTES = 1_000_000  # largest status of another service that is decoded [bytes]
 
 _LEARNING_TIMEOUT = 10.0
 """Time without a sign of the learning thread from which plans are slowed [s]."""
 
-_DISCOVERY_TIMEOUT = 0.5
-"""Time in which another service with this id answers at the start [s]."""
-
-_STOP_TIMEOUT = 2.0
-"""Longest wait for the status thread to end [s]."""
+_DISCOVERY_TIMEOUT = 0.5  # time in which another service with this id answers at the start [s]
+_STOP_TIMEOUT = 2.0  # longest wait for the status thread to end [s]
 
 _DUPLICATE_ID = "another service has this id"
 
@@ -71,11 +67,7 @@ class Service:
     """A running service; a context manager."""
 
     def __init__(self, config: ServiceConfig) -> None:
-        """Read model and map, and plan once, so that the first request finds all code compiled.
-
-        Raises:
-            InputError: a file named in the settings is not usable.
-        """
+        """Read model and map, and plan once, so that the first request finds all code compiled."""
         self.config = config
         initial = read_map(Path(config.map)) if config.map else None
         self.maps = MapStore(initial, Path(config.map).name)

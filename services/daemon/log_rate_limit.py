@@ -6,11 +6,8 @@ import logging
 import time
 from collections import OrderedDict
 
-_INTERVAL = 10.0
-"""Time between two records from one line of code [s]: some 1 MB a day for each."""
-
-_MAX_LINES = 256
-"""Lines of code that are remembered [1]; more than the package has log calls."""
+_INTERVAL = 10.0  # time between two records from one line of code [s]: some 1 MB a day for each
+_MAX_LINES = 256  # lines of code that are remembered [1]; more than the package has log calls
 
 
 class RateLimitFilter(logging.Filter):

@@ -16,8 +16,7 @@ READY = "READY=1"
 ALIVE = "WATCHDOG=1"
 STOPPING = "STOPPING=1"
 
-_TIMEOUT = 0.1
-"""Longest wait for the socket [s]: the status thread sends, and must not be delayed."""
+_TIMEOUT = 0.1  # longest wait for the socket [s]: the status thread sends, and must not be delayed
 
 
 def notify_systemd(state: str) -> bool:

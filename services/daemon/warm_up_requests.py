@@ -26,8 +26,7 @@ from slopewise.services.wire.codec import Format
 from slopewise.services.wire.plan_messages import Path as Candidate
 from slopewise.services.wire.plan_messages import PlanRequest
 
-CLIENT = "warm-up"
-"""Name of the client, which is dropped afterwards."""
+CLIENT = "warm-up"  # name of the client, which is dropped afterwards
 
 
 def as_learned(parameters: ActiveParameters) -> ActiveParameters:

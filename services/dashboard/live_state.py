@@ -11,7 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 from threading import Lock
 
-from slopewise.services.parameters.learned_stop import LearnedStop
+from slopewise.services.parameters.stop_checks import LearnedStop
 from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.parameter_messages import HistoryEntry
 from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
@@ -25,34 +25,25 @@ _MAX_GROUPS = 64
 
 @dataclass(frozen=True, slots=True)
 class ProposalEntry:
-    """The newest finding and its status.
-
-    Attributes:
-        offer: the finding. state: `offered`, `adopted`, `reverted`, `refused` or `nothing`.
-        message: who made it so, or why. purpose, command: next step of an operator; "" for none.
-    """
+    """The newest finding, its status, and the next step of an operator, "" for none."""
 
     offer: ModelProposal
-    state: str
-    message: str
+    state: str  # offered, adopted, reverted, refused or nothing
+    message: str  # who made it so, or why
     purpose: str = ""
     command: str = ""
 
 
 class LiveState:
-    """Written by planning and learning, read by the page; any thread.
-
-    Attributes:
-        changes: grows with everything but plans, so that a page reloads only what is new.
-        plan: the last request with its reply, and the monotonic clock [s].
-        ground: name and probability of the terrain, and the wall clock [s].
-        proposal: the newest finding.
-    """
+    """Written by planning and learning, read by the page; any thread."""
 
     def __init__(self) -> None:
         self.changes = 0
+        """Grows with everything but plans, so that a page reloads only what is new."""
         self.plan: tuple[PlanRequest, PlanReply, float] | None = None
+        """The last request with its reply, and the monotonic clock [s]."""
         self.ground: tuple[str, float, float] | None = None
+        """Name and probability of the terrain, and the wall clock [s]."""
         self.proposal: ProposalEntry | None = None
         self._lock = Lock()
         self._stops: deque[tuple[LearnedStop, int, float]] = deque(maxlen=MAX_ENTRIES)

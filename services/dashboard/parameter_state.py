@@ -43,16 +43,8 @@ class ParameterFeed:
 
     def learned(self, message: ParameterGroup) -> None:
         """Add a change of a group."""
-        entry = HistoryEntry(
-            version=message.version,
-            group=message.group,
-            at=time.time(),
-            cause=message.cause,
-            who=message.who,
-            values=message.values,
-            stds=message.stds,
-            valid=message.valid,
-        )
+        names = ("version", "group", "cause", "who", "values", "stds", "valid")
+        entry = HistoryEntry(at=time.time(), **{name: getattr(message, name) for name in names})
         self._page.add_change(entry)
 
     def show(self) -> None:

@@ -24,15 +24,9 @@ from slopewise.services.report.plan_labels import limit_colours
 from slopewise.services.report.relief import relief
 from slopewise.services.wire.plan_messages import ServiceStatus
 
-_SCRIPTS = (
-    "uPlot.iife.min.js",
-    "page.js",
-    "painter.js",
-    "charts.js",
-    "live_map.js",
-    "live_finding.js",
-    "live.js",
-)
+_PARTS = ("page", "painter", "charts", "live_map", "live_finding", "live")
+_SCRIPTS = ("uPlot.iife.min.js", *(f"{part}.js" for part in _PARTS))
+_STYLES = ("uPlot.min.css", "page.css", "colours.css", "live.css", "live_finding.css")
 _HEADERS = [
     ("Cache-Control", "no-store"),
     ("X-Content-Type-Options", "nosniff"),
@@ -62,12 +56,10 @@ class Source:
 
 
 class Site:
-    """A WSGI application.
+    """A WSGI application that shows a source, to those who show the token, if there is one.
 
-    Args:
-        source: content. hosts: accepted host names, so that pages of other sites do not reach it
-            through a visitor's browser; empty: any.
-        token: token that every request has to show; "" for none.
+    Hosts are accepted names, so that pages of other sites do not reach it through a visitor's
+    browser; empty: any.
     """
 
     def __init__(
@@ -75,7 +67,16 @@ class Site:
     ) -> None:
         self._source, self._hosts, self._token = source, hosts, token
         self._metrics = make_wsgi_app(prometheus_metrics.registry(source.status))
-        self._page = self._html().encode()
+        self._page = render(
+            "live.html",
+            {},
+            title="slopewise live",
+            styles=_STYLES,
+            extra_style=limit_colours(),
+            scripts=_SCRIPTS,
+            data={},
+            asks_server=True,
+        ).encode()
         self._lock = Lock()
         self._relief: tuple[int, bytes] = (-1, b"null")
         self._next_drawing = 0.0
@@ -110,18 +111,6 @@ class Site:
         if environ["REQUEST_METHOD"] not in ("GET", "HEAD"):
             return _text("405 Method Not Allowed", "read-only: expected GET or HEAD")
         return None
-
-    def _html(self) -> str:
-        return render(
-            "live.html",
-            {},
-            title="slopewise live",
-            styles=("uPlot.min.css", "page.css", "colours.css", "live.css", "live_finding.css"),
-            extra_style=limit_colours(),
-            scripts=_SCRIPTS,
-            data={},
-            asks_server=True,
-        )
 
     def _health(self) -> Answer:
         status = self._source.status()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
@@ -21,6 +21,9 @@ _MAX_STATIONS = 240
 _MAX_OTHER_PLANS, _OTHER_POINTS = 60, 24
 """Other candidates on the map, and points of each [1]: lines that a browser draws quickly."""
 
+_PLAN_NUMBERS = ("travel_time", "progress", "least_margin", "least_rear_load")
+_STOP_NUMBERS = ("speed", "grade", "predicted", "actual")
+_OFFER_FIELDS = ("id", "verdict", "summary", "at", "stops", "cause", "notes")
 _COLUMNS = ("station", "x", "y", "speed", "speed_bound", "stop_distance")
 _DECIMALS, _PARAMETER_DECIMALS = 3, 5
 """Decimals of numbers on the page [1]: millimetres, and five digits of a coefficient."""
@@ -31,7 +34,7 @@ def state(status: ServiceStatus, page: LiveState) -> dict[str, Any]:
     return {
         "status": msgspec.to_builtins(status),
         "changes": page.changes,
-        "plan": None if page.plan is None else _plan(*page.plan),
+        "plan": page.plan and _plan(*page.plan),
     }
 
 
@@ -43,33 +46,29 @@ def _plan(request: PlanRequest, reply: PlanReply, at: float) -> dict[str, Any]:
         "age": time.monotonic() - at,
         "client": request.client,
         "speed": _rounded(request.speed),
-        "pose": None if request.pose is None else _rounded(list(request.pose)),
+        "pose": request.pose and _rounded(list(request.pose)),
         "status": reply.status,
         "reason": reply.reason,
         "kept": reply.kept,
         "candidates": len(reply.ranking),
         "refused": sum(not candidate.usable for candidate in reply.ranking),
-        "command": None if reply.command is None else msgspec.to_builtins(reply.command),
+        "command": msgspec.to_builtins(reply.command),
         "planner": _rounded(reply.seconds.get("planner", math.nan)),
-        "chosen": None if chosen is None else _chosen_plan(chosen),
+        "chosen": chosen and _chosen_plan(chosen),
         "others": [_path(plan, ("x", "y"), _OTHER_POINTS) for plan in unchosen],
     }
 
 
 def _chosen_plan(plan: Plan) -> dict[str, Any]:
     stations = _spread(plan.values.shape[1], _MAX_STATIONS)
-    names = [limit.name for limit in plan.limits]
     firsts = np.array([limit.first for limit in plan.limits])
     codes = np.searchsorted(firsts, stations, side="right") - 1
     return {
         "reason": plan.reason,
-        "travel_time": _rounded(plan.travel_time),
-        "progress": _rounded(plan.progress),
+        **{name: _rounded(getattr(plan, name)) for name in _PLAN_NUMBERS},
         "length": _rounded(float(plan.column("station")[-1])),
         "clear": _rounded(plan.clear_distance),
-        "least_margin": _rounded(plan.least_margin),
-        "least_rear_load": _rounded(plan.least_rear_load),
-        "limiting": [names[code] for code in codes],
+        "limiting": [plan.limits[code].name for code in codes],
         **_path(plan, _COLUMNS, _MAX_STATIONS),
     }
 
@@ -79,19 +78,13 @@ def _path(plan: Plan, columns: Sequence[str], count: int) -> dict[str, Any]:
     return {
         "name": plan.candidate,
         "status": plan.status,
-        "obstacle": None
-        if met is None
-        else {"x": _rounded(met.x), "y": _rounded(met.y), "bound": met.bound},
+        "obstacle": met and {"x": _rounded(met.x), "y": _rounded(met.y), "bound": met.bound},
         **{name: _rounded(plan.column(name)[stations].tolist()) for name in columns},
     }
 
 
 def learned(page: LiveState) -> dict[str, Any]:
     """Parameters with their past, terrain, stops and finding, which change now and then."""
-    keys = ("name", "probability", "at")
-    ground = None if page.ground is None else dict(zip(keys, page.ground, strict=True))
-    if ground is not None:
-        ground["probability"] = _rounded(ground["probability"])
     stops = [
         {
             **{name: _rounded(getattr(stop, name)) for name in _STOP_NUMBERS},
@@ -102,16 +95,15 @@ def learned(page: LiveState) -> dict[str, Any]:
         }
         for stop, version, at in page.stops()
     ]
+    ground = page.ground
     return {
         "changes": page.changes,
         "groups": [_group(changes) for changes in page.groups()],
-        "ground": ground,
+        "ground": ground
+        and {"name": ground[0], "probability": _rounded(ground[1]), "at": ground[2]},
         "stops": stops,
-        "finding": None if page.proposal is None else _finding(page.proposal),
+        "finding": page.proposal and _finding(page.proposal),
     }
-
-
-_STOP_NUMBERS = ("speed", "grade", "predicted", "actual")
 
 
 def _finding(entry: ProposalEntry) -> dict[str, Any]:
@@ -122,7 +114,7 @@ def _finding(entry: ProposalEntry) -> dict[str, Any]:
         "words": entry.message,
         "purpose": entry.purpose,
         "command": entry.command,
-        "effects": [msgspec.to_builtins(effect) for effect in numbers.effects],
+        "effects": msgspec.to_builtins(numbers.effects),
         "before": gap.before,
         "after": gap.after,
         "floor": gap.noise_floor,
@@ -131,28 +123,20 @@ def _finding(entry: ProposalEntry) -> dict[str, Any]:
     }
 
 
-_OFFER_FIELDS = ("id", "verdict", "summary", "at", "stops", "cause", "notes")
-
-
 def _group(changes: Sequence[HistoryEntry]) -> dict[str, Any]:
     last = changes[-1]
-    names = list(last.values)
 
-    def rows(tables: Sequence[dict[str, float]]) -> Any:
+    def rows(tables: Iterable[dict[str, float]]) -> Any:
         # By name: in the past a group may have had other parameters.
-        return [
-            _rounded([table.get(name) for name in names], _PARAMETER_DECIMALS) for table in tables
-        ]
+        rows = [[table.get(name) for name in last.values] for table in tables]
+        return _rounded(rows, _PARAMETER_DECIMALS)
 
     return {
-        "group": last.group,
-        "names": names,
-        "valid": last.valid,
-        "version": last.version,
-        "cause": last.cause,
+        **{name: getattr(last, name) for name in ("group", "valid", "version", "cause")},
+        "names": list(last.values),
         "at": [change.at for change in changes],
-        "value": rows([change.values for change in changes]),
-        "std": rows([change.stds for change in changes]),
+        "value": rows(change.values for change in changes),
+        "std": rows(change.stds for change in changes),
     }
 
 

@@ -31,26 +31,20 @@ JOB, OUTCOME = "job.json", "outcome.json"
 FILE, BASIS, ACTIVE = "file.toml", "base.toml", "in_use.toml"
 """The model file, the model that stops are compared with, and the one planned with now."""
 
-_LOWEST_PRIORITY = 19
-"""Niceness of the process: the lowest priority of POSIX."""
+_LOWEST_PRIORITY = 19  # niceness of the process: the lowest priority of POSIX
 _PAUSE = 60.0
 """Assumed time between stops where no clock shows it [s]: longer than any effect of one stop on
 the next, shorter than brakes take to cool."""
 
 
 class InvestigationJob(Message, frozen=True):
-    """Stops to examine.
+    """Stops to examine."""
 
-    Attributes:
-        store: folder of the stops. names: their files, oldest first.
-        vehicle: fingerprint of the vehicle. cause: operator or schedule. limit: time limit [s].
-    """
-
-    store: str
-    names: list[str]
-    vehicle: str
-    cause: str
-    limit: float
+    store: str  # folder of the stops
+    names: list[str]  # their files, oldest first
+    vehicle: str  # fingerprint of the vehicle
+    cause: str  # operator or schedule
+    limit: float  # time limit [s]
 
 
 def main(folder: Path) -> None:

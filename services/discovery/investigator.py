@@ -40,8 +40,7 @@ from slopewise.services.settings.investigation_settings import Investigation
 
 _log = logging.getLogger("slopewise")
 
-_GRACE = 5.0
-"""Time beyond its limit in which a process may end normally [s]."""
+_GRACE = 5.0  # time beyond its limit in which a process may end normally [s]
 
 _MIN_STOP_COUNT = 12
 """Stops from which their scatter can be estimated [1], as the workflow requires."""
@@ -51,20 +50,15 @@ SCHEDULED = "by schedule"
 
 
 class Investigator:
-    """Stored stops and their investigations; one thread.
-
-    Attributes:
-        counters: stops lost; investigations started and failed.
-        last: result of the last investigation as text.
-    """
+    """Stored stops and their investigations; one thread."""
 
     def __init__(self, settings: Investigation, vehicle: str) -> None:
         """Open the store of the stops, if the settings name one; ``vehicle``: fingerprint."""
         self._settings, self._vehicle = settings, vehicle
         self._store: StopStore | None = None
         self._fault = ""
-        self.counters: Counter[str] = Counter()
-        self.last = ""
+        self.counters: Counter[str] = Counter()  # stops lost; investigations started and failed
+        self.last = ""  # result of the last investigation as text
         self._extractor = StopExtractor()
         self._process: subprocess.Popen[bytes] | None = None
         self._folder: Path | None = None
@@ -83,12 +77,7 @@ class Investigator:
     def add_samples(
         self, source: str, columns: Mapping[str, Floats], surface: str, model: str
     ) -> None:
-        """Store the stops that end in these samples of a drive.
-
-        Args:
-            source: sender. columns: (n,) by name. surface: name of the terrain, "" unknown.
-            model: fingerprint of the model planned with.
-        """
+        """Store the stops that end in these samples; ``model``: fingerprint of that in use."""
         if self._store is None:
             return
         for extracted in self._extractor.add_samples(source, columns, surface):
@@ -127,15 +116,7 @@ class Investigator:
         return late and enough and not self.running
 
     def begin(self, file: Model, basis: Model, active: Model, cause: str) -> None:
-        """Start an investigation.
-
-        Args:
-            file: model of the model file. basis: model to compare the stops with.
-            active: model planned with now. cause: operator or schedule.
-
-        Raises:
-            ParameterError: it cannot be started.
-        """
+        """Compare stored stops with ``basis``; ``active``: model planned with now."""
         if self.running:
             raise ParameterError("start", "no running investigation, got one")
         if self._store is None:

@@ -19,24 +19,16 @@ from slopewise.models.parameters import Braking, Model
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from slopewise.services.wire.model_proposal import StopDistanceChange
 
-_MAX_DISTANCE = 1000.0
-"""Distance of a stop that never ends [m]."""
-
-_ROLLS = (-0.15, 0.0, 0.15)
-"""Level, and the roll of rough ground to both sides [rad]."""
+_MAX_DISTANCE = 1000.0  # distance of a stop that never ends [m]
+_ROLLS = (-0.15, 0.0, 0.15)  # Level, and the roll of rough ground to both sides [rad]
 
 _YAWS = tuple(np.linspace(-np.pi, np.pi, 8, endpoint=False).tolist())
 _CURVATURE = 0.3
 """Curvature of a tight turn [1/m]."""
 
-_HOT = 2000.0
-"""Heat of brakes after a long descent [J/kg]."""
-
-_LATER = 3600.0
-"""Time in the session by which a drift has developed [s]."""
-
-_FAR_AWAY = 1e7
-"""Coordinate without any surface patch [m]."""
+_HOT = 2000.0  # heat of brakes after a long descent [J/kg]
+_LATER = 3600.0  # time in the session by which a drift has developed [s]
+_FAR_AWAY = 1e7  # coordinate without any surface patch [m]
 
 Range = tuple[float, float]
 

@@ -29,11 +29,7 @@ def is_valid(findings: dict[str, Any]) -> bool:
 
 
 def model_of(tables: dict[str, Any], file: Model) -> Model:
-    """Model of a proposal; vehicle, terrain and limits are those of the model file.
-
-    Raises:
-        ValueError: the tables are not those of a model.
-    """
+    """Model of a proposal; vehicle, terrain and limits are those of the model file."""
     try:
         finding = model_from_dict(tables, "offer")
     except InputError as error:

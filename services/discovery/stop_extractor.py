@@ -13,29 +13,17 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 
-_STOP_COMMAND = 0.01
-"""Largest command that is a stop command [m/s]."""
-
-_STANDSTILL_SPEED = 0.02
-"""Speed of a standing vehicle [m/s]."""
+_STOP_COMMAND = 0.01  # largest command that is a stop command [m/s]
+_STANDSTILL_SPEED = 0.02  # speed of a standing vehicle [m/s]
 
 _BEFORE, _AFTER = 1.5, 1.0
 """Time before the command and after rest that belongs to a stop [s], as calibration needs."""
 
-_MAX_GAP = 0.5
-"""Longest gap between samples of one stop [s]."""
-
-_MAX_DURATION = 30.0
-"""Longest stop [s]."""
-
-_MIN_SPEED = 0.3
-"""Lowest speed of a stop [m/s]; sensor noise hides slower ones."""
-
-_MAX_SAMPLES = 20_000
-"""Samples of one stop [1], as of one message."""
-
-_MAX_SOURCES = 8
-"""Senders whose streams are followed [1]; a robot has one or two."""
+_MAX_GAP = 0.5  # longest gap between samples of one stop [s]
+_MAX_DURATION = 30.0  # longest stop [s]
+_MIN_SPEED = 0.3  # lowest speed of a stop [m/s]; sensor noise hides slower ones
+_MAX_SAMPLES = 20_000  # samples of one stop [1], as of one message
+_MAX_SOURCES = 8  # senders whose streams are followed [1]; a robot has one or two
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +44,7 @@ class StopExtractor:
     def add_samples(
         self, source: str, columns: Mapping[str, Floats], surface: str
     ) -> list[ExtractedStop]:
-        """The stops that are complete with these samples.
-
-        Args:
-            source: sender. columns: (n,) by name, ``t`` increasing; ``v``, ``v_cmd``.
-            surface: name of the terrain, empty where it is unknown.
-        """
+        """The stops that are complete with these samples, (n,) by name."""
         held = self._streams.pop(source, None)
         if held is None or held.keys() != columns.keys() or columns["t"][0] <= held["t"][-1]:
             stream = {name: np.array(values) for name, values in columns.items()}

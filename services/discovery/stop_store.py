@@ -29,46 +29,29 @@ _QUARANTINED = ".damaged"
 _MAX_QUARANTINED = 3
 """Damaged files that stay for an operator to inspect [1]."""
 
-_MAX_BYTES = 64_000_000
-"""Largest file that is decoded [B], far above any stop."""
-
-_CHECK = 4
-"""Size of the checksum at the beginning [B]."""
+_MAX_BYTES = 64_000_000  # largest file that is decoded [B], far above any stop
+_CHECK = 4  # size of the checksum at the beginning [B]
 
 
 class StoredStop(Message, frozen=True):
-    """One stop with its samples.
+    """One stop with its samples."""
 
-    Attributes:
-        source: sender. surface: its terrain, empty where unknown. at: wall clock [s].
-        vehicle, model: fingerprints of the vehicle and of the model planned with then.
-        columns: names of the rows. values: (rows, n).
-    """
-
-    source: Text
-    surface: Text
-    at: float
-    vehicle: Text
+    source: Text  # sender
+    surface: Text  # its terrain, empty where unknown
+    at: float  # wall clock [s]
+    vehicle: Text  # vehicle, model: fingerprints of the vehicle and of the model planned with then
     model: Text
-    columns: Annotated[list[Text], Meta(min_length=4, max_length=32)]
-    values: np.ndarray
+    columns: Annotated[list[Text], Meta(min_length=4, max_length=32)]  # names of the rows
+    values: np.ndarray  # (rows, n)
 
 
 class StopStore:
-    """Folder of stops; one process writes to it.
-
-    Attributes:
-        counters: stops kept, lost, damaged.
-    """
+    """Folder of stops; one process writes to it."""
 
     def __init__(self, folder: Path, max_bytes: int) -> None:
-        """Open it, or create it.
-
-        Raises:
-            InputError: the folder cannot be used.
-        """
+        """Open it, or create it."""
         self.folder, self._max_bytes = folder, max_bytes
-        self.counters: Counter[str] = Counter()
+        self.counters: Counter[str] = Counter()  # stops kept, lost, damaged
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._sizes = {path.name: path.stat().st_size for path in _files(folder)}
@@ -81,11 +64,7 @@ class StopStore:
         return len(self._sizes)
 
     def put(self, stop: StoredStop) -> None:
-        """Store a stop; the oldest are deleted at the limit.
-
-        Raises:
-            InputError: it cannot be written; the stored stops are unchanged.
-        """
+        """Store a stop; the oldest are deleted at the limit."""
         content = codec.encode(stop, Format.MESSAGEPACK)
         content = zlib.crc32(content).to_bytes(_CHECK, "little") + content
         name = f"{self._next:012d}.stop"
@@ -123,11 +102,7 @@ class StopStore:
 
 
 def read_stop(path: Path) -> StoredStop:
-    """A stored stop.
-
-    Raises:
-        InputError: damaged, or it cannot be read.
-    """
+    """A stored stop."""
     try:
         content = path.read_bytes()
     except OSError as error:

@@ -27,8 +27,7 @@ _BASES = (
     "base_controller",
 )
 
-_TOLERANCE = 1.02
-"""Ratio up to which two values are the same: rounding in files [1]."""
+_TOLERANCE = 1.02  # Ratio up to which two values are the same: rounding in files [1]
 
 _MAX_LOCK_TIMEOUT = 1.0
 """Longest time after which a lock closes: a vehicle at 2 m/s drives 2 m meanwhile [s]."""

@@ -14,17 +14,10 @@ from slopewise.services.io.files import fault
 from slopewise.services.ros.conversions import BOOL, ODOMETRY, TRANSFORMS
 from slopewise.services.ros.settings import EdgeSettings
 
-TYPES = (ODOMETRY, SPEED_LIMIT, BOOL, TRANSFORMS, PATH, GRID_MAP)
-"""Types that are collected."""
-
-_NANO = 1e-9
-"""Seconds per nanosecond."""
-
-_MAX_MESSAGES = 200_000
-"""Messages of a topic that are collected: over an hour at 50 Hz [1]."""
-
-_WAIT = 0.1
-"""Time between updates of the keys that the robot uses [s]."""
+TYPES = (ODOMETRY, SPEED_LIMIT, BOOL, TRANSFORMS, PATH, GRID_MAP)  # Types that are collected
+_NANO = 1e-9  # Seconds per nanosecond
+_MAX_MESSAGES = 200_000  # Messages of a topic that are collected: over an hour at 50 Hz [1]
+_WAIT = 0.1  # Time between updates of the keys that the robot uses [s]
 
 
 class MessageCollector:
@@ -61,11 +54,7 @@ class MessageCollector:
 
 
 def recorded_traffic(bag: Path) -> ObservedTraffic:
-    """Traffic in a recording.
-
-    Raises:
-        InputError: the file is not a recording, or has no topic that is examined.
-    """
+    """Traffic in a recording."""
     collector = MessageCollector()
     with opened(bag) as recording:
         connections = [c for c in recording.reader.connections if c.msgtype in TYPES]
@@ -81,11 +70,7 @@ def recorded_traffic(bag: Path) -> ObservedTraffic:
 
 
 def live_traffic(edge: EdgeSettings, seconds: float) -> ObservedTraffic:
-    """Traffic of a running robot over a time [s]; nothing is sent but that we subscribe.
-
-    Raises:
-        InputError: no router is where the settings point.
-    """
+    """Traffic of a running robot over a time [s]; nothing is sent but that we subscribe."""
     import zenoh
 
     from slopewise.services.ros.inbox import decoded

@@ -14,11 +14,7 @@ _PARAMETERS = "ros__parameters"
 
 
 def read_nav2(paths: list[Path]) -> Nav2Facts:
-    """Parameters of all nodes in some files; later files add to a node.
-
-    Raises:
-        InputError: a file is not YAML, or has no parameters of nodes.
-    """
+    """Parameters of all nodes in some files; later files add to a node."""
     try:
         from ruamel.yaml import YAML
         from ruamel.yaml.error import YAMLError

@@ -11,30 +11,24 @@ from slopewise.services.guard.overspeed_monitor import OverspeedMonitor
 from slopewise.services.io.bags import GRID_MAP, PATH
 from slopewise.services.ros.conversions import ODOMETRY
 
-_OVERSPEED_TOLERANCE = 0.25
-"""Excess over a limit that is ignored, of a controller's noise [m/s]."""
-
-_MIN_OVERSPEEDS = 3
-"""Odometry samples with an excess that are an issue: single ones are noise [1]."""
+_OVERSPEED_TOLERANCE = 0.25  # Excess over a limit that is ignored, of a controller's noise [m/s]
+_MIN_OVERSPEEDS = 3  # Odometry samples with an excess that are an issue: single ones are noise [1]
 
 _DEAD_TIME, _DEAD_TIME_MARGIN, _DECEL = 0.5, 0.3, 0.5
 """Dead time without a model [s], delay of a limit [s], and deceleration of an
 obedient robot: without a model in m/s², with one the share of its service deceleration."""
 
-_MAX_DELAY = 0.5
-"""Median difference of stamp and reception from which clocks differ [s]."""
+_MAX_DELAY = 0.5  # Median difference of stamp and reception from which clocks differ [s]
 
 _MIN_ODOMETRY_RATE, _MIN_LIMIT_RATE = 10.0, 2.0
 """Rates below which the speed is known too late, and a limit has to hold for long [Hz]."""
 
-_OLD_MAP = 10.0
-"""Age of maps on arrival, or time without one, that is an issue [s]."""
+_OLD_MAP = 10.0  # Age of maps on arrival, or time without one, that is an issue [s]
 
 _MIN_DISTANCE, _SCALE_TOLERANCE = 5.0, 0.12
 """Distance over which odometry is compared with its own speed [m]; difference ignored [1]."""
 
-_MIN_MESSAGES = 3
-"""Messages from which stamps are checked [1]."""
+_MIN_MESSAGES = 3  # Messages from which stamps are checked [1]
 
 
 def check_speed_limit_obeyed(facts: RobotFacts) -> Iterator[ConfigIssue]:

@@ -21,14 +21,7 @@ class IssueSeverity(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ConfigIssue:
-    """A setting or recording that does not fit.
-
-    Attributes:
-        severity: error or warning.
-        check: name of the check.
-        message: subject, fact and limit.
-        fix: action of the operator.
-    """
+    """A setting or recording that does not fit."""
 
     severity: IssueSeverity
     check: str
@@ -71,18 +64,11 @@ def first_number(value: Any) -> float | None:
 
 @dataclass(slots=True)
 class TopicTraffic:
-    """Messages of one topic.
-
-    Attributes:
-        kind: message type.
-        at: times of reception [s].
-        stamps: stamps of the headers [s].
-        frames: frames of the headers.
-    """
+    """Messages of one topic."""
 
     kind: str
-    at: list[float] = field(default_factory=list)
-    stamps: list[float] = field(default_factory=list)
+    at: list[float] = field(default_factory=list)  # times of reception [s]
+    stamps: list[float] = field(default_factory=list)  # stamps of the headers [s]
     frames: set[str] = field(default_factory=set)
 
     @property
@@ -97,16 +83,12 @@ class ObservedTraffic:
     """Messages of a robot, from a recording or live.
 
     Attributes:
-        topics: by name.
-        span: from the first to the last message [s].
-        odometry: (t, x, y, v) each.
         limits: (t, limit [m/s], is a percentage) each.
-        links: child frame to parent, of /tf.
         silence: topics without a counterpart, as text; live only.
     """
 
     topics: dict[str, TopicTraffic] = field(default_factory=dict)
-    span: float = 0.0
+    span: float = 0.0  # from the first to the last message [s]
     odometry: list[tuple[float, float, float, float]] = field(default_factory=list)
     limits: list[tuple[float, float, bool]] = field(default_factory=list)
     links: dict[str, str] = field(default_factory=dict)

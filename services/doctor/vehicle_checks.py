@@ -17,17 +17,13 @@ from slopewise.services.doctor.robot_facts import (
     warning,
 )
 
-_SIZE_TOLERANCE = 0.05
-"""Difference of sizes that is ignored, a cell of a costmap [m]."""
+_SIZE_TOLERANCE = 0.05  # Difference of sizes that is ignored, a cell of a costmap [m]
 
 _RADIUS_TOLERANCE = 0.03
 """Relative difference of wheel radii that is ignored, that of tyre pressure [1]."""
 
-_MIN_RATE = 10.0
-"""Frequency of a controller below which a limit is late [Hz]."""
-
-_SAFE_SHARE = 0.8
-"""Share of the learned brakes that is proposed for a stop that must not fail [1]."""
+_MIN_RATE = 10.0  # Frequency of a controller below which a limit is late [Hz]
+_SAFE_SHARE = 0.8  # Share of the learned brakes that is proposed for a stop that must not fail [1]
 
 
 def check_footprint(facts: RobotFacts) -> Iterator[ConfigIssue]:

@@ -14,8 +14,7 @@ from slopewise.models.parameters import Model
 from slopewise.services.export.functions import ModelFunction, derivative_of
 from slopewise.services.io.files import write_atomic
 
-_VECTORS = 8
-"""Test vectors per function [1]."""
+_VECTORS = 8  # Test vectors per function [1]
 _RANGES = {
     "speed": (0.2, 4.0),
     "grade": (-0.2, 0.2),
@@ -43,7 +42,6 @@ def write_c(model: Model, functions: list[ModelFunction], folder: Path) -> list[
     Args:
         model: subject of the functions. functions: by
         :func:`slopewise.services.export.functions.functions_of`.
-        folder: made if it is not there.
     """
     folder.mkdir(parents=True, exist_ok=True)
     name = re.sub(r"\W", "_", model.name) or "model"

@@ -30,8 +30,7 @@ from slopewise.models.laws.wheel_lockup import friction_cap, lockup_force_ratios
 from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.quantity import GRAVITY
 
-_MIN_NET_RATIO = 0.02
-"""F_b/W + sin θ below which plans count on no stop [1]."""
+_MIN_NET_RATIO = 0.02  # F_b/W + sin θ below which plans count on no stop [1]
 
 _STEPS = 32
 """Steps of time of a stop: drag counts by its least in each, 2 % of it too little at most."""
@@ -46,15 +45,10 @@ def choose(condition: Any, then: Any, otherwise: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class EvenSlope:
-    """One table of the braking model; speeds [m/s], grades [rad], ``extra``: ground terms [1].
-
-    Attributes:
-        model: vehicle, limits and effects.
-        table: braking coefficients of the surface, or of a state of it.
-    """
+    """One table of the braking model; speeds [m/s], grades [rad], ``extra``: ground terms [1]."""
 
     model: Model
-    table: Braking
+    table: Braking  # braking coefficients of the surface, or of a state of it
 
     def trained(self, grade: Any) -> Any:
         """1 on grades that were trained, or that the model may extrapolate to; 0 elsewhere."""

@@ -32,19 +32,13 @@ _GROUND = ("ground_force", "1, of ground_force(); 0 without effects")
 
 @dataclass(frozen=True, slots=True)
 class ModelFunction:
-    """One function.
+    """One function."""
 
-    Attributes:
-        function: CasADi function. inputs: names with units. output: name and unit.
-        meaning: what it computes.
-        evaluate: the same by numpy, of arrays in the order of the inputs.
-    """
-
-    function: Any
-    inputs: tuple[tuple[str, str], ...]
-    output: tuple[str, str]
+    function: Any  # CasADi function
+    inputs: tuple[tuple[str, str], ...]  # names with units
+    output: tuple[str, str]  # name and unit
     meaning: str
-    evaluate: Callable[..., Any]
+    evaluate: Callable[..., Any]  # the same by numpy, of arrays in the order of the inputs
 
     @property
     def name(self) -> str:
@@ -63,31 +57,23 @@ def functions_of(model: Model) -> list[ModelFunction]:
     for surface in ("", *model.braking.terrain):
         functions += _of_surface(model, surface)
     vehicle, terms = model.vehicle, registry.motion(model.effect)
-    sizes = vehicle.wheelbase, vehicle.cg_x, vehicle.cg_z
+    axles = vehicle.wheelbase, vehicle.cg_x, vehicle.cg_z
+    wide = vehicle.track_width, vehicle.cg_z
     slowing = ("deceleration", "m/s^2, positive while slowing")
     lateral = ("lateral_accel", "m/s^2, left positive")
-    share = ("share", "1, of the level static load")
-    for name, law in (
-        ("front_load_share", wheel_loads.front_load_share),
-        ("rear_load_share", wheel_loads.rear_load_share),
+    for part, accel, law, sizes in (
+        ("front axle", slowing, wheel_loads.front_load_share, axles),
+        ("rear axle", slowing, wheel_loads.rear_load_share, axles),
+        ("left side", lateral, wheel_loads.left_load_share, wide),
+        ("right side", lateral, wheel_loads.right_load_share, wide),
     ):
-        meaning = f"load of the {name.partition('_')[0]} axle"
-        inputs = (_GRADE, _ROLL, slowing)
         functions.append(
             _model_function(
-                name, inputs, share, meaning, lambda g, r, a, law=law: law(g, r, a, *sizes)
-            )
-        )
-    wide = vehicle.track_width, vehicle.cg_z
-    for name, side in (
-        ("left_load_share", wheel_loads.left_load_share),
-        ("right_load_share", wheel_loads.right_load_share),
-    ):
-        meaning = f"load of the {name.partition('_')[0]} side"
-        inputs = (_GRADE, _ROLL, lateral)
-        functions.append(
-            _model_function(
-                name, inputs, share, meaning, lambda g, r, a, law=side: law(g, r, a, *wide)
+                law.__name__,
+                (_GRADE, _ROLL, accel),
+                ("share", "1, of the level static load"),
+                f"load of the {part}",
+                lambda g, r, a, law=law, sizes=sizes: law(g, r, a, *sizes),
             )
         )
     functions.append(
@@ -130,38 +116,23 @@ def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
         return reduce(operator.mul, (way.trained(grade) for way in ways))
 
     state, here = (_SPEED, _GRADE, _GROUND), f"{on}, straight along a constant grade"
-    decel = ("deceleration", "m/s^2")
+    to_clear = (("distance", "m"), _GRADE, _GROUND)
+    force, decel, speed_of = ("force_ratio", "1"), ("deceleration", "m/s^2"), ("speed", "m/s")
+    weakest = f"least F_b/W of full, cold brakes{on}; 0 on grades that were not trained"
+    upper_end = f"most of full brakes{on}: for the loads of axles"
+    from_command = f"from command to rest{here}; infinite where no stop is known"
+    within = f"stops within a distance{here}; 0 where nothing may drive"
+    functions = (
+        ("force_ratio", state, force, weakest, ratio),
+        ("deceleration", state, decel, f"least of full, cold brakes{on}", slowing),
+        ("max_deceleration", state, decel, upper_end, strongest),
+        ("stopping_distance", state, ("distance", "m"), from_command, distance),
+        ("speed_bound", to_clear, speed_of, within, bound),
+    )
     return [
-        _model_function(
-            f"force_ratio{end}",
-            state,
-            ("force_ratio", "1"),
-            f"least F_b/W of full, cold brakes{on}; 0 on grades that were not trained",
-            ratio,
-        ),
-        _model_function(
-            f"deceleration{end}", state, decel, f"least of full, cold brakes{on}", slowing
-        ),
-        _model_function(
-            f"max_deceleration{end}",
-            state,
-            decel,
-            f"most of full brakes{on}: for the loads of axles",
-            strongest,
-        ),
-        _model_function(
-            f"stopping_distance{end}",
-            state,
-            ("distance", "m"),
-            f"from command to rest{here}; infinite where no stop is known",
-            distance,
-        ),
-        _model_function(
-            f"speed_bound{end}",
-            (("distance", "m"), _GRADE, _GROUND),
-            ("speed", "m/s"),
-            f"stops within a distance{here}; 0 where nothing may drive",
-            bound,
+        *(
+            _model_function(f"{name}{end}", inputs, output, meaning, law)
+            for name, inputs, output, meaning, law in functions
         ),
         _ground_force(model, end, on),
     ]

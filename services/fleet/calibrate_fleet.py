@@ -14,9 +14,9 @@ from slopewise.models.calibration.fleet import FleetCalibration, VehicleStops, l
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.surface_fit import CalibrationSettings
 from slopewise.models.parameters import Model
+from slopewise.services.fleet.result_folder import make_folder
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
 from slopewise.services.fleet.vehicle_logs import LogTask, measure_vehicle, vehicles_of
-from slopewise.services.io.files import fault, reason
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model, write_model
 from slopewise.services.io.no_data import NoData
 from slopewise.services.jobs.progress import progress_bar
@@ -99,19 +99,12 @@ def calibrate_fleet(
     """Measure the stops of each vehicle, fit them together, write the model files.
 
     Args:
-        logs: logs of all vehicles.
-        model_file: model file or shipped vehicle, the prior.
-        out: folder of the model files.
         by_folder: a folder is a vehicle; else each file is one.
         map_file: elevation map that x, y of the logs lie on.
         nodata: height of the map that marks unknown ground [m].
         coverage: share of stops that margins have to cover.
         workers: number of processes, None: one for each processor.
-        scheduler: address of a running Dask scheduler.
         quiet: without a progress bar.
-
-    Raises:
-        InputError: names file and field, or says why there are too few stops.
     """
     begin = time.perf_counter()
     check_installed()
@@ -119,10 +112,7 @@ def calibrate_fleet(
         settings = CalibrationSettings(coverage=coverage)
     model = read_model(find_model(model_file))
     grouped = vehicles_of(logs, by_folder)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise fault(out, "", f"expected a folder to write to, got: {reason(error)}") from None
+    make_folder(out, out)
     tables, ground = model_to_dict(model), None if map_file is None else map_file.resolve()
     tasks: list[Task[LogTask]] = [
         (name, LogTask(name, tuple(path.resolve() for path in files), tables, ground, nodata))

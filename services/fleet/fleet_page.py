@@ -12,36 +12,29 @@ from urllib.parse import quote
 
 from slopewise.models.discrepancy.findings import Verdict
 from slopewise.models.effects.registry import LAWS
-from slopewise.services.fleet.finding_row import VEHICLES, Row
-from slopewise.services.fleet.fleet_summary import AMBIGUOUS, NAMED, FleetSummary
-from slopewise.services.fleet.fleet_text import (
+from slopewise.services.fleet.fleet_summary import (
+    AMBIGUOUS,
+    NAMED,
+    FleetSummary,
     format_effects,
-    format_false_alarms,
-    format_parameters,
-    list_failed,
-    prevalence_cells,
     sort_by_prediction_error,
 )
+from slopewise.services.fleet.vehicle_finding import VEHICLES, Row
 from slopewise.services.io.findings_file import PAGE
+from slopewise.services.jobs.plural import plural
 from slopewise.services.report.discrepancy_page import VERDICT_LABELS
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, draw_figures
 from slopewise.services.report.page import render, write_page
-from slopewise.services.report.plural import plural
 
 _MAX_VEHICLES, _MAX_NOTICES, _MAX_NAMES = 500, 20, 40
 """Vehicles of the table, excluded vehicles with their reason, and names below the figure."""
-_DOT_AREA, _MIN_ALPHA = 46.0, 0.25
-"""Area of an effect's dot [pt²], and its opacity at confidence 0."""
+_DOT_AREA, _MIN_ALPHA = 46.0, 0.25  # Area of an effect's dot [pt²], and its opacity at confidence 0
 
 
 def write_fleet_page(path: Path, rows: Sequence[Row], summary: FleetSummary) -> None:
-    """Write the page next to ``vehicles/``, all or nothing.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the page next to ``vehicles/``, all or nothing."""
     done = sort_by_prediction_error(rows)
-    notices = list_failed(summary, _MAX_NOTICES)
+    notices = summary.list_failed(_MAX_NOTICES)
     if len(done) > _MAX_VEHICLES:
         notices.append(f"{plural(len(done) - _MAX_VEHICLES, 'more vehicle')} in findings.jsonl")
     facts = {"vehicles": str(len(rows))}
@@ -55,12 +48,7 @@ def write_fleet_page(path: Path, rows: Sequence[Row], summary: FleetSummary) -> 
         "facts": facts,
         "notices": notices,
         "effects": [
-            (
-                effect.name,
-                LAWS[effect.name].missing,
-                *prevalence_cells(effect, summary.examined),
-                format_parameters(effect),
-            )
+            (effect.name, LAWS[effect.name].missing, *effect.cells(summary.examined))
             for effect in summary.effects
         ],
         "rows": [_vehicle_cells(row) for row in done[:_MAX_VEHICLES]],
@@ -76,7 +64,7 @@ def _verdict(summary: FleetSummary) -> str:
     named = [effect for effect in summary.effects if effect.vehicles]
     listed = ", ".join(f"{e.name.replace('_', ' ')} in {len(e.vehicles)}" for e in named)
     missing = f"Missing: {listed}." if named else "No effect is named."
-    return f"{missing} {format_false_alarms(summary)}"
+    return f"{missing} {summary.false_alarms}"
 
 
 def _vehicle_cells(row: Row) -> tuple[str, ...]:

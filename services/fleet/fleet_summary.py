@@ -5,51 +5,98 @@ from __future__ import annotations
 import statistics
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from slopewise.services.fleet.finding_row import DONE, Row
+import msgspec
+
+from slopewise.models.discrepancy.report.words import sure_words
+from slopewise.services.fleet.vehicle_finding import DONE, Row
+from slopewise.services.jobs.summary import Summary
 
 NAMED, AMBIGUOUS = "missing_effect", "ambiguous"
 
 
-@dataclass(frozen=True, slots=True)
-class EffectPrevalence:
+class ParameterRange(Summary, frozen=True):
+    """One parameter of an effect over the vehicles that lack it."""
+
+    unit: str
+    minimum: float = msgspec.field(name="least")
+    median: float
+    maximum: float = msgspec.field(name="most")
+
+
+class EffectPrevalence(Summary, frozen=True):
     """One effect over all vehicles.
 
     Attributes:
-        name: its name. vehicles: in which it is named, highest confidence first.
         ambiguous_in: vehicles in which it is one of several that would explain the log.
         confidence: minimum, mean and maximum over `vehicles`, 0 … 1.
         expected_true: expected number of correct names in `vehicles`, the sum of confidences.
-        parameters: name -> (unit, minimum, median, maximum) over `vehicles`.
     """
 
     name: str
-    vehicles: tuple[str, ...]
-    ambiguous_in: tuple[str, ...]
+    vehicles: tuple[str, ...]  # in which it is named, highest confidence first
+    ambiguous_in: tuple[str, ...] = msgspec.field(name="perhaps")
     confidence: tuple[float, float, float] | None
-    expected_true: float
-    parameters: dict[str, tuple[str, float, float, float]]
+    expected_true: float = msgspec.field(name="expected_right")
+    parameters: dict[str, ParameterRange]
+
+    def cells(self, examined: int) -> tuple[str, str, str, str, str]:
+        """Vehicles, range of confidence, number of correct names, ambiguous vehicles, parameters.
+
+        A parameter is given by its median over the vehicles, and its range.
+        """
+        ambiguous = str(len(self.ambiguous_in)) if self.ambiguous_in else ""
+        if self.confidence is None:
+            return "", "", "", ambiguous, ""
+        low, _, high = map(sure_words, self.confidence)
+        confidence = low if low == high else f"{low} … {high}"
+        parts = []
+        for name, p in self.parameters.items():
+            spread = "" if p.minimum == p.maximum else f" ({p.minimum:.3g} … {p.maximum:.3g})"
+            parts.append(f"{name} = {p.median:.3g}{spread} {p.unit if p.unit != '1' else ''}")
+        vehicles, numbers = f"{len(self.vehicles)} of {examined}", map(str.rstrip, parts)
+        return vehicles, confidence, f"{self.expected_true:.1f}", ambiguous, ", ".join(numbers)
 
 
-@dataclass(frozen=True, slots=True)
-class FleetSummary:
-    """All vehicles together.
+class FleetSummary(Summary, frozen=True):
+    """Output of `fleet discrepancy --json`; findings.jsonl has the findings of each vehicle.
 
     Attributes:
-        examined: vehicles with a finding. verdicts: number of each.
-        failed: vehicles without a finding -> reason. effects: most frequent first.
+        failed: vehicles without a finding -> reason.
         expected_false: expected number of false alarms if no vehicle lacked an effect.
+        unexpected: vehicles in the folder that are not among these.
     """
 
-    examined: int
-    verdicts: dict[str, int]
-    failed: dict[str, str]
-    effects: tuple[EffectPrevalence, ...]
-    expected_false: float
+    vehicles: int
+    examined: int = msgspec.field(name="looked_at")
+    verdicts: dict[str, int]  # number of vehicles by verdict
+    failed: dict[str, str] = msgspec.field(name="without_answer")
+    effects: tuple[EffectPrevalence, ...]  # most frequent first
+    expected_false: float = msgspec.field(name="by_chance")
+    resumed: int  # vehicles that an earlier run had examined
+    unexpected: int = msgspec.field(name="strays")
+    seconds: float
+
+    @property
+    def false_alarms(self) -> str:
+        """Expected number of names that are chance, as a sentence."""
+        return (
+            f"Expected false alarms: {self.expected_false:.2g} of {self.examined} vehicles if "
+            "none lacked an effect."
+        )
+
+    def list_failed(self, max_count: int) -> list[str]:
+        """Vehicles without a finding, with the reason; beyond max_count only their number."""
+        lines = [f"{name} is excluded: {reason}" for name, reason in self.failed.items()]
+        more = len(lines) - max_count
+        if more <= 0:
+            return lines
+        return [*lines[:max_count], f"{more} more are excluded; findings.jsonl has the reasons"]
 
 
-def summarise_fleet(rows: Sequence[Row], false_alarm: float) -> FleetSummary:
+def summarise_fleet(
+    rows: Sequence[Row], false_alarm: float, *, resumed: int, unexpected: int, seconds: float
+) -> FleetSummary:
     """Summarise the rows of all vehicles; false_alarm is the rate that each was tested with."""
     done = [row for row in rows if row["status"] == DONE]
     verdicts = Counter(str(row["verdict"]) for row in done)
@@ -68,11 +115,15 @@ def summarise_fleet(rows: Sequence[Row], false_alarm: float) -> FleetSummary:
     ]
     effects.sort(key=lambda effect: (-len(effect.vehicles), -len(effect.ambiguous_in), effect.name))
     return FleetSummary(
+        len(rows),
         len(done),
         dict(sorted(verdicts.items(), key=lambda item: (-item[1], item[0]))),
         {row["vehicle"]: row["reason"] for row in rows if row["status"] != DONE},
         tuple(effects),
         false_alarm * len(done),
+        resumed,
+        unexpected,
+        seconds,
     )
 
 
@@ -81,20 +132,35 @@ def _prevalence(
 ) -> EffectPrevalence:
     matches = sorted(matches, key=lambda pair: (-pair[1]["confidence"], pair[0]["vehicle"]))
     confidence = [effect["confidence"] for _, effect in matches]
-    values: dict[str, list[Row]] = {}
+    given: dict[str, list[Row]] = {}
     for _, effect in matches:
         for parameter in effect["parameters"]:
-            values.setdefault(parameter["name"], []).append(parameter)
+            given.setdefault(parameter["name"], []).append(parameter)
+    ranges = {}
+    for key, parameters in given.items():
+        values = [parameter["value"] for parameter in parameters]
+        spread = (min(values), statistics.median(values), max(values))
+        ranges[key] = ParameterRange(parameters[0]["unit"], *spread)
     return EffectPrevalence(
         name,
         tuple(row["vehicle"] for row, _ in matches),
         ambiguous_in,
         (min(confidence), statistics.fmean(confidence), max(confidence)) if confidence else None,
         sum(confidence),
-        {key: _range(parameters) for key, parameters in values.items()},
+        ranges,
     )
 
 
-def _range(parameters: list[Row]) -> tuple[str, float, float, float]:
-    values = [parameter["value"] for parameter in parameters]
-    return parameters[0]["unit"], min(values), statistics.median(values), max(values)
+def sort_by_prediction_error(rows: Sequence[Row]) -> list[Row]:
+    """Rows with a finding, largest error of the stopping distance first."""
+    done = [row for row in rows if row["status"] == DONE]
+    return sorted(done, key=lambda row: (-(row["stop_distance_before"] or 0.0), row["vehicle"]))
+
+
+def format_effects(row: Row) -> str:
+    """Effects of a vehicle with their confidence and alternatives."""
+    parts = []
+    for effect in row["effects"]:
+        alternatives = "".join(f" or {name}" for name in effect["alternatives"])
+        parts.append(f"{effect['name']} {sure_words(effect['confidence'])}{alternatives}")
+    return ", ".join(parts)

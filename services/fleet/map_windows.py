@@ -6,9 +6,9 @@ window, so that tiles are not decoded again for every path.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,65 +21,55 @@ from slopewise.services.io.geotiff import GeotiffWindows
 from slopewise.services.io.map_grid import Around, MapInfo
 from slopewise.services.io.no_data import NoData
 
-SHARED_CELLS = 1_000_000
-"""Cells up to which paths share a window: 8 MB of heights."""
+SHARED_CELLS = 1_000_000  # Cells up to which paths share a window: 8 MB of heights
+MAX_CELLS = 8_000_000  # Cells that a single path may need: 64 MB of heights, 2.8 km x 2.8 km at 1 m
+_BLOCK_CACHE = 64  # Decoded tiles [MB]; GDAL's default is a share of the machine's memory
+_SORTING_SQUARE = 256  # Edge of the squares by which paths are sorted, in cells
+_NOWHERE = (math.inf, -math.inf, math.inf, -math.inf)  # Extent of no path [m]
 
-MAX_CELLS = 8_000_000
-"""Cells that a single path may need: 64 MB of heights, 2.8 km x 2.8 km at 1 m."""
-
-_BLOCK_CACHE = 64
-"""Decoded tiles [MB]; GDAL's default is a share of the machine's memory."""
-_SORTING_SQUARE = 256
-"""Edge of the squares by which paths are sorted, in cells."""
-
-
-@dataclass(frozen=True, slots=True)
-class MapWindow:
-    """Paths by their index, and the cells that hold their ground; None if those are too many."""
-
-    members: tuple[int, ...]
-    cells: tuple[slice, slice] | None
+Cells = tuple[slice, slice]
+"""Rows and columns of a window."""
 
 
 @contextmanager
 def opened(path: Path, nodata: NoData = None) -> Iterator[GeotiffWindows]:
-    """A map to read windows of, with a small cache of tiles.
-
-    Raises:
-        InputError: not a GeoTIFF in metres.
-    """
+    """A map to read windows of, with a small cache of tiles."""
     import rasterio
 
     with rasterio.Env(GDAL_CACHEMAX=_BLOCK_CACHE), geotiff.opened(path, nodata) as ground:
         yield ground
 
 
-def map_windows(paths: Sequence[CandidatePath], info: MapInfo, margin: float) -> list[MapWindow]:
-    """Group paths by their position.
+def map_windows(
+    paths: Sequence[CandidatePath], info: MapInfo, margin: float
+) -> Iterator[tuple[list[int], Cells | None]]:
+    """Indices of paths that share a window, and the cells that hold their ground.
 
     Args:
-        paths: all begin on the map. info: grid of the map.
+        paths: all begin on the map.
+        info: its grid.
         margin: required by the footprint around a path [m].
+
+    Yields:
+        Groups of neighbours; without cells where those would be too many.
     """
     around = [_around(path, margin) for path in paths]
     edge = _SORTING_SQUARE * info.resolution
     order = sorted(range(len(paths)), key=lambda i: (around[i][2] // edge, around[i][0] // edge, i))
-    windows: list[MapWindow] = []
     members: list[int] = []
-    union: Around | None = None
+    union = _NOWHERE
     for i in order:
-        wider = around[i] if union is None else _union(union, around[i])
-        if union is not None and _size(info, wider) > SHARED_CELLS:
-            windows.append(_window(members, union, info))
+        wider = _union(union, around[i])
+        if members and _size(info, wider) > SHARED_CELLS:
+            yield members, _cells(union, info)
             members, wider = [], around[i]
         members.append(i)
         union = wider
-    if union is not None:
-        windows.append(_window(members, union, info))
-    return windows
+    if members:
+        yield members, _cells(union, info)
 
 
-def ground_in(ground: GeotiffWindows, cells: tuple[slice, slice]) -> ElevationMap:
+def ground_in(ground: GeotiffWindows, cells: Cells) -> ElevationMap:
     """Ground of a window, unknown cells included."""
     part = ground.info.part(*cells)
     heights = ground.read(*cells)
@@ -117,6 +107,5 @@ def _size(info: MapInfo, around: Around) -> int:
     return int((rows.stop - rows.start) * (columns.stop - columns.start))
 
 
-def _window(members: list[int], around: Around, info: MapInfo) -> MapWindow:
-    fits = 0 < _size(info, around) <= MAX_CELLS
-    return MapWindow(tuple(members), info.cells_around(around) if fits else None)
+def _cells(around: Around, info: MapInfo) -> Cells | None:
+    return info.cells_around(around) if 0 < _size(info, around) <= MAX_CELLS else None

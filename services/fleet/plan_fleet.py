@@ -4,59 +4,35 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from slopewise.models.errors import InputError
-from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.settings import PlannerSettings
-from slopewise.services.fleet import parquet_results
 from slopewise.services.fleet.map_windows import opened
-from slopewise.services.fleet.parts import FleetPlanSpec, PartName, parts_of
-from slopewise.services.fleet.plan_task import PlanTask, plan_part
+from slopewise.services.fleet.plan_part import (
+    FleetPlanRequest,
+    PartName,
+    PlanTask,
+    parts_of,
+    plan_part,
+)
+from slopewise.services.fleet.plan_results import CANDIDATES, PLANS, count, is_finished
 from slopewise.services.fleet.result_folder import open_folder, remove_partial_files
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
 from slopewise.services.io.files import fault
 from slopewise.services.io.map_grid import MapInfo
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
-from slopewise.services.io.no_data import NoData
 from slopewise.services.jobs.cold_start import compile_first
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import Summary
 
 
-@dataclass(frozen=True, slots=True)
-class FleetPlanRequest:
-    """Paths, map, model and options of a fleet's plans. Speeds in m/s, lengths in m."""
-
-    map_file: Path
-    path_files: Sequence[Path]
-    model_file: str
-    out: Path
-    start_speed: float
-    clear: float
-    settings: PlannerSettings
-    uncertainty: Uncertainty | None
-    workers: int | None = None
-    scheduler: str = ""
-    nodata: NoData = None
-
-
 class FleetPlanSummary(Summary, frozen=True, kw_only=True):
-    """Output of `fleet plan --json`.
-
-    Attributes:
-        candidates: number of all candidates.
-        planned: candidates planned by this run.
-        resumed: candidates planned by an earlier run.
-        driven: candidates that may be driven.
-        statuses: number of candidates by status.
-        unexpected: parts in the folder that are of other paths.
-        notes: assumptions about the map.
-    """
+    """Output of `fleet plan --json`: numbers of candidates, and of parts of other paths."""
 
     model: str
     admissible: bool
@@ -74,57 +50,42 @@ def plan_fleet(request: FleetPlanRequest, *, quiet: bool = True) -> FleetPlanSum
     """Plan the candidates that are not planned yet, and count all.
 
     All files are read before the first plan, so that an error in the last one is reported early.
-
-    Raises:
-        InputError: names file and field.
     """
     begin = time.perf_counter()
     check_installed()
     _check_numbers(request)
-    model = read_model(find_model(request.model_file))
+    model = model_to_dict(read_model(find_model(request.model_file)))
     with opened(request.map_file, request.nodata) as ground:
         info, notes = ground.info, ground.assumed
-    spec = FleetPlanSpec(
-        str(request.map_file.resolve()),
-        model_to_dict(model),
-        request.settings,
-        request.start_speed,
-        request.clear,
-        request.uncertainty,
-        request.nodata,
-    )
-    digest, out = spec.digest(), request.out
+    digest, out = request.digest(model), request.out
     _check_names(request.path_files)
-    open_folder(
-        out, (parquet_results.PLANS, parquet_results.CANDIDATES), digest, "map, model, options"
-    )
+    open_folder(out, (PLANS, CANDIDATES), digest, "map, model, options")
     names: list[PartName] = []
     with progress_bar("reading paths", len(request.path_files), quiet=quiet) as advance:
         for source in request.path_files:
-            parts = parts_of(source, digest, info.extent, str(request.map_file))
-            names += [part.name for part in parts]
+            names += [name for name, _ in parts_of(source, digest, info.extent, request.map_file)]
             advance(1)
-    missing = [name for name in names if not parquet_results.is_finished(out, name.file)]
-    candidates = sum(name.count for name in names)
-    resumed = candidates - sum(name.count for name in missing)
+    missing = [name for name in names if not is_finished(out, name.file)]
+    candidates = sum(name.size for name in names)
+    resumed = candidates - sum(name.size for name in missing)
     if missing and not request.scheduler:
         compile_first("plans come after that")
     with progress_bar("planning", candidates, quiet=quiet) as advance:
         advance(resumed)
-        tasks = _tasks(request, spec, digest, info, missing)
-        for count in each_done(plan_part, tasks, Workers(request.workers, request.scheduler)):
-            advance(count)
-    remove_partial_files(out, (parquet_results.PLANS, parquet_results.CANDIDATES))
-    statuses, driven = parquet_results.count(out, [name.file for name in names])
+        tasks = _tasks(request, model, digest, info, missing)
+        for done in each_done(plan_part, tasks, Workers(request.workers, request.scheduler)):
+            advance(done)
+    remove_partial_files(out, (PLANS, CANDIDATES))
+    statuses, driven = count(out, [name.file for name in names])
     return FleetPlanSummary(
-        model=model.name,
+        model=model["name"],
         admissible=driven > 0,
         candidates=candidates,
         planned=candidates - resumed,
         resumed=resumed,
         driven=driven,
         statuses=dict(sorted(statuses.items())),
-        unexpected=len(list((out / parquet_results.CANDIDATES).glob("*.parquet"))) - len(names),
+        unexpected=len(list((out / CANDIDATES).glob("*.parquet"))) - len(names),
         seconds=time.perf_counter() - begin,
         notes=list(notes),
     )
@@ -132,18 +93,18 @@ def plan_fleet(request: FleetPlanRequest, *, quiet: bool = True) -> FleetPlanSum
 
 def _tasks(
     request: FleetPlanRequest,
-    spec: FleetPlanSpec,
+    model: dict[str, Any],
     digest: str,
     info: MapInfo,
     missing: list[PartName],
 ) -> Iterator[Task[PlanTask]]:
     """Parts with their paths, one file in memory at a time."""
     keys = {name.key for name in missing}
-    folder = str(request.out.resolve())
+    resolved = replace(request, map_file=request.map_file.resolve(), out=request.out.resolve())
     for source in dict.fromkeys(name.source for name in missing):
-        for part in parts_of(source, digest, info.extent, str(request.map_file)):
-            if part.name.key in keys:
-                yield part.name.key, PlanTask(part, spec, folder)
+        for name, paths in parts_of(source, digest, info.extent, request.map_file):
+            if name.key in keys:
+                yield name.key, PlanTask(name, paths, resolved, model)
 
 
 def _check_numbers(request: FleetPlanRequest) -> None:

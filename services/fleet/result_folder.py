@@ -2,35 +2,36 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
 from collections.abc import Sequence
 from datetime import date
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
-from slopewise.services.io.files import fault, read_text, reason, write_atomic
+from slopewise.services.io.files import check_file, fault, read_text, reason, write_atomic
 
 _RUN = "fleet.json"
+_END_BYTES = 1 << 16  # Bytes at either end of a map that its digest covers
 
 
 def open_folder(folder: Path, parts: Sequence[str], request: str, inputs: str) -> str:
     """Make the folder, or resume in one of the same request.
 
     Args:
-        folder: for results. parts: folders in it. request: its digest.
+        folder: for results.
+        parts: folders in it.
+        request: digest of all that results depend on.
         inputs: names of what has to be the same, for messages.
 
     Returns:
         Date on which it was begun: a resumed run writes what the first one would have.
-
-    Raises:
-        InputError: it cannot be written to, or has results of another request.
     """
     note = folder / _RUN
-    try:
-        for part in parts:
-            (folder / part).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise fault(folder, "", f"expected a folder to write to, got: {reason(error)}") from None
+    for part in parts:
+        make_folder(folder / part, folder)
     if not note.exists():
         begun = f"{date.today()}"
         write_atomic(note, json.dumps({"question": request, "begun": begun}).encode())
@@ -46,8 +47,43 @@ def open_folder(folder: Path, parts: Sequence[str], request: str, inputs: str) -
     return begun
 
 
+def make_folder(folder: Path, named: Path) -> None:
+    """Make a folder, or raise InputError of the one that the user named."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise fault(named, "", f"expected a folder to write to, got: {reason(error)}") from None
+
+
 def remove_partial_files(folder: Path, parts: Sequence[str]) -> None:
     """Remove files that killed workers left half written: the complete ones exist by now."""
     for part in parts:
         for partial in (folder / part).rglob(".*.tmp"):
             partial.unlink(missing_ok=True)
+
+
+def digest_of(form: int, *inputs: object) -> str:
+    """Digest of what results depend on: their format, the version of slopewise, inputs."""
+    lines = map(str, (form, version("slopewise"), *inputs))
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def map_digest(path: Path) -> str:
+    """Digest of size, time and both ends of a map: identifies it without reading gigabytes."""
+    check_file(path)
+    stat = path.stat()
+    digest = hashlib.sha256(f"{stat.st_size} {stat.st_mtime_ns}".encode())
+    with path.open("rb") as file:
+        digest.update(file.read(_END_BYTES))
+        file.seek(max(stat.st_size - _END_BYTES, 0))
+        digest.update(file.read(_END_BYTES))
+    return digest.hexdigest()
+
+
+def write_parquet(path: Path, table: Any) -> None:
+    """Write a pyarrow table, all or nothing."""
+    import pyarrow.parquet as pq
+
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    write_atomic(path, buffer.getvalue())

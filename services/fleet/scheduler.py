@@ -22,29 +22,20 @@ from slopewise.services.io.files import reason
 T = TypeVar("T")
 R = TypeVar("R")
 
-MEMORY = "1GiB"
-"""Of a local worker; one that needs more is ended and started again."""
-
-_AHEAD = 2
-"""Tasks queued for each one that runs: a worker never waits for the client."""
+MEMORY = "1GiB"  # Of a local worker; one that needs more is ended and started again
+_AHEAD = 2  # Tasks queued for each one that runs: a worker never waits for the client
 _CONNECT_TIMEOUT = 20.0
 """For a scheduler to answer [s]: longer than a busy one takes on a slow network."""
 
-Task = tuple[str, T]
-"""Unique name, and the argument of the function."""
+Task = tuple[str, T]  # Unique name, and the argument of the function
 
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Local worker processes, or a running scheduler.
+    """Local worker processes, or a running scheduler."""
 
-    Attributes:
-        count: of local processes; 0 is this one, None one for each processor.
-        scheduler: address of a running Dask scheduler, empty for a local cluster.
-    """
-
-    count: int | None = None
-    scheduler: str = ""
+    count: int | None = None  # of local processes; 0 is this one, None one for each processor
+    scheduler: str = ""  # address of a running Dask scheduler, empty for a local cluster
 
 
 def check_installed() -> None:
@@ -64,12 +55,7 @@ def each_done(
 
     Args:
         function: applied to each task; importable, it runs in other processes.
-        tasks: drawn as workers become free.
-        workers: local or of a scheduler.
         failed: result of a task that ended several workers; omitted, such a task ends all.
-
-    Raises:
-        InputError: no scheduler answers; and any error of the function.
     """
     if workers.count == 0 and not workers.scheduler:
         for _, task in tasks:

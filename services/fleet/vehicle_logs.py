@@ -18,9 +18,10 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.stop_logs.measured_log import is_mapped
 from slopewise.services.io.drive_log import read_logs
 from slopewise.services.io.files import fault
-from slopewise.services.io.logs.log_source import grade_by_map, refuse_wrong_units
+from slopewise.services.io.log_checks import refuse_wrong_units
 from slopewise.services.io.model_file import model_from_dict
 from slopewise.services.io.no_data import NoData
+from slopewise.services.io.track_grade import grade_by_map
 
 
 def vehicles_of(logs: Sequence[Path], by_folder: bool) -> dict[str, list[Path]]:
@@ -28,9 +29,6 @@ def vehicles_of(logs: Sequence[Path], by_folder: bool) -> dict[str, list[Path]]:
 
     Args:
         logs: drive logs of all vehicles. by_folder: a folder is a vehicle; else each file is one.
-
-    Raises:
-        InputError: two vehicles have the same name.
     """
     grouped: dict[str, list[Path]] = {}
     for log in logs:
@@ -57,11 +55,7 @@ class LogTask:
 
 
 def measure_vehicle(task: LogTask) -> VehicleStops:
-    """Measure its stops; none, with the reason, where there are too few.
-
-    Raises:
-        InputError: names file and field.
-    """
+    """Measure its stops; none, with the reason, where there are too few."""
     model = model_from_dict(task.model, "model")
     log = read_logs(task.logs)
     refuse_wrong_units(log)

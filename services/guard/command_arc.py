@@ -15,11 +15,8 @@ from slopewise.services.guard.guard_model import GuardModel, SurfaceTable, gover
 _SAMPLES = 48
 """Samples of an arc: on one of 5 m a sample is shorter than the cells of robots' maps [1]."""
 
-_MIN_STEP = 0.05
-"""Distance of samples at least, a quarter of a usual cell [m]."""
-
-_STRAIGHT = 1e-6
-"""Curvature below which an arc is straight: within 80 m it is off by 3 mm [1/m]."""
+_MIN_STEP = 0.05  # distance of samples at least, a quarter of a usual cell [m]
+_STRAIGHT = 1e-6  # curvature below which an arc is straight: within 80 m it is off by 3 mm [1/m]
 
 _OBSTACLE_STEPS = 2.0
 """Steps that a wheel may climb by which ground under the body stands out before it blocks [1]."""
@@ -34,32 +31,20 @@ class Pose2d(NamedTuple):
 
 
 class CommandArc(NamedTuple):
-    """S samples ahead; arrays are (S,) where no other shape is given.
+    """S samples ahead; arrays are (S,) where no other shape is given."""
 
-    Attributes:
-        step: distance of samples [m].
-        curvature: along the motion, left positive [1/m].
-        grade, roll: uphill positive along the motion, left side up positive [rad].
-        vertical_curvature: change of the grade along the arc [1/m].
-        x, y, yaw: middle of the wheelbase [m], direction of motion [rad].
-        under: (4, S) surface under each wheel as index into the model, -1 where it may be any.
-        possible: indices of all surfaces that may be under a wheel, with their states.
-        end: first sample that must not be reached, S if all may be.
-        reason: what is at the end, empty if all samples may be reached.
-    """
-
-    step: float
-    curvature: float
-    grade: Floats
+    step: float  # distance of samples [m]
+    curvature: float  # along the motion, left positive [1/m]
+    grade: Floats  # grade, roll: uphill positive along the motion, left side up positive [rad]
     roll: Floats
-    vertical_curvature: Floats
-    x: Floats
+    vertical_curvature: Floats  # change of the grade along the arc [1/m]
+    x: Floats  # x, y, yaw: middle of the wheelbase [m], direction of motion [rad]
     y: Floats
     yaw: Floats
-    under: Ints
-    possible: list[int]
-    end: int
-    reason: str
+    under: Ints  # (4, S) surface under each wheel as index into the model, -1 where it may be any
+    possible: list[int]  # indices of all surfaces that may be under a wheel, with their states
+    end: int  # first sample that must not be reached, S if all may be
+    reason: str  # what is at the end, empty if all samples may be reached
 
 
 def arc_ahead(
@@ -72,12 +57,7 @@ def arc_ahead(
     forward: bool,
     length: float,
 ) -> CommandArc:
-    """Sample the ground along an arc.
-
-    Args:
-        curvature: left of the vehicle positive [1/m].
-        length: distance that is sampled [m].
-    """
+    """Sample the ground along an arc for ``length`` [m]; ``curvature``: left positive [1/m]."""
     step = max(length / _SAMPLES, _MIN_STEP)
     station = step * np.arange(math.ceil(length / step) + 1, dtype=np.float64)
     x, y, yaw = _along(pose, curvature, station, forward=forward)

@@ -26,17 +26,13 @@ from slopewise.services.guard.service_parameters import ServiceParameters
 from slopewise.services.guard.settings import GuardSettings
 from slopewise.services.wire.lateness import WallClock
 
-_STANDSTILL = 0.05
-"""Speed below which an emergency stop has ended [m/s]."""
+_STANDSTILL = 0.05  # speed below which an emergency stop has ended [m/s]
 
 _ROLLING = 0.15
 """Speed from which a vehicle that should hold is moving: above the noise of odometry [m/s]."""
 
-_SAMPLES = 1000
-"""Decisions of which durations and given speeds are stored: 50 s at 20 Hz [1]."""
-
-_DECEL_SHARE = 0.5
-"""Share of the service deceleration that a base reaches on any slope [1]."""
+_SAMPLES = 1000  # decisions of which durations and given speeds are stored: 50 s at 20 Hz [1]
+_DECEL_SHARE = 0.5  # share of the service deceleration that a base reaches on any slope [1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,12 +111,7 @@ class Guard:
         return self.clears.take(clear, now, sender, sequence, time)
 
     def decision(self, now: float, fault: str = "") -> BaseDecision:
-        """Decision for the base.
-
-        Args:
-            now: monotonic clock [s].
-            fault: fault of the process itself, as text.
-        """
+        """Decision for the base; ``fault``: of the process itself, as text."""
         decision, of = self._decide(now, fault)
         motion = self.motions.fresh(now)
         if decision.action == "stop" and motion is not None and abs(motion.speed) > _STANDSTILL:

@@ -28,8 +28,7 @@ _STANDSTILL = 0.05
 _MAX_CURVATURE = 20.0
 """Curvature of the tightest arc: within 5 cm a vehicle turns on the spot [1/m]."""
 
-_MAX_LENGTH = 80.0
-"""Length of the longest arc: longer than the stop of any vehicle at 15 m/s [m]."""
+_MAX_LENGTH = 80.0  # length of the longest arc: longer than the stop of any vehicle at 15 m/s [m]
 
 _SLOW_SHARE, _MIN_SLOW = 0.5, 0.05
 """Share of the weakest level force that slopes leave, and the lowest, for the length [1]."""
@@ -37,8 +36,7 @@ _SLOW_SHARE, _MIN_SLOW = 0.5, 0.05
 _SPARE_LENGTH, _PAST_CLEAR = 2.0, 1.0
 """Length of an arc beyond the stop, and beyond the clear distance [m]."""
 
-_TOLERANCE = 1e-9
-"""Speed by which a command may exceed the allowed one: rounding [m/s]."""
+_TOLERANCE = 1e-9  # speed by which a command may exceed the allowed one: rounding [m/s]
 
 
 class VehicleMotion(NamedTuple):
@@ -56,38 +54,24 @@ class BaseCommand(NamedTuple):
 
 
 class GuardDecision(NamedTuple):
-    """Decision on a command.
+    """Decision on a command."""
 
-    Attributes:
-        action: `pass`, `slow` or `stop`.
-        command: speed and yaw rate that the base receives.
-        brake: brake as hard as possible, and hold.
-        reason: as text, empty where the command passes.
-    """
-
-    action: str
-    command: BaseCommand
-    brake: bool
-    reason: str
+    action: str  # `pass`, `slow` or `stop`
+    command: BaseCommand  # speed and yaw rate that the base receives
+    brake: bool  # brake as hard as possible, and hold
+    reason: str  # as text, empty where the command passes
 
 
-STILL = BaseCommand(0.0, 0.0)
-"""Command of a stopped base [m/s, rad/s]."""
+STILL = BaseCommand(0.0, 0.0)  # command of a stopped base [m/s, rad/s]
 
 
 class GuardScene(NamedTuple):
-    """Vehicle and ground.
+    """Vehicle and ground."""
 
-    Attributes:
-        model: worst case of the vehicle.
-        tables: its surfaces, the first table by the model file.
-        ground: map.
-        clear: distance to which the path of the middle of the wheelbase is known to be free [m].
-    """
-
-    model: GuardModel
-    tables: Tables
-    ground: GuardMap
+    model: GuardModel  # worst case of the vehicle
+    tables: Tables  # its surfaces, the first table by the model file
+    ground: GuardMap  # map
+    # distance to which the path of the middle of the wheelbase is known to be free [m]
     clear: float
 
 
@@ -108,11 +92,10 @@ def decide(
 ) -> GuardDecision:
     """Decide on one command.
 
-    Args:
-        hold_time: time for which the command may stay in force [s].
-        late: age of the motion, and transport time of a decision to the base [s].
-        load: share of ``min_load`` that is kept in every stop [1].
-        reached: speed to which the vehicle may have accelerated since the motion [m/s].
+    ``hold_time``: time for which the command may stay in force [s]; ``late``: age of the motion,
+    and transport time of a decision to the base [s]; ``load``: share of ``min_load`` that is kept
+    in every stop [1]; ``reached``: speed to which the vehicle may have accelerated since the motion
+    [m/s].
     """
     if not all(map(math.isfinite, (*motion.pose, motion.speed, *command))):
         return stop("command or odometry contains a value that is not finite")

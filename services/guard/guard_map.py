@@ -16,8 +16,7 @@ from slopewise.services.wire.plan_messages import MapUpdate
 _GRID_TOLERANCE = 1e-3
 """Part of a cell by which a patch may lie off the grid: rounding of map coordinates [1]."""
 
-_SAME_RESOLUTION = 1e-6
-"""Relative difference of cell sizes that rounding makes [1]."""
+_SAME_RESOLUTION = 1e-6  # relative difference of cell sizes that rounding makes [1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +63,9 @@ class GuardMap:
 
 
 def read_guard_map(path: Path) -> GuardMap:
-    """Map in an .npz file.
-
-    Raises:
-        InputError: names the file and the array.
-    """
+    """Map in an .npz file."""
     info = npz_map.read_info(path)
-    heights, classes, names, _ = npz_map.read_layers(path)
+    heights, classes, names, _ = npz_map.read_raw(path)
     try:
         return GuardMap(_known(heights), info.resolution, info.origin, classes, names)
     except ParameterError as error:
@@ -78,11 +73,7 @@ def read_guard_map(path: Path) -> GuardMap:
 
 
 def apply_update(update: MapUpdate, known: GuardMap | None) -> GuardMap:
-    """Map after an update.
-
-    Raises:
-        ParameterError: the update is not a map, or does not fit the known one.
-    """
+    """Map after an update."""
     heights = _known(update.elevation, known if update.patch else None)
     classes = None if update.terrain_class is None else _classes_of(update)
     if not update.patch:

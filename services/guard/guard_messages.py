@@ -44,46 +44,27 @@ class GuardClear(Message, frozen=True):
 
 
 class GuardOutput(Message, frozen=True):
-    """Command to the base.
+    """Command to the base."""
 
-    Attributes:
-        source, sequence: process of the guard, and its count.
-        of: number of the command that is answered, 0 if none is.
-        speed, yaw_rate: as in a command [m/s], [rad/s].
-        brake: brake as hard as possible, and hold.
-        action: `pass`, `slow` or `stop`.
-        reason: as text, empty where the command passes.
-    """
-
-    source: Name
+    source: Name  # source, sequence: process of the guard, and its count
     sequence: Number
-    of: Number
-    speed: float
+    of: Number  # number of the command that is answered, 0 if none is
+    speed: float  # speed, yaw_rate: as in a command [m/s], [rad/s]
     yaw_rate: float
-    brake: bool
-    action: str
-    reason: str
+    brake: bool  # brake as hard as possible, and hold
+    action: str  # `pass`, `slow` or `stop`
+    reason: str  # as text, empty where the command passes
 
 
 class GuardStatus(Message, frozen=True):
-    """State of the guard.
+    """State of the guard."""
 
-    Attributes:
-        uptime: since the start of the process [s].
-        reaction: time within which any single fault ends in a stop [s].
-        counters: events since the start.
-        ages: age of each input [s], −1 of one that never came.
-        seconds: median and 99th percentile of the duration of a decision [s].
-        flags: active faults, human-readable.
-        last: last reason to limit or stop.
-        stamps: use of the stamps of each input that came, `shared clock`, `growth only` or `none`.
-    """
-
-    uptime: float
-    reaction: float
-    counters: dict[str, int]
-    ages: dict[str, float]
-    seconds: dict[str, float]
-    flags: list[str]
-    last: str
+    uptime: float  # since the start of the process [s]
+    reaction: float  # time within which any single fault ends in a stop [s]
+    counters: dict[str, int]  # events since the start
+    ages: dict[str, float]  # age of each input [s], −1 of one that never came
+    seconds: dict[str, float]  # median and 99th percentile of the duration of a decision [s]
+    flags: list[str]  # active faults, human-readable
+    last: str  # last reason to limit or stop
+    # use of the stamps of each input that came, `shared clock`, `growth only` or `none`
     stamps: dict[str, str] = field(default_factory=dict)

@@ -23,8 +23,7 @@ from slopewise.services.io.model_file import read_model
 SPREAD = 2.0
 """Standard deviations by which force and dead time may be worse than their mean: one stop in 40."""
 
-_NO_CAP = 1e6
-"""Friction of surfaces whose wheels do not lock: above any force over weight [1]."""
+_NO_CAP = 1e6  # friction of surfaces whose wheels do not lock: above any force over weight [1]
 
 _MIN_FORCE_SHARE = 0.1
 """Share of the force that scatter leaves at least, so that the strongest force is finite [1]."""
@@ -36,38 +35,28 @@ class GuardSurface(NamedTuple, Generic[T]):
     """Brakes on one surface, F_b/W = (m_m v + b_m) θ + (m_b v + b_b), with the spread taken off.
 
     Numbers of one surface; or columns (R + 1,) of a table of all R, see :func:`brake_table`.
-
-    Attributes:
-        m_m, b_m, m_b, b_b: coefficients downhill and on level ground [s/m], [1], [s/m], [1].
-        up_m, up_b: m_m and b_m uphill [s/m], [1].
-        dead_time: longest dead time, brake lag included [s].
-        offset: safety distance that is added to every stop [m].
-        speed_error: speed by which the vehicle may be faster than commanded [m/s].
-        slowest, fastest: trained speed range [m/s].
-        grade_min, grade_max, roll_min, roll_max: trained slopes, uphill and left side up [rad].
-        friction, level: cap of the force, share of the brakes that is applied [1].
-        rolling: motion resistance in place of the share that is not applied [1].
-        stronger, extra: factor and addition by which the force may exceed this one, for loads [1].
     """
 
-    m_m: T
+    m_m: T  # m_m, b_m, m_b, b_b: coefficients downhill and on level ground [s/m], [1], [s/m], [1]
     b_m: T
     m_b: T
     b_b: T
-    up_m: T
+    up_m: T  # up_m, up_b: m_m and b_m uphill [s/m], [1]
     up_b: T
-    dead_time: T
-    offset: T
-    speed_error: T
-    slowest: T
+    dead_time: T  # longest dead time, brake lag included [s]
+    offset: T  # safety distance that is added to every stop [m]
+    speed_error: T  # speed by which the vehicle may be faster than commanded [m/s]
+    slowest: T  # slowest, fastest: trained speed range [m/s]
     fastest: T
+    # grade_min, grade_max, roll_min, roll_max: trained slopes, uphill and left side up [rad]
     grade_min: T
     grade_max: T
     roll_min: T
     roll_max: T
-    friction: T
+    friction: T  # friction, level: cap of the force, share of the brakes that is applied [1]
     level: T
-    rolling: T
+    rolling: T  # motion resistance in place of the share that is not applied [1]
+    # stronger, extra: factor and addition by which the force may exceed this one, for loads [1]
     stronger: T
     extra: T
 
@@ -76,40 +65,26 @@ SurfaceTable: TypeAlias = GuardSurface[Floats]
 
 
 class GuardModel(NamedTuple):
-    """Worst case of one vehicle; SI.
+    """Worst case of one vehicle; SI."""
 
-    Attributes:
-        surfaces: brakes by surface name, "" is the base.
-        named: tables of the named surfaces, for names and states of terrain classes.
-        vehicle, shape: sizes.
-        effects, motion: named effects of the model file, and their motion terms.
-        scale: factor of the force by lasting effects [1].
-        resistance: motion resistance that holds a rolling vehicle [1].
-        speed, lateral: limits of speed and lateral acceleration [m/s], [m/s²].
-        decel: service deceleration [m/s²].
-        min_load: share of its static load that every axle and side must keep [1].
-    """
-
-    surfaces: dict[str, GuardSurface[float]]
+    surfaces: dict[str, GuardSurface[float]]  # brakes by surface name, "" is the base
+    # tables of the named surfaces, for names and states of terrain classes
     named: Mapping[str, SurfaceBraking]
-    vehicle: Vehicle
+    vehicle: Vehicle  # vehicle, shape: sizes
     shape: Shape
+    # effects, motion: named effects of the model file, and their motion terms
     effects: tuple[Effect, ...]
     motion: registry.MotionTerms
-    scale: float
-    resistance: float
-    speed: float
+    scale: float  # factor of the force by lasting effects [1]
+    resistance: float  # motion resistance that holds a rolling vehicle [1]
+    speed: float  # speed, lateral: limits of speed and lateral acceleration [m/s], [m/s²]
     lateral: float
-    decel: float
-    min_load: float
+    decel: float  # service deceleration [m/s²]
+    min_load: float  # share of its static load that every axle and side must keep [1]
 
 
 def read_guard_model(path: Path) -> GuardModel:
-    """Worst case of the model in a file.
-
-    Raises:
-        InputError: names the file and the key.
-    """
+    """Worst case of the model in a file."""
     return guard_model(read_model(path))
 
 

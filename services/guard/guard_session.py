@@ -1,9 +1,12 @@
-"""The guard's zenoh session, and its priority on the machine."""
+"""What the two processes of the guard share: priority, zenoh session, and watching each other."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import socket
+import time
 from pathlib import Path
 
 import zenoh
@@ -12,8 +15,8 @@ from slopewise.models.errors import InputError
 from slopewise.services.guard.settings import GuardSettings
 from slopewise.services.settings.tls_files import settle
 
-_PRIORITY = 20
-"""Above ordinary processes, below the kernel's own threads at 50 [SCHED_RR, 1 … 99]."""
+_PRIORITY = 20  # above ordinary processes, below the kernel's threads at 50 [SCHED_RR, 1 … 99]
+_CHUNK = 4096  # read in one call [bytes]
 
 
 def request_realtime_priority() -> bool:
@@ -26,11 +29,7 @@ def request_realtime_priority() -> bool:
 
 
 def open_session(settings: GuardSettings) -> zenoh.Session:
-    """Connect as the settings require.
-
-    Raises:
-        InputError: no router answers, or zenoh refuses the settings.
-    """
+    """Connect as the settings require; an InputError if no router answers, or zenoh refuses."""
     ours = settings.zenoh
     try:
         config = zenoh.Config.from_file(ours.config) if ours.config else zenoh.Config()
@@ -47,3 +46,46 @@ def open_session(settings: GuardSettings) -> zenoh.Session:
     except zenoh.ZError:
         where = ", ".join(ours.connect)
         raise InputError("zenoh", "connect", f"expected a router at {where}, got none") from None
+
+
+class Heartbeat:
+    """One end of a pair of sockets: a byte each way, silence for ``stall`` [s] is a fault."""
+
+    def __init__(self, link: socket.socket, stall: float) -> None:
+        link.setblocking(False)
+        self._link, self._stall = link, stall
+        self.gone = False  # the other end is closed: its process has ended
+        self.reset()
+
+    def reset(self) -> None:
+        """Restart the timeout: the other end has only just begun."""
+        self._received = time.monotonic()
+
+    def beat(self) -> None:
+        """Send a byte; never blocks."""
+        try:
+            self._link.send(b".")
+        except BlockingIOError:
+            pass  # the other end does not read, and will be found silent
+        except OSError:
+            self.gone = True
+
+    def is_silent(self) -> bool:
+        """Return True if the other end has failed."""
+        with contextlib.suppress(BlockingIOError):
+            while len(self._receive()) == _CHUNK:
+                pass
+        return self.gone or time.monotonic() - self._received > self._stall
+
+    def _receive(self) -> bytes:
+        try:
+            data = self._link.recv(_CHUNK)
+        except BlockingIOError:
+            raise
+        except OSError:
+            data = b""
+        if data:
+            self._received = time.monotonic()
+        else:
+            self.gone = True
+        return data

@@ -8,41 +8,29 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from slopewise.models.errors import ParameterError
-from slopewise.services.wire.lateness import ARRIVAL, Lateness, WallClock
-from slopewise.services.wire.sender_clock import RECOVERY
+from slopewise.services.wire.lateness import ARRIVAL, RECOVERY, Lateness, WallClock
 
 T = TypeVar("T")
 
 _MAX_SENDERS = 16
 """Senders of one input whose clocks are followed; beyond, the one silent for longest goes [1]."""
 
-_LATE = 0.5
-"""Share of the deadline from which a message that arrives late is reported [1]."""
+_LATE = 0.5  # share of the deadline from which a message that arrives late is reported [1]
 
 
 @dataclass(slots=True)
 class InputFeed(Generic[T]):
-    """Newest value of one input, while it is fresh.
+    """Newest value of one input, while it is fresh."""
 
-    Attributes:
-        name: in messages.
-        deadline: age beyond which the newest value is void [s].
-        counters: events, shared with the guard.
-        max_latency, wall, uses_stamps: see :class:`Lateness`.
-        newest: age of the newest message.
-        has_messages: one was accepted since the start.
-        rejection: reason why the newest message was discarded, empty if it was not.
-    """
-
-    name: str
-    deadline: float
-    counters: Counter[str]
-    max_latency: float = 0.0
+    name: str  # in messages
+    deadline: float  # age beyond which the newest value is void [s]
+    counters: Counter[str]  # events, shared with the guard
+    max_latency: float = 0.0  # max_latency, wall, uses_stamps: see :class:`Lateness`
     wall: WallClock | None = None
     uses_stamps: bool = True
-    newest: Lateness = field(init=False)
-    has_messages: bool = False
-    rejection: str = ""
+    newest: Lateness = field(init=False)  # age of the newest message
+    has_messages: bool = False  # one was accepted since the start
+    rejection: str = ""  # reason why the newest message was discarded, empty if it was not
     _value: T | None = None
     _at: float = -math.inf
     _senders: dict[str, Lateness] = field(default_factory=dict)
@@ -67,9 +55,7 @@ class InputFeed(Generic[T]):
         A sender whose number goes back has to be silent for the deadline before it is accepted
         again: it may have been restarted, or a message of the past is repeated.
 
-        Args:
-            now: arrival, monotonic [s].
-            time: stamp on the sender's clock [s].
+        ``now``: arrival, monotonic [s]; ``time``: stamp on the sender's clock [s].
         """
         lateness = self._senders.pop(sender, None) or self._new_sender(self.newest.late)
         self._senders[sender] = lateness

@@ -25,14 +25,12 @@ _log = logging.getLogger("slopewise")
 LOST = "a map patch was lost; waiting for a whole map"
 """Reason why there is no ground after a lost patch."""
 
-MAX_WAITING = 32
-"""Map updates that may wait to be read: some seconds of patches [1]."""
+MAX_WAITING = 32  # map updates that may wait to be read: some seconds of patches [1]
 
 _MAX_GROUPS, _MAX_SOURCES = 64, 64
 """Parameter groups that may wait, and senders of maps whose numbers are known [1]."""
 
-_MAX_BYTES = 256_000_000
-"""Size of an update: a whole map of 32 million cells [bytes]."""
+_MAX_BYTES = 256_000_000  # size of an update: a whole map of 32 million cells [bytes]
 
 
 class KnownMap:
@@ -41,13 +39,12 @@ class KnownMap:
     Attributes:
         map: None before the first whole map, and after a lost update until the next one.
         reason: reason why it is missing, as text.
-        counters: of updates.
     """
 
     def __init__(self, known: GuardMap | None) -> None:
         """Begin with a map, or without one."""
         self.map, self.reason = known, ""
-        self.counters: Counter[str] = Counter()
+        self.counters: Counter[str] = Counter()  # of updates
         self._last: OrderedDict[tuple[str, str], int] = OrderedDict()
 
     def lose(self, count: int = 1, reason: str = LOST) -> None:
@@ -56,11 +53,7 @@ class KnownMap:
         self.map, self.reason = None, reason
 
     def take(self, update: MapUpdate) -> None:
-        """Apply an update; a patch before which others may be missing discards the map.
-
-        Raises:
-            ParameterError: the update is not a map, or does not fit the known one.
-        """
+        """Apply an update; a patch before which others may be missing discards the map."""
         sender = update.source, update.instance
         last = self._last.pop(sender, None)
         is_restarted = last is None and any(source == sender[0] for source, _ in self._last)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
-_MAX_LIMITS = 400
-"""Limits that are stored: 4 s at 100 Hz, more than brakes need to act [1]."""
+_MAX_LIMITS = 400  # limits that are stored: 4 s at 100 Hz, more than brakes need to act [1]
 
 
 @dataclass(slots=True)
@@ -15,18 +14,12 @@ class OverspeedMonitor:
 
     A vehicle may exceed a new limit for as long as its brakes need. It must not, for longer than
     ``patience``, exceed every limit of that time and the deceleration ``decel``.
-
-    Attributes:
-        dead_time: from a new limit to the brakes [s].
-        decel: lowest deceleration of the brakes [m/s²].
-        tolerance: excess of speed that is ignored, of noise and slip [m/s].
-        patience: duration of an excess that is ignored, of single samples [s].
     """
 
-    dead_time: float
-    decel: float
-    tolerance: float = 0.2
-    patience: float = 0.3
+    dead_time: float  # from a new limit to the brakes [s]
+    decel: float  # lowest deceleration of the brakes [m/s²]
+    tolerance: float = 0.2  # excess of speed that is ignored, of noise and slip [m/s]
+    patience: float = 0.3  # duration of an excess that is ignored, of single samples [s]
     _limits: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_MAX_LIMITS))
     _expected: float = 0.0
     _at: float | None = None

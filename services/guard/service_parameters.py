@@ -6,12 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slopewise.services.guard.guard_model import (
-    SPREAD,
-    GuardModel,
-    SurfaceTable,
-    brake_table,
-)
+from slopewise.services.guard.guard_model import SPREAD, GuardModel, SurfaceTable, brake_table
 from slopewise.services.guard.stop_distances import Tables
 from slopewise.services.wire.parameter_messages import ParameterGroup
 
@@ -24,17 +19,12 @@ _MAX_GROUPS = 64
 
 @dataclass(slots=True)
 class ServiceParameters:
-    """Newest parameter groups by name.
+    """Newest parameter groups by name."""
 
-    Attributes:
-        model: worst case by the model file.
-        trusted: learned brakes replace those of the file; else each command has to pass with both.
-        groups: by name.
-    """
-
-    model: GuardModel
+    model: GuardModel  # worst case by the model file
+    # learned brakes replace those of the file; else each command has to pass with both
     trusted: bool
-    groups: dict[str, ParameterGroup] = field(default_factory=dict)
+    groups: dict[str, ParameterGroup] = field(default_factory=dict)  # by name
 
     def take(self, group: ParameterGroup) -> None:
         """Store a published group, unless a number of it is not finite."""

@@ -28,17 +28,12 @@ Tables: TypeAlias = tuple[SurfaceTable, ...]
 
 
 class StopOutcomes(NamedTuple):
-    """Outcomes of stops from K speeds, (K,) each.
+    """Outcomes of stops from K speeds, (K,) each."""
 
-    Attributes:
-        distance: to rest, safety offset included; inf where the stop does not end on the arc [m].
-        loaded: axles and sides keep enough load throughout.
-        cornering: lateral acceleration is within its limit.
-    """
-
+    # to rest, safety offset included; inf where the stop does not end on the arc [m]
     distance: Floats
-    loaded: Bools
-    cornering: Bools
+    loaded: Bools  # axles and sides keep enough load throughout
+    cornering: Bools  # lateral acceleration is within its limit
 
 
 def stops_along(
@@ -49,13 +44,7 @@ def stops_along(
     held: Floats,
     min_load: float,
 ) -> StopOutcomes:
-    """Stop from K speeds.
-
-    Args:
-        speeds: (K,) speeds at the stop command [m/s].
-        held: (K,) time for which the speed may be held before the dead time [s].
-        min_load: share of its static load that each axle and side must keep [1].
-    """
+    """Stop from K speeds [m/s], (K,), each ``held`` for a time before the dead time [s]."""
     count = min(arc.end + 1, len(arc.grade))
     grade, roll = arc.grade[:count], arc.roll[:count]
     sine, upright = np.sin(grade), np.cos(grade) * np.cos(roll)

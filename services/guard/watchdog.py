@@ -24,8 +24,11 @@ from slopewise.services.guard.core import BaseDecision
 from slopewise.services.guard.decide import stop
 from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_model import read_guard_model
-from slopewise.services.guard.guard_session import open_session, request_realtime_priority
-from slopewise.services.guard.heartbeat import Heartbeat
+from slopewise.services.guard.guard_session import (
+    Heartbeat,
+    open_session,
+    request_realtime_priority,
+)
 from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
 from slopewise.services.guard.zenoh_transport import ZenohOutput
 
@@ -34,8 +37,7 @@ _log = logging.getLogger("slopewise")
 _RESTART_AFTER = 1.0
 """Time between starts of the worker: one that cannot start must not use the processor [s]."""
 
-_PATIENCE = 3.0
-"""Time for the worker to end; then it is killed [s]."""
+_PATIENCE = 3.0  # time for the worker to end; then it is killed [s]
 
 
 class Watchdog:
@@ -106,11 +108,7 @@ def _output(settings: GuardSettings, session: zenoh.Session) -> Any:
 def serve(
     config: Path, seconds: float | None, ready: Callable[[str, dict[str, object]], None]
 ) -> None:
-    """Guard until a signal asks to end, or for a time; ``ready`` is called once it runs.
-
-    Raises:
-        InputError: settings or a file named in them cannot be used, or no router answers.
-    """
+    """Guard until a signal asks to end, or for a time; ``ready`` is called once it runs."""
     settings = read_guard_settings(config)
     # Files that cannot be read are reported before anything moves.
     read_guard_model(model_path(settings))

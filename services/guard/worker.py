@@ -24,8 +24,11 @@ from slopewise.services.guard.decide import stop
 from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_messages import GuardStatus
 from slopewise.services.guard.guard_model import read_guard_model
-from slopewise.services.guard.guard_session import open_session, request_realtime_priority
-from slopewise.services.guard.heartbeat import Heartbeat
+from slopewise.services.guard.guard_session import (
+    Heartbeat,
+    open_session,
+    request_realtime_priority,
+)
 from slopewise.services.guard.map_updates import MapUpdates
 from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
 from slopewise.services.guard.zenoh_transport import GuardTransport, ZenohTransport
@@ -35,8 +38,7 @@ from slopewise.services.wire.codec import Format
 
 _log = logging.getLogger("slopewise")
 
-_STATUS_PERIOD = 1.0
-"""Time between status messages [s]."""
+_STATUS_PERIOD = 1.0  # time between status messages [s]
 
 _ORPHANED = 10.0
 """Time without a watchdog after which the process ends: until then it sends stops [s]."""

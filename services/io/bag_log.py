@@ -13,8 +13,7 @@ from slopewise.services.io.files import fault
 from slopewise.services.io.table import Table
 from slopewise.services.io.topics import Channel, infer_channels
 
-_MIN_SAMPLES = 2
-"""Fewest samples with an interval between them."""
+_MIN_SAMPLES = 2  # Fewest samples with an interval between them
 
 
 def bag_table(path: Path, channels: dict[str, Channel], mapping: str, *, infer: bool) -> Table:
@@ -22,12 +21,7 @@ def bag_table(path: Path, channels: dict[str, Channel], mapping: str, *, infer: 
 
     Args:
         path: folder of a recording, or a file in it.
-        channels: where each column is.
-        mapping: file of the channels, for errors.
         infer: replace their topics by those inferred from the recorded types.
-
-    Raises:
-        InputError: names the recording and the topic or field.
     """
     with opened(path) as bag:
         if infer:

@@ -9,13 +9,11 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
-from slopewise.models.errors import ParameterError
 from slopewise.services.io.bags import PATH, RecordedMessage, opened
-from slopewise.services.io.files import fault
+from slopewise.services.io.files import fault, faults_of
 from slopewise.services.io.topics import read_sources
 
-_MAX_PATHS = 100_000
-"""Candidates of one recording: ten paths at 10 Hz are as many in 17 minutes."""
+_MAX_PATHS = 100_000  # Candidates of one recording: ten paths at 10 Hz are as many in 17 minutes
 
 
 def read_bag_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[CandidatePath]:
@@ -25,9 +23,6 @@ def read_bag_paths(path: Path, topics: Path | None = None, frame: str = "") -> l
         path: folder of a recording, or a file of one.
         topics: mapping; table ``paths``. Without one, all topics of nav_msgs/Path are taken.
         frame: frame of the map, if it has one; paths in another frame are refused.
-
-    Raises:
-        InputError: names the recording, the topic and the field.
     """
     _, source = read_sources(topics)
     with opened(path) as bag:
@@ -50,10 +45,8 @@ def _candidate(path: Path, name: str, recorded: RecordedMessage, frame: str) -> 
     if frame and (different := other_frame(recorded.message, frame)):
         expected = f"expected frame {frame} as the map has it, got {different}"
         raise fault(path, f"{name}, header.frame_id", expected)
-    try:
+    with faults_of(path, f"{name}, "):
         return CandidatePath(name, points_of(recorded.message))
-    except ParameterError as error:
-        raise fault(path, f"{name}, {error.field}", f"expected {error.expected}") from None
 
 
 def other_frame(message: Any, frame: str) -> str:

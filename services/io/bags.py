@@ -41,14 +41,7 @@ _SPEED_LIMIT = _HEADER + "bool percentage\nfloat64 speed_limit\n"
 
 @cache
 def typestore(header_in_info: bool = False) -> Any:
-    """Message types of ROS 2 Jazzy, grid maps and Nav2's speed limit: shared, never extended.
-
-    Args:
-        header_in_info: grid maps in their older definition.
-
-    Raises:
-        InputError: rosbags is not installed.
-    """
+    """Message types of ROS 2 Jazzy, grid maps and Nav2's speed limit: shared, never extended."""
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
@@ -82,12 +75,6 @@ def read_cdr(raw: Any, kind: str, source: object, where: str) -> Any:
     Args:
         raw: CDR with its encapsulation, anything that ``bytes`` takes.
         kind: message type, e.g. ``nav_msgs/msg/Path``.
-        source: file or key, for errors.
-        where: topic in it, for errors.
-
-    Raises:
-        InputError: these bytes are not exactly one such message. rosbags itself lets up to three
-            bytes of any kind follow.
     """
     from rosbags.serde import SerdeError
 
@@ -154,24 +141,14 @@ def folder_of(path: Path) -> Path | None:
 
 @dataclass(frozen=True, slots=True)
 class Bag:
-    """An open recording.
-
-    Attributes:
-        path: file or folder.
-        reader: rosbags' reader.
-        types: message type by topic.
-    """
+    """An open recording."""
 
     path: Path
     reader: Any
     types: dict[str, str]
 
     def topics_of(self, kind: str) -> list[str]:
-        """Topics of a type, sorted.
-
-        Raises:
-            InputError: the recording has none; lists what it has.
-        """
+        """Topics of a type, sorted."""
         topics = sorted(topic for topic, given in self.types.items() if given == kind)
         if not topics:
             there = ", ".join(f"{topic} ({given})" for topic, given in sorted(self.types.items()))
@@ -186,11 +163,7 @@ class Bag:
 
         Args:
             topics: of type ``kind``, all of them recorded.
-            kind: message type.
             last: only the last message of each topic; the others are not decoded.
-
-        Raises:
-            InputError: a topic is missing, of another type, or empty; a message cannot be read.
         """
         for topic in topics:
             if self.types.get(topic) != kind:
@@ -217,16 +190,11 @@ class Bag:
 
     def raw(self, connections: list[Any]) -> Iterator[tuple[Any, int, bytes]]:
         """All messages as bytes; a fault of the file is reported in one line."""
-        messages = self.reader.messages(connections)
-        while True:
-            try:
-                received = next(messages)
-            except StopIteration:
-                return
-            except Exception as error:  # noqa: BLE001 - of rosbags, of decompressors, of sqlite
-                expected = f"expected an intact recording, got: {reason(error)}"
-                raise fault(self.path, "", expected) from None
-            yield received
+        try:
+            yield from self.reader.messages(connections)
+        except Exception as error:  # noqa: BLE001 - of rosbags, of decompressors, of sqlite
+            expected = f"expected an intact recording, got: {reason(error)}"
+            raise fault(self.path, "", expected) from None
 
     def decoded(self, connection: Any, raw: Any) -> Any:
         """A message by the definition that the recording itself has."""
@@ -239,11 +207,7 @@ class Bag:
 
 @contextmanager
 def opened(path: Path) -> Iterator[Bag]:
-    """A recording to read from.
-
-    Raises:
-        InputError: no recording.
-    """
+    """A recording to read from."""
     if not path.exists():
         raise fault(path, "", "expected an existing file or folder")
     store = typestore()

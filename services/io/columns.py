@@ -36,21 +36,13 @@ _SYNONYMS: Mapping[str, tuple[str, float]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class ColumnName:
-    """One entry.
-
-    Attributes:
-        entry: the whole entry as written.
-        left: name before the equals sign.
-        right: name behind it.
-        unit: as written, or "".
-        sign: -1.0 if the column is inverted.
-    """
+    """One entry."""
 
     entry: str
     left: str
     right: str
-    unit: str
-    sign: float
+    unit: str  # as written, or ""
+    sign: float  # -1.0 if the column is inverted
 
     def fits(self, table: Table) -> bool:
         """Return True if left is a name of a drive log and right a column of the table."""
@@ -58,11 +50,7 @@ class ColumnName:
 
 
 def parse_names(text: str) -> tuple[ColumnName, ...]:
-    """Entries of the option, separated by commas.
-
-    Raises:
-        InputError: names the entry that cannot be read.
-    """
+    """Entries of the option, separated by commas."""
     return tuple(_parse(entry.strip()) for entry in text.split(",") if text.strip())
 
 
@@ -83,12 +71,7 @@ def text_columns(names: Iterable[ColumnName]) -> tuple[str, ...]:
 
 
 def rename_columns(table: Table, names: Sequence[ColumnName]) -> Table:
-    """The table with a drive log's names and units.
-
-    Raises:
-        InputError: an entry has an unknown name or unit, or its column is not in the file; a cell
-            is not a number, in the file's own name of the column.
-    """
+    """The table with a drive log's names and units."""
     renamed: dict[str, list[str] | Floats] = {}
     used = set()
     for name in (_oriented(n, table) for n in names):

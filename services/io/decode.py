@@ -16,9 +16,8 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 import numpy as np
 
-from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import describe_range
-from slopewise.services.io.files import fault, shown
+from slopewise.services.io.files import fault, faults_of, shown
 
 T = TypeVar("T")
 
@@ -76,13 +75,8 @@ def decode_table(kind: type[T], data: object, source: str, where: str = "") -> T
     """A dataclass from a table.
 
     Args:
-        kind: dataclass.
         data: the table as a TOML or JSON reader gives it.
-        source: file name for errors.
         where: dotted path of the table; empty for the whole file.
-
-    Raises:
-        InputError: unknown or missing key, wrong type, or a value the dataclass refuses.
     """
     if not isinstance(data, Mapping):
         raise fault(source, where, f"expected a table, got {shown(data)}")
@@ -103,11 +97,8 @@ def decode_table(kind: type[T], data: object, source: str, where: str = "") -> T
         elif field.default is field.default_factory is dataclasses.MISSING:
             expected = _describe(hints[name], field.metadata)
             raise fault(source, path, f"missing key, expected {expected}")
-    try:
+    with faults_of(source, f"{where}." if where else ""):
         return kind(**values)
-    except ParameterError as error:
-        path = f"{where}.{error.field}" if where else error.field
-        raise fault(source, path, f"expected {error.expected}") from None
 
 
 def _missing_name(

@@ -45,9 +45,8 @@ class DriveLog:
     """Samples of one or several files; arrays are (samples,) and read-only.
 
     Attributes:
-        columns: `run`, `terrain` and `site` as text, all others float64, NaN where not measured.
+        columns: `run`, `terrain` and `session` as text, all others float64, NaN where not measured.
         runs: samples of each run, in the order of the files.
-        sources: file of each run.
         one_clock: no run begins before the end of the one in front of it: `t` orders the runs.
     """
 
@@ -67,12 +66,8 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = ""
     """One log from tables, or from recordings.
 
     Args:
-        paths: all tables, or all recordings.
         topics: topic mapping of the recordings; without one, topics are inferred from their types.
         names: names of columns in tables, see :mod:`slopewise.services.io.columns`.
-
-    Raises:
-        InputError: names file and field; also if tables and recordings are mixed.
     """
     bags = [path for path in paths if is_bag(path)]
     if not bags:
@@ -92,14 +87,10 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = ""
 def read_drive_log(paths: Sequence[Path], names: Sequence[ColumnName] = ()) -> DriveLog:
     """One log from one or several tables, in the order given.
 
-    Columns that only some of the files have are NaN (`terrain`, `site`: empty) in the others.
+    Columns that only some of the files have are NaN (`terrain`, `session`: empty) in the others.
 
     Args:
-        paths: CSV or Parquet files.
         names: columns with other names than a drive log's.
-
-    Raises:
-        InputError: names the row and column. Parquet rows count from 1.
     """
     if not paths:
         raise fault("drive log", "", "expected at least one file, got none")

@@ -8,22 +8,19 @@ import os
 import re
 import secrets
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from slopewise.models.errors import InputError
+from slopewise.models.errors import InputError, ParameterError
 
 _MAX_SHOWN = 80
 """Characters of a value that an error shows: with file and key it stays one line of a terminal."""
 
-_BLOCK = 1 << 20
-"""Bytes read at a time for a digest: recordings do not fit into memory."""
-
 _MAX_TOML_BYTES = 1_000_000
 """Fifty times the largest settings; tomllib takes a second for that much."""
 
-_MAX_KEY_PARTS = 20
-"""Parts of a dotted key: settings have at most four."""
+_MAX_KEY_PARTS = 20  # Parts of a dotted key: settings have at most four
 
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 _DEEP = re.compile(rf"{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{_MAX_KEY_PARTS}}}")
@@ -36,11 +33,19 @@ def fault(source: object, field: str, expected: str) -> InputError:
     """An InputError of one line, for any content of keys and cells.
 
     Args:
-        source: file as the user named it.
         field: row, column or dotted key; empty if the file as a whole is wrong.
         expected: "expected …, got …".
     """
     return InputError(*(_one_line(str(part)) for part in (source, field, expected)))
+
+
+@contextlib.contextmanager
+def faults_of(source: object, prefix: str = "") -> Iterator[None]:
+    """Turn a ParameterError of the block into an InputError of a file; prefix its field."""
+    try:
+        yield
+    except ParameterError as error:
+        raise fault(source, f"{prefix}{error.field}", f"expected {error.expected}") from None
 
 
 def _one_line(text: str) -> str:
@@ -88,12 +93,7 @@ def read_text(path: Path) -> str:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a file.
-
-    Raises:
-        InputError: names the file, and the line that is not TOML; or it is larger than any
-            settings are.
-    """
+    """The tables of a file."""
     check_file(path)
     if (size := path.stat().st_size) > _MAX_TOML_BYTES:
         raise fault(path, "", f"expected at most {_MAX_TOML_BYTES} bytes of TOML, got {size}")
@@ -116,9 +116,6 @@ def resolve_names(path: Path, data: dict[str, Any], *keys: str, exists: bool = T
     """Take files that settings name relative to the settings; changes ``data``.
 
     Args:
-        path: settings file.
-        data: its tables.
-        keys: dotted keys that name files or folders.
         exists: change only names of existing files: others may be names of another kind.
     """
     for key in keys:
@@ -131,11 +128,7 @@ def resolve_names(path: Path, data: dict[str, Any], *keys: str, exists: bool = T
 
 
 def write_atomic(path: Path, content: bytes) -> None:
-    """Write a file all or nothing: a reader, or a crash, sees the old content or the new one.
-
-    Raises:
-        InputError: the place cannot be written to; what was there is intact.
-    """
+    """Write a file all or nothing: a reader, or a crash, sees the old content or the new one."""
     temporary: Path | None = None
     try:
         if path.exists() and not path.is_file():  # a pipe or /dev/stdout; a directory fails here
@@ -187,11 +180,8 @@ def sha256_of(path: Path) -> str:
 
 
 def _of_file(path: Path) -> str:
-    digest = hashlib.sha256()
     with path.open("rb") as file:
-        while block := file.read(_BLOCK):
-            digest.update(block)
-    return digest.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def shipped_folder() -> Path:
@@ -208,12 +198,7 @@ def find_shipped(name_or_path: str | Path, kind: str, noun: str) -> Path:
     """The file a user means: an existing file, else one that comes with the package.
 
     Args:
-        name_or_path: input of the user.
-        kind: folder of the package's configs.
         noun: name of the kind in the error message.
-
-    Raises:
-        InputError: neither; lists those that come with the package.
     """
     path = Path(name_or_path)
     with contextlib.suppress(OSError, ValueError):  # too long a name, or a NUL in it

@@ -14,8 +14,7 @@ from slopewise.models.discrepancy.findings import Findings, Gap
 from slopewise.services.io.files import write_atomic
 from slopewise.services.io.model_file import write_model
 
-FINDINGS, MODEL, PAGE = "discrepancy.json", "model.toml", "report.html"
-"""Files of a result folder."""
+FINDINGS, MODEL, PAGE = "discrepancy.json", "model.toml", "report.html"  # Files of a result folder
 
 
 def write_findings(findings: Findings, folder: Path) -> list[Path]:
@@ -49,16 +48,7 @@ def findings_as_json(f: Findings) -> dict[str, Any]:
     return {
         "verdict": f.verdict.value,
         "summary": f.summary,
-        "effects": [
-            {
-                "name": e.name,
-                "parameters": {name: asdict(value) for name, value in e.parameters.items()},
-                "confidence": e.confidence,
-                "alternatives": list(e.alternatives),
-                "where": e.where,
-            }
-            for e in f.effects
-        ],
+        "effects": [asdict(e) | {"alternatives": list(e.alternatives)} for e in f.effects],
         "located": [
             {
                 "axis": a.axis,

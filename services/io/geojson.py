@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.candidate_path import CandidatePath
-from slopewise.models.errors import ParameterError
-from slopewise.services.io.files import fault, read_text, reason, shown
+from slopewise.services.io.files import fault, faults_of, read_text, reason, shown
 
 _DEGREES = ("CRS84", "4326", "4258", "4269")
 
@@ -22,9 +21,6 @@ def read_geojson_paths(path: Path) -> list[CandidatePath]:
 
     A candidate is called by the property `candidate` or `name`, else by the feature's id, else by
     its number from 0. The property `speed_limit` [m/s] holds for all of a feature.
-
-    Raises:
-        InputError: names the feature and what was expected.
     """
     try:
         data = json.loads(read_text(path), parse_constant=float)
@@ -103,10 +99,8 @@ def _candidate(path: Path, where: str, name: str, line: Any, limit: float | None
             raise fault(path, f"{where}, point {index}", expected)
     points = np.array([point[:2] for point in line], np.float64)
     limits = None if limit is None else np.full(len(points), float(limit))
-    try:
+    with faults_of(path, f"{where}, "):
         return CandidatePath(name, points, limits)
-    except ParameterError as error:
-        raise fault(path, f"{where}, {error.field}", f"expected {error.expected}") from None
 
 
 def _finite(value: object) -> bool:

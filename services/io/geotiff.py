@@ -37,13 +37,15 @@ _SPOTS, _SPOT = 8, 256
 file: maps of up to 2048 x 2048 cells are read whole, larger ones in about half a second."""
 
 
-def read_info(path: Path) -> MapInfo:
+def read_info(path: Path, _: Path | None = None) -> MapInfo:
     """Grid of a GeoTIFF; raises InputError if it cannot be an elevation map in metres."""
     with opened(path) as ground:
         return ground.info
 
 
-def read_layers(path: Path, rows: slice, columns: slice, nodata: NoData) -> MapLayers:
+def read_layers(
+    path: Path, rows: slice, columns: slice, _: Path | None, nodata: NoData
+) -> MapLayers:
     """Some cells of a GeoTIFF; only these are read."""
     with opened(path, nodata) as ground:
         return MapLayers(ground.read(rows, columns), ground.height_std, ground.assumed)
@@ -53,7 +55,6 @@ class GeotiffWindows:
     """An open elevation map that is read by windows.
 
     Attributes:
-        info: its grid.
         markers: undeclared markers among the heights that were read so far.
     """
 
@@ -89,9 +90,6 @@ class GeotiffWindows:
         """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these.
 
         No-data values are detected from heights of the whole file, so that all windows agree.
-
-        Raises:
-            InputError: the file is damaged there.
         """
         heights = self._read(rows, columns)
         known, markers = no_data.known_heights(heights, self._nodata, [self._all_over])
@@ -131,11 +129,7 @@ class GeotiffWindows:
 
     @cached_property
     def height_std(self) -> float:
-        """Error of heights relative to each other [m], of the whole file for any part of it.
-
-        Raises:
-            InputError: the file is damaged there.
-        """
+        """Error of heights relative to each other [m], of the whole file for any part of it."""
         for band, description in enumerate(self._dataset.descriptions[1:], start=2):
             kind = _ERRORS.search((description or "").lower())
             if kind is None:
@@ -157,15 +151,7 @@ class GeotiffWindows:
 
 @contextlib.contextmanager
 def opened(path: Path, nodata: NoData = None) -> Iterator[GeotiffWindows]:
-    """Open a map for many windows.
-
-    Args:
-        path: GeoTIFF file.
-        nodata: the user's setting for markers of missing data.
-
-    Raises:
-        InputError: not an elevation map in metres.
-    """
+    """Open a map for many windows; ``nodata``: the user's setting for markers of missing data."""
     import rasterio
 
     check_file(path)

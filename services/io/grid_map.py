@@ -20,7 +20,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.services.io import height_error, no_data
 from slopewise.services.io.bags import GRID_MAP, Bag, opened, state_of
-from slopewise.services.io.files import fault
+from slopewise.services.io.files import fault, faults_of
 from slopewise.services.io.map_grid import MAX_CELLS, MapInfo, MapLayers
 from slopewise.services.io.no_data import NoData
 from slopewise.services.io.topics import MapSource, read_sources
@@ -28,11 +28,8 @@ from slopewise.services.io.topics import MapSource, read_sources
 HEIGHTS = ("elevation", "height")
 """Layers that are taken for heights where the mapping names no layer, in this order."""
 
-_MIN_CELLS = 4
-"""2 x 2 cells, the fewest with ground between them."""
-
-_MAX_TILT = 1e-6
-"""Largest x, y or z of an orientation that is still rounding [1]."""
+_MIN_CELLS = 4  # 2 x 2 cells, the fewest with ground between them
+_MAX_TILT = 1e-6  # Largest x, y or z of an orientation that is still rounding [1]
 
 
 def read_info(path: Path, topics: Path | None) -> MapInfo:
@@ -61,9 +58,6 @@ def map_and_frame(
         path: folder of a recording, or a file of one.
         topics: mapping; table ``map``. Without one, the only topic of grid maps is taken.
         nodata: a height that marks missing data, as :func:`read_map` takes it.
-
-    Raises:
-        InputError: names the recording, the topic and the field.
     """
     source, _ = read_sources(topics)
     return _decoded(path, source, nodata, state_of(path))
@@ -81,10 +75,8 @@ def _decoded(
     except IndexError:
         expected = f"expected message {source.message} of {len(recorded)}"
         raise fault(path, f"topic {topic}", expected) from None
-    try:
+    with faults_of(path, f"topic {topic}, "):
         ground = elevation_map_of(message, source.layer, nodata)
-    except ParameterError as error:
-        raise fault(path, f"topic {topic}, {error.field}", f"expected {error.expected}") from None
     return ground, message.header.frame_id
 
 
@@ -101,12 +93,8 @@ def elevation_map_of(message: Any, layer: str = "", nodata: NoData = None) -> El
     """The heights of a grid map; NaN where any of its basic layers has none.
 
     Args:
-        message: with the fields of a GridMap.
         layer: layer with the heights [m]; empty: the first of :data:`HEIGHTS` in the message.
         nodata: the user's setting for markers of missing data.
-
-    Raises:
-        ParameterError: names the field of the message and what was expected.
     """
     info = message.info
     for name in ("resolution", "length_x", "length_y"):

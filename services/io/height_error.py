@@ -20,8 +20,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 
-QUANTILE = 0.95
-"""Share of the cells whose error is no larger: 19 of 20, as for other margins."""
+QUANTILE = 0.95  # Share of the cells whose error is no larger: 19 of 20, as for other margins
 
 _ON_ROBOT = (0.02, 0.05)
 _SURVEYED = (0.04, 0.02)
@@ -61,7 +60,6 @@ def of_layers(
     the slope of the cell, or else `lower_bound` and `upper_bound` around the height [m].
 
     Args:
-        names: names of the layers.
         layer: returns (rows, columns) of a layer by its name.
         heights: (rows, columns) [m], rows along x, columns along y, NaN where unknown.
         resolution: edge of a cell [m].

@@ -1,60 +1,37 @@
 """Elevation maps from GeoTIFF, .npz or ROS 2 recordings, whole or only around a region.
 
-A further format is a pair of functions and a row of :data:`_FORMATS`.
+A further format is a module with the two functions of the others, and a row of :data:`_FORMATS`.
 """
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.errors import ParameterError
 from slopewise.services.io import geotiff, grid_map, npz_map
 from slopewise.services.io.bags import is_bag
-from slopewise.services.io.files import fault, write_atomic
+from slopewise.services.io.files import fault, faults_of, write_atomic
 from slopewise.services.io.map_grid import (
     MAX_CELLS,
     Around,
     MapInfo,
-    MapLayers,
     check_physical,
     describe_extent,
 )
 from slopewise.services.io.no_data import NoData
 
-
-class MapFormat(NamedTuple):
-    """How one format is read; both functions raise InputError.
-
-    Attributes:
-        info: grid of a file, given its path and a topic mapping.
-        layers: cells of a file, given its path, rows, columns, topic mapping and no-data value.
-    """
-
-    info: Callable[[Path, Path | None], MapInfo]
-    layers: Callable[[Path, slice, slice, Path | None, NoData], MapLayers]
+_FORMATS = {".tif": geotiff, ".tiff": geotiff, ".gtiff": geotiff, ".npz": npz_map}
 
 
-_RECORDING = MapFormat(grid_map.read_info, grid_map.read_layers)
-_GEOTIFF = MapFormat(
-    lambda path, _: geotiff.read_info(path),
-    lambda path, rows, columns, _, nodata: geotiff.read_layers(path, rows, columns, nodata),
-)
-_NPZ = MapFormat(
-    lambda path, _: npz_map.read_info(path),
-    lambda path, rows, columns, _, nodata: npz_map.read_cells(path, rows, columns, nodata),
-)
-_FORMATS = {".tif": _GEOTIFF, ".tiff": _GEOTIFF, ".gtiff": _GEOTIFF, ".npz": _NPZ}
-
-
-def _format_of(path: Path) -> MapFormat:
+def _format_of(path: Path) -> ModuleType:
+    """The module that reads a file: its `read_info` and `read_layers`."""
     if is_bag(path):
-        return _RECORDING
+        return grid_map
     if path.suffix.lower() in _FORMATS:
         return _FORMATS[path.suffix.lower()]
     got = "a directory" if path.is_dir() else f"the name {path.name!r}"
@@ -62,16 +39,10 @@ def _format_of(path: Path) -> MapFormat:
 
 
 def map_info(path: Path, topics: Path | None = None) -> MapInfo:
-    """Grid of a map file; heights are read only of a recording.
-
-    Raises:
-        InputError: not a map in metres, or not one of this earth.
-    """
-    info = _format_of(path).info(path, topics)
-    try:
+    """Grid of a map file; heights are read only of a recording."""
+    info: MapInfo = _format_of(path).read_info(path, topics)
+    with faults_of(path):
         check_physical(info.resolution, info.origin, (info.rows, info.columns))
-    except ParameterError as error:
-        raise fault(path, error.field, f"expected {error.expected}") from None
     return info
 
 
@@ -84,12 +55,8 @@ def read_map(
         path: GeoTIFF or .npz file, or a recording with grid maps.
         around: (x_min, x_max, y_min, y_max) [m] with the margin that the caller needs, such as the
             vehicle's footprint. Of a GeoTIFF only that part is read.
-        topics: topic mapping of a recording.
         nodata: a height that marks missing data [m], in addition to those that are detected;
             "none": the file has no markers but those that it declares.
-
-    Raises:
-        InputError: not a map in metres, ``around`` is off the map, or no cell is known.
     """
     info = map_info(path, topics)
     cells: tuple[slice, slice] | None = slice(0, info.rows), slice(0, info.columns)
@@ -103,12 +70,12 @@ def read_map(
     if part.rows * part.columns > MAX_CELLS:
         size = f"{part.rows} x {part.columns}"
         raise fault(path, "", f"expected at most {MAX_CELLS} cells in one part, got {size}")
-    layers = _format_of(path).layers(path, *cells, topics, nodata)
+    layers = _format_of(path).read_layers(path, *cells, topics, nodata)
     if not np.isfinite(layers.heights).any():
         where = "" if around is None else f" at {describe_extent(around)}"
         got = "; ".join(("unknown ones only", *layers.assumed))
         raise fault(path, "elevation", f"expected a known cell{where}, got {got}")
-    try:
+    with faults_of(path):
         return ElevationMap(
             elevation=layers.heights,
             resolution=part.resolution,
@@ -118,8 +85,6 @@ def read_map(
             height_std=layers.height_std,
             assumed=layers.assumed,
         )
-    except ParameterError as error:
-        raise fault(path, error.field, f"expected {error.expected}") from None
 
 
 def write_map_npz(elevation_map: ElevationMap, path: Path) -> None:

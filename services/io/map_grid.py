@@ -10,14 +10,10 @@ from slopewise.models.arrays import Floats, Ints
 from slopewise.models.errors import ParameterError
 from slopewise.models.vehicle import Vehicle
 
-Around = tuple[float, float, float, float]
-"""(x_min, x_max, y_min, y_max) [m] in map coordinates."""
+Around = tuple[float, float, float, float]  # (x_min, x_max, y_min, y_max) [m] in map coordinates
 
-MAX_CELLS = 100_000_000
-"""Cells read together: 10 km x 10 km at 1 m, 0.8 GB of heights."""
-
-_MIN_CELLS = 2
-"""Cells in a row or column that have ground between them."""
+MAX_CELLS = 100_000_000  # Cells read together: 10 km x 10 km at 1 m, 0.8 GB of heights
+_MIN_CELLS = 2  # Cells in a row or column that have ground between them
 
 _MIN_RESOLUTION, _MAX_RESOLUTION = 1e-3, 1e3
 """Edges of cells that robots drive by [m]: beyond, the file is in millimetres or degrees."""
@@ -32,14 +28,12 @@ class MapInfo:
 
     Attributes:
         rows, columns: number of cells; row 0 is at minimum y.
-        resolution: edge of a cell [m].
-        origin: (x, y) of the centre of cell [0, 0] [m].
     """
 
     rows: int
     columns: int
-    resolution: float
-    origin: tuple[float, float]
+    resolution: float  # edge of a cell [m]
+    origin: tuple[float, float]  # (x, y) of the centre of cell [0, 0] [m]
 
     @property
     def extent(self) -> Around:
@@ -73,11 +67,7 @@ def _cells(low: float, high: float, origin: float, resolution: float, count: int
 
 
 def check_physical(resolution: float, origin: tuple[float, float], shape: tuple[int, ...]) -> None:
-    """Raise ParameterError unless a grid can be of a map in metres on this earth.
-
-    Raises:
-        ParameterError: names what is out of range.
-    """
+    """Raise ParameterError unless a grid can be of a map in metres on this earth."""
     if not _MIN_RESOLUTION <= resolution <= _MAX_RESOLUTION:
         expected = (
             f"{_MIN_RESOLUTION:g} … {_MAX_RESOLUTION:g} m from cell to cell, got {resolution:g}"
@@ -102,18 +92,10 @@ def footprint_margin(vehicle: Vehicle, info: MapInfo) -> float:
 
 
 class MapLayers(NamedTuple):
-    """Some cells of a map, (rows, columns) each.
+    """Some cells of a map, (rows, columns) each."""
 
-    Attributes:
-        heights: heights [m], NaN where unknown.
-        height_std: error of the heights of cells relative to each other [m], one for all.
-        assumed: assumptions made about the file, as sentences.
-        classes: index into ``class_names``, None for the base surface everywhere.
-        class_names: names of the classes.
-    """
-
-    heights: Floats
-    height_std: float
+    heights: Floats  # heights [m], NaN where unknown
+    height_std: float  # error of the heights of cells relative to each other [m], one for all
     assumed: tuple[str, ...] = ()
-    classes: Ints | None = None
+    classes: Ints | None = None  # index into ``class_names``, None for the base surface everywhere
     class_names: tuple[str, ...] = ("",)

@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from slopewise.models.effects import registry
-from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.plausibility import check_plausible
 from slopewise.models.surface_names import MAX_CLASSES
-from slopewise.models.vehicle import Vehicle
 from slopewise.services.io.decode import decode_table, dotted, encode_table
 from slopewise.services.io.files import (
     fault,
+    faults_of,
     find_shipped,
     read_toml,
     shipped_files,
@@ -26,21 +25,14 @@ _MAX_SURFACES = MAX_CLASSES - 1  # one class of a map is the base
 
 
 def read_model(path: Path) -> Model:
-    """The model in a TOML file.
-
-    Raises:
-        InputError: names the file and the dotted key, or the line that is not TOML.
-    """
+    """The model in a TOML file."""
     return model_from_dict(read_toml(path), str(path))
 
 
 def write_model(model: Model, path: Path) -> None:
-    """Write a model, all or nothing; :func:`read_model` gives the same model again.
-
-    Raises:
-        InputError: it has numbers that no vehicle has, so that it would not be read again.
-    """
-    _check_plausible(model_to_dict(model), str(path))
+    """Write a model, all or nothing; :func:`read_model` gives the same model again."""
+    with faults_of(path):
+        check_plausible(model_to_dict(model))
     write_atomic(path, _written(model))
 
 
@@ -60,30 +52,17 @@ def model_from_dict(data: object, source: str) -> Model:
 
     Args:
         data: tables as a TOML or JSON reader gives them.
-        source: file name or message key, for errors.
-
-    Raises:
-        InputError: names source and dotted key.
     """
     model = decode_table(Model, data, source)
     _check_surfaces(model, source)
     for index, effect in enumerate(model.effect):
-        try:
+        with faults_of(source, f"effect[{index}]."):
             registry.validate(effect)
             registry.motion(model.effect[: index + 1])
-        except ParameterError as error:
-            field = f"effect[{index}].{error.field}"
-            raise fault(source, field, f"expected {error.expected}") from None
     assert isinstance(data, Mapping)
-    _check_plausible(data, source)
+    with faults_of(source):
+        check_plausible(data)
     return model
-
-
-def _check_plausible(tables: Mapping[str, Any], source: str) -> None:
-    try:
-        check_plausible(tables)
-    except ParameterError as error:
-        raise fault(source, error.field, f"expected {error.expected}") from None
 
 
 def _check_surfaces(model: Model, source: str) -> None:
@@ -112,20 +91,11 @@ def model_to_dict(model: Model) -> dict[str, Any]:
     return encode_table(model)
 
 
-def vehicle_to_dict(vehicle: Vehicle) -> dict[str, Any]:
-    """The table of the vehicle alone, as :func:`model_to_dict` gives it."""
-    return encode_table(vehicle)
-
-
 def shipped_models() -> dict[str, Path]:
     """Vehicles that come with the package: name -> file."""
     return shipped_files("vehicles")
 
 
 def find_model(name_or_path: str | Path) -> Path:
-    """The model file a user means: an existing file, else a vehicle that comes with the package.
-
-    Raises:
-        InputError: neither; lists the vehicles that come with it.
-    """
+    """The model file a user means: an existing file, else a vehicle that comes with the package."""
     return find_shipped(name_or_path, "vehicles", "model")

@@ -45,11 +45,7 @@ spike or a hole, whose sides nothing climbs."""
 
 
 def nodata_of(text: str | None) -> NoData:
-    """The value of `--nodata`: a number of metres or "none".
-
-    Raises:
-        InputError: it is neither.
-    """
+    """The value of `--nodata`: a number of metres or "none"."""
     if text is None or text.strip().lower() == "none":
         return None if text is None else "none"
     try:
@@ -65,7 +61,6 @@ def known_heights(
 
     Args:
         heights: any shape [m]; NaN where unknown.
-        nodata: value that the user declares.
         around: further heights of the same map, markers removed, any shape [m].
     """
     known, detected = without_common(heights, nodata)
@@ -96,7 +91,6 @@ def known_raw(raw: Floats, nodata: NoData, dtype: str) -> tuple[Floats, set[floa
 
     Args:
         raw: numbers of the file, any shape; NaN where unknown.
-        nodata: value that the user declares.
         dtype: number type of the file. Its ends, of 16 bits and more, are markers too, except 0.
     """
     known, kind = _without(raw, nodata), np.dtype(dtype)

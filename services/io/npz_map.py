@@ -43,15 +43,17 @@ _BROKEN = (
 """What zipfile, zlib and numpy raise for damaged bytes."""
 
 
-def read_info(path: Path) -> MapInfo:
+def read_info(path: Path, _: Path | None = None) -> MapInfo:
     """Grid of a map; reads two small arrays and the header of `elevation`."""
     with _Archive(path) as archive:
         return archive.info()
 
 
-def read_cells(path: Path, rows: slice, columns: slice, nodata: NoData) -> MapLayers:
+def read_layers(
+    path: Path, rows: slice, columns: slice, _: Path | None, nodata: NoData
+) -> MapLayers:
     """Some cells of a map; markers of missing data are detected in the whole of it."""
-    heights, classes, names, std = read_layers(path)
+    heights, classes, names, std = read_raw(path)
     heights, markers = no_data.known_heights(heights, nodata)
     if std is None:
         std = height_error.assumed(read_info(path).resolution)
@@ -59,7 +61,7 @@ def read_cells(path: Path, rows: slice, columns: slice, nodata: NoData) -> MapLa
     return MapLayers(heights[rows, columns], std, no_data.describe(markers), part, names)
 
 
-def read_layers(path: Path) -> tuple[Floats, Ints | None, tuple[str, ...], float | None]:
+def read_raw(path: Path) -> tuple[Floats, Ints | None, tuple[str, ...], float | None]:
     """(rows, columns) heights [m] with NaN where unknown, classes, their names, error of heights.
 
     The error [m] is that of heights relative to each other, None if the file does not report it.
@@ -188,10 +190,7 @@ class _Archive:
         """An array of the required shape and kind of type; never a pickled one.
 
         Args:
-            name: name of the array.
             shape: required shape; None accepts any.
-            kinds: numpy's letters of the accepted types.
-            noun: the same for the error message.
         """
         given, dtype = self._header(name)
         if dtype.kind not in kinds:

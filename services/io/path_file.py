@@ -13,10 +13,9 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
-from slopewise.models.errors import ParameterError
 from slopewise.services.io.bag_paths import read_bag_paths
 from slopewise.services.io.bags import is_bag
-from slopewise.services.io.files import fault
+from slopewise.services.io.files import fault, faults_of
 from slopewise.services.io.geojson import read_geojson_paths
 from slopewise.services.io.map_grid import Around, describe_extent
 from slopewise.services.io.table import Table, read_table, write_csv
@@ -35,11 +34,7 @@ def read_paths(path: Path, topics: Path | None = None, frame: str = "") -> list[
 
     Args:
         path: CSV, Parquet, GeoJSON, or a recording with nav_msgs/Path.
-        topics: topic mapping of a recording.
         frame: frame that paths of a recording have to be in; empty accepts any.
-
-    Raises:
-        InputError: names the row and column, or the feature, that cannot be used.
     """
     if is_bag(path):
         return read_bag_paths(path, topics, frame)
@@ -75,11 +70,8 @@ def _candidate(
     given: dict[str, Floats | None] = {}
     for column, values in optional.items():
         given[column] = table.all_or_none(column, values, rows, name, _OPTIONAL[column])
-    try:
+    with faults_of(table.source, f"candidate {name}, "):
         return CandidatePath(name, points[rows], given.get("speed_limit"), given.get("yaw"))
-    except ParameterError as error:
-        field = f"candidate {name}, {error.field}"
-        raise fault(table.source, field, f"expected {error.expected}") from None
 
 
 def check_paths_on_map(
@@ -90,8 +82,6 @@ def check_paths_on_map(
     Args:
         paths: candidates of ``source``.
         extent: (x_min, x_max, y_min, y_max) of the map's cell centres [m].
-        source: file of the paths.
-        map_source: file of the map.
     """
     x_min, x_max, y_min, y_max = extent
     for path in paths:

@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.errors import ParameterError
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.services.check.external_plan import COLUMNS as CHECKED
 from slopewise.services.check.external_plan import NEEDED, ExternalPlan
-from slopewise.services.io.files import fault
+from slopewise.services.io.files import faults_of
 from slopewise.services.io.table import Table, read_table, write_csv
 
 TEXT = ("candidate", "limiting", "status", "reason")
@@ -52,7 +51,6 @@ def write_plan_csv(rows: dict[str, Sequence[str] | Floats], path: Path) -> None:
 
     Args:
         rows: the columns of :data:`COLUMNS`, all of one length; further ones follow them.
-        path: file to write.
     """
     if missing := [name for name in COLUMNS if name not in rows]:
         raise ValueError(f"a plan needs the columns {', '.join(missing)}")
@@ -64,9 +62,6 @@ def read_external_plans(path: Path) -> list[ExternalPlan]:
     """All plans of a CSV or Parquet file, in the order in which they first appear.
 
     Without a column `candidate` it is one plan with the file's name.
-
-    Raises:
-        InputError: names the row and column that cannot be used.
     """
     table = read_table(path)
     table.require(NEEDED)
@@ -79,12 +74,9 @@ def read_external_plans(path: Path) -> list[ExternalPlan]:
             for column, values in numbers.items()
         }
         first_status = "" if status is None else status[rows[0]]
-        try:
-            columns: Any = {column: v for column, v in given.items() if v is not None}
+        columns: Any = {column: v for column, v in given.items() if v is not None}
+        with faults_of(path, f"candidate {name}, "):
             plans.append(ExternalPlan(name=name, status=first_status, **columns))
-        except ParameterError as error:
-            field = f"candidate {name}, {error.field}"
-            raise fault(path, field, f"expected {error.expected}") from None
     return plans
 
 

@@ -31,7 +31,6 @@ class Table:
     """Columns of a file by name, in the file's order.
 
     Attributes:
-        source: file as the user named it.
         columns: name -> cells as text, or numbers where the format has them.
         rows: number of each row in the file; a CSV's header is row 1, Parquet counts from 1.
     """
@@ -45,12 +44,7 @@ class Table:
         return fault(self.source, f"row {self.rows[index]}, column {column}", expected)
 
     def require(self, columns: Iterable[str], purpose: str = "") -> None:
-        """Raise InputError unless the table has all these columns, and at least one row.
-
-        Args:
-            columns: their names.
-            purpose: added to the error message.
-        """
+        """Raise InputError unless the table has all these columns, and at least one row."""
         missing = [name for name in columns if name not in self.columns]
         if missing:
             field = ", ".join(f"column {name}" for name in missing)
@@ -81,16 +75,7 @@ class Table:
         return ["" if math.isnan(c) else repr(c).removesuffix(".0") for c in cells.tolist()]
 
     def numbers(self, column: str, unit: str, *, blank: float | None = None) -> Floats:
-        """(rows,) finite numbers.
-
-        Args:
-            column: its name.
-            unit: shown in the error message.
-            blank: stands for an empty cell or NaN; None refuses them.
-
-        Raises:
-            InputError: names the row of the first cell that is not a finite number.
-        """
+        """(rows,) finite numbers; ``blank``: stands for an empty cell or NaN; None refuses them."""
         values, texts = self.parsed(column)
         wrong = ~np.isfinite(values) if blank is None else np.isinf(values)
         wrong[list(texts)] = True
@@ -133,15 +118,7 @@ class Table:
     def all_or_none(
         self, column: str, values: Floats, rows: list[int], name: str, unit: str
     ) -> Floats | None:
-        """Values of a candidate's rows, None if all of them are NaN; some of them are a fault.
-
-        Args:
-            column: name of the column.
-            values: (all rows,) its numbers.
-            rows: rows of the candidate.
-            name: name of the candidate.
-            unit: shown in the error message.
-        """
+        """Values of a candidate's rows, None if all of them are NaN; some of them are a fault."""
         missing = np.isnan(values[rows])
         if missing.all():
             return None
@@ -173,7 +150,6 @@ def read_csv(path: Path, text: Collection[str] = ()) -> Table:
     """A CSV file with a header row; blank lines and columns without a name are skipped.
 
     Args:
-        path: file.
         text: columns that are text even where they look like numbers.
     """
     content = read_text(path)

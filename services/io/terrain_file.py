@@ -22,11 +22,7 @@ _IGNORED = ("signatures", "classifier", "change", "adaptation", "memory")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainFile:
-    """Content of a terrain file; every key except `name` is optional.
-
-    Attributes:
-        name: name of the vehicle.
-    """
+    """Content of a terrain file; every key except `name`, that of the vehicle, is optional."""
 
     name: str
     terrain: tuple[TerrainClass, ...] = ()
@@ -50,11 +46,7 @@ class TerrainFile:
 
 
 def read_terrains(path: Path) -> TerrainFile:
-    """The terrain file at a path; keys of earlier versions' classifier are ignored.
-
-    Raises:
-        InputError: names the file and the dotted key, or the line that is not TOML.
-    """
+    """The terrain file at a path; keys of earlier versions' classifier are ignored."""
     tables = {key: value for key, value in read_toml(path).items() if key not in _IGNORED}
     return decode_table(TerrainFile, tables, str(path))
 
@@ -74,9 +66,5 @@ def shipped_terrains() -> dict[str, Path]:
 
 
 def find_terrains(name_or_path: str | Path) -> Path:
-    """An existing terrain file, else one that comes with the package.
-
-    Raises:
-        InputError: neither; lists those that come with it.
-    """
+    """An existing terrain file, else one that comes with the package."""
     return find_shipped(name_or_path, "terrains", "terrain")

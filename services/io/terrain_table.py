@@ -15,17 +15,14 @@ from slopewise.models.terrain.description import GroundChange
 from slopewise.models.terrain.monitor import DescribedStretch
 from slopewise.services.io.table import write_csv
 
+_MEASURED = ("samples", "speed", "speed_difference", "yaw_rate", "onset_current")
 _TEXT = ("run", "phase", "hardness", "grip", "agrees_with", "terrain", "rules", "note")
 COLUMNS = (
     "run",
     "t",
     "t_end",
     "phase",
-    "samples",
-    "speed",
-    "speed_difference",
-    "yaw_rate",
-    "onset_current",
+    *_MEASURED,
     "motion_resistance",
     "motion_resistance_std",
     "lateral_resistance",
@@ -66,8 +63,6 @@ def event_row(
     """A row of the table; parameters are the estimates when the stretch ends.
 
     Args:
-        run: name of the run.
-        event: a stretch or a change.
         centres: centres of rotation of the left and right side [m], NaN where unknown.
     """
     if isinstance(event, GroundChange):
@@ -86,11 +81,7 @@ def event_row(
         "t": o.begin,
         "t_end": o.end,
         "phase": o.phase.value,
-        "samples": o.samples,
-        "speed": o.speed,
-        "speed_difference": o.speed_difference,
-        "yaw_rate": o.yaw_rate,
-        "onset_current": o.onset_current,
+        **{name: getattr(o, name) for name in _MEASURED},
         "hardness": event.description.hardness,
         "grip": event.description.grip,
         "agrees_with": " ".join(event.agrees_with),
@@ -118,13 +109,7 @@ def _note(event: DescribedStretch) -> str:
 
 
 def excluded_row(run: str, time: Sequence[float] | Floats, stretch: Suspect) -> dict[str, Any]:
-    """A row for an excluded stretch.
-
-    Args:
-        run: name of the run.
-        time: (n,) of the whole log [s].
-        stretch: the data issue.
-    """
+    """A row for an excluded stretch; ``time``: (n,) of the whole log [s]."""
     last = min(stretch.stop, len(time)) - 1
     return {
         "run": run,

@@ -34,13 +34,7 @@ class Channel:
     """Where the values of one column are.
 
     Attributes:
-        topic: name of the topic.
         field: dotted path of a number in the message; for a joint, one of its lists.
-        quaternion: dotted path of an orientation.
-        joint: name of a joint.
-        scale: value = scale * number + offset.
-        offset: added after scaling.
-        hold: the last message holds till the next.
     """
 
     topic: str
@@ -61,38 +55,23 @@ class Channel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapSource:
-    """Where the elevation map is.
+    """Where the elevation map is."""
 
-    Attributes:
-        topic: of grid maps; empty: the only one.
-        layer: layer with the heights; empty: `elevation`.
-        message: its number from 0, -1 for the last.
-    """
-
-    topic: str = ""
-    layer: str = ""
-    message: int = -1
+    topic: str = ""  # of grid maps; empty: the only one
+    layer: str = ""  # layer with the heights; empty: `elevation`
+    message: int = -1  # its number from 0, -1 for the last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathSource:
-    """Where candidates are.
+    """Where candidates are."""
 
-    Attributes:
-        topics: topics of paths; empty: all of them.
-        all_messages: each message is a candidate, not only the last of each topic.
-    """
-
-    topics: tuple[str, ...] = ()
-    all_messages: bool = False
+    topics: tuple[str, ...] = ()  # topics of paths; empty: all of them
+    all_messages: bool = False  # each message is a candidate, not only the last of each topic
 
 
 def read_sources(path: Path | None) -> tuple[MapSource, PathSource]:
-    """Where map and candidates are; without a mapping, the only ones of their type.
-
-    Raises:
-        InputError: names the file and the dotted key.
-    """
+    """Where map and candidates are; without a mapping, the only ones of their type."""
     if path is None:
         return MapSource(), PathSource()
     tables = read_toml(path)
@@ -103,11 +82,7 @@ def read_sources(path: Path | None) -> tuple[MapSource, PathSource]:
 
 
 def read_topics(path: Path | None) -> tuple[dict[str, Channel], str]:
-    """The mapping by column, and the name of its file; without one, the mapping that is shipped.
-
-    Raises:
-        InputError: names the file and the dotted key.
-    """
+    """The mapping by column, and the name of its file; without one, the mapping that is shipped."""
     path = path or shipped_folder() / "topics.toml"
     channels = {}
     for column, table in read_toml(path).items():
@@ -129,12 +104,7 @@ def read_topics(path: Path | None) -> tuple[dict[str, Channel], str]:
 def infer_channels(
     shipped: Mapping[str, Channel], recorded: Mapping[str, str]
 ) -> dict[str, Channel]:
-    """The shipped channels with the topics that a recording has, and more from the same IMU.
-
-    Args:
-        shipped: channels of v, v_cmd, pitch.
-        recorded: type by topic.
-    """
+    """The shipped channels with the topics that a recording has, and more from the same IMU."""
     channels = dict(shipped)
     if odometry := _only_topic(recorded, {_ODOMETRY}, "odom"):
         channels["v"] = replace(channels["v"], topic=odometry)

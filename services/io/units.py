@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
-TEXT = ("run", "terrain", "site")
+TEXT = ("run", "terrain", "session")
 REQUIRED = {"t": "s", "v": "m/s", "v_cmd": "m/s", "pitch": "rad"}
 OPTIONAL = {
     "roll": "rad",

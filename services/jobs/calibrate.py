@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,13 +16,16 @@ from slopewise.models.parameters import Model
 from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
 from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, find_stops
 from slopewise.services.io.decode import decode_table
-from slopewise.services.io.drive_log import DriveLog, read_logs
+from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.files import fault, read_toml
-from slopewise.services.io.logs.log_source import grade_by_map, names_of, refuse_wrong_units
-from slopewise.services.io.logs.speed_unit import refuse_too_fast, refuse_unit
-from slopewise.services.io.logs.unseen_channels import unseen_channels
+from slopewise.services.io.log_checks import (
+    refuse_too_fast,
+    refuse_unit,
+    refuse_wrong_units,
+    unseen_channels,
+)
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.io.no_data import NoData
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import option_of
 
@@ -54,27 +56,9 @@ class RejectedLogError(InputError):
 
 
 def calibrate(
-    logs: Sequence[Path],
-    model_file: str,
-    *,
-    settings: CalibrationSettings,
-    map_file: Path | None = None,
-    nodata: NoData = None,
-    topics: Path | None = None,
-    columns: str = "",
-    quiet: bool = True,
+    logs: LogInput, model_file: str, *, settings: CalibrationSettings, quiet: bool = True
 ) -> CalibrateResult:
-    """Read logs, find stops, fit.
-
-    Args:
-        logs: tables or recordings.
-        model_file: model file or shipped vehicle, the prior.
-        settings: share of stops to cover, and what is a stop.
-        map_file: elevation map that x, y of the logs lie on.
-        nodata: height of the map that marks unknown ground [m].
-        topics: topic mapping of recordings.
-        columns: names and units of tables that differ.
-        quiet: without a progress bar.
+    """Read logs, find stops, fit; the model of the file, or the shipped one, is the prior.
 
     Raises:
         InputError: names file and field, or says why there are too few stops.
@@ -82,31 +66,25 @@ def calibrate(
     begin = time.perf_counter()
     model = read_model(find_model(model_file))
     with progress_bar("calibrating", 4, quiet=quiet) as advance:
-        log = read_logs(logs, topics, columns)
+        log = logs.read()
         advance(1)
         try:
             refuse_wrong_units(log)
             refuse_too_fast(log, model)
-            ground = grade_by_map(log, map_file, model.vehicle, nodata)
+            ground = logs.grade(log, model.vehicle)
             advance(1)
-            calibration = _fit(log, model, ground, settings, names_of(logs))
+            calibration = calibrate_log(log, model, ground, settings)
+            grades = np.array([r.grade for s in calibration.surfaces for r in s.records])
+            refuse_unit(calibration.braking, model.braking, grades, logs.names)
             updated = with_learned(model, calibration)
             advance(2)
         except (InputError, ParameterError) as error:
             if isinstance(error, ParameterError):
-                error = fault(names_of(logs), error.field, f"expected {error.expected}")
+                error = fault(logs.names, error.field, f"expected {error.expected}")
             raise RejectedLogError(error, log, settings.stops) from None
-    return CalibrateResult(calibration, updated, log, time.perf_counter() - begin)
-
-
-def _fit(
-    log: DriveLog, model: Model, ground: Floats | None, settings: CalibrationSettings, source: str
-) -> Calibration:
-    calibration = calibrate_log(log, model, ground, settings)
-    grades = np.array([r.grade for s in calibration.surfaces for r in s.records])
-    refuse_unit(calibration.braking, model.braking, grades, source)
     missing = unseen_channels(model.effect, log.columns)
-    return replace(calibration, warnings=(*calibration.warnings, *missing))
+    calibration = replace(calibration, warnings=(*calibration.warnings, *missing))
+    return CalibrateResult(calibration, updated, log, time.perf_counter() - begin)
 
 
 def calibrate_log(
@@ -115,13 +93,7 @@ def calibrate_log(
     ground: Floats | None = None,
     settings: CalibrationSettings | None = None,
 ) -> Calibration:
-    """Fit the stops of a log that is in memory.
-
-    Args:
-        log: with stops in it.
-        model: the prior.
-        ground: grade of the ground at each sample [rad], None without a map.
-        settings: share of stops to cover, and what is a stop.
+    """Fit the stops of a log that is in memory; ground: grade at each sample [rad].
 
     Raises:
         ParameterError: too few usable stops.
@@ -138,13 +110,7 @@ def calibration_settings(
     least_speed: float | None = None,  # words: ok, key of stop settings
     turn_rate: float | None = None,
 ) -> CalibrationSettings:
-    """Settings from options, and from a file on what is a stop.
-
-    Args:
-        coverage: share of stops like those of the log that margins have to cover.
-        stop_settings: TOML file with keys of :class:`.StopSettings`.
-        least_speed: stops from below this speed are ignored [m/s].
-        turn_rate: mean yaw rate from which a stop is a turn [rad/s].
+    """Settings from options, and from a TOML file with keys of :class:`.StopSettings`.
 
     Raises:
         InputError: names option, or file and key.

@@ -8,30 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from slopewise.models.calibration.brake_states import WeakerState
 from slopewise.models.calibration.force_fit import NAMES
+from slopewise.models.calibration.learn import Calibration
 from slopewise.models.calibration.surface_fit import SurfaceFit
+from slopewise.models.stop_logs.find_stops import StopWindow
 from slopewise.models.stop_logs.stop_record import StopRecord
+from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.table import write_csv
 from slopewise.services.jobs.calibrate import CalibrateResult, RejectedLogError
+from slopewise.services.jobs.plural import plural
 from slopewise.services.jobs.summary import Summary
 
-_TEXTS = ("run", "verdict", "reason")
-_MEASURED = (
-    "onset_speed",
-    "onset_time",
-    "grade",
-    "force_ratio",
-    "force_std",
-    "distance",
-    "time",
-    "predicted_distance",
-    "predicted_with_offset",
-    "predicted_time",
-    "predicted_time_with_offset",
-    "kept",
-)
-"""Columns of a stop that was measured: m, s, m/s, rad, share of the weight."""
+_STOP_COLUMNS = ("run", "t", "verdict", "reason", "speed")
+"""Columns of the table of stops, before those of a stop that was measured."""
 
 
 class Coefficient(Summary, frozen=True):
@@ -54,9 +43,7 @@ class WeakerBrakes(Summary, frozen=True):
 class SurfaceSummary(Summary, frozen=True):
     """Braking on one surface, "" for the base; keys as in model files.
 
-    Attributes:
-        coverage: share of stops within the prediction of a fit without them.
-        mean_excess: mean of predicted minus actual distance [m].
+    Of predictions by a fit without the stop: share of stops within them, and mean excess [m].
     """
 
     name: str
@@ -107,8 +94,7 @@ class CalibrationSummary(Summary, frozen=True):
 
 def summarise(result: CalibrateResult, sheet: dict[str, Any] | None = None) -> CalibrationSummary:
     """Everything that was fitted, SI units and radians."""
-    c = result.calibration
-    t = result.log.columns["t"]
+    c, t = result.calibration, result.log.columns["t"]
     dead_time, dive, mount = c.dead_time, c.dive, c.mount
     return CalibrationSummary(
         stops={"found": len(c.windows), **c.verdicts},
@@ -120,7 +106,7 @@ def summarise(result: CalibrateResult, sheet: dict[str, Any] | None = None) -> C
         dive={"value": dive.per_deceleration, "std": dive.std, "settling": dive.settling},
         mount={"value": mount.offset, "std": mount.std, "source": mount.source},
         speed_error=None if c.speed_error is None else asdict(c.speed_error),
-        surfaces=[_surface(s) for s in c.surfaces],
+        surfaces=[surface_summary(s) for s in c.surfaces],
         suspects=[
             SuspectRow(float(t[s.start]), float(t[s.stop - 1]), s.channel, s.kind.value, s.reason)
             for s in c.suspects
@@ -133,21 +119,16 @@ def summarise(result: CalibrateResult, sheet: dict[str, Any] | None = None) -> C
     )
 
 
-def cross_validation(surface: SurfaceFit) -> tuple[float, float]:
-    """Share of measured stops that end within the prediction, and mean distance to spare [m].
+def surface_summary(s: SurfaceFit) -> SurfaceSummary:
+    """Everything that was fitted on one surface.
 
-    Each prediction is of a fit without the stop, at the quantile of the margins; stops that the fit
-    excludes are included here. Infinite predictions are excluded from the mean.
+    Predictions are at the quantile of the margins; stops that the fit excludes are included here.
+    Infinite ones are excluded from the mean excess.
     """
-    excess = np.array([r.bound_distance - r.samples.distance for r in surface.records])
-    finite = excess[np.isfinite(excess)]
-    return float(np.mean(excess >= 0.0)), float(np.mean(finite)) if len(finite) else 0.0
-
-
-def _surface(s: SurfaceFit) -> SurfaceSummary:
     std = np.sqrt(np.diag(s.fit.covariance))
     numbers = zip(NAMES, s.fit.coefficients, std, s.fit.learned, strict=True)
-    share, excess = cross_validation(s)
+    excess = np.array([r.bound_distance - r.samples.distance for r in s.records])
+    finite = excess[np.isfinite(excess)]
     return SurfaceSummary(
         name=s.name,
         stops=len(s.records),
@@ -158,74 +139,102 @@ def _surface(s: SurfaceFit) -> SurfaceSummary:
         force_std=s.margins.force.absolute,
         force_scatter=s.margins.force.relative,
         dead_time_std=s.margins.dead_time,
-        state=_weaker(s.state),
+        state=None
+        if s.state is None
+        else WeakerBrakes(
+            int(s.state.members.sum()), s.state.ratio, s.state.ratio_std, s.state.scatter
+        ),
         two_stages=None if s.two_stages is None else s.two_stages.tolist(),
         distance_offset=s.distance_offset,
         time_offset=s.time_offset,
         speed_range=list(s.speed_range),
         grade_range=list(s.grade_range),
-        coverage=share,
-        mean_excess=excess,
+        coverage=float(np.mean(excess >= 0.0)),
+        mean_excess=float(np.mean(finite)) if len(finite) else 0.0,
     )
 
 
-def _weaker(state: WeakerState | None) -> WeakerBrakes | None:
-    if state is None:
-        return None
-    return WeakerBrakes(int(state.members.sum()), state.ratio, state.ratio_std, state.scatter)
+def surface_rows(c: Calibration) -> dict[str, list[str]]:
+    """Table of the surfaces: label -> one cell each, formatted."""
+    columns = [_cells(surface_summary(s)) for s in c.surfaces]
+    return {label: [cells[label] for cells in columns] for label in columns[0]}
+
+
+def _cells(s: SurfaceSummary) -> dict[str, str]:
+    low, high = np.rad2deg(s.grade_range)
+    per_speed = {"m_m": "m_m, s/m", "m_b": "m_b, s/m"}
+    return {
+        **{
+            per_speed.get(name, name): f"{c.value:+.4f} ± {c.std:.4f}"
+            for name, c in s.coefficients.items()
+        },
+        "stops learned from": f"{s.stops - s.left_out} of {s.stops}",
+        "force scatters by": f"{s.force_scatter:.1%} of it"
+        if s.force_scatter > 0.0
+        else f"{s.force_std:.4f}",
+        "dead time by, s": f"{s.dead_time_std:.4f}",
+        "force of a weaker state": "–"
+        if s.state is None
+        else f"{s.state.ratio:.0%} ({plural(s.state.stops, 'stop')})",
+        "distance offset, m": f"{s.distance_offset:.3f}",
+        "time offset, s": f"{s.time_offset:.3f}",
+        "unseen stops within prediction": f"{s.coverage:.1%}",
+        "predictions longer by, mean m": f"{s.mean_excess:.3f}",
+        "speeds, m/s": f"{s.speed_range[0]:.2f} … {s.speed_range[1]:.2f}",
+        "grades": f"{low:.1f}° … {high:.1f}°",
+    }
 
 
 def write_stops(result: CalibrateResult, path: Path) -> None:
     """Write one row per stop, SI units; empty where a stop was not measured."""
-    surfaces, columns = result.calibration.surfaces, result.log.columns
+    surfaces = result.calibration.surfaces
     records = {r.samples.window.command: r for s in surfaces for r in s.records}
     offsets = {s.name: s.time_offset for s in surfaces}
     rows = []
     for window in result.calibration.windows:
         record = records.get(window.command)
         state = window.verdict.name.lower() if record or not window.usable else "unused"
-        run, t = str(columns["run"][window.command]), float(columns["t"][window.command])
-        measured = [np.nan] * len(_MEASURED) if record is None else _measured(record, offsets)
-        rows.append((run, t, state, window.reason, window.held_speed, *measured))
-    _write(rows, ("run", "t", "verdict", "reason", "speed", *_MEASURED), path)
+        measured = {} if record is None else _measured(record, offsets)
+        rows.append(_stop_row(result.log, window, state, window.reason) | measured)
+    _write(rows, path)
 
 
 def write_rejected_stops(rejected: RejectedLogError, path: Path) -> None:
     """Write one row per stop of a log that calibration rejects."""
-    columns = rejected.log.columns
     rows = [
-        (
-            str(columns["run"][w.command]),
-            float(columns["t"][w.command]),
-            w.verdict.name.lower(),
-            w.reason or w.verdict.value,
-            w.held_speed,
-        )
+        _stop_row(rejected.log, w, w.verdict.name.lower(), w.reason or w.verdict.value)
         for w in rejected.windows
     ]
-    _write(rows, ("run", "t", "verdict", "reason", "speed"), path)
+    _write(rows, path)
 
 
-def _write(rows: list[Any], names: tuple[str, ...], path: Path) -> None:
-    columns = dict(zip(names, zip(*rows, strict=True) if rows else [()] * len(names), strict=True))
-    write_csv(
-        {n: list(v) if n in _TEXTS else np.array(v, np.float64) for n, v in columns.items()}, path
-    )
+def _stop_row(log: DriveLog, window: StopWindow, verdict: str, reason: str) -> dict[str, Any]:
+    run, t = log.columns["run"][window.command], log.columns["t"][window.command]
+    values = (str(run), float(t), verdict, reason, window.held_speed)
+    return dict(zip(_STOP_COLUMNS, values, strict=True))
 
 
-def _measured(r: StopRecord, offsets: dict[str, float]) -> tuple[float, ...]:
-    time_offset = offsets.get(r.samples.terrain, offsets[""])
-    return (
-        r.onset_speed,
-        r.knee.onset_time,
-        r.grade,
-        r.force_ratio,
-        r.force_std,
-        r.samples.distance,
-        r.samples.standstill_time,
-        r.predicted_distance,
-        r.bound_distance,
-        r.predicted_time,
-        r.predicted_time + time_offset,
-        float(r.kept),
-    )
+def _write(rows: list[dict[str, Any]], path: Path) -> None:
+    names = max(rows, key=len, default=dict.fromkeys(_STOP_COLUMNS))
+    columns = {name: [row.get(name, np.nan) for row in rows] for name in names}
+    texts = ("run", "verdict", "reason")
+    write_csv({n: v if n in texts else np.array(v, np.float64) for n, v in columns.items()}, path)
+
+
+def _measured(r: StopRecord, offsets: dict[str, float]) -> dict[str, float]:
+    """Columns of a stop that was measured: m, s, m/s, rad, share of the weight."""
+    return {
+        "onset_speed": r.onset_speed,
+        "onset_time": r.knee.onset_time,
+        "grade": r.grade,
+        "force_ratio": r.force_ratio,
+        "force_std": r.force_std,
+        "distance": r.samples.distance,
+        "time": r.samples.standstill_time,
+        "predicted_distance": r.predicted_distance,
+        "predicted_with_offset": r.bound_distance,
+        "predicted_time": r.predicted_time,
+        "predicted_time_with_offset": r.predicted_time
+        + offsets.get(r.samples.terrain, offsets[""]),
+        "kept": float(r.kept),
+    }

@@ -5,14 +5,13 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
 from slopewise.models.candidate_path import CandidatePath
-from slopewise.models.errors import InputError
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.uncertainty import QUANTILE
 from slopewise.services.check.check_report import CheckReport
@@ -20,13 +19,10 @@ from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.heights import Heights
 from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.check.tolerances import TOLERANCES
-from slopewise.services.io.bags import is_bag
-from slopewise.services.io.map_file import map_info, read_map
-from slopewise.services.io.map_grid import Around, footprint_margin
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.no_data import NoData
-from slopewise.services.io.path_file import check_paths_on_map
 from slopewise.services.io.plan_file import read_external_plans
+from slopewise.services.jobs.ground import read_ground, refuse_topics
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import Summary, finite, input_errors
 
@@ -136,41 +132,23 @@ def check(
     nodata: NoData = None,
     quiet: bool = True,
 ) -> CheckResult:
-    """Read plans, model and map, and check every plan.
-
-    Args:
-        plan_file: plans.
-        map_file: elevation map.
-        model_file: model file or shipped vehicle.
-        clear: station up to which the path is known to be free [m].
-        quantile: one-sided probability that margins cover the model's uncertainty.
-        topics: topic mapping of recordings.
-        nodata: height of the map that marks unknown ground [m].
-        quiet: without a progress bar.
+    """Read plans, model and map, and check every plan; `clear` in metres, as `nodata`.
 
     Raises:
         InputError: names file and field.
     """
-    if topics is not None and not is_bag(map_file):
-        raise InputError(
-            str(topics), "", "expected a recording with a topic mapping, got files of other kinds"
-        )
+    refuse_topics(topics, map_file)
     model = read_model(find_model(model_file))
     plans = read_external_plans(plan_file)
-    info = map_info(map_file, topics)
-    check_paths_on_map([_path_of(p) for p in plans], info.extent, str(plan_file), str(map_file))
-    around = _around(plans, footprint_margin(model.vehicle, info) + max(model.vehicle.shape[:3]))
-    ground = read_map(map_file, around=around, topics=topics, nodata=nodata)
-    return check_plans(
-        plans,
-        model,
-        ground,
-        clear=clear,
-        quantile=quantile,
-        source=str(plan_file),
-        notes=ground.assumed,
-        quiet=quiet,
+    paths = [_path_of(plan) for plan in plans]
+    reach = max(model.vehicle.shape[:3])
+    ground = read_ground(
+        map_file, paths, plan_file, model.vehicle, topics=topics, nodata=nodata, reach=reach
     )
+    result = check_plans(
+        plans, model, ground, clear=clear, quantile=quantile, source=str(plan_file), quiet=quiet
+    )
+    return replace(result, notes=ground.assumed)
 
 
 def check_plans(
@@ -178,11 +156,10 @@ def check_plans(
     model: Model,
     heights: Heights,
     *,
-    clear: float = np.inf,
-    quantile: float = QUANTILE,
-    source: str = "plan",
-    notes: tuple[str, ...] = (),
-    quiet: bool = True,
+    clear: float,
+    quantile: float,
+    source: str,
+    quiet: bool,
 ) -> CheckResult:
     """Check plans on ground that is in memory.
 
@@ -198,16 +175,9 @@ def check_plans(
                     check_plan_on_map(plan, model, heights, clear=clear, quantile=quantile)
                 )
             advance(1)
-    return CheckResult(model.name, tuple(reports), time.perf_counter() - begin, notes)
+    return CheckResult(model.name, tuple(reports), time.perf_counter() - begin)
 
 
 def _path_of(plan: ExternalPlan) -> CandidatePath:
     x, y = (np.resize(values, max(len(values), 2)) for values in (plan.x, plan.y))
     return CandidatePath(plan.name, np.stack((x, y), axis=1))
-
-
-def _around(plans: Sequence[ExternalPlan], margin: float) -> Around:
-    x = np.concatenate([plan.x for plan in plans])
-    y = np.concatenate([plan.y for plan in plans])
-    ends = (x.min() - margin, x.max() + margin, y.min() - margin, y.max() + margin)
-    return tuple(map(float, ends))  # type: ignore[return-value]

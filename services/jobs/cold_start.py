@@ -55,9 +55,6 @@ _compiler: subprocess.Popen[bytes] | None = None
 def compile_first(meanwhile: str) -> None:
     """Compile on all cores what is not compiled yet, and say so in one line on standard error.
 
-    Args:
-        meanwhile: consequence of the wait, for the message.
-
     The compiler's memory is that of other processes. Where the code cannot be kept this one has to
     compile it anyway, and only the line is printed.
     """
@@ -79,11 +76,9 @@ def compile_first(meanwhile: str) -> None:
 def sooner(job: Callable[[], T], stations: Callable[[], float]) -> T:
     """Run a planning job, in Python where the compiler would take longer, as another one compiles.
 
-    The first job after that finds everything compiled. A job must not begin another one.
-
-    Args:
-        job: may be done twice: where Python has no number but an error, the compiler is waited for.
-        stations: how many it plans along; NaN for a path that is refused anyway.
+    The first job after that finds everything compiled. A job must not begin another one; it may be
+    done twice: where Python has no number but an error, the compiler is waited for. It plans along
+    that many stations, NaN for a path that is refused anyway.
     """
     with _joined(_prefers_python) as in_python:
         if not in_python:

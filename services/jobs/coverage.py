@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import msgspec
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.calibration.coverage import Coverage, covered
-from slopewise.services.io.drive_log import read_logs
 from slopewise.services.io.files import fault
-from slopewise.services.io.logs.log_source import grade_by_map, names_of, refuse_wrong_units
-from slopewise.services.io.logs.unseen_channels import unseen_channels
+from slopewise.services.io.log_checks import refuse_wrong_units, unseen_channels
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.io.no_data import NoData
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import Summary, input_errors
 
@@ -24,14 +19,10 @@ _PARTS = 4
 
 
 class PartCoverage(Summary, frozen=True):
-    """Some stops against what plans allow.
+    """Measured stops, and those that ended beyond the allowed distance.
 
-    Attributes:
-        stops: how many were measured.
-        beyond: stops that ended beyond the allowed distance.
-        share_beyond: their share.
-        mean_excess_m: mean of allowed minus actual distance [m]; null without stops.
-        not_allowed: stops from a speed that plans do not allow at all.
+    `mean_excess_m` is the mean of allowed minus actual distance [m], null without stops;
+    `not_allowed` are stops from a speed that plans do not allow at all.
     """
 
     stops: int
@@ -56,6 +47,7 @@ class SessionCoverage(PartCoverage, frozen=True):
 class CoverageSummary(PartCoverage, frozen=True, kw_only=True):
     """Output of `coverage --json`; `covers`: no more are beyond than chance explains."""
 
+    model: str
     stop_count: int = msgspec.field(name="found")
     quantile: float
     covers: bool
@@ -66,27 +58,9 @@ class CoverageSummary(PartCoverage, frozen=True, kw_only=True):
 
 
 def coverage(
-    logs: Sequence[Path],
-    model_file: str,
-    *,
-    quantile: float,
-    map_file: Path | None = None,
-    nodata: NoData = None,
-    topics: Path | None = None,
-    columns: str = "",
-    quiet: bool = True,
+    logs: LogInput, model_file: str, *, quantile: float, quiet: bool = True
 ) -> CoverageSummary:
-    """Read, measure, compare.
-
-    Args:
-        logs: tables or recordings.
-        model_file: model file or shipped vehicle.
-        quantile: one-sided probability that margins cover the model's uncertainty.
-        map_file: elevation map that x, y of the logs lie on.
-        nodata: height of the map that marks unknown ground [m].
-        topics: topic mapping of recordings.
-        columns: names and units of tables that differ.
-        quiet: without a progress bar.
+    """Compare the stops of logs with the distances that plans at a quantile allow.
 
     Raises:
         InputError: names file and field, or says why there are no stops.
@@ -95,22 +69,22 @@ def coverage(
         raise fault("--quantile", "", f"expected a share in [0.5, 0.9999], got {quantile:g}")
     model = read_model(find_model(model_file))
     with progress_bar("comparing stops with the model", 2, quiet=quiet) as advance:
-        log = read_logs(logs, topics, columns)
+        log = logs.read()
         refuse_wrong_units(log)
-        ground = grade_by_map(log, map_file, model.vehicle, nodata)
+        ground = logs.grade(log, model.vehicle)
         advance(1)
-        with input_errors(names_of(logs)):
+        with input_errors(logs.names):
             stops = covered(log.columns, log.runs, model, ground=ground, quantile=quantile)
         advance(1)
-    return _summary(stops, list(unseen_channels(model.effect, log.columns)))
+    return _summary(model.name, stops, list(unseen_channels(model.effect, log.columns)))
 
 
-def _summary(stops: Coverage, notes: list[str]) -> CoverageSummary:
+def _summary(model: str, stops: Coverage, notes: list[str]) -> CoverageSummary:
     speed = np.array([r.samples.window.held_speed for r in stops.records])
     grade = np.array([r.grade for r in stops.records])
-    sessions = dict.fromkeys(stops.session.tolist())
     return CoverageSummary(
         *_part(stops, np.ones(len(stops.records), np.bool_)),
+        model=model,
         stop_count=len(stops.windows),
         quantile=stops.quantile,
         covers=stops.covers(),
@@ -119,7 +93,7 @@ def _summary(stops: Coverage, notes: list[str]) -> CoverageSummary:
         by_grade=_by_range(stops, grade),
         by_session=[
             SessionCoverage(*_part(stops, stops.session == name), session=str(name))
-            for name in sessions
+            for name in dict.fromkeys(stops.session.tolist())
         ],
     )
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
-from pathlib import Path
 from typing import Any
 
 from slopewise.models.discrepancy.findings import Findings
@@ -13,11 +11,9 @@ from slopewise.models.discrepancy.progress import Stage
 from slopewise.models.discrepancy.report.evidence import Evidence
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate_with_evidence
-from slopewise.services.io.drive_log import read_logs
 from slopewise.services.io.findings_file import findings_as_json, source_of
-from slopewise.services.io.logs.log_source import grade_by_map, names_of
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.io.no_data import NoData
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import input_errors
 
@@ -36,27 +32,13 @@ class DiscrepancyResult:
 
 
 def discrepancy(
-    logs: Sequence[Path],
+    logs: LogInput,
     model_file: str,
     *,
     settings: DiscrepancySettings | None = None,
-    map_file: Path | None = None,
-    nodata: NoData = None,
-    topics: Path | None = None,
-    columns: str = "",
     quiet: bool = True,
 ) -> DiscrepancyResult:
-    """Read and investigate.
-
-    Args:
-        logs: tables or recordings.
-        model_file: model file or shipped vehicle.
-        settings: rate of false alarms, sizes that matter, seed.
-        map_file: elevation map that x, y of the logs lie on.
-        nodata: height of the map that marks unknown ground [m].
-        topics: topic mapping of recordings.
-        columns: names and units of tables that differ.
-        quiet: without a progress bar.
+    """Read logs and model, and investigate.
 
     Raises:
         InputError: names file and field, or says why there are too few stops.
@@ -64,17 +46,17 @@ def discrepancy(
     model_path = find_model(model_file)
     model = read_model(model_path)
     with progress_bar("comparing", Stage.FINDINGS + 1, quiet=quiet) as advance:
-        log = read_logs(logs, topics, columns)
-        ground = grade_by_map(log, map_file, model.vehicle, nodata)
+        log = logs.read()
+        ground = logs.grade(log, model.vehicle)
         advance(1)
-        with input_errors(names_of(logs)):
+        with input_errors(logs.names):
             findings, evidence = investigate_with_evidence(
                 log.columns,
                 log.runs,
                 model,
                 ground=ground,
                 settings=settings,
-                source=source_of(logs, model_path, f"{date.today()}"),
+                source=source_of(logs.files, model_path, f"{date.today()}"),
                 advance=advance,
             )
     return DiscrepancyResult(findings, evidence)

@@ -12,7 +12,6 @@ import numpy as np
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.errors import InputError
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.planner.explain.explain import Explanation, explain
@@ -25,27 +24,21 @@ from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 from slopewise.planner.swept.sentences import notes as swept_notes
 from slopewise.services.check.external_plan import plan_of_columns
-from slopewise.services.io.bags import is_bag
-from slopewise.services.io.map_file import frame_of, map_info, read_map
-from slopewise.services.io.map_grid import footprint_margin
+from slopewise.services.io.map_file import frame_of
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.no_data import NoData
-from slopewise.services.io.path_file import check_paths_on_map, read_paths
+from slopewise.services.io.path_file import read_paths
 from slopewise.services.io.plan_file import driven, read_external_plans
 from slopewise.services.jobs.check import CheckResult, check_plans
 from slopewise.services.jobs.cold_start import sooner, stations_of
+from slopewise.services.jobs.ground import read_ground, refuse_topics
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import input_errors
 
 
 @dataclass(frozen=True, slots=True)
 class PlanResult:
-    """Plans best first, and what they were made from.
-
-    Attributes:
-        seconds: time of planning, without the wait for a compiler [s].
-        files: map and model, if from files.
-    """
+    """Plans best first, and what they were made from; time without the wait for a compiler [s]."""
 
     plans: list[SpeedPlan]
     elevation_map: ElevationMap
@@ -54,7 +47,7 @@ class PlanResult:
     uncertainty: Uncertainty | None = None
     explanation: Explanation | None = None
     check: CheckResult | None = None
-    files: tuple[Path, Path] | None = None
+    files: tuple[Path, Path] | None = None  # map and model
     settings: PlannerSettings = field(default_factory=PlannerSettings)
 
     @property
@@ -96,35 +89,19 @@ def plan(
     nodata: NoData = None,
     quiet: bool = True,
 ) -> PlanResult:
-    """Read map, paths and model, plan and rank.
+    """Read map, paths and model, plan and rank; speed in m/s, `clear` and `nodata` in metres.
 
-    Args:
-        map_file: elevation map.
-        path_file: candidate paths.
-        model_file: model file or shipped vehicle.
-        start_speed: speed at the first station [m/s].
-        clear: station up to which the path is known to be free [m].
-        settings: spacing, smoothing, weights of the ranking.
-        uncertainty: quantile of the margins; None plans with the model's mean.
-        explains: with an explanation of the best candidate.
-        topics: topic mapping of recordings.
-        nodata: height of the map that marks unknown ground [m].
-        quiet: without a progress bar.
+    Without an uncertainty the plans are by the model's mean; `explains`: with an explanation of
+    the best candidate.
 
     Raises:
         InputError: names file and field.
     """
     found_model = find_model(model_file)
     model = read_model(found_model)
-    if topics is not None and not (is_bag(map_file) or is_bag(path_file)):
-        raise InputError(
-            str(topics), "", "expected a recording with a topic mapping, got files of other kinds"
-        )
+    refuse_topics(topics, map_file, path_file)
     paths = read_paths(path_file, topics, frame_of(map_file, topics))
-    info = map_info(map_file, topics)
-    check_paths_on_map(paths, info.extent, str(path_file), str(map_file))
-    around = _around(paths, footprint_margin(model.vehicle, info))
-    ground = read_map(map_file, around=around, topics=topics, nodata=nodata)
+    ground = read_ground(map_file, paths, path_file, model.vehicle, topics=topics, nodata=nodata)
     planner = CandidatePlanner(model, settings, uncertainty)
     with input_errors(path_file, ("speed", "clear")):
         plans, resampled, seconds = plan_paths(
@@ -164,13 +141,7 @@ def plan_paths(
 ) -> tuple[list[SpeedPlan], list[EvenPath], float]:
     """Plan on ground that is in memory; plans best first, the resampled paths, and the time [s].
 
-    Args:
-        planner: with model, settings and quantile.
-        ground: elevation map.
-        paths: candidates.
-        start_speed: speed at the first station [m/s].
-        clear: station up to which the path is known to be free [m].
-        quiet: without a progress bar; None: with one while kernels run as Python, which takes long.
+    `quiet` None: with a progress bar while kernels run as Python, which takes long.
 
     Raises:
         ParameterError: names the candidate or the argument, and what was expected.
@@ -200,22 +171,11 @@ def with_check(
     else:
         plans, source = [plan_of_columns(driven(plan)) for plan in result.plans], "plan"
     quantile = 0.5 if result.uncertainty is None else result.uncertainty.quantile
+    model, ground = result.model, result.elevation_map
     checked = check_plans(
-        plans,
-        result.model,
-        result.elevation_map,
-        clear=clear,
-        quantile=quantile,
-        source=source,
-        quiet=quiet,
+        plans, model, ground, clear=clear, quantile=quantile, source=source, quiet=quiet
     )
     return replace(result, check=checked)
-
-
-def _around(paths: Sequence[CandidatePath], margin: float) -> tuple[float, float, float, float]:
-    points = np.concatenate([path.points for path in paths])
-    (x_min, y_min), (x_max, y_max) = points.min(axis=0) - margin, points.max(axis=0) + margin
-    return float(x_min), float(x_max), float(y_min), float(y_max)
 
 
 def planner_settings(**values: Any) -> PlannerSettings:

@@ -15,24 +15,13 @@ from slopewise.services.jobs.plan import PlanResult
 SCENES = (".mcap", ".rrd")
 """Endings of scenes; everything else is a CSV table."""
 
-_NOT_A_TABLE = (
-    ".xlsx",
-    ".xls",
-    ".ods",
-    ".parquet",
-    ".json",
-    ".npz",
-    ".tif",
-    ".toml",
-    ".html",
-    ".pdf",
-)
+_NO_CSV = (".xlsx", ".xls", ".ods", ".parquet", ".json", ".npz", ".tif", ".toml", ".html", ".pdf")
 """Endings of other formats, which a reader would not open as a table of text."""
 
 
 def check_plan_name(path: Path | None) -> None:
     """Raise InputError for a name with the ending of another format."""
-    if path is not None and path.suffix.lower() in _NOT_A_TABLE:
+    if path is not None and path.suffix.lower() in _NO_CSV:
         expected = f"expected a name that ends in .csv, {' or '.join(SCENES)}, got {path.suffix}"
         raise InputError(str(path), "", expected)
 
@@ -50,14 +39,11 @@ def write_plans(result: PlanResult, path: Path) -> None:
 
         write_rrd(*scene)
     else:
-        write_plan_csv(_joined(result), path)
+        parts = [driven(plan) for plan in result.plans]
+        columns = {name: [part[name] for part in parts] for name in parts[0]}
+        write_plan_csv({name: _joined(values) for name, values in columns.items()}, path)
 
 
-def _joined(result: PlanResult) -> dict[str, Any]:
-    parts = [driven(plan) for plan in result.plans]
-    columns: dict[str, Any] = {}
-    for name in parts[0]:
-        values = [part[name] for part in parts]
-        is_text = isinstance(values[0], list)
-        columns[name] = list(itertools.chain(*values)) if is_text else np.concatenate(values)
-    return columns
+def _joined(values: list[Any]) -> Any:
+    is_text = isinstance(values[0], list)
+    return list(itertools.chain(*values)) if is_text else np.concatenate(values)

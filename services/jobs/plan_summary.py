@@ -86,18 +86,9 @@ class DemoSummary(PlanSummary, frozen=True):
     page: str = ""
 
 
-def summarise(result: PlanResult) -> PlanSummary:
-    """Facts and columns of each plan, best first."""
-    return PlanSummary(**_fields(result))
-
-
-def summarise_demo(result: PlanResult, page: Path) -> DemoSummary:
-    """The same, and the file of the report."""
-    return DemoSummary(**_fields(result), page=str(page))
-
-
-def _fields(result: PlanResult) -> dict[str, Any]:
-    return {
+def summarise(result: PlanResult, page: Path | None = None) -> PlanSummary:
+    """Facts and columns of each plan, best first; with a page: as `demo --json` prints them."""
+    fields: dict[str, Any] = {
         "model": result.model.name,
         "admissible": result.admissible,
         "seconds": result.seconds,
@@ -107,6 +98,7 @@ def _fields(result: PlanResult) -> dict[str, Any]:
         "explain": None if result.explanation is None else _explained(result.explanation),
         "check": None if result.check is None else result.check.summary,
     }
+    return PlanSummary(**fields) if page is None else DemoSummary(**fields, page=str(page))
 
 
 def _made_from(result: PlanResult) -> MadeFrom | None:
@@ -124,36 +116,26 @@ def _made_from(result: PlanResult) -> MadeFrom | None:
 
 
 def _plan(plan: SpeedPlan) -> dict[str, Any]:
-    deviation = plan.path_deviation
+    """Facts, columns, and the speed needed on a hill that thrust alone cannot climb."""
+    deviation, run_up = plan.path_deviation, plan.momentum
     keys = ("largest", "station", "x", "y", "limit")
-    columns = {
+    facts: dict[str, Any] = {
+        **summary(plan),
+        "path_deviation": None if deviation is None else {k: getattr(deviation, k) for k in keys},
+    }
+    if run_up is not None:
+        needed = run_up.least_speed > 0.0
+        facts["momentum"] = {
+            **{k: getattr(run_up, k) for k in ("station", "speed", "until", "allowed")},
+            "stations": plan.station[needed].tolist(),
+            "least_speed": run_up.least_speed[needed].tolist(),
+        }
+    facts["columns"] = {
         name: values if isinstance(values, list) else values.tolist()
         for name, values in driven(plan).items()
         if name not in _REPEATED
     }
-    return {
-        **summary(plan),
-        "path_deviation": None if deviation is None else {k: getattr(deviation, k) for k in keys},
-        **_run_up(plan),
-        "columns": columns,
-    }
-
-
-def _run_up(plan: SpeedPlan) -> dict[str, Any]:
-    """Speed needed on a hill that thrust alone cannot climb; empty if the plan needs none."""
-    run_up = plan.momentum
-    if run_up is None:
-        return {}
-    needed = run_up.least_speed > 0.0
-    values = {
-        "station": run_up.station,
-        "speed": run_up.speed,
-        "until": run_up.until,
-        "allowed": run_up.allowed,
-        "stations": plan.station[needed].tolist(),
-        "least_speed": run_up.least_speed[needed].tolist(),
-    }
-    return {"momentum": values}
+    return facts
 
 
 def _explained(explanation: Explanation) -> ExplanationSummary:
@@ -164,5 +146,5 @@ def _explained(explanation: Explanation) -> ExplanationSummary:
             for s in explanation.stretches
         ],
         [BoundCost(c.limiting.label, c.seconds, c.reach) for c in explanation.costs],
-        [MeasurementRow(m.name, m.seconds, m.reach, m.sentence) for m in explanation.measurements],
+        msgspec.convert(explanation.measurements, list[MeasurementRow], from_attributes=True),
     )

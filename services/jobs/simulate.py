@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,11 @@ from numpy.typing import NDArray
 from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.models.stops.simulation import RunChannels, replay, stop_commands
-from slopewise.services.io.drive_log import DriveLog, read_logs
-from slopewise.services.io.logs.unseen_channels import unseen_channels
+from slopewise.services.io.drive_log import DriveLog
+from slopewise.services.io.log_checks import unseen_channels
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.table import write_csv
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import Summary
 
@@ -25,14 +25,9 @@ _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y", "brake", "vertical_curvature")
 
 
 class RunSummary(Summary, frozen=True):
-    """Measured against simulated speed of a run.
+    """Measured minus simulated speed of a run [m/s]; its stop commands.
 
-    Attributes:
-        run: its name.
-        stops: number of stop commands.
-        rms: root mean square of the residual of speed [m/s].
-        worst: largest residual of speed [m/s].
-        longer_by: simulated minus measured distance over all stops [m].
+    `longer_by` is the simulated minus the measured distance over all stops [m].
     """
 
     run: str
@@ -58,32 +53,17 @@ class SimulateResult:
 
     def write(self, path: Path) -> None:
         """Write `run,t,v_measured,v_simulated,residual`, all or nothing."""
-        columns = {n: list(v) if n == "run" else v for n, v in self.columns.items()}
-        write_csv(columns, path)
+        write_csv({n: list(v) if n == "run" else v for n, v in self.columns.items()}, path)
 
 
-def simulate(
-    logs: Sequence[Path],
-    model_file: str,
-    *,
-    topics: Path | None = None,
-    columns: str = "",
-    quiet: bool = True,
-) -> SimulateResult:
+def simulate(logs: LogInput, model_file: str, *, quiet: bool = True) -> SimulateResult:
     """Read logs and drive the model from each stop command on.
-
-    Args:
-        logs: tables or recordings.
-        model_file: model file or shipped vehicle.
-        topics: topic mapping of recordings.
-        columns: names and units of tables that differ.
-        quiet: without a progress bar.
 
     Raises:
         InputError: names file, row and column.
     """
     model = read_model(find_model(model_file))
-    log = read_logs(logs, topics, columns)
+    log = logs.read()
     measured = log.columns["v"]
     simulated = np.empty_like(measured)
     runs = []
@@ -106,21 +86,17 @@ def simulate(
 
 def _replay_run(model: Model, log: DriveLog, part: slice) -> NDArray[np.float64]:
     columns = log.columns
-    further = {
-        name: columns[name][part]
-        for name in _CHANNELS
-        if name in columns and np.isfinite(columns[name][part]).all()
-    }
+    names = [n for n in _CHANNELS if n in columns and np.isfinite(columns[n][part]).all()]
     surfaces = columns["terrain"][part] if "terrain" in columns else np.array([""])
-    names, counts = np.unique(surfaces, return_counts=True)
+    surface_names, counts = np.unique(surfaces, return_counts=True)
     channels = RunChannels(
         time=columns["t"][part],
         speed=columns["v"][part],
         command=columns["v_cmd"][part],
         pitch=columns["pitch"][part],
-        **further,
+        **{name: columns[name][part] for name in names},
     )
-    return replay(model, channels, str(names[counts.argmax()]))
+    return replay(model, channels, str(surface_names[counts.argmax()]))
 
 
 def _compared(log: DriveLog, part: slice, simulated: NDArray[np.float64]) -> RunSummary:

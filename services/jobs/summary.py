@@ -41,11 +41,9 @@ def finite(value: float) -> float | None:
 
 @contextmanager
 def input_errors(source: object, options: Collection[str] = ()) -> Iterator[None]:
-    """Turn a ParameterError of the block into an InputError that names file or option.
+    """Turn a ParameterError of the block into an InputError that names its source.
 
-    Args:
-        source: file, or option, that the parameters come from.
-        options: parameters that are options themselves; `speed` is `--speed`.
+    Some parameters are options themselves: `speed` is `--speed`.
     """
     try:
         yield

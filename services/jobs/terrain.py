@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +13,7 @@ from slopewise.models.terrain.log_checks import implausible
 from slopewise.models.terrain.monitor import TerrainMonitor
 from slopewise.models.terrain.resistances import Drivetrain
 from slopewise.models.terrain.trace import TerrainTrace, trace
-from slopewise.services.io.drive_log import DriveLog, read_logs
+from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.files import fault
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.terrain_file import (
@@ -24,29 +22,22 @@ from slopewise.services.io.terrain_file import (
     read_terrains,
     shipped_terrains,
 )
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
 from slopewise.services.jobs.terrain_run import CHANNELS, NEEDED, monitor_rows, run_events
 
 
 def terrain(
-    logs: Sequence[Path],
+    logs: LogInput,
     model_file: str,
     *,
     terrains: str | None = None,
-    topics: Path | None = None,
-    columns: str = "",
     quiet: bool = True,
 ) -> TerrainResult:
     """Read, estimate, describe.
 
-    Args:
-        logs: tables or recordings.
-        model_file: model file or shipped vehicle, with the terrain so far.
-        terrains: terrain file or shipped name; by default that of the model's name.
-        topics: topic mapping of recordings.
-        columns: names and units of tables that differ.
-        quiet: without a progress bar.
+    `terrains`: terrain file or shipped name, by default that of the model's name.
 
     Raises:
         InputError: names file and field.
@@ -55,7 +46,7 @@ def terrain(
     model = read_model(model_path)
     _check_vehicle(model, str(model_path))
     known = _read_terrains(terrains, model)
-    log = read_logs(logs, topics, columns)
+    log = logs.read()
     _check_channels(log)
     begin = time.perf_counter()
     monitor = _monitor(model, known)

@@ -77,4 +77,4 @@ def write_learned(result: TerrainResult, path: Path) -> str:
     learned = replace(result.terrains, terrain=classes.terrain, thresholds=thresholds)
     write_terrains(learned, path)
     days = ", ".join(f"{terrain.name} {terrain.days:g}" for terrain in classes.terrain)
-    return f"days or sites in {path.name}: {days}; a single name needs three (column site)"
+    return f"days or sites in {path.name}: {days}; a single name needs three (column session)"

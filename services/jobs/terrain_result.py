@@ -23,28 +23,18 @@ _LASTING = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEvents:
-    """Terrain events of one run, in chronological order.
-
-    Attributes:
-        run: name of the run.
-        samples: part of the log.
-        events: stretches with their descriptions, and changes.
-        excluded: stretches that nothing is learned from.
-        known: features of the ground at the end of the run.
-        labels, sites: ground, and day or site, as the log names them, one per stretch.
-        centres: centres of rotation (left, right) [m], one pair per stretch; NaN if not observable.
-        is_relied_on: the description at the end is as certain as plans rely on.
-    """
+    """Terrain events of one run, in chronological order."""
 
     run: str
     samples: slice
     events: list[Event]
     excluded: list[Suspect]
-    known: Features
-    labels: list[str]
-    sites: list[str]
+    known: Features  # of the ground at the end of the run
+    labels: list[str]  # ground as the log names it, one per stretch
+    sessions: list[str]  # day or site likewise
     centres: list[tuple[float, float]]
-    is_relied_on: bool
+    """Centres of rotation (left, right) of each stretch [m], NaN where not observable."""
+    is_relied_on: bool  # the description at the end is as certain as plans rely on
 
     @property
     def stretches(self) -> list[DescribedStretch]:
@@ -99,20 +89,14 @@ def _stated(texts: list[str]) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainResult:
-    """Events of all runs, and their inputs.
-
-    Attributes:
-        usable_samples: samples that may be learned from, shape (samples,).
-        seconds: time of computing, without reading.
-        notes: assumptions and limits.
-    """
+    """Events of all runs, and their inputs."""
 
     runs: list[RunEvents]
     log: DriveLog
     model: Model
     terrains: TerrainFile
-    usable_samples: NDArray[np.bool_]
-    seconds: float
+    usable_samples: NDArray[np.bool_]  # (samples,), may be learned from
+    seconds: float  # without reading
     notes: tuple[str, ...] = ()
 
     @property
@@ -133,13 +117,13 @@ class TerrainResult:
         """Stretches by run and the log's own name of the ground; without those that were stuck."""
         parts: dict[tuple[str, str, str], list[DescribedStretch]] = {}
         for run in self.runs:
-            rows = zip(run.stretches, run.labels, run.sites, strict=True)
-            for stretch, label, site in rows:
+            rows = zip(run.stretches, run.labels, run.sessions, strict=True)
+            for stretch, label, session in rows:
                 if label and not stretch.is_stuck:
-                    parts.setdefault((run.run, label, site), []).append(stretch)
+                    parts.setdefault((run.run, label, session), []).append(stretch)
         return [
-            LabelledRun(label, site, tuple(stretch.observation for stretch in stretches))
-            for (_, label, site), stretches in parts.items()
+            LabelledRun(label, session, tuple(stretch.observation for stretch in stretches))
+            for (_, label, session), stretches in parts.items()
         ]
 
     @property

@@ -56,7 +56,7 @@ def run_events(
         excluded=excluded,
         known=monitor.estimator.known,
         labels=_texts(log, part, stretches, "terrain"),
-        sites=_texts(log, part, stretches, "site"),
+        sessions=_texts(log, part, stretches, "session"),
         centres=_centres(log, part, stretches),
         is_relied_on=monitor.describer.describe(relied_on=True).is_decided,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import msgspec
@@ -128,7 +129,7 @@ def _run(run: RunEvents, result: TerrainResult) -> RunRow:
             for s in run.excluded
         ],
         stretches=[
-            {key: _plain(value) for key, value in row.items()}
+            {k: finite(v) if isinstance(v, float) else v for k, v in row.items()}
             | {
                 "agrees_with": list(stretch.agrees_with),
                 "p_values": stretch.p_values,
@@ -142,10 +143,6 @@ def _run(run: RunEvents, result: TerrainResult) -> RunRow:
 def _probabilities(name: str) -> dict[str, float]:
     """Level of the set of classes that a single name comes from; no other class has one."""
     return {name: 1.0 - ALPHA} if name else {}
-
-
-def _plain(value: Any) -> Any:
-    return finite(value) if isinstance(value, float) else value
 
 
 def _features(known: Features) -> dict[str, FeatureValue]:
@@ -164,3 +161,19 @@ def _spread(values: list[tuple[float, float, float]]) -> dict[str, Any]:
         mean = float(np.mean(known)) if len(known) else None
         table[name] = {"mean": mean, "std": float(np.std(known)) if len(known) else None}
     return table
+
+
+def run_cells(run: RunEvents, spread: str = "") -> list[str]:
+    """A run as a row of a table; spread: how a standard deviation follows its value."""
+    values = [
+        f"{value:.3f}{spread.format(std)}" if math.isfinite(value) else "–"
+        for value, std in zip(run.known.values, run.known.stds, strict=True)
+    ]
+    counts = (
+        len(run.stretches),
+        sum(not change.again for change in run.changes),
+        round(run.stuck_seconds),
+        len(run.excluded),
+    )
+    ground = [run.hardness, run.grip, run.name or f"{{{', '.join(run.agrees_with)}}}"]
+    return [run.run, *values, *ground, *(str(count) if count else "–" for count in counts)]

@@ -12,29 +12,22 @@ from functools import lru_cache
 from slopewise.models.parameters import Model
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.services.io.model_file import model_sha256, vehicle_to_dict
+from slopewise.services.io.decode import encode_table
+from slopewise.services.io.model_file import model_sha256
 from slopewise.services.wire import plan_messages
 
 
 @dataclass(frozen=True, slots=True)
 class ActiveParameters:
-    """A model and its version.
-
-    Attributes:
-        model: model to plan with. version: grows with every change.
-        at: monotonic clock at the last update of the oldest learned parameters [s].
-        revision: grows also when plans of the same version change, as parameters age.
-        uncertainty: uncertainty that margins cover; None: that of the settings.
-        flags: active warnings.
-        model_hash: digest of the model, computed here, so that no reply has to wait for it.
-    """
+    """A model and its version."""
 
     model: Model
-    version: int = 1
-    at: float = field(default_factory=time.monotonic)
-    revision: int = 0
-    uncertainty: Uncertainty | None = None
-    flags: tuple[str, ...] = ()
+    version: int = 1  # grows with every change
+    at: float = field(default_factory=time.monotonic)  # last update of the oldest ones [s]
+    revision: int = 0  # grows also when plans of the same version change, as parameters age
+    uncertainty: Uncertainty | None = None  # that margins cover; None: that of the settings
+    flags: tuple[str, ...] = ()  # active warnings
+    # Computed here, so that no reply has to wait for it.
     model_hash: str = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -54,22 +47,25 @@ class ActiveParameters:
 
     def message(self) -> plan_messages.Parameters:
         """Message for replies and status."""
-        age = time.monotonic() - self.at
         return plan_messages.Parameters(
             version=self.version,
             name=self.model.name,
             fingerprint=fingerprint(self.model),
-            age=age,
+            age=time.monotonic() - self.at,
             model_hash=self.model_hash,
         )
 
 
+def slowed(model: Model, speed: float) -> Model:
+    """A model with a tighter limit of the speed [m/s]."""
+    return replace(model, limits=replace(model.limits, speed=min(model.limits.speed, speed)))
+
+
 def with_max_speed(parameters: ActiveParameters, speed: float, reason: str) -> ActiveParameters:
     """The same with a tighter limit of the speed [m/s], and the reason as a warning."""
-    limits = replace(parameters.model.limits, speed=min(parameters.model.limits.speed, speed))
     return replace(
         parameters,
-        model=replace(parameters.model, limits=limits),
+        model=slowed(parameters.model, speed),
         revision=-1 - parameters.revision,
         flags=(f"degraded: {reason}", *parameters.flags),
     )
@@ -83,5 +79,5 @@ def fingerprint(model: Model) -> str:
 @lru_cache(maxsize=64)
 def _digest(vehicle: Vehicle) -> str:
     # Part of every reply, and computing it takes half a millisecond.
-    text = json.dumps(vehicle_to_dict(vehicle), sort_keys=True)
+    text = json.dumps(encode_table(vehicle), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -23,33 +23,27 @@ from slopewise.models.parameters import Braking
 from slopewise.models.quantity import Matrix
 from slopewise.models.stop_logs.stop_stream import StreamedStop
 from slopewise.planner.ground.uncertainty import HOUR, Uncertainty
-from slopewise.services.parameters.increase_limit import limit_increase
-from slopewise.services.parameters.learned_stop import (
+from slopewise.services.parameters.force_limits import (
+    coefficients_of,
+    limit_increase,
+    prior_for_new_surface,
+    select_surface_to_evict,
+)
+from slopewise.services.parameters.stop_checks import (
+    MAX_DEAD_TIME,
     LearnedStop,
     measured_distance,
     predicted_distance,
-)
-from slopewise.services.parameters.stop_plausibility import MAX_DEAD_TIME
-from slopewise.services.parameters.surface_slots import (
-    prior_for_new_surface,
-    select_surface_to_evict,
 )
 from slopewise.services.settings.learning_settings import Learning
 
 _MAX_REJECTING_SOURCES = 64
 """Pairs of surface and source whose rejected weak stops are counted [1]; bounds memory."""
 
-_MAX_LISTED = 5
-"""Surfaces in one warning [1]."""
-
-DEAD_TIME_COUNT = 5
-"""Last stops whose median dead time is used [1]: two odd ones change nothing."""
-
-_TOLERANCE = 1e-9
-"""Rounding of F_b/W [1]."""
-
-_BOUND_TOLERANCE = 1e-6
-"""Rounding of stored F_b/W at the bounds [1]."""
+_MAX_LISTED = 5  # surfaces in one warning [1]
+DEAD_TIME_COUNT = 5  # last stops whose median dead time is used [1]: two odd ones change nothing
+_TOLERANCE = 1e-9  # rounding of F_b/W [1]
+_BOUND_TOLERANCE = 1e-6  # rounding of stored F_b/W at the bounds [1]
 
 _UNCERTAINTY = Uncertainty()
 """Share of the file's force on ground without stops, and drift of the force with age."""
@@ -62,8 +56,7 @@ typical vehicle's force at 2 m/s [s/m, 1, s/m, 1]."""
 class BrakingForces:
     """Forces measured by stops on each surface, and the braking model to plan with; one thread.
 
-    Attributes:
-        prior: braking that it is learned on top of. dead_times: those of the last stops [s].
+    The base, surface "", represents terrain without a name.
     """
 
     def __init__(
@@ -83,7 +76,7 @@ class BrakingForces:
         )
         self._updated: dict[str, float] = {}
         self._rejections: dict[tuple[str, str], int] = {}
-        self.dead_times: deque[float] = deque(maxlen=DEAD_TIME_COUNT)
+        self.dead_times: deque[float] = deque(maxlen=DEAD_TIME_COUNT)  # of the last stops [s]
         self._aged = time.monotonic()
         self._stronger: list[str] = []
         # Cached until something changes: one stop needs them several times.
@@ -100,19 +93,18 @@ class BrakingForces:
         clone._changed()
         return clone
 
+    # ------------------------------------------------------------------ learning
+
     def learn(
         self, stop: StreamedStop, surface: str, source: str, distance: float | None
     ) -> LearnedStop:
-        """Learn from one stop.
-
-        Raises:
-            ParameterError: too many surfaces.
-        """
+        """Learn from one stop; a ParameterError if there are too many surfaces."""
         self._add_surface(surface)
         predicted = predicted_distance(self._planning_surface(surface), self.dead_time(), stop)
         if distance is None:
             distance = measured_distance(stop, self.prior.dead_time)
-        planned = self.planned_force(surface, stop.onset_speed, stop.grade)
+        speed, grade = stop.onset_speed, stop.grade
+        planned = self.planned_force(surface, speed, grade)
         outcome = self._online.take(stop, surface).outcome
         if outcome is Acceptance.GATED and stop.force_ratio < planned:
             self._lower_after_rejections(stop, surface, source, planned)
@@ -125,14 +117,7 @@ class BrakingForces:
             self.dead_times.append(stop.dead_time)
         self._changed()
         return LearnedStop(
-            now,
-            source,
-            surface,
-            stop.onset_speed,
-            stop.grade,
-            predicted,
-            actual=distance,
-            outcome=outcome.value,
+            now, source, surface, speed, grade, predicted, distance, outcome=outcome.value
         )
 
     def _lower_after_rejections(
@@ -155,23 +140,23 @@ class BrakingForces:
     def lower_base(self, surface: str, before: str) -> bool:
         """Lower the base to the force of the terrain driven now; True if it changed.
 
-        The base represents terrain without a name: plans must not use more force than is known of
-        the terrain now. ``surface``, ``before``: its name now and until now, "" unknown.
+        Plans must not use more force than is known of the terrain now. ``surface``, ``before``: its
+        name now and until now, "" unknown.
         """
         learned = self.learned()
         force = learned.get(surface) if surface else None
         if force is not None and force.accepted > 0:
-            below = _coefficients(self.planning_braking({}).on(surface))
+            below = coefficients_of(self.planning_braking({}).on(surface))
         elif surface in self.prior.terrain:
-            below = _coefficients(self.prior.on(surface))
+            below = coefficients_of(self.prior.on(surface))
         elif surface and before:
             below = self._new_surface_prior()
         elif "" in learned:
-            below = _coefficients(self.prior)
+            below = coefficients_of(self.prior)
         else:
             return False
         corners = self._corners("")
-        planned = corners @ _coefficients(self.planning_braking({}))
+        planned = corners @ coefficients_of(self.planning_braking({}))
         if "" not in learned and np.all(planned <= corners @ below + _TOLERANCE):
             return False
         self._online.doubt("", below)
@@ -195,7 +180,7 @@ class BrakingForces:
         """
         surfaces = [s for s in ("", *self.prior.terrain) if not self._online.knows(s)]
         for surface in surfaces:
-            below = _coefficients(self.prior_on(surface))
+            below = coefficients_of(self.prior_on(surface))
             self._online.doubt(surface, _UNCERTAINTY.untrained_share * below)
             self._updated[surface] = time.monotonic() - self._settings.oldest
         self._changed()
@@ -207,6 +192,8 @@ class BrakingForces:
         self._online.age(now - self._aged, self._settings.grows_old)
         self._changed()
         self._aged = now
+
+    # ------------------------------------------------------------------ planning
 
     def flags(self) -> list[str]:
         """Warnings about the force that is planned with."""
@@ -262,6 +249,18 @@ class BrakingForces:
             known = self._planned_surfaces[surface] = used.on(surface) if surface else used
         return known
 
+    def learned(self) -> dict[str, LearnedForce]:
+        """Force learned on each surface."""
+        if self._forces is None:
+            self._forces = self._online.learned()
+        return self._forces
+
+    def _changed(self) -> None:
+        self._planned = self._forces = None
+        self._planned_surfaces = {}
+
+    # ------------------------------------------------------------------ surfaces
+
     def _add_surface(self, surface: str) -> None:
         """Begin a new surface with a share of the weakest known force."""
         if not surface or surface in self.prior.terrain or self._online.knows(surface):
@@ -278,17 +277,13 @@ class BrakingForces:
             self.put(evicted, None, 0.0, confident=True)
 
     def _new_surface_prior(self) -> Floats:
-        share = _UNCERTAINTY.untrained_share
-        return prior_for_new_surface(self.prior, self.learned(), share)
+        return prior_for_new_surface(self.prior, self.learned(), _UNCERTAINTY.untrained_share)
 
     def put(self, surface: str, force: LearnedForce | None, age: float, *, confident: bool) -> None:
-        """Replace the force of a surface; None: as in the prior.
+        """Replace the force of a surface by one of ``age`` seconds ago; None: as in the prior.
 
-        Args:
-            force: force of ``age`` seconds ago. confident: False inflates its covariance.
-
-        Raises:
-            ParameterError: brakes that would not slow the vehicle, or no slot is free.
+        Not ``confident`` inflates its covariance. A ParameterError: brakes that would not slow the
+        vehicle, or no slot is free.
         """
         if force is None:
             self._online.forget(surface)
@@ -334,17 +329,3 @@ class BrakingForces:
         known = self.prior_on(surface)
         speed, grade = np.meshgrid(known.speed_range, known.grade_range)
         return design(speed.ravel(), grade.ravel())
-
-    def learned(self) -> dict[str, LearnedForce]:
-        """Force learned on each surface, "" is the base."""
-        if self._forces is None:
-            self._forces = self._online.learned()
-        return self._forces
-
-    def _changed(self) -> None:
-        self._planned = self._forces = None
-        self._planned_surfaces = {}
-
-
-def _coefficients(known: Braking) -> Floats:
-    return np.array([getattr(known, name) for name in NAMES])

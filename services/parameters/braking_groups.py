@@ -18,7 +18,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.services.parameters.braking_forces import DEAD_TIME_COUNT, BrakingForces
 from slopewise.services.parameters.parameter_group import GroupDescription, ParameterGroups, State
-from slopewise.services.parameters.stop_plausibility import MAX_DEAD_TIME
+from slopewise.services.parameters.stop_checks import MAX_DEAD_TIME
 from slopewise.services.settings.learning_settings import Learning
 
 BASE = "braking"
@@ -50,7 +50,7 @@ class BrakingGroups(ParameterGroups):
         return set(map(group_of, self.forces.restrict_to_prior()))
 
     def assume_untrained(self) -> set[str]:
-        """See :meth:`BrakingForces.assume_untrained`; the groups that changed."""
+        """Assume brakes that may be worn where nothing was learned; the groups that changed."""
         return set(map(group_of, self.forces.assume_untrained()))
 
     def common_age(self, ages: Mapping[str, float]) -> float:
@@ -140,12 +140,12 @@ class BrakingGroups(ParameterGroups):
     def _check_values(
         self, surface: str, values: Mapping[str, float], known: Mapping[str, float]
     ) -> None:
-        for name in values:
+        for name, value in values.items():
             if name not in known or (surface and name == _DEAD_TIME):
                 raise ParameterError(name, f"one of {', '.join(NAMES)}")
-            if name != _DEAD_TIME and not abs(values[name]) <= _MAX_COEFFICIENT:
+            if name != _DEAD_TIME and not abs(value) <= _MAX_COEFFICIENT:
                 limit = f"{_MAX_COEFFICIENT:g} {_UNITS[NAMES.index(name)]}"
-                raise ParameterError(name, f"a number of -{limit} … {limit}, got {values[name]:g}")
+                raise ParameterError(name, f"a number of -{limit} … {limit}, got {value:g}")
         dead_time, at_least = values.get(_DEAD_TIME), self.forces.prior.dead_time
         if dead_time is not None and not at_least <= dead_time <= MAX_DEAD_TIME:
             expected = f"{at_least:g} s of the model file … {MAX_DEAD_TIME:g}, got {dead_time:g}"

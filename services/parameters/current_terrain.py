@@ -25,27 +25,18 @@ _NEEDED = ("yaw_rate", "v_left", "v_right", "current_left", "current_right")
 
 _SAMPLED = ("t", "v_left", "v_right", "yaw_rate", "current_left", "current_right", "pitch", "roll")
 
-_MAX_SOURCES = 8
-"""Senders with a terrain estimator each [1]; a robot has one or two."""
+_MAX_SOURCES = 8  # senders with a terrain estimator each [1]; a robot has one or two
 
 
 @dataclass(slots=True)
 class CurrentTerrain:
-    """Follows the terrain under the robot; one thread.
+    """Follows the terrain under the robot; one thread."""
 
-    Attributes:
-        model: model of the model file.
-        monitor: makes a terrain estimator of a model; loads it with the first samples.
-        label_for: time that a label holds [s].
-        min_probability: smallest probability of an accepted label [1].
-        unsupported_reason: why samples are not used; empty while they are used.
-    """
-
-    model: Model
-    monitor: Callable[[Model], Any]
-    label_for: float
-    min_probability: float
-    unsupported_reason: str = ""
+    model: Model  # model of the model file
+    monitor: Callable[[Model], Any]  # makes a terrain estimator; loads it with the first samples
+    label_for: float  # time that a label holds [s]
+    min_probability: float  # smallest probability of an accepted label [1]
+    unsupported_reason: str = ""  # why samples are not used; empty while they are used
     _label: str = ""
     _label_until: float = -np.inf
     _label_probability: float = 0.0
@@ -123,16 +114,12 @@ class CurrentTerrain:
 
 
 def monitor_maker(terrains: str) -> Callable[[Model], Any]:
-    """A maker of terrain estimators with the classes of a terrain file, or without classes.
-
-    Raises:
-        InputError: there is no such file, or it cannot be used.
-    """
+    """A maker of terrain estimators with the classes of a terrain file, or without classes."""
     file: Any = None
     if terrains:
-        from slopewise.services.io.terrain_file import find_terrains, read_terrains
+        from slopewise.services.io import terrain_file
 
-        file = read_terrains(find_terrains(terrains))
+        file = terrain_file.read_terrains(terrain_file.find_terrains(terrains))
 
     def make(model: Model) -> Any:
         # Takes half a second to load; a service without such samples never loads it.

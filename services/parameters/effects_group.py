@@ -25,25 +25,17 @@ EFFECTS = "effects"
 
 @dataclass(frozen=True, slots=True)
 class EffectsGroup(ParameterGroups):
-    """At most one proposal, and at most one finding in use; every change is a new one.
-
-    Attributes:
-        file: model of the model file. proposal: the last finding; None before there was one.
-        adopted: id of the finding in use, or "". tables: its model; None: the model file's.
-        may_be_faster: an operator accepted stops shorter than by the model file.
-        parked: base force learned on the model file, while the finding contains it.
-        since: monotonic clock at the last change of the finding in use [s].
-    """
+    """At most one proposal, and at most one finding in use; every change is a new one."""
 
     of_operators = True
 
-    file: Model
-    proposal: ModelProposal | None = None
-    adopted: str = ""
-    tables: State | None = None
-    may_be_faster: bool = False
-    parked: State | None = None
-    since: float = field(default_factory=lambda: time.monotonic())
+    file: Model  # of the model file
+    proposal: ModelProposal | None = None  # the last finding
+    adopted: str = ""  # id of the finding in use
+    tables: State | None = None  # its model; None: the model file's
+    may_be_faster: bool = False  # an operator accepted stops shorter than by the model file
+    parked: State | None = None  # base force learned on the file, while the finding contains it
+    since: float = field(default_factory=lambda: time.monotonic())  # finding in use [s]
 
     def model(self) -> Model:
         """The model that braking is learned on top of."""
@@ -53,14 +45,7 @@ class EffectsGroup(ParameterGroups):
         return finding if self.may_be_faster else cautious(finding, self.file)
 
     def adopt(self, proposal_id: str, *, faster: bool) -> EffectsGroup:
-        """With the proposed finding in use.
-
-        Args:
-            proposal_id: finding to adopt. faster: stops may become shorter than by the model file.
-
-        Raises:
-            ParameterError: another finding is proposed, or it may not be adopted.
-        """
+        """With the proposed finding in use; stops may become shorter only if ``faster``."""
         offer = self.proposal
         if offer is None or offer.id != proposal_id:
             there = "none" if offer is None else offer.id
@@ -83,17 +68,12 @@ class EffectsGroup(ParameterGroups):
         return replace(self, tables=tables, may_be_faster=faster, adopted=adopted, since=since)
 
     def load(self, state: State | None, age: float) -> EffectsGroup:
-        """As a state of ``age`` seconds ago; one that fits what is in use keeps its parked force.
-
-        Raises:
-            ValueError, KeyError, TypeError: a state that there cannot have been.
-        """
+        """As a state of ``age`` seconds ago; a parked force is retained while it fits."""
         proposal, adopted = self.read(state)
         if state is None:
-            reverted = (
-                self if self.tables is None else self._with_tables(None, faster=False, adopted="")
-            )
-            return replace(reverted, proposal=None)
+            if self.tables is None:
+                return replace(self, proposal=None)
+            return replace(self._with_tables(None, faster=False, adopted=""), proposal=None)
         after = self
         if state["model"] != self.tables or bool(state["faster"]) != self.may_be_faster:
             after = self._with_tables(state["model"], faster=bool(state["faster"]), adopted="")
@@ -102,18 +82,13 @@ class EffectsGroup(ParameterGroups):
         return replace(after, proposal=proposal, adopted=adopted, since=time.monotonic() - age)
 
     def read(self, state: State | None) -> tuple[ModelProposal | None, str]:
-        """The proposal in a stored state, and the id of the finding in use.
-
-        Raises:
-            ValueError, KeyError, TypeError: a state that there cannot have been.
-        """
+        """The proposal in a stored state, and the id of the finding in use."""
         if state is None:
             return None, ""
         if state["file"] != self._digest():
             raise ParameterError(EFFECTS, "a finding for this model file, got another's")
-        proposal = (
-            None if state["offer"] is None else msgspec.convert(state["offer"], ModelProposal)
-        )
+        offer = state["offer"]
+        proposal = None if offer is None else msgspec.convert(offer, ModelProposal)
         return proposal, "" if state["model"] is None else str(state["adopted"])
 
     def _digest(self) -> str:
@@ -144,8 +119,8 @@ class EffectsGroup(ParameterGroups):
         values, stds, units = self._values()
         notes: dict[str, str | float] = {}
         if self.adopted:
-            notes["adopted"] = self.adopted
-            notes["may be faster than the model file"] = float(self.may_be_faster)
+            faster = float(self.may_be_faster)
+            notes = {"adopted": self.adopted, "may be faster than the model file": faster}
         return GroupDescription(
             values=values,
             stds=stds,

@@ -17,16 +17,16 @@ from slopewise.models.stop_logs.stop_stream import StreamedStop
 from slopewise.models.terrain.surfaces import with_open_surfaces
 from slopewise.services.parameters.braking_groups import BASE, group_of
 from slopewise.services.parameters.current_terrain import CurrentTerrain, monitor_maker
-from slopewise.services.parameters.learned_stop import LearnedStop
 from slopewise.services.parameters.learner_state import LearnerState
 from slopewise.services.parameters.observation_filter import columns_of
 from slopewise.services.parameters.parameter_group import DriveUpdate
-from slopewise.services.parameters.stop_plausibility import (
+from slopewise.services.parameters.stop_checks import (
+    LearnedStop,
     StopRateLimiter,
+    StopStreams,
     contradiction,
     implausible,
 )
-from slopewise.services.parameters.stop_streams import StopStreams
 from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire.observations import (
     DriveSamples,
@@ -43,14 +43,7 @@ NOT_LEARNED = "not learned from: "
 
 
 class Learner:
-    """Learns braking and terrain of one vehicle; one thread.
-
-    Attributes:
-        state: everything learned, set and adopted.
-        ground: terrain driven on now.
-        stops: the last ones with their predictions.
-        counters: stops learned from, and stops rejected by reason.
-    """
+    """Learns braking and terrain of one vehicle; one thread."""
 
     def __init__(
         self,
@@ -59,20 +52,14 @@ class Learner:
         names_surfaces: Callable[[], bool] = bool,
         map_surfaces: Callable[[], Collection[str]] = tuple,
     ) -> None:
-        """Begin with a model file.
-
-        Args:
-            file: its model. settings: how to learn.
-            names_surfaces: returns True while the map in use distinguishes surfaces.
-            map_surfaces: returns the names of the surfaces on the map.
-        """
+        """Begin with the model of a file; see :class:`ParameterService`."""
         self._settings, self._names_surfaces = settings, names_surfaces
         self.state = LearnerState.of_file(file, settings, map_surfaces)
         self.ground = CurrentTerrain(
             file, monitor_maker(settings.terrains), settings.label_for, settings.sure
         )
-        self.stops: deque[LearnedStop] = deque(maxlen=_REMEMBERED_STOPS)
-        self.counters: Counter[str] = Counter()
+        self.stops: deque[LearnedStop] = deque(maxlen=_REMEMBERED_STOPS)  # with predictions
+        self.counters: Counter[str] = Counter()  # stops learned from, and rejected by reason
         self._rate = StopRateLimiter(file.vehicle, settings.stops_at_once)
         self._warnings = RecentWarnings()
         self._streams = StopStreams(settings)
@@ -86,12 +73,7 @@ class Learner:
     ) -> tuple[set[str], str]:
         """Learn from an observation; the groups that changed, and the outcome as text.
 
-        Args:
-            observation: decoded message. key: where it arrived, for errors.
-            arrived: monotonic clock at its arrival, if not now [s].
-
-        Raises:
-            InputError, ParameterError: it cannot be used.
+        ``key``: where it arrived, for errors; ``arrived``: monotonic clock, if not now [s].
         """
         now = time.monotonic()
         if not self._settings.enabled:
@@ -112,14 +94,10 @@ class Learner:
             self.counters["stops_contradictory"] += 1
             self._warnings.add(f"stops of {stop.source} contradict themselves")
             return set(), NOT_LEARNED + reason
-        measured = StreamedStop(
-            now,
-            stop.speed,
-            stop.grade,
-            float(braking.force_ratio_of_deceleration(stop.deceleration, stop.grade)),
-            stop.deceleration_std / GRAVITY,
-            math.nan if stop.dead_time is None else stop.dead_time,
-        )
+        force_ratio = float(braking.force_ratio_of_deceleration(stop.deceleration, stop.grade))
+        std = stop.deceleration_std / GRAVITY
+        dead_time = math.nan if stop.dead_time is None else stop.dead_time
+        measured = StreamedStop(now, stop.speed, stop.grade, force_ratio, std, dead_time)
         changed = self.follow_terrain(now)
         surface = stop.surface or self.ground.surface(now)
         more, reason = self._learn(measured, surface, stop.source, stop.distance, arrived)
@@ -144,12 +122,7 @@ class Learner:
         return changed, reason
 
     def _learn(
-        self,
-        stop: StreamedStop,
-        surface: str,
-        source: str,
-        distance: float | None,
-        arrived: float,
+        self, stop: StreamedStop, surface: str, source: str, distance: float | None, arrived: float
     ) -> tuple[set[str], str]:
         """Learn from a measured stop, if it is plausible."""
         if self.state.unsupported_reason:

@@ -17,30 +17,24 @@ from slopewise.models.parameters import Model
 from slopewise.services.parameters.braking_groups import BASE, BrakingGroups
 from slopewise.services.parameters.effects_group import EFFECTS, EffectsGroup
 from slopewise.services.parameters.group_registry import GROUPS
-from slopewise.services.parameters.learned_stop import counts_twice, unsupported_reason
 from slopewise.services.parameters.parameter_group import ParameterGroups, State
+from slopewise.services.parameters.stop_checks import counts_twice, unsupported_reason
 from slopewise.services.settings.learning_settings import Learning
 from slopewise.services.wire.model_proposal import ModelProposal
 
 
 @dataclass(frozen=True, slots=True)
 class LearnerState:
-    """Everything learned, set and adopted.
-
-    Attributes:
-        basis: model that braking is learned on top of, of the file or an adopted finding.
-        unsupported_reason: why braking is not learned on it; empty if it is.
-        effects: proposal and adopted finding, with the base force that is parked meanwhile.
-        braking: force by surface. registered: groups of the registry.
-    """
+    """Everything learned, set and adopted."""
 
     settings: Learning
     map_surfaces: Callable[[], Collection[str]]
-    basis: Model
-    unsupported_reason: str
+    basis: Model  # model that braking is learned on top of, of the file or an adopted finding
+    unsupported_reason: str  # why braking is not learned on it; empty if it is
+    # proposal and adopted finding, with the base force that is parked meanwhile
     effects: EffectsGroup
-    braking: BrakingGroups
-    registered: tuple[ParameterGroups, ...]
+    braking: BrakingGroups  # force by surface
+    registered: tuple[ParameterGroups, ...]  # groups of the registry
 
     @classmethod
     def of_file(
@@ -93,21 +87,13 @@ class LearnerState:
         return replace(self, effects=replace(self.effects, proposal=proposal))
 
     def adopt(self, proposal_id: str, *, faster: bool) -> LearnerState:
-        """Plan and learn on top of the proposed finding, see :meth:`EffectsGroup.adopt`.
-
-        Raises:
-            ParameterError: it may not be adopted, or a surface's force would be counted twice.
-        """
+        """Plan and learn on top of the proposed finding, see :meth:`EffectsGroup.adopt`."""
         return self._on_basis(self.effects.adopt(proposal_id, faster=faster))
 
     def load(self, states: Mapping[str, tuple[State | None, float]]) -> LearnerState:
         """With groups as in stored states; findings are loaded first, braking on top of them.
 
-        Args:
-            states: state and age [s] by group; a state that may not be used counts as None.
-
-        Raises:
-            ValueError, KeyError, TypeError: a state that there cannot have been.
+        ``states``: state and age [s] by group; a state that may not be used counts as None.
         """
         after = self
         if EFFECTS in states:
@@ -134,7 +120,8 @@ class LearnerState:
         """
         reverts, now = effects.tables is None, time.monotonic()
         basis = effects.model()
-        reason = _unsupported(basis, self.settings, _owner(effects))
+        owner = "the model file" if reverts else "the adopted finding"
+        reason = _unsupported(basis, self.settings, owner)
         known = self.braking
         learned = {name: known.state(name) for name in known.names()}
         learned = {name: state for name, state in learned.items() if state is not None}
@@ -155,10 +142,6 @@ class LearnerState:
         return replace(
             self, basis=basis, unsupported_reason=reason, effects=effects, braking=braking
         )
-
-
-def _owner(effects: EffectsGroup) -> str:
-    return "the model file" if effects.tables is None else "the adopted finding"
 
 
 def _unsupported(basis: Model, settings: Learning, owner: str) -> str:

@@ -28,68 +28,36 @@ from slopewise.services.wire.observations import (
 )
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
-_MAX_SOURCES = 1000
-"""Sources whose numbers and clocks are remembered [1]; bounds memory."""
+_MAX_SOURCES = 1000  # sources whose numbers and clocks are remembered [1]; bounds memory
+_MAX_JUMPED = 4  # sources in the warning of clocks that were set [1]
+_INSTANCE = "\x1f"  # separates a source's name from its instance; no name contains it
+_MAX_SAMPLES = 20_000  # samples of one message [1]: 100 s at 200 Hz
 
-_MAX_JUMPED = 4
-"""Sources in the warning of clocks that were set [1]."""
-
-_INSTANCE = "\x1f"
-"""Separates a source's name from its instance; no name contains it."""
-
-_MAX_SAMPLES = 20_000
-"""Samples of one message [1]: 100 s at 200 Hz."""
-
-_BOUNDS = {
-    "v": 50.0,
-    "v_cmd": 50.0,
-    "pitch": 1.6,
-    "roll": 1.6,
-    "grade": 0.8,
-    "yaw_rate": 50.0,
-    "v_left": 50.0,
-    "v_right": 50.0,
-    "current_left": 1e4,
-    "current_right": 1e4,
-    "yaw": 1e3,
-    "x": 1e9,
-    "y": 1e9,
-}
+_BOUNDS = (
+    dict.fromkeys(("v", "v_cmd", "v_left", "v_right", "yaw_rate"), 50.0)
+    | dict.fromkeys(("current_left", "current_right"), 1e4)
+    | {"pitch": 1.6, "roll": 1.6, "grade": 0.8, "yaw": 1e3, "x": 1e9, "y": 1e9}
+)
 """Beyond speeds, angles, rates and currents of any robot [SI]."""
 
-_OTHER_BOUND = 1e12
-"""Bound of the time [s]: beyond any clock."""
+_OTHER_BOUND = 1e12  # bound of the time [s]: beyond any clock
 
 
 class ObservationFilter:
-    """Accepts what is new; one thread.
-
-    Attributes:
-        jumped: monotonic clock when a source's clock was noticed to be set [s], by source.
-        notices: warnings about sources whose numbers restarted or go backwards.
-    """
+    """Accepts what is new; one thread."""
 
     def __init__(self, early: float, seen: dict[str, int] | None = None) -> None:
-        """Begin.
-
-        Args:
-            early: how far a sender's clock may run ahead of the time that passed [s].
-            seen: last sequence number of each source before this start.
-        """
+        """Continue from numbers ``seen``; senders' clocks may be ``early`` by that [s]."""
         self._early = early
         self._sequences = SenderTable[str, SequenceTracker](SequenceTracker, _MAX_SOURCES)
         self._stamps = SenderTable[str, StampCheck](StampCheck, _MAX_SOURCES)
         self._last_digest: tuple[RobotObservation, int] | None = None
-        self.jumped: dict[str, float] = {}
-        self.notices = RecentWarnings()
+        self.jumped: dict[str, float] = {}  # when a clock was noticed to be set [s], by source
+        self.notices = RecentWarnings()  # about counts that restarted or go backwards
         self.restore(seen or {})
 
     def check(self, kind: str, observation: RobotObservation, now: float) -> str:
-        """Reason to exclude an observation: `duplicate`, `out_of_order`, `future`, `late`; or "".
-
-        Args:
-            kind: of observation. now: monotonic clock at its arrival [s].
-        """
+        """Reason to exclude an observation: duplicate, out_of_order, future or late; or ""."""
         source, lead = observation.source, observation.time - now
         what = f"{kind} observations of {source}"
         sequence = self._sequences.of(_name(kind, observation))
@@ -140,11 +108,7 @@ def _content(observation: RobotObservation) -> int:
 
 
 def columns_of(samples: DriveSamples, key: str) -> dict[str, Floats]:
-    """Columns of drive samples by name, validated.
-
-    Raises:
-        InputError: names key and field.
-    """
+    """Columns of drive samples by name, validated."""
     names, values = samples.columns, samples.values
     known = (*DRIVE_COLUMNS, *MORE_COLUMNS)
     unknown = [name for name in names if name not in known]

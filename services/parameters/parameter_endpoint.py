@@ -22,50 +22,30 @@ import zenoh
 from slopewise.services.parameters import replies
 from slopewise.services.parameters.parameter_service import REFUSED, ParameterService
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire import codec
+from slopewise.services.wire import codec, observations
+from slopewise.services.wire import parameter_messages as messages
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.endpoint import Endpoint, Handler
 from slopewise.services.wire.fair_queue import FairQueue, Waiting
 from slopewise.services.wire.message_header import read_source
-from slopewise.services.wire.observations import (
-    DriveSamples,
-    ObservationAck,
-    StopObservation,
-    TerrainLabel,
-)
-from slopewise.services.wire.parameter_messages import (
-    AdoptOffer,
-    DiscrepancyQuestion,
-    ParameterGroup,
-    ParameterQuestion,
-    ParameterReply,
-    RollBack,
-    SetParameters,
-)
 
 _log = logging.getLogger("slopewise")
 
 KINDS: dict[str, type[Any]] = {
-    "stop": StopObservation,
-    "drive": DriveSamples,
-    "terrain": TerrainLabel,
+    "stop": observations.StopObservation,
+    "drive": observations.DriveSamples,
+    "terrain": observations.TerrainLabel,
 }
 CHANGES: dict[str, type[Any]] = {
-    "set": SetParameters,
-    "rollback": RollBack,
-    "adopt": AdoptOffer,
+    "set": messages.SetParameters,
+    "rollback": messages.RollBack,
+    "adopt": messages.AdoptOffer,
 }
 PARAMS, DISCREPANCY = "params", "discrepancy"
 
-_TICK = 0.5
-"""Longest time without a tick [s]: labels expire within seconds."""
-
-_STOP_TIMEOUT = 2.0
-"""Wait for the thread at the end [s], longer than one write to a slow disk."""
-
-_FLAGGED_FOR = 60.0
-"""Time for which lost observations are flagged [s]: the status is read every few seconds."""
-
+_TICK = 0.5  # longest time without a tick [s]: labels expire within seconds
+_STOP_TIMEOUT = 2.0  # wait for the thread at the end [s], longer than one write to a slow disk
+_FLAGGED_FOR = 60.0  # time for which lost observations are flagged [s]: many periods of the status
 _REST_RATIO, _MAX_REST = 2.0, 0.05
 """Pause after an item while others wait, as a multiple of its processor time [1] and at most that
 long [s]: a flood of observations leaves two thirds of a core to planning."""
@@ -84,7 +64,7 @@ class ParameterListener(Protocol):
     def recall(self) -> None:
         """Parameters from before the last start can be read."""
 
-    def learned(self, message: ParameterGroup) -> None:
+    def learned(self, message: messages.ParameterGroup) -> None:
         """A group changed."""
 
     def show(self) -> None:
@@ -92,11 +72,7 @@ class ParameterListener(Protocol):
 
 
 class ParameterEndpoint:
-    """Answers and learns from one message after the other.
-
-    Attributes:
-        beat: monotonic clock when the thread last took an item [s].
-    """
+    """Answers and learns from one message after the other."""
 
     def __init__(
         self,
@@ -115,7 +91,7 @@ class ParameterEndpoint:
         self._alive: dict[str, bool] = {}
         self._alive_lock = threading.Lock()
         self._lost_at = -float("inf")
-        self.beat = time.monotonic()
+        self.beat = time.monotonic()  # when the thread last took an item
         self._thread = threading.Thread(target=self._work, name="parameters", daemon=True)
         self._thread.start()
         self._declared = [*self._declare(session)]
@@ -129,10 +105,11 @@ class ParameterEndpoint:
         for kind, pattern in queryables.items():
             put = self._putter(kind)
             declared.append(session.declare_queryable(key(pattern), put, complete=True))
-        liveliness = session.liveliness()
         for name in self._config.learning.estimators:
-            alive = key(f"alive/{name}")
-            declared.append(liveliness.declare_subscriber(alive, self._on_token, history=True))
+            token = session.liveliness().declare_subscriber(
+                key(f"alive/{name}"), self._on_token, history=True
+            )
+            declared.append(token)
         return declared
 
     def close(self) -> None:
@@ -154,12 +131,13 @@ class ParameterEndpoint:
     # ------------------------------------------------------------------ zenoh's threads
 
     def _putter(self, kind: str) -> Callable[[Any], None]:
+        is_observation = kind in KINDS
+
         def put(item: Any) -> None:
-            is_observation, encoding = kind in KINDS, str(item.encoding or "")
             name = str(item.key_expr).removeprefix(f"{self._config.key(PARAMS)}/")
             payload = item.payload or b""
             is_readable = is_observation and len(payload) <= self._config.learning.observation_bytes
-            source = read_source(payload, encoding) if is_readable else ""
+            source = read_source(payload, str(item.encoding or "")) if is_readable else ""
             waiting = Waiting(
                 _Received(kind, item),
                 sender=source if is_observation else kind,
@@ -243,11 +221,10 @@ class ParameterEndpoint:
         with query:
             self._endpoint.send(query, base if "*" in requested else requested, reply, written)
 
-    def _failed(self, reason: str) -> ObservationAck:
-        version, durable = self._service.history.version, self._service.history.durable
-        return ObservationAck(status="error", reason=reason, version=version, durable=durable)
+    def _failed(self, reason: str) -> observations.ObservationAck:
+        return self._service.receipt("error", reason)
 
-    def _error(self, reason: str) -> ParameterReply:
+    def _error(self, reason: str) -> messages.ParameterReply:
         return replies.reply_of(self._service, self._config.id, "error", reason)
 
     def _process(self, kind: str, arrived: float, item: Any) -> None:
@@ -255,7 +232,7 @@ class ParameterEndpoint:
             if kind in KINDS:
                 self._observe(kind, arrived, item)
             elif kind == DISCREPANCY:
-                request = self._handler(DiscrepancyQuestion, replies.findings)
+                request = self._handler(messages.DiscrepancyQuestion, replies.findings)
                 self._endpoint.answer(item, self._config.key(DISCREPANCY), request)
             else:
                 self._answer(item)
@@ -290,20 +267,23 @@ class ParameterEndpoint:
                     self._read(query, group, f"{base}/{group}")
 
     def _read(self, query: zenoh.Query, group: str, key: str) -> None:
-        def read(service: ParameterService, request: ParameterQuestion, name: str) -> Any:
+        def read(service: ParameterService, request: messages.ParameterQuestion, name: str) -> Any:
             request = msgspec.structs.replace(request, group=group or request.group)
             return replies.read(service, request, name)
 
-        self._endpoint.answer(query, key, self._handler(ParameterQuestion, read))
+        self._endpoint.answer(query, key, self._handler(messages.ParameterQuestion, read))
 
     def _handler(
-        self, kind: type[Any], handle: Callable[..., ParameterReply], *, has_default: bool = True
-    ) -> Handler[Any, ParameterReply]:
+        self,
+        kind: type[Any],
+        handle: Callable[..., messages.ParameterReply],
+        *,
+        has_default: bool = True,
+    ) -> Handler[Any, messages.ParameterReply]:
         """A request about parameters; the reply is JSON unless its encoding names MessagePack."""
-        service, name = self._service, self._config.id
         return Handler(
             kind,
-            handle=lambda request: handle(service, request, name),
+            handle=lambda request: handle(self._service, request, self._config.id),
             failure=self._error,
             name=PARAMS,
             default=kind() if has_default else None,
@@ -322,7 +302,7 @@ class ParameterEndpoint:
         changed, self._service.changed = self._service.changed, set()
         if not changed:
             return
-        reply = replies.read(self._service, ParameterQuestion(), self._config.id)
+        reply = replies.read(self._service, messages.ParameterQuestion(), self._config.id)
         for message in reply.groups:
             if message.group in changed:
                 self._put(f"{PARAMS}/{message.group}", message)

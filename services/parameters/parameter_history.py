@@ -1,24 +1,27 @@
 """Versions of parameters: each change gets the next one and is stored before it is published.
 
 Without a store, or while it cannot be written, learning continues and is reported as not durable;
-missing rows are written once that is possible again. The newest state is stored a second time, for
-the case that the store is lost.
+missing rows are written once that is possible again. The newest state of every group is stored a
+second time, for the case that the store is lost: in a file that is written whole and renamed over
+the one before, so that a process that dies meanwhile leaves that one.
 """
 
 from __future__ import annotations
 
 import json
 import logging
+import os
 import time
+import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 
+import msgspec
+
 from slopewise.services.parameters.parameter_group import State
-from slopewise.services.parameters.store import Store, StoreError
-from slopewise.services.parameters.store_copy import StoreCopy, copy_path, read_copy, write_copy
-from slopewise.services.parameters.stored_change import BootTime, StoredChange
+from slopewise.services.parameters.store import BootTime, Store, StoredChange, StoreError
 from slopewise.services.settings.learning_settings import StoreSettings
 
 _log = logging.getLogger("slopewise")
@@ -26,6 +29,40 @@ _log = logging.getLogger("slopewise")
 _COPY_INTERVAL = 1.0
 """Shortest time between two writes of the second copy [s], so that bursts of stops do not double
 the work of the disk; the copy may lack the changes of that time."""
+
+
+class StoreCopy(msgspec.Struct, frozen=True):
+    """Newest change of each group and vehicle; last sequence number of each source."""
+
+    changes: list[StoredChange]
+    seen: dict[str, int]
+
+
+def copy_path(store: Path) -> Path:
+    """Where the copy of a store is."""
+    return store.with_name(store.name + "-last")
+
+
+def write_copy(store: Path, copy: StoreCopy) -> None:
+    """Write the copy of a store to disk; if that fails, the copy before is still there."""
+    body, path = msgspec.msgpack.encode(copy), copy_path(store)
+    fresh = path.with_name(path.name + ".new")
+    with fresh.open("wb") as file:
+        file.write(zlib.crc32(body).to_bytes(4, "little") + body)
+        file.flush()
+        os.fsync(file.fileno())
+    fresh.replace(path)
+
+
+def read_copy(store: Path) -> StoreCopy | None:
+    """The copy of a store; None if it is missing or damaged."""
+    try:
+        data = copy_path(store).read_bytes()
+        if zlib.crc32(data[4:]).to_bytes(4, "little") != data[:4]:
+            return None
+        return msgspec.msgpack.decode(data[4:], type=StoreCopy)
+    except (OSError, msgspec.MsgspecError):
+        return None
 
 
 class Memory(Enum):
@@ -46,20 +83,14 @@ class LastChange:
 
 
 class ParameterHistory:
-    """Versions and stored changes of one vehicle's parameters; one thread.
-
-    Attributes:
-        version: version of all parameters; 1 is the model file.
-        last: last change of each group. notes: warnings about the store.
-        memory: source of the parameters from before this start.
-    """
+    """Versions and stored changes of one vehicle's parameters; one thread."""
 
     def __init__(self, settings: StoreSettings, fingerprint: str) -> None:
         """Open the store, if the settings name one."""
         self._settings, self._fingerprint = settings, fingerprint
-        self.version = 1
-        self.last: dict[str, LastChange] = {}
-        self.notes: list[str] = []
+        self.version = 1  # of all parameters; 1 is the model file
+        self.last: dict[str, LastChange] = {}  # of each group
+        self.notes: list[str] = []  # warnings about the store
         self.memory = Memory.STORE
         self._path = Path(settings.path)
         self._store: Store | None = None
@@ -96,8 +127,7 @@ class ParameterHistory:
         self._store, self._substitute, self._fault, self._copy_due = store, None, "", True
         self._newest_of = {(c.fingerprint, c.group): c for c in store.latest()}
         self.version = max(self.version, store.last_version())
-        strange = store.fingerprints() - {self._fingerprint}
-        if strange and not store.groups(self._fingerprint):
+        if store.fingerprints() - {self._fingerprint} and not store.groups(self._fingerprint):
             self.notes.append("the stored parameters are of another vehicle: not used")
 
     def _recover(self, store: Store, copy: StoreCopy | None) -> None:
@@ -124,7 +154,7 @@ class ParameterHistory:
     @property
     def durable(self) -> bool:
         """True if all changes are on disk."""
-        return self._store is not None and not self._unsaved and not self._unsaved_sources
+        return self.is_open and not self._unsaved and not self._unsaved_sources
 
     @property
     def is_open(self) -> bool:
@@ -169,11 +199,8 @@ class ParameterHistory:
     ) -> None:
         """Store groups that changed together as the next version.
 
-        Args:
-            states: state of each group that changed. cause, who: reason, and source or operator.
-            seen: sequence numbers of sources that are stored with it.
-            learned: True if no operator made the change.
-            moments: times at which the states were learned, if not now.
+        ``seen``: sequence numbers of sources; ``moments``: when the states were learned, if not
+        now; ``learned``: no operator made the change.
         """
         self.version += 1
         now = BootTime.now()
@@ -189,23 +216,20 @@ class ParameterHistory:
 
     def _save(self) -> None:
         """Write what is not on disk yet."""
-        if not self._settings.path:
-            self._unsaved.clear()
-            self._unsaved_sources.clear()
-            return
-        self._tried = time.monotonic()
-        if self._store is None:
-            return
-        try:
-            self._store.write(list(self._unsaved.values()), self._unsaved_sources)
-        except StoreError as error:
-            self._fail(error)
-            return
-        self._fault = ""
-        self._newest_of.update({(c.fingerprint, c.group): c for c in self._unsaved.values()})
+        if self._settings.path:
+            self._tried = time.monotonic()
+            if self._store is None:
+                return
+            try:
+                self._store.write(list(self._unsaved.values()), self._unsaved_sources)
+            except StoreError as error:
+                self._fail(error)
+                return
+            self._fault = ""
+            self._newest_of.update({(c.fingerprint, c.group): c for c in self._unsaved.values()})
+            self._copy_due = True
         self._unsaved.clear()
         self._unsaved_sources.clear()
-        self._copy_due = True
         self._write_copy()
 
     def _write_copy(self, *, force: bool = False) -> None:
@@ -215,8 +239,7 @@ class ParameterHistory:
             return
         self._copied = time.monotonic()
         try:
-            newest = [*self._newest_of.values()]
-            write_copy(self._path, StoreCopy(newest, self._store.seen()))
+            write_copy(self._path, StoreCopy([*self._newest_of.values()], self._store.seen()))
         except (OSError, StoreError) as error:
             self._copy_fault = f"{copy_path(self._path).name} cannot be written: {error}"
             return
@@ -227,13 +250,12 @@ class ParameterHistory:
         self._write_copy()
         if time.monotonic() - self._tried < self._settings.retry or not self._settings.path:
             return False
-        opened = False
-        if self._store is None:
+        opened = self._store is None
+        if opened:
             self._tried = time.monotonic()
             self._open()
             if self._store is None:
                 return False
-            opened = True
             # Versions that another process wrote meanwhile stay unique.
             self.version += 1
             self._unsaved = {
@@ -256,11 +278,7 @@ class ParameterHistory:
     # ------------------------------------------------------------------ reading
 
     def groups(self) -> list[str]:
-        """Groups of this vehicle that were ever changed.
-
-        Raises:
-            StoreError: there is no store, or it cannot be read.
-        """
+        """Groups of this vehicle that were ever changed."""
         if self._substitute is not None:
             changes = self._substitute.changes
             return sorted({c.group for c in changes if c.fingerprint == self._fingerprint})
@@ -275,7 +293,12 @@ class ParameterHistory:
         self, group: str, up_to: int | None = None
     ) -> Iterator[tuple[StoredChange, State | None]]:
         """Changes of a group with their states, newest first; unreadable ones are skipped."""
-        for change in self._changes(group, up_to):
+        if self._substitute is None:
+            changes = self._opened().newest(self._fingerprint, group, up_to)
+        else:
+            known = (group, self._fingerprint)
+            changes = (c for c in self._substitute.changes if (c.group, c.fingerprint) == known)
+        for change in changes:
             try:
                 state = json.loads(change.state)
             except ValueError:
@@ -283,21 +306,15 @@ class ParameterHistory:
             if state is None or isinstance(state, dict):
                 yield change, state
 
-    def _changes(self, group: str, up_to: int | None) -> Iterator[StoredChange]:
-        if self._substitute is None:
-            return self._opened().newest(self._fingerprint, group, up_to)
-        known = (group, self._fingerprint)
-        return iter([c for c in self._substitute.changes if (c.group, c.fingerprint) == known])
-
     def knows(self, version: int) -> bool:
         """Return True if the version is a stored change of this vehicle, or the model file."""
         return self._opened().has(self._fingerprint, version) or version == 1
+
+    def entries(self, group: str, count: int) -> list[StoredChange]:
+        """Last changes of a group, or of all, newest first."""
+        return self._opened().history(group, count)
 
     def _opened(self) -> Store:
         if self._store is None:
             raise StoreError(self._fault or "there is no store")
         return self._store
-
-    def entries(self, group: str, count: int) -> list[StoredChange]:
-        """Last changes of a group, or of all, newest first."""
-        return self._opened().history(group, count)

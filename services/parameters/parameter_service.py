@@ -16,14 +16,13 @@ from collections.abc import Callable, Collection, Mapping
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
 from slopewise.services.discovery.investigator import SCHEDULED, Investigator
-from slopewise.services.parameters.active_parameters import ActiveParameters, fingerprint
+from slopewise.services.parameters.active_parameters import ActiveParameters, fingerprint, slowed
 from slopewise.services.parameters.effects_group import EFFECTS
 from slopewise.services.parameters.learner import NOT_LEARNED, Learner
 from slopewise.services.parameters.observation_filter import ObservationFilter, columns_of
 from slopewise.services.parameters.parameter_history import LastChange, ParameterHistory
 from slopewise.services.parameters.restore import ParameterRestorer
-from slopewise.services.parameters.store import StoreError
-from slopewise.services.parameters.stored_change import BootTime
+from slopewise.services.parameters.store import BootTime, StoreError
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.observations import DriveSamples, ObservationAck, RobotObservation
 from slopewise.services.wire.recent_warnings import RecentWarnings
@@ -31,20 +30,11 @@ from slopewise.services.wire.recent_warnings import RecentWarnings
 _log = logging.getLogger("slopewise")
 
 TAKEN, IGNORED, REFUSED = "taken", "ignored", "refused"
-_FLAGGED_FOR = 600.0
-"""Time for which a clock that was set is flagged [s]: an operator sees it, then it is past."""
+_FLAGGED_FOR = 600.0  # time for which a clock that was set is flagged [s]: an operator sees it
 
 
 class ParameterService:
-    """Learns, stores and publishes parameters.
-
-    Attributes:
-        active: parameters to plan with. changed: groups that are not published yet.
-        learner: groups and how they learn. history: versions and stored changes.
-        counters: counts of observations and changes. notices: messages that failed.
-        investigator: stored stops, and the search for effects that the model lacks.
-        rejected: id of the proposal that was last refused to be adopted, and the reason.
-    """
+    """Learns, stores and publishes parameters."""
 
     def __init__(
         self,
@@ -54,13 +44,11 @@ class ParameterService:
         apply: Callable[[ActiveParameters], None] = lambda _: None,
         map_surfaces: Callable[[], Collection[str]] = tuple,
     ) -> None:
-        """Begin with the model file and what was stored.
+        """Begin with the model file, ``prior``, and what was stored.
 
-        Args:
-            config: settings. prior: model of the model file.
-            names_surfaces: returns True while the map in use distinguishes surfaces.
-            apply: called with the active parameters each time they change.
-            map_surfaces: returns the names of the surfaces on the map.
+        ``names_surfaces``: returns True while the map in use distinguishes surfaces; ``apply``:
+        called with the active parameters each time they change; ``map_surfaces``: returns the names
+        of the surfaces on the map.
         """
         settings = config.learning
         self._config, self._settings, self._file = config, settings, prior
@@ -69,15 +57,15 @@ class ParameterService:
         self.history = ParameterHistory(config.store, fingerprint(prior))
         self._restorer = ParameterRestorer(self.learner, self.history, settings.oldest)
         self.investigator = Investigator(config.discrepancy, fingerprint(prior))
-        self._missing: dict[str, str] = dict.fromkeys(settings.estimators, "is not alive")
+        self._missing = set(settings.estimators)
         self._faults: list[str] = []
-        self.notices = RecentWarnings()
+        self.notices = RecentWarnings()  # messages that failed
         self._refreshed = -math.inf
-        self.counters: Counter[str] = Counter()
-        self.changed: set[str] = set()
-        self.rejected = ("", "")
+        self.counters: Counter[str] = Counter()  # of observations and changes
+        self.changed: set[str] = set()  # groups that are not published yet
+        self.rejected = ("", "")  # proposal last refused to be adopted: its id, and the reason
         self._filter = ObservationFilter(settings.early, self.history.seen())
-        self.active = ActiveParameters(prior)
+        self.active = ActiveParameters(prior)  # to plan with
         self._restore(set())
         self._publish()
         self.changed = set(self.learner.state.names())
@@ -87,36 +75,34 @@ class ParameterService:
     def observe(
         self, kind: str, observation: RobotObservation, key: str, arrived: float
     ) -> ObservationAck:
-        """Learn from an observation, and store the result.
+        """Learn from a `stop`, `drive` or `terrain` observation, and store the result.
 
-        Args:
-            kind: `stop`, `drive` or `terrain`. observation: decoded message.
-            key: where it arrived, for errors. arrived: monotonic clock at its arrival [s].
+        ``key``: where it arrived, for errors; ``arrived``: monotonic clock at its arrival [s].
         """
         reason = self._filter.check(kind, observation, arrived)
         if reason:
             self.counters[f"{kind}_{reason}"] += 1
             ignored = reason in ("duplicate", "out_of_order")
-            return self._receipt(IGNORED if ignored else REFUSED, reason.replace("_", " "))
+            return self.receipt(IGNORED if ignored else REFUSED, reason.replace("_", " "))
         try:
             if isinstance(observation, DriveSamples) and self._config.discrepancy.samples:
                 self._store_samples(observation, key)
             changes, reason = self.learner.observe(observation, key, arrived)
         except (InputError, ParameterError) as error:
             self.counters[f"{kind}_refused"] += 1
-            return self._receipt(REFUSED, str(error))
+            return self.receipt(REFUSED, str(error))
         seen = self._filter.accept(kind, observation)
         if reason.startswith(NOT_LEARNED) and not changes:
             # Rejected stops cost no time of the disk, however fast they arrive.
             self.counters[f"{kind}_refused"] += 1
-            return self._receipt(REFUSED, reason)
+            return self.receipt(REFUSED, reason)
         self.counters[f"{kind}_taken"] += 1
         if changes or kind == "stop":
             cause = f"{kind} {observation.sequence}: {reason}"
             self._commit(changes, cause, observation.source, seen=seen)
         if self.learner.is_outdated():
             self._publish()
-        return self._receipt(TAKEN, reason)
+        return self.receipt(TAKEN, reason)
 
     def _store_samples(self, samples: DriveSamples, key: str) -> None:
         surface = samples.surface or self.learner.ground.surface(time.monotonic())
@@ -125,18 +111,15 @@ class ParameterService:
         columns = columns_of(samples, key)
         self.investigator.add_samples(samples.source, columns, surface, model)
 
-    def _receipt(self, status: str, reason: str) -> ObservationAck:
+    def receipt(self, status: str, reason: str) -> ObservationAck:
+        """Reply to an observation."""
         version, durable = self.history.version, self.history.durable
         return ObservationAck(status=status, reason=reason, version=version, durable=durable)
 
     # ------------------------------------------------------------------ operators
 
     def set_values(self, group: str, values: Mapping[str, float], who: str) -> None:
-        """Apply an operator's values.
-
-        Raises:
-            ParameterError: says what was expected.
-        """
+        """Apply an operator's values; ParameterError says what was expected."""
         for name, value in values.items():
             if not math.isfinite(value):
                 raise ParameterError(name, f"a finite number, got {value}")
@@ -145,12 +128,7 @@ class ParameterService:
         self._commit({group}, cause, who, learned=False)
 
     def roll_back(self, version: int, group: str, who: str) -> None:
-        """Restore one group, or all without a name, to a version.
-
-        Raises:
-            ParameterError: there is no such version, or it cannot be used.
-            StoreError: the history cannot be read.
-        """
+        """Restore one group, or all without a name, to a version of the history."""
         moments = self._restorer.roll_back(version, group)
         self.rejected = ("", "")
         cause = f"rolled back to version {version}"
@@ -158,15 +136,7 @@ class ParameterService:
         self.changed |= set(self.learner.state.names())
 
     def adopt(self, proposal: str, who: str, *, faster: bool = False) -> None:
-        """Plan with the proposed finding.
-
-        Args:
-            proposal: its id. who: the operator.
-            faster: stops may become shorter than by the model file.
-
-        Raises:
-            ParameterError: says what was expected.
-        """
+        """Plan with the finding that is proposed; stops may become shorter only if ``faster``."""
         try:
             self.learner.state = state = self.learner.state.adopt(proposal, faster=faster)
         except ParameterError as error:
@@ -181,11 +151,7 @@ class ParameterService:
     # ------------------------------------------------------------------ findings
 
     def investigate(self, who: str) -> None:
-        """Start to compare the stored stops with the model.
-
-        Raises:
-            ParameterError: says why that is not possible now.
-        """
+        """Start to compare the stored stops with the model; a ParameterError if that cannot be."""
         basis = self.learner.state.basis
         self.investigator.begin(self._file, basis, self.active.model, who)
 
@@ -212,16 +178,16 @@ class ParameterService:
                 self.counters["changes_refused"] += 1
                 _log.warning("%s", error)
 
-    # ------------------------------------------------------------------ time, estimators
+    # ------------------------------------------------------------------ faults and time
 
     def alive(self, estimator: str, *, is_alive: bool) -> None:
         """Record that an estimator appeared or disappeared; the settings name required ones."""
         if estimator not in self._settings.estimators:
             return
         if is_alive:
-            self._missing.pop(estimator, None)
+            self._missing.discard(estimator)
         else:
-            self._missing[estimator] = "is not alive"
+            self._missing.add(estimator)
             self.counters["estimators_lost"] += 1
         self._publish()
 
@@ -258,7 +224,7 @@ class ParameterService:
 
     def degraded(self) -> list[str]:
         """Reasons why plans are slower than they need be."""
-        missing = [f"estimator {name} {what}" for name, what in sorted(self._missing.items())]
+        missing = (f"estimator {name} is not alive" for name in sorted(self._missing))
         return [*missing, *self._faults]
 
     def all_counters(self) -> Counter[str]:
@@ -267,16 +233,17 @@ class ParameterService:
 
     def flags(self) -> list[str]:
         """Active warnings, the reasons of the degraded mode first."""
-        flags = [f"degraded: {reason}" for reason in self.degraded()]
-        late = time.monotonic() - _FLAGGED_FOR
+        learner, late = self.learner, time.monotonic() - _FLAGGED_FOR
+        reasons = (learner.state.unsupported_reason, *learner.ground.flags())
         clocks = [name for name, noticed in self._filter.jumped.items() if noticed > late]
-        flags += [f"the clock of {name} was set" for name in clocks]
-        flags += [*self._filter.notices.active(), *self.notices.active()]
-        learner = self.learner
-        flags += filter(None, [learner.state.unsupported_reason, *learner.ground.flags()])
-        flags += [*learner.flags(), *learner.state.effects.flags()]
         return [
-            *flags,
+            *(f"degraded: {reason}" for reason in self.degraded()),
+            *(f"the clock of {name} was set" for name in clocks),
+            *self._filter.notices.active(),
+            *self.notices.active(),
+            *(reason for reason in reasons if reason),
+            *learner.flags(),
+            *learner.state.effects.flags(),
             *self.investigator.flags(),
             *self.history.flags(),
             *self._restorer.flags(),
@@ -318,17 +285,12 @@ class ParameterService:
     def _publish(self, version: int | None = None) -> None:
         """Publish the model of now."""
         model, age, oldest = self.learner.active()
-        if self.degraded():
-            speed = min(model.limits.speed, self._settings.degraded_speed)
-            limits = dataclasses.replace(model.limits, speed=speed)
-            model = dataclasses.replace(model, limits=limits)
-        uncertainty = dataclasses.replace(self._config.planning.uncertainty(), age=age)
         self.active = ActiveParameters(
-            model=model,
+            model=slowed(model, self._settings.degraded_speed) if self.degraded() else model,
             version=self.history.version if version is None else version,
             at=time.monotonic() - oldest,
             revision=self.active.revision + 1,
-            uncertainty=uncertainty,
+            uncertainty=dataclasses.replace(self._config.planning.uncertainty(), age=age),
             flags=tuple(self.flags()),
         )
         self._apply(self.active)

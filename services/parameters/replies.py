@@ -1,9 +1,10 @@
-"""Parameters, history and operators' changes as messages."""
+"""Parameters, history and operators' changes as messages; ``name`` is the id of the service."""
 
 from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 
 import msgspec
 
@@ -12,8 +13,7 @@ from slopewise.models.errors import ParameterError, SlopewiseError
 from slopewise.services.parameters.active_parameters import fingerprint
 from slopewise.services.parameters.parameter_history import LastChange
 from slopewise.services.parameters.parameter_service import ParameterService
-from slopewise.services.parameters.store import StoreError
-from slopewise.services.parameters.stored_change import StoredChange
+from slopewise.services.parameters.store import StoredChange, StoreError
 from slopewise.services.wire.parameter_messages import (
     AdoptOffer,
     DiscrepancyQuestion,
@@ -35,26 +35,15 @@ def group_message(service: ParameterService, group: str) -> ParameterGroup:
     names = state.names()
     if group not in names:
         raise ParameterError("group", f"one of {', '.join(names)}, got {group[:80]}")
-    known = state.group(group).describe(group)
-    last = service.history.last.get(group, _FROM_FILE)
-    return ParameterGroup(
-        group=group,
-        version=last.version,
-        valid=known.valid,
-        age=known.age,
-        fingerprint=fingerprint(service.active.model),
-        cause=last.cause,
-        who=last.who,
-        values={name: float(value) for name, value in known.values.items()},
-        stds=known.stds,
-        covariance=known.covariance,
-        unit=known.unit,
-        notes=known.notes,
-    )
+    known = asdict(state.group(group).describe(group))
+    known["values"] = {name: float(value) for name, value in known["values"].items()}
+    last = asdict(service.history.last.get(group, _FROM_FILE))
+    vehicle = fingerprint(service.active.model)
+    return ParameterGroup(group=group, fingerprint=vehicle, **last, **known)
 
 
 def read(service: ParameterService, request: ParameterQuestion, name: str) -> ParameterReply:
-    """Reply to a request for parameters; ``name``: id of the service."""
+    """Reply to a request for parameters."""
     try:
         names = [request.group] if request.group else service.learner.state.names()
         groups = [group_message(service, group) for group in names]
@@ -82,8 +71,7 @@ def change(
         service.counters["changes_refused"] += 1
         return reply_of(service, name, "refused", str(error))
     service.counters["changes_by_operators"] += 1
-    groups = [group_message(service, g) for g in service.learner.state.names()]
-    return reply_of(service, name, "ok", "", groups)
+    return read(service, ParameterQuestion(), name)
 
 
 def findings(service: ParameterService, request: DiscrepancyQuestion, name: str) -> ParameterReply:

@@ -11,8 +11,7 @@ from slopewise.services.parameters.effects_group import EFFECTS
 from slopewise.services.parameters.learner import Learner
 from slopewise.services.parameters.parameter_group import State
 from slopewise.services.parameters.parameter_history import LastChange, Memory, ParameterHistory
-from slopewise.services.parameters.store import StoreError
-from slopewise.services.parameters.stored_change import BootTime
+from slopewise.services.parameters.store import BootTime, StoreError
 
 _log = logging.getLogger("slopewise")
 
@@ -20,10 +19,11 @@ HELD = "the newest state may be missing"
 LOST = "what was learned is lost"
 """Causes of changes that only make plans more careful; stored, and compared after a restart."""
 
-_HELD_EFFECT = "no faster than by the model file until stops arrive"
-_LOST_EFFECT = "the share of the model file that is used on unknown ground, until stops arrive"
-_MAX_LISTED = 5
-"""Groups in one warning [1]."""
+_EFFECTS = {
+    HELD: "no faster than by the model file until stops arrive",
+    LOST: "the share of the model file that is used on unknown ground, until stops arrive",
+}
+_MAX_LISTED = 5  # groups in one warning [1]
 
 
 class ParameterRestorer:
@@ -35,11 +35,7 @@ class ParameterRestorer:
     def restore_newest(self, done: set[str]) -> dict[str, str]:
         """Restore the newest usable state of each group, except of groups that are done.
 
-        Returns:
-            Groups that plans use more carefully than they were stored, with the cause.
-
-        Raises:
-            StoreError: the store cannot be read.
+        Returns groups that plans use more carefully than they were stored, with the cause.
         """
         careful: dict[str, str] = {}
         memory, outdated = self._history.memory, list[str]()
@@ -56,9 +52,12 @@ class ParameterRestorer:
 
     def _restore_groups(self, done: set[str]) -> list[str]:
         """Groups of which the newest state could not be used; an older one is, or none."""
-        groups = [g for g in _findings_first(self._history.groups()) if g not in done]
+        # Braking is learned on top of an adopted finding.
+        groups = sorted(self._history.groups(), key=lambda name: (name != EFFECTS, name))
         outdated = [
-            g for g in groups if self._learner.state.may_restore(g) and not self._restore_group(g)
+            g
+            for g in groups
+            if g not in done and self._learner.state.may_restore(g) and not self._restore_group(g)
         ]
         if outdated:
             note = "stored parameters could not be used, older ones are"
@@ -83,20 +82,15 @@ class ParameterRestorer:
     def forget_assumed(self) -> None:
         """Forget groups that counted as lost until the store was opened, and are not in it."""
         stored = self._history.groups()
-        lost = [g for g, last in self._history.last.items() if last.cause == LOST]
-        for group in [g for g in lost if g not in stored]:
-            self._learner.state = self._learner.state.load({group: (None, 0.0)})
-            del self._history.last[group]
+        for group, last in [*self._history.last.items()]:
+            if last.cause == LOST and group not in stored:
+                self._learner.state = self._learner.state.load({group: (None, 0.0)})
+                del self._history.last[group]
 
     def roll_back(self, version: int, group: str) -> dict[str, BootTime]:
-        """Restore one group, or all without a name, to a version.
+        """Restore one group, or all without a name, to a version, or change nothing.
 
-        Returns:
-            The groups that were restored, and the times at which their states were learned.
-
-        Raises:
-            ParameterError: there is no such version, or it cannot be used; nothing changed then.
-            StoreError: the history cannot be read.
+        Returns the groups that were restored, and the times at which their states were learned.
         """
         state, now = self._learner.state, BootTime.now()
         if group:
@@ -124,12 +118,7 @@ class ParameterRestorer:
     def flags(self) -> list[str]:
         """Warnings of groups that are used more carefully, until something new is learned."""
         flags = []
-        for cause, effect in ((HELD, _HELD_EFFECT), (LOST, _LOST_EFFECT)):
+        for cause, effect in _EFFECTS.items():
             groups = [group for group, last in self._history.last.items() if last.cause == cause]
             flags += [f"{', '.join(groups[:_MAX_LISTED])}: {cause}: {effect}"] if groups else []
         return flags
-
-
-def _findings_first(groups: Iterable[str]) -> list[str]:
-    """Groups in the order of restoring: braking is learned on top of an adopted finding."""
-    return sorted(groups, key=lambda name: (name != EFFECTS, name))

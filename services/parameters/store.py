@@ -8,35 +8,24 @@ file stays locked, so that a second service cannot write between. Each row carri
 from __future__ import annotations
 
 import sqlite3
+import time
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
-from slopewise.services.parameters.stored_change import BootTime, StoredChange
-
-_SCHEMA_VERSION = 1
-_PAGE = 4096
-"""Version of the tables, and size of a page of SQLite [B]."""
-_HEADER = 100
-"""Size of the header of an SQLite file [B]."""
-
+_SCHEMA_VERSION = 1  # of the tables
+_PAGE = 4096  # size of a page of SQLite [B]
+_HEADER = 100  # size of the header of an SQLite file [B]
 _FULL_SHARE = 0.8
 """Share of the size limit beyond which the oldest changes are deleted [1]: the rest is free for
 indices and for the change that is written meanwhile."""
-
-_MAX_CORRUPT_FILES = 3
-"""Unreadable files that are quarantined [1]."""
-
-_MAX_SOURCES = 1000
-"""Sources whose last numbers are stored [1], as many as the filter remembers."""
-
-_LOCK_TIMEOUT = 0.5
-"""Wait for another process's lock [s]: longer than one write takes."""
-
-_NO_LIMIT = 2**62
-"""Above all versions [1]."""
+_MAX_CORRUPT_FILES = 3  # unreadable files that are quarantined [1]
+_MAX_SOURCES = 1000  # sources whose last numbers are stored [1], as many as the filter remembers
+_LOCK_TIMEOUT = 0.5  # wait for another process's lock [s]: longer than one write takes
+_NO_LIMIT = 2**62  # above all versions [1]
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS change (
@@ -56,24 +45,58 @@ class StoreError(Exception):
     """The store cannot be used now; the message is the short reason."""
 
 
+@dataclass(frozen=True, slots=True)
+class BootTime:
+    """A time whose age survives a restart and a clock that is set."""
+
+    at: float  # wall clock [s since 1970]
+    boot: str  # id of the boot of the machine
+    uptime: float  # time since that boot [s], which no clock setting changes
+
+    @classmethod
+    def now(cls) -> BootTime:
+        """The present time."""
+        try:
+            boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+        except OSError:
+            boot = ""
+        return cls(time.time(), boot, time.clock_gettime(time.CLOCK_BOOTTIME))
+
+    def earlier(self, seconds: float) -> BootTime:
+        """The time ``seconds`` before this one."""
+        return BootTime(self.at - seconds, self.boot, self.uptime - seconds)
+
+    def age(self, now: BootTime, oldest: float) -> float:
+        """Time since then [s]; ``oldest`` where clocks cannot show it."""
+        if self.boot and self.boot == now.boot:
+            return min(max(now.uptime - self.uptime, 0.0), oldest)
+        passed = now.at - self.at
+        # A clock that was set back shows no age; the time since the boot has passed at least.
+        return min(max(passed, now.uptime), oldest) if passed >= 0.0 else oldest
+
+
+@dataclass(frozen=True, slots=True)
+class StoredChange:
+    """State of one group of parameters from a version on."""
+
+    version: int  # version of all parameters; grows with every change
+    group: str
+    fingerprint: str  # digest of the vehicle
+    cause: str  # reason as text
+    who: str  # source or operator
+    moment: BootTime  # time of the change
+    state: bytes  # the group's state as JSON
+    learned: bool = True  # no operator made the change; those of operators are evicted last
+
+
 class Store:
     """An open store; every method raises :class:`StoreError` if it cannot do its work."""
 
     def __init__(self, path: Path, *, max_bytes: int = 64_000_000, max_changes: int = 20_000):
-        """Open, check, and create what is missing.
-
-        Args:
-            path: file of the store; its folder is created.
-            max_bytes: largest size of the file. max_changes: stored changes per group.
-
-        Attributes:
-            lost: reason why it is empty although changes were stored before; "" where it was
-                read whole, or is new.
-            damaged: groups of which a change cannot be read any more.
-        """
+        """Open, check, and create what is missing; at most ``max_changes`` of each group."""
         self.path = path
-        self.lost = ""
-        self.damaged: set[str] = set()
+        self.lost = ""  # why it is empty although changes were stored before
+        self.damaged: set[str] = set()  # groups of which a change cannot be read any more
         self._max_changes = max_changes
         self._max_pages = max(max_bytes // _PAGE, 64)
         try:
@@ -146,29 +169,12 @@ class Store:
 
     def write(self, changes: Sequence[StoredChange], seen: Mapping[str, int] | None = None) -> None:
         """Write changes and sequence numbers of sources: all of it or nothing."""
-        rows = [
-            (
-                c.version,
-                c.group,
-                c.fingerprint,
-                c.cause,
-                c.who,
-                c.moment.at,
-                c.moment.boot,
-                c.moment.uptime,
-                int(c.learned),
-                c.state,
-                zlib.crc32(c.state),
-            )
-            for c in changes
-        ]
-        version = max((c.version for c in changes), default=0)
+        connection, version = self._connection, max((c.version for c in changes), default=0)
+        rows = []
+        for c in changes:
+            head = c.version, c.group, c.fingerprint, c.cause, c.who, *astuple(c.moment)
+            rows.append((*head, int(c.learned), c.state, zlib.crc32(c.state)))
         sources = [(name, sequence, version) for name, sequence in (seen or {}).items()]
-        self._transaction(rows, sources)
-        self._evict({c.group for c in changes})
-
-    def _transaction(self, rows: list[tuple[Any, ...]], sources: list[tuple[Any, ...]]) -> None:
-        connection = self._connection
         try:
             connection.execute("BEGIN IMMEDIATE")
             try:
@@ -183,6 +189,7 @@ class Store:
                 raise
         except sqlite3.Error as error:
             raise StoreError(f"{self.path.name} cannot be written: {error}") from None
+        self._evict({c.group for c in changes})
 
     def _evict(self, groups: set[str]) -> None:
         """Delete the oldest learned changes; the latest of every group and vehicle stays."""
@@ -190,12 +197,17 @@ class Store:
             pages = self._number("PRAGMA page_count") - self._number("PRAGMA freelist_count")
             full = pages > _FULL_SHARE * self._max_pages
             if full:
-                with self._reading("SELECT DISTINCT grp FROM change") as rows:
-                    groups = {str(name) for (name,) in rows}
+                groups = self._names("SELECT DISTINCT grp FROM change")
             for group in groups:
                 count = self._number("SELECT count(*) FROM change WHERE grp = ?", group)
                 if full or count > self._max_changes:
-                    self._delete_oldest(group, max(count // 4, 1))
+                    self._connection.execute(
+                        "DELETE FROM change WHERE rowid IN (SELECT rowid FROM change WHERE grp = ?1"
+                        " AND version NOT IN"
+                        " (SELECT max(version) FROM change WHERE grp = ?1 GROUP BY fingerprint)"
+                        " ORDER BY learned DESC, version LIMIT ?2)",
+                        (group, max(count // 4, 1)),
+                    )
             self._connection.execute(
                 "DELETE FROM source WHERE name NOT IN"
                 " (SELECT name FROM source ORDER BY version DESC LIMIT ?)",
@@ -203,15 +215,6 @@ class Store:
             )
         except sqlite3.Error as error:
             raise StoreError(f"{self.path.name} has no free space: {error}") from None
-
-    def _delete_oldest(self, group: str, count: int) -> None:
-        self._connection.execute(
-            "DELETE FROM change WHERE rowid IN (SELECT rowid FROM change WHERE grp = ?1"
-            " AND version NOT IN"
-            " (SELECT max(version) FROM change WHERE grp = ?1 GROUP BY fingerprint)"
-            " ORDER BY learned DESC, version LIMIT ?2)",
-            (group, count),
-        )
 
     # ------------------------------------------------------------------ reading
 
@@ -221,73 +224,64 @@ class Store:
 
     def seen(self) -> dict[str, int]:
         """Last sequence number of each source."""
-        with self._reading("SELECT name, sequence FROM source") as rows:
-            return {str(name): int(sequence) for name, sequence in rows}
+        return {str(n): int(last) for n, last in self._rows("SELECT name, sequence FROM source")}
 
     def groups(self, fingerprint: str) -> list[str]:
         """Groups of a vehicle with changes."""
-        query = "SELECT DISTINCT grp FROM change WHERE fingerprint = ? ORDER BY grp"
-        with self._reading(query, (fingerprint,)) as rows:
-            return [str(name) for (name,) in rows]
+        query = "SELECT DISTINCT grp FROM change WHERE fingerprint = ?"
+        return sorted(self._names(query, fingerprint))
 
-    def newest(
-        self, fingerprint: str, group: str, up_to: int | None = None
-    ) -> Iterator[StoredChange]:
-        """Changes of a group of a vehicle, from the newest or a version back.
-
-        Rows whose checksum does not fit are skipped.
-        """
-        yield from self._changes(
-            "WHERE fingerprint = ? AND grp = ? AND version <= ? ORDER BY version DESC",
-            (fingerprint, group, _NO_LIMIT if up_to is None else up_to),
-        )
+    def fingerprints(self) -> set[str]:
+        """Vehicles with changes."""
+        return self._names("SELECT DISTINCT fingerprint FROM change")
 
     def has(self, fingerprint: str, version: int) -> bool:
         """Return True if a vehicle's parameters changed with that version."""
         query = "SELECT count(*) FROM change WHERE fingerprint = ? AND version = ?"
         return self._number(query, fingerprint, version) > 0
 
+    def newest(
+        self, fingerprint: str, group: str, up_to: int | None = None
+    ) -> Iterator[StoredChange]:
+        """Changes of a group of a vehicle, from the newest or a version back."""
+        where = "WHERE fingerprint = ? AND grp = ? AND version <= ? ORDER BY version DESC"
+        return self._changes(where, fingerprint, group, _NO_LIMIT if up_to is None else up_to)
+
     def history(self, group: str = "", count: int = 100) -> list[StoredChange]:
         """Last changes of a group, newest first; of all groups and vehicles without a name."""
-        where = "WHERE grp = ? " if group else ""
-        given = (group, count) if group else (count,)
-        return list(self._changes(f"{where}ORDER BY version DESC LIMIT ?", given))
-
-    def fingerprints(self) -> set[str]:
-        """Vehicles with changes."""
-        with self._reading("SELECT DISTINCT fingerprint FROM change") as rows:
-            return {str(name) for (name,) in rows}
+        where, given = ("WHERE grp = ? ", (group, count)) if group else ("", (count,))
+        return list(self._changes(f"{where}ORDER BY version DESC LIMIT ?", *given))
 
     def latest(self) -> list[StoredChange]:
         """The newest change of every group and vehicle."""
         newest = "SELECT max(version), grp, fingerprint FROM change GROUP BY grp, fingerprint"
-        return list(self._changes(f"WHERE (version, grp, fingerprint) IN ({newest})", ()))
+        return list(self._changes(f"WHERE (version, grp, fingerprint) IN ({newest})"))
 
-    def _changes(self, where: str, given: tuple[Any, ...]) -> Iterator[StoredChange]:
+    def _changes(self, where: str, *given: object) -> Iterator[StoredChange]:
+        """Changes whose checksum fits."""
         query = (
             "SELECT version, grp, fingerprint, cause, who, at, boot, uptime, state, learned, crc"
             f" FROM change {where}"
         )
-        with self._reading(query, given) as rows:
-            for version, grp, vehicle, cause, who, at, boot, uptime, state, learned, crc in rows:
-                if zlib.crc32(state) != crc:
-                    self.damaged.add(grp)
-                    continue
-                moment = BootTime(at, boot, uptime)
-                yield StoredChange(version, grp, vehicle, cause, who, moment, state, bool(learned))
+        for version, grp, vehicle, cause, who, at, boot, uptime, state, learned, crc in self._rows(
+            query, *given
+        ):
+            if zlib.crc32(state) != crc:
+                self.damaged.add(grp)
+                continue
+            moment = BootTime(at, boot, uptime)
+            yield StoredChange(version, grp, vehicle, cause, who, moment, state, bool(learned))
+
+    def _names(self, query: str, *given: object) -> set[str]:
+        return {str(name) for (name,) in self._rows(query, *given)}
 
     def _number(self, query: str, *given: object) -> int:
-        with self._reading(query, given) as rows:
-            return int(rows.fetchone()[0])
+        return int(next(self._rows(query, *given))[0])
 
-    @contextmanager
-    def _reading(self, query: str, given: Sequence[Any] = ()) -> Iterator[sqlite3.Cursor]:
+    def _rows(self, query: str, *given: object) -> Iterator[tuple[Any, ...]]:
         try:
-            rows = self._connection.execute(query, tuple(given))
-            try:
-                yield rows
-            finally:
-                rows.close()
+            with closing(self._connection.execute(query, given)) as rows:
+                yield from rows
         except sqlite3.Error as error:
             raise StoreError(f"{self.path.name} cannot be read: {error}") from None
 

@@ -11,21 +11,17 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Mapping
+from typing import ClassVar
 
-from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.services.parameters.parameter_group import (
     DriveUpdate,
     GroupDescription,
-    ParameterGroups,
     State,
+    ValueGroup,
 )
 from slopewise.services.settings.learning_settings import Learning
 
-TERRAIN = "terrain"
-NAMES = ("motion_resistance", "lateral_resistance", "slip_track")
-_UNITS = ("1", "1", "m")
 _FASTER_SHARE = 0.2
 """Part of the difference to a faster estimate that one update follows [1]: the mean of about five
 estimates, as one alone may be of a patch."""
@@ -33,8 +29,7 @@ estimates, as one alone may be of a patch."""
 _UPPER = 1.645
 """Standard deviations of a normal distribution below which 95 % lie [1]."""
 
-_SMALLEST = (0.001, 0.01, 1.0)
-_LARGEST = (1.5, 3.0, 20.0)
+_RANGES = ((0.001, 1.5), (0.01, 3.0), (1.0, 20.0))
 """Values beyond are gross errors: [1], [1], track widths. Steel wheels on rails roll at f_r 0.001,
 and wet ice is far above μ_t 0.01."""
 
@@ -42,42 +37,41 @@ _MIN_CHANGE = 0.01
 """Smaller changes are not stored, as a share of the value [1]: estimates scatter by more."""
 
 
-class TerrainGroup(ParameterGroups):
+class TerrainGroup(ValueGroup):
     """Terrain parameters estimated while driving; one thread."""
+
+    name = "terrain"
+    units: ClassVar = {"motion_resistance": "1", "lateral_resistance": "1", "slip_track": "m"}
 
     def __init__(self, prior: Model, settings: Learning) -> None:
         """Begin with the model file's terrain."""
+        super().__init__()
         self._prior, self._settings = prior, settings
-        self._values: dict[str, float] = {}
         self._stds: dict[str, float] = {}
-        self._updated = time.monotonic()
 
     def drive(self, samples: DriveUpdate) -> set[str]:
         """Learn from the terrain estimate after samples."""
         ground = samples.ground
         changed = ground.changed and self.forget_faster()
         learned = ground.features is not None and self.learn(ground.features)
-        return {TERRAIN} if changed or learned else set()
+        return {self.name} if changed or learned else set()
 
     def learn(self, features: tuple[tuple[float, float], ...]) -> bool:
         """Learn (value, standard deviation) of each parameter, NaN unknown; True if one changed."""
-        track = self._prior.vehicle.track_width
         changed = False
-        for name, smallest, largest, (value, std) in zip(
-            NAMES, _SMALLEST, _LARGEST, features, strict=True
-        ):
-            width = track if name == "slip_track" else 1.0
+        for name, (value, std) in zip(self.units, features, strict=True):
+            low, high = self._range(name)
             upper = value + _UPPER * std
-            if not 0.0 <= upper <= largest * width:
+            if not 0.0 <= upper <= high:
                 continue
-            slow = max(upper, smallest * width)
+            slow = max(upper, low)
             if name == "motion_resistance" and self._prior.braking.level < 1.0:
                 # Part of the braking then is this resistance: more of it would count as brakes.
                 continue
-            old, lowest = self._current()[name], float(getattr(self._prior.terrain, name))
-            if slow < old <= lowest:
+            old, file = self._current()[name], float(getattr(self._prior.terrain, name))
+            if slow < old <= file:
                 continue
-            new = slow if slow >= old else max(old + _FASTER_SHARE * (slow - old), lowest)
+            new = slow if slow >= old else max(old + _FASTER_SHARE * (slow - old), file)
             self._stds[name] = std
             if abs(new - old) > _MIN_CHANGE * max(abs(old), 1e-3):
                 self._values[name], changed = new, True
@@ -87,7 +81,7 @@ class TerrainGroup(ParameterGroups):
 
     def restrict_to_file(self) -> set[str]:
         """Use no value below the model file's."""
-        return {TERRAIN} if self.forget_faster() else set()
+        return {self.name} if self.forget_faster() else set()
 
     def forget_faster(self) -> bool:
         """Return to the model file where it is slower, as on other terrain; True if one changed."""
@@ -99,7 +93,7 @@ class TerrainGroup(ParameterGroups):
     def _current(self) -> dict[str, float]:
         age = time.monotonic() - self._updated
         share = -math.expm1(-age / self._settings.grows_old)
-        known = {name: float(getattr(self._prior.terrain, name)) for name in NAMES}
+        known = {name: float(getattr(self._prior.terrain, name)) for name in self.units}
         for name, value in self._values.items():
             known[name] = value + share * max(known[name] - value, 0.0)
         known["slip_track"] = max(known["slip_track"], self._prior.vehicle.track_width)
@@ -107,13 +101,8 @@ class TerrainGroup(ParameterGroups):
 
     def apply(self, model: Model) -> Model:
         """With the terrain parameters to plan with."""
-        return dataclasses.replace(
-            model, terrain=dataclasses.replace(model.terrain, **self._current())
-        )
-
-    def names(self) -> list[str]:
-        """The one group."""
-        return [TERRAIN]
+        terrain = dataclasses.replace(model.terrain, **self._current())
+        return dataclasses.replace(model, terrain=terrain)
 
     def describe(self, group: str) -> GroupDescription:
         """Planning values."""
@@ -121,8 +110,8 @@ class TerrainGroup(ParameterGroups):
             values=self._current(),
             stds=dict(self._stds),
             valid=bool(self._values),
-            age=time.monotonic() - self._updated if self._values else 0.0,
-            unit=dict(zip(NAMES, _UNITS, strict=True)),
+            age=self._age(),
+            unit=dict(self.units),
         )
 
     def state(self, group: str) -> State | None:
@@ -134,21 +123,13 @@ class TerrainGroup(ParameterGroups):
         values: dict[str, float] = {} if state is None else dict(state["values"])
         stds = {} if state is None else {n: float(s) for n, s in state["stds"].items()}
         self._check(values)
-        self._values, self._stds, self._updated = values, stds, time.monotonic() - age
+        self._replace(values, age)
+        self._stds = stds
 
-    def set(self, group: str, values: Mapping[str, float]) -> None:
-        """Apply an operator's values."""
-        self._check(values)
-        self._values = {**self._values, **values}
-        self._updated = time.monotonic()
+    def _range(self, name: str) -> tuple[float, float]:
+        low, high = _RANGES[list(self.units).index(name)]
+        width = self._prior.vehicle.track_width if name == "slip_track" else 1.0
+        return low * width, high * width
 
-    def _check(self, values: Mapping[str, float]) -> None:
-        track = self._prior.vehicle.track_width
-        for name, value in values.items():
-            if name not in NAMES:
-                raise ParameterError(name, f"one of {', '.join(NAMES)}")
-            i, width = NAMES.index(name), track if name == "slip_track" else 1.0
-            low, high = _SMALLEST[i] * width, _LARGEST[i] * width
-            if not low <= value <= high:
-                expected = f"a number of {low:g} … {high:g} {_UNITS[i]}"
-                raise ParameterError(name, f"{expected}, got {value:g}")
+    def _expected(self, name: str, low: float, high: float) -> str:
+        return f"a number of {super()._expected(name, low, high)}"

@@ -20,16 +20,11 @@ _MIN_LIMIT = 0.05
 
 @dataclass(frozen=True, slots=True)
 class MapAge:
-    """Age of the map relative to `max_map_age`.
+    """Age of the map relative to `max_map_age`."""
 
-    Attributes:
-        excess: age beyond `max_map_age` as a share of it [1], 0 while it is younger.
-        max_age: `max_map_age` [s]. speed: highest speed of plans on it [m/s].
-    """
-
-    excess: float
-    max_age: float
-    speed: float
+    excess: float  # age beyond `max_map_age` as a share of it [1], 0 while it is younger
+    max_age: float  # `max_map_age` [s]
+    speed: float  # highest speed of plans on it [m/s]
 
     @classmethod
     def of(cls, snapshot: MapSnapshot, max_age: float, limit: float) -> MapAge:

@@ -19,11 +19,8 @@ from slopewise.services.wire.plan_messages import MapUpdate
 
 _log = logging.getLogger("slopewise")
 
-_MAX_WAITING = 16
-"""Map updates that may wait [1]; each may have tens of megabytes."""
-
-_STOP_TIMEOUT = 2.0
-"""Longest wait for the thread to end [s]: applying the largest map takes less."""
+_MAX_WAITING = 16  # map updates that may wait [1]; each may have tens of megabytes
+_STOP_TIMEOUT = 2.0  # longest wait for the thread to end [s]: applying the largest map takes less
 
 
 class MapEndpoint:

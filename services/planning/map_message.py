@@ -21,16 +21,11 @@ _MAX_HEIGHT_STD = 10.0
 _MAX_GRID_ERROR = 1e-3
 """Distance of a patch's cells from those of the map, as a share of a cell [1]: rounding."""
 
-_MAX_CLASS = 2**20
-"""Exclusive limit of class numbers in a patch, which may name no classes [1]."""
+_MAX_CLASS = 2**20  # exclusive limit of class numbers in a patch, which may name no classes [1]
 
 
 def whole_map(update: MapUpdate) -> ElevationMap:
-    """The map in a message.
-
-    Raises:
-        ParameterError: names the field and what was expected.
-    """
+    """The map in a message."""
     classes = None if update.terrain_class is None else _classes(update)
     std = update.height_std
     heights, assumed = _heights(update)
@@ -46,11 +41,7 @@ def whole_map(update: MapUpdate) -> ElevationMap:
 
 
 def patched_map(update: MapUpdate, known: ElevationMap) -> ElevationMap:
-    """A known map with the cells of a patch.
-
-    Raises:
-        ParameterError: names the field and what was expected.
-    """
+    """A known map with the cells of a patch."""
     if abs(update.resolution - known.resolution) > 1e-6 * known.resolution:
         expected = f"{known.resolution:g} m as the whole map, got {update.resolution:g}"
         raise ParameterError("resolution", expected)

@@ -24,40 +24,29 @@ from slopewise.services.wire.arrival import (
 from slopewise.services.wire.plan_messages import MapUpdate
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
-_MAX_SOURCES = 64
-"""Sources that are remembered [1]; bounds memory."""
+_MAX_SOURCES = 64  # sources that are remembered [1]; bounds memory
 
 _WARNING_DURATION = 60.0
 """Time for which warnings about maps stay active [s]: some updates of a slow mapper."""
 
-_MAX_EARLY = 2.0
-"""Time by which a source's clock may run ahead of the time that passed [s]."""
+_MAX_EARLY = 2.0  # time by which a source's clock may run ahead of the time that passed [s]
 
 
 @dataclass(frozen=True, slots=True)
 class MapSnapshot:
-    """Map in use at one moment.
+    """Map in use at one moment."""
 
-    Attributes:
-        elevation_map: terrain. version: increases with every change.
-        at: arrival of the last update, monotonic clock [s].
-        incomplete: an update was lost since the last whole map.
-        delay: time by which the last update took longer than the quickest one [s].
-        warnings: about the count or the clock of sources.
-        id: source and number of the last update. digest: SHA-256 of the cells; with each patch,
-            of the digest before it and the cells of the patch.
-        fixed: initial map without any update since: its age is ignored.
-    """
-
-    elevation_map: ElevationMap
-    version: int
-    at: float
-    incomplete: bool = False
-    delay: float = 0.0
+    elevation_map: ElevationMap  # terrain
+    version: int  # increases with every change
+    at: float  # arrival of the last update, monotonic clock [s]
+    incomplete: bool = False  # an update was lost since the last whole map
+    delay: float = 0.0  # time by which the last update took longer than the quickest one [s]
+    # about the count or the clock of sources
     warnings: RecentWarnings = field(default_factory=RecentWarnings)
-    id: str = ""
+    id: str = ""  # source and number of the last update
+    # SHA-256 of the cells; with each patch, of the digest before it and the cells of the patch
     digest: str = ""
-    fixed: bool = False
+    fixed: bool = False  # initial map without any update since: its age is ignored
 
     def age(self) -> float:
         """Time since the terrain was measured, as far as the clocks show [s]."""
@@ -65,30 +54,21 @@ class MapSnapshot:
 
 
 class _Source:
-    """Count and clock of one instance of a source.
-
-    Attributes:
-        follows_another: another instance of the source was known before this one.
-    """
+    """Count and clock of one instance of a source."""
 
     def __init__(self) -> None:
-        self.follows_another = False
+        self.follows_another = False  # another instance of the source was known before this one
         self.sequence = SequenceTracker()
         self.stamps = StampCheck()
 
 
 class MapStore:
-    """Applies updates from one thread; any thread may read :attr:`snapshot`.
-
-    Attributes:
-        snapshot: map in use; None before the first map.
-        restarts: number of restarted sources.
-    """
+    """Applies updates from one thread; any thread may read :attr:`snapshot`."""
 
     def __init__(self, elevation_map: ElevationMap | None = None, name: str = "") -> None:
         """Begin with a map of that name, or without one."""
-        self.snapshot: MapSnapshot | None = None
-        self.restarts = 0
+        self.snapshot: MapSnapshot | None = None  # map in use; None before the first map
+        self.restarts = 0  # number of restarted sources
         self._warnings = RecentWarnings(_WARNING_DURATION)
         self._rejections: OrderedDict[str, str] = OrderedDict()
         self._sources = SenderTable[tuple[str, str], _Source](_Source, _MAX_SOURCES)
@@ -106,15 +86,7 @@ class MapStore:
             self._warn_assumed(elevation_map)
 
     def apply(self, update: MapUpdate, key: str, arrived: float | None = None) -> bool:
-        """Apply an update; False if it is a duplicate or out of order.
-
-        Args:
-            update: whole map or patch. key: it came on, for errors.
-            arrived: monotonic clock at its arrival, now if omitted [s].
-
-        Raises:
-            InputError: it is not a map, or does not fit; the map in use remains.
-        """
+        """Apply an update that came on ``key``; False if it is a duplicate or out of order."""
         at = time.monotonic() if arrived is None else arrived
         content = zlib.crc32(np.ascontiguousarray(update.elevation).data)
         lead = 0.0 if update.time is None else update.time - at
@@ -201,11 +173,7 @@ class MapStore:
         return self._warnings.active()
 
     def note_rejection(self, source: str, reason: str) -> None:
-        """Warn about a map that could not be used: the one before remains, and ages.
-
-        Args:
-            source: sender, "" if it cannot be read. reason: one sentence.
-        """
+        """Warn about a map that could not be used: the one before remains, and ages."""
         text = f"a map of {source or 'a sender without a name'} could not be used: {reason[:200]}"
         with self._lock:
             self._warnings.clear(self._rejections.pop(source, ""))

@@ -20,10 +20,9 @@ import numpy as np
 import zenoh
 
 from slopewise.models.errors import InputError
-from slopewise.services.planning.deadline_check import DeadlineError
+from slopewise.services.planning.deadline_check import DeadlineError, UsageMeter
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.planning.usage_meter import UsageMeter
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec, plan_messages
 from slopewise.services.wire.endpoint import Endpoint
@@ -36,8 +35,7 @@ _log = logging.getLogger("slopewise")
 _REMEMBERED_COUNT = 1000
 """Answers over which the status reports the time [1]: a minute of one client."""
 
-_STOP_TIMEOUT = 2.0
-"""Longest wait for a thread to end, and for a late worker to finish [s]."""
+_STOP_TIMEOUT = 2.0  # longest wait for a thread to end, and for a late worker to finish [s]
 
 _MAX_DRIVING_CANDIDATES = 200
 """Candidates up to which the reserved thread answers [1]: more take longer than a cycle."""
@@ -57,7 +55,7 @@ class PlanEndpoint:
         counters: Counter[str],
         on_planned: Callable[[PlanRequest, PlanReply], None],
     ) -> None:
-        """Answer with these plans on these maps; ``on_planned`` is called after each answer."""
+        """Answer with plans on maps; ``on_planned`` is called after each answer."""
         self._config, self._plans, self._maps = config, plans, maps
         self._counters, self._on_planned = counters, on_planned
         self._queue = PlanQueue(config.planning.queue, newest_only=True)

@@ -52,11 +52,7 @@ def ranked_reply(
     period: float,
     rejected: list[RankedCandidate],
 ) -> PlanReply:
-    """Result of a request without a client.
-
-    Args:
-        plans: at least one, best first. period: time to the next request [s].
-    """
+    """Result of a request without a client; plans are best first, ``period`` to the next [s]."""
     best = plans[0]
     is_stop = best.status is Status.INFEASIBLE
     ranking = [

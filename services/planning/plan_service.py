@@ -23,11 +23,7 @@ from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan
 from slopewise.services.parameters.active_parameters import ActiveParameters
-from slopewise.services.planning.deadline_check import (
-    CostEstimator,
-    DeadlineCheck,
-    no_deadline,
-)
+from slopewise.services.planning.deadline_check import CostEstimator, DeadlineCheck, no_deadline
 from slopewise.services.planning.map_age import MapAge
 from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_reply import cycle_reply, full_stop, ranked_reply
@@ -39,11 +35,7 @@ from slopewise.services.planning.request_validation import (
     validate_request,
 )
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.plan_messages import (
-    PlanReply,
-    PlanRequest,
-    RankedCandidate,
-)
+from slopewise.services.wire.plan_messages import PlanReply, PlanRequest, RankedCandidate
 
 _BATCH_SIZE = 64
 """Candidates planned together [1]; a request can be interrupted between batches only."""
@@ -115,16 +107,7 @@ class PlanService:
         check_deadline: DeadlineCheck = no_deadline,
         remaining: float = np.inf,
     ) -> PlanReply:
-        """Reply to one request.
-
-        Args:
-            snapshot: map in use. key: on which the request came, for errors.
-            check_deadline: called between candidates. remaining: time to the deadline [s].
-
-        Raises:
-            InputError: the request as a whole is not usable.
-            DeadlineError: it cannot be answered in time.
-        """
+        """Reply to one request; errors name ``key``; ``remaining``: time to the deadline [s]."""
         started = time.perf_counter()
         validate_request(request, self.config.sizes, key)
         parameters = self.parameters

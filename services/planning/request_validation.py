@@ -22,14 +22,12 @@ from slopewise.services.planning.deadline_check import DeadlineCheck, no_deadlin
 from slopewise.services.settings.service_settings import SizeLimits
 from slopewise.services.wire.plan_messages import Path, PlanRequest, RankedCandidate
 
-_MIN_POINTS = 3
-"""Fewest points of a path [1]: curvature needs three."""
+_MIN_POINTS = 3  # fewest points of a path [1]: curvature needs three
 
 _MAX_COORDINATE = 1e9
 """Largest coordinate [m]: beyond it float64 resolves less than 0.1 µm, and UTM ends at 1e7."""
 
-_MAX_SPEED = 1e3
-"""Largest speed of a vehicle in a request [m/s]: beyond it the unit is wrong."""
+_MAX_SPEED = 1e3  # largest speed of a vehicle in a request [m/s]: beyond it the unit is wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +52,7 @@ def rejection(name: str, reason: str) -> RankedCandidate:
 
 
 def validate_request(request: PlanRequest, sizes: SizeLimits, key: str) -> None:
-    """Check a request as a whole.
-
-    Raises:
-        InputError: names ``key``, on which it came, and the field.
-    """
+    """Check a request as a whole."""
     if len(request.paths) > sizes.candidates:
         count = len(request.paths)
         expected = f"expected at most {sizes.candidates} candidates, got {count}"
@@ -78,14 +72,7 @@ def validate_request(request: PlanRequest, sizes: SizeLimits, key: str) -> None:
 def validate_candidates(
     request: PlanRequest, sizes: SizeLimits, spacing: float, key: str
 ) -> Validated:
-    """Check all candidates, without resampling them.
-
-    Args:
-        spacing: distance between stations [m]. key: on which the request came, for errors.
-
-    Raises:
-        InputError: all of them together are too long.
-    """
+    """Check all candidates, without resampling them; ``spacing`` of stations [m]."""
     usable: dict[str, PlanCandidate] = {}
     rejected: list[RankedCandidate] = []
     stations = 0.0
@@ -114,13 +101,7 @@ def resample_all(
     max_deviation: float,
     check_deadline: DeadlineCheck = no_deadline,
 ) -> Validated:
-    """Candidates at uniform station spacing.
-
-    Args:
-        spacing: distance between stations [m].
-        max_deviation: largest distance of stations from the given path [m].
-        check_deadline: called before each candidate.
-    """
+    """Candidates at uniform ``spacing``, stations at most ``max_deviation`` off the path [m]."""
     usable: list[PlanCandidate] = []
     rejected: list[RankedCandidate] = []
     for candidate in candidates:
@@ -136,11 +117,7 @@ def resample_all(
 def select_at_vehicle(
     request: PlanRequest, candidates: list[PlanCandidate], limits: HorizonSettings
 ) -> Validated:
-    """Candidates on which the vehicle stands; all if the request has no pose.
-
-    Args:
-        candidates: resampled. limits: largest lateral offset and heading error.
-    """
+    """Resampled candidates on which the vehicle stands; all if the request has no pose."""
     if request.pose is None or not candidates:
         return Validated(candidates, [])
     x, y, heading = request.pose

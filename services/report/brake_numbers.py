@@ -51,31 +51,19 @@ class SteepestSlope:
 
 @dataclass(frozen=True, slots=True)
 class DistanceTable:
-    """Stopping distances over V speeds and G grades.
+    """Stopping distances over V speeds and G grades; inf without a stop."""
 
-    Attributes:
-        speeds: (V,) [m/s]. grades: (G,) [rad].
-        mean: (V, G) by the mean of the model [m]; inf without a stop.
-        allowed: (V, G) as plans reserve [m]; inf without a stop.
-        plain, rule: (V,) v²/2a and responsibility-sensitive safety, which know no grade [m].
-    """
-
-    speeds: Floats
-    grades: Floats
-    mean: Floats
-    allowed: Floats
-    plain: Floats
-    rule: Floats
+    speeds: Floats  # (V,) [m/s]
+    grades: Floats  # (G,) [rad]
+    mean: Floats  # (V, G) by the mean of the model [m]
+    allowed: Floats  # (V, G) as plans reserve [m]
+    plain: Floats  # (V,) v²/2a [m]
+    rule: Floats  # (V,) responsibility-sensitive safety, which knows no grade [m]
 
 
 @dataclass(frozen=True)
 class BrakeNumbers:
-    """One surface of a model.
-
-    Attributes:
-        model: vehicle and brakes. survive: quantile of the allowed distances.
-        surface: name, "" for the base.
-    """
+    """One surface of a model, "" for the base, at the quantile of an uncertainty."""
 
     model: Model
     survive: Uncertainty

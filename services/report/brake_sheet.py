@@ -14,7 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.services.io.files import fault, write_atomic
+from slopewise.services.jobs.calibrate import CalibrateResult
+from slopewise.services.jobs.calibration_summary import surface_summary
+from slopewise.services.jobs.log_input import LogInput
+from slopewise.services.jobs.provenance import calibration_digests
 from slopewise.services.report.brake_numbers import BrakeNumbers, SteepestSlope
 from slopewise.services.report.figures import (
     COLOURS,
@@ -46,13 +51,34 @@ def check_name(path: Path) -> None:
         raise fault(path, "", message)
 
 
-def write_sheet(path: Path, numbers: BrakeNumbers, facts: Mapping[str, str], trace: str) -> None:
-    """Write the sheet of one surface, all or nothing.
+def write_calibration_sheet(
+    path: Path,
+    result: CalibrateResult,
+    logs: LogInput,
+    prior: str,
+    out: Path | None,
+    *,
+    quantile: float,
+) -> dict[str, Any]:
+    """Write the sheet of a calibrated model; returns its numbers.
 
-    Args:
-        path: .html or .pdf.
-        numbers: brake numbers of one surface. facts: results from the stops, name -> value.
-        trace: lines with the files it was made from.
+    The prior, and the calibrated model if it was written, are named by their files.
+    """
+    numbers = BrakeNumbers(result.model, Uncertainty(quantile=quantile))
+    base = surface_summary(result.calibration.surfaces[0])
+    facts = {
+        "stops learned from": f"{base.stops - base.left_out} of {base.stops}",
+        "unseen, within": f"{base.coverage:.1%}, on average {base.mean_excess:.3f} m to spare",
+    }
+    digests = calibration_digests(logs, prior, result.model, out)
+    write_sheet(path, numbers, facts, "\n".join(digests))
+    return sheet_json(numbers)
+
+
+def write_sheet(path: Path, numbers: BrakeNumbers, facts: Mapping[str, str], trace: str) -> None:
+    """Write the sheet of one surface, all or nothing: .html or .pdf.
+
+    Facts are results from the stops; the trace has lines with the files it was made from.
 
     Raises:
         InputError: another ending, or a path that cannot be written.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,13 +17,13 @@ from slopewise.models.calibration.learn import Calibration
 from slopewise.models.calibration.surface_fit import SurfaceFit
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_logs.drive_quality import Suspect
-from slopewise.models.stop_logs.find_stops import StopWindow, Usability
+from slopewise.models.stop_logs.find_stops import Usability
+from slopewise.services.io.drive_log import DriveLog
+from slopewise.services.jobs.calibrate import CalibrateResult, RejectedLogError
+from slopewise.services.jobs.calibration_summary import surface_rows
+from slopewise.services.jobs.plural import plural
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, SHORT, draw_figures
 from slopewise.services.report.page import MAX_ROWS, render, write_page
-from slopewise.services.report.plural import plural
-
-Rows = Mapping[str, Sequence[str]]
-"""Label -> one cell per surface, formatted."""
 
 _MAX_STOPS = 500
 """Stops that the page of a rejected log lists [1]."""
@@ -32,91 +32,61 @@ _SPEED_LINES = 3
 _STYLES = ("page.css", "calibration.css")
 
 
-class RejectedLog(NamedTuple):
-    """Content of a log from which nothing is learned.
-
-    Attributes:
-        reason: why it is rejected. windows: stops found. places: run and time of each.
-        suspects: excluded intervals. clock: time at which each begins [s].
-    """
-
-    reason: str
-    windows: Sequence[StopWindow]
-    places: Sequence[str]
-    suspects: Sequence[Suspect]
-    clock: Mapping[int, float]
-
-
-def write_calibration_page(
-    path: Path,
-    calibration: Calibration,
-    rows: Rows,
-    clock: Mapping[int, float],
-    *,
-    title: str,
-    provenance: Mapping[str, str],
-) -> None:
-    """Write the page of a calibration, all or nothing.
-
-    Args:
-        path: HTML file. calibration: result to show.
-        rows: table of numbers. clock: time at which excluded intervals begin, by sample [s].
-        title: heading. provenance: logs, model, date: name -> value.
+def write_calibration_page(path: Path, result: CalibrateResult, facts: Mapping[str, str]) -> None:
+    """Write the page of a calibration, all or nothing; facts: logs, model, date: name -> value.
 
     Raises:
         InputError: the file cannot be written.
     """
-    counts = {Usability[name.upper()].value: n for name, n in calibration.verdicts.items()}
+    calibration = result.calibration
     values = {
-        "title": title,
+        "title": f"Brakes of {result.model.name}",
         "verdict": _verdict(calibration),
-        "facts": {**_shared_facts(calibration), **provenance},
+        "facts": {**_shared_facts(calibration), **facts},
         "notices": (*calibration.objections, *calibration.warnings),
         "pictures": _figures(calibration),
         "columns": [("", ""), *((s.name or "base", "number") for s in calibration.surfaces)],
-        "rows": [(label, *cells) for label, cells in rows.items()],
+        "rows": [(label, *cells) for label, cells in surface_rows(calibration).items()],
         "stops": [],
+        "stop_counts": [(Usability[n.upper()].value, k) for n, k in calibration.verdicts.items()],
         "footer": "Lengths are along the ground. Every number is also in the model file and in the "
         "table of stops, in SI units and radians.",
     }
-    _write(path, values, counts, calibration.suspects, clock)
+    _write(path, values, calibration.suspects, result.log)
 
 
-def write_rejected_log(
-    path: Path, rejected: RejectedLog, *, title: str, provenance: Mapping[str, str]
-) -> None:
+def write_rejected_log(path: Path, rejected: RejectedLogError, facts: Mapping[str, str]) -> None:
     """Write the page of a rejected log, all or nothing.
 
     Raises:
         InputError: the file cannot be written.
     """
-    counts = dict(Counter(w.verdict.value for w in rejected.windows).most_common())
-    listed = list(zip(rejected.windows, rejected.places, strict=True))[:_MAX_STOPS]
+    run, t = rejected.log.columns["run"], rejected.log.columns["t"]
     values = {
-        "title": title,
-        "verdict": f"Rejected: {rejected.reason}",
-        "facts": provenance,
+        "title": "Brakes that were not learned",
+        "verdict": f"Rejected: {rejected}",
+        "facts": facts,
         "notices": (),
         "pictures": {},
         "stops": [
-            (place, f"{w.held_speed:.2f}", w.reason or w.verdict.value) for w, place in listed
+            (
+                f"{run[w.command]}, {t[w.command]:.2f} s",
+                f"{w.held_speed:.2f}",
+                w.reason or w.verdict.value,
+            )
+            for w in rejected.windows[:_MAX_STOPS]
         ],
+        "stop_counts": Counter(w.verdict.value for w in rejected.windows).most_common(),
         "footer": "Nothing was learned. Speeds are in m/s, times in seconds on the clock of the "
         "log.",
     }
-    _write(path, values, counts, rejected.suspects, rejected.clock)
+    _write(path, values, rejected.suspects, rejected.log)
 
 
-def _write(
-    path: Path,
-    values: dict[str, Any],
-    counts: Mapping[str, int],
-    issues: Sequence[Suspect],
-    clock: Mapping[int, float],
-) -> None:
+def _write(path: Path, values: dict[str, Any], issues: Sequence[Suspect], log: DriveLog) -> None:
+    t = log.columns["t"]
     values |= {
-        "stop_counts": list(counts.items()),
-        "issues": [(f"{clock[s.start]:.2f} s", s.reason) for s in issues[:MAX_ROWS]],
+        "issues": [(f"{t[s.start]:.2f} s", s.reason) for s in issues[:MAX_ROWS]],
         "more_issues": len(issues) - MAX_ROWS,
     }
     title = f"{values['title']} – slopewise calibrate"

@@ -13,12 +13,9 @@ from slopewise.models.discrepancy.findings import Findings, Gap, LocatedAxis, Na
 from slopewise.models.discrepancy.report.evidence import AxisResidual, Evidence
 from slopewise.models.discrepancy.report.words import answers, closed_words, sure_words
 from slopewise.models.effects.registry import LAWS
+from slopewise.services.jobs.plural import plural
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, draw_figures
-from slopewise.services.report.page import (
-    render,
-    write_page,
-)
-from slopewise.services.report.plural import plural
+from slopewise.services.report.page import render, write_page
 
 VERDICT_LABELS = {
     Verdict.NONE: ("nothing missing", "fine"),
@@ -46,11 +43,7 @@ def write_discrepancy_page(
     title: str,
     provenance: Mapping[str, str],
 ) -> None:
-    """Write the page, all or nothing.
-
-    Args:
-        path: HTML file. findings, evidence: from one log.
-        title: heading. provenance: logs, model, date: name -> value.
+    """Write the page, all or nothing; provenance: logs, model, date: name -> value.
 
     Raises:
         InputError: the file cannot be written.

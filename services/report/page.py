@@ -46,18 +46,13 @@ def render(
     extra_style: str = "",
     asks_server: bool = False,
 ) -> str:
-    """Render a whole page.
+    """Render a template with the styles and scripts of some assets, and the data that they read.
 
-    Args:
-        template: asset that extends ``page.html``. values: fields of the template, escaped there.
-        title: window title.
-        styles, scripts: assets, included in this order.
-        data: what the script reads.
-        extra_style: CSS in front of the assets.
-        asks_server: the script may fetch from the server that the page came from.
+    Values are escaped in the template; the extra style comes before the others; `asks_server`: the
+    script may fetch from the server that the page came from.
     """
     server = " 'self'; connect-src 'self'" if asks_server else ""
-    script = '"use strict";\n(() => {\n' + "\n".join(map(asset, scripts)) + "})();\n"
+    script = f'"use strict";\n(() => {{\n{_compact(*map(asset, scripts))}\n}})();\n'
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     text: str = (
         _environment()
@@ -68,12 +63,18 @@ def render(
             # Only this very script runs, and nothing is fetched, for any content of a name.
             policy=f"default-src 'none'; img-src data:{server}; style-src 'unsafe-inline'; "
             f"script-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'",
-            style="\n".join((extra_style, *map(asset, styles))),
+            style=_compact(extra_style, *map(asset, styles)),
             data=script_json(data),
             script=script,
         )
     )
     return text
+
+
+def _compact(*texts: str) -> str:
+    """Texts without indentation, empty lines, and lines of comments."""
+    lines = (line.strip() for text in texts for line in text.splitlines())
+    return "\n".join(line for line in lines if line and not line.startswith("//"))
 
 
 def write_page(path: Path, text: str) -> None:

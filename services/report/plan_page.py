@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import itertools
 import math
+import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +20,10 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.explain.bound_curves import bound_curves
 from slopewise.planner.explain.explain import Explanation
+from slopewise.planner.kernels.interpreted import is_interpreting
 from slopewise.planner.limiting import BOUNDS, Limiting
 from slopewise.planner.plan import Obstacle, SpeedPlan, Status
+from slopewise.services.jobs.plan import PlanResult
 from slopewise.services.report.page import render, write_page
 from slopewise.services.report.plan_labels import (
     LIMITING_MEANING,
@@ -30,79 +34,97 @@ from slopewise.services.report.plan_labels import (
 from slopewise.services.report.plan_summary import PlanSummary, best_plan, summarise, verdict
 from slopewise.services.report.relief import relief
 
-SCRIPTS = (
-    "uPlot.iife.min.js",
-    "page.js",
-    "painter.js",
-    "charts.js",
-    "plan_state.js",
-    "plan_map.js",
-    "plan_charts.js",
-    "plan_details.js",
-)
+_PARTS = "page painter charts plan_state plan_map plan_charts plan_details"
+SCRIPTS = ("uPlot.iife.min.js", *(f"{part}.js" for part in _PARTS.split()))
 STYLES = ("uPlot.min.css", "page.css", "colours.css", "plan.css")
 
 _MAX_STATIONS, _MAX_PLAN_STATIONS, _MIN_PLAN_STATIONS = 40_000, 4_000, 24
 """Stations of all plans on one page, and of one plan; beyond, plans are thinned [1]."""
 _DECIMALS = {
-    "station": 3,
-    "z": 3,
-    "grade": 4,
-    "roll": 4,
     "curvature": 4,
-    "speed": 3,
-    "accel": 3,
-    "time": 2,
-    "speed_bound": 3,
-    "stop_distance": 3,
-    "rear_load": 3,
-    "side_load": 3,
+    **dict.fromkeys(("grade", "roll", "speed"), 3),
+    **dict.fromkeys(("accel", "rear_load", "side_load", "speed_bound", "station"), 2),
+    **dict.fromkeys(("stop_distance", "time", "x", "y", "z"), 2),
 }
+"""Decimals of each column [1], whole numbers of which the page has; half a pixel of its charts."""
+_NUMBERS = {
+    "time": "travel_time",
+    "progress": "progress",
+    "length": "length",
+    "mean": "mean_speed",
+    "max": "max_speed",
+    "margin": "margin",
+    "rear": "rear_load",
+    "side": "side_load",
+    "beside": "path_deviation",  # words: ok (key of the page's data)
+}
+"""Number of the summary by its key of the page's data."""
 
 
-def write_plan_page(
+def write_job_page(
     path: Path,
-    elevation_map: ElevationMap,
-    plans: Sequence[SpeedPlan],
-    model: Model,
-    *,
-    title: str,
-    provenance: Mapping[str, str],
-    explanation: Explanation | None = None,
+    result: PlanResult,
+    map_file: Path,
+    path_file: Path,
+    model: str,
+    speed: float,
+    clear: float,
 ) -> None:
-    """Write the page of some plans, all or nothing.
-
-    Args:
-        path: HTML file.
-        elevation_map: ground that was planned on.
-        plans: best first; their order is their rank.
-        model: vehicle and limits that were planned with.
-        title: heading.
-        provenance: map, paths, date and further facts: name -> value.
-        explanation: why the best plan is not faster; None to omit it.
+    """Write the page of a planning job, all or nothing; files and numbers as stated.
 
     Raises:
         InputError: the file cannot be written.
     """
+    spacing = result.settings.spacing_on(result.elevation_map.resolution)
+    facts = {
+        "map": str(map_file),
+        "paths": str(path_file),
+        "model": f"{result.model.name} ({model})",
+        "start speed": f"{speed:g} m/s",
+        "path known to be free": "to its end" if math.isinf(clear) else f"{clear:g} m",
+        "margins cover": _covered(result),
+        "stations every": f"{spacing:g} m",
+        "planned in": f"{result.seconds:.2f} s{', not compiled yet' * is_interpreting()}",
+        "date": time.strftime("%Y-%m-%d %H:%M"),
+    }
+    write_plan_page(path, result, f"{path_file.stem} on {map_file.stem}", facts)
+
+
+def _covered(result: PlanResult) -> str:
+    if result.uncertainty is None:
+        return "the model's mean"
+    share = f"{100.0 * result.uncertainty.quantile:g} % of the model's uncertainty"
+    return share if result.states_uncertainty else f"{share}, which it does not state"
+
+
+def write_plan_page(
+    path: Path, result: PlanResult, title: str, provenance: Mapping[str, str]
+) -> None:
+    """Write the page of some plans, best first, all or nothing; provenance: name -> value.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    plans = result.plans
     summaries = [summarise(plan, rank) for rank, plan in enumerate(plans, start=1)]
     best = best_plan(plans)
-    picture, ground = relief(elevation_map)
+    picture, ground = relief(result.elevation_map)
     values = {
         "title": title,
         "verdict": verdict(plans),
         "best": None if best is None else summaries[best],
         "best_way": "" if best is None else _format_drive(summaries[best]),
         "provenance": provenance,
-        "model": _model_facts(model),
-        "model_name": model.name,
+        "model": _model_facts(result.model),
+        "model_name": result.model.name,
         "relief": picture,
         "summaries": summaries,
         "statuses": list(Status),
         "status_meaning": STATUS_MEANING,
         "limiting_meaning": LIMITING_MEANING,
         "limiting_label": limiting_label,
-        "explanation": explanation,
-        "costs": _costs(explanation),
+        "explanation": result.explanation,
+        "costs": _costs(result.explanation),
     }
     text = render(
         "plan.html",
@@ -111,7 +133,7 @@ def write_plan_page(
         styles=STYLES,
         extra_style=limit_colours(),
         scripts=SCRIPTS,
-        data=_page_data(ground, elevation_map, plans, summaries, model),
+        data=_page_data(ground, result, summaries),
     )
     write_page(path, text)
 
@@ -162,26 +184,17 @@ def _costs(explanation: Explanation | None) -> list[tuple[Limiting, float, float
 
 
 def _page_data(
-    ground: dict[str, Any],
-    elevation_map: ElevationMap,
-    plans: Sequence[SpeedPlan],
-    summaries: Sequence[PlanSummary],
-    model: Model,
+    ground: dict[str, Any], result: PlanResult, summaries: Sequence[PlanSummary]
 ) -> dict[str, Any]:
     """Everything that the script reads."""
+    plans, model = result.plans, result.model
     share = _MAX_STATIONS // max(len(plans), 1)
     max_stations = max(min(share, _MAX_PLAN_STATIONS), _MIN_PLAN_STATIONS)
     limits = model.limits
     return {
         "map": ground,
         "plans": [
-            plan_table(
-                plan,
-                summary,
-                elevation_map.origin,
-                max_stations,
-                bound_curves(elevation_map, plan, model),
-            )
+            _plan_table(plan, summary, result.elevation_map, model, max_stations)
             for plan, summary in zip(plans, summaries, strict=True)
         ],
         "selected": best_plan(plans) or 0,
@@ -189,41 +202,29 @@ def _page_data(
             {
                 "key": code.label,
                 "word": limiting_label(code),
-                "meaning": bound.meaning,
-                "dark": bound.dark_text,
+                "meaning": b.meaning,
+                "dark": b.dark_text,
             }
-            for code, bound in BOUNDS.items()
+            for code, b in BOUNDS.items()
         ],
         "limits": {
-            "speed": _number(limits.speed),
-            "accel": _number(limits.accel),
-            "decel": _number(limits.decel),
-            "min_load": _number(limits.min_load),
-            "grade_range": _numbers(np.asarray(model.braking.grade_range), 4),
+            **{n: _number(getattr(limits, n)) for n in ("speed", "accel", "decel", "min_load")},
+            "grade_range": [_number(grade, 4) for grade in model.braking.grade_range],
         },
+        "decimals": _DECIMALS,
     }
 
 
-def plan_table(
-    plan: SpeedPlan,
-    summary: PlanSummary,
-    origin: tuple[float, float],
-    max_stations: int,
-    bounds: Mapping[Limiting, Floats],
+def _plan_table(
+    plan: SpeedPlan, summary: PlanSummary, ground: ElevationMap, model: Model, max_stations: int
 ) -> dict[str, Any]:
-    """One plan: its summary and columns, positions relative to the map's origin.
-
-    Args:
-        max_stations: beyond it the plan is thinned.
-        bounds: (N,) speed that each bound alone allows [m/s].
-    """
+    """One plan: its summary and columns, positions relative to the map's origin."""
     at = thinned(plan, max_stations)
-    columns: dict[str, Any] = {
-        name: _numbers(getattr(plan, name)[at], decimals) for name, decimals in _DECIMALS.items()
-    }
-    columns["x"] = _numbers(plan.x[at] - origin[0], 3)
-    columns["y"] = _numbers(plan.y[at] - origin[1], 3)
-    columns["limiting"] = [int(code) for code in plan.limiting[at]]
+    x0, y0 = ground.origin
+    placed = replace(plan, x=plan.x - x0, y=plan.y - y0)
+    bounds = bound_curves(ground, plan, model)
+    # The chart of speeds ends there: bounds that are above it everywhere are not shown.
+    end = 1.06 * max(1.15 * model.limits.speed, float(plan.speed.max()))
     return {
         "name": plan.candidate,
         "status": plan.status.value,
@@ -231,24 +232,23 @@ def plan_table(
         "rank": summary.rank,
         "stations": len(plan.station),
         "clear": _number(plan.clear_distance),
-        "time": _number(summary.travel_time),
-        "progress": _number(summary.progress),
-        "length": _number(summary.length),
-        "mean": _number(summary.mean_speed),
-        "max": _number(summary.max_speed),
-        "margin": _number(summary.margin),
-        "rear": _number(summary.rear_load),
-        "side": _number(summary.side_load),
-        "beside": _number(summary.path_deviation),  # words: ok (key of the page's data)
+        **{key: _number(getattr(summary, name)) for key, name in _NUMBERS.items()},
         "limits": None if summary.longest_limit is None else int(summary.longest_limit),
-        "obstacle": _obstacle(plan.obstacle, origin),
-        "columns": columns,
+        "obstacle": _obstacle(plan.obstacle, ground.origin),
+        "columns": {
+            **{name: _scaled(getattr(placed, name)[at], name) for name in _DECIMALS},
+            "limiting": plan.limiting[at].tolist(),
+        },
         "bounds": [
-            {"code": int(bound), "speed": _numbers(speed[at], 3)}
+            {"code": int(bound), "speed": _scaled(_capped(speed[at], 2.0 * end), "speed_bound")}
             for bound, speed in bounds.items()
-            if np.isfinite(speed).any()
+            if (speed < end).any()
         ],
     }
+
+
+def _capped(values: Floats, highest: float) -> Floats:
+    return np.where(np.isfinite(values), np.minimum(values, highest), values)
 
 
 def _obstacle(obstacle: Obstacle | None, origin: tuple[float, float]) -> dict[str, Any] | None:
@@ -281,9 +281,10 @@ def thinned(plan: SpeedPlan, max_stations: int) -> Ints:
     return np.array(sorted(indices), np.int64)
 
 
-def _numbers(values: Floats, decimals: int) -> list[float | None]:
-    """Rounded values; None where one is not finite, which JSON cannot express."""
-    return [v if math.isfinite(v) else None for v in np.round(values, decimals).tolist()]
+def _scaled(values: Floats, column: str) -> list[int | None]:
+    """Whole numbers of the last decimal; None where one is not finite, unknown to JSON."""
+    scaled = np.round(values * 10.0 ** _DECIMALS[column])
+    return [int(v) if math.isfinite(v) else None for v in scaled.tolist()]
 
 
 def _number(value: float | None, decimals: int = 3) -> float | None:

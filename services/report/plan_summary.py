@@ -23,36 +23,23 @@ _OUTCOMES = (
 
 @dataclass(frozen=True, slots=True)
 class PlanSummary:
-    """One plan in numbers; None where a number does not exist, e.g. the margin at standstill.
+    """One plan in numbers; None where a number does not exist, e.g. the margin at standstill."""
 
-    Attributes:
-        rank: 1 is best.
-        name, status, reason: as in the plan.
-        travel_time: until the last movement ends [s].
-        progress, length: where it comes to rest, and where the path ends [m].
-        mean_speed, max_speed: [m/s].
-        margin: smallest margin of an emergency stop to the clear distance [m].
-        rear_load, side_load: smallest in any emergency stop, shares of the level static loads [1].
-        longest_limit: bound that holds along most of the driven distance.
-        limits_share: share of the driven distance along which it holds [1].
-        path_deviation: largest distance between the plan and the given path [m].
-    """
-
-    rank: int
+    rank: int  # 1 is best
     name: str
     status: Status
     reason: str
-    travel_time: float | None
-    progress: float
-    length: float
-    mean_speed: float | None
-    max_speed: float | None
-    margin: float | None
-    rear_load: float | None
-    side_load: float | None
-    longest_limit: Limiting | None
-    limits_share: float
-    path_deviation: float | None
+    travel_time: float | None  # until the last movement ends [s]
+    progress: float  # station where it comes to rest [m]
+    length: float  # station where the path ends [m]
+    mean_speed: float | None  # [m/s]
+    max_speed: float | None  # [m/s]
+    margin: float | None  # smallest of an emergency stop to the clear distance [m]
+    rear_load: float | None  # smallest in any emergency stop, share of the level static one [1]
+    side_load: float | None  # likewise
+    longest_limit: Limiting | None  # bound along most of the driven distance
+    limits_share: float  # share of the driven distance along which it holds [1]
+    path_deviation: float | None  # largest distance between the plan and the given path [m]
 
 
 def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:

@@ -9,23 +9,17 @@ from typing import Any
 
 import numpy as np
 from contourpy import LineType, contour_generator
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from PIL import Image
 
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.services.scene.shading import shade
 
 MAX_CELLS = 900
 """Longest edge of the picture in cells; larger maps are averaged."""
 
-# Azimuth clockwise from north [deg], height above the horizon [deg], share of the light [1].
-_LIGHTS = ((315.0, 45.0, 0.55), (270.0, 40.0, 0.20), (0.0, 40.0, 0.15), (135.0, 60.0, 0.10))
-_STEEP_RISE, _MAX_EXAGGERATION = 0.5, 5.0
-"""Rise with which the 95th percentile of slopes is drawn, and largest factor on heights [1]."""
-_DARKEST = 56.0
-"""Darkest grey of known ground, of 255."""
-_LEVEL_TONE, _CONTRAST = 0.84, 1.25
-"""Tone of level ground, of 1, and exponent of the light [1]."""
 _CONTOURS = 14
 """Contours between the lowest and the highest ground, about."""
 _TENTHS = 10.0
@@ -33,15 +27,10 @@ _TENTHS = 10.0
 
 
 def relief(elevation_map: ElevationMap, max_cells: int = MAX_CELLS) -> tuple[str, dict[str, Any]]:
-    """Picture of the map, and where it lies.
+    """Picture of the map as data URI of a PNG, north on top; and where it and its lines lie.
 
-    Args:
-        max_cells: longest edge of the picture; larger maps are averaged.
-
-    Returns:
-        Data URI of a PNG, north on top; and a table with ``bounds`` of the picture and ``origin``
-        of its lines relative to the centre of cell [0, 0] [m], ``cell`` [m], ``contours`` and
-        ``surfaces``.
+    The bounds of the picture and the origin of the lines are relative to the centre of cell
+    [0, 0] [m].
     """
     heights, factor = coarsen(elevation_map.elevation, max_cells)
     cell = elevation_map.resolution * factor
@@ -59,9 +48,7 @@ def relief(elevation_map: ElevationMap, max_cells: int = MAX_CELLS) -> tuple[str
         "cell": cell,
         "interval": step,
         "contours": [
-            {"level": round(level, 6), "strong": round(level / step) % 5 == 0, "path": path}
-            for level, path in lines
-            if path
+            {"strong": round(level / step) % 5 == 0, "path": path} for level, path in lines if path
         ],
         "surfaces": _surface_outlines(elevation_map, factor),
     }
@@ -85,62 +72,6 @@ def png_uri(pixels: NDArray[np.uint8]) -> str:
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, "PNG", compress_level=6)
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
-
-
-def shade(elevation: Floats, resolution: float) -> NDArray[np.uint8]:
-    """Grey and alpha of the relief, light from the north-west.
-
-    Args:
-        elevation: (rows, cols) heights [m], row 0 at minimum y, NaN where unknown.
-        resolution: edge of a cell [m].
-
-    Returns:
-        (rows, cols, 2), north (the last row of the map) on top; alpha 0 where unknown, else 255.
-    """
-    known = np.isfinite(elevation)
-    rise_y, rise_x = _rise(elevation, resolution, 0), _rise(elevation, resolution, 1)
-    steep = float(np.percentile(np.hypot(rise_x, rise_y)[known], 95.0)) if known.any() else 0.0
-    scale = np.clip(_STEEP_RISE / max(steep, 1e-6), 1.0, _MAX_EXAGGERATION)
-    rise_x, rise_y = scale * rise_x, scale * rise_y
-    length = np.sqrt(1.0 + rise_x**2 + rise_y**2)
-    light = np.zeros_like(length)
-    level = 0.0
-    for azimuth_deg, height_deg, share in _LIGHTS:
-        azimuth, height = np.deg2rad(azimuth_deg), np.deg2rad(height_deg)
-        east, north = np.sin(azimuth) * np.cos(height), np.cos(azimuth) * np.cos(height)
-        towards = (np.sin(height) - east * rise_x - north * rise_y) / length
-        light += share * np.maximum(towards, 0.0)
-        level += share * np.sin(height)
-    # Level ground becomes a light grey for any set of lights.
-    tone = np.clip(_LEVEL_TONE * (light / level) ** _CONTRAST, 0.0, 1.0)
-    grey = _DARKEST + (255.0 - _DARKEST) * tone * _height_tone(elevation, known)
-    picture = np.zeros((*elevation.shape, 2), np.uint8)
-    picture[..., 0] = np.where(known, np.clip(np.rint(grey), 0.0, 255.0), 0.0)
-    picture[..., 1] = np.where(known, 255, 0)
-    return np.ascontiguousarray(picture[::-1])
-
-
-def _height_tone(elevation: Floats, known: NDArray[np.bool_]) -> Floats:
-    """(rows, cols) factor that draws low ground a little darker than high ground."""
-    if not known.any():
-        return np.ones_like(elevation)
-    low, high = np.percentile(elevation[known], (1.0, 99.0))
-    share = np.clip((elevation - low) / max(high - low, 1e-9), 0.0, 1.0)
-    result: Floats = np.where(known, 0.88 + 0.12 * share, 1.0)
-    return result
-
-
-def _rise(elevation: Floats, resolution: float, axis: int) -> Floats:
-    """Slope along an axis from the known neighbours, 0 where neither is known."""
-    step = np.diff(elevation, axis=axis) / resolution
-    gap = np.full_like(np.take(elevation, [0], axis=axis), np.nan)
-    after = np.concatenate((step, gap), axis=axis)
-    before = np.concatenate((gap, step), axis=axis)
-    has_after, has_before = np.isfinite(after), np.isfinite(before)
-    total = np.where(has_after, after, 0.0) + np.where(has_before, before, 0.0)
-    count = has_after.astype(np.float64) + has_before
-    result: Floats = np.divide(total, count, out=np.zeros_like(total), where=count > 0.0)
-    return result
 
 
 def coarsen(elevation: Floats, max_cells: int) -> tuple[Floats, int]:
@@ -189,29 +120,17 @@ def contour_levels(elevation: Floats, step: float) -> Floats:
 
 def smoothed(elevation: Floats) -> Floats:
     """Means over 3 x 3 cells, which smooth contours; unknown stays unknown."""
-    rows, columns = elevation.shape
     known = np.isfinite(elevation)
-    heights = np.pad(np.where(known, elevation, 0.0), 1)
-    weight = np.pad(known.astype(np.float64), 1)
-    total, count = np.zeros((2, rows, columns))
-    for i in range(3):
-        for j in range(3):
-            total += heights[i : i + rows, j : j + columns]
-            count += weight[i : i + rows, j : j + columns]
-    mean: Floats = np.divide(total, count, out=np.full((rows, columns), np.nan), where=known)
+    heights, weight = (np.pad(a, 1) for a in (np.where(known, elevation, 0.0), known.astype(float)))
+    total, count = (sliding_window_view(a, (3, 3)).sum(axis=(2, 3)) for a in (heights, weight))
+    mean: Floats = np.divide(total, count, out=np.full(known.shape, np.nan), where=known)
     return mean
 
 
 def contour_path(elevation: Floats, level: float, shift: float = 0.0) -> str:
-    """SVG path data of the contour at a height, in tenths of a cell.
+    """SVG path data of the contour at a height, in tenths of a cell, x and y as columns and rows.
 
-    Args:
-        elevation: (rows, cols) heights; lines end where it is not finite.
-        level: height of the line, in the unit of the elevation.
-        shift: cells added to columns and rows.
-
-    Returns:
-        ``M…l…`` with x to the right (columns) and y with the rows; empty if nothing crosses.
+    Lines end where the elevation is not finite; `shift`: cells added to columns and rows.
     """
     known = np.ma.masked_invalid(elevation)
     contours = contour_generator(z=known, corner_mask=False, line_type=LineType.Separate)

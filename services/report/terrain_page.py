@@ -8,81 +8,85 @@ in the space of the three features).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.terrain.classes import TerrainClasses
+from slopewise.models.terrain.phases import Phase
 from slopewise.models.terrain.trace import TerrainTrace
+from slopewise.services.jobs.plural import plural
+from slopewise.services.jobs.terrain import trace_run
+from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
+from slopewise.services.jobs.terrain_summary import run_cells
 from slopewise.services.report.figures import COLOURS, FAINT, FIRST, INK, SECOND, draw_figures
 from slopewise.services.report.page import MAX_ROWS, render, write_page
-
-Point = tuple[str, tuple[float, float, float]]
-"""Name of the ground, and (f_r, μ_t, B_s) of a stretch."""
 
 _MAX_POINTS = 3000
 """Points of a line."""
 _AXES = ("motion resistance f_r", "lateral resistance μ_t", "slip track B_s, m")
 
 
-@dataclass(frozen=True, slots=True)
-class TerrainPage:
-    """Content of the page.
+def write_terrain_page(
+    path: Path, result: TerrainResult, *, title: str, model: str, note: str
+) -> None:
+    """Write the page, with details of the run that has most variety, all or nothing.
 
-    Attributes:
-        title: what was driven. verdict: a sentence.
-        run: name of the run in detail. trace: its signals. changes: times of its changes [s].
-        points: name of the ground and features of all stretches. classes: known ones.
-        rows: cells of the table of runs.
-        excluded: (run, time of begin, reason) of excluded intervals.
-        notes: messages for the reader. facts: name -> value.
-    """
-
-    title: str
-    verdict: str
-    run: str
-    trace: TerrainTrace
-    changes: Sequence[float]
-    points: Sequence[Point]
-    classes: TerrainClasses
-    rows: Sequence[Sequence[str]]
-    excluded: Sequence[Sequence[str]] = ()
-    notes: Sequence[str] = ()
-    facts: Mapping[str, str] = field(default_factory=dict)
-
-
-def write_terrain_page(path: Path, content: TerrainPage) -> None:
-    """Write the page, all or nothing.
+    The title says what was driven; model: its file as stated; note: on files that were written.
 
     Raises:
         InputError: the file cannot be written.
     """
+    run = max(result.runs, key=_variety)
+    trace, t = trace_run(result, run), result.log.columns["t"]
+    excluded = [
+        (run.run, f"{t[stretch.start]:.2f} s", stretch.reason)
+        for run in result.runs
+        for stretch in run.excluded
+    ]
     values = {
-        "title": content.title,
-        "verdict": content.verdict,
-        "facts": content.facts,
-        "notices": content.notes,
-        "run": content.run,
-        "rows": content.rows,
-        "excluded": content.excluded[:MAX_ROWS],
-        "more_excluded": len(content.excluded) - MAX_ROWS,
+        "title": title,
+        "verdict": _verdict(result),
+        "facts": {
+            "model": f"{result.model.name} ({model})",
+            "classes": f"{result.terrains.name}, {len(result.terrains.terrain)} known",
+            "samples": f"{len(t)} in {plural(len(result.runs), 'run')}",
+            "computed in": f"{result.seconds:.2f} s",
+        },
+        "notices": [text for text in (*result.notes, note) if text],
+        "run": run.run,
+        "rows": [run_cells(run, spread=" ± {:.3f}")[:-1] for run in result.runs],
+        "excluded": excluded[:MAX_ROWS],
+        "more_excluded": len(excluded) - MAX_ROWS,
         "pictures": draw_figures(
-            run=((7.4, 6.6), lambda figure: _draw_run(figure, content)),
-            variance=((7.4, 3.6), lambda figure: _draw_variance(figure, content.trace)),
-            features=((7.4, 6.6), lambda figure: _draw_features(figure, content)),
+            run=((7.4, 6.6), lambda figure: _draw_run(figure, trace, run)),
+            variance=((7.4, 3.6), lambda figure: _draw_variance(figure, trace)),
+            features=((7.4, 6.6), lambda figure: _draw_features(figure, result)),
         ),
     }
-    title, styles = f"{content.title} – slopewise terrain", ("page.css", "calibration.css")
-    write_page(path, render("terrain.html", values, title=title, styles=styles))
+    window_title, styles = f"{title} – slopewise terrain", ("page.css", "calibration.css")
+    write_page(path, render("terrain.html", values, title=window_title, styles=styles))
 
 
-def _draw_run(figure: Any, content: TerrainPage) -> None:
+def _variety(run: RunEvents) -> float:
+    """Straights and turns; else many stretches."""
+    phases = [stretch.observation.phase for stretch in run.stretches]
+    turns = sum(phase in (Phase.TURN, Phase.SPOT) for phase in phases)
+    return min(turns, phases.count(Phase.STRAIGHT)) + 1e-3 * len(phases)
+
+
+def _verdict(result: TerrainResult) -> str:
+    numbers = zip(("f_r", "μ_t", "B_s"), result.known.values, result.known.stds, strict=True)
+    values = [f"{name} {v:.2f} ± {std:.2f}" for name, v, std in numbers if math.isfinite(v)]
+    changes = sum(not change.again for run in result.runs for change in run.changes)
+    stuck = sum(run.stuck_seconds for run in result.runs)
+    ground = f"In the end {', '.join(values)}." if values else "The ground was not observed."
+    return f"{ground} {plural(changes, 'change')} of ground, stuck for {stuck:.0f} s."
+
+
+def _draw_run(figure: Any, trace: TerrainTrace, run: RunEvents) -> None:
     turning, currents, slip = figure.subplots(3, 1, sharex=True)
-    trace = content.trace
     thin = slice(None, None, max(len(trace.time) // _MAX_POINTS, 1))
     t = trace.time[thin]
     turning.plot(t, trace.yaw_rate[thin], color=FAINT, lw=0.8, label="yaw rate, rad/s")
@@ -100,8 +104,8 @@ def _draw_run(figure: Any, content: TerrainPage) -> None:
         stuck = trace.stuck[thin]
         axes.fill_between(t, low, high, where=stuck, color=SECOND, alpha=0.12, lw=0, step="mid")
         axes.set_ylim(low, high)
-        for change in content.changes:
-            axes.axvline(change, color=SECOND, lw=1.0, ls="--")
+        for change in run.changes:
+            axes.axvline(change.time, color=SECOND, lw=1.0, ls="--")
     slip.set(xlabel="time, s", ylabel=_AXES[2])
 
 
@@ -120,33 +124,27 @@ def _draw_variance(figure: Any, trace: TerrainTrace) -> None:
     axes.set(xlabel="sample of the first turn", ylabel="variance of 1/B_s, m⁻²")
 
 
-def _draw_features(figure: Any, content: TerrainPage) -> None:
+def _draw_features(figure: Any, result: TerrainResult) -> None:
     grid = figure.subplots(2, 2)
-    known, points = content.classes.terrain, content.points
+    known = result.terrains.terrain
+    points = [
+        (label or "unnamed", stretch.observation.known.values)
+        for run in result.runs
+        for stretch, label in zip(run.stretches, run.labels, strict=True)
+        if not stretch.is_stuck
+    ]
     names = list(dict.fromkeys([terrain.name for terrain in known] + [name for name, _ in points]))
     colour = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
     for axes, (first, second) in zip(grid.flat, ((0, 1), (0, 2), (2, 1)), strict=False):
         for terrain in known:
             a, b = terrain.features[first], terrain.features[second]
             if a is not None and b is not None:
-                axes.errorbar(
-                    a.mean,
-                    b.mean,
-                    xerr=2.0 * a.std,
-                    yerr=2.0 * b.std,
-                    color=colour[terrain.name],
-                    lw=6.0,
-                    alpha=0.2,
-                )
+                style = {"color": colour[terrain.name], "lw": 6.0, "alpha": 0.2}
+                axes.errorbar(a.mean, b.mean, xerr=2.0 * a.std, yerr=2.0 * b.std, **style)
         for name in names:
             stretches = np.array([v for given, v in points if given == name]).reshape(-1, 3)
-            axes.scatter(
-                stretches[:, first],
-                stretches[:, second],
-                s=14,
-                color=colour[name],
-                label=name or "unknown",
-            )
+            x, y = stretches[:, first], stretches[:, second]
+            axes.scatter(x, y, s=14, color=colour[name], label=name)
         axes.set(xlabel=_AXES[first], ylabel=_AXES[second])
     handles, labels = grid.flat[0].get_legend_handles_labels()
     grid.flat[3].axis("off")

@@ -26,20 +26,11 @@ OK, WARN, ERROR = 0, 1, 2
 UNIT_TOLERANCE = 0.1
 """Deviation of a quaternion's length from 1: rounding, not a value that was never filled in [1]."""
 
-_NANO = 1_000_000_000
-"""Nanoseconds per second."""
-
-_MIN_POINTS = 3
-"""Points of a candidate, whose curvature the planner needs [1]."""
-
-_SAME_PLACE = 1e-6
-"""Distance up to which consecutive poses are one place [m]."""
-
-_BEHIND = 2.0
-"""Part of a path behind the vehicle that is sent: more than a vehicle's length [m]."""
-
-_NEAR = 0.5
-"""Distance beyond that of the nearest point up to which others are as near [m]."""
+_NANO = 1_000_000_000  # Nanoseconds per second
+_MIN_POINTS = 3  # Points of a candidate, whose curvature the planner needs [1]
+_SAME_PLACE = 1e-6  # Distance up to which consecutive poses are one place [m]
+_BEHIND = 2.0  # Part of a path behind the vehicle that is sent: more than a vehicle's length [m]
+_NEAR = 0.5  # Distance beyond that of the nearest point up to which others are as near [m]
 
 _MAX_HEADING_ERROR = 1.0
 """Angle between vehicle and path up to which the path leads where the vehicle heads [rad]."""
@@ -58,11 +49,7 @@ class OdometrySample:
 
 
 def motion_of(message: Any) -> OdometrySample:
-    """Motion from a nav_msgs/Odometry.
-
-    Raises:
-        ParameterError: a number is not finite, or the orientation is not a rotation.
-    """
+    """Motion from a nav_msgs/Odometry."""
     pose, header = message.pose.pose, message.header
     roll, pitch, yaw = angles_of(pose.orientation)
     numbers = (pose.position.x, pose.position.y, message.twist.twist.linear.x)
@@ -73,11 +60,7 @@ def motion_of(message: Any) -> OdometrySample:
 
 
 def angles_of(q: Any) -> tuple[float, float, float]:
-    """Roll, pitch (nose down positive) and yaw of an orientation, z-y-x [rad].
-
-    Raises:
-        ParameterError: the orientation is not a rotation, such as one that was never filled in.
-    """
+    """Roll, pitch (nose down positive) and yaw of an orientation, z-y-x [rad]."""
     length = float(np.sqrt(q.x**2 + q.y**2 + q.z**2 + q.w**2))
     if not abs(length - 1.0) < UNIT_TOLERANCE:
         raise ParameterError("orientation", f"a quaternion of length 1, got {length:.3g}")
@@ -89,11 +72,7 @@ def angles_of(q: Any) -> tuple[float, float, float]:
 
 
 def candidate_of(name: str, message: Any) -> Path:
-    """Candidate from a nav_msgs/Path, without repeated places.
-
-    Raises:
-        ParameterError: fewer than two places, or a coordinate that is not finite.
-    """
+    """Candidate from a nav_msgs/Path, without repeated places."""
     points = points_of(message)
     if not np.isfinite(points).all():
         raise ParameterError("poses", "finite coordinates [m]")

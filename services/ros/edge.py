@@ -37,11 +37,8 @@ _log = logging.getLogger("slopewise")
 _DIAGNOSTICS_PERIOD = 0.5
 """Time between diagnostics that do not change, the usual rate of ROS nodes [s]."""
 
-_PATIENCE = 2.0
-"""Time for a thread to end before the final stop is sent [s]."""
-
-_MAP_WAIT = 0.5
-"""Time for which the thread of maps waits before it checks whether to end [s]."""
+_PATIENCE = 2.0  # Time for a thread to end before the final stop is sent [s]
+_MAP_WAIT = 0.5  # Time for which the thread of maps waits before it checks whether to end [s]
 
 
 class _Offer(NamedTuple):

@@ -17,11 +17,8 @@ from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 from slopewise.services.ros.conversions import UNIT_TOLERANCE, OdometrySample
 
-_MAX_DEPTH = 64
-"""Links from a frame to its root; robots have fewer than 20 [1]."""
-
-_MAX_FRAMES = 10_000
-"""Frames that are stored, so that a faulty sender cannot fill the memory [1]."""
+_MAX_DEPTH = 64  # Links from a frame to its root; robots have fewer than 20 [1]
+_MAX_FRAMES = 10_000  # Frames that are stored, so that a faulty sender cannot fill the memory [1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +39,7 @@ class Frames:
         self._links: dict[str, _Link] = {}
 
     def take(self, message: Any, at: float, *, fixed: bool = False) -> None:
-        """Store the transforms of a tf2_msgs/TFMessage.
-
-        Raises:
-            ParameterError: one of them is not a transform.
-        """
+        """Store the transforms of a tf2_msgs/TFMessage."""
         for stamped in message.transforms:
             child, parent = _name(stamped.child_frame_id), _name(stamped.header.frame_id)
             t, q = stamped.transform.translation, stamped.transform.rotation
@@ -63,11 +56,7 @@ class Frames:
                 self._links[child] = _Link(parent, matrix, math.inf if fixed else at)
 
     def motion_in(self, frame: str, motion: OdometrySample, now: float) -> OdometrySample:
-        """Motion in another frame; its speed is along the vehicle and stays.
-
-        Raises:
-            ParameterError: no transform between the frames, or one that is old.
-        """
+        """Motion in another frame; its speed is along the vehicle and stays."""
         source, target = _name(motion.frame), _name(frame)
         if source == target:
             return motion

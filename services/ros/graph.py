@@ -12,8 +12,7 @@ import zenoh
 
 from slopewise.services.ros.naming import NO_HASH, NODE, PUBLISHER, SUBSCRIPTION, type_of
 
-_MAX_TOKENS = 20_000
-"""Tokens that are stored; a fleet of 100 robots has some 10,000 [1]."""
+_MAX_TOKENS = 20_000  # Tokens that are stored; a fleet of 100 robots has some 10,000 [1]
 
 _ROS, _BRIDGE = "@ros2_lv", "@"
 
@@ -42,17 +41,13 @@ class Endpoint:
     """Node, or a publisher or subscription of one.
 
     Attributes:
-        entity: `naming.NODE`, `PUBLISHER`, `SUBSCRIPTION`, or that of a service.
-        domain: ROS_DOMAIN_ID; None behind a bridge.
-        session: zenoh's id of the session.
-        node: with its namespace; behind a bridge, the bridge.
         topic, kind, type_hash: empty for nodes.
     """
 
-    entity: str
-    domain: int | None
+    entity: str  # `naming.NODE`, `PUBLISHER`, `SUBSCRIPTION`, or that of a service
+    domain: int | None  # ROS_DOMAIN_ID; None behind a bridge
     session: str
-    node: str
+    node: str  # with its namespace; behind a bridge, the bridge
     topic: str = ""
     kind: str = ""
     type_hash: str = ""
@@ -86,12 +81,7 @@ def endpoint_of(token: str) -> Endpoint | None:
 
 
 class Graph:
-    """Endpoints of others as they come and go; zenoh's threads write, any thread reads.
-
-    Attributes:
-        domain: our domain.
-        changes: count of endpoints that came or went.
-    """
+    """Endpoints of others as they come and go; zenoh's threads write, any thread reads."""
 
     def __init__(self, session: zenoh.Session, domain: int) -> None:
         """Subscribe on a session whose tokens are ignored."""

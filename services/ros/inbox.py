@@ -14,8 +14,7 @@ import zenoh
 from slopewise.models.errors import InputError
 from slopewise.services.io.bags import read_cdr
 
-_MAX_BYTES = 64_000_000
-"""Size of a message: a grid map of 16 million cells [bytes]."""
+_MAX_BYTES = 64_000_000  # Size of a message: a grid map of 16 million cells [bytes]
 
 _MAX_WAITING = 100
 """Messages of a topic in :attr:`Inbox.all_of` that may wait: a second of /tf at 100 Hz [1]."""
@@ -35,14 +34,11 @@ class Inbox:
     """Newest messages of each topic; zenoh's threads fill it, one thread takes from it.
 
     Attributes:
-        clock: monotonic clock [s].
         counters: messages that were received, replaced before they were taken, or refused.
-        refused: last reason of refusal by topic.
-        news: notified with each message.
         all_of: topics of which every message is kept; of others the newest is.
     """
 
-    clock: Callable[[], float] = time.monotonic
+    clock: Callable[[], float] = time.monotonic  # monotonic clock [s]
     counters: Counter[str] = field(default_factory=Counter)
     refused: dict[str, str] = field(default_factory=dict)
     news: threading.Condition = field(default_factory=threading.Condition)

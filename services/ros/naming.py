@@ -21,11 +21,8 @@ PUBLISHER, SUBSCRIPTION, NODE = "MP", "MS", "NN"
 NO_HASH = "TypeHashNotSupported"
 """Hash in keys of ROS 2 Humble."""
 
-NULL_HASH = f"RIHS01_{64 * '0'}"
-"""Hash in keys of client libraries that know no hashes."""
-
-_GID = 16
-"""Length of a publisher's id in an attachment [B], as rmw_zenoh writes it."""
+NULL_HASH = f"RIHS01_{64 * '0'}"  # Hash in keys of client libraries that know no hashes
+_GID = 16  # Length of a publisher's id in an attachment [B], as rmw_zenoh writes it
 _ATTACHMENT = struct.Struct(f"<qqB{_GID}s")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _DDS_TYPE = re.compile(r"(?P<package>\w+)::(?P<kind>msg)::dds_::(?P<name>\w+)_")
@@ -33,11 +30,7 @@ _TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg)/(?P<name>\w+)")
 
 
 def full_name(namespace: str, topic: str) -> str:
-    """Topic with its namespace, e.g. ``/robot/plan``; one that begins with / is absolute.
-
-    Raises:
-        ParameterError: the name is not one of ROS 2.
-    """
+    """Topic with its namespace, e.g. ``/robot/plan``; one that begins with / is absolute."""
     name = topic if topic.startswith("/") else f"{namespace.rstrip('/')}/{topic}"
     parts = name.removeprefix("/").split("/")
     if not all(_NAME.fullmatch(part) for part in parts):
@@ -83,12 +76,7 @@ class Identity:
         return self._token(0, NODE)
 
     def token(self, number: int, entity: str, topic: str, kind: str, type_hash: str) -> str:
-        """Token of a publisher or a subscription.
-
-        Args:
-            number: unique on the session.
-            topic: with its namespace.
-        """
+        """Token of a publisher or a subscription."""
         # Reliable, volatile, the last ten: the defaults of ROS 2, which tokens omit.
         qos = "::,10:,:,:,,"
         topic = topic.replace("/", "%")
@@ -132,11 +120,7 @@ class Attachment:
 
 
 def read_attachment(data: bytes) -> Attachment:
-    """Attachment from its bytes.
-
-    Raises:
-        ParameterError: the bytes are not an attachment.
-    """
+    """Attachment from its bytes."""
     if len(data) != _ATTACHMENT.size:
         raise ParameterError("attachment", f"{_ATTACHMENT.size} bytes, got {len(data)}")
     sequence, at, size, gid = _ATTACHMENT.unpack(data)

@@ -63,7 +63,6 @@ class Node:
         """Declare a node.
 
         Args:
-            domain: ROS_DOMAIN_ID.
             clock: monotonic clock [s].
             distribution: key of :data:`~slopewise.services.ros.graph.OF_DISTRIBUTION`; with
                 ``auto``, schemes that :meth:`follow` finds in use are added.
@@ -110,7 +109,6 @@ class Node:
         Messages under another definition of the type are refused.
 
         Args:
-            topic: may be relative to the namespace.
             latched: ask for what was published before, as ROS 2 does of publishers that are
                 ``transient_local``; others do not reply.
         """

@@ -12,8 +12,7 @@ from slopewise.services.io.decode import decode_table
 from slopewise.services.io.files import fault, read_toml, resolve_names
 from slopewise.services.ros.naming import full_name
 
-_MAX_PATHS = 100
-"""Candidates that the edge subscribes to: as many as a plan request may hold [1]."""
+_MAX_PATHS = 100  # Candidates that the edge subscribes to: as many as a plan request may hold [1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,10 +20,8 @@ class RosSettings:
     """Connection to ROS 2, and the node of the edge there.
 
     Attributes:
-        connect: endpoints of rmw_zenohd.
         config: file with zenoh's own settings; empty: none.
         distribution: of ROS 2; auto: found in the robot's keys; dds: by zenoh-bridge-ros2dds.
-        namespace, node: names of the node.
         frame: required frame of map and paths; empty: that of the map.
     """
 
@@ -57,7 +54,6 @@ class ServiceEndpoint:
     Attributes:
         connect: its endpoint, or a router's; empty: it is on the router of ROS 2.
         config: file with zenoh's own settings; empty: none.
-        namespace: prefix of its keys.
     """
 
     connect: str = ""
@@ -74,15 +70,12 @@ class Topics:
     """Topics; without a leading / they are in the node's namespace. Empty: not used.
 
     Attributes:
-        paths: candidates, nav_msgs/Path each.
         map: grid_map_msgs/GridMap; layer: its layer of heights.
-        odometry: nav_msgs/Odometry.
         tf, tf_static: tf2_msgs/TFMessage, from odometry's frame to that of map and paths.
         imu: sensor_msgs/Imu. joints: sensor_msgs/JointState.
         command: command that the vehicle received, geometry_msgs of type ``command_type``.
         speed_limit, profile, diagnostics: out, nav2_msgs/SpeedLimit, nav_msgs/Path,
             diagnostic_msgs/DiagnosticArray.
-        stop: out, std_msgs/Bool, true: stand still.
     """
 
     paths: tuple[str, ...] = ("plan",)
@@ -204,11 +197,7 @@ class EdgeSettings:
 
 
 def read_settings(path: Path) -> EdgeSettings:
-    """Settings in a TOML file; files named in it are relative to it.
-
-    Raises:
-        InputError: names the file and the key.
-    """
+    """Settings in a TOML file; files named in it are relative to it."""
     data = read_toml(path)
     resolve_names(path, data, "ros.config", "service.config")
     settings = decode_table(EdgeSettings, data, str(path))

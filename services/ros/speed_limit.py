@@ -22,17 +22,11 @@ _DRIVABLE = ("ok", "blocked", "degraded")
 
 @dataclass(frozen=True, slots=True)
 class SpeedAdvice:
-    """Advice to followers of the path.
+    """Advice to followers of the path."""
 
-    Attributes:
-        limit: never 0 [m/s].
-        stop: stand still, or brake.
-        reason: as text, empty for a limit without one.
-    """
-
-    limit: float
+    limit: float  # never 0 [m/s]
     stop: bool
-    reason: str
+    reason: str  # as text, empty for a limit without one
 
 
 @dataclass(frozen=True, slots=True)

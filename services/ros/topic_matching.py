@@ -28,17 +28,11 @@ _SHOWN_DIGITS = 15
 
 @dataclass(frozen=True, slots=True)
 class OwnTopic:
-    """One of our topics.
-
-    Attributes:
-        name: with its namespace.
-        kind: message type.
-        entity: `naming.PUBLISHER` or `SUBSCRIPTION`.
-    """
+    """One of our topics."""
 
     name: str
     kind: str
-    entity: str
+    entity: str  # `naming.PUBLISHER` or `SUBSCRIPTION`
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +45,7 @@ class TopicMatch:
 
 
 def match_topic(topic: OwnTopic, graph: Graph, schemes: Collection[KeyScheme]) -> TopicMatch:
-    """Nodes that receive what we publish, or publish what we subscribe to.
-
-    Args:
-        schemes: those in which we publish and subscribe.
-    """
+    """Nodes that receive what we publish, or publish what we subscribe to."""
     publishes = topic.entity == PUBLISHER
     theirs = SUBSCRIPTION if publishes else PUBLISHER
     candidates = [e for e in graph.here() if e.entity == theirs]
@@ -122,9 +112,7 @@ class ConnectionWatch:
         """Warn if no node is at the other end of the ``required`` topics.
 
         Args:
-            required: full names.
             service, namespace: service whose live page shows it as well; None: no service.
-            source: name of the edge.
         """
         self._required, self._source = frozenset(required), source
         self._publisher = None

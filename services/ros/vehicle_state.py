@@ -18,15 +18,13 @@ from slopewise.services.ros.node import Node
 from slopewise.services.ros.settings import EdgeSettings
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.lateness import Lateness, WallClock
+from slopewise.services.wire.lateness import RECOVERY, Lateness, WallClock
 from slopewise.services.wire.observations import DriveSamples
-from slopewise.services.wire.sender_clock import RECOVERY
 
 _MIN_ROWS, _MAX_ROWS = 10, 50
 """Samples of a message: with fewer no stop is found, more would delay it by over a second [1]."""
 
-_STALE = 0.5
-"""Age of a value from which it ends a stretch of samples [s]."""
+_STALE = 0.5  # Age of a value from which it ends a stretch of samples [s]
 
 
 class VehicleState:

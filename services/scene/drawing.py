@@ -13,7 +13,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.report.relief import shade
+from slopewise.services.scene.shading import shade
 
 _MAX_VERTICES = 60_000
 """Ground is drawn coarser beyond that; viewers build an object for each."""
@@ -21,16 +21,7 @@ _MAX_VERTICES = 60_000
 _LIFT = 0.05
 """Paths are drawn that much above the ground, or they would be in it [m]."""
 
-_SPEEDS = np.array(
-    [
-        [13, 8, 135],
-        [126, 3, 168],
-        [204, 71, 120],
-        [248, 149, 64],
-        [240, 249, 33],
-    ],
-    np.float64,
-)
+_SPEEDS = ((13, 8, 135), (126, 3, 168), (204, 71, 120), (248, 149, 64), (240, 249, 33))
 """Red, green, blue of matplotlib's colour map `plasma` at 0, 1/4, 1/2, 3/4 and 1."""
 
 NOT_DRIVEN = (110, 110, 110)
@@ -39,17 +30,12 @@ NOT_DRIVEN = (110, 110, 110)
 
 @dataclass(frozen=True, slots=True)
 class DrawnSurface:
-    """Ground as triangles.
+    """Ground as triangles."""
 
-    Attributes:
-        vertices: (n, 3) [m]. triangles: (m, 3) of vertices, counter-clockwise from above.
-        colours: (n, 3) red, green, blue. step: cells of the map between two vertices.
-    """
-
-    vertices: Floats
-    triangles: NDArray[np.uint32]
-    colours: NDArray[np.uint8]
-    step: int
+    vertices: Floats  # (n, 3) [m]
+    triangles: NDArray[np.uint32]  # (m, 3) of vertices, counter-clockwise from above
+    colours: NDArray[np.uint8]  # (n, 3) red, green, blue
+    step: int  # cells of the map between two vertices
 
 
 def surface(ground: ElevationMap, max_vertices: int = _MAX_VERTICES) -> DrawnSurface:
@@ -81,15 +67,11 @@ def surface(ground: ElevationMap, max_vertices: int = _MAX_VERTICES) -> DrawnSur
 
 @dataclass(frozen=True, slots=True)
 class Ribbon:
-    """One candidate as a line: what is driven, coloured by speed, and what is not.
+    """One candidate as a line: what is driven, coloured by speed, and what is not."""
 
-    Attributes:
-        points: (n, 3) [m]. colours: (n, 3). driven: number of points that are driven.
-    """
-
-    points: Floats
-    colours: NDArray[np.uint8]
-    driven: int
+    points: Floats  # (n, 3) [m]
+    colours: NDArray[np.uint8]  # (n, 3)
+    driven: int  # number of points that are driven
 
 
 def ribbon(plan: SpeedPlan, fastest: float) -> Ribbon:
@@ -104,8 +86,9 @@ def ribbon(plan: SpeedPlan, fastest: float) -> Ribbon:
 def speed_colours(speed: Floats, fastest: float) -> NDArray[np.uint8]:
     """(n, 3) from dark blue at rest to yellow at ``fastest`` [m/s]."""
     share = np.clip(speed / max(fastest, 1e-9), 0.0, 1.0) * (len(_SPEEDS) - 1)
-    stops = np.arange(len(_SPEEDS))
-    channels = [np.interp(share, stops, _SPEEDS[:, c]) for c in range(3)]
+    channels = [
+        np.interp(share, range(len(_SPEEDS)), levels) for levels in zip(*_SPEEDS, strict=True)
+    ]
     return np.rint(np.stack(channels, axis=1)).astype(np.uint8)
 
 
@@ -114,34 +97,15 @@ def fastest_of(plans: Sequence[SpeedPlan]) -> float:
     return max((float(plan.speed.max()) for plan in plans), default=0.0)
 
 
-SERIES = (
-    "speed_m_s",
-    "speed_bound_m_s",
-    "accel_m_s2",
-    "station_m",
-    "stop_distance_m",
-    "margin_m",
-    "grade_deg",
-    "roll_deg",
-    "rear_load",
-    "side_load",
-)
-"""Numbers to plot; each name says its unit, loads are shares of the level static load."""
-
-
 @dataclass(frozen=True, slots=True)
 class DrivenPlan:
-    """Driven plan, n moments; every array is (n,).
+    """Driven plan, n moments."""
 
-    Attributes:
-        time: [s], growing. position: (n, 3) on the ground [m]. quaternion: (n, 4) x, y, z, w.
-        series: numbers to plot by name; each name says its unit.
-    """
-
-    time: Floats
-    position: Floats
-    quaternion: Floats
+    time: Floats  # (n,) [s], growing
+    position: Floats  # (n, 3) on the ground [m]
+    quaternion: Floats  # (n, 4) x, y, z, w
     series: dict[str, Floats]
+    """Numbers to plot, (n,); each name says its unit, loads are shares of the level static load."""
 
 
 def drive(plan: SpeedPlan) -> DrivenPlan:
@@ -150,24 +114,23 @@ def drive(plan: SpeedPlan) -> DrivenPlan:
     heading = np.unwrap(np.arctan2(np.gradient(plan.y), np.gradient(plan.x)))
     # REP-103: pitch is nose down positive, roll is left side up positive.
     yaw, pitch, roll = heading[moments], -plan.grade[moments], plan.roll[moments]
-    margin = plan.clear_distance - plan.station - plan.stop_distance
-    series = (
-        plan.speed,
-        plan.speed_bound,
-        plan.accel,
-        plan.station,
-        plan.stop_distance,
-        margin,
-        np.rad2deg(plan.grade),
-        np.rad2deg(plan.roll),
-        plan.rear_load,
-        plan.side_load,
-    )
+    series = {
+        "speed_m_s": plan.speed,
+        "speed_bound_m_s": plan.speed_bound,
+        "accel_m_s2": plan.accel,
+        "station_m": plan.station,
+        "stop_distance_m": plan.stop_distance,
+        "margin_m": plan.clear_distance - plan.station - plan.stop_distance,
+        "grade_deg": np.rad2deg(plan.grade),
+        "roll_deg": np.rad2deg(plan.roll),
+        "rear_load": plan.rear_load,
+        "side_load": plan.side_load,
+    }
     return DrivenPlan(
         time=plan.time[moments],
         position=np.stack([plan.x, plan.y, plan.z], axis=1)[moments],
         quaternion=_quaternions(yaw, pitch, roll),
-        series={n: values[moments] for n, values in zip(SERIES, series, strict=True)},
+        series={name: values[moments] for name, values in series.items()},
     )
 
 

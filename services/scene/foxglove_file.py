@@ -30,14 +30,9 @@ def write_mcap(
     vehicle: Vehicle,
     begin: int | None = None,
 ) -> None:
-    """Write ground, all candidates, and the drive of the best plan.
+    """Write ground, all candidates, and the drive of the best plan, all or nothing.
 
-    Args:
-        path: file to write, all or nothing.
-        ground: ground under the plans.
-        plans: plans, best first.
-        vehicle: size of the box.
-        begin: begin of the drive [ns since 1970]; default: now.
+    The drive begins now, or at `begin` [ns since 1970]; the vehicle is a box of its size.
 
     Raises:
         InputError: foxglove-sdk is not installed, or the place cannot be written to.
@@ -51,22 +46,23 @@ def write_mcap(
     begin = time.time_ns() if begin is None else begin
     buffer, context = io.BytesIO(), foxglove.Context()
     with foxglove.open_mcap(buffer, context=context):
-        scenes = {
-            topic: SceneUpdateChannel(topic, context=context)
-            for topic in ("/map", "/candidates", "/vehicle")
-        }
-        scenes["/map"].log(_ground(ground, begin), log_time=begin)
-        scenes["/candidates"].log(_candidates(plans, begin), log_time=begin)
-        scenes["/vehicle"].log(_vehicle(vehicle, begin), log_time=begin)
+        for topic, scene in {
+            "/map": _ground(ground, begin),
+            "/candidates": _candidates(plans, begin),
+            "/vehicle": _vehicle(vehicle, begin),
+        }.items():
+            SceneUpdateChannel(topic, context=context).log(scene, log_time=begin)
         transforms = FrameTransformChannel("/tf", context=context)
-        numbers = foxglove.Channel("/plan", schema=_schema(), context=context)
         for plan in plans[:1]:
-            _drive(drawing.drive(plan), plan.candidate, begin, transforms, numbers)
+            driven = drawing.drive(plan)
+            schema = _schema(list(driven.series))
+            numbers = foxglove.Channel("/plan", schema=schema, context=context)
+            _drive(driven, plan.candidate, begin, transforms, numbers)
     write_atomic(path, buffer.getvalue())
 
 
 def _ground(ground: ElevationMap, begin: int) -> Any:
-    from foxglove.messages import Point3, TriangleListPrimitive
+    from foxglove.messages import Point3, SceneUpdate, TriangleListPrimitive
 
     mesh = drawing.surface(ground)
     triangles = TriangleListPrimitive(
@@ -75,11 +71,11 @@ def _ground(ground: ElevationMap, begin: int) -> Any:
         indices=mesh.triangles.ravel().tolist(),
     )
     facts = {"resolution [m]": f"{ground.resolution:g}", "drawn every": f"{mesh.step} cells"}
-    return _scene([_entity(MAP_FRAME, "ground", begin, facts, triangles=[triangles])])
+    return SceneUpdate(entities=[_entity(MAP_FRAME, "ground", begin, facts, triangles=[triangles])])
 
 
 def _candidates(plans: Sequence[SpeedPlan], begin: int) -> Any:
-    from foxglove.messages import LinePrimitive, LinePrimitiveLineType, Point3
+    from foxglove.messages import LinePrimitive, LinePrimitiveLineType, Point3, SceneUpdate
 
     fastest = drawing.fastest_of(plans)
     entities = []
@@ -99,11 +95,11 @@ def _candidates(plans: Sequence[SpeedPlan], begin: int) -> Any:
             "progress [m]": f"{plan.progress:.2f}",
         }
         entities.append(_entity(MAP_FRAME, plan.candidate, begin, facts, lines=[primitive]))
-    return _scene(entities)
+    return SceneUpdate(entities=entities)
 
 
 def _vehicle(vehicle: Vehicle, begin: int) -> Any:
-    from foxglove.messages import CubePrimitive, Pose, Quaternion, Vector3
+    from foxglove.messages import CubePrimitive, Pose, Quaternion, SceneUpdate, Vector3
 
     (length, width, height), middle = drawing.box_of(vehicle)
     cube = CubePrimitive(
@@ -115,7 +111,9 @@ def _vehicle(vehicle: Vehicle, begin: int) -> Any:
         color=_colour((0, 114, 178), 0.6),
     )
     facts = {"wheelbase [m]": f"{vehicle.wheelbase:g}"}
-    return _scene([_entity(VEHICLE_FRAME, "vehicle", begin, facts, locked=True, cubes=[cube])])
+    return SceneUpdate(
+        entities=[_entity(VEHICLE_FRAME, "vehicle", begin, facts, locked=True, cubes=[cube])]
+    )
 
 
 def _drive(
@@ -141,7 +139,7 @@ def _drive(
         numbers.log({"candidate": name, "time_s": moment, **row}, log_time=at)
 
 
-def _schema() -> dict[str, Any]:
+def _schema(names: list[str]) -> dict[str, Any]:
     """JSON schema of /plan; a number that is not finite is null."""
     return {
         "type": "object",
@@ -149,15 +147,9 @@ def _schema() -> dict[str, Any]:
         "properties": {
             "candidate": {"type": "string"},
             "time_s": {"type": "number"},
-            **{name: {"type": ["number", "null"]} for name in drawing.SERIES},
+            **{name: {"type": ["number", "null"]} for name in names},
         },
     }
-
-
-def _scene(entities: list[Any]) -> Any:
-    from foxglove.messages import SceneUpdate
-
-    return SceneUpdate(entities=entities)
 
 
 def _entity(

@@ -26,13 +26,7 @@ _PLOTS = {
 def write_rrd(
     path: Path, ground: ElevationMap, plans: Sequence[SpeedPlan], vehicle: Vehicle
 ) -> None:
-    """Write ground, all candidates, and the drive of the best plan.
-
-    Args:
-        path: file to write, all or nothing.
-        ground: ground under the plans.
-        plans: plans, best first.
-        vehicle: size of the box.
+    """Write ground, all candidates, and the drive of the best plan, all or nothing.
 
     Raises:
         InputError: rerun-sdk is not installed, or the place cannot be written to.

@@ -13,12 +13,11 @@ class Learning:
     """How parameters change while the robot drives.
 
     Attributes:
-        enabled: False: the model file's parameters hold, observations are counted only.
         terrains: terrain file, or a shipped name, that ground is described by; empty: none.
         estimators: ids whose liveliness tokens have to be there; without one plans are slower.
     """
 
-    enabled: bool = True
+    enabled: bool = True  # False: the model file's parameters hold, observations are counted only
     terrains: str = ""
     estimators: tuple[str, ...] = ()
     degraded_speed: float = quantity(
@@ -99,13 +98,9 @@ class Learning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreSettings:
-    """Where parameters are kept.
+    """Where parameters are kept."""
 
-    Attributes:
-        path: file, relative to the settings file; empty: nothing outlives the process.
-    """
-
-    path: str = ""
+    path: str = ""  # file, relative to the settings file; empty: nothing outlives the process
     megabytes: float = quantity(
         "MB", "Largest size of the file.", default=64.0, at_least=0.3, at_most=100_000.0
     )

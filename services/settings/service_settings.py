@@ -158,18 +158,12 @@ class PageSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServiceConfig:
-    """One service.
+    """One service."""
 
-    Attributes:
-        model: model file, or the name of a shipped vehicle; relative to the settings file.
-        namespace: prefix of all keys. id: name of this service, unique in its namespace.
-        map: first elevation map; empty: none until an update arrives.
-    """
-
-    model: str
-    namespace: str = "slopewise/robot"
-    id: str = "planner"
-    map: str = ""
+    model: str  # model file, or the name of a shipped vehicle; relative to the settings file
+    namespace: str = "slopewise/robot"  # prefix of all keys
+    id: str = "planner"  # name of this service, unique in its namespace
+    map: str = ""  # first elevation map; empty: none until an update arrives
     zenoh: ZenohSettings = field(default_factory=ZenohSettings)
     planning: Planning = field(default_factory=Planning)
     sizes: SizeLimits = field(default_factory=SizeLimits)
@@ -191,11 +185,7 @@ class ServiceConfig:
 
 
 def read_config(path: Path) -> ServiceConfig:
-    """The settings in a TOML file; files named in it are taken relative to it.
-
-    Raises:
-        InputError: names the file and the key.
-    """
+    """The settings in a TOML file; files named in it are taken relative to it."""
     data = read_toml(path)
     resolve_names(path, data, "model", "map", "zenoh.config", "learning.terrains", "page.token")
     resolve_names(path, data, "store.path", "discrepancy.samples", exists=False)

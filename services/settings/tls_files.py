@@ -33,12 +33,7 @@ def settle(config: zenoh.Config, source: Path, endpoints: Sequence[str]) -> None
 
     Args:
         config: configuration read from ``source``; changed in place.
-        source: file of zenoh's settings.
         endpoints: endpoints that the session listens on or connects to.
-
-    Raises:
-        InputError: a certificate or key is missing, or access control by certificates on an
-            endpoint that requires none.
     """
     tls = json.loads(config.get_json(_TLS))
     for key in _FILES:

@@ -22,13 +22,9 @@ def zenoh_config(settings: ZenohSettings, sizes: SizeLimits | None = None) -> ze
     """Configuration of a zenoh session.
 
     Args:
-        settings: endpoints and mode of the session.
         sizes: limits of a service: far larger messages are dropped by zenoh. A service uses no
             shared memory unless a file of zenoh's settings requires it: its requests and plans fit
             the loopback, and the pools at both ends of a connection would count as its memory.
-
-    Raises:
-        InputError: zenoh refuses it.
     """
     import zenoh
 

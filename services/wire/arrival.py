@@ -8,7 +8,7 @@ no number, however large, blocks a sender permanently. A number far ahead does n
 before it: messages that continue that one are accepted as well.
 
 Time stamps are on the sender's clock, which may begin anywhere. A message that took longer than the
-quickest one is late by the difference (see :class:`StampCheck`).
+quickest one is late by the difference. The ``lead`` of a message is its stamp less its arrival [s].
 """
 
 from __future__ import annotations
@@ -21,32 +21,15 @@ from typing import Generic, TypeVar
 
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
-_MIN_RUN = 3
-"""Rising numbers after which a restarted count is assumed [1]: two may be late messages."""
-
-_MIN_RUN_ANY_PACE = 10
-"""Rising numbers after which it is assumed with any time stamps [1]."""
-
-_FAR_AHEAD = 2**32
-"""Step of a number that no loss of messages explains [1]: 1.4 years at 100 Hz."""
-
-_MAX_RUNS = 4
-"""Rising runs that are followed at the same time [1]; bounds memory."""
-
-_REMEMBERED_COUNT = 64
-"""Messages in which a duplicate is recognised [1]; bounds memory."""
-
-_MAX_PACE_ERROR = 2.0
-"""Difference between time stamps and arrivals within one run [s]: the jitter of a radio link."""
-
-_MAX_INTERLEAVED = 8
-"""Messages of the known count between two of a restarted one [1]; more end the run."""
-
-_MAX_DELAY = 60.0
-"""Delay beyond the quickest message from which a stamp is of a clock set back [s]."""
-
-_MIN_AGREEING = 5
-"""Consecutive stamps that agree with each other from which the clock was set [1]."""
+_MIN_RUN = 3  # rising numbers after which a restart is assumed [1]: two may be late messages
+_MIN_RUN_ANY_PACE = 10  # rising numbers after which it is assumed with any time stamps [1]
+_FAR_AHEAD = 2**32  # step that no loss of messages explains [1]: 1.4 years at 100 Hz
+_MAX_RUNS = 4  # rising runs that are followed at the same time [1]; bounds memory
+_REMEMBERED_COUNT = 64  # messages in which a duplicate is recognised [1]; bounds memory
+_MAX_PACE_ERROR = 2.0  # of stamps against arrivals in one run [s]: the jitter of a radio link
+_MAX_INTERLEAVED = 8  # messages of the known count between two of a restarted one [1]
+_MAX_DELAY = 60.0  # beyond the quickest message; from here a stamp is of a clock set back [s]
+_MIN_AGREEING = 5  # consecutive stamps that agree with each other from which a clock was set [1]
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -68,15 +51,10 @@ class MessageOrder(Enum):
 
 
 class SequenceTracker:
-    """Numbers of one sender; one thread.
-
-    Attributes:
-        last: number of the last accepted message, -1 before the first.
-    """
+    """Numbers of one sender; one thread."""
 
     def __init__(self, last: int = -1) -> None:
-        """Continue after a number."""
-        self.last = last
+        self.last = last  # number of the last accepted message, -1 before the first
         self._before_leap = -1
         self._runs: OrderedDict[int, tuple[int, float]] = OrderedDict()
         self._accepted_since_run = 0
@@ -84,12 +62,7 @@ class SequenceTracker:
         self._recent: deque[int] = deque(maxlen=_REMEMBERED_COUNT)
 
     def classify(self, number: int, content: int, lead: float = 0.0) -> MessageOrder:
-        """Order of a message.
-
-        Args:
-            number: the message's own. content: a digest of it, without its time stamp.
-            lead: its time stamp less its arrival, 0 where it has none [s].
-        """
+        """Order of a message; ``content``: a digest of it, without its time stamp."""
         if self.last < 0 or number > self.last:
             return MessageOrder.NEW
         if number == self.last or hash((number, content)) in self._recent:
@@ -150,16 +123,13 @@ class StampCheck:
     """Time stamps of one sender against the time that passes here; one thread."""
 
     def __init__(self) -> None:
-        """Accept any first stamp."""
         self._quickest = -math.inf
         self._outliers: list[float] = []
 
     def check(self, lead: float, early: float) -> StampVerdict:
-        """Plausibility of a stamp; one of :data:`_MIN_AGREEING` that agree sets the clock.
+        """Plausibility of a stamp; ``early``: lead over the quickest that is accepted [s].
 
-        Args:
-            lead: time stamp less arrival [s].
-            early: by how much the clock may run ahead of the time that passed [s].
+        One of :data:`_MIN_AGREEING` stamps that agree sets the clock.
         """
         if self._quickest == -math.inf or -_MAX_DELAY <= lead - self._quickest <= early:
             self._quickest = max(self._quickest, lead)
@@ -182,16 +152,10 @@ class SenderTable(Generic[K, V]):
     """State by sender, bounded: the sender that was silent longest is dropped first."""
 
     def __init__(self, create: Callable[[], V], capacity: int) -> None:
-        """Create a state for each new sender."""
         self._create, self._capacity = create, capacity
         self._states: OrderedDict[K, V] = OrderedDict()
 
-    def __len__(self) -> int:
-        """Senders in the table."""
-        return len(self._states)
-
     def __contains__(self, sender: K) -> bool:
-        """Return True if the sender is in the table."""
         return sender in self._states
 
     def __iter__(self) -> Iterator[K]:
@@ -210,12 +174,7 @@ class SenderTable(Generic[K, V]):
 def warn_of_order(
     warnings: RecentWarnings, what: str, order: MessageOrder, *, is_used: bool
 ) -> None:
-    """Keep the warnings about a sender's count up to date.
-
-    Args:
-        what: messages and sender, as in "maps of camera". order: that of the newest message.
-        is_used: the message was accepted for other reasons as well.
-    """
+    """Keep the warnings about a sender's count up to date; ``what``: as in "maps of camera"."""
     backwards = f"{what} count backwards: ignored"
     if order is MessageOrder.OLDER:
         warnings.add(backwards)

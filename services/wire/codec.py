@@ -21,12 +21,9 @@ from slopewise.models.errors import InputError
 
 T = TypeVar("T", bound=msgspec.Struct)
 
-VERSION = 1
-"""Major version of all schemas; it is in the keys, too."""
-
-_MAX_AXES = 2
-_MAX_ITEMS = 2**32
-"""Axes of an array, and its items at most [1]: heights and columns have two axes."""
+VERSION = 1  # major version of all schemas; it is in the keys, too
+_MAX_AXES = 2  # of an array [1]: heights and columns have two
+_MAX_ITEMS = 2**32  # along an axis [1]
 _WHERE = re.compile(r"^(?P<what>.*?)(?: - at `\$\.?(?P<where>.*)`)?$", re.DOTALL)
 _MISSING = re.compile(r"^Object missing required field `(?P<name>.*)`$")
 _UNKNOWN = re.compile(r"^Object contains unknown field `(?P<name>.*)`$", re.DOTALL)
@@ -41,10 +38,7 @@ class Format(Enum):
 
 
 def schema_of(kind: type[msgspec.Struct]) -> str:
-    """Name and major version of a schema, e.g. ``slopewise.plan_request.v1``.
-
-    The name is that of the class, unless the class gives another one as ``SCHEMA``.
-    """
+    """Name (of the class, or its ``SCHEMA``) and version, e.g. ``slopewise.plan_request.v1``."""
     name = getattr(kind, "SCHEMA", _CAPITAL.sub("_", kind.__name__).lower())
     return f"slopewise.{name}.v{VERSION}"
 
@@ -67,28 +61,19 @@ def encode(message: msgspec.Struct, written: Format) -> bytes:
 
 
 def decode(kind: type[T], payload: Any, encoding: str, source: str, max_bytes: int) -> T:
-    """A message from a received payload.
+    """A message from a received payload, which is not copied if it is longer than ``max_bytes``.
 
-    Args:
-        kind: schema that is expected.
-        payload: anything with a length that ``bytes`` takes; not copied while it is too long.
-        encoding: as received with it; in JSON the schema may be omitted.
-        source: key on which it came, for errors.
-        max_bytes: largest size that is decoded [bytes].
-
-    Raises:
-        InputError: names key and field, and what was expected. No NaN passes in a single number; in
-            arrays it does, because there it means something.
+    In JSON the encoding may omit the schema. Errors name ``source``, the key, and the field. No NaN
+    passes in a single number; in arrays it does, because there it means something.
     """
     size = len(payload)
     if size > max_bytes:
         raise InputError(source, "", f"expected at most {max_bytes} bytes, got {size}")
     written, _, schema = encoding.partition(";")
-    known = [choice.value for choice in Format]
-    expected = schema_of(kind)
+    known, expected = [choice.value for choice in Format], schema_of(kind)
     if written not in known:
-        shown = repr(encoding[:80])
-        raise InputError(source, "encoding", f"expected {' or '.join(known)}, got {shown}")
+        got = f"expected {' or '.join(known)}, got {encoding[:80]!r}"
+        raise InputError(source, "encoding", got)
     if schema != expected and (schema or written != Format.JSON.value):
         raise InputError(source, "encoding", f"expected schema {expected}, got {schema[:80]!r}")
     try:
@@ -136,9 +121,8 @@ def _from_lists(value: Any) -> np.ndarray:
     try:
         rows = msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
-        fault = _WHERE.match(str(error))
-        assert fault is not None
-        raise ValueError(f"{fault['what']} at {fault['where']}") from None
+        what, where = _what_and_where(str(error))
+        raise ValueError(f"{what} at {where}") from None
     if nested and len({len(row) for row in rows}) > 1:
         raise ValueError("Expected rows of one length")
     return np.array(rows, np.float64)
@@ -173,11 +157,16 @@ def _check_numbers(value: Any, source: str, where: str) -> None:
             _check_numbers(item, source, f"{where}[{i}]")
 
 
-def _fault(source: str, text: str) -> InputError:
-    """An error of msgspec as one that names source and field."""
+def _what_and_where(text: str) -> tuple[str, str | None]:
     fault = _WHERE.match(text)
     assert fault is not None
-    what, where = fault["what"], fault["where"] or ""
+    return fault["what"], fault["where"]
+
+
+def _fault(source: str, text: str) -> InputError:
+    """An error of msgspec as one that names source and field."""
+    what, place = _what_and_where(text)
+    where = place or ""
     for pattern, expected in (
         (_MISSING, "expected this field, got none"),
         (_UNKNOWN, "unknown field"),

@@ -21,10 +21,7 @@ def error_text(error: zenoh.ZError) -> str:
 
 
 def options(config: ServiceConfig) -> list[str]:
-    """Options with which a command on the same machine reaches a service; none by the defaults.
-
-    Where endpoints are encrypted, FILE stands for the operator's own settings with certificates.
-    """
+    """Options with which a command on the same machine reaches a service; none by the defaults."""
     settings = config.zenoh
     ends = settings.connect if settings.mode == "client" else settings.listen
     arguments: list[str] = []
@@ -32,6 +29,7 @@ def options(config: ServiceConfig) -> list[str]:
         # A service that listens on all interfaces is reached on the loopback.
         end = ends[0].replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
         arguments += ["--connect", end] if end not in ZenohSettings().listen else []
+        # FILE stands for the operator's own settings with certificates.
         arguments += ["--zenoh", "FILE"] if end.startswith(_ENCRYPTED) else []
     if config.namespace != ServiceConfig(model=config.model).namespace:
         arguments += ["--namespace", config.namespace]
@@ -51,21 +49,10 @@ def _listener(endpoint: str) -> str:
 
 
 def client_session(connect: str, config: str = "") -> zenoh.Session:
-    """A session of a client.
-
-    Args:
-        connect: endpoint of the service, or of a router. config: zenoh's own settings, such as
-            certificates; "" for none.
-
-    Raises:
-        InputError: there is no service, or none that admits this client.
-    """
+    """A session of a client; ``config``: file with zenoh's own settings, "" for none."""
     settings = ZenohSettings(mode="client", connect=(connect,), config=config)
     try:
         return zenoh.open(zenoh_config(settings))
     except zenoh.ZError:
-        raise InputError(
-            "--connect",
-            "",
-            f"expected a service at {connect} that lets this client in, got {_listener(connect)}",
-        ) from None
+        expected = f"expected a service at {connect} that lets this client in"
+        raise InputError("--connect", "", f"{expected}, got {_listener(connect)}") from None

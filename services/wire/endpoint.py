@@ -1,15 +1,9 @@
 """Answers to requests on zenoh keys: decode, handle, encode, send; a query always gets a reply.
 
 A component describes each kind of request with a :class:`Handler` and passes what arrived on its
-key to :meth:`Endpoint.answer`, in the thread that owns its state::
-
-    read = Handler(ParameterRequest, handle=service.read, failure=error_reply, name="params")
-    endpoint.answer(query, key, read)
-
-The handler returns the reply to a valid request. A request that cannot be decoded, and one whose
-handler raises, is answered with ``failure(reason)``, a reply of the same type. Observations that
-arrive as samples take the same steps without a reply. Queries that were rejected before their turn
-are answered with :meth:`Endpoint.send`.
+key to :meth:`Endpoint.answer`, in the thread that owns its state. A request that cannot be decoded,
+and one whose handler raises, is answered with ``failure(reason)``, a reply of the same type.
+Observations that arrive as samples take the same steps without a reply.
 """
 
 from __future__ import annotations
@@ -35,25 +29,15 @@ _log = logging.getLogger("slopewise")
 
 @dataclass(frozen=True, slots=True)
 class Handler(Generic[Request, Reply]):
-    """Schema, function and failure reply of one kind of request.
-
-    Attributes:
-        kind: schema of the request.
-        handle: returns the reply to a valid request.
-        failure: returns the reply that carries a reason.
-        name: malformed requests are counted as ``NAME_malformed``.
-        default: request of a query without payload; None: a payload is required.
-        reply_format: format of replies to senders whose encoding names none.
-        describe: short text that identifies the request in the report of a fault.
-    """
+    """Schema, function and failure reply of one kind of request."""
 
     kind: type[Request]
-    handle: Callable[[Request], Reply]
-    failure: Callable[[str], Reply]
-    name: str
-    default: Request | None = None
-    reply_format: Format = Format.MESSAGEPACK
-    describe: Callable[[Request], str] | None = None
+    handle: Callable[[Request], Reply]  # returns the reply to a valid request
+    failure: Callable[[str], Reply]  # returns the reply that carries a reason
+    name: str  # malformed requests are counted as ``NAME_malformed``
+    default: Request | None = None  # of a query without payload; None: a payload is required
+    reply_format: Format = Format.MESSAGEPACK  # for senders whose encoding names none
+    describe: Callable[[Request], str] | None = None  # identifies the request in a fault
 
 
 def log_fault(what: str) -> str:
@@ -66,30 +50,16 @@ class Endpoint:
     """Common steps of all components that answer requests; call it from one thread."""
 
     def __init__(
-        self,
-        counters: Counter[str],
-        max_bytes: int,
-        report_fault: Callable[[str], str] = log_fault,
+        self, counters: Counter[str], max_bytes: int, report_fault: Callable[[str], str] = log_fault
     ) -> None:
-        """Answer with these limits.
-
-        Args:
-            counters: where malformed requests and lost replies are counted.
-            max_bytes: largest payload that is decoded [bytes].
-            report_fault: called inside the ``except`` block with the description of a request
-                that raised an unexpected error; returns the reason for its sender.
-        """
+        """Answer; ``counters`` count malformed requests and lost replies."""
         self._counters, self._max_bytes = counters, max_bytes
         self._report_fault = report_fault
 
     def answer(
         self, item: zenoh.Query | zenoh.Sample, key: str, handler: Handler[Request, Reply]
     ) -> Reply:
-        """Handle what arrived, send the reply if it is a query, and return it.
-
-        Args:
-            item: query or sample. key: for errors, and for the reply.
-        """
+        """Handle what arrived, send the reply on ``key`` if it is a query, and return it."""
         written = codec.format_of(str(item.encoding or ""), handler.reply_format)
         what = f"a request on {key}"
         try:
@@ -115,11 +85,7 @@ class Endpoint:
         key: str,
         default: Request | None = None,
     ) -> Request:
-        """The request that arrived.
-
-        Raises:
-            InputError: names key and field, and what was expected.
-        """
+        """The request that arrived; an InputError names key and field."""
         payload = item.payload
         if default is not None and (payload is None or not len(payload)):
             return default

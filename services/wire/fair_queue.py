@@ -2,9 +2,11 @@
 
 When the queue is full, the newest entry of the account with most entries is rejected, so that no
 sender displaces another. Where only the newest request of a client is of interest, it replaces an
-older one that still waits. An entry may have a deadline; :meth:`FairQueue.overdue` returns entries
-that were rejected, or whose deadline has come while they waited or were worked on. Each entry is
-claimed exactly once, by the worker that answers it or as overdue.
+older one that still waits. Entries that were rejected, or whose deadline came while they waited or
+were worked on, are overdue. Each entry is claimed exactly once, as overdue or by a worker.
+
+A sender is known by the name in its messages only: zenoh does not report the session of a message.
+Names that were never answered share one account, so that a new name for each request gains nothing.
 """
 
 from __future__ import annotations
@@ -12,47 +14,97 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections import Counter, deque
+from collections import Counter, OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-from slopewise.services.wire.fair_share import FairShare
-
 T = TypeVar("T")
 
-_MAX_REJECTED = 1024
-"""Rejected entries that wait for their reply [1]; further ones get none, which ends a query."""
-
-_LARGE = 20_000
-"""Payload from which an entry is served after smaller ones of the same account [bytes]."""
+_MAX_REJECTED = 1024  # rejected entries that wait for their reply [1]; others get none, which ends
+_LARGE = 20_000  # payload from which an entry follows smaller ones of its account [bytes]
+_DECAY_TIME = 5.0  # time in which used time decays to 1/e [s]: some dozens of a robot's cycles
+_DRIVING_FROM = 3  # answers after which a client drives [1]: names used for one request have none
+_DRIVING_FOR = 10.0  # time since the last answer after which a client is no longer driving [s]
+_MAX_NAMES = 256  # accounts with a name [1]; bounds memory; those answered longest ago are closed
 
 REPLACED = "replaced by a newer request of this client"
 FULL = "too many requests to answer this one in time"
+_NEWCOMERS = "\x00"
+"""Account of all names that were never answered; no valid name on the wire."""
+
+
+@dataclass(slots=True)
+class _Account:
+    used: float = 0.0  # processor time [s], as of `charged_at`
+    answer_count: int = 0
+    charged_at: float = field(default_factory=time.monotonic)
+    answered_at: float = field(default_factory=time.monotonic)
+
+
+class FairShare:
+    """Processor time that senders used recently, and which clients are driving; any threads."""
+
+    def __init__(self) -> None:
+        self._accounts: OrderedDict[str, _Account] = OrderedDict({_NEWCOMERS: _Account()})
+        self._lock = threading.Lock()
+
+    def account_of(self, sender: str) -> str:
+        """Name of a sender's account."""
+        return sender if sender in self._accounts else _NEWCOMERS
+
+    def used(self, sender: str, now: float) -> float:
+        """Time that a sender, or those that share its account, used recently [s]; ``now``: [s]."""
+        with self._lock:
+            account = self._of(sender)
+            return account.used * math.exp((account.charged_at - now) / _DECAY_TIME)
+
+    def charge(self, sender: str, seconds: float) -> None:
+        """Add time to a sender's account [s]."""
+        with self._lock:
+            account, now = self._of(sender), time.monotonic()
+            decay = math.exp((account.charged_at - now) / _DECAY_TIME)
+            account.used, account.charged_at = account.used * decay + seconds, now
+
+    def note_answer(self, sender: str) -> None:
+        """Record that a sender was answered in time."""
+        with self._lock:
+            account = self._accounts.pop(sender, None) or _Account()
+            now = time.monotonic()
+            is_interrupted = now - account.answered_at > _DRIVING_FOR
+            account.answer_count = 1 if is_interrupted else account.answer_count + 1
+            account.answered_at = now
+            self._accounts[sender] = account
+            while len(self._accounts) > _MAX_NAMES:
+                self._accounts.pop(next(n for n in self._accounts if n != _NEWCOMERS))
+
+    def is_driving(self, sender: str) -> bool:
+        """Return True if a named client was answered several times, and recently."""
+        with self._lock:
+            account = self._accounts.get(sender) if sender else None
+            return (
+                account is not None
+                and account.answer_count >= _DRIVING_FROM
+                and time.monotonic() - account.answered_at < _DRIVING_FOR
+            )
+
+    def _of(self, sender: str) -> _Account:
+        return self._accounts.get(sender) or self._accounts[_NEWCOMERS]
 
 
 @dataclass(eq=False, slots=True, weakref_slot=True)
 class Waiting(Generic[T]):
-    """One entry.
+    """One entry."""
 
-    Attributes:
-        item: that waits. sender: "" if unknown. size: payload [bytes].
-        time_limit: from arrival to deadline [s].
-        outranks: it is served before all entries that do not.
-        is_driving: a worker reserved for clients that drive may take it.
-        is_claimed: it is answered, or will be, by the component that claimed it.
-        reason: why it was rejected; "" if it was not. is_invalid: it is not a valid request.
-    """
-
-    item: T
-    sender: str = ""
-    size: int = 0
-    time_limit: float = math.inf
-    outranks: bool = False
-    is_driving: bool = False
-    is_claimed: bool = False
-    reason: str = ""
-    is_invalid: bool = False
+    item: T  # that waits
+    sender: str = ""  # "" if unknown
+    size: int = 0  # payload [bytes]
+    time_limit: float = math.inf  # from arrival to deadline [s]
+    outranks: bool = False  # it is served before all entries that do not
+    is_driving: bool = False  # a worker reserved for clients that drive may take it
+    is_claimed: bool = False  # it is answered, or will be, by the component that claimed it
+    reason: str = ""  # why it was rejected; "" if it was not
+    is_invalid: bool = False  # it is not a valid request
     arrived: float = field(default_factory=time.monotonic)
 
     @property
@@ -62,11 +114,7 @@ class Waiting(Generic[T]):
 
 
 class FairQueue(Generic[T]):
-    """Entries by any number of threads; putting one never blocks.
-
-    Attributes:
-        shares: time used by each sender.
-    """
+    """Entries by any number of threads; putting one never blocks."""
 
     def __init__(self, capacity: int, *, newest_only: bool = False) -> None:
         """Let ``capacity`` entries wait; ``newest_only``: one of each named sender."""
@@ -84,7 +132,6 @@ class FairQueue(Generic[T]):
         self._is_interrupted = self._is_closed = False
 
     def __len__(self) -> int:
-        """Entries that wait."""
         return len(self._waiting)
 
     def put(self, entry: Waiting[T]) -> Waiting[T] | None:
@@ -124,7 +171,10 @@ class FairQueue(Generic[T]):
         ``only_driving``: of clients that drive; the worker calls :meth:`done` afterwards.
         """
         with self._lock:
-            self._arrival.wait_for(lambda: self._is_ready(only_driving), timeout)
+            self._arrival.wait_for(
+                lambda: self._is_closed or self._is_interrupted or self._eligible(only_driving),
+                timeout,
+            )
             self._is_interrupted = False
             eligible = self._eligible(only_driving)
             if self._is_closed or not eligible:
@@ -223,9 +273,6 @@ class FairQueue(Generic[T]):
         self._unanswered -= removed
         self._waiting = [q for q in self._waiting if q not in removed]
         self._rejected.clear()
-
-    def _is_ready(self, only_driving: bool) -> bool:
-        return self._is_closed or self._is_interrupted or bool(self._eligible(only_driving))
 
     def _eligible(self, only_driving: bool) -> list[Waiting[T]]:
         return [q for q in self._waiting if q.is_driving] if only_driving else self._waiting

@@ -2,7 +2,7 @@
 
 A constant delay that no shared clock shows cannot be seen by a receiver: a declared bound of it is
 added to every age that is used for a stop. What can be seen of it without a shared clock is growth:
-:meth:`slopewise.services.wire.sender_clock.SenderClock.lateness`.
+:meth:`SenderClock.lateness`. Moments are of the monotonic clock [s] where no other is named.
 """
 
 from __future__ import annotations
@@ -13,24 +13,90 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from slopewise.models.errors import ParameterError
-from slopewise.services.wire.sender_clock import DRIFT, RECOVERY, STEP, SenderClock
 
-SYNCHRONY = 0.02
-"""Shared clocks agree within that, with NTP on one network [s]; added to every age by stamps."""
+DRIFT = 1e-4
+"""Rate at which two clocks drift apart: crystals stay within 100 ppm [s/s].
 
-_REORDERED = 1.0
-"""Without a number, a stamp that is earlier by less is of a message that was overtaken [s]."""
+Lateness that grows more slowly is not seen, and larger one is forgotten at that rate."""
 
-_IN_A_ROW = 3
-"""Overtaken messages in a row from which on the clock was set back [1]."""
+STEP = 0.02  # quicker than the quickest message by more than that, its clock was set forward [s]
+RECOVERY = 10.0  # time from a step of a clock until ages that it left uncertain are certain [s]
+SYNCHRONY = 0.02  # shared clocks agree within that, with NTP on one network; part of every age [s]
 
-_LATEST_STAMP = 1e11
-"""Largest stamp of any clock: one beyond has another unit, or is too coarse [s]."""
+_SMOOTHED = 20  # messages over which the interval of a sender is averaged [1]
+_IRREGULAR = 1.5  # ratio of an interval to the average that a regular sender does not exceed [1]
+_REORDERED = 1.0  # unnumbered, a stamp that is earlier by less is of an overtaken message [s]
+_IN_A_ROW = 3  # overtaken messages in a row from which on the clock was set back [1]
+_LATEST_STAMP = 1e11  # of any clock: one beyond has another unit, or is too coarse [s]
 
 SHARED, GROWTH, ARRIVAL = "shared clock", "growth only", "none"
 """What stamps are good for, as the status reports it."""
 
 _BASIS = {SHARED: "stamp", GROWTH: "arrival and growth of delay", ARRIVAL: "arrival"}
+
+
+class SenderClock:
+    """Lateness of messages by their sender's clock, whose zero is arbitrary."""
+
+    def __init__(self, late: float = 0.0) -> None:
+        """Begin; ``late``: lateness of the sender before this one, given up as after a step [s]."""
+        self.lead = -math.inf  # sender's clock over the one here, by the quickest message [s]
+        self.stamp = -math.inf  # of the newest message, on the sender's clock [s]
+        self.steps = 0  # how often that clock was set
+        self._at, self._late = 0.0, late
+        self._uncertain = self._recovers = self._interval = 0.0
+        self._measured = 0
+
+    @property
+    def is_known(self) -> bool:
+        """Return True after the first message with a stamp."""
+        return math.isfinite(self.stamp)
+
+    def lateness(
+        self, stamp: float, at: float, known: float = 0.0, sent: int = 0, *, is_set: bool = False
+    ) -> float:
+        """How late a message is [s]: what is known of it, and what it is later than the quickest.
+
+        A message is never later than the one before it was on arrival and the time since then.
+        After a step of the sender's clock that is all that is known, so it is what is returned; the
+        excess is given up over :data:`RECOVERY`. A repeated stamp is not refreshed.
+
+        ``known``: age by a shared clock, 0 without one [s]; ``sent``: messages since the last one,
+        0 where they are not numbered. Messages come in the order in which they were sent.
+        """
+        lead, passed = stamp - at, max(at - self._at, 0.0) if self.is_known else 0.0
+        if stamp == self.stamp:
+            return max(self._late + passed, known)
+        recovered = min(self._uncertain, self._recovers * passed)
+        self._uncertain -= recovered
+        self.lead -= recovered
+        if not self.is_known:
+            self.lead, self._uncertain = lead + self._late, self._late
+            self._recovers = self._late / RECOVERY
+        elif is_set or self._is_step(stamp, at, passed, sent):
+            latest = self._late + passed
+            growth = max(self.lead - (self.stamp - self._at), 0.0)
+            self._uncertain += latest - growth
+            self._recovers = self._uncertain / RECOVERY
+            self.lead, self.steps = lead + latest, self.steps + 1
+        self.lead = max(self.lead - DRIFT * passed, lead)
+        self.stamp, self._at = stamp, at
+        self._late = max(self.lead - lead, known)
+        return self._late
+
+    def _is_step(self, stamp: float, at: float, passed: float, sent: int) -> bool:
+        """Return True if the stamp goes back, or farther ahead than a shorter delay explains."""
+        if stamp < self.stamp or stamp - at > self.lead + STEP + DRIFT * passed:
+            return True
+        regular = self._measured >= _SMOOTHED
+        if sent > 0:
+            # By the clock here, which no sender sets.
+            self._measured += 1
+            share = 1.0 / min(self._measured, _SMOOTHED)
+            self._interval += share * (passed / sent - self._interval)
+        # A delay that falls brings as many messages; one that skips ahead alone was set ahead.
+        ahead = stamp - self.stamp - max(passed, _IRREGULAR * sent * self._interval)
+        return regular and sent > 0 and self._late > STEP and ahead > STEP
 
 
 class WallTime(NamedTuple):
@@ -41,22 +107,18 @@ class WallTime(NamedTuple):
 
 
 class WallClock:
-    """Wall time at moments of the monotonic clock.
-
-    For :data:`RECOVERY` seconds after the wall clock was set, each of its settings is possible.
-    """
+    """Wall time at moments; for :data:`RECOVERY` after it was set, each setting is possible."""
 
     def __init__(
         self, wall: Callable[[], float] = time.time, monotonic: Callable[[], float] = time.monotonic
     ) -> None:
-        """Read the two clocks [s]."""
         self._wall, self._monotonic = wall, monotonic
         self._offset, self._read = wall() - monotonic(), monotonic()
         self._low = self._high = self._offset
         self._set = -math.inf
 
     def at(self, moment: float) -> WallTime:
-        """Wall time at a moment of the monotonic clock [s]."""
+        """Wall time at a moment."""
         now = self._monotonic()
         offset = self._wall() - now
         # NTP slews by less than ten times the drift of a clock.
@@ -69,19 +131,12 @@ class WallClock:
         return WallTime(moment + max(offset, self._high), moment + min(offset, self._low))
 
     def is_recovering(self, now: float) -> bool:
-        """Return True if the clock was set lately; ``now``: monotonic [s]."""
+        """Return True if the clock was set lately."""
         return now - self._set <= RECOVERY
 
 
 class Lateness:
-    """Age of the newest message of one sender; one thread.
-
-    Attributes:
-        stamps: :data:`SHARED`, :data:`GROWTH` or :data:`ARRIVAL`.
-        number: number of the newest message; None: it has none.
-        repeated: the newest message has the stamp of the one before it.
-        stepped: when the sender's clock was last seen to be set, monotonic [s].
-    """
+    """Age of the newest message of one sender; one thread."""
 
     def __init__(
         self,
@@ -93,27 +148,23 @@ class Lateness:
     ) -> None:
         """Begin.
 
-        Args:
-            max_latency: declared bound of the delay that no shared clock shows [s].
-            wall: the clock that stamps are of; None: no clock is shared.
-            late: lateness of the sender before this one [s]; not used with a shared clock.
-            uses_stamps: False where they do not advance as time does, as in simulations.
+        ``max_latency``: declared bound of the delay that no shared clock shows [s]; ``wall``: the
+        clock that stamps are of; None: no clock is shared; ``late``: lateness of the sender before
+        this one [s]; not used with a shared clock; ``uses_stamps``: False where they do not advance
+        as time does, as in simulations.
         """
         self._max_latency, self._wall, self._uses_stamps = max_latency, wall, uses_stamps
         self._clock = SenderClock(late if wall is None else 0.0)
         self._at, self.late, self._overtaken = -math.inf, 0.0, 0
-        self.number: int | None = None
-        self.stamps, self.repeated, self.stepped = ARRIVAL, False, -math.inf
+        self.number: int | None = None  # of the newest message
+        self.stamps = ARRIVAL
+        self.repeated = False  # the newest message has the stamp of the one before it
+        self.stepped = -math.inf  # when the sender's clock was last seen to be set
 
     def take(self, stamp: float | None, at: float, number: int | None = None) -> bool:
-        """Record a message; False if it is older than the newest one.
+        """Record a message that arrived ``at``; False if it is older than the newest one.
 
-        Args:
-            stamp: on the sender's clock [s]; None: it has none. at: its arrival, monotonic [s].
-            number: counts the messages of the sender; None: they are not numbered.
-
-        Raises:
-            ParameterError: the stamp is no time, or later than now by a shared clock.
+        ParameterError: the stamp is no time, or later than now by a shared clock.
         """
         stamp, known = stamp if self._uses_stamps else None, 0.0
         if stamp is not None:
@@ -145,10 +196,8 @@ class Lateness:
             return 0.0
         wall = self._wall.at(at)
         if stamp > wall.earliest + SYNCHRONY:
-            ahead = stamp - wall.earliest
-            raise ParameterError(
-                "stamp", f"a time that has been, got {ahead:.2f} s later than the clock here"
-            )
+            got = f"{stamp - wall.earliest:.2f} s later than the clock here"
+            raise ParameterError("stamp", f"a time that has been, got {got}")
         return max(wall.latest - stamp, 0.0)
 
     def age(self, now: float) -> float:

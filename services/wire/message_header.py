@@ -11,24 +11,16 @@ import zenoh
 from slopewise.models.errors import InputError
 from slopewise.services.wire import codec
 
-_MAX_BYTES = 200_000
-"""Largest payload whose header is read [bytes]: that takes some 0.1 ms in zenoh's thread."""
-
-_MAX_NAME = 120
-"""Length to which names are cut [1]; longer ones are rejected by the schema anyway."""
+_MAX_BYTES = 200_000  # payload whose header is read [bytes]: takes some 0.1 ms in zenoh's thread
+_MAX_NAME = 120  # length to which names are cut [1]; longer ones are rejected by the schema anyway
 
 
 class RequestHeader(NamedTuple):
-    """Header of a plan request.
+    """Header of a plan request."""
 
-    Attributes:
-        client: "" where it cannot be read without decoding the whole.
-        candidates: number of candidates, 0 where it cannot be read. size: payload [bytes].
-    """
-
-    client: str = ""
-    candidates: int = 0
-    size: int = 0
+    client: str = ""  # "" where it cannot be read without decoding the whole
+    candidates: int = 0  # number of candidates, 0 where it cannot be read
+    size: int = 0  # payload [bytes]
 
 
 class _PlanHeader(msgspec.Struct):
@@ -71,11 +63,7 @@ def read_source(payload: zenoh.ZBytes | bytes, encoding: str) -> str:
 
 
 def read_deadline(query: zenoh.Query, key: str) -> float | None:
-    """Deadline of a request [s]; None without.
-
-    Raises:
-        InputError: it is not a number of seconds above 0. ``key``: for the error.
-    """
+    """Deadline of a request [s]; None without. An InputError names ``key``."""
     text = query.parameters.get("deadline")
     if not text:
         return None

@@ -11,14 +11,11 @@ from slopewise.services.wire.plan_messages import Message
 
 
 class StopDistanceChange(Message, frozen=True):
-    """Range of the change of stopping distances over speeds, grades and surfaces [m].
+    """Change of stopping distances over speeds, grades and surfaces; positive: longer."""
 
-    Positive: longer. ``least``, ``most``: smallest and largest change; ``where``: of the smallest.
-    """
-
-    least: float  # words: ok
-    most: float  # words: ok
-    where: str
+    least: float  # smallest change [m]; words: ok
+    most: float  # largest change [m]; words: ok
+    where: str  # place of the smallest
 
 
 class Estimated(msgspec.Struct, frozen=True):
@@ -52,36 +49,24 @@ class FindingNumbers(msgspec.Struct, frozen=True):
 
 
 class ModelProposal(Message, frozen=True):
-    """A finding that may be adopted; its schema is called ``offer``.
-
-    Attributes:
-        id: of data and model together. at: wall clock [s]. cause: who requested it.
-        verdict, summary: as in discrepancy.json. findings: that file's content.
-        data: fingerprint of the samples. stops: number of stops used.
-        beside_file: change of stops relative to the model file, if adopted unchanged.
-        beside_use: the same, relative to the parameters in use when it was found.
-        valid: the verdict is conclusive, and reduces the error on held-out stops.
-        changes: it contains a change to adopt.
-        notes: reservations, in sentences. model: tables of the resulting model; omitted where
-            only the finding is reported.
-    """
+    """A finding that may be adopted; its schema is called ``offer``."""
 
     SCHEMA: ClassVar[str] = "offer"
 
-    id: str
-    at: float
-    cause: str
-    verdict: str
+    id: str  # of data and model together
+    at: float  # wall clock [s]
+    cause: str  # who requested it
+    verdict: str  # verdict, summary: as in discrepancy.json
     summary: str
-    findings: dict[str, Any]
-    data: str
-    stops: int
-    beside_file: StopDistanceChange  # words: ok
-    beside_use: StopDistanceChange  # words: ok
-    valid: bool
-    changes: bool
-    notes: list[str]
-    model: dict[str, Any] = msgspec.field(default_factory=dict)
+    findings: dict[str, Any]  # that file's content
+    data: str  # fingerprint of the samples
+    stops: int  # number of stops used
+    beside_file: StopDistanceChange  # stops compared with those of the model file; words: ok
+    beside_use: StopDistanceChange  # and of the parameters in use when it was found; words: ok
+    valid: bool  # the verdict is conclusive, and reduces the error on held-out stops
+    changes: bool  # it contains a change to adopt
+    notes: list[str]  # reservations, in sentences
+    model: dict[str, Any] = msgspec.field(default_factory=dict)  # tables of the resulting model
 
     @property
     def slower(self) -> bool:

@@ -13,39 +13,30 @@ Group = Annotated[str, Meta(min_length=1, max_length=80)]
 
 
 class ParameterGroup(Message, frozen=True):
-    """Parameters that change together.
+    """Parameters that change together."""
 
-    Attributes:
-        group: `braking`, `braking.SURFACE`, `terrain`, `limits` or `effects`.
-        version: version of all parameters since which they are unchanged.
-        valid: the estimate is reliable; the values used for plans are cautious in any case.
-        age: time since they were learned or set [s]. fingerprint: digest of the vehicle's data.
-        cause, who: cause and author of the last change, as text.
-        values: used for plans, before any margin. stds: standard deviations, where there are any.
-        covariance: for braking, of m_m, b_m, m_b, b_b.
-        unit: unit by value. notes: further facts, such as the number of accepted stops.
-    """
-
-    group: str
-    version: int
-    valid: bool
-    age: float
-    fingerprint: str
-    cause: str
+    group: str  # `braking`, `braking.SURFACE`, `terrain`, `limits` or `effects`
+    version: int  # version of all parameters since which they are unchanged
+    valid: bool  # the estimate is reliable; the values used for plans are cautious in any case
+    age: float  # time since they were learned or set [s]
+    fingerprint: str  # digest of the vehicle's data
+    cause: str  # cause, who: cause and author of the last change, as text
     who: str
-    values: dict[str, float]
-    stds: dict[str, float] = field(default_factory=dict)
-    covariance: list[list[float]] | None = None
-    unit: dict[str, str] = field(default_factory=dict)
-    notes: dict[str, str | float] = field(default_factory=dict)
+    values: dict[str, float]  # used for plans, before any margin
+    stds: dict[str, float] = field(default_factory=dict)  # standard deviations, if any
+    covariance: list[list[float]] | None = None  # for braking, of m_m, b_m, m_b, b_b
+    unit: dict[str, str] = field(default_factory=dict)  # unit by value
+    notes: dict[str, str | float] = field(
+        default_factory=dict
+    )  # such as the number of accepted stops
 
 
 class HistoryEntry(Message, frozen=True):
-    """A stored change; `at` is the wall clock [s since 1970]."""
+    """A stored change."""
 
     version: int
     group: str
-    at: float
+    at: float  # wall clock [s since 1970]
     cause: str
     who: str
     values: dict[str, float]
@@ -54,14 +45,14 @@ class HistoryEntry(Message, frozen=True):
 
 
 class ParameterQuestion(Message, frozen=True):
-    """Request to read. ``history``: number of past changes to return, newest first."""
+    """Request to read."""
 
     group: Annotated[str, Meta(max_length=80)] = ""
-    history: Annotated[int, Meta(ge=0, le=10_000)] = 0
+    history: Annotated[int, Meta(ge=0, le=10_000)] = 0  # past changes to return, newest first
 
 
 class SetParameters(Message, frozen=True):
-    """Values set by an operator; omitted ones are unchanged. ``who``: the operator."""
+    """Values set by an operator, ``who``; omitted ones are unchanged."""
 
     group: Group
     values: Annotated[dict[str, float], Meta(min_length=1, max_length=16)]
@@ -77,42 +68,31 @@ class RollBack(Message, frozen=True):
 
 
 class AdoptOffer(Message, frozen=True):
-    """Plan with the proposed model; ``offer``: its id, ``who``: the operator.
+    """Plan with the proposed model."""
 
-    ``faster``: stops may become shorter than by the model file, if the finding is valid.
-    """
-
-    offer: Text
-    faster: bool = False
+    offer: Text  # its id
+    faster: bool = False  # stops may become shorter than by the model file, by a valid finding
     who: Text = "operator"
 
 
 class DiscrepancyQuestion(Message, frozen=True):
-    """Request for findings; ``start``: examine the stored stops again. ``who``: the operator."""
+    """Request for findings."""
 
-    start: bool = False
+    start: bool = False  # examine the stored stops again
     who: Text = "operator"
 
 
 class ParameterReply(Message, frozen=True):
-    """Reply about parameters; there is always one.
-
-    Attributes:
-        status: `ok`, `refused` or `error`. reason: as text. version: parameter version in use.
-        durable: the last change is on disk. groups: as requested. history: newest first.
-        flags: warnings.
-        offer: last finding on stored stops; with its model only if findings were requested.
-        investigation: result of their last examination; `investigating` while one is running.
-    """
+    """Reply about parameters; there is always one."""
 
     status: Literal["ok", "refused", "error"]
-    reason: str
+    reason: str  # as text
     service: str
-    version: int
-    durable: bool
-    groups: list[ParameterGroup] = field(default_factory=list)
-    history: list[HistoryEntry] = field(default_factory=list)
-    flags: list[str] = field(default_factory=list)
-    offer: ModelProposal | None = None
-    investigation: str = ""
-    investigating: bool = False
+    version: int  # parameter version in use
+    durable: bool  # the last change is on disk
+    groups: list[ParameterGroup] = field(default_factory=list)  # as requested
+    history: list[HistoryEntry] = field(default_factory=list)  # newest first
+    flags: list[str] = field(default_factory=list)  # warnings
+    offer: ModelProposal | None = None  # last finding, with its model if findings were requested
+    investigation: str = ""  # result of the last examination of stored stops
+    investigating: bool = False  # one is running

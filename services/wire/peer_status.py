@@ -11,14 +11,9 @@ from slopewise.models.errors import InputError
 from slopewise.services.wire import codec
 from slopewise.services.wire.plan_messages import Message, Name
 
-_MAX_AGE = 5.0
-"""Age up to which a report is shown [s]: edges report each second."""
-
-_MAX_REPORTS = 16
-"""Edges, and entries of each, that are shown [1]; bounds the status."""
-
-_MAX_BYTES = 100_000
-"""Largest report that is decoded [bytes]."""
+_MAX_AGE = 5.0  # age up to which a report is shown [s]: edges report each second
+_MAX_REPORTS = 16  # Edges, and entries of each, that are shown [1]; bounds the status
+_MAX_BYTES = 100_000  # largest report that is decoded [bytes]
 
 
 class Connections(Message, frozen=True):
@@ -34,7 +29,6 @@ class PeerStatus:
     """Newest report of each edge; zenoh's threads write, any thread reads."""
 
     def __init__(self, max_age: float = _MAX_AGE) -> None:
-        """Begin without reports; ``max_age``: age up to which one is shown [s]."""
         self._max_age = max_age
         self._reports: dict[str, tuple[float, list[str]]] = {}
 
@@ -45,9 +39,8 @@ class PeerStatus:
     def take(self, sample: zenoh.Sample) -> None:
         """Store a report; an invalid one is ignored, as no plan depends on it."""
         try:
-            report = codec.decode(
-                Connections, sample.payload, str(sample.encoding), "edge", _MAX_BYTES
-            )
+            encoding = str(sample.encoding)
+            report = codec.decode(Connections, sample.payload, encoding, "edge", _MAX_BYTES)
         except InputError:
             return
         if report.source in self._reports or len(self._reports) < _MAX_REPORTS:
@@ -65,13 +58,8 @@ class PeerStatus:
 
 
 def router_warnings(session: zenoh.Session, mode: str) -> list[str]:
-    """Warning if a router may not forward messages of other peers.
-
-    Routers forward between clients and others, but, as rmw_zenohd is set up, not between peers.
-    """
+    """Warning if a router may not forward messages of other peers, as rmw_zenohd does not."""
     if mode != "peer" or not list(session.info.routers_zid()):
         return []
-    return [
-        "zenoh: this is a peer behind a router, and rmw_zenohd forwards nothing between peers: set "
-        'mode = "client"'
-    ]
+    fact = "this is a peer behind a router, and rmw_zenohd forwards nothing between peers"
+    return [f'zenoh: {fact}: set mode = "client"']

@@ -45,83 +45,57 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class Path(Message, frozen=True):
-    """One candidate path.
+    """One candidate path."""
 
-    Attributes:
-        name: unique within the request.
-        points: x, y of at least three points, each different from the one before [m], (n, 2).
-        speed_limit: limit along the path [m/s], (n,).
-        clear: station up to which the path is known to be free [m]; None: as in the request.
-    """
-
-    name: Name
-    points: np.ndarray
-    speed_limit: np.ndarray | None = None
-    clear: float | None = None
+    name: Name  # unique within the request
+    points: np.ndarray  # x, y of at least three points, each unlike the one before [m], (n, 2)
+    speed_limit: np.ndarray | None = None  # limit along the path [m/s], (n,)
+    clear: float | None = None  # station up to which it is free [m]; null: as in the request
 
 
 class PlanRequest(Message, frozen=True):
     """Request for plans.
 
-    Attributes:
-        speed: vehicle speed along its heading [m/s].
-        paths: candidates.
-        client: name of the client. The service remembers and continues the plan of a named
-            client; without a name each request is independent, and each path begins at the vehicle.
-        pose: x, y, heading of the vehicle [m, m, rad]; required for a named client.
-        clear: station up to which paths are known to be free [m]; None: to the end of each path.
-        sequence: number that is returned in the reply.
-        session_time: time since the start of the drive [s], for effects that depend on it.
-        brake_heat: heat in the brakes by vehicle mass [J/kg], likewise.
+    The service remembers and continues the plan of a named client; without a name each request is
+    independent, and each path begins at the vehicle.
     """
 
-    speed: float
-    paths: list[Path]
-    client: Text = ""
-    pose: tuple[float, float, float] | None = None
-    clear: NotNegative | None = None
-    sequence: Number = 0
-    session_time: NotNegative = 0.0
-    brake_heat: NotNegative = 0.0
+    speed: float  # vehicle speed along its heading [m/s]
+    paths: list[Path]  # candidates
+    client: Text = ""  # name of the client
+    pose: tuple[float, float, float] | None = None  # x, y, heading [m, m, rad]; of a named client
+    clear: NotNegative | None = None  # station up to which paths are free [m]; null: to the end
+    sequence: Number = 0  # number that is returned in the reply
+    session_time: NotNegative = 0.0  # time since the start of the drive [s], for effects
+    brake_heat: NotNegative = 0.0  # heat in the brakes by vehicle mass [J/kg], likewise
 
 
 class Parameters(Message, frozen=True):
-    """Parameters with which a plan was made.
+    """Parameters with which a plan was made."""
 
-    Attributes:
-        version: number that increases with every change. name: model name.
-        fingerprint: digest of the vehicle's data. age: time since they were applied [s].
-        model_hash: SHA-256 of the model file that would hold them, as of `sha256sum`.
-    """
-
-    version: int
-    name: str
-    fingerprint: str
-    age: float
-    model_hash: str = ""
+    version: int  # number that increases with every change
+    name: str  # model name
+    fingerprint: str  # digest of the vehicle's data
+    age: float  # time since they were applied [s]
+    model_hash: str = ""  # SHA-256 of the model file that would hold them, as of `sha256sum`
 
 
 class WireCommand(Message, frozen=True):
-    """Command until the next reply.
+    """Command until the next reply."""
 
-    Attributes:
-        speed: speed to reach within a period [m/s]. accel: acceleration to that speed [m/s²].
-        stop: brake with full force. valid_for: time for which the plan may be followed [s].
-    """
-
-    speed: float
-    accel: float
-    stop: bool
-    valid_for: float
+    speed: float  # speed to reach within a period [m/s]
+    accel: float  # acceleration to that speed [m/s²]
+    stop: bool  # brake with full force
+    valid_for: float  # time for which the plan may be followed [s]
 
 
 class RankedCandidate(Message, frozen=True):
-    """Result of one candidate. ``cost`` [s] is None where it was not planned."""
+    """Result of one candidate."""
 
     name: str
     usable: bool
     reason: str
-    cost: float | None = None
+    cost: float | None = None  # ranking cost [s], null where it was not planned
 
 
 class Limit(Message, frozen=True):
@@ -132,63 +106,41 @@ class Limit(Message, frozen=True):
 
 
 class ObstacleMessage(Message, frozen=True):
-    """Obstacle that body or wheels must not reach.
+    """Obstacle that body or wheels must not reach."""
 
-    Attributes:
-        bound: name of the limiting bound. x, y, height: position and height [m].
-        words: kind, position and limit, as text.
-    """
-
-    bound: str
-    x: float
+    bound: str  # name of the limiting bound
+    x: float  # x, y, height: position and height [m]
     y: float
     height: float
-    words: str  # words: ok
+    words: str  # kind, position and limit, as text; words: ok
 
 
 class Deviation(Message, frozen=True):
-    """Largest distance of a plan from the given path, in plan view.
+    """Largest distance of a plan from the given path, in plan view."""
 
-    Attributes:
-        largest: that distance [m]. station, x, y: where on the plan [m].
-        limit: largest permitted distance [m].
-    """
-
-    largest: float
-    station: float
+    largest: float  # that distance [m]
+    station: float  # station, x, y: where on the plan [m]
     x: float
     y: float
-    limit: float
+    limit: float  # largest permitted distance [m]
 
 
 class Plan(Message, frozen=True):
-    """One plan of N stations.
-
-    Attributes:
-        status: ok, blocked, infeasible or degraded. reason: its explanation with numbers.
-        travel_time: duration [s]. progress: station where it comes to rest [m].
-        clear_distance: station before which every emergency stop ends [m].
-        least_margin: smallest margin of these stops to it [m], None at rest.
-        least_rear_load: lowest rear load of these stops, as a share of the level static load [1].
-        limits: limiting bounds, one entry for each change.
-        columns: names of the rows of values. values: (rows, N).
-        obstacle: the obstacle that ends the clear distance, if there is one.
-        path_deviation: deviation from the given path.
-    """
+    """One plan of N stations."""
 
     candidate: str
-    status: str
-    reason: str
-    travel_time: float
-    progress: float
-    clear_distance: float
-    least_margin: float | None  # words: ok
-    least_rear_load: float  # words: ok
-    limits: list[Limit]
-    columns: list[str]
-    values: np.ndarray
-    obstacle: ObstacleMessage | None = None
-    path_deviation: Deviation | None = None
+    status: str  # ok, blocked, infeasible or degraded
+    reason: str  # its explanation with numbers
+    travel_time: float  # duration [s]
+    progress: float  # station where it comes to rest [m]
+    clear_distance: float  # station before which every emergency stop ends [m]
+    least_margin: float | None  # their smallest margin to it [m], null at rest; words: ok
+    least_rear_load: float  # their lowest rear load, of the level static load [1]; words: ok
+    limits: list[Limit]  # limiting bounds, one entry for each change
+    columns: list[str]  # names of the rows of values
+    values: np.ndarray  # (rows, N)
+    obstacle: ObstacleMessage | None = None  # it ends the clear distance
+    path_deviation: Deviation | None = None  # deviation from the given path
 
     def column(self, name: str) -> np.ndarray:
         """One row of the values, (N,)."""
@@ -199,89 +151,61 @@ class Plan(Message, frozen=True):
 class PlanReply(Message, frozen=True):
     """Reply to one plan request; there is always one.
 
-    Attributes:
-        status: that of the chosen plan, or `busy`, or `error`; the latter two have no plans.
-        reason: its explanation. service: id of the service. sequence: that of the request.
-        parameters: with which the plans were made. map_version: version of the map.
-        map_age: its age [s].
-        map_id: source and number of the last map update. map_hash: SHA-256 of a whole map's cells;
-            with each patch, of the hash before it and the cells of the patch.
-        command: command to follow now; None if the reply has no plan.
-        chosen: name of the candidate to drive; None: stop.
-        kept: the plan driven so far is continued unchanged.
-        ranking: all candidates, best first. plans: finished plans, best first.
-        flags: warnings as text.
-        seconds: duration of each stage [s]; `planner` is all of planning.
+    The hash of a map changes with each patch: it is of the hash before and the cells of the patch.
     """
 
-    status: str
-    reason: str
-    service: str
-    sequence: int = 0
-    parameters: Parameters | None = None
-    map_version: int = 0
-    map_age: float | None = None
-    command: WireCommand | None = None
-    chosen: str | None = None
-    kept: bool = False  # words: ok
-    ranking: list[RankedCandidate] = []
-    plans: list[Plan] = []
-    flags: list[str] = []
-    seconds: dict[str, float] = {}
-    map_id: str = ""
-    map_hash: str = ""
+    status: str  # that of the chosen plan, or `busy` or `error`, which have no plans
+    reason: str  # its explanation
+    service: str  # id of the service
+    sequence: int = 0  # that of the request
+    parameters: Parameters | None = None  # with which the plans were made
+    map_version: int = 0  # version of the map
+    map_age: float | None = None  # its age [s]
+    command: WireCommand | None = None  # command to follow now; null without a plan
+    chosen: str | None = None  # name of the candidate to drive; null: stop
+    kept: bool = False  # the plan driven so far is continued unchanged; words: ok
+    ranking: list[RankedCandidate] = []  # all candidates, best first
+    plans: list[Plan] = []  # finished plans, best first
+    flags: list[str] = []  # warnings as text
+    seconds: dict[str, float] = {}  # duration of each stage [s]; `planner` is all of planning
+    map_id: str = ""  # source and number of the last map update
+    map_hash: str = ""  # SHA-256 of the map's cells
 
 
 class MapUpdate(Message, frozen=True):
     """Elevation map, whole or a patch of it.
 
-    Attributes:
-        source: name of the mapper. sequence: number that increases with every update of it.
-        elevation: heights (rows, columns) [m], row 0 at minimum y; NaN (null) is unknown terrain.
-        resolution: edge of a cell [m]. origin: x, y of the centre of cell [0, 0] [m].
-        patch: these cells only, on the grid of the known whole map.
-        terrain_class: whole numbers into class_names (rows, columns), 0 is the base surface.
-        height_std: relative error of the heights [m]; if omitted, that of a typical map of a robot,
-            or that of the whole map.
-        time: time of measurement on the source's clock, whose zero is arbitrary [s]; if omitted,
-            the delay of the update is not included in the map's age.
-        instance: text that differs between starts of the source; each instance has a separate
-            count. If omitted, a restarted count is accepted after a few maps.
+    Without ``time`` the delay of an update is not part of the map's age. Each ``instance`` of a
+    source has a separate count; without one, a restarted count is accepted after a few maps.
     """
 
-    source: Name
-    sequence: Number
-    elevation: np.ndarray
-    resolution: Annotated[float, Meta(gt=0.0)]
-    origin: tuple[float, float]
-    patch: bool = False
-    terrain_class: np.ndarray | None = None
+    source: Name  # name of the mapper
+    sequence: Number  # number that increases with every update of it
+    elevation: np.ndarray  # heights (rows, columns) [m], row 0 at minimum y; NaN (null) is unknown
+    resolution: Annotated[float, Meta(gt=0.0)]  # edge of a cell [m]
+    origin: tuple[float, float]  # x, y of the centre of cell [0, 0] [m]
+    patch: bool = False  # these cells only, on the grid of the known whole map
+    terrain_class: np.ndarray | None = None  # index in class_names (rows, columns), 0 is the base
     class_names: Annotated[list[Text], Meta(min_length=1, max_length=62)] | None = None
-    height_std: Annotated[float, Meta(ge=0.0)] | None = None
-    time: float | None = None
-    instance: Instance = ""
+    height_std: NotNegative | None = None  # relative error of heights [m]; null: as is typical
+    time: float | None = None  # of measurement, on the source's clock, whose zero is arbitrary [s]
+    instance: Instance = ""  # text that differs between starts of the source
 
 
 class ServiceStatus(Message, frozen=True):
-    """State of the service; on the wire its schema is called ``status``.
-
-    Attributes:
-        service: its id. uptime: time since its start [s].
-        parameters, map_version, map_age: as in a reply.
-        flags: warnings. degraded: reasons for slower plans than usual.
-        counters: event counts since the start. instance: text that differs between processes.
-        seconds: median and 99th percentile of recent replies, from arrival to reply [s].
-    """
+    """State of the service; on the wire its schema is called ``status``."""
 
     SCHEMA: ClassVar[str] = "status"
 
-    service: str
-    uptime: float
-    parameters: Parameters
+    service: str  # its id
+    uptime: float  # time since its start [s]
+    parameters: Parameters  # parameters, map_version, map_age: as in a reply
     map_version: int
     map_age: float | None
-    flags: list[str]
-    counters: dict[str, int]
-    seconds: dict[str, float]
-    degraded: list[str] = []
-    instance: str = ""
+    flags: list[str]  # warnings
+    counters: dict[str, int]  # event counts since the start
+    seconds: dict[
+        str, float
+    ]  # median and 99th percentile of recent times from arrival to reply [s]
+    degraded: list[str] = []  # reasons for slower plans than by default
+    instance: str = ""  # text that differs between processes

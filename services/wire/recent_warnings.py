@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import time
 
-_MAX_WARNINGS = 8
-"""Warnings at the same time [1]: a sender of bad messages cannot fill the status."""
-
-_DURATION = 600.0
-"""Time for which a warning stays active [s]: an operator looks every few minutes."""
+_MAX_WARNINGS = 8  # warnings at the same time [1]: a sender of bad messages cannot fill the status
+_DURATION = 600.0  # time for which a warning stays active [s]: an operator looks every few minutes
 
 
 class RecentWarnings:

@@ -20,7 +20,7 @@ import zenoh
 
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
-from tests.docs.shown import ROOT, Shown, environment, hidden, sizes
+from tests.docs.shown import ROOT, Shown, environment, hidden, run, sizes
 from tests.services.service_process import free_port
 from tests.services.warm_process import WarmProcess
 
@@ -100,26 +100,16 @@ class Player:
     def _command(self, command: Shown, arguments: list[str]) -> None:
         if arguments[0] in ASKS:
             arguments = [*arguments, *self._service()]
-        if arguments[:2] == [
-            "fleet",
-            "plan",
-        ]:  # workers are children, which a forked process has none of
-            done = subprocess.run(
-                [sys.executable, "-m", "slopewise", *arguments],
-                cwd=self.folder,
-                text=True,
-                env=environment(self.folder, command.extras),
-                capture_output=True,
-                timeout=300,
-            )
+        if arguments[:2] == ["fleet", "plan"]:  # a forked process may have no workers
+            program = (sys.executable, "-m", "slopewise", *arguments)
+            done = run(self.folder, *program, extras=command.extras)
         else:
             if arguments[0] == "fleet":  # any number of workers does the same
                 arguments += ["--workers", "0"]
             done = self._warm(command, arguments).finished(300.0)
-        status, out, err = done.returncode, done.stdout, done.stderr
-        assert status in (0, 3), f"{command.line}: {out}{err}"
-        assert "pip install" not in err, err
-        self.exports[command.line] = out
+        assert done.returncode in (0, 3), f"{command.line}: {done.stdout}{done.stderr}"
+        assert "pip install" not in done.stderr, done.stderr
+        self.exports[command.line] = done.stdout
         for option, name in itertools.pairwise(arguments):
             if option in ("--out", "--report", "--sheet", "--update", "--c"):
                 assert (self.folder / name).exists(), name

@@ -10,7 +10,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import packages_distributions
@@ -95,10 +95,7 @@ def command_names() -> frozenset[str]:
     return frozenset(names(typer.main.get_command(app)))
 
 
-@cache
-def _modules() -> Mapping[str, list[str]]:
-    """Module -> the distributions that bring it, of all that is installed."""
-    return packages_distributions()
+_modules = cache(packages_distributions)
 
 
 def hidden(extras: Sequence[str] = ()) -> list[str]:
@@ -116,11 +113,10 @@ def hidden(extras: Sequence[str] = ()) -> list[str]:
 def environment(folder: Path, extras: Sequence[str] = ()) -> dict[str, str]:
     """For commands in a folder: the clone is reachable, other extras are hidden."""
     (folder / "sitecustomize.py").write_text(HIDE)
-    programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     return os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)]),
+        "PYTHONPATH": f"{folder}{os.pathsep}{ROOT}",
         "HIDDEN_MODULES": ",".join(hidden(extras)),
-        "PATH": programs,
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}",
         "COLUMNS": "80",
     }
 
@@ -129,11 +125,7 @@ def run(
     folder: Path, *arguments: str, extras: Sequence[str] = ()
 ) -> subprocess.CompletedProcess[str]:
     """To its end, in a folder."""
+    outside = environment(folder, extras)
     return subprocess.run(
-        arguments,
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        env=environment(folder, extras),
+        arguments, cwd=folder, env=outside, capture_output=True, text=True, timeout=600
     )

@@ -18,23 +18,8 @@ from slopewise.models.vehicle import Vehicle
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "nomenclature.md").read_text()
 RETIRED = "Words that are retired"
-GREEK = {
-    "α": "alpha",
-    "β": "beta",
-    "δ": "delta",
-    "Δ": "d",
-    "ε": "epsilon",
-    "θ": "theta",
-    "κ": "kappa",
-    "μ": "mu",
-    "σ": "sigma",
-    "τ": "tau",
-    "φ": "phi",
-    "ψ": "psi",
-    "ω": "omega",
-    "₀": "0",
-    "²": "_sq",
-}
+SPELLED = "alpha beta delta d epsilon theta kappa mu sigma tau phi psi omega 0 _sq"
+GREEK = dict(zip("αβδΔεθκμστφψω₀²", SPELLED.split(), strict=True))
 SUFFIXES = ("deg", "kmh", "km", "mm", "cm", "percent")
 
 
@@ -102,18 +87,16 @@ def public_parameters() -> Iterator[tuple[str, str]]:
 @cache
 def defined() -> frozenset[tuple[str, str]]:
     """Every name that product code gives to something, and where."""
-    return frozenset(_defined())
-
-
-def _defined() -> Iterator[tuple[str, str]]:
+    names = set()
     for file, tree in trees("slopewise", "models", "planner", "services"):
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-                yield file, node.name
+                names.add((file, node.name))
             elif isinstance(node, ast.arg):
-                yield file, node.arg
+                names.add((file, node.arg))
             elif isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Store):
-                yield file, node.id if isinstance(node, ast.Name) else node.attr
+                names.add((file, node.id if isinstance(node, ast.Name) else node.attr))
+    return frozenset(names)
 
 
 @cache
@@ -141,20 +124,11 @@ def test_the_page_is_read() -> None:
     assert contains_term("offence", "worst_offence")
 
 
-def test_public_signatures_use_no_bare_letters() -> None:
-    expected = letters()
-    wrong = [
-        f"{at}({name}): {expected[name]}" for at, name in public_parameters() if name in expected
-    ]
-    assert not wrong, "\n".join(wrong)
-
-
-def test_public_signatures_are_in_si_units() -> None:
-    wrong = [
-        f"{at}({name})"
-        for at, name in public_parameters()
-        if parts(name).endswith(tuple(f"_{suffix}_" for suffix in SUFFIXES))
-    ]
+def test_public_signatures_use_no_bare_letters_and_si_units() -> None:
+    expected, given = letters(), list(public_parameters())
+    wrong = [f"{at}({name}): {expected[name]}" for at, name in given if name in expected]
+    suffixes = tuple(f"_{suffix}_" for suffix in SUFFIXES)
+    wrong += [f"{at}({name}): SI" for at, name in given if parts(name).endswith(suffixes)]
     assert not wrong, "\n".join(wrong)
 
 

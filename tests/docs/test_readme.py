@@ -63,9 +63,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(("page", "section"), SECTIONS)
 def test_what_a_section_shows_works(page: str, section: str, place: Path, tmp_path: Path) -> None:
     lines = [command for command in shown(PAGES[page]) if command.section == section]
-    for module in {
-        m for command in lines for extra in command.extras for m in NEEDS.get(extra, ())
-    }:
+    extras = {extra for command in lines for extra in command.extras}
+    for module in [module for extra in extras for module in NEEDS.get(extra, ())]:
         pytest.importorskip(module, reason=f"{module} is not installed")
     folder = tmp_path / "here"
     shutil.copytree(place, folder)
@@ -76,32 +75,17 @@ def test_what_a_section_shows_works(page: str, section: str, place: Path, tmp_pa
             player.router()
         for command in lines:
             player.play(command)
-        for line, message in {"across_a_dem": "towards 90°", "mock_navigation": "m driven"}.items():
-            for command_time in (
-                text for shown_line, text in player.exports.items() if line in shown_line
-            ):
-                assert message in command_time
+        for line, printed in player.exports.items():
+            assert "across_a_dem" not in line or "towards 90°" in printed
+            assert "mock_navigation" not in line or "m driven" in printed
 
 
 def test_the_pages_show_all_that_matters() -> None:
     names = {
         command.arguments[1] for command in shown(README) if command.arguments[0] == "slopewise"
     }
-    expected = {
-        "plan",
-        "check",
-        "calibrate",
-        "terrain",
-        "discrepancy",
-        "fleet",
-        "serve",
-        "replay",
-        "params",
-        "ros",
-        "guard",
-        "export",
-    }
-    assert names >= expected
+    expected = "plan check calibrate terrain discrepancy fleet serve replay params ros guard export"
+    assert names >= set(expected.split())
     assert {"plan", "check"} <= {command.arguments[1] for command in shown(QUICK_START)}
 
 

@@ -16,9 +16,6 @@ from examples.neglected_effects import LOADS, METRES, Row, Stop
 from examples.not_modelled import NAMES
 from slopewise.services.io.model_file import find_model, read_model
 
-# --------------------------------------------------------------------------------- results
-
-
 DOCS = Path(__file__).parents[2] / "docs"
 sys.path.insert(0, str(DOCS / "site"))
 
@@ -101,9 +98,6 @@ def test_stored_results_are_on_the_page_as_it_is_written(file: Path) -> None:
 def test_the_page_is_what_the_script_writes() -> None:
     page = (DOCS / "benchmarks.md").read_text()
     assert results.filled(page, DOCS / "results") == page, "`make docs` writes the tables"
-
-
-# ---------------------------------------------------------------------------- not modelled
 
 
 ROOT = Path(__file__).parents[2]

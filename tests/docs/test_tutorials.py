@@ -37,11 +37,6 @@ def script_of(page: str) -> str:
     return "\n".join([parts[0], run, *parts[1:]])
 
 
-def installed_by(page: str) -> list[str]:
-    """Extras that a page says to install; nothing else is in reach of its boxes."""
-    return [extra for line in page.splitlines() for extra in extras_of(line)]
-
-
 @pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda path: path.stem)
 def test_a_tutorial_does_what_it_says(tutorial: Path, tmp_path: Path) -> None:
     for module in NEEDS.get(tutorial.stem, ()):
@@ -50,7 +45,7 @@ def test_a_tutorial_does_what_it_says(tutorial: Path, tmp_path: Path) -> None:
     assert len(BOX.findall(page)) >= 3
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "tutorial.py").write_text(script_of(page))
-    extras = installed_by(page)
+    extras = [extra for line in page.splitlines() for extra in extras_of(line)]
     missing = hidden(extras)
     with warm_shell(environment(tmp_path, extras), missing) as outside:
         program = [sys.executable, "tutorial.py"]
@@ -58,10 +53,7 @@ def test_a_tutorial_does_what_it_says(tutorial: Path, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda path: path.stem)
-def test_commands_with_arguments_stand_in_boxes(tutorial: Path) -> None:
-    assert not [line for line in in_text(tutorial.read_text()) if "…" not in line]
-
-
-def test_there_are_tutorials() -> None:
+def test_there_are_tutorials_whose_commands_stand_in_boxes() -> None:
+    for tutorial in TUTORIALS:
+        assert not [line for line in in_text(tutorial.read_text()) if "…" not in line], tutorial
     assert {path.stem for path in TUTORIALS} >= {"plan", "calibrate", "recordings", "service"}

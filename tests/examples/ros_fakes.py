@@ -24,6 +24,16 @@ class Logger:
         return lambda line: self.lines.append((level, line))
 
 
+TRANSITIONS = {
+    "configure": ("unconfigured", "inactive"),
+    "activate": ("inactive", "active"),
+    "deactivate": ("active", "inactive"),
+    "cleanup": ("inactive", "unconfigured"),
+    "shutdown": ("", "finalized"),
+}
+"""State in which each begins, "" for any, and the next one."""
+
+
 class LifecycleNode:
     """States and transitions as https://design.ros2.org/articles/node_lifecycle.html has them."""
 
@@ -56,26 +66,18 @@ class LifecycleNode:
     def on_deactivate(self, state: Any) -> Answer:
         return Answer.SUCCESS
 
-    def _to(self, callback: Any, begin: str, end: str) -> Answer:
-        assert self.state == begin, self.state
-        answer = callback(None)
-        self.state = end if answer is Answer.SUCCESS else begin
-        return answer
+    def __getattr__(self, name: str) -> Any:
+        """`trigger_X` calls `on_X` in the state where X begins, and enters the next one."""
+        transition = name.removeprefix("trigger_")
+        begin, end = TRANSITIONS[transition]
 
-    def trigger_configure(self) -> Answer:
-        return self._to(self.on_configure, "unconfigured", "inactive")  # type: ignore[attr-defined]
+        def trigger() -> Answer:
+            assert self.state == (begin or self.state), self.state
+            answer: Answer = getattr(self, f"on_{transition}")(None)
+            self.state = end if answer is Answer.SUCCESS else self.state
+            return answer
 
-    def trigger_activate(self) -> Answer:
-        return self._to(self.on_activate, "inactive", "active")
-
-    def trigger_deactivate(self) -> Answer:
-        return self._to(self.on_deactivate, "active", "inactive")
-
-    def trigger_cleanup(self) -> Answer:
-        return self._to(self.on_cleanup, "inactive", "unconfigured")  # type: ignore[attr-defined]
-
-    def trigger_shutdown(self) -> Answer:
-        return self._to(self.on_shutdown, self.state, "finalized")  # type: ignore[attr-defined]
+        return trigger
 
 
 class FakeEntity:

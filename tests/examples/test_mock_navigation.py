@@ -35,24 +35,9 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "mock_navigation.py"
 
 def test_it_drives_what_the_service_says(tmp_path: Path) -> None:
     with running(tmp_path) as started:
-        done = subprocess.run(
-            [
-                sys.executable,
-                str(EXAMPLE),
-                "--connect",
-                started.endpoint,
-                "--namespace",
-                started.namespace,
-                "--rate",
-                "5",
-                "--seconds",
-                "4",
-            ],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
+        where = ("--connect", started.endpoint, "--namespace", started.namespace)
+        program = [sys.executable, str(EXAMPLE), *where, "--rate", "5", "--seconds", "4"]
+        done = subprocess.run(program, capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode == 0, done.stderr
         printed = re.search(r"(\d+) requests, (\d+) own stops.* ([\d.]+) m driven", done.stdout)
         assert printed is not None, done.stdout
@@ -65,11 +50,8 @@ def test_it_drives_what_the_service_says(tmp_path: Path) -> None:
 def test_it_stays_on_the_map_for_a_lap_and_obeys(tmp_path: Path) -> None:
     """As fast as answers come; speeds are compared with the limits of the model."""
     endpoint, period = (f"tcp/127.0.0.1:{free_port()}",), 0.1
-    config = ServiceConfig(
-        model="atv",
-        namespace="test/lap",
-        zenoh=ZenohSettings(listen=endpoint),
-    )
+    listening = ZenohSettings(listen=endpoint)
+    config = ServiceConfig(model="atv", namespace="test/lap", zenoh=listening)
     robot = Robot(hills(), Loop.ellipse())
     with (
         Service(config),

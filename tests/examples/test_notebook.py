@@ -21,13 +21,8 @@ LARGEST = 100_000
 
 def texts_of(cells: nbformat.NotebookNode) -> list[list[str]]:
     """Words of every cell's results, without numbers and what a table's width depends on."""
-    return [
-        re.findall(
-            r"[A-Za-z_]{3,}",
-            "".join(output["data"]["text/plain"] for output in cell.get("outputs", [])),
-        )
-        for cell in cells
-    ]
+    outputs = [[out["data"]["text/plain"] for out in cell.get("outputs", [])] for cell in cells]
+    return [re.findall(r"[A-Za-z_]{3,}", "".join(texts)) for texts in outputs]
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::RuntimeWarning")
@@ -42,6 +37,4 @@ def test_it_runs_and_shows_what_is_stored(tmp_path: Path, monkeypatch: pytest.Mo
 def test_it_is_small_and_says_nothing_of_a_machine() -> None:
     text = notebook.FILE.read_text()
     assert len(text) < LARGEST
-    assert "/home" not in text
-    assert "/work" not in text
-    assert "/tmp" not in text
+    assert not re.search("/(home|work|tmp)", text)

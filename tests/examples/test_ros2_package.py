@@ -78,18 +78,11 @@ def test_it_starts_and_stops_the_edge(package: ModuleType, tmp_path: Path) -> No
         assert node.timers == []
     assert node.trigger_cleanup() is Answer.SUCCESS
     assert not settings.exists()
-    assert node.trigger_configure() is Answer.SUCCESS
-    assert node.trigger_shutdown() is Answer.SUCCESS
-    assert node.state == "finalized"
-
-
-def test_shutdown_ends_an_active_edge(package: ModuleType, tmp_path: Path) -> None:
-    node = node_with(package, program(tmp_path, READY))
     node.trigger_configure()
     node.trigger_activate()
     process = node._edge._process
     assert node.trigger_shutdown() is Answer.SUCCESS
-    assert process.returncode == 0
+    assert (process.returncode, node.state) == (0, "finalized")
 
 
 def test_a_program_that_is_not_there(package: ModuleType) -> None:
@@ -99,22 +92,23 @@ def test_a_program_that_is_not_there(package: ModuleType) -> None:
     assert "no-such-program" in node.logger.lines[-1][1]
 
 
-def test_an_edge_that_refuses_its_settings(package: ModuleType, tmp_path: Path) -> None:
-    body = 'print("slopewise: ros.toml: wrong", file=sys.stderr)\nsys.exit(2)'
-    node = node_with(package, program(tmp_path, body))
-    node.trigger_configure()
-    assert node.trigger_activate() is Answer.FAILURE
-    assert node.state == "inactive"
-    assert ("error", "slopewise: ros.toml: wrong") in node.logger.lines
+REFUSES = 'print("slopewise: ros.toml: wrong", file=sys.stderr)\nsys.exit(2)'
 
 
-def test_an_edge_that_says_nothing(package: ModuleType, tmp_path: Path) -> None:
-    node = node_with(package, program(tmp_path, "time.sleep(60)"), start_patience=0.5)
+@pytest.mark.parametrize(
+    ("body", "patience", "line"),
+    [(REFUSES, 10.0, "slopewise: ros.toml: wrong"), ("time.sleep(60)", 0.5, "ready line")],
+)
+def test_an_edge_that_does_not_start(
+    package: ModuleType, tmp_path: Path, body: str, patience: float, line: str
+) -> None:
+    node = node_with(package, program(tmp_path, body), start_patience=patience)
     node.trigger_configure()
     begun = time.monotonic()
     assert node.trigger_activate() is Answer.FAILURE
     assert time.monotonic() - begun < 5.0
-    assert "ready line" in node.logger.lines[-1][1]
+    assert node.state == "inactive"
+    assert any(level == "error" and line in text for level, text in node.logger.lines)
 
 
 def test_an_edge_that_ends_by_itself(package: ModuleType, tmp_path: Path) -> None:
@@ -124,9 +118,8 @@ def test_an_edge_that_ends_by_itself(package: ModuleType, tmp_path: Path) -> Non
     assert node.trigger_activate() is Answer.SUCCESS
     node._edge._process.wait(5.0)
     node.timers[0]()
-    assert node.state == "inactive"
+    assert (node.state, node.timers) == ("inactive", [])
     assert any(level == "error" for level, _ in node.logger.lines)
-    assert node.timers == []
 
 
 def test_an_unresponsive_edge_is_killed(package: ModuleType, tmp_path: Path) -> None:
@@ -157,6 +150,11 @@ def test_it_starts_the_real_edge(package: ModuleType, monkeypatch: pytest.Monkey
     node.trigger_cleanup()
 
 
+def typed(values: dict[str, Any]) -> dict[str, tuple[type, Any]]:
+    """A parameter of ROS has a type: 1 is not 1.0."""
+    return {name: (type(value), value) for name, value in values.items()}
+
+
 def test_parameters_are_the_settings_of_the_edge(package: ModuleType, tmp_path: Path) -> None:
     yaml = pytest.importorskip("ruamel.yaml", reason="the ros extra is not installed")
     given: dict[str, Any] = sys.modules["slopewise_ros.parameters"].EDGE
@@ -166,18 +164,14 @@ def test_parameters_are_the_settings_of_the_edge(package: ModuleType, tmp_path: 
         for table, values in dataclasses.asdict(EdgeSettings()).items()
         for key, value in values.items()
     }
-    assert given == expected
-    assert {name: type(value) for name, value in given.items()} == {
-        name: type(value) for name, value in expected.items()
-    }
+    assert typed(given) == typed(expected)
     file = yaml.YAML(typ="safe").load((PACKAGE / "config" / "slopewise.yaml").read_text())
     tables = file["/**"]["ros__parameters"]
     flat = {name: value for name, value in tables.items() if not isinstance(value, dict)}
     for table, values in tables.items():
         if isinstance(values, dict):
             flat |= {f"{table}.{key}": value for key, value in values.items()}
-    assert flat == fixed | given
-    assert {n: type(v) for n, v in flat.items()} == {n: type(v) for n, v in (fixed | given).items()}
+    assert typed(flat) == typed(fixed | given)
 
 
 def test_package_xml_is_of_format_3() -> None:
@@ -193,11 +187,8 @@ def test_package_xml_is_of_format_3() -> None:
     places = [ORDER.index(kind) for kind in kinds[:-1]]
     assert places == sorted(places)
     depends = {child.text for child in root if child.tag == "exec_depend"}
-    imported = re.findall(
-        r"^(?:from|import) (\w+)",
-        "".join(f.read_text() for f in [*PACKAGE.rglob("*.py")]),
-        re.MULTILINE,
-    )
+    code = "".join(file.read_text() for file in PACKAGE.rglob("*.py"))
+    imported = re.findall(r"^(?:from|import) (\w+)", code, re.MULTILINE)
     ours = {"slopewise_ros", "setuptools", "glob", "__future__"} | set(sys.stdlib_module_names)
     assert set(imported) - ours <= depends
     assert root.findtext("export/build_type") == "ament_python"
@@ -206,13 +197,8 @@ def test_package_xml_is_of_format_3() -> None:
 def test_setup_builds_and_installs_files_that_exist(tmp_path: Path) -> None:
     pytest.importorskip("setuptools", reason="setuptools is not installed")
     command = [sys.executable, "setup.py", "-q", "egg_info", "--egg-base", str(tmp_path)]
-    done = subprocess.run(
-        [*command, "build", "--build-base", str(tmp_path / "build")],
-        cwd=PACKAGE,
-        capture_output=True,
-        text=True,
-        timeout=100,
-    )
+    command += ["build", "--build-base", str(tmp_path / "build")]
+    done = subprocess.run(command, cwd=PACKAGE, capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "build" / "lib" / "slopewise_ros" / "edge_node.py").is_file()
     entry_points = (tmp_path / "slopewise_ros.egg-info" / "entry_points.txt").read_text()

@@ -9,7 +9,7 @@ import numpy as np
 import rasterio
 from rasterio.transform import from_origin
 
-from slopewise.services.fleet.plan_task import PlanTask, plan_part
+from slopewise.services.fleet.plan_part import PlanTask, plan_part
 
 RESOLUTION = 0.5
 

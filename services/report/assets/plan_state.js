@@ -1,6 +1,12 @@
 // Selection and cursor of a plan page, and the listeners of their changes.
 
 const plans = data.plans;
+// Columns come as whole numbers of their last decimal.
+const scaled = (values, name) => values.map((value) => (value === null ? null : value / 10 ** data.decimals[name]));
+for (const plan of plans) {
+  for (const name of Object.keys(data.decimals)) plan.columns[name] = scaled(plan.columns[name], name);
+  for (const bound of plan.bounds) bound.speed = scaled(bound.speed, "speed_bound");
+}
 
 const state = { selected: data.selected, cursor: 0, hovered: null };
 const listeners = { select: [], cursor: [], hover: [] };

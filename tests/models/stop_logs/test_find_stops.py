@@ -64,7 +64,7 @@ def test_a_sensor_that_never_reads_zero_settles() -> None:
         ({"yaw_rate": np.full(len(T), 0.6)}, Usability.TURNING),
         ({"brake": np.where(T < -1e-9, 0.0, 0.5)}, Usability.PARTIAL),
         ({"brake": np.zeros(len(T))}, Usability.COASTED),
-        ({"v": speed(deceleration=40.0)}, Usability.SPARSE),
+        ({"v": speed(deceleration=100.0)}, Usability.SPARSE),
     ],
 )
 def test_what_is_no_full_straight_stop_is_found_and_left_out(

@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from slopewise.models.stop_logs import random_effects
-from slopewise.models.stop_logs.creep import held_weights
-from slopewise.models.stop_logs.dead_time import dead_time, sharpen
+from slopewise.models.stop_logs.dead_time import dead_time, held_weights, sharpen
 from slopewise.models.stop_logs.onset import HELD, Knee, fit_knee
 
 # ----------------------------------------------------------------------------------- onset

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.check.tolerances import TOLERANCES
 from tests.services.check.drives import (
+    Surface,
     ground,
     model_with,
     round_turn,
@@ -25,6 +27,7 @@ from tests.services.check.drives import (
 )
 
 G = 9.80665
+Columns = Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
 
 
 class Scene(NamedTuple):
@@ -47,92 +50,31 @@ def furthest(s: np.ndarray, speed: np.ndarray, share: float = 1.0) -> float:
     return float(np.max((s + level_stop(speed) / share)[speed > 0.0]))
 
 
-def speed_limit(share: float) -> Scene:
-    s, v = trapezoid(3.0 * share)
-    return Scene(straight(s, v), model_with(limits={"speed": 3.0}), ground())
+def driven(
+    top: float,
+    surface: Surface | None = None,
+    *,
+    radius: float | None = None,
+    resolution: float = 0.2,
+    clear: float = np.inf,
+    columns: Columns | None = None,
+    shape: Mapping[str, float] = MappingProxyType({}),
+    **tables: Mapping[str, Any],
+) -> Scene:
+    """A straight drive, or a left turn, with a model of changed tables.
+
+    ``columns`` gives further columns of a plan by its stations and speeds, ``shape`` what is not
+    the default of a trapezoid.
+    """
+    s, v = trapezoid(top, **shape)
+    further = {} if columns is None else columns(s, v)
+    plan = straight(s, v, **further) if radius is None else round_turn(s, v, radius, **further)
+    return Scene(plan, model_with(**tables), ground(surface, resolution=resolution), clear)
 
 
-def trained_speed(share: float) -> Scene:
-    s, v = trapezoid(3.0 * share)
-    return Scene(straight(s, v), model_with(braking={"speed_range": [1.0, 3.0]}), ground())
-
-
-def speed_driven_on_the_grade(share: float) -> Scene:
-    """On 0.13 rad nothing faster than 2.5 m/s was driven, though 4 m/s on the level."""
-    s, v = trapezoid(2.5 * share)
-    hull = [[-0.26, 3.0], [0.0, 3.0], [0.26, 2.0]]
-    return Scene(straight(s, v), model_with(braking={"speed_by_grade": hull}), ground(slope(0.13)))
-
-
-def speed_limit_of_the_path(share: float) -> Scene:
-    s, v = trapezoid(2.0 * share)
-    return Scene(straight(s, v, speed_limit=np.full_like(s, 2.0)), model_with(), ground())
-
-
-def stopping_path(share: float) -> Scene:
-    s, v = trapezoid(3.0)
-    front = 0.60 + 0.28  # the path has to be free for the front of the vehicle
-    return Scene(straight(s, v), model_with(), ground(), furthest(s, v, share) + front)
-
-
-def clear_distance(share: float) -> Scene:
-    s, v = trapezoid(3.0)
-    clear = np.full_like(s, furthest(s, v, share))
-    return Scene(straight(s, v, clear_distance=clear), model_with(), ground())
-
-
-def unknown_below_the_body(share: float) -> Scene:
-    s, v = trapezoid(2.0)
-    edge = 0.598 / share
-
-    def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.where((y > edge + 0.025) & (x > 5.0), np.nan, 0.0)
-
-    return Scene(straight(s, v), model_with(), ground(surface, resolution=0.05))
-
-
-def unknown_where_a_stop_ends(share: float) -> Scene:
-    s, v = trapezoid(3.0, decel=3.0)
-    edge = furthest(s, v, share) + 0.60 + 0.28 + 0.05  # the front of the body, and a cell
-
-    def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.where(x > edge, np.nan, 0.0 * y)
-
-    return Scene(straight(s, v), model_with(), ground(surface, resolution=0.05))
-
-
-def steeper_than_trained(share: float) -> Scene:
-    s, v = trapezoid(1.0, accel=0.3)
-    return Scene(straight(s, v), model_with(), ground(slope(0.26 * share)))
-
-
-def more_roll_than_trained(share: float) -> Scene:
-    s, v = trapezoid(1.0)
-    model = model_with(braking={"roll_range": (-0.15, 0.15)})
-    return Scene(straight(s, v), model, ground(slope(0.0, 0.15 * share)))
-
-
-def tip_over(share: float) -> Scene:
-    s, v = trapezoid(3.0)
-    rear = 1.0 - 0.55 / 0.6 * (0.015 * 3.0 + 0.40)
-    return Scene(straight(s, v), model_with(limits={"min_load": rear * share}), ground())
-
-
-def front_axle_under_drive(share: float) -> Scene:
-    s, v = trapezoid(1.0, accel=0.9, decel=0.1)
-    # Uphill the front is light, and weak brakes leave the rear alone.
-    model = model_with(
-        braking={"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.25},
-        limits={"min_load": share * (np.cos(0.2) - 0.55 / 0.6 * (np.sin(0.2) + 0.9 / G))},
-    )
-    return Scene(straight(s, v), model, ground(slope(0.2)))
-
-
-def rollover(share: float) -> Scene:
-    s, v = trapezoid(3.0)
-    side, rear = 1.0 - 1.1 * 9.0 / (8.0 * G), 1.0 - 0.55 / 0.6 * 0.445
-    model = model_with(limits={"min_load": (side + rear - 1.0) * share})
-    return Scene(round_turn(s, v, 8.0), model, ground())
+def at(place: Surface, height: float) -> Surface:
+    """Ground of one height, or unknown, where a condition holds, and level elsewhere."""
+    return lambda x, y: np.where(place(x, y), height, 0.0)
 
 
 def hill(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -141,179 +83,190 @@ def hill(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return -np.where(along < 1.2, along**2 / 12.0, 0.12 + 0.2 * (along - 1.2)) + 0.0 * y
 
 
-def crest(share: float) -> Scene:
-    s, v = trapezoid(3.0)
-    return Scene(
-        straight(s, v), model_with(limits={"min_load": 0.40 * share}), ground(hill, resolution=0.1)
-    )
-
-
-def dip(share: float) -> Scene:
-    s, v = trapezoid(3.0)
-    model = model_with(limits={"vertical_accel": 1.5 / share**3})
-    return Scene(straight(s, v), model, ground(lambda x, y: -hill(x, y), resolution=0.1))
-
-
-def lateral(share: float) -> Scene:
-    s, v = trapezoid(np.sqrt(8.0 * share))
-    return Scene(round_turn(s, v, 4.0), model_with(), ground())
-
-
-def lateral_on_a_bank(share: float) -> Scene:
+def lateral_on_a_bank(u: float) -> Scene:
     """The turn leads straight downhill at first, and across the slope, which pushes outward."""
-    s, v = trapezoid(np.sqrt(4.0 * 2.0 * share), length=3.0, stop_at=2.8, accel=20.0)
-    bank = 0.05
-    model = model_with(
-        limits={"lateral_accel": 2.0 + G * np.sin(bank), "accel": 50.0, "decel": 50.0},
+    return driven(
+        np.sqrt(4.0 * 2.0 * u),
+        slope(0.0, 0.05),
+        radius=4.0,
+        shape={"length": 3.0, "stop_at": 2.8, "accel": 20.0},
+        limits={"lateral_accel": 2.0 + G * np.sin(0.05), "accel": 50.0, "decel": 50.0},
         vehicle={"max_drive_force": 50000.0, "max_drive_power": 500000.0},
     )
-    return Scene(round_turn(s, v, 4.0), model, ground(slope(0.0, bank)))
 
 
-def wheel_speed(share: float) -> Scene:
-    s, v = trapezoid(2.0)
-    model = model_with(vehicle={"max_wheel_speed": 2.0 * (1.0 + 0.5 * 1.15 / 4.0) / share})
-    return Scene(round_turn(s, v, 4.0), model, ground())
+def front_axle_under_drive(u: float) -> Scene:
+    """Uphill the front is light, and weak brakes leave the rear alone."""
+    front = np.cos(0.2) - 0.55 / 0.6 * (np.sin(0.2) + 0.9 / G)
+    braking = constant_force(0.25)
+    limits = {"min_load": u * front}
+    return driven(1.0, slope(0.2), shape={"decel": 0.1}, braking=braking, limits=limits)
 
 
-def accel(share: float) -> Scene:
-    s, v = trapezoid(2.0, accel=1.0 * share, decel=0.5)
-    return Scene(straight(s, v), model_with(), ground())
+def rear_share(speed: np.ndarray | float) -> np.ndarray:
+    """Rear load of the quad on level ground under full brakes, a share of the static one."""
+    return 1.0 - 0.55 / 0.6 * (0.015 * np.maximum(speed, 1.0) + 0.40)
 
 
-def traction(share: float) -> Scene:
-    s, v = trapezoid(2.0)
-    needed = 500.0 * (0.9 + 0.13 * G)
-    return Scene(straight(s, v), model_with(vehicle={"max_drive_force": needed / share}), ground())
+def constant_force(b_b: float, b_m: float = 0.0) -> dict[str, float]:
+    return {"m_m": 0.0, "b_m": b_m, "m_b": 0.0, "b_b": b_b}
 
 
-def power(share: float) -> Scene:
-    s, v = trapezoid(2.0)
-    needed = 2.0 * 500.0 * (0.9 + 0.13 * G)
-    return Scene(straight(s, v), model_with(vehicle={"max_drive_power": needed / share}), ground())
+HARD, SOFT = trapezoid(3.0, decel=3.0), trapezoid(3.0)
+FRONT = 0.60 + 0.28  # [m] of the vehicle ahead of its middle: the path has to be free for it
+HULL = {"speed_by_grade": [[-0.26, 3.0], [0.0, 3.0], [0.26, 2.0]]}  # 2.5 m/s on 0.13 rad
+NEEDED_FORCE = 500.0 * (0.9 + 0.13 * G)  # [N] that the drive has to give
+BRAKES_DOWNHILL = G * (0.40 + 0.38 * 0.2 - np.sin(0.2))
+SIDE = 1.0 - 1.1 * 9.0 / (8.0 * G)
 
-
-def decel(share: float) -> Scene:
-    s, v = trapezoid(2.0, accel=0.5, decel=1.5 * share)
-    return Scene(straight(s, v), model_with(), ground())
-
-
-def brakes_downhill(share: float) -> Scene:
-    s, v = trapezoid(2.0, accel=0.5, decel=share * G * (0.40 + 0.38 * 0.2 - np.sin(0.2)))
-    model = model_with(braking={"m_m": 0.0, "b_m": -0.38, "m_b": 0.0}, limits={"decel": 9.0})
-    return Scene(straight(s, v), model, ground(slope(-0.2)))
-
-
-def friction(share: float) -> Scene:
-    s, v = trapezoid(2.5)
-    max_ratio = np.hypot(2.5**2 / 4.0, 0.9) / G
-    model = model_with(braking={"sliding_friction": max_ratio / share})
-    return Scene(round_turn(s, v, 4.0), model, ground())
-
-
-def holding(share: float) -> Scene:
-    s, v = trapezoid(1.0)
-    force = np.sin(0.2) / share
-    model = model_with(braking={"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": force})
-    return Scene(straight(s, v), model, ground(slope(0.2)))
-
-
-def holding_by_friction(share: float) -> Scene:
-    s, v = trapezoid(0.5, accel=0.1)
-    model = model_with(braking={"sliding_friction": np.tan(0.2) / share})
-    return Scene(straight(s, v), model, ground(slope(0.2)))
-
-
-def step(share: float) -> Scene:
-    s, v = trapezoid(1.0)
-    high = 0.28 / 3.0 * share**2
-    return Scene(
-        straight(s, v),
-        model_with(),
-        ground(lambda x, y: np.where(x > 8.0, high, 0.0 * y), resolution=0.05),
-    )
-
-
-def hole(share: float) -> Scene:
-    s, v = trapezoid(1.0)
-    deep = -0.28 / 3.0 * share**2
-
-    def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.where((np.abs(x - 8.0) < 0.4) & (np.abs(y - 0.5) < 0.15), deep, 0.0)
-
-    return Scene(straight(s, v), model_with(), ground(surface, resolution=0.05))
-
-
-def clearance(share: float) -> Scene:
-    s, v = trapezoid(1.0)
-
-    def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.where((np.abs(x - 8.0) < 0.2) & (np.abs(y) < 0.2), 0.21 * share**2, 0.0)
-
-    return Scene(straight(s, v), model_with(), ground(surface, resolution=0.05))
-
-
-def body(share: float) -> Scene:
-    s, v = trapezoid(1.0)
-
-    def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.where((np.abs(x - 8.0) < 0.2) & (y > 0.59), 0.21 * share**2, 0.0)
-
-    return Scene(straight(s, v), model_with(), ground(surface, resolution=0.05))
-
-
-def stop_distance(share: float) -> Scene:
-    s, v = trapezoid(3.0)
-    return Scene(straight(s, v, stop_distance=level_stop(v) / share), model_with(), ground())
-
-
-def rear_load(share: float) -> Scene:
-    s, v = trapezoid(3.0)
-    rear = 1.0 - 0.55 / 0.6 * (0.015 * np.maximum(v, 1.0) + 0.40)
-    return Scene(straight(s, v, rear_load=rear * share), model_with(), ground())
-
-
-def columns(share: float) -> Scene:
-    s, v = trapezoid(3.0)
-    stations = s * (1.1 if share > 1.0 else 1.001)
-    return Scene(straight(s, v, station=stations), model_with(), ground())
-
-
-SCENES: list[tuple[str, Callable[[float], Scene]]] = [
-    ("speed_limit", speed_limit),
-    ("speed_limit", trained_speed),
-    ("speed_limit", speed_driven_on_the_grade),
-    ("speed_limit", speed_limit_of_the_path),
-    ("stopping_path", stopping_path),
-    ("stopping_path", clear_distance),
-    ("unknown_terrain", unknown_below_the_body),
-    ("unknown_terrain", unknown_where_a_stop_ends),
-    ("model_validity", steeper_than_trained),
-    ("model_validity", more_roll_than_trained),
-    ("tip_over", tip_over),
-    ("tip_over", front_axle_under_drive),
-    ("rollover", rollover),
-    ("crest", crest),
-    ("dip", dip),
-    ("lateral", lateral),
-    ("lateral", lateral_on_a_bank),
-    ("wheel_speed", wheel_speed),
-    ("accel", accel),
-    ("traction", traction),
-    ("traction", power),
-    ("decel", decel),
-    ("decel", brakes_downhill),
-    ("friction", friction),
-    ("holding", holding),
-    ("holding", holding_by_friction),
-    ("step", step),
-    ("step", hole),
-    ("clearance", clearance),
-    ("body", body),
-    ("stop_distance", stop_distance),
-    ("rear_load", rear_load),
-    ("columns", columns),
-]
+SCENES: dict[str, tuple[str, Callable[[float], Scene]]] = {
+    "speed limit": ("speed_limit", lambda u: driven(3.0 * u, limits={"speed": 3.0})),
+    "trained speed": (
+        "speed_limit",
+        lambda u: driven(3.0 * u, braking={"speed_range": [1.0, 3.0]}),
+    ),
+    "speed driven on the grade": (
+        "speed_limit",
+        lambda u: driven(2.5 * u, slope(0.13), braking=HULL),
+    ),
+    "speed limit of the path": (
+        "speed_limit",
+        lambda u: driven(2.0 * u, columns=lambda s, _: {"speed_limit": np.full_like(s, 2.0)}),
+    ),
+    "clear path": (
+        "stopping_path",
+        lambda u: driven(3.0, clear=furthest(*SOFT, u) + FRONT),
+    ),
+    "clear distance": (
+        "stopping_path",
+        lambda u: driven(
+            3.0, columns=lambda s, v: {"clear_distance": np.full_like(s, furthest(s, v, u))}
+        ),
+    ),
+    "unknown below the body": (
+        "unknown_terrain",
+        lambda u: driven(
+            2.0, at(lambda x, y: (y > 0.598 / u + 0.025) & (x > 5.0), np.nan), resolution=0.05
+        ),
+    ),
+    "unknown where a stop ends": (
+        "unknown_terrain",
+        lambda u: driven(
+            3.0,
+            at(lambda x, _: x > furthest(*HARD, u) + FRONT + 0.05, np.nan),
+            resolution=0.05,
+            shape={"decel": 3.0},
+        ),
+    ),
+    "steeper than trained": (
+        "model_validity",
+        lambda u: driven(1.0, slope(0.26 * u), shape={"accel": 0.3}),
+    ),
+    "more roll than trained": (
+        "model_validity",
+        lambda u: driven(1.0, slope(0.0, 0.15 * u), braking={"roll_range": (-0.15, 0.15)}),
+    ),
+    "tip over": ("tip_over", lambda u: driven(3.0, limits={"min_load": rear_share(3.0) * u})),
+    "front axle under drive": ("tip_over", front_axle_under_drive),
+    "rollover": (
+        "rollover",
+        lambda u: driven(3.0, radius=8.0, limits={"min_load": (SIDE + rear_share(3.0) - 1.0) * u}),
+    ),
+    "crest": ("crest", lambda u: driven(3.0, hill, resolution=0.1, limits={"min_load": 0.4 * u})),
+    "dip": (
+        "dip",
+        lambda u: driven(
+            3.0, lambda x, y: -hill(x, y), resolution=0.1, limits={"vertical_accel": 1.5 / u**3}
+        ),
+    ),
+    "lateral": ("lateral", lambda u: driven(np.sqrt(8.0 * u), radius=4.0)),
+    "lateral on a bank": ("lateral", lateral_on_a_bank),
+    "wheel speed": (
+        "wheel_speed",
+        lambda u: driven(
+            2.0, radius=4.0, vehicle={"max_wheel_speed": 2.0 * (1.0 + 0.5 * 1.15 / 4.0) / u}
+        ),
+    ),
+    "accel": ("accel", lambda u: driven(2.0, shape={"accel": 1.0 * u, "decel": 0.5})),
+    "traction": ("traction", lambda u: driven(2.0, vehicle={"max_drive_force": NEEDED_FORCE / u})),
+    "power": (
+        "traction",
+        lambda u: driven(2.0, vehicle={"max_drive_power": 2.0 * NEEDED_FORCE / u}),
+    ),
+    "decel": ("decel", lambda u: driven(2.0, shape={"accel": 0.5, "decel": 1.5 * u})),
+    "brakes downhill": (
+        "decel",
+        lambda u: driven(
+            2.0,
+            slope(-0.2),
+            shape={"accel": 0.5, "decel": u * BRAKES_DOWNHILL},
+            braking=constant_force(0.40, -0.38),
+            limits={"decel": 9.0},
+        ),
+    ),
+    "friction": (
+        "friction",
+        lambda u: driven(
+            2.5,
+            radius=4.0,
+            braking={"sliding_friction": np.hypot(2.5**2 / 4.0, 0.9) / G / u},
+        ),
+    ),
+    "holding": (
+        "holding",
+        lambda u: driven(1.0, slope(0.2), braking=constant_force(np.sin(0.2) / u)),
+    ),
+    "holding by friction": (
+        "holding",
+        lambda u: driven(
+            0.5,
+            slope(0.2),
+            shape={"accel": 0.1},
+            braking={"sliding_friction": np.tan(0.2) / u},
+        ),
+    ),
+    "step": (
+        "step",
+        lambda u: driven(1.0, at(lambda x, _: x > 8.0, 0.28 / 3.0 * u**2), resolution=0.05),
+    ),
+    "hole": (
+        "step",
+        lambda u: driven(
+            1.0,
+            at(
+                lambda x, y: (np.abs(x - 8.0) < 0.4) & (np.abs(y - 0.5) < 0.15),
+                -0.28 / 3.0 * u**2,
+            ),
+            resolution=0.05,
+        ),
+    ),
+    "clearance": (
+        "clearance",
+        lambda u: driven(
+            1.0,
+            at(lambda x, y: (np.abs(x - 8.0) < 0.2) & (np.abs(y) < 0.2), 0.21 * u**2),
+            resolution=0.05,
+        ),
+    ),
+    "body": (
+        "body",
+        lambda u: driven(
+            1.0, at(lambda x, y: (np.abs(x - 8.0) < 0.2) & (y > 0.59), 0.21 * u**2), resolution=0.05
+        ),
+    ),
+    "stop distance": (
+        "stop_distance",
+        lambda u: driven(3.0, columns=lambda _, v: {"stop_distance": level_stop(v) / u}),
+    ),
+    "rear load": (
+        "rear_load",
+        lambda u: driven(3.0, columns=lambda _, v: {"rear_load": rear_share(v) * u}),
+    ),
+    "columns": (
+        "columns",
+        lambda u: driven(3.0, columns=lambda s, _: {"station": s * (1.1 if u > 1.0 else 1.001)}),
+    ),
+}
 
 
 def kinds(scene: Scene) -> set[str]:
@@ -321,14 +274,15 @@ def kinds(scene: Scene) -> set[str]:
     return {violation.kind for violation in report.violations}
 
 
-@pytest.mark.parametrize(("kind", "scene"), SCENES, ids=[scene.__name__ for _, scene in SCENES])
-def test_every_rule_bites(kind: str, scene: Callable[[float], Scene]) -> None:
+@pytest.mark.parametrize("name", SCENES)
+def test_every_rule_bites(name: str) -> None:
+    kind, scene = SCENES[name]
     assert kind not in kinds(scene(0.9))
     assert kind in kinds(scene(1.12))
 
 
 def test_every_kind_has_a_scene() -> None:
-    assert {kind for kind, _ in SCENES} == set(TOLERANCES)
+    assert {kind for kind, _ in SCENES.values()} == set(TOLERANCES)
 
 
 def test_a_sound_plan_has_no_violation() -> None:
@@ -358,8 +312,7 @@ def test_report_has_numbers_of_every_row() -> None:
     np.testing.assert_allclose(report.station, s, atol=1e-9)
     np.testing.assert_allclose(report.stop_distance, level_stop(v), atol=2e-4)
     moving = v > 0.0
-    rear = 1.0 - 0.55 / 0.6 * (0.015 * np.maximum(v, 1.0) + 0.40)
-    np.testing.assert_allclose(report.rear_load[moving], rear[moving], atol=1e-9)
+    np.testing.assert_allclose(report.rear_load[moving], rear_share(v)[moving], atol=1e-9)
 
 
 def test_a_plan_that_does_not_rest_at_its_end_overruns_it() -> None:

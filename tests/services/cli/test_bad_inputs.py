@@ -10,21 +10,24 @@ import pytest
 
 from tests.services.command_line import here, one_line_of
 
-TABLE = tomllib.loads((Path(__file__).parents[2] / "bad_inputs" / "commands.toml").read_text())
+TABLES = tomllib.loads((Path(__file__).parents[2] / "bad_inputs" / "commands.toml").read_text())
 CASES = [
-    pytest.param(case, id=f"{kind}-{number}")
-    for kind, cases in TABLE.items()
-    for number, case in enumerate(cases)
+    pytest.param(table, row, id=f"{number}-{row_number}")
+    for number, table in enumerate(TABLES["table"])
+    for row_number, row in enumerate(table["rows"])
 ]
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_bad_input_is_one_line_and_status_2(world: Path, case: dict[str, Any]) -> None:
-    for name, text in case.get("files", {}).items():
-        (world / name).write_text(text)
-    if "edits" in case:
-        before, after = case["edits"]
+@pytest.mark.parametrize(("table", "row"), CASES)
+def test_bad_input_is_one_line_and_status_2(
+    world: Path, table: dict[str, Any], row: list[str]
+) -> None:
+    text, *expected = row
+    if table.get("file") == "model.toml":
+        before, after = text.split(" -> ")
         model = (world / "atv.toml").read_text()
         assert before in model
-        (world / "model.toml").write_text(model.replace(before, after))
-    one_line_of(here(*case["command"].split()), *case["expected"])
+        text = model.replace(before, after)
+    if "file" in table:
+        (world / table["file"]).write_text(text)
+    one_line_of(here(*table["command"].replace("{}", text).split()), *expected)

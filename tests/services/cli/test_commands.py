@@ -72,9 +72,12 @@ def test_every_command_has_json_and_help() -> None:
         assert command.help, name
 
 
-@pytest.mark.parametrize("name", ["plan", "check", "calibrate", "coverage", "terrain", "simulate"])
+SCHEMAS = ("plan", "check", "calibrate", "coverage", "terrain", "simulate", "fleet calibrate")
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
 def test_a_schema_describes_the_json(name: str) -> None:
-    schema = json.loads(here(name, "--json-schema").stdout)
+    schema = json.loads(here(*name.split(), "--json-schema").stdout)
     summary = schema["$defs"][schema["$ref"].rpartition("/")[2]]
     golden = {key for key in json.loads(GOLDEN.read_text())[name] if "." not in key}
     assert golden <= summary["properties"].keys()

@@ -140,7 +140,7 @@ def test_planning_time_excludes_reading(files: Path, monkeypatch: pytest.MonkeyP
 
         return reader
 
-    monkeypatch.setattr(job, "read_map", slow_read(job.read_map))
+    monkeypatch.setattr(job, "read_ground", slow_read(job.read_ground))
     begin = time.perf_counter()
     seconds = plan_files_of(files).seconds
     assert 0.0 < seconds <= time.perf_counter() - begin - 0.3

@@ -20,6 +20,7 @@ from slopewise.services.io.table import read_csv, write_csv
 from slopewise.services.io.terrain_file import find_terrains, read_terrains, write_terrains
 from slopewise.services.io.terrain_table import COLUMNS
 from slopewise.services.jobs import terrain_outputs as outputs
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.terrain import terrain
 from slopewise.services.jobs.terrain_run import NEEDED
 from tests.models.terrain import plant
@@ -93,7 +94,7 @@ def test_three_sites_give_names(world: Path) -> None:
     for site in range(3):
         for name, surface in SURFACES.items():
             label, log = labelled_run(name, surface, 10 * site + len(runs), sides=2)
-            log["site"] = np.full(len(log["t"]), f"day {site}")
+            log["session"] = np.full(len(log["t"]), f"day {site}")
             runs.append((f"{label}{site}", log))
     write_runs(world / "log.csv", *runs)
     terrain_json("terrain", "log.csv", *TERRAIN[2:], "--learn", "mine.toml")
@@ -128,33 +129,6 @@ def test_files_of_earlier_versions_are_read(tmp_path: Path) -> None:
     assert read_terrains(path) == read_terrains(find_terrains("husky"))
 
 
-@pytest.mark.parametrize(
-    ("text", "field", "expected"),
-    [
-        ("name = ", "end of document", "expected TOML"),
-        ('name = "x"\nnam = 1', "nam", "did you mean name?"),
-        ('name = "x"\n[filter]\nyaw_rate_std = -1', "filter.yaw_rate_std", "> 0"),
-        ('name = "x"\n[motion]\nturn_begin = 0.01', "motion.turn_end", "at most turn_begin"),
-        (
-            'name = "x"\n[[terrain]]\nname = "a"\nslip_track = {mean = 1, std = 0, samples = 6}',
-            "terrain[0].slip_track.std",
-            "> 0",
-        ),
-        ('name = "x"\n[[terrain]]\nname = "a"\n[[terrain]]\nname = "a"', "terrain", "a twice"),
-    ],
-)
-def test_unusable_terrain_files_are_rejected(
-    tmp_path: Path, text: str, field: str, expected: str
-) -> None:
-    path = tmp_path / "t.toml"
-    path.write_text(text)
-    with pytest.raises(InputError) as caught:
-        read_terrains(path)
-    assert caught.value.source == str(path)
-    assert field in caught.value.field
-    assert expected in str(caught.value)
-
-
 def test_terrain_files_are_read_back_equal(tmp_path: Path) -> None:
     terrains = read_terrains(find_terrains("husky"))
     write_terrains(terrains, tmp_path / "again.toml")
@@ -185,25 +159,30 @@ def drive_log() -> dict[str, np.ndarray]:
 def test_a_missing_column_is_an_error(tmp_path: Path, name: str) -> None:
     path = write_runs(tmp_path / "log.csv", ("1", drive_log()), drop=(name,))
     with fault_in(path, f"column {name}", "missing column", "v_left, v_right, yaw_rate"):
-        terrain([path], "husky")
+        terrain(LogInput([path]), "husky")
 
 
-@pytest.mark.parametrize("order", [lambda t: np.r_[t[:50], t[49:-1]], lambda t: t[::-1]])
-def test_time_that_does_not_increase_is_an_error(
-    tmp_path: Path, order: Callable[[np.ndarray], np.ndarray]
+@pytest.mark.parametrize(
+    ("name", "spoil", "where", "expected"),
+    [
+        ("t", lambda t: np.r_[t[:50], t[49:-1]], "column t", "after"),
+        ("t", lambda t: t[::-1], "column t", "after"),
+        ("pitch", lambda pitch: pitch + 12.0, "row 2, column pitch", "looks like degrees"),
+    ],
+    ids=["twice", "backwards", "degrees"],
+)
+def test_unusable_times_and_units_are_an_error(
+    tmp_path: Path,
+    name: str,
+    spoil: Callable[[np.ndarray], np.ndarray],
+    where: str,
+    expected: str,
 ) -> None:
     log = drive_log()
-    path = write_runs(tmp_path / "log.csv", ("1", {**log, "t": order(log["t"])}))
-    with pytest.raises(InputError, match="after") as caught:
-        terrain([path], "husky")
-    assert "column t" in caught.value.field
-
-
-def test_pitch_in_degrees_is_an_error(tmp_path: Path) -> None:
-    log = drive_log()
-    path = write_runs(tmp_path / "log.csv", ("1", {**log, "pitch": log["pitch"] + 12.0}))
-    with fault_in(path, "row 2, column pitch", "looks like degrees"):
-        terrain([path], "husky")
+    path = write_runs(tmp_path / "log.csv", ("1", {**log, name: spoil(log[name])}))
+    with pytest.raises(InputError, match=expected) as caught:
+        terrain(LogInput([path]), "husky")
+    assert where in caught.value.field
 
 
 STRAIGHT = slice(400, 800)  # of the first leg, driven from 2 s to 10 s
@@ -227,7 +206,7 @@ def test_bad_samples_are_flagged_and_excluded(
     log[channel] = log[channel].copy()
     log[channel][STRAIGHT] = log[channel][STRAIGHT.start] if value is None else value
     path = write_runs(tmp_path / "log.csv", ("1", log))
-    result = terrain([path], str(files / "husky.toml"))
+    result = terrain(LogInput([path]), str(files / "husky.toml"))
     (run,) = result.runs
     assert any(reason in stretch.reason for stretch in run.excluded), run.excluded
     assert not [e for e in run.stretches if 4.0 < e.observation.begin < 7.9]
@@ -238,20 +217,16 @@ def test_bad_samples_are_flagged_and_excluded(
 
 
 @pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"v_left": 1 / 0.13, "v_right": 1 / 0.13}, "rad/s"),
-        ({"yaw_rate": 57.29578}, "degrees per second"),
-    ],
-    ids=["wheels in rad/s", "yaw rate in deg/s"],
+    ("names", "factor", "reason"),
+    [(("v_left", "v_right"), 1 / 0.13, "rad/s"), (("yaw_rate",), 57.29578, "degrees per second")],
 )
 def test_wrong_units_exclude_the_run(
-    files: Path, tmp_path: Path, changes: dict[str, float], reason: str
+    files: Path, tmp_path: Path, names: tuple[str, ...], factor: float, reason: str
 ) -> None:
     log = drive_log()
-    log |= {name: log[name] * factor for name, factor in changes.items()}
+    log |= {name: log[name] * factor for name in names}
     path = write_runs(tmp_path / "log.csv", ("1", log), ("2", drive_log()))
-    first, second = terrain([path], str(files / "husky.toml")).runs
+    first, second = terrain(LogInput([path]), str(files / "husky.toml")).runs
     assert not first.events
     assert any(reason in stretch.reason for stretch in first.excluded)
     assert second.events
@@ -263,7 +238,7 @@ def test_a_class_too_slippery_to_stop_on_is_rejected(files: Path, tmp_path: Path
     weak = tmp_path / "weak.toml"
     write_model(replace(husky, braking=replace(husky.braking, b_b=0.08)), weak)
     with pytest.raises(InputError, match="asphalt"):
-        outputs.updated_model(terrain([path], str(weak)))
+        outputs.updated_model(terrain(LogInput([path]), str(weak)))
 
 
 def test_an_hour_at_100_hertz_is_quick() -> None:

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import io
+import json
 import time
-from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import zenoh
-from rich.console import Console
 
-from slopewise.models.errors import InputError
-from slopewise.services.cli.params import ParamsOptions, request, tables
+from tests.services.command_line import here, one_line_of
 from tests.services.parameter_client import Robot, block, column, send_ground
 from tests.services.robot_plant import Surface, Vehicle
-from tests.services.service_process import Running, running
+from tests.services.service_process import running
 
 SETTINGS = """
 [learning]
@@ -90,31 +85,13 @@ def stopping(robot: Robot) -> float:
     return float(stops[0])
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("findings")
+def test_a_finding_is_offered_adopted_planned_with_and_taken_back(tmp_path: Path) -> None:
+    with running(tmp_path, planning=SETTINGS) as service, service.session() as session:
+        check_finding(Robot(service, session))
 
 
-@pytest.fixture(scope="module")
-def service(folder: Path) -> Iterator[Running]:
-    with running(folder, planning=SETTINGS) as started:
-        yield started
-
-
-@pytest.fixture(scope="module")
-def session(service: Running) -> Iterator[zenoh.Session]:
-    with service.session() as opened:
-        yield opened
-
-
-@pytest.fixture(scope="module")
-def robot(service: Running, session: zenoh.Session) -> Robot:
-    robot = Robot(service, session)
+def check_finding(robot: Robot) -> None:
     send_ground(robot)
-    return robot
-
-
-def test_a_finding_is_offered_adopted_planned_with_and_taken_back(robot: Robot) -> None:
     before = stopping(robot)
     vehicle = robot.plan()["parameters"]["fingerprint"]
     few = ask(robot, start=True)
@@ -173,28 +150,25 @@ def test_a_finding_is_offered_adopted_planned_with_and_taken_back(robot: Robot) 
     assert stopping(robot) > before + 0.95 * expected
 
 
-def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
+def test_what_was_adopted_outlives_the_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
     with running(tmp_path, planning=SETTINGS) as started, started.session() as session:
         robot = Robot(started, session)
         send_ground(robot)
         before = stopping(robot)
         drive(robot, seed=2)
-        job = ParamsOptions(connect=started.endpoint, namespace=started.namespace)
-        outcome = request(replace(job, investigate=True))
-        assert outcome.offer is not None, outcome.investigation
-        offer = outcome.offer.id
-        screen = Console(width=200, record=True, file=io.StringIO())
-        for part in tables(outcome, replace(job, investigate=True)):
-            screen.print(part)
-        text = screen.export_text()
+        where = ("--connect", started.endpoint, "--namespace", started.namespace)
+        done = here("params", "--investigate", "--json", *where)
+        offer = json.loads(done.stdout)["offer"]["id"]
+        text = here("params", *where).stdout
         for part in ("missing_effect", "step_change: scale = 0.7", f"params --adopt {offer}"):
             assert part in text, text
-        with pytest.raises(InputError, match="one that there is"):
-            request(replace(job, adopt="nonsense"))
-        with pytest.raises(InputError, match="--adopt"):
-            request(replace(job, faster=True))
-        reply = request(replace(job, adopt=offer))
-        assert {g.group: g.valid for g in reply.groups}["effects"]
+        one_line_of(here("params", "--adopt", "nonsense", *where), "one that there is")
+        one_line_of(here("params", "--faster", *where), "--adopt")
+        reply = json.loads(here("params", "--adopt", offer, "--json", *where).stdout)
+        assert {g["group"]: g["valid"] for g in reply["groups"]}["effects"]
         adopted = stopping(robot)
         assert adopted > before + 0.05
         port = int(started.endpoint.rpartition(":")[2])
@@ -203,23 +177,3 @@ def test_what_was_adopted_outlives_the_process(tmp_path: Path) -> None:
         send_ground(robot)
         assert stopping(robot) == pytest.approx(adopted, abs=0.02)
         assert robot.group("effects")["notes"]["adopted"] == offer
-
-
-def test_by_schedule_and_where_the_settings_allow_it_plans_get_slower_by_themselves(
-    tmp_path: Path,
-) -> None:
-    settings = SETTINGS.replace("refresh = 0.2", "refresh = 0.2\nenabled = false")
-    settings += "every = 0.5\nfresh = 24\nadopt_slower = true\n"
-    with running(tmp_path, planning=settings) as started, started.session() as session:
-        robot = Robot(started, session)
-        send_ground(robot)
-        before = stopping(robot)
-        drive(robot, seed=5)
-        until = time.monotonic() + 60.0
-        while not (group := robot.group("effects"))["valid"]:
-            assert time.monotonic() < until, robot.parameters()["investigation"]
-            time.sleep(0.1)
-        assert group["who"] == "service, as the settings allow"
-        assert stopping(robot) > before + 0.05
-        causes = [h["cause"] for h in robot.parameters("effects", history=5)["history"]]
-        assert [c.split()[0] for c in causes] == ["adopted", "offered"]

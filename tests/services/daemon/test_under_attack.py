@@ -181,12 +181,6 @@ def test_the_reserved_key_is_answered(service: Running) -> None:
         assert str(reply.ok.key_expr) == service.key("plan/drive")
 
 
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    with running(tmp_path_factory.mktemp("attack")) as started:
-        yield started
-
-
 @pytest.mark.timeout(900)
 def test_24_attackers_and_one_robot(tmp_path: Path) -> None:
     port = free_port()

@@ -50,30 +50,23 @@ def test_numbers_are_shown_and_hostile_texts_stay_text() -> None:
     parameters["k"] = {"value": 0.0, "std": 1e-200, "unit": "1"}
     findings["effects"].append({"name": HOSTILE, "parameters": parameters})
     findings["stop_distance"]["after"] = None
-    offer = proposal(
-        findings=findings,
-        summary=HOSTILE,
-        cause=HOSTILE,
-        notes=[HOSTILE],
-        verdict=HOSTILE,
-        id=HOSTILE,
-    )
-    board.set_proposal(
-        ProposalEntry(
-            offer=offer, state="refused", message=HOSTILE, purpose=HOSTILE, command=HOSTILE
-        )
-    )
+    texts = dict.fromkeys(("summary", "cause", "verdict", "id"), HOSTILE)
+    offer = proposal(findings=findings, notes=[HOSTILE], **texts)
+    board.set_proposal(ProposalEntry(offer, "refused", HOSTILE, HOSTILE, HOSTILE))
     with served(board) as url:
         shown = browser.text_of(url, width=390)
     assert HOSTILE not in shown
     panel_text = text(shown)
     assert panel_text.count(HOSTILE) == 12
-    assert "|brake lag, tau|0.298 ± 0.012 s|" in panel_text
-    assert f"−0.250 ± 0.033 {HOSTILE}|" in panel_text
-    assert "|as configured|0.412 m|floor|0.049 m|" in panel_text
-    assert "stops change by +0.11 … +0.93 m" in panel_text
-    assert "|on|26 stops|" in panel_text
-    assert "2001" in panel_text
+    for part in (
+        "|brake lag, tau|0.298 ± 0.012 s|",
+        f"−0.250 ± 0.033 {HOSTILE}|",
+        "|as configured|0.412 m|floor|0.049 m|",
+        "stops change by +0.11 … +0.93 m",
+        "|on|26 stops|",
+        "2001",
+    ):
+        assert part in panel_text
     # Nothing here changes anything: the panel has neither buttons nor links.
     assert not re.search(r"<(button|a|form|input|select)\b", panel(shown))
 
@@ -103,10 +96,7 @@ def test_commands_that_a_running_service_shows_adopt_and_revert(tmp_path: Path) 
     port = free_port()
     url, page = f"http://127.0.0.1:{port}", f"enabled = true\nport = {port}"
     typed: Callable[[str], Any] = lambda line: slopewise(*shlex.split(line)[1:])  # noqa: E731
-    with (
-        running(tmp_path, planning=SETTINGS, page=page) as started,
-        started.session() as session,
-    ):
+    with running(tmp_path, planning=SETTINGS, page=page) as started, started.session() as session:
         robot = Robot(started, session)
         send_ground(robot)
         drive(robot)

@@ -17,14 +17,14 @@ import pytest
 from benchmarks.fleet.local_cluster import cluster, workers_of
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.errors import InputError
-from slopewise.services.fleet import discrepancy_task, finding_row, investigate_fleet
+from slopewise.services.fleet import investigate_fleet, vehicle_finding
 from slopewise.services.fleet.fleet_page import write_fleet_page
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.io.table import write_csv
 from tests.models.discrepancy.logs import WORLDS
 from tests.models.discrepancy.plant import drive
 
-REQUEST = investigate_fleet.FleetDiscrepancyRequest(
+REQUEST = vehicle_finding.FleetDiscrepancyRequest(
     [],
     "atv",
     Path(),
@@ -51,7 +51,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def run(logs: list[Path], out: Path, **changes: object) -> investigate_fleet.FleetDiscrepancyResult:
     request = replace(REQUEST, logs=logs, out=out, **changes)
     result = investigate_fleet.investigate_fleet(request)
-    write_fleet_page(out / investigate_fleet.PAGE, result.rows, result.totals)
+    write_fleet_page(out / investigate_fleet.PAGE, result.rows, result.summary)
     return result
 
 
@@ -132,7 +132,7 @@ def test_a_scheduler_and_workers_one_of_them_killed_write_the_same_bytes(
         thread.join()
     assert len(killed) == 1
     assert not psutil.pid_exists(killed[0])
-    assert result.totals.examined == 2
+    assert result.summary.examined == 2
     ours, theirs = content(tmp_path), content(local)
     assert [n for n in theirs if ours.get(n) != theirs[n]] == []
     assert ours.keys() == theirs.keys()
@@ -145,12 +145,12 @@ def test_a_second_run_examines_new_logs_only(
     shutil.copytree(local, out)
     examined: list[str] = []
 
-    def breaks_off(task: discrepancy_task.VehicleTask) -> finding_row.Row:
+    def breaks_off(task: vehicle_finding.VehicleTask) -> vehicle_finding.Row:
         examined.append(task.vehicle)
         raise np.linalg.LinAlgError("singular")
 
-    monkeypatch.setattr(discrepancy_task, "_examine", breaks_off)
-    assert run(logs, out).resumed == 4
+    monkeypatch.setattr(vehicle_finding, "_examine", breaks_off)
+    assert run(logs, out).summary.resumed == 4
     assert examined == []
     assert content(out) == content(local)
     # A log that grew is another log; findings of the old one are removed.
@@ -159,8 +159,8 @@ def test_a_second_run_examines_new_logs_only(
     (moved / "lag.csv").write_text((moved / "lag.csv").read_text() + "\n")
     new = [moved / log.name for log in logs]
     result = run(new, out)
-    assert (examined, result.resumed) == (["lag"], 3)
-    assert "LinAlgError: singular" in result.totals.failed["lag"]
+    assert (examined, result.summary.resumed) == (["lag"], 3)
+    assert "LinAlgError: singular" in result.summary.failed["lag"]
     assert not (out / "vehicles" / "lag" / "model.toml").exists()
     assert (out / "vehicles" / "clean" / "model.toml").exists()
     # A fault is tried again, a log that cannot be read is not.
@@ -178,19 +178,20 @@ def test_a_vehicle_that_ends_its_workers_is_reported_and_tried_again(
     out = tmp_path / "out"
     shutil.copytree(local, out)
     row = next(r for r in pq.read_table(out / "findings").to_pylist() if r["vehicle"] == "lag")
-    task = discrepancy_task.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], str(out))
-    assert discrepancy_task.finished(task) == row
-    discrepancy_task.failed_row(task)
-    failed_row = finding_row.read(out, "lag", row["key"])
+    request = replace(REQUEST, out=out)
+    task = vehicle_finding.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], request)
+    assert vehicle_finding.finished(task) == row
+    vehicle_finding.failed_row(task)
+    failed_row = vehicle_finding.read_row(task)
     assert failed_row is not None
     assert failed_row["status"] == "failed"
     assert "more memory" in failed_row["reason"]
-    assert discrepancy_task.finished(task) is None
+    assert vehicle_finding.finished(task) is None
     assert not any(file.exists() for file in task.files)
     # Half a file is as good as none.
     torn = out / "findings" / "clean.parquet"
     torn.write_bytes(torn.read_bytes()[:100])
-    assert finding_row.read(out, "clean", "any") is None
+    assert vehicle_finding.read_row(replace(task, vehicle="clean", key="any")) is None
 
 
 def test_each_vehicle_may_have_a_separate_model(
@@ -198,11 +199,13 @@ def test_each_vehicle_may_have_a_separate_model(
 ) -> None:
     asked: dict[str, float] = {}
 
-    def examined(task: discrepancy_task.VehicleTask) -> finding_row.Row:
+    def examined(task: vehicle_finding.VehicleTask) -> vehicle_finding.Row:
         asked[task.vehicle] = task.model["braking"]["b_b"]
-        return finding_row.failed_finding(task.vehicle, task.key, finding_row.REFUSED, "enough")
+        return vehicle_finding.row_without_finding(
+            task.vehicle, task.key, vehicle_finding.REFUSED, "enough"
+        )
 
-    monkeypatch.setattr(discrepancy_task, "_examine", examined)
+    monkeypatch.setattr(vehicle_finding, "_examine", examined)
     base = read_model(find_model("atv"))
     models = tmp_path / "models"
     models.mkdir()

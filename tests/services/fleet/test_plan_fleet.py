@@ -17,7 +17,7 @@ from slopewise.models.errors import InputError
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.fleet import map_windows, parts, plan_fleet, plan_task
+from slopewise.services.fleet import map_windows, plan_fleet, plan_part
 from slopewise.services.io.map_file import map_info, read_map
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.path_file import read_paths
@@ -33,10 +33,10 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
 
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parts, "PART", 9)
+    monkeypatch.setattr(plan_part, "PART", 9)
 
 
-REQUEST = plan_fleet.FleetPlanRequest(
+REQUEST = plan_part.FleetPlanRequest(
     Path(), [], "atv", Path(), 0.0, np.inf, PlannerSettings(), Uncertainty(), workers=0
 )
 
@@ -57,7 +57,7 @@ def content(folder: Path) -> dict[str, bytes]:
 def local(inputs: tuple[Path, list[Path]], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("local")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts, "PART", 9)
+        patch.setattr(plan_part, "PART", 9)
         result = run(inputs, folder)
     assert result.planned == 54
     assert result.resumed == 0
@@ -114,33 +114,33 @@ def test_windows_hold_the_margin_and_are_bounded(
 ) -> None:
     monkeypatch.setattr(map_windows, "SHARED_CELLS", 20_000)
     paths, info = read_paths(inputs[1][0]), map_info(inputs[0])
-    cut = map_windows.map_windows(paths, info, 3.0)
-    assert sorted(i for window in cut for i in window.members) == list(range(len(paths)))
+    cut = list(map_windows.map_windows(paths, info, 3.0))
+    assert sorted(i for members, _ in cut for i in members) == list(range(len(paths)))
     assert 1 < len(cut) < len(paths)
-    for window in cut:
-        assert window.cells is not None
-        rows, columns = window.cells
+    for members, cells in cut:
+        assert cells is not None
+        rows, columns = cells
         assert (rows.stop - rows.start) * (columns.stop - columns.start) <= 20_000
-        for i in window.members:
+        for i in members:
             low, high = paths[i].points.min(axis=0) - 3.0, paths[i].points.max(axis=0) + 3.0
             assert columns.start * RESOLUTION <= max(low[0], 0.0)
             assert rows.start * RESOLUTION <= max(low[1], 0.0)
             assert (columns.stop - 1) * RESOLUTION >= min(high[0], 255.5)
             assert (rows.stop - 1) * RESOLUTION >= min(high[1], 255.5)
     monkeypatch.setattr(map_windows, "MAX_CELLS", 1000)
-    assert all(w.cells is None for w in map_windows.map_windows(paths[:1], info, 3.0))
+    assert [cells for _, cells in map_windows.map_windows(paths[:1], info, 3.0)] == [None]
 
 
 def test_a_second_run_plans_nothing_again(
     inputs: tuple[Path, list[Path]], tmp_path: Path, local: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     planned = []
-    plan = plan_task.plan_part
+    plan = plan_part.plan_part
 
-    def dies_after_two(task: plan_task.PlanTask) -> int:
+    def dies_after_two(task: plan_part.PlanTask) -> int:
         if len(planned) == 2:
             raise KeyboardInterrupt
-        planned.append(task.part.name.file)
+        planned.append(task.name.file)
         return plan(task)
 
     monkeypatch.setattr(plan_fleet, "plan_part", dies_after_two)

@@ -65,8 +65,7 @@ def check_fault(guard: GuardProcess, robot: GuardRobot, cause: Callable[[], obje
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [("sends_command", False), ("sends_motion", False), ("speed", float("nan"))],
+    ("name", "value"), [("sends_command", False), ("sends_motion", False), ("speed", float("nan"))]
 )
 def test_missing_or_unusable_input_is_a_stop_in_time(
     shared: GuardProcess, robot: GuardRobot, name: str, value: object

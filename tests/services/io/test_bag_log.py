@@ -151,25 +151,6 @@ def test_mappings_that_do_not_fit(
     assert message in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "field", "message"),
-    [
-        ("[v]\ntopic = 3\n", "v.topic", "expected text"),
-        ('[v]\ntopic = "/odom"\n', "v.field", "either field or quaternion"),
-        ('[v]\ntopic = "/o"\nquaternion = "q"\n', "v", "expected one of roll, pitch, yaw"),
-        ('[v]\ntopic = "/o"\nfield = "x"\n', "v_cmd", "missing table"),
-        ('[t]\ntopic = "/o"\nfield = "x"\n', "t", "expected a measured column"),
-        ("[v\n", "line 1, column 3", "expected TOML"),
-    ],
-)
-def test_mappings_that_cannot_be_used(
-    tmp_path: Path, topics: Path, text: str, field: str, message: str
-) -> None:
-    topics.write_text(text)
-    with fault_in(topics, field, message):
-        read_logs([tmp_path / "drive.mcap"], topics)
-
-
 def test_what_is_no_recording(tmp_path: Path, topics: Path) -> None:
     broken = tmp_path / "drive.mcap"
     broken.write_bytes(b"nothing of the kind")

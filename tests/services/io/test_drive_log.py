@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from slopewise.models.errors import InputError
 from slopewise.services.io.drive_log import read_drive_log
-from slopewise.services.io.logs.log_source import names_of
-from tests.services.faults import bad_inputs, fault_in
+from slopewise.services.io.log_checks import names_of
+from tests.services.faults import fault_in
 
 HEADER = "run,t,v,v_cmd,pitch"
 LOG = f"""{HEADER},roll,terrain,temperature,note,empty
@@ -63,14 +63,6 @@ def test_runs_that_start_their_own_clock_are_noticed(tmp_path: Path) -> None:
     )
     assert log.runs == (slice(0, 2), slice(2, 3))
     assert not log.one_clock
-
-
-@pytest.mark.parametrize(("text", "field", "message"), bad_inputs("drive_log"))
-def test_logs_that_cannot_be_used(tmp_path: Path, text: str, field: str, message: str) -> None:
-    path = written(tmp_path / "log.csv", text)
-    usable = written(tmp_path / "usable.csv", LOG)
-    with fault_in(path, field, message):
-        read_drive_log([usable, path])
 
 
 def test_no_files_and_missing_files(tmp_path: Path) -> None:

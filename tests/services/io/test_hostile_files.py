@@ -13,7 +13,7 @@ import pytest
 from slopewise.models.errors import InputError
 from slopewise.services.io.bags import opened
 from slopewise.services.io.files import read_toml
-from slopewise.services.io.logs.speed_unit import suspect_of
+from slopewise.services.io.log_checks import suspect_of
 from slopewise.services.io.map_file import map_info, read_map
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.table import read_csv, write_csv

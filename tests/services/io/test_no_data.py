@@ -231,11 +231,11 @@ def test_a_window_of_markers_alone_is_detected_by_the_rest_of_the_file(tmp_path:
         assert any("-500" in message for message in ground.assumed)  # before any window was read
         vehicle: Vehicle = read_model(find_model("atv")).vehicle
         line = np.stack([np.linspace(x, x + 20.0, 30), np.full(30, y)], axis=1)
-        (window,) = map_windows.map_windows(
+        ((_, cells),) = map_windows.map_windows(
             [CandidatePath("a", line)], ground.info, footprint_margin(vehicle, ground.info)
         )
-        assert window.cells is not None
-        part = map_windows.ground_in(ground, window.cells)
+        assert cells is not None
+        part = map_windows.ground_in(ground, cells)
         assert np.isfinite(part.elevation).sum() == 1  # the one behind the window
 
 

@@ -13,7 +13,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError
 from slopewise.services.io.map_file import map_info
 from slopewise.services.io.path_file import check_paths_on_map, read_paths, write_paths_csv
-from tests.services.faults import bad_inputs, fault_in, real_data
+from tests.services.faults import fault_in, real_data
 
 LINE = [[0.0, 1.0], [2.0, 3.0], [4.0, 5.5]]
 
@@ -60,28 +60,6 @@ def test_several_candidates_in_the_order_of_their_first_row(tmp_path: Path) -> N
     assert left.yaw is not None
     assert left.speed_limit.tolist() == [2.5, 0.0]
     assert left.yaw.tolist() == [0.1, 0.2]
-
-
-@pytest.mark.parametrize(
-    ("text", "field", "message"),
-    [
-        *bad_inputs("paths"),
-        (b"x,y\n\xff\xff", "byte 4", "UTF-8"),
-        (b"\x89PNG\r\n\x1a\n\x00\x00", "byte 0", "UTF-8"),
-    ],
-)
-def test_csv_that_cannot_be_used(
-    tmp_path: Path, text: str | bytes, field: str, message: str
-) -> None:
-    path = written(tmp_path / "p.csv", text)
-    with fault_in(path, field, message):
-        read_paths(path)
-
-
-def test_missing_file(tmp_path: Path) -> None:
-    for name in ("none.csv", "none.geojson"):
-        with fault_in(tmp_path / name, "", "expected an existing file"):
-            read_paths(tmp_path / name)
 
 
 def test_a_name_of_several_lines_makes_an_error_of_one(tmp_path: Path) -> None:
@@ -167,78 +145,7 @@ def test_a_geojson_feature_or_geometry_alone(tmp_path: Path) -> None:
         assert path.points.tolist() == LINE
 
 
-def line(*points: Any) -> dict[str, Any]:
-    return {"type": "LineString", "coordinates": list(points)}
-
-
 CRS84 = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
-
-
-@pytest.mark.parametrize(
-    ("data", "field", "message"),
-    [
-        ("", "line 1, column 1", "expected JSON"),
-        ('{"type": "Feature",', "line 1, column 20", "expected JSON"),
-        ("[" * 100_000, "", "expected JSON"),
-        ("[1]", "type", "expected a GeoJSON object, got a list of 1"),
-        ({"type": 3}, "type", "got 3"),
-        ({}, "type", "expected a GeoJSON object"),
-        (collection(), "features", "at least one LineString, got none"),
-        ({"type": "FeatureCollection"}, "features", "expected a list, got None"),
-        (collection(3), "features[0]", "expected a table, got 3"),
-        (collection(feature(3)), "features[0]", "expected a geometry"),
-        (
-            collection(feature({"type": "Point", "coordinates": [1, 2]})),
-            "features[0].geometry.type",
-            "expected LineString or MultiLineString, got 'Point'",
-        ),
-        (
-            collection(feature(line([1, 2]))),
-            "features[0], candidate 0",
-            "expected at least 2 points, got 1",
-        ),
-        (
-            collection(feature(), feature(line([1, 2], [3, None]), id="b")),
-            "features[1], candidate b, point 2",
-            "expected finite coordinates [x, y] in metres, got [3, null]",
-        ),
-        (collection(feature(line([1, 2], [3]))), "features[0], candidate 0, point 2", "got [3]"),
-        (collection(feature(line([1, 2], [3, True]))), "features[0], candidate 0, point 2", "true"),
-        (
-            collection(feature(line([1, 2], [3, float("nan")]))),
-            "features[0], candidate 0, point 2",
-            "NaN",
-        ),
-        (
-            collection(feature(line([1, 2], [3, float("inf")]))),
-            "features[0], candidate 0, point 2",
-            "Infinity",
-        ),
-        (
-            collection(feature(line([1, 2], [3, 10**400]))),
-            "features[0], candidate 0, point 2",
-            "[3",
-        ),
-        (
-            collection(feature(properties={"speed_limit": -1})),
-            "features[0].properties.speed_limit",
-            "expected a speed >= 0 [m/s], got -1",
-        ),
-        (
-            collection(feature(properties={"speed_limit": "2"})),
-            "features[0].properties.speed_limit",
-            "got '2'",
-        ),
-        (collection(feature(id="a"), feature(id="a")), "features[1]", "got 'a' again"),
-        (collection(feature(), crs=CRS84), "crs", "map coordinates in metres, got degrees"),
-    ],
-)
-def test_geojson_that_cannot_be_used(
-    tmp_path: Path, data: str | dict[str, Any], field: str, message: str
-) -> None:
-    path = written(tmp_path / "p.geojson", data)
-    with fault_in(path, field, message):
-        read_paths(path)
 
 
 # On the map

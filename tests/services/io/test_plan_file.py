@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from slopewise.services.io.plan_file import COLUMNS, TEXT, read_external_plans, write_plan_csv
 from slopewise.services.io.table import read_csv
-from tests.services.faults import fault_in
 
 RNG = np.random.default_rng(3)
 ORDER = (
@@ -65,28 +64,6 @@ def test_stops_stay_before_the_clear_distance_in_the_file(
         table.numbers(name, "m")[0] for name in ("station", "stop_distance", "clear_distance")
     )
     assert station + stop <= clear
-
-
-@pytest.mark.parametrize(
-    ("text", "field", "message"),
-    [
-        ("x,y\n0,0\n", "column speed", "missing column"),
-        ("x,y,speed\n0,0,1\n1,0,fast\n", "row 3, column speed", "finite number [m/s], got 'fast'"),
-        ("x,y,speed\n0,0,1\n1,0,\n", "row 3, column speed", "got nothing"),
-        ("x,y,speed\n0,0,1\n1,0,-1\n", "row 3, column speed", "a speed >= 0 [m/s], got -1"),
-        ("x,y,speed,z\n0,0,1,5\n1,0,1,\n", "row 3, column z", "in every row of p or in none"),
-        ("x,y,speed,candidate\n0,0,1,\n", "row 2, column candidate", "expected a name"),
-        ("x,y,speed\n0,0,1\n0,0,1\n", "candidate p, plan", "2 different places"),
-        ('x,y,speed\n0,0,1\n1,0,"far,0\n', "row 3", "expected CSV"),
-    ],
-)
-def test_plans_that_cannot_be_used(tmp_path: Path, text: str, field: str, message: str) -> None:
-    path = tmp_path / "p.csv"
-    with fault_in(path, "", "expected an existing file"):
-        read_external_plans(path)
-    path.write_text(text)
-    with fault_in(path, field, message):
-        read_external_plans(path)
 
 
 def test_writing_a_plan_without_a_column_is_a_program_error(tmp_path: Path) -> None:

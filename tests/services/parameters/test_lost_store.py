@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from slopewise.planner.ground.uncertainty import HOUR, Uncertainty
+from slopewise.services.parameters.parameter_history import copy_path
 from slopewise.services.parameters.parameter_service import ParameterService
-from slopewise.services.parameters.store_copy import copy_path
 from tests.services.parameters.parameter_fixtures import level_force, started, stopped
 
 HURT: dict[str, Callable[[Path], object]] = {

@@ -96,9 +96,12 @@ def test_columns_are_validated_before_anything_is_learned() -> None:
     steps = np.tile(np.arange(20_001.0) * 1e-4, (4, 1))
     with pytest.raises(InputError, match="at most 20000 samples"):
         columns_of(msgspec.structs.replace(samples, values=steps), "obs/drive")
-    twice = msgspec.structs.replace(samples, columns=["t", "v", "v_cmd", "v"])
-    with pytest.raises(InputError, match="columns"):
-        columns_of(twice, "obs/drive")
-    backwards = msgspec.structs.replace(samples, values=samples.values[:, ::-1])
-    with pytest.raises(InputError, match=r"values\.t\[1\]"):
-        columns_of(backwards, "obs/drive")
+    names = samples.columns
+    for columns in (["t", "v", "v_cmd", "v"], names[:2] + names[3:], ["colour", *names[1:]]):
+        with pytest.raises(InputError, match="columns"):
+            columns_of(msgspec.structs.replace(samples, columns=columns), "obs/drive")
+    for name, i, value in (("v", 5, np.nan), ("pitch", 0, np.inf), ("t", 9, 0.0), ("v", 0, 1e6)):
+        values = samples.values.copy()
+        values[names.index(name), i] = value
+        with pytest.raises(InputError, match=rf"values\.{name}\[{i}\]"):
+            columns_of(msgspec.structs.replace(samples, values=values), "obs/drive")

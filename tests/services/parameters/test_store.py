@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from slopewise.services.parameters.store import Store, StoreError
-from slopewise.services.parameters.stored_change import BootTime, StoredChange
+from slopewise.services.parameters.store import BootTime, Store, StoredChange, StoreError
 
 ANY_TIME = BootTime(1e9, "boot", 50.0)
 

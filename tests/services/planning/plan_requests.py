@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.parameters import Model
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.map_store import MapSnapshot, MapStore
@@ -17,9 +18,9 @@ from tests.services.service_process import flat
 ATV = read_model(find_model("atv"))
 
 
-def plan_service(**planning: Any) -> PlanService:
+def plan_service(model: Model = ATV, **planning: Any) -> PlanService:
     config = ServiceConfig(model="atv", planning=Planning(**planning))
-    return PlanService(config, ActiveParameters(ATV))
+    return PlanService(config, ActiveParameters(model))
 
 
 def snapshot_of(store: MapStore) -> MapSnapshot:
@@ -27,9 +28,9 @@ def snapshot_of(store: MapStore) -> MapSnapshot:
     return store.snapshot
 
 
-def flat_snapshot() -> MapSnapshot:
+def flat_snapshot(**changes: Any) -> MapSnapshot:
     store = MapStore()
-    store.apply(flat(), "map")
+    store.apply(flat(**changes), "map")
     return snapshot_of(store)
 
 

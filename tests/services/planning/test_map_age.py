@@ -11,26 +11,22 @@ import numpy as np
 import pytest
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.service_settings import Planning, ServiceConfig
 from slopewise.services.wire.plan_messages import Path as Candidate
 from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 from tests.services.daemon.test_parameter_faults import until
 from tests.services.parameter_client import Robot, block, ground, send_ground
+from tests.services.planning.plan_requests import ATV, plan_service
 from tests.services.service_process import running
 
 FLAT = ElevationMap(elevation=np.zeros((41, 400)), resolution=0.5, origin=(-5.0, -10.0))
-ATV = read_model(find_model("atv"))
 MAX_AGE = 30.0
 """Of the settings by default [s]."""
 
 
 def service(**planning: float) -> PlanService:
-    config = ServiceConfig(model="atv", planning=Planning(budget=1.0, **planning))
-    return PlanService(config, ActiveParameters(ATV))
+    return plan_service(budget=1.0, **planning)
 
 
 def of_age(seconds: float, *, fixed: bool = False) -> MapSnapshot:
@@ -119,10 +115,7 @@ def test_a_robot_driving_on_an_ageing_map_stops_without_full_brakes() -> None:
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     folder = tmp_path_factory.mktemp("stale")
-    with (
-        running(folder, planning="max_map_age = 2.5") as started,
-        started.session() as session,
-    ):
+    with running(folder, planning="max_map_age = 2.5") as started, started.session() as session:
         yield Robot(started, session)
 
 
@@ -143,13 +136,7 @@ def test_a_map_that_stays_away_slows_then_stops_and_the_next_one_lets_go(robot: 
     ("fields", "reason"),
     [
         ({"resolution": 5e-324}, "resolution"),
-        ({"origin": (1e308, 0.0)}, "origin"),
-        ({"height_std": 1e308}, "height_std: expected a number of 0 … 10 m, got 1e+308"),
-        ({"height_std": 11.0, "patch": True, "elevation": block(np.ones((2, 2)))}, "height_std"),
-        ({"elevation": block(np.full((41, 400), np.nan))}, "elevation"),
-        ({"elevation": block(np.full((41, 400), 1e300))}, "elevation"),
         ({"elevation": 7}, "elevation"),
-        ({"class_names": []}, "class_names"),
         (None, "expected object, got int"),
     ],
 )
@@ -189,10 +176,7 @@ def test_a_map_to_begin_with_is_flagged_old_but_plans_stay(tmp_path: Path) -> No
     file = tmp_path / "flat.npz"
     np.savez(file, elevation=FLAT.elevation, resolution=0.5, origin=np.array(FLAT.origin))
     lines = "max_map_age = 0.2"
-    with (
-        running(tmp_path, f'map = "{file}"', lines) as started,
-        started.session() as session,
-    ):
+    with running(tmp_path, f'map = "{file}"', lines) as started, started.session() as session:
         robot = Robot(started, session)
         time.sleep(1.0)
         free = robot.top_speed(20.0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.errors import InputError
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.wire.plan_messages import MapUpdate
 
@@ -29,6 +30,75 @@ def height(store: MapStore) -> float:
 def flags(store: MapStore) -> list[str]:
     assert store.snapshot is not None
     return store.snapshot.warnings.active()
+
+
+def test_patches_change_their_cells_only() -> None:
+    store = MapStore()
+    with pytest.raises(InputError, match="whole map first"):
+        store.apply(update(1, patch=True), "map")
+    assert store.apply(update(1), "map")
+    cells = {"patch": True, "elevation": np.full((2, 3), 7.0), "origin": (1.0, 0.5)}
+    assert store.apply(update(2, **cells), "map")
+    assert store.snapshot is not None
+    expected = np.zeros((20, 20))
+    expected[1:3, 2:5] = 7.0
+    np.testing.assert_array_equal(store.snapshot.elevation_map.elevation, expected)
+    assert not store.snapshot.incomplete
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"resolution": 5e-324}, "resolution"),
+        ({"origin": (1e308, 0.0)}, "origin"),
+        ({"height_std": 1e308}, "height_std"),
+        ({"height_std": float("nan")}, "height_std"),
+        ({"height_std": 11.0, "patch": True, "elevation": np.ones((2, 2))}, "height_std"),
+        ({"elevation": np.full((4, 4), np.nan)}, "elevation"),
+        ({"elevation": np.full((4, 4), 1e300)}, "elevation"),
+        ({"patch": True, "elevation": np.ones((2, 2)), "origin": (0.6, 0.0)}, "origin"),
+        ({"patch": True, "elevation": np.ones((2, 2)), "resolution": 0.25}, "resolution"),
+        ({"patch": True, "elevation": np.ones((2, 2)), "origin": (9.5, 0.0)}, "patch"),
+    ],
+)
+def test_an_unusable_update_names_the_field_and_changes_nothing(
+    changes: dict[str, object], field: str
+) -> None:
+    store = MapStore()
+    store.apply(update(1), "map")
+    before = store.snapshot
+    with pytest.raises(InputError) as caught:
+        store.apply(update(2, **changes), "map")
+    assert (caught.value.source, caught.value.field) == ("map", field)
+    assert store.snapshot is before
+
+
+def test_a_patch_makes_a_map_no_more_exact() -> None:
+    store = MapStore()
+    patch = {"patch": True, "elevation": np.zeros((2, 2))}
+    for n, (changes, expected) in enumerate(
+        (
+            ({}, 0.02 + 0.05 * 0.5),
+            ({"height_std": 0.05}, 0.05),
+            (patch, 0.05),
+            ({"height_std": 0.01, **patch}, 0.05),
+            ({"height_std": 0.08, **patch}, 0.08),
+            ({"height_std": 0.0}, 0.0),
+        )
+    ):
+        assert store.apply(update(n + 1, **changes), "map")
+        assert store.snapshot is not None
+        assert store.snapshot.elevation_map.height_std == pytest.approx(expected)
+
+
+def test_a_lost_patch_is_flagged_until_the_next_whole_map() -> None:
+    store, incomplete = MapStore(), []
+    patch = {"patch": True, "elevation": np.zeros((2, 2))}
+    for n, changes in ((1, {}), (3, patch), (2, patch), (4, patch), (5, {})):
+        store.apply(update(n, **changes), "map")
+        assert store.snapshot is not None
+        incomplete.append(store.snapshot.incomplete)
+    assert incomplete == [False, True, True, True, False]
 
 
 def test_a_restarted_count_is_accepted_with_the_third_map_and_flagged() -> None:

@@ -1,4 +1,4 @@
-"""The pose of a request against its candidates, through a service process."""
+"""The pose of a request against its candidates."""
 
 from __future__ import annotations
 
@@ -6,64 +6,53 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import zenoh
 
-from slopewise.services.client import PlanClient
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.wire.plan_messages import Path, PlanReply
-from tests.services.parameter_client import Robot, send_ground
-from tests.services.service_process import Running, running
+from tests.services.planning.plan_requests import answer, plan_service
 
 HALF = {"atv": 0.5, "husky": 0.3}  # [m] half the track width
-ALONG = np.linspace(0.0, 20.0, 60)
 
 
 def straight(name: str = "a", lateral: float = 0.0) -> Path:
-    return Path(name=name, points=np.stack((ALONG, np.full(60, lateral)), axis=1))
+    along = np.linspace(0.0, 20.0, 60)
+    return Path(name=name, points=np.stack((along, np.full(60, lateral)), axis=1))
 
 
 @pytest.fixture(scope="module", params=HALF)
-def asked(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[Running, zenoh.Session, float]]:
-    folder = tmp_path_factory.mktemp("pose")
-    with running(folder, model=request.param) as service, service.session() as session:
-        send_ground(Robot(service, session))
-        yield service, session, HALF[request.param]
+def vehicle(request: pytest.FixtureRequest) -> tuple[PlanService, float]:
+    return plan_service(read_model(find_model(request.param)), budget=1.0), HALF[request.param]
 
 
-def answers(
-    asked: tuple[Running, zenoh.Session, float], lateral: float, turned: float
-) -> Iterator[PlanReply]:
+def answers(plans: PlanService, lateral: float, turned: float) -> Iterator[PlanReply]:
     """Of a named client that is new to the service, and of one without a name."""
-    service, session, _ = asked
-    for name in (f"robot {lateral} {turned}", ""):
-        with PlanClient(session, namespace=service.namespace, name=name, timeout=5.0) as client:
-            reply = client.plan(0.5, [straight()], pose=(2.0, lateral, turned)).reply
-        assert reply is not None
-        yield reply
+    for client in (f"robot {lateral} {turned}", ""):
+        pose = (2.0, lateral, turned)
+        yield answer(plans, straight(), speed=0.5, client=client, pose=pose)
 
 
 def test_within_the_limits_the_speeds_are_those_on_the_path(
-    asked: tuple[Running, zenoh.Session, float],
+    vehicle: tuple[PlanService, float],
 ) -> None:
-    half = asked[2] - 1e-6
-    on_it = [reply.plans[0].column("speed") for reply in answers(asked, 0.0, 0.0)]
+    plans, half = vehicle[0], vehicle[1] - 1e-6
+    on_it = [reply.plans[0].column("speed") for reply in answers(plans, 0.0, 0.0)]
     for lateral in (-half, -0.5 * half, half):
         for turned in (-0.2999, 0.0, 0.2999):
-            for reply, speed in zip(answers(asked, lateral, turned), on_it, strict=True):
+            for reply, speed in zip(answers(plans, lateral, turned), on_it, strict=True):
                 assert reply.status == "ok"
                 assert reply.plans[0].column("speed") == pytest.approx(speed, abs=1e-6)
 
 
 def test_beyond_the_limits_the_answer_is_a_stop_with_the_reason(
-    asked: tuple[Running, zenoh.Session, float],
+    vehicle: tuple[PlanService, float],
 ) -> None:
-    half = asked[2]
+    plans, half = vehicle
     grid = [(side * s * half, t) for side in (-1, 1) for s in (1.01, 1.5) for t in (0.0, 0.2)]
     grid += [(0.9 * half, 1.0), (0.0, 0.301), (-0.5 * half, -0.301), (0.0, np.pi)]
     for lateral, turned in grid:
         limit = "0.3 rad at most" if abs(turned) > 0.3 else f"{half:g} m at most"
-        for reply in answers(asked, lateral, float(turned)):
+        for reply in answers(plans, lateral, float(turned)):
             assert (reply.status, reply.chosen, reply.plans) == ("degraded", None, [])
             assert reply.command is not None
             assert reply.command.stop
@@ -72,28 +61,23 @@ def test_beyond_the_limits_the_answer_is_a_stop_with_the_reason(
             assert limit in reply.ranking[0].reason
 
 
-def test_a_client_whose_pose_leaves_its_plan_is_stopped(
-    asked: tuple[Running, zenoh.Session, float],
-) -> None:
-    service, session, _ = asked
-    with PlanClient(session, namespace=service.namespace, name="drives", timeout=5.0) as client:
-        driven = [client.plan(0.5, [straight()], pose=(2.0, 0.0, 0.0)).reply for _ in range(3)]
-        assert [r.status for r in driven if r is not None] == ["ok"] * 3
-        answer = client.plan(0.5, [straight()], pose=(2.0, 0.0, 0.5)).reply
-        assert answer is not None
-        assert answer.command is not None
-        assert (answer.command.stop, answer.chosen, answer.kept) == (True, None, False)
-        assert "off the heading" in answer.reason
+def test_a_client_whose_pose_leaves_its_plan_is_stopped(vehicle: tuple[PlanService, float]) -> None:
+    plans, _ = vehicle
+    for heading, status in ((0.0, "ok"), (0.0, "ok"), (0.0, "ok"), (0.5, "degraded")):
+        pose = (2.0, 0.0, heading)
+        reply = answer(plans, straight(), speed=0.5, client="drives", pose=pose)
+        assert reply.status == status
+    assert reply.command is not None
+    assert (reply.command.stop, reply.chosen, reply.kept) == (True, None, False)
+    assert "off the heading" in reply.reason
 
 
 def test_the_candidate_that_fits_is_planned_and_the_other_refused(
-    asked: tuple[Running, zenoh.Session, float],
+    vehicle: tuple[PlanService, float],
 ) -> None:
-    service, session, half = asked
-    fits, away = straight(), straight("away", 1.1 * half)
-    for name in ("two", ""):
-        with PlanClient(session, namespace=service.namespace, name=name, timeout=5.0) as client:
-            reply = client.plan(0.5, [away, fits], pose=(0.0, 0.0, 0.0)).reply
-        assert reply is not None
-        assert (reply.status, reply.chosen) == ("ok", fits.name)
-        assert {c.name: c.usable for c in reply.ranking} == {"away": False, fits.name: True}
+    plans, half = vehicle
+    for client in ("two", ""):
+        paths = straight("away", 1.1 * half), straight()
+        reply = answer(plans, *paths, speed=0.5, client=client, pose=(0.0, 0.0, 0.0))
+        assert (reply.status, reply.chosen) == ("ok", "a")
+        assert {c.name: c.usable for c in reply.ranking} == {"away": False, "a": True}

@@ -18,7 +18,7 @@ from slopewise.services.planning.request_validation import (
 )
 from slopewise.services.settings.service_settings import SizeLimits
 from slopewise.services.wire.plan_messages import Path, PlanRequest
-from tests.services.planning.plan_requests import answer, plan_service, straight
+from tests.services.planning.plan_requests import answer, flat_snapshot, plan_service, straight
 from tests.services.service_process import fan
 
 SIZES = SizeLimits(candidates=3, points=50, stations=200)
@@ -89,6 +89,52 @@ def test_a_path_with_a_cusp_is_rejected_and_the_remaining_ones_are_resampled() -
     assert [c.path.name for c in even.candidates] == ["a"]
     assert [c.name for c in even.rejected] == ["cusp"]
     assert "cusp" in even.rejected[0].reason
+
+
+def test_one_bad_candidate_is_refused_and_the_others_planned() -> None:
+    points = fan(1)[0].points
+    nan = points.copy()
+    nan[5, 1] = np.nan
+    faults = {
+        "nan": (nan, "finite"),
+        "inf": (np.where(np.isnan(nan), np.inf, nan), "finite"),
+        "few": (points[:2], "points"),
+        "none": (np.empty((0, 2)), "points"),
+        "flat": (points.ravel(), "shape"),
+        "wide": (np.hstack([points, points]), "shape"),
+        "same": (points[[0, 1, 1, 2]], "differs"),
+        "huge": (points * 1e200, "finite"),
+        "long": (points * 1e5, "at most"),
+    }
+    paths = [Path(name=name, points=points) for name, (points, _) in faults.items()]
+    paths.append(Path(name="limit", points=points, speed_limit=np.full(len(points), -1.0)))
+    paths.append(Path(name="clear", points=points, clear=float("nan")))
+    reply = answer(plan_service(), *paths, *[Path(name="good", points=points)] * 2)
+    assert reply.status == "ok"
+    assert [plan.candidate for plan in reply.plans] == ["good"]
+    reasons = {c.name: c.reason for c in reply.ranking if not c.usable}
+    assert set(reasons) == {*faults, "limit", "clear", "good"}
+    for name, (_, part) in faults.items():
+        assert part in reasons[name], (name, reasons[name])
+
+
+def test_without_ground_or_candidate_it_brakes() -> None:
+    bad = Path(name="a", points=np.full((3, 2), np.nan))
+    no_map = plan_service().answer(requested(*fan()), None, "plan")
+    assert no_map.flags == ["no map"]
+    for reply in (no_map, answer(plan_service(), bad)):
+        assert (reply.status, reply.plans) == ("degraded", [])
+        assert reply.command is not None
+        assert reply.command.stop
+
+
+def test_an_unknown_stretch_stops_the_plan_before_it() -> None:
+    heights = np.zeros((49, 193))
+    heights[:, 80:] = np.nan
+    reply = plan_service().answer(requested(*fan(1)), flat_snapshot(elevation=heights), "plan")
+    assert reply.status == "blocked"
+    assert reply.plans[0].clear_distance < 17.0
+    assert "unknown_terrain" in {limit.name for limit in reply.plans[0].limits}
 
 
 # ---------------------------------------------------------------------- deadlines

@@ -48,14 +48,20 @@ class PageReader(HTMLParser):
 
 
 def embedded(text: str) -> Any:
-    """Data of the script of a page; rejects constants that JSON does not know."""
+    """Data of the script of a page, unscaled; rejects constants that JSON does not know."""
     match = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)
     assert match is not None
 
     def reject(constant: str) -> None:
         raise AssertionError(f"{constant} is not JSON")
 
-    return json.loads(match[1], parse_constant=reject)
+    data = json.loads(match[1], parse_constant=reject)
+    for plan in data.get("plans", ()):
+        columns, bounds = plan["columns"], [(b, "speed", "speed_bound") for b in plan["bounds"]]
+        for table, key, name in [*((columns, n, n) for n in data["decimals"]), *bounds]:
+            scale = 10.0 ** data["decimals"][name]
+            table[key] = [None if v is None else v / scale for v in table[key]]
+    return data
 
 
 def plan_of(
@@ -63,17 +69,15 @@ def plan_of(
 ) -> SpeedPlan:
     station = 0.25 * np.arange(stations)
     speed = np.sqrt(np.clip(np.minimum(2.0 * station, 2.0 * (station[-1] - station)), 0.0, 4.0))
+    columns: dict[str, Any] = dict.fromkeys(("z", "grade", "roll", "curvature"), 0.0 * station)
     plan = SpeedPlan(
         candidate=name,
         status=status,
         reason="",
+        **columns,
         station=station,
         x=station,
         y=0.1 * station,
-        z=0.0 * station,
-        grade=0.0 * station,
-        roll=0.0 * station,
-        curvature=0.0 * station,
         speed=speed,
         accel=np.gradient(speed),
         time=0.2 * np.arange(stations),

@@ -14,6 +14,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.jobs.plan import PlanResult
 from slopewise.services.report.plan_page import write_plan_page
 from tests.services import browser
 
@@ -77,7 +78,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     model = read_model(find_model("atv"))
     plans = CandidatePlanner(model).plan(ground, paths, start_speed=1.0, clear=40.0)
     file: Path = tmp_path_factory.mktemp("browser") / "plan.html"
-    write_plan_page(file, ground, plans, model, title="t", provenance={})
+    write_plan_page(file, PlanResult(plans, ground, model, 0.0), "t", {})
     text = re.sub(r'<meta http-equiv="Content-Security-Policy".*?>', "", file.read_text())
     file.write_text(text.replace("</body>", SCRIPT + "</body>"))
     shown = browser.text_of(file.as_uri())

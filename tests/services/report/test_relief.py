@@ -8,6 +8,7 @@ import pytest
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.report import relief
+from slopewise.services.scene.shading import shade
 from tests.services.report.page_fixtures import pixels_of
 
 
@@ -19,8 +20,7 @@ class TestRelief:
     def test_light_is_from_the_north_west(self) -> None:
         y, x = np.mgrid[0:40, 0:40] * 0.5
         north_west, level, south_east = (
-            relief.shade(heights, 0.5)[20, 20, 0]
-            for heights in (0.3 * (x - y), 0.0 * x, 0.3 * (y - x))
+            shade(heights, 0.5)[20, 20, 0] for heights in (0.3 * (x - y), 0.0 * x, 0.3 * (y - x))
         )
         assert south_east + 40 < level < north_west
 

@@ -10,7 +10,6 @@ import pytest
 from slopewise.models.errors import ParameterError
 from slopewise.services.ros import naming
 from slopewise.services.ros.settings import EdgeSettings, read_settings
-from tests.services.faults import fault_in
 
 SHIPPED = Path(__file__).parents[3] / "configs" / "ros.toml"
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -65,26 +64,3 @@ def test_names_that_ros_does_not_have(name: str) -> None:
 
 def test_the_shipped_settings_are_the_defaults() -> None:
     assert read_settings(SHIPPED) == EdgeSettings()
-
-
-@pytest.mark.parametrize(
-    ("text", "field", "fact"),
-    [
-        ("[timing]\ncrawl = 0.0\n", "timing.crawl", "> 0"),
-        ("[timing]\nlife = 0.05\n", "timing.life", "more than period"),
-        ("[topics]\nodometry = ''\n", "topics.odometry", "a topic"),
-        ("[topics]\npaths = ['a', 'a']\n", "topics.paths", "each once"),
-        ("[topics]\npaths = ['a b']\n", "topics", "a name of ROS 2"),
-        ("[topics]\ncommand_type = 'x'\n", "topics.command_type", "TwistStamped"),
-        ("[ros]\nnode = 'a/b'\n", "ros.node", "a name of ROS 2"),
-        ("[ros]\nnamespace = '/1'\n", "ros.namespace", "a name of ROS 2"),
-        ("[wheels]\nleft = 'l'\n", "wheels.right", "either side"),
-        ("[ros]\ndomain = 300\n", "ros.domain", "<= 232"),
-        ("[rose]\n", "rose", "did you mean ros?"),
-    ],
-)
-def test_settings_that_cannot_be_used(tmp_path: Path, text: str, field: str, fact: str) -> None:
-    file = tmp_path / "ros.toml"
-    file.write_text(text)
-    with fault_in(file, field, fact):
-        read_settings(file)

@@ -4,8 +4,6 @@ import json
 import re
 from pathlib import Path
 
-import pytest
-
 from slopewise.services.settings.service_settings import (
     ServiceConfig,
     SizeLimits,
@@ -30,33 +28,6 @@ def test_shipped_file_names_every_key() -> None:
     keys = {name for table in tables for name in table.__dataclass_fields__}
     names = {"zenoh", "planning", "sizes", "status", "page", "learning", "store", "discrepancy"}
     assert keys - named == names
-
-
-@pytest.mark.parametrize(
-    ("text", "field", "part"),
-    [
-        ("", "model", "missing key"),
-        ('model = "atv"\nnamespace = "a//b"', "namespace", "words joined by /"),
-        ('model = "atv"\nnamespace = "a/**"', "namespace", "words joined by /"),
-        ('model = "atv"\nid = "a/b"', "id", "one word"),
-        ('model = "atv"\n[planning]\nworkers = 0', "planning.workers", ">= 1"),
-        ('model = "atv"\n[planning]\nworkers = 1.5', "planning.workers", "1.5"),
-        ('model = "atv"\n[planning]\ndeadline = 0.005', "planning.early", "less than"),
-        ('model = "atv"\n[planning]\nqueu = 1', "planning.queu", "did you mean queue"),
-        ('model = "atv"\n[zenoh]\nmode = "star"', "zenoh.mode", "'peer'"),
-        ('model = "atv"\n[sizes]\nrequest_bytes = 1', "sizes.request_bytes", ">= 1000"),
-        ('model = "atv"\n[learning]\nrise = 0.5', "learning.rise", "<= 0.2"),
-        ('model = "atv"\n[learning]\nestimators = ["a/b"]', "learning.estimators[0]", "one word"),
-        ('model = "atv"\n[store]\nmegabytes = 0.1', "store.megabytes", ">= 0.3"),
-        ('model = "atv"\n[discrepancy]\nstops = 3', "discrepancy.stops", ">= 12"),
-        ("model = ", "end of document", "TOML"),
-    ],
-)
-def test_mistakes_are_named(tmp_path: Path, text: str, field: str, part: str) -> None:
-    file = tmp_path / "service.toml"
-    file.write_text(text)
-    with fault_in(file, field, part):
-        read_config(file)
 
 
 def test_files_are_relative_to_the_settings(tmp_path: Path) -> None:

@@ -10,8 +10,7 @@ import weakref
 
 import pytest
 
-from slopewise.services.wire.fair_queue import FULL, REPLACED, FairQueue, Waiting
-from slopewise.services.wire.fair_share import FairShare
+from slopewise.services.wire.fair_queue import FULL, REPLACED, FairQueue, FairShare, Waiting
 
 
 def entry(name: str, sender: str = "", **fields: object) -> Waiting[str]:

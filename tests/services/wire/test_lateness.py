@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 
 from slopewise.models.errors import ParameterError
-from slopewise.services.wire.lateness import ARRIVAL, GROWTH, SHARED, SYNCHRONY, Lateness, WallClock
-from slopewise.services.wire.sender_clock import DRIFT, RECOVERY, SenderClock
+from slopewise.services.wire.lateness import (
+    ARRIVAL,
+    DRIFT,
+    GROWTH,
+    RECOVERY,
+    SHARED,
+    SYNCHRONY,
+    Lateness,
+    SenderClock,
+    WallClock,
+)
 
 PERIOD = 0.02
 DELAY = 0.15

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
-from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.files import fault
 from slopewise.services.io.map_file import map_info, read_map
@@ -24,16 +23,15 @@ _MIN_MARKS = 3
 """Fewest marks with a heading between neighbours."""
 
 
-def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle, nodata: NoData = None) -> Floats:
-    """(samples,) grade under the wheels [rad], NaN off the known map.
+def grade_by_map(
+    log: DriveLog, map_file: Path | None, vehicle: Vehicle, nodata: NoData = None
+) -> Floats | None:
+    """(samples,) grade under the wheels [rad], NaN off the known map; None without a map.
 
-    Args:
-        log: with x, y in map coordinates; the vehicle drives forward.
-        map_file: elevation map. vehicle: footprint. nodata: as `read_map` takes it.
-
-    Raises:
-        InputError: the log has no positions, or none of them is on the map.
+    The log has x, y in map coordinates, and the vehicle drives forward.
     """
+    if map_file is None:
+        return None
     if not {"x", "y"} <= log.columns.keys():
         raise fault(log.sources[0], "column x", "expected x and y to place the log on the map")
     x, y = log.columns["x"], log.columns["y"]
@@ -42,12 +40,9 @@ def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle, nodata: NoData
         raise fault(log.sources[0], "column x", "expected positions, got none")
     info = map_info(map_file)
     margin = footprint_margin(vehicle, info)
-    around = (
-        float(x[placed].min()) - margin,
-        float(x[placed].max()) + margin,
-        float(y[placed].min()) - margin,
-        float(y[placed].max()) + margin,
-    )
+    ends = ((xy[placed].min() - margin, xy[placed].max() + margin) for xy in (x, y))
+    (x_min, x_max), (y_min, y_max) = ends
+    around = float(x_min), float(x_max), float(y_min), float(y_max)
     elevation_map = read_map(map_file, around=around, nodata=nodata)
     for assumption in elevation_map.assumed:
         _log.warning("%s: %s", map_file, assumption)
@@ -62,6 +57,8 @@ def ground_grade(log: DriveLog, map_file: Path, vehicle: Vehicle, nodata: NoData
 
 
 def _along(elevation_map: ElevationMap, x: Floats, y: Floats, vehicle: Vehicle) -> Floats:
+    from slopewise.planner.ground.terrain_profile import terrain_profile  # compiled
+
     marks = _marks(x, y)
     if len(marks) < _MIN_MARKS:
         return np.full(len(x), np.nan)

@@ -1,4 +1,4 @@
-"""Results as partitioned Parquet: `plans/` one row per station, `candidates/` one per candidate.
+"""Plans as partitioned Parquet: `plans/` one row per station, `candidates/` one per candidate.
 
 A part is finished once its file in `candidates/` is there: it is written last, and all or nothing.
 The same plans give the same bytes.
@@ -6,7 +6,6 @@ The same plans give the same bytes.
 
 from __future__ import annotations
 
-import io
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -15,13 +14,24 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.io.files import fault, write_atomic
+from slopewise.services.fleet.result_folder import write_parquet
+from slopewise.services.io.files import fault
 from slopewise.services.io.plan_file import COLUMNS, TEXT, driven, summary
 
-REFUSED = "refused"
-"""Status of a candidate that cannot be driven forward; its reason explains it."""
-
+REFUSED = "refused"  # Status of a candidate that cannot be driven forward; its reason explains it
 PLANS, CANDIDATES = "plans", "candidates"
+
+_NUMBERS = (*(name for name in COLUMNS if name not in TEXT), "side_load", "path_deviation")
+_TOTALS = (
+    "travel_time",
+    "progress",
+    "length",
+    "max_speed",
+    "clear_distance",
+    "least_margin",
+    "least_rear_load",
+    "path_deviation",
+)
 
 
 class RejectedCandidate(NamedTuple):
@@ -34,17 +44,15 @@ class RejectedCandidate(NamedTuple):
 def write_part(
     folder: Path, file: str, source: str, answers: Sequence[SpeedPlan | RejectedCandidate]
 ) -> None:
-    """Write a part, finished with the second file.
-
-    Raises:
-        InputError: the folder cannot be written to.
-    """
+    """Write a part, finished with the second file."""
     import pyarrow as pa
 
     plans = [answer for answer in answers if isinstance(answer, SpeedPlan)]
     write_parquet(folder / PLANS / file, _stations(plans, source, pa))
-    rows = [_row(answer, source) for answer in answers]
-    table = pa.Table.from_pylist(rows, schema=_candidates(pa))
+    texts = [(name, pa.string()) for name in ("source", "candidate", "status", "reason")]
+    numbers = [(name, pa.float64()) for name in _TOTALS]
+    schema = pa.schema([*texts, ("admissible", pa.bool_()), *numbers])
+    table = pa.Table.from_pylist([_row(answer, source) for answer in answers], schema=schema)
     write_parquet(folder / CANDIDATES / file, table)
 
 
@@ -74,37 +82,10 @@ def count(folder: Path, files: Iterable[str]) -> tuple[Counter[str], int]:
 
 def _row(answer: SpeedPlan | RejectedCandidate, source: str) -> dict[str, Any]:
     if isinstance(answer, RejectedCandidate):
-        rejected = {"candidate": answer.candidate, "status": REFUSED, "reason": answer.reason}
-        return {"source": source, "admissible": False, **rejected}
+        return {"source": source, "admissible": False, "status": REFUSED, **answer._asdict()}
     deviation = answer.path_deviation
     row = {"source": source, "admissible": answer.admissible, **summary(answer)}
     return {**row, "path_deviation": None if deviation is None else deviation.largest}
-
-
-def _candidates(pa: Any) -> Any:
-    numbers = (
-        "travel_time",
-        "progress",
-        "length",
-        "max_speed",
-        "clear_distance",
-        "least_margin",
-        "least_rear_load",
-        "path_deviation",
-    )
-    return pa.schema(
-        [
-            ("source", pa.string()),
-            ("candidate", pa.string()),
-            ("status", pa.string()),
-            ("reason", pa.string()),
-            ("admissible", pa.bool_()),
-            *((name, pa.float64()) for name in numbers),
-        ]
-    )
-
-
-_NUMBERS = (*(name for name in COLUMNS if name not in TEXT), "side_load", "path_deviation")
 
 
 def _stations(plans: Sequence[SpeedPlan], source: str, pa: Any) -> Any:
@@ -118,16 +99,3 @@ def _stations(plans: Sequence[SpeedPlan], source: str, pa: Any) -> Any:
         values = np.concatenate([part[name] for part in parts]) if parts else np.empty(0)
         columns[name] = pa.array(values, pa.float64())
     return pa.table(columns)
-
-
-def write_parquet(path: Path, table: Any) -> None:
-    """Write a pyarrow table, all or nothing.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    import pyarrow.parquet as pq
-
-    buffer = io.BytesIO()
-    pq.write_table(table, buffer, compression="zstd")
-    write_atomic(path, buffer.getvalue())

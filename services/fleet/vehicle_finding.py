@@ -1,0 +1,213 @@
+"""Task of a worker: compare the logs of one vehicle with its model, write files and one row.
+
+Samples and files stay with the worker. A log that cannot be used costs the fleet one row only.
+`findings/NAME.parquet` is written after the files in `vehicles/NAME/`, all or nothing, and carries
+the key of the task: logs, model, settings, version. It does not depend on the worker or on how long
+it took, so the same task gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from slopewise.models.discrepancy.settings import DiscrepancySettings
+from slopewise.models.discrepancy.workflow import investigate_with_evidence
+from slopewise.models.errors import SlopewiseError
+from slopewise.services.fleet.result_folder import write_parquet
+from slopewise.services.io import findings_file
+from slopewise.services.io.drive_log import read_logs
+from slopewise.services.io.model_file import model_from_dict
+from slopewise.services.io.no_data import NoData
+from slopewise.services.io.track_grade import grade_by_map
+from slopewise.services.report.discrepancy_page import write_discrepancy_page
+
+DONE, REFUSED, FAILED = "done", "refused", "failed"
+"""Status: examined; logs rejected, with the reason; or failed, and tried again by another run."""
+
+FINDINGS, VEHICLES = "findings", "vehicles"
+
+Row = dict[str, Any]
+
+_GAPS = ("gap", "stop_distance")
+_OF_GAP = ("before", "refit", "after", "noise_floor", "closed")
+
+_BROKEN = (ArithmeticError, LookupError, MemoryError, RuntimeError, TypeError, ValueError)
+"""A fault of the program in one vehicle's numbers must not end the work on all others."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetDiscrepancyRequest:
+    """Logs, models and options of a fleet's comparison."""
+
+    logs: Sequence[Path]
+    models: str  # model file or name for all vehicles, or a folder with NAME.toml for each
+    out: Path
+    by_folder: bool  # a folder is a vehicle; else each file is one
+    map_file: Path | None  # elevation map that x, y of the logs lie on
+    topics: Path | None
+    settings: DiscrepancySettings
+    workers: int | None = None
+    scheduler: str = ""
+    nodata: NoData = None  # height of the map that marks unknown ground [m]
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleTask:
+    """One vehicle; plain values, so that it travels.
+
+    Attributes:
+        model_file, begun: shown on its page.
+    """
+
+    vehicle: str
+    logs: tuple[Path, ...]
+    model: dict[str, Any]  # tables of its model file
+    model_file: str
+    begun: str
+    source: str  # provenance of effects that are found
+    key: str  # digest of all inputs
+    request: FleetDiscrepancyRequest  # options, with files and folder as all workers find them
+
+    @property
+    def folder(self) -> Path:
+        """Where its files go."""
+        return self.request.out / VEHICLES / self.vehicle
+
+    @property
+    def files(self) -> list[Path]:
+        """That an examined vehicle has."""
+        names = (findings_file.FINDINGS, findings_file.MODEL, findings_file.PAGE)
+        return [self.folder / name for name in names]
+
+    @property
+    def row_file(self) -> Path:
+        """Its row, written last."""
+        return self.request.out / FINDINGS / f"{self.vehicle}.parquet"
+
+
+def investigate_vehicle(task: VehicleTask) -> Row:
+    """Examine one vehicle, write its files, then its row."""
+    try:
+        row = _examine(task)
+    except SlopewiseError as error:
+        return _without(task, REFUSED, " ".join(str(error).split()))
+    except _BROKEN as error:
+        message = f"fault of slopewise, not of the log: {type(error).__name__}: {error}"
+        return _without(task, FAILED, message)
+    write_row(task, row)
+    return row
+
+
+def failed_row(task: VehicleTask) -> Row:
+    """Row of a vehicle whose logs ended several workers, written."""
+    message = (
+        "its workers ended without an answer; most likely its logs need more memory than one has"
+    )
+    return _without(task, FAILED, message)
+
+
+def _without(task: VehicleTask, status: str, reason: str) -> Row:
+    # Files of an earlier log would pass for results of this one.
+    for file in task.files:
+        with contextlib.suppress(OSError):
+            file.unlink(missing_ok=True)
+    row = row_without_finding(task.vehicle, task.key, status, reason)
+    write_row(task, row)
+    return row
+
+
+def row_without_finding(vehicle: str, key: str, status: str, reason: str) -> Row:
+    """Row of a vehicle that could not be examined."""
+    return {"vehicle": vehicle, "key": key, "status": status, "reason": reason}
+
+
+def finished(task: VehicleTask) -> Row | None:
+    """Row of an earlier run of the same task, if it is complete."""
+    row = read_row(task)
+    if row is None or row["status"] == FAILED:
+        return None
+    is_complete = row["status"] == REFUSED or all(file.is_file() for file in task.files)
+    return row if is_complete else None
+
+
+def _examine(task: VehicleTask) -> Row:
+    request, model = task.request, model_from_dict(task.model, "model")
+    log = read_logs(task.logs, request.topics)
+    ground = grade_by_map(log, request.map_file, model.vehicle, request.nodata)
+    findings, evidence = investigate_with_evidence(
+        log.columns, log.runs, model, ground=ground, settings=request.settings, source=task.source
+    )
+    findings = replace(findings, model=replace(findings.model, name=task.vehicle))
+    findings_file.write_findings(findings, task.folder)
+    write_discrepancy_page(
+        task.folder / findings_file.PAGE,
+        findings,
+        evidence,
+        title=f"{task.vehicle} against its log",
+        provenance={
+            "logs": ", ".join(log.name for log in task.logs),
+            "model so far": task.model_file,
+            "begun": task.begun,
+        },
+    )
+    return finding_row(task.vehicle, task.key, findings_file.findings_as_json(findings))
+
+
+def finding_row(vehicle: str, key: str, findings: dict[str, Any]) -> Row:
+    """Row of a vehicle from the content of its discrepancy.json."""
+    effects = [
+        effect | {"parameters": [{"name": n, **v} for n, v in effect["parameters"].items()]}
+        for effect in findings["effects"]
+    ]
+    row = row_without_finding(vehicle, key, DONE, "") | {"effects": effects}
+    row |= {name: findings[name] for name in ("verdict", "summary", "stops", "notes")}
+    for gap in _GAPS:
+        row |= {f"{gap}_{name}": findings[gap][name] for name in _OF_GAP}
+    return row | {"next_experiment": findings["next_experiment"]["text"]}
+
+
+def write_row(task: VehicleTask, row: Row) -> None:
+    """Write the row of one vehicle."""
+    import pyarrow as pa
+
+    text, number = pa.string(), pa.float64()
+    parameter = pa.struct([("name", text), ("value", number), ("std", number), ("unit", text)])
+    effect = pa.struct(
+        [
+            ("name", text),
+            ("confidence", number),
+            ("alternatives", pa.list_(text)),
+            ("where", text),
+            ("parameters", pa.list_(parameter)),
+        ]
+    )
+    schema = pa.schema(
+        [
+            *((name, text) for name in ("vehicle", "key", "status", "reason", "verdict")),
+            ("summary", text),
+            ("stops", pa.int64()),
+            ("effects", pa.list_(effect)),
+            *((f"{gap}_{name}", number) for gap in _GAPS for name in _OF_GAP),
+            ("notes", pa.list_(text)),
+            ("next_experiment", text),
+        ]
+    )
+    write_parquet(task.row_file, pa.Table.from_pylist([row], schema=schema))
+
+
+def read_row(task: VehicleTask) -> Row | None:
+    """Row of a vehicle if it is of this task; None also where it is damaged."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not task.row_file.is_file():
+        return None
+    try:
+        row: Row = pq.ParquetFile(task.row_file).read().to_pylist()[0]
+    except (pa.ArrowException, OSError, IndexError):
+        return None
+    return row if row.get("key") == task.key else None

@@ -1,0 +1,117 @@
+"""Checks of a drive log before anything is learned from it: units, channels, speeds.
+
+In a unit f times as fine, speeds and decelerations are f times too large: F_b/W + sin θ comes out f
+times as large, so that b_m, the change of F_b/W with the grade, comes near f b_m + f − 1. Source:
+none; Braking (7), (8).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slopewise.models.effects import registry
+from slopewise.models.errors import InputError
+from slopewise.models.parameters import Braking, Effect, Model
+from slopewise.models.stop_logs import unit_suspects
+from slopewise.services.io.drive_log import DriveLog
+from slopewise.services.io.files import fault
+
+_NEEDED = ("v", "v_cmd", "pitch")
+_FEW = 0.25  # Share of the runs that may look as if they were in another unit, and are excluded
+_SHOWN = 3  # Files that a sentence names
+_FACTORS = {"km/h": 3.6, "miles per hour": 1.0 / 0.44704, "knots": 1.0 / 0.514444}
+_TOO_FAST = 1.5
+"""Ratio to the highest wheel speed [1]: above slip downhill, below 1.9, the factor of knots."""
+
+_MAX_SHIFT, _MAX_RATIO = 0.2, 0.12
+"""How near b_m, and the force's factor, have to come [1]: knots and miles differ by 15 %."""
+
+_STEEP = 0.02  # Grades that vary by less do not determine b_m [rad]
+
+
+def names_of(logs: Sequence[Path]) -> str:
+    """The files as text: the first few of many."""
+    shown = ", ".join(str(path) for path in logs[:_SHOWN])
+    return shown if len(logs) <= _SHOWN else f"{shown} … ({len(logs)} logs)"
+
+
+def refuse_wrong_units(log: DriveLog) -> None:
+    """A channel that everything rests on and that fits another unit is an error, not a stretch.
+
+    One run of several that looks so, such as of a vehicle that stands while its positions wander,
+    is excluded with its reason, and the others are used.
+    """
+    suspects: dict[str, list[tuple[str, str]]] = {}
+    for run, source in zip(log.runs, log.sources, strict=True):
+        part = {n: v[run] for n, v in log.columns.items() if v.dtype.kind == "f"}
+        for channel, reason in unit_suspects.find(part):
+            if channel in _NEEDED:
+                suspects.setdefault(channel, []).append((source, reason))
+    for channel, reasons in suspects.items():
+        if len(reasons) > _FEW * len(log.runs):
+            source, reason = reasons[0]
+            raise fault(source, f"column {channel}", reason)
+
+
+def refuse_too_fast(log: DriveLog, model: Model) -> None:
+    """Raise InputError where a log drives far faster than the vehicle's wheels can turn."""
+    max_speed = model.vehicle.max_wheel_speed
+    for run, source in zip(log.runs, log.sources, strict=True):
+        speeds = np.abs(log.columns["v"][run])
+        speeds = speeds[np.isfinite(speeds)]
+        fast = float(np.quantile(speeds, 0.95)) if len(speeds) else 0.0
+        if fast > _TOO_FAST * max_speed:
+            fitting = [name for name, factor in _FACTORS.items() if fast / factor <= max_speed]
+            units = " or ".join(fitting) or "another unit"
+            expected = f"expected m/s of wheels that turn at up to {max_speed:g} m/s"
+            raise fault(source, "column v", f"{expected}, got {fast:.3g}, which looks like {units}")
+
+
+def suspect_of(learned: Braking, known: Braking, grades: np.ndarray) -> str:
+    """Reason why coefficients look like those of speeds in another unit; empty if they do not.
+
+    Args:
+        grades: (n,) grades of the stops [rad].
+    """
+    if len(grades) < 2 or float(np.std(grades)) < _STEEP:
+        return ""
+    for unit, factor in _FACTORS.items():
+        wrong = factor * known.b_m + factor - 1.0
+        level = learned.b_b / max(known.b_b, 1e-9)
+        if abs(learned.b_m - wrong) < _MAX_SHIFT and abs(level / factor - 1.0) < _MAX_RATIO:
+            got = f"brakes {level:.2g} times as strong as known and b_m {learned.b_m:+.2f}"
+            return f"expected m/s, got {got}, which looks like {unit}"
+    return ""
+
+
+def refuse_unit(learned: Braking, known: Braking, grades: np.ndarray, source: str) -> None:
+    """Raise InputError where the learned coefficients look like those of another unit."""
+    if reason := suspect_of(learned, known, grades):
+        raise InputError(source, "column v", reason)
+
+
+def unseen_channels(
+    effects: Iterable[Effect], columns: Mapping[str, NDArray[Any]]
+) -> tuple[str, ...]:
+    """A sentence for each effect whose columns are missing or have gaps: they count as 0 there."""
+    sentences = []
+    for effect in effects:
+        needed = sorted(registry.law_of(effect).channels)
+        missing = [name for name in needed if name not in columns]
+        gaps = [
+            name
+            for name in needed
+            if name in columns and not np.isfinite(np.asarray(columns[name], np.float64)).all()
+        ]
+        if missing:
+            names = ", ".join(missing)
+            sentences.append(f"{effect.name} needs {names}, which the log does not have: 0")
+        if gaps:
+            names = ", ".join(gaps)
+            sentences.append(f"{effect.name} needs {names}, which has gaps: 0 there at least")
+    return tuple(sentences)

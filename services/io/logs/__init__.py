@@ -1,1 +1,0 @@
-"""Drive logs in files: CSV, Parquet, recordings."""

@@ -1,0 +1,49 @@
+"""The part of a map that paths need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.errors import InputError
+from slopewise.models.vehicle import Vehicle
+from slopewise.services.io.bags import is_bag
+from slopewise.services.io.map_file import map_info, read_map
+from slopewise.services.io.map_grid import footprint_margin
+from slopewise.services.io.no_data import NoData
+from slopewise.services.io.path_file import check_paths_on_map
+
+
+def refuse_topics(topics: Path | None, *files: Path) -> None:
+    """Raise InputError for a topic mapping where no file is a recording."""
+    if topics is not None and not any(map(is_bag, files)):
+        expected = "expected a recording with a topic mapping, got files of other kinds"
+        raise InputError(str(topics), "", expected)
+
+
+def read_ground(
+    map_file: Path,
+    paths: Sequence[CandidatePath],
+    path_file: Path,
+    vehicle: Vehicle,
+    *,
+    topics: Path | None,
+    nodata: NoData,
+    reach: float = 0.0,
+) -> ElevationMap:
+    """Read the map around paths, as far as the vehicle, and a further reach [m], from each point.
+
+    Raises:
+        InputError: names file and field; also for a path off the map.
+    """
+    info = map_info(map_file, topics)
+    check_paths_on_map(paths, info.extent, str(path_file), str(map_file))
+    points = np.concatenate([path.points for path in paths])
+    margin = footprint_margin(vehicle, info) + reach
+    (x_min, y_min), (x_max, y_max) = points.min(axis=0) - margin, points.max(axis=0) + margin
+    around = float(x_min), float(x_max), float(y_min), float(y_max)
+    return read_map(map_file, around=around, topics=topics, nodata=nodata)

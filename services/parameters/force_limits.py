@@ -1,0 +1,127 @@
+"""Bounds of learned braking: how far above the model file, on new surfaces, on how many of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import NAMES, design
+from slopewise.models.calibration.learned_force import LearnedForce
+from slopewise.models.calibration.published import PublishSettings
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Braking
+from slopewise.models.surface_braking import SurfaceBraking
+
+_REPORTED_EXCESS = 1e-3
+"""Smallest F_b/W above the file that is reported [1]: a tenth of the step that one stop may add."""
+
+_MAX_INVENTED = 32
+"""Learned surfaces that neither file nor map names [1]: an invented name costs others no slot."""
+
+_MAX_SURFACES = 96  # learned surfaces in all [1], so that plans, messages and store stay small
+_MIN_STOP_COUNT = PublishSettings().fewest
+_TOLERANCE = 1e-9  # rounding of F_b/W [1]
+
+
+def coefficients_of(known: Braking) -> Floats:
+    """(4,) m_m, b_m, m_b, b_b."""
+    return np.array([getattr(known, name) for name in NAMES])
+
+
+def limit_increase(prior: Braking, used: Braking, share: float) -> tuple[Braking, list[str]]:
+    """Learned braking with no F_b/W above the file's by more than a share [1] of it.
+
+    F_b/W is bilinear in speed and grade: a limit at the four corners of the trained rectangle is
+    one everywhere in it. Also returns surfaces on which it still exceeds the file; "" is the base.
+    """
+    base, above = _limit_surface(prior, None, used, None, share)
+    stronger = [""] if above else []
+    tables = {}
+    for name, table in used.terrain.items():
+        changes, above = _limit_surface(prior, prior.terrain.get(name), used, table, share)
+        tables[name] = dataclasses.replace(table, **changes) if changes else table
+        stronger += [name] if above else []
+    if not base and tables == used.terrain:
+        return used, stronger
+    return dataclasses.replace(used, terrain=tables, **base), stronger
+
+
+def _limit_surface(
+    prior: Braking,
+    known: SurfaceBraking | None,
+    used: Braking,
+    table: SurfaceBraking | None,
+    share: float,
+) -> tuple[dict[str, Any], bool]:
+    """Coefficients to replace, empty within the limit; True if the force exceeds the file."""
+    speeds, grades = _value(used, table, "speed_range"), _value(used, table, "grade_range")
+    speed, grade = np.meshgrid(speeds, grades)
+    corners = design(speed.ravel(), grade.ravel())
+    file = corners @ np.array([_value(prior, known, name) for name in NAMES])
+    force = corners @ np.array([_value(used, table, name) for name in NAMES])
+    limit = file + share * np.abs(file)
+    above = bool(np.any(np.minimum(force, limit) > file + _REPORTED_EXCESS))
+    if np.all(force <= limit + _TOLERANCE):
+        return {}, above
+    lower = np.linalg.solve(corners, np.minimum(force, limit))
+    return dict(zip(NAMES, lower.tolist(), strict=True)), above
+
+
+def _value(base: Braking, table: SurfaceBraking | None, name: str) -> Any:
+    """Value on a surface: its key, or the base's where it has none."""
+    value = None if table is None else getattr(table, name)
+    return getattr(base, name) if value is None else value
+
+
+def prior_for_new_surface(
+    prior: Braking, learned: Mapping[str, LearnedForce], share: float
+) -> Floats:
+    """(4,) a share of the weakest known force, of the file and of surfaces with many stops.
+
+    The force of a surface with few stops is itself assumed and is ignored, and so is the one that
+    a surface began with: an estimate that is not valid is used as fitted from its stops.
+    """
+    forces = [coefficients_of(known) for known in (prior, *map(prior.on, prior.terrain))]
+    forces += [
+        np.array(force.published if force.valid else force.estimate)
+        for force in learned.values()
+        if force.valid or force.accepted >= _MIN_STOP_COUNT
+    ]
+    fast = np.array([0.0, 0.0, prior.speed_range[1], 1.0])
+    return np.asarray(share * min(forces, key=lambda coefficients: float(fast @ coefficients)))
+
+
+def select_surface_to_evict(
+    surface: str,
+    named: Collection[str],
+    learned: Mapping[str, LearnedForce],
+    updated: Mapping[str, float],
+    new: tuple[Floats, Floats],
+) -> str:
+    """Surface that a new one replaces; "" while a slot is free.
+
+    Surfaces that file or map name have reserved slots; all other names share theirs. Among these
+    the one ``updated`` the longest ago is evicted, unless it is valid, or weaker than a new surface
+    is assumed to be: weak ground is never forgotten. ``new``: (4, 4) corners of the trained
+    rectangle, and (4,) coefficients of a new surface.
+    """
+    invented = [name for name in learned if name and name not in named]
+    if surface in named and len(learned) - len(invented) < _MAX_SURFACES:
+        return ""
+    if len(invented) < _MAX_INVENTED:
+        return ""
+    corners, coefficients = new
+    assumed = corners @ coefficients - _TOLERANCE
+    forces = {name: corners @ np.array(learned[name].published) for name in invented}
+    spare = [n for n in invented if not learned[n].valid and np.all(forces[n] >= assumed)]
+    if not spare:
+        expected = (
+            f"a surface of the model file or one of the {_MAX_INVENTED} learned surfaces"
+            f" (no slot is free), got {surface}"
+        )
+        raise ParameterError("surface", expected)
+    return min(spare, key=lambda name: updated.get(name, -np.inf))
