@@ -67,17 +67,12 @@ class ThresholdSettings:
 
 @dataclass(frozen=True, slots=True)
 class GroundDescription:
-    """The two words, with the standard deviations beyond the threshold behind them.
-
-    Attributes:
-        hardness: `hard`, `soft` or `undecided`. grip: `gripping`, `slippery` or `undecided`.
-        hardness_score: positive soft. grip_score: positive gripping; NaN without evidence.
-    """
+    """The two words; scores are standard deviations above a threshold, NaN without evidence."""
 
     hardness: str = UNDECIDED
     grip: str = UNDECIDED
-    hardness_score: float = math.nan
-    grip_score: float = math.nan
+    hardness_score: float = math.nan  # positive: soft
+    grip_score: float = math.nan  # positive: gripping
 
     @property
     def is_decided(self) -> bool:
@@ -91,20 +86,13 @@ class GroundDescription:
 
 @dataclass(frozen=True, slots=True)
 class GroundChange:
-    """A description turned into its opposite.
+    """A description turned into its opposite: `hard` and `soft`, or `gripping` and `slippery`."""
 
-    Attributes:
-        time: end of the stretch that showed it [s]; the change is up to six seconds back.
-        strength: standard deviations beyond the threshold over those that are a change, above 1.
-        before, now: `hard` and `soft`, or `gripping` and `slippery`, in either order.
-        again: another change was seen within ten seconds before: patchy ground, or a return.
-    """
-
-    time: float
-    strength: float
+    time: float  # end of the stretch that showed it [s]; the change is up to six seconds back
+    strength: float  # standard deviations beyond the threshold over those of a change, above 1
     before: str
     now: str
-    again: bool = False
+    again: bool = False  # within ten seconds of another: patchy ground, or a return
 
 
 _AGAIN = 10.0

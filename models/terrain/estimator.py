@@ -42,22 +42,16 @@ _SIGNED_BELOW = -0.3
 
 
 class DriveSample(NamedTuple):
-    """Measurements at one moment.
+    """Measurements at one moment."""
 
-    Attributes:
-        time: [s]. v_left, v_right: rim speeds [m/s]. yaw_rate: ω_z as measured [rad/s].
-        current_left, current_right: currents of the sides' motors [A].
-        pitch: nose down positive [rad]. roll: left side up positive [rad].
-    """
-
-    time: float
-    v_left: float
+    time: float  # [s]
+    v_left: float  # rim speeds of the sides [m/s]
     v_right: float
-    yaw_rate: float
-    current_left: float
+    yaw_rate: float  # ω_z with bias [rad/s]
+    current_left: float  # currents of the sides' motors [A]
     current_right: float
-    pitch: float
-    roll: float
+    pitch: float  # nose down positive [rad]
+    roll: float  # left side up positive [rad]
 
 
 class TerrainEstimator:

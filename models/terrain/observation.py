@@ -35,15 +35,11 @@ UNKNOWN = TerrainEstimate(math.nan, math.nan)
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """The three parameters that characterise a ground, NaN where not known. Source: Slip 3.2.
+    """The three parameters that characterise a ground, NaN where not known. Source: Slip 3.2."""
 
-    Attributes:
-        motion_resistance: f_r [1]. lateral_resistance: μ_t [1]. slip_track: B_s [m].
-    """
-
-    motion_resistance: TerrainEstimate = UNKNOWN
-    lateral_resistance: TerrainEstimate = UNKNOWN
-    slip_track: TerrainEstimate = UNKNOWN
+    motion_resistance: TerrainEstimate = UNKNOWN  # f_r [1]
+    lateral_resistance: TerrainEstimate = UNKNOWN  # μ_t [1]
+    slip_track: TerrainEstimate = UNKNOWN  # B_s [m]
 
     @property
     def values(self) -> tuple[float, float, float]:
@@ -58,34 +54,20 @@ class Features:
 
 @dataclass(frozen=True, slots=True)
 class GroundObservation:
-    """A stretch, and the estimates once it ends.
+    """A stretch, and the estimates once it ends; speeds are means over it."""
 
-    Attributes:
-        begin, end: time [s].
-        phase: kind of motion.
-        samples: number of samples used.
-        speed: mean of the rim speeds of both sides [m/s].
-        speed_difference: mean ΔV [m/s].
-        yaw_rate: mean ω_z without bias [rad/s].
-        pitch: mean, nose down positive [rad].
-        onset_current: mean current of both sides over the first 0.5 s of steady motion [A].
-        measured: estimates of this stretch alone: f_r of a straight, μ_t and B_s of a turn.
-        turning: turning thrust of this stretch, see :mod:`.resistances` [1].
-        known: latest of each parameter in this run.
-    """
-
-    begin: float
+    begin: float  # time [s]
     end: float
     phase: Phase
     samples: int
-    speed: float
-    speed_difference: float
-    yaw_rate: float
-    pitch: float
-    onset_current: float
-    measured: Features
-    turning: TerrainEstimate
-    known: Features
+    speed: float  # mean of the rim speeds of both sides [m/s]
+    speed_difference: float  # ΔV [m/s]
+    yaw_rate: float  # ω_z without bias [rad/s]
+    pitch: float  # nose down positive [rad]
+    onset_current: float  # mean of both sides over the first 0.5 s of steady motion [A]
+    measured: Features  # of this stretch alone: f_r of a straight, μ_t and B_s of a turn
+    turning: TerrainEstimate  # turning thrust of this stretch [1], see :mod:`.resistances`
+    known: Features  # latest of each parameter in this run
 
     @property
     def rim_speed(self) -> float:

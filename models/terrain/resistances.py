@@ -39,17 +39,11 @@ wheels is not the pitch [rad]: above that the f_r of BorealTC's asphalt was up t
 
 @dataclass(frozen=True, slots=True)
 class Drivetrain:
-    """Constants from current to thrust, and from thrust to resistance.
+    """Constants from current to thrust, and from thrust to resistance."""
 
-    Attributes:
-        force_per_ampere: τ k_t / r [N/A].
-        idle_current: current of one side [A].
-        weight: W [N].
-    """
-
-    force_per_ampere: float
-    idle_current: float
-    weight: float
+    force_per_ampere: float  # τ k_t / r [N/A]
+    idle_current: float  # of one side [A]
+    weight: float  # W [N]
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Drivetrain:
@@ -65,22 +59,16 @@ class Drivetrain:
 
 @dataclass(frozen=True, slots=True)
 class SteadyStretch:
-    """Samples of steady motion, each array (n,).
+    """Samples of steady motion, each array (n,)."""
 
-    Attributes:
-        time: [s]. v_left, v_right: rim speeds [m/s]. yaw_rate: without bias [rad/s].
-        current_left, current_right: [A]; positive drives forward, unless all are magnitudes.
-        pitch: nose down positive [rad]. roll: left side up positive [rad].
-    """
-
-    time: Floats
-    v_left: Floats
+    time: Floats  # [s]
+    v_left: Floats  # rim speeds of the sides [m/s]
     v_right: Floats
-    yaw_rate: Floats
-    current_left: Floats
+    yaw_rate: Floats  # without bias [rad/s]
+    current_left: Floats  # positive drives forward, unless all are magnitudes [A]
     current_right: Floats
-    pitch: Floats
-    roll: Floats
+    pitch: Floats  # nose down positive [rad]
+    roll: Floats  # left side up positive [rad]
 
     @property
     def turns_on_the_spot(self) -> bool:

@@ -24,29 +24,19 @@ _PAUSE = 0.5
 
 @dataclass(frozen=True, slots=True)
 class TerrainTrace:
-    """One run; arrays are (n,), NaN where there is nothing to show.
+    """One run; arrays are (n,), NaN where there is nothing to show."""
 
-    Attributes:
-        time: [s]. speed_difference: ΔV [m/s]. yaw_rate: ω_z as measured [rad/s].
-        current_left, current_right: [A].
-        slip_track, slip_track_std: B_s of the filter [m], NaN before it first ran.
-        active: the filter ran at this sample.
-        stuck: the vehicle was stuck.
-        predicted_variance: variance of 1/B_s before each sample of the first turn [1/m²].
-        settled_variance: where the Riccati equation says it settles; NaN without a turn.
-    """
-
-    time: Floats
-    speed_difference: Floats
-    yaw_rate: Floats
-    current_left: Floats
+    time: Floats  # [s]
+    speed_difference: Floats  # ΔV [m/s]
+    yaw_rate: Floats  # ω_z with bias [rad/s]
+    current_left: Floats  # [A]
     current_right: Floats
-    slip_track: Floats
+    slip_track: Floats  # B_s of the filter [m], NaN before it first ran
     slip_track_std: Floats
-    active: Bools
+    active: Bools  # the filter ran at this sample
     stuck: Bools
-    predicted_variance: Floats
-    settled_variance: float
+    predicted_variance: Floats  # of 1/B_s before each sample of the first turn [1/m²]
+    settled_variance: float  # by the Riccati equation [1/m²]; NaN without a turn
 
 
 def trace(

@@ -16,9 +16,6 @@ from slopewise.services.jobs.plural import plural
 if TYPE_CHECKING:
     from slopewise.services.jobs.terrain_result import TerrainResult
 
-_GROUND = ("f_r", "μ_t", "B_s\nm", "hardness", "grip", "agrees with")
-_COLUMNS = ("run", *_GROUND, "parts", "changed", "stuck\ns", "excluded")
-
 
 def terrain(
     logs: options.LogFiles,
@@ -85,15 +82,17 @@ def terrain(
 
 def _tables(result: TerrainResult, note: str) -> Iterator[Any]:
     """One row per run, then events and notes."""
-    from slopewise.services.jobs.terrain_summary import run_cells
+    from slopewise.services.jobs.terrain_summary import agreement_text, run_cells
 
     yield from table(
-        _COLUMNS,
+        ("run", "f_r", "μ_t", "B_s\nm", "ground", "parts", "changed", "stuck\ns", "excluded"),
         (run_cells(run) for run in result.runs),
         title="terrain by run",
         more="more runs; --out or --json gives all",
     )
     for run in result.runs[:LISTED]:
+        ground = run.name or f"agrees with {agreement_text(run)}"
+        yield line(f"  {run.run}: {ground}")
         for change in run.changes:
             again = ", again" if change.again else ""
             turn = f"from {change.before} to {change.now}{again}"

@@ -10,6 +10,7 @@ import numpy as np
 
 from slopewise.models.terrain.agreement import ALPHA
 from slopewise.models.terrain.classes import FEATURES
+from slopewise.models.terrain.description import UNDECIDED
 from slopewise.models.terrain.evidence import evidence_of
 from slopewise.models.terrain.observation import Features, TerrainEstimate
 from slopewise.services.jobs.summary import Summary, finite
@@ -163,8 +164,13 @@ def _spread(values: list[tuple[float, float, float]]) -> dict[str, Any]:
     return table
 
 
+def agreement_text(run: RunEvents) -> str:
+    """Set of the classes that agree, as `{ice, snow}`."""
+    return f"{{{', '.join(run.agrees_with)}}}"
+
+
 def run_cells(run: RunEvents, spread: str = "") -> list[str]:
-    """A run as a row of a table; spread: how a standard deviation follows its value."""
+    """A run as a row of a table; spread: how a standard deviation follows its value, on a page."""
     values = [
         f"{value:.3f}{spread.format(std)}" if math.isfinite(value) else "–"
         for value, std in zip(run.known.values, run.known.stds, strict=True)
@@ -175,5 +181,8 @@ def run_cells(run: RunEvents, spread: str = "") -> list[str]:
         round(run.stuck_seconds),
         len(run.excluded),
     )
-    ground = [run.hardness, run.grip, run.name or f"{{{', '.join(run.agrees_with)}}}"]
+    stated = [text for text in (run.hardness, run.grip) if text != UNDECIDED]
+    ground = [", ".join(stated) or UNDECIDED]
+    if spread:
+        ground.append(run.name or agreement_text(run))
     return [run.run, *values, *ground, *(str(count) if count else "–" for count in counts)]
