@@ -65,6 +65,7 @@ class Learner:
         self._streams = StopStreams(settings)
         self._last_surface = ""
         self._open_surfaces: tuple[str, ...] = ()
+        self._assumed: list[str] = []  # surfaces that plans count with on ground without a name
 
     # ------------------------------------------------------------------ observations
 
@@ -174,7 +175,11 @@ class Learner:
 
     def flags(self) -> list[str]:
         """Warnings about learned parameters and about the senders of stops."""
-        return [*self.state.braking.forces.flags(), *self._warnings.active()]
+        flags = [*self.state.braking.forces.flags(), *self._warnings.active()]
+        if self._assumed:
+            ground, names = self.ground.description(), ", ".join(self._assumed)
+            flags.append(f"ground is {ground}: plans count with the base or {names}")
+        return flags
 
     def is_outdated(self) -> bool:
         """Return True if the description of the ground changed since the last active model."""
@@ -186,6 +191,7 @@ class Learner:
         for kind in self.state.kinds():
             model = kind.apply(model)
         self._open_surfaces = self.ground.open_surfaces()
+        self._assumed = [n for n in self._open_surfaces if n in model.braking.terrain]
         model = with_open_surfaces(model, self._open_surfaces)
         ages = self.state.braking.forces.ages(time.monotonic())
         return model, self.state.braking.common_age(ages), max(ages.values(), default=0.0)

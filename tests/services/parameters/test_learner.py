@@ -326,6 +326,7 @@ def test_own_samples_give_no_name_and_plans_use_the_weakest_surface_left_open() 
     assert robot.ground.description() == "soft"  # the file has no threshold of grip
     assert robot.is_outdated()
     assert robot.active()[0].braking.states_of("") == ("beach_sand",)
+    assert "ground is soft: plans count with the base or beach_sand" in robot.flags()
     assert not robot.is_outdated()
     robot.observe(stop(0.5), "obs/stop")
     assert list(robot.state.braking.forces.learned()) == [""]
