@@ -103,13 +103,13 @@ class ResistanceSettings:
         "A", "Error of the mean current of a side: offset of the sensor.", default=0.1, at_least=0.0
     )
     motion_scatter: float = quantity(
-        "1", "Scatter of f_r from stretch to stretch, a share of it.", default=0.18, at_least=0.0
+        "1", "Scatter of f_r from stretch to stretch, a share of it.", default=0.20, at_least=0.0
     )
     turning_scatter: float = quantity(
         "1", "Scatter of the turning thrust likewise.", default=0.12, at_least=0.0
     )
-    lateral_scatter: float = quantity("1", "Scatter of μ_t likewise.", default=0.25, at_least=0.0)
-    slip_scatter: float = quantity("1", "Scatter of B_s likewise.", default=0.12, at_least=0.0)
+    lateral_scatter: float = quantity("1", "Scatter of μ_t likewise.", default=0.35, at_least=0.0)
+    slip_scatter: float = quantity("1", "Scatter of B_s likewise.", default=0.18, at_least=0.0)
 
     def __post_init__(self) -> None:
         validate_quantities(self)

@@ -97,7 +97,9 @@ def test_descriptions_of_ground_that_was_held_out(figures, runs, by_class):
     counts = figures.held_out(runs, by_class=by_class)
     for axis in ("hardness", "grip"):
         stated = sum(c[f"{axis} stated"] for c in counts.values())
-        assert stated >= 0.55 * sum(c[f"{axis} windows"] for c in counts.values())
+        assert stated >= (0.5 if by_class else 0.6) * sum(
+            c[f"{axis} windows"] for c in counts.values()
+        )
         for name, count in counts.items():
             assert count[f"{axis} wrong"] <= 0.05 * count[f"{axis} stated"], (axis, name)
     # the ground that took no part agrees with one class as well: so names need days
