@@ -74,7 +74,11 @@ class EvidenceWindow:
         """Add a stretch, and drop what is too old at its end."""
         self.time = observation.end
         self._entries.extend(evidence_of(observation))
-        self.drop_before(self.time - self._seconds)
+        self.expire(self.time)
+
+    def expire(self, time: float) -> None:
+        """Drop what is too old at a time [s]."""
+        self.drop_before(time - self._seconds)
 
     def drop_before(self, time: float) -> None:
         """Drop stretches that ended before a time [s]."""

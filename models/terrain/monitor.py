@@ -100,6 +100,8 @@ class TerrainMonitor:
     def update(self, sample: DriveSample, usable: bool = True) -> tuple[Event, ...]:
         """One sample, see :meth:`.TerrainEstimator.update`; what it completes, mostly nothing."""
         done = self.estimator.update(sample, usable)
+        if self.estimator.phases.phase is not Phase.REST:  # at rest the ground stays the same
+            self.describer.window.expire(sample.time)
         return () if done is None else self._describe(done)
 
     def finish(self) -> tuple[Event, ...]:

@@ -97,6 +97,18 @@ def test_after_a_change_what_was_known_is_forgotten():
     assert "asphalt" not in estimates[-1].agrees_with
 
 
+def test_a_description_lasts_at_rest_and_expires_while_nothing_steady_is_driven():
+    log = plant.drive([(2, 0, 0), (8, 0.5, 0.0), (30, 0.0, 0.0), (1, 0.5, 0.0)], plant.SAND)
+    monitor = TerrainMonitor(MODEL, HUSKY.classes, HUSKY.thresholds, QUIET)
+    texts = []
+    for sample in samples_of(log):
+        monitor.update(sample)
+        texts.append(str(monitor.describer.describe()))
+    assert texts[1200] == texts[3900] == "soft"
+    assert texts[-1] == UNDECIDED  # thirty seconds old once it drives on
+    assert monitor.open_surfaces() == tuple(t.name for t in HUSKY.terrain)
+
+
 def test_stuck_is_not_described():
     estimates, _ = events(plant.drive([(2, 0, 0), (8, 0.5, 0.0), (6, 0.0, np.nan)], plant.DIRT))
     stuck = [e for e in estimates if isinstance(e, DescribedStretch) and e.is_stuck]

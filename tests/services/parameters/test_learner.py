@@ -26,6 +26,7 @@ from tests.services.parameters.parameter_fixtures import (
     G,
     learner,
     level_force,
+    started,
     stop,
 )
 from tests.services.robot_plant import Surface, Vehicle
@@ -330,6 +331,17 @@ def test_own_samples_give_no_name_and_plans_use_the_weakest_surface_left_open() 
     assert not robot.is_outdated()
     robot.observe(stop(0.5), "obs/stop")
     assert list(robot.state.braking.forces.learned()) == [""]
+
+
+def test_the_service_publishes_what_the_description_leaves() -> None:
+    model = with_surfaces(asphalt=0.18, beach_sand=0.15)
+    service = started("", model, terrains="husky")
+    assert not service.active.model.braking.states_of("")
+    log = plant.drive([(3.0, 0.0, 0.0)], plant.DIRT)
+    receipt = service.observe("drive", samples(log), "obs/drive", time.monotonic())
+    assert receipt.status == "taken"
+    assert service.active.model.braking.states_of("") == ("asphalt", "beach_sand")
+    assert any("plans count with the base or asphalt" in flag for flag in service.active.flags)
 
 
 def test_undecided_ground_leaves_every_known_surface_open() -> None:
