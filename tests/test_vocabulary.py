@@ -31,10 +31,9 @@ MARKER = "words: ok"
 CEILINGS: dict[str, int] = {
     "models/calibration": 349,
     "models/discrepancy": 509,
-    "models/terrain": 247,
     "models/stop_logs": 5,
     "planner": 841,
-    "examples": 70,
+    "examples": 26,
 }
 """Matches in folders that are not at zero yet."""
 FOLDERS = ("models", "planner", "services", "slopewise", "benchmarks", "tests", "docs", "examples")

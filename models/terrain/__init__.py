@@ -1,1 +1,1 @@
-"""What the ground is like, learned while driving: Slip's three parameters, classes, changes."""
+"""Properties of the ground, estimated while driving: Slip's parameters, two words, changes."""

@@ -1,6 +1,6 @@
 """The terrain estimator: samples in, observations of the ground out, online as offline.
 
-Each sample costs a few scalar updates. At the end of each steady stretch, five seconds at most,
+Each sample costs a few scalar updates. At the end of each steady stretch, four seconds at most,
 its samples are evaluated together. Source: Slip, Sec. 2–4.1.
 """
 
@@ -14,50 +14,53 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.terrain.gyro_bias import GyroBias
-from slopewise.models.terrain.observation import UNKNOWN, Features, GroundObservation
+from slopewise.models.terrain.observation import (
+    UNKNOWN,
+    Features,
+    GroundObservation,
+    TerrainEstimate,
+)
 from slopewise.models.terrain.phases import MotionPhases, Phase
 from slopewise.models.terrain.resistances import (
     Drivetrain,
     SteadyStretch,
-    TerrainEstimate,
     lateral_resistance_of,
     motion_resistance_of,
+    scattered,
+    turning_thrust_of,
 )
 from slopewise.models.terrain.settings import EstimatorSettings
 from slopewise.models.terrain.slip_track_filter import SlipTrackFilter
 from slopewise.models.vehicle import Vehicle
 
-_ONSET = 0.5  # [s] of steady motion that the current at its onset is averaged over
-_DOUBT = 3.0  # smoothing times before a change is noticed that the filter may have seen it
-_SIGNED_BELOW = -0.3  # [A] a current below this is no noise of a magnitude
+_ONSET = 0.5
+"""Steady motion that the current at its onset is averaged over [s]."""
+_LATE = 3.0
+"""Smoothing times by which a change of motion is noticed after the filter saw it [1]."""
+_SIGNED_BELOW = -0.3
+"""A current below this is no noise of a magnitude [A]."""
 
 
 class DriveSample(NamedTuple):
-    """What the estimator sees at one moment.
+    """Measurements at one moment."""
 
-    Attributes:
-        time: [s]. v_left, v_right: rim speeds [m/s]. yaw_rate: ω_z as measured [rad/s].
-        current_left, current_right: of the sides' motors [A].
-        pitch: nose down positive [rad]. roll: left side up positive [rad].
-    """
-
-    time: float
-    v_left: float
+    time: float  # [s]
+    v_left: float  # rim speeds of the sides [m/s]
     v_right: float
-    yaw_rate: float
-    current_left: float
+    yaw_rate: float  # ω_z with bias [rad/s]
+    current_left: float  # currents of the sides' motors [A]
     current_right: float
-    pitch: float
-    roll: float
+    pitch: float  # nose down positive [rad]
+    roll: float  # left side up positive [rad]
 
 
 class TerrainEstimator:
     """f_r, μ_t and B_s of the ground under a skid-steered vehicle.
 
     Attributes:
-        filter: of the slip track; runs in turns.
-        bias: of the yaw rate gyroscope; learned at rest.
-        phases: what the vehicle does.
+        filter: slip track; runs in turns.
+        bias: bias of the yaw rate gyroscope; learned at rest.
+        phases: kind of motion now.
         signed: the currents have a sign, positive driving forward. False until one is negative.
     """
 
@@ -69,16 +72,13 @@ class TerrainEstimator:
         motion_resistance: TerrainEstimate,
         settings: EstimatorSettings | None = None,
     ) -> None:
-        """Begin.
+        """Begin; ParameterError if the vehicle has no motor torque constant or gear ratio.
 
         Args:
-            vehicle: with motor torque constant and gear ratio.
+            vehicle: sizes and motors.
             slip_track: B_s to begin with [m].
             motion_resistance: f_r assumed in turns before the first straight.
-            settings: print's, where it gives them, if left out.
-
-        Raises:
-            ParameterError: the vehicle's drive is not known, or it is not skid-steered.
+            settings: the paper's, where it gives them, by default.
         """
         self._vehicle = vehicle
         self._drive = Drivetrain.of(vehicle)
@@ -87,7 +87,7 @@ class TerrainEstimator:
         self._assumed = dataclasses.replace(motion_resistance, note="f_r assumed")
         self._longest = self._settings.motion.longest_stretch
         self._gap = self._settings.motion.longest_gap
-        self._doubt = _DOUBT * self._settings.motion.smoothing
+        self._late = _LATE * self._settings.motion.smoothing
         self._before: deque[tuple[float, float, float]] = deque()
         self.phases = MotionPhases(vehicle.track_width, self._settings.motion)
         self.bias = GyroBias()
@@ -95,7 +95,7 @@ class TerrainEstimator:
         self.begin_run()
 
     def begin_run(self) -> None:
-        """Another run: perhaps other ground. What the gyroscope does at rest is kept."""
+        """Another run, perhaps on other ground; the bias of the gyroscope stays."""
         self.filter = SlipTrackFilter(self._start, self._settings.filter)
         self.phases.begin()
         self.known = Features()
@@ -106,12 +106,10 @@ class TerrainEstimator:
         self._turned = False
 
     def update(self, sample: DriveSample, usable: bool = True) -> GroundObservation | None:
-        """One sample; an observation if it ends a stretch that tells something.
+        """One sample; an observation if it ends a stretch that is long enough.
 
-        Args:
-            sample: one that is not later than the one before is passed over.
-            usable: False excludes the sample and ends the stretch, as a number that is not finite
-                does.
+        A sample that is not later than the one before is ignored. One that is not ``usable``, or
+        has a number that is not finite, ends the stretch.
         """
         time, v_left, v_right, yaw_rate, current_left, current_right, pitch, roll = sample
         elapsed = 0.0 if self._time is None else time - self._time
@@ -146,30 +144,28 @@ class TerrainEstimator:
         return done
 
     def _filter(self, time: float, difference: float, turning: float, elapsed: float) -> None:
-        """One sample for the slip track, remembering how it was a moment ago."""
+        """One sample for the slip track; its states of the last moment are stored."""
         before = self._before
         before.append((time, self.filter.inverse, self.filter.variance))
-        while before[0][0] < time - self._doubt:
+        while before[0][0] < time - self._late:
             before.popleft()
         self.filter.update(difference, turning, elapsed)
         self._turned = True
 
-    def forget(self, but: Features | None = None) -> None:
-        """The ground has changed: what was known of it no longer holds, but for the latest."""
+    def forget(self, latest: Features) -> None:
+        """The ground has changed: only the latest measurements still hold."""
         self.known = Features()
-        if but is not None:
-            self._learn(but)
+        self._learn(latest)
         self.filter.variance = self._settings.filter.initial_std**2
 
     def finish(self) -> GroundObservation | None:
-        """The stretch that the run ended in, if it tells something."""
+        """The stretch that the run ended in, if it is long enough."""
         return self._close(trim=True)
 
     def _close(self, *, trim: bool) -> GroundObservation | None:
         """Evaluate the open stretch.
 
-        Args:
-            trim: motion may have changed; the smoothed speeds see it late by their time constant.
+        ``trim``: motion may have changed; the smoothed speeds follow late by their time constant.
         """
         samples, phase = self._samples, self._kind
         self._samples, self._kind = [], Phase.OTHER
@@ -186,15 +182,15 @@ class TerrainEstimator:
         if columns.shape[1] < 2 or columns[0, -1] - columns[0, 0] < short:
             return None
         stretch = SteadyStretch(*columns)
-        own = self._tell(phase, stretch)
-        self._learn(own)
-        return self._observation(phase, stretch, own)
+        measured = self._measure(phase, stretch)
+        self._learn(measured)
+        return self._observation(phase, stretch, measured)
 
-    def _tell(self, phase: Phase, stretch: SteadyStretch) -> Features:
+    def _measure(self, phase: Phase, stretch: SteadyStretch) -> Features:
         settings = self._settings.resistance
         if phase is Phase.STRAIGHT:
-            found = motion_resistance_of(stretch, self._drive, settings, signed=self.signed)
-            return Features(motion_resistance=found)
+            f_r = motion_resistance_of(stretch, self._drive, settings, signed=self.signed)
+            return Features(motion_resistance=f_r)
         if phase not in (Phase.TURN, Phase.SPOT):
             return Features()
         f_r = self.known.motion_resistance
@@ -206,28 +202,31 @@ class TerrainEstimator:
             assumed,
             settings,
             signed=self.signed,
-            least_inner_speed=self._settings.motion.least_inner_speed,
+            min_inner_speed=self._settings.motion.least_inner_speed,
         )
         slip = UNKNOWN
         if self._turned:
-            slip = TerrainEstimate(self.filter.slip_track, self.filter.slip_track_std)
+            filtered = self.filter.slip_track, self.filter.slip_track_std
+            slip = scattered(*filtered, settings.slip_scatter)
         return Features(lateral_resistance=lateral, slip_track=slip)
 
-    def _learn(self, own: Features) -> None:
-        """Keep the latest of each parameter."""
-        news = {
-            field.name: found
-            for field in dataclasses.fields(own)
-            if np.isfinite((found := getattr(own, field.name)).value)
-        }
+    def _learn(self, measured: Features) -> None:
+        """Store the latest of each parameter."""
+        names = [field.name for field in dataclasses.fields(measured)]
+        news = {name: getattr(measured, name) for name in names}
+        news = {name: estimate for name, estimate in news.items() if estimate.is_known}
         self.known = dataclasses.replace(self.known, **news)
 
     def _observation(
-        self, phase: Phase, stretch: SteadyStretch, own: Features
+        self, phase: Phase, stretch: SteadyStretch, measured: Features
     ) -> GroundObservation:
         time = stretch.time
+        turning = UNKNOWN
+        if phase in (Phase.TURN, Phase.SPOT):
+            settings = self._settings.resistance
+            turning = turning_thrust_of(stretch, self._vehicle, self._drive, settings)
         onset = time <= time[0] + _ONSET
-        both = np.abs(stretch.current_left[onset]) + np.abs(stretch.current_right[onset])
+        current = np.abs(stretch.current_left[onset]) + np.abs(stretch.current_right[onset])
         return GroundObservation(
             begin=float(time[0]),
             end=float(time[-1]),
@@ -236,7 +235,9 @@ class TerrainEstimator:
             speed=float(np.mean(stretch.v_left + stretch.v_right)) / 2.0,
             speed_difference=float(np.mean(stretch.v_right - stretch.v_left)),
             yaw_rate=float(np.mean(stretch.yaw_rate)),
-            onset_current=float(np.mean(both)) / 2.0,
-            own=own,
+            pitch=float(np.mean(stretch.pitch)),
+            onset_current=float(np.mean(current)) / 2.0,
+            measured=measured,
+            turning=turning,
             known=self.known,
         )

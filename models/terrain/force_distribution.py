@@ -23,8 +23,7 @@ _SINGULAR = 1e-9
 def grasp_matrix(contacts: Floats) -> Floats:
     """G (6, 3n) of Slip (15): forces of all contacts to force and moment at the centre of mass.
 
-    Args:
-        contacts: (n, 3) contact points from the centre of mass, vehicle frame [m].
+    ``contacts``: (n, 3) contact points from the centre of mass, vehicle frame [m].
     """
     matrix = np.zeros((6, 3 * len(contacts)))
     for i, (x, y, z) in enumerate(contacts.tolist()):
@@ -35,10 +34,9 @@ def grasp_matrix(contacts: Floats) -> Floats:
 
 
 def weight_in_vehicle_frame(weight: float, pitch: float, roll: float) -> Floats:
-    """(6,) force and moment of the weight at the centre of mass, vehicle frame. Source: Slip (17).
+    """(6,) force and moment of W [N] at the centre of mass, vehicle frame. Source: Slip (17).
 
-    Args:
-        weight: W [N]. pitch: θ, nose down positive [rad]. roll: φ, left side up positive [rad].
+    ``pitch``: θ, nose down positive [rad]. ``roll``: φ, left side up positive [rad].
     """
     force = weight * np.array(
         [np.sin(pitch), -np.cos(pitch) * np.sin(roll), -np.cos(pitch) * np.cos(roll)]
@@ -49,18 +47,13 @@ def weight_in_vehicle_frame(weight: float, pitch: float, roll: float) -> Floats:
 def contact_forces(contacts: Floats, load: Floats) -> Floats:
     """(n, 3) forces of the ground on the contacts that balance a load [N]. Source: Slip (16).
 
-    The least squares among all solutions of G F + load = 0.
-
-    Args:
-        contacts: (n, 3) contact points from the centre of mass, vehicle frame [m].
-        load: (6,) force [N] and moment [N m] at the centre of mass, weight and inertia alike.
-
-    Raises:
-        ParameterError: the contacts cannot balance it, as two points or points on one line cannot.
+    The least squares among all solutions of G F + load = 0; ``load``: (6,) force [N] and moment
+    [N m] at the centre of mass. ParameterError if the contacts cannot balance it, as two points or
+    points on one line cannot.
     """
     matrix = grasp_matrix(contacts)
-    found, _, rank, _ = np.linalg.lstsq(matrix, -load, rcond=_SINGULAR)
+    forces, _, rank, _ = np.linalg.lstsq(matrix, -load, rcond=_SINGULAR)
     size = max(float(np.abs(load).max()), 1.0)
-    if rank < len(matrix) and float(np.abs(matrix @ found + load).max()) > 1e-6 * size:
+    if rank < len(matrix) and float(np.abs(matrix @ forces + load).max()) > 1e-6 * size:
         raise ParameterError("contacts", f"three points or more off one line, got {len(contacts)}")
-    return np.asarray(found.reshape(-1, 3))
+    return np.asarray(forces.reshape(-1, 3))

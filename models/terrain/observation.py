@@ -1,4 +1,4 @@
-"""What one stretch of steady motion tells of the ground."""
+"""Estimates of the ground from one stretch of steady motion."""
 
 from __future__ import annotations
 
@@ -6,22 +6,40 @@ import math
 from dataclasses import dataclass
 
 from slopewise.models.terrain.phases import Phase
-from slopewise.models.terrain.resistances import TerrainEstimate
+
+_TWO_SIDED = 1.96
+"""Standard deviations of a normal distribution on either side that hold 95 %."""
+
+
+@dataclass(frozen=True, slots=True)
+class TerrainEstimate:
+    """A value with its standard deviation; both NaN if the stretch does not determine it."""
+
+    value: float
+    std: float
+    note: str = ""
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the value on this ground."""
+        return self.value - _TWO_SIDED * self.std, self.value + _TWO_SIDED * self.std
+
+    @property
+    def is_known(self) -> bool:
+        """True if value and standard deviation are finite."""
+        return math.isfinite(self.value + self.std)
+
 
 UNKNOWN = TerrainEstimate(math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """The three parameters that characterise a ground, NaN where not known. Source: Slip 3.2.
+    """The three parameters that characterise a ground, NaN where not known. Source: Slip 3.2."""
 
-    Attributes:
-        motion_resistance: f_r [1]. lateral_resistance: μ_t [1]. slip_track: B_s [m].
-    """
-
-    motion_resistance: TerrainEstimate = UNKNOWN
-    lateral_resistance: TerrainEstimate = UNKNOWN
-    slip_track: TerrainEstimate = UNKNOWN
+    motion_resistance: TerrainEstimate = UNKNOWN  # f_r [1]
+    lateral_resistance: TerrainEstimate = UNKNOWN  # μ_t [1]
+    slip_track: TerrainEstimate = UNKNOWN  # B_s [m]
 
     @property
     def values(self) -> tuple[float, float, float]:
@@ -36,27 +54,22 @@ class Features:
 
 @dataclass(frozen=True, slots=True)
 class GroundObservation:
-    """A stretch, and what is known of the ground once it ends.
+    """A stretch, and the estimates once it ends; speeds are means over it."""
 
-    Attributes:
-        begin, end: time [s].
-        phase: what the vehicle did.
-        samples: how many were used.
-        speed: mean of the rim speeds of both sides [m/s].
-        speed_difference: mean ΔV [m/s].
-        yaw_rate: mean ω_z without bias [rad/s].
-        onset_current: mean current of both sides over the first 0.5 s of steady motion [A].
-        own: what this stretch alone tells: f_r of a straight, μ_t and B_s of a turn.
-        known: latest of each parameter in this run; what a class is told from.
-    """
-
-    begin: float
+    begin: float  # time [s]
     end: float
     phase: Phase
     samples: int
-    speed: float
-    speed_difference: float
-    yaw_rate: float
-    onset_current: float
-    own: Features
-    known: Features
+    speed: float  # mean of the rim speeds of both sides [m/s]
+    speed_difference: float  # ΔV [m/s]
+    yaw_rate: float  # ω_z without bias [rad/s]
+    pitch: float  # nose down positive [rad]
+    onset_current: float  # mean of both sides over the first 0.5 s of steady motion [A]
+    measured: Features  # of this stretch alone: f_r of a straight, μ_t and B_s of a turn
+    turning: TerrainEstimate  # turning thrust of this stretch [1], see :mod:`.resistances`
+    known: Features  # latest of each parameter in this run
+
+    @property
+    def rim_speed(self) -> float:
+        """Speed at the rim of the faster side [m/s]."""
+        return abs(self.speed) + 0.5 * abs(self.speed_difference)

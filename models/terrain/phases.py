@@ -17,13 +17,14 @@ from enum import Enum
 
 from slopewise.models.terrain.settings import MotionSettings
 
-_SLOWER = 2.0  # ratio of the two time constants
+_SLOWER = 2.0
+"""Ratio of the two time constants [1]."""
 
 
 class Phase(Enum):
-    """What the vehicle does, steadily unless it is OTHER."""
+    """Kind of motion, steady unless it is OTHER."""
 
-    OTHER = "transient"
+    OTHER = "transient"  # words: ok, not rest, straight, turn or stuck
     REST = "rest"
     STRAIGHT = "straight"
     TURN = "turn"
@@ -36,35 +37,11 @@ class MotionPhases:
 
     Attributes:
         phase: steady motion of the last sample.
-        withheld: the last sample says nothing of the slip track: wheels spin, or they just changed.
+        withheld: the last sample shows no slip track: wheels spin, or they just changed.
     """
 
-    __slots__ = (
-        "_dv",
-        "_dv_slow",
-        "_held",
-        "_kind",
-        "_settings",
-        "_spun",
-        "_started",
-        "_stopped",
-        "_track",
-        "_turning",
-        "_v",
-        "_v_slow",
-        "_w",
-        "_w_slow",
-        "phase",
-        "withheld",
-    )
-
     def __init__(self, track_width: float, settings: MotionSettings) -> None:
-        """Begin a run.
-
-        Args:
-            track_width: B [m], the slip track of wheels without slip.
-            settings: thresholds.
-        """
+        """Begin a run; ``track_width``: B, the slip track of wheels without slip [m]."""
         self._track = track_width
         self._settings = settings
         self.begin()
@@ -78,16 +55,9 @@ class MotionPhases:
         self.withheld = True
 
     def update(self, elapsed: float, v_left: float, v_right: float, yaw_rate: float) -> Phase:
-        """One sample.
+        """One sample, ``elapsed`` [s] after the one before: the phase, OTHER unless it is steady.
 
-        Args:
-            elapsed: time since the sample before [s].
-            v_left: speed at the rim of the left wheels [m/s].
-            v_right: speed at the rim of the right wheels [m/s].
-            yaw_rate: ω_z without bias [rad/s].
-
-        Returns:
-            The phase, OTHER unless it is steady.
+        ``v_left``, ``v_right``: speeds at the rim [m/s]. ``yaw_rate``: ω_z without bias [rad/s].
         """
         s = self._settings
         v, dv = 0.5 * (v_left + v_right), v_right - v_left

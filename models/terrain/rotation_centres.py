@@ -23,10 +23,6 @@ def rotation_centres(
 
     y = (V_x − V_side)/ω_z; left minus right is B_s of Slip (3). Source: Slip (1), (2).
 
-    Args:
-        v_left: rim speed of the left side [m/s].
-        v_right: rim speed of the right side [m/s].
-        speed: V_x of the body, not of the wheels [m/s].
-        yaw_rate: ω_z [rad/s], counter-clockwise positive, not 0.
+    ``speed``: V_x of the body, not of the wheels [m/s]. ``yaw_rate``: ω_z [rad/s], not 0.
     """
     return (speed - v_left) / yaw_rate, (speed - v_right) / yaw_rate

@@ -1,4 +1,4 @@
-"""Settings of the terrain estimator. The defaults are those of the paper where it gives them.
+"""Settings of the terrain estimator, with the paper's defaults where it gives them.
 
 They are data, not constants in code: a terrain file may hold others.
 """
@@ -34,45 +34,32 @@ class FilterSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionSettings:
-    """What counts as rest, straight, turn, steady and stuck."""
+    """Thresholds of rest, straight, turn, steady and stuck."""
 
     rest_speed: float = quantity("m/s", "Rim speeds below this are rest.", default=0.01, above=0.0)
     rest_yaw_rate: float = quantity(
-        "rad/s",
-        "Yaw rates above this at rest are a vehicle that is turned, no bias.",
-        default=0.1,
-        above=0.0,
+        "rad/s", "Yaw rates above this at rest are no bias.", default=0.1, above=0.0
     )
     rest_time: float = quantity(
-        "s", "Rest begins so long after wheels and gyroscope calm down.", default=1.0, above=0.0
+        "s", "Rest begins this time after wheels and gyroscope calm down.", default=1.0, above=0.0
     )
     turn_begin: float = quantity(
         "m/s", "Difference of rim speeds that begins a turn.", default=0.06, above=0.0
     )
     turn_end: float = quantity(
-        "m/s",
-        "Difference of rim speeds that ends it, and still is straight.",
-        default=0.04,
-        above=0.0,
+        "m/s", "Difference that ends it, and still is straight.", default=0.04, above=0.0
     )
-    least_speed: float = quantity(
+    least_speed: float = quantity(  # words: ok, a key of the file
         "m/s", "Mean rim speed that a straight needs.", default=0.08, above=0.0
     )
-    least_inner_speed: float = quantity(
-        "m/s",
-        "Inner wheels slower than this stand: it is open which way they roll.",
-        default=0.03,
-        at_least=0.0,
+    least_inner_speed: float = quantity(  # words: ok, a key of the file
+        "m/s", "Inner wheels slower than this stand.", default=0.03, at_least=0.0
     )
     smoothing: float = quantity(
         "s", "Time constant that speeds and yaw rate are smoothed with.", default=0.1, above=0.0
     )
     steady_change: float = quantity(
-        "1",
-        "Steady: smoothed at two time constants, they differ by less than this share.",
-        default=0.1,
-        above=0.0,
-        at_most=1.0,
+        "1", "Change that is steady, a share.", default=0.1, above=0.0, at_most=1.0
     )
     steady_floor: float = quantity(
         "rad/s", "Yaw rates that differ by less than this are the same.", default=0.02, at_least=0.0
@@ -81,14 +68,11 @@ class MotionSettings:
         "s", "Onset of steady motion: it has been so for this long.", default=0.2, at_least=0.0
     )
     stuck_slip: float = quantity(
-        "1",
-        "Wheels that ask for this many times the yaw rate of a free turn spin.",
-        default=5.0,
-        above=1.0,
+        "1", "Yaw rate of a turn without slip over that of spin.", default=5.0, above=1.0
     )
     stuck_time: float = quantity("s", "Spinning for this long is stuck.", default=0.6, above=0.0)
     longest_stretch: float = quantity(
-        "s", "Longer stretches are cut, so that changes show.", default=5.0, above=0.0
+        "s", "Longer stretches are cut, so that changes show.", default=4.0, above=0.0
     )
     shortest_stretch: float = quantity(
         "s", "Shorter steady stretches are not used.", default=0.5, above=0.0
@@ -107,14 +91,25 @@ class MotionSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResistanceSettings:
-    """How well what the resistances are computed from is known."""
+    """Errors of the resistances: sensors, and scatter from stretch to stretch on one ground.
+
+    Scatters are standard deviations on BorealTC, a Husky on four grounds (decision 28).
+    """
 
     pitch_std: float = quantity(
-        "rad", "Error of the pitch, mount offset included.", default=0.005, at_least=0.0
+        "rad", "Error of the pitch up to 3°; twice that beyond.", default=0.01, at_least=0.0
     )
     current_std: float = quantity(
         "A", "Error of the mean current of a side: offset of the sensor.", default=0.1, at_least=0.0
     )
+    motion_scatter: float = quantity(
+        "1", "Scatter of f_r from stretch to stretch, a share of it.", default=0.20, at_least=0.0
+    )
+    turning_scatter: float = quantity(
+        "1", "Scatter of the turning thrust likewise.", default=0.12, at_least=0.0
+    )
+    lateral_scatter: float = quantity("1", "Scatter of μ_t likewise.", default=0.35, at_least=0.0)
+    slip_scatter: float = quantity("1", "Scatter of B_s likewise.", default=0.18, at_least=0.0)
 
     def __post_init__(self) -> None:
         validate_quantities(self)

@@ -1,10 +1,10 @@
 """Slip track from yaw rate and rim speeds: a scalar Kalman filter on x = 1/B_s.
 
 x walks at random, and ω_z = ΔV x + noise. The filter runs in turns only: on straights ΔV is 0 and
-teaches nothing. It follows x and not B_s because the yaw rate is the noisy one of the two.
+shows no slip. It follows x and not B_s because the yaw rate is the noisy one of the two.
 
 Validity: wheels that move the vehicle. Of a stuck vehicle with spinning wheels the yaw rate says
-B_s → ∞, which is no property of the ground: such samples belong outside (:mod:`.spinning`).
+B_s → ∞, which is no property of the ground: such samples belong outside (:mod:`.phases`).
 Omits: noise of the rim speeds, as print does. Source: Slip (4)–(11).
 """
 
@@ -19,12 +19,7 @@ class SlipTrackFilter:
     """State x = 1/B_s [1/m] and its variance [1/m²], updated sample by sample."""
 
     def __init__(self, slip_track: float, settings: FilterSettings | None = None) -> None:
-        """Begin at a slip track.
-
-        Args:
-            slip_track: B_s to begin with [m], > 0.
-            settings: of the filter; print's if left out.
-        """
+        """Begin at a slip track B_s > 0 [m]; the paper's settings by default."""
         settings = FilterSettings() if settings is None else settings
         self.inverse = 1.0 / slip_track
         self.variance = settings.initial_std**2
@@ -34,11 +29,8 @@ class SlipTrackFilter:
     def update(self, speed_difference: float, yaw_rate: float, elapsed: float) -> None:
         """One sample of a turn. Source: Slip (7)–(11) with A = 1, B = 0.
 
-        Args:
-            speed_difference: ΔV = V_R − V_L [m/s].
-            yaw_rate: ω_z without bias [rad/s].
-            elapsed: time since the sample before [s]; Q grows with it, so that logs of another
-                rate are treated alike. Print's step is ``sample_time``.
+        ``speed_difference``: ΔV = V_R − V_L [m/s]. ``yaw_rate``: ω_z without bias [rad/s].
+        ``elapsed``: time since the sample before [s]; Q grows with it, for logs of any rate.
         """
         predicted = self.variance + self._growth * elapsed
         innovation_variance = speed_difference * speed_difference * predicted + self._noise
@@ -68,10 +60,7 @@ def steady_state_variance(
     The root of the scalar Riccati equation P = P R/(H² P + R) + Q, before a sample:
     P = (Q + √(Q² + 4 Q R/H²))/2, and P − Q after it. With print's Q and R, 0.0025 m⁻² before a
     sample belongs to ΔV = 1.2 m/s. Source: Slip (8), (9), (11); print gives the unit as m².
-
-    Args:
-        speed_difference: ΔV, the same in every sample, not 0 [m/s].
-        settings: of the filter, sampled at its ``sample_time``.
+    ``speed_difference``: ΔV, the same in every sample, not 0 [m/s].
     """
     settings = FilterSettings() if settings is None else settings
     Q, R = settings.process_variance, settings.yaw_rate_std**2

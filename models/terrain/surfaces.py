@@ -1,80 +1,72 @@
-"""What was learned of the ground, put into a model that the planner reads.
+"""Estimates of the ground, put into a model that the planner reads.
 
-Terrain parameters are rounded towards slower by their standard deviation: more resistance leaves
+Terrain parameters count with the upper end of their one-sided 95 % interval: more resistance leaves
 less thrust for speeding up, a wider slip track lowers the speed that the wheels allow in turns.
-Towards faster they go on ground of a known class only: what is none of these may be anything in the
-next metre, and is given no credit for what was measured in the last.
+Towards faster they change only where the description of the ground is certain: any other ground may
+be different in the next metre.
 
-Of braking a class tells one thing only: the motion resistance that it lacks. A braking force is
-brakes plus motion resistance, Braking (6), so on ground that rolls more easily than the ground the
-coefficients are of, the force is less by the difference. Ground that rolls harder is given no
-credit: whether the brakes hold as well on it only stops can tell. Source: Braking (6).
+Of braking a class determines one part only: the motion resistance that it lacks. A braking force is
+brakes plus motion resistance, Braking (6), so on ground that rolls more easily than the ground of
+the coefficients, the force is less by the difference. Ground that rolls harder gets no credit:
+whether the brakes hold as well on it only stops can show. Source: Braking (6).
 
 Where the brakes are applied in part only, the motion resistance is a part of the braking force, and
-more of it would be stronger brakes. There what is rounded up for the drive does not count: braking
-keeps the f_r that it had, or the lower one that was found, and what is open between that and the
-one for the drive is scatter of the force.
+more of it would be stronger brakes. There the upper end for the drive does not count: braking uses
+the f_r that it had, or the lower one that was measured, and the difference between that and the
+drive's is scatter of the force.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Collection, Mapping
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking, Model, Terrain
 from slopewise.models.surface_braking import SurfaceBraking
-from slopewise.models.terrain.observation import UNKNOWN, Features
-from slopewise.models.terrain.resistances import TerrainEstimate
+from slopewise.models.surface_names import states_of
+from slopewise.models.terrain.observation import Features, TerrainEstimate
+
+_UPPER = 1.645
+"""Standard deviations of a normal distribution below which 95 % lie [1]."""
 
 
 def model_on(model: Model, known: Features, *, valid: bool = True) -> Model:
     """The model with the terrain parameters of the ground driven now.
 
-    A larger standard deviation never shortens a stop and never raises a speed.
-
-    Args:
-        model: as it was.
-        known: latest estimates; what is not known stays as it was.
-        valid: the ground is of a known class; if not, no parameter becomes faster. Less motion
-            resistance to brake with counts all the same.
+    A larger standard deviation never shortens a stop and never raises a speed. Unknown estimates
+    change nothing. ``valid``: the description is as certain as plans rely on; if not, no parameter
+    becomes faster, but less motion resistance to brake with still counts.
     """
-    old, found = model.terrain, known.motion_resistance
-    if not valid:
-        known = _none_faster(known, old)
-    wide = _slower(known.slip_track, old.slip_track)
-    terrain = dataclasses.replace(
-        old,
-        motion_resistance=max(_slower(known.motion_resistance, old.motion_resistance), 0.0),
-        lateral_resistance=max(_slower(known.lateral_resistance, old.lateral_resistance), 0.0),
-        slip_track=max(wide, model.vehicle.track_width),
-    )
-    if model.braking.level == 1.0 or not math.isfinite(found.value + found.std):
+    old, measured = model.terrain, known.motion_resistance
+    lowest = {
+        "motion_resistance": 0.0,
+        "lateral_resistance": 0.0,
+        "slip_track": model.vehicle.track_width,
+    }
+    news = {}
+    for name, floor in lowest.items():
+        estimate, before = getattr(known, name), getattr(old, name)
+        upper = estimate.value + _UPPER * estimate.std
+        use = math.isfinite(upper) and (valid or upper >= before)
+        news[name] = max(upper if use else before, floor)
+    terrain = dataclasses.replace(old, **news)
+    if model.braking.level == 1.0 or not measured.is_known:
         return dataclasses.replace(model, terrain=terrain)
-    kept = max(min(old.rolling_while_braking, found.value), 0.0)
-    terrain = dataclasses.replace(terrain, braking_resistance=kept)
+    resistance = max(min(old.rolling_while_braking, measured.value), 0.0)
+    terrain = dataclasses.replace(terrain, braking_resistance=resistance)
     braking = _with_scatter(model.braking, _open(old), _open(terrain))
     return dataclasses.replace(model, terrain=terrain, braking=braking)
 
 
-def _none_faster(known: Features, old: Terrain) -> Features:
-    """Estimates without those that, rounded, are faster than what was taken so far."""
-    before = (old.motion_resistance, old.lateral_resistance, old.slip_track)
-    estimates = (known.motion_resistance, known.lateral_resistance, known.slip_track)
-    kept = [
-        UNKNOWN if found.value + found.std < value else found
-        for found, value in zip(estimates, before, strict=True)
-    ]
-    return Features(*kept)
-
-
 def _open(terrain: Terrain) -> float:
-    """What is not known of f_r [1]: from the least, which braking counts on, to the most."""
+    """Range of f_r [1] from the lowest, which braking counts on, to the highest."""
     return terrain.motion_resistance - terrain.rolling_while_braking
 
 
 def _with_scatter(braking: Braking, before: float, now: float) -> Braking:
-    """Brakes that scatter by what is open of f_r beyond what they scatter by already."""
+    """Brakes whose scatter includes the range of f_r beyond the one that it had."""
     more = (1.0 - braking.share_at()) ** 2 * max(now**2 - before**2, 0.0)
 
     def wider(force_std: float) -> float:
@@ -89,39 +81,48 @@ def _with_scatter(braking: Braking, before: float, now: float) -> Braking:
     return dataclasses.replace(braking, force_std=wider(braking.force_std), terrain=tables)
 
 
-def _slower(found: TerrainEstimate, otherwise: float) -> float:
-    value = found.value + found.std
-    return value if math.isfinite(value) else otherwise
-
-
 def with_surface(
     model: Model, name: str, motion_resistance: TerrainEstimate, reference: float
 ) -> Model:
-    """The model with a table of braking for a class of terrain, unless it has one.
+    """The model with a table of braking for a named ground, unless it has one from stops.
 
-    A table that is there was learned from stops, and knows better.
-
-    Args:
-        model: as it was; its braking coefficients belong to ``reference``.
-        name: of the class.
-        motion_resistance: f_r of the class.
-        reference: f_r of the ground that the braking coefficients were learned on.
-
-    Raises:
-        ParameterError: so little resistance that the brakes would not stop it.
+    ``reference``: f_r of the ground that the braking coefficients were learned on. ParameterError
+    if there is so little resistance that the brakes would not stop the vehicle.
     """
     if name in model.braking.terrain:
         return model
-    least = motion_resistance.value - motion_resistance.std
-    lacking = max(reference - least, 0.0) if math.isfinite(least) else 0.0
-    tables = model.braking.terrain
-    # a table without a number is found by its place, so numbers begin behind the last place
-    taken = {given.class_id for given in tables.values()}
-    number = next(i for i in range(len(tables) + 1, 2 * len(tables) + 2) if i not in taken)
+    lowest = motion_resistance.value - motion_resistance.std
+    lacking = max(reference - lowest, 0.0) if math.isfinite(lowest) else 0.0
+    number = _free_number(model.braking.terrain)
     table = SurfaceBraking(b_b=model.braking.b_b - lacking, class_id=number)
     try:
         braking = dataclasses.replace(model.braking, terrain={**model.braking.terrain, name: table})
     except ParameterError as error:
-        words = f"{error.expected}: f_r is {lacking:.2f} less than where it was learned"
-        raise ParameterError(f"braking.{error.field}", words) from None
+        expected = f"{error.expected}: f_r is {lacking:.2f} less than where it was learned"
+        raise ParameterError(f"braking.{error.field}", expected) from None
     return dataclasses.replace(model, braking=braking)
+
+
+def with_open_surfaces(model: Model, names: Collection[str]) -> Model:
+    """The model whose base may turn out to be any of the named surfaces.
+
+    Plans then use the weakest of the base and these; surfaces that a map names are unchanged, so
+    that no description of the ground, right or wrong, makes a plan faster than none.
+    """
+    tables = dict(model.braking.terrain)
+    for name in [name for name in tables if name in names]:
+        for state in states_of(tables, name):
+            number = _free_number(tables)
+            table = dataclasses.replace(tables[state], state_of="", class_id=number)
+            tables[f"{state} of {name}"] = table
+        if tables[name].state_of is None:
+            tables[name] = dataclasses.replace(tables[name], state_of="")
+    if tables == dict(model.braking.terrain):
+        return model
+    return dataclasses.replace(model, braking=dataclasses.replace(model.braking, terrain=tables))
+
+
+def _free_number(tables: Mapping[str, SurfaceBraking]) -> int:
+    """Number that no table has, behind the places by which those without one are numbered."""
+    used = {table.class_id for table in tables.values()}
+    return next(i for i in range(len(tables) + 1, 2 * len(tables) + 2) if i not in used)

@@ -1,4 +1,4 @@
-"""How the slip track filter went through one run, sample by sample, to be looked at.
+"""States of the slip track filter along one run, sample by sample, for pages.
 
 Source: Slip, Figs. 7 and 8.
 """
@@ -18,85 +18,50 @@ from slopewise.models.terrain.phases import Phase
 from slopewise.models.terrain.settings import FilterSettings
 from slopewise.models.terrain.slip_track_filter import steady_state_variance
 
-_APART = 0.5  # [s] without the filter ends a turn
+_PAUSE = 0.5
+"""Time without the filter that ends a turn [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class TerrainTrace:
-    """One run; arrays are (n,), NaN where there is nothing to show.
+    """One run; arrays are (n,), NaN where there is nothing to show."""
 
-    Attributes:
-        time: [s]. speed_difference: ΔV [m/s]. yaw_rate: ω_z as measured [rad/s].
-        current_left, current_right: [A].
-        slip_track, slip_track_std: B_s [m] as the filter has it, NaN before it first ran.
-        active: the filter ran at this sample.
-        stuck: the vehicle was stuck.
-        predicted_variance: of 1/B_s before each sample of the first turn [1/m²].
-        settled_variance: where the Riccati equation says it settles; NaN without a turn.
-    """
-
-    time: Floats
-    speed_difference: Floats
-    yaw_rate: Floats
-    current_left: Floats
+    time: Floats  # [s]
+    speed_difference: Floats  # ΔV [m/s]
+    yaw_rate: Floats  # ω_z with bias [rad/s]
+    current_left: Floats  # [A]
     current_right: Floats
-    slip_track: Floats
+    slip_track: Floats  # B_s of the filter [m], NaN before it first ran
     slip_track_std: Floats
-    active: Bools
+    active: Bools  # the filter ran at this sample
     stuck: Bools
-    predicted_variance: Floats
-    settled_variance: float
+    predicted_variance: Floats  # of 1/B_s before each sample of the first turn [1/m²]
+    settled_variance: float  # by the Riccati equation [1/m²]; NaN without a turn
 
 
 def trace(
     estimator: TerrainEstimator,
-    rows: Iterable[tuple[DriveSample, bool, tuple[float, ...]]],
+    rows: Iterable[tuple[DriveSample, bool]],
     settings: FilterSettings,
 ) -> TerrainTrace:
-    """Send a run through an estimator and keep what it thought.
-
-    Args:
-        estimator: fresh, or at the beginning of a run.
-        rows: samples as :meth:`TerrainMonitor.update` takes them.
-        settings: of its filter.
-    """
-    kept: list[tuple[float, ...]] = []
+    """Send a run through a new estimator, as arguments of its update, and record its states."""
+    states: list[tuple[float, ...]] = []
     ran = False
-    for sample, usable, _ in rows:
+    for sample, usable in rows:
         before = estimator.filter.variance
         estimator.update(sample, usable)
-        active = estimator.filter.variance != before
-        ran = ran or active
-        b_s = estimator.filter.slip_track if ran else math.nan
-        std = estimator.filter.slip_track_std if ran else math.nan
-        stuck = estimator.phases.phase is Phase.STUCK
-        kept.append(
-            (
-                sample.time,
-                sample.v_right - sample.v_left,
-                *sample[3:6],
-                b_s,
-                std,
-                active,
-                stuck,
-                estimator.filter.variance,
-            )
-        )
-    columns = np.array(kept, np.float64).reshape(-1, 10).T
-    variances, settled = _first_turn(columns, columns[7] > 0.5, settings)
-    return TerrainTrace(
-        time=columns[0],
-        speed_difference=columns[1],
-        yaw_rate=columns[2],
-        current_left=columns[3],
-        current_right=columns[4],
-        slip_track=columns[5],
-        slip_track_std=columns[6],
-        active=columns[7] > 0.5,
-        stuck=columns[8] > 0.5,
-        predicted_variance=variances,
-        settled_variance=settled,
-    )
+        is_active = estimator.filter.variance != before
+        ran = ran or is_active
+        track = estimator.filter if ran else None
+        slip = (math.nan, math.nan) if track is None else (track.slip_track, track.slip_track_std)
+        is_stuck = estimator.phases.phase is Phase.STUCK
+        driven = (sample.time, sample.v_right - sample.v_left, *sample[3:6])
+        states.append((*driven, *slip, is_active, is_stuck, estimator.filter.variance))
+    columns = np.array(states, np.float64).reshape(-1, 10).T
+    active, stuck = columns[7] > 0.5, columns[8] > 0.5
+    variances, settled = _first_turn(columns, active, settings)
+    time, dv, w, left, right, b_s, std = columns[:7]
+    return TerrainTrace(time, dv, w, left, right, b_s, std, active, stuck, variances, settled)
 
 
 def _first_turn(columns: Floats, active: Bools, settings: FilterSettings) -> tuple[Floats, float]:
@@ -104,8 +69,8 @@ def _first_turn(columns: Floats, active: Bools, settings: FilterSettings) -> tup
     running = np.flatnonzero(active)
     if len(running) < 2:
         return np.empty(0), math.nan
-    apart = np.flatnonzero(np.diff(columns[0][running]) > _APART)
-    turn = running[: int(apart[0]) + 1] if len(apart) else running
+    pauses = np.flatnonzero(np.diff(columns[0][running]) > _PAUSE)
+    turn = running[: int(pauses[0]) + 1] if len(pauses) else running
     step = float(np.median(np.diff(columns[0][turn]))) if len(turn) > 1 else settings.sample_time
     growth = settings.process_variance / settings.sample_time * step
     after = np.concatenate(([settings.initial_std**2], columns[9][turn][:-1]))

@@ -1,4 +1,4 @@
-"""`slopewise terrain`: resistances, slip track, class and changes of terrain from drive logs."""
+"""`slopewise terrain`: resistances, slip track, description and changes of terrain from logs."""
 
 from __future__ import annotations
 
@@ -36,21 +36,19 @@ def terrain(
         Path | None,
         typer.Option(
             metavar="T2.toml",
-            help="Write classes learned from the column terrain, else from clusters.",
+            help="Write classes and thresholds learned from the columns terrain and session.",
         ),
     ] = None,
-    adapt: Annotated[
-        bool, typer.Option(help="Update the classes from the log, and add new ones.")
-    ] = False,
     topics: options.Topics = None,
     columns: options.Columns = "",
     as_json: options.AsJson = False,
     json_schema: Annotated[bool, schema_of("jobs.terrain_summary.TerrainSummary")] = False,
 ) -> None:
-    """Resistances, slip track, class and changes of terrain from the logs of a skid-steered robot.
+    """Resistances, slip track and changes of terrain from the logs of a skid-steered robot.
 
-    Needs wheel speeds and motor currents of both sides and the yaw rate. Stuck and suspect
-    stretches are listed and excluded.
+    The ground is hard or soft, gripping or slippery, or undecided, and agrees with known classes;
+    it has a single name only where three days or sites were measured. Needs wheel speeds and motor
+    currents of both sides and the yaw rate. Stuck and suspect stretches are listed and excluded.
 
     [bold]Example[/]  slopewise terrain drive.csv --model husky --out terrain.csv --update mine.toml
     """
@@ -64,8 +62,6 @@ def terrain(
         LogInput(logs, topics=topics, columns=columns),
         model,
         terrains=terrains,
-        adapt=adapt,
-        learn=learn is not None,
         quiet=as_json,
     )
     note = ""
@@ -86,26 +82,27 @@ def terrain(
 
 def _tables(result: TerrainResult, note: str) -> Iterator[Any]:
     """One row per run, then events and notes."""
-    from slopewise.services.jobs.terrain_summary import run_cells
+    from slopewise.services.jobs.terrain_summary import agreement_text, run_cells
 
     yield from table(
-        ("run", "f_r", "μ_t", "B_s\nm", "class", "p", "parts", "changed", "stuck\ns", "excluded"),
+        ("run", "f_r", "μ_t", "B_s\nm", "ground", "parts", "changed", "stuck\ns", "excluded"),
         (run_cells(run) for run in result.runs),
         title="terrain by run",
         more="more runs; --out or --json gives all",
     )
     for run in result.runs[:LISTED]:
+        ground = run.name or f"agrees with {agreement_text(run)}"
+        yield line(f"  {run.run}: {ground}")
         for change in run.changes:
-            classes = f", {change.classes[0]} to {change.classes[1]}" if change.classes else ""
             again = ", again" if change.again else ""
-            moment = f"before {change.time:.1f} s"
-            yield line(f"  {run.run}: the ground changed {moment}{classes}{again}")
+            turn = f"from {change.before} to {change.now}{again}"
+            yield line(f"  {run.run}: the ground changed before {change.time:.1f} s, {turn}")
         for reason in dict.fromkeys(stretch.reason for stretch in run.excluded):
             yield line(f"  {run.run}: excluded: {reason}")
     if (share := result.agreement) is not None:
-        yield f"  class as labelled in the log: {share:.0%} of each label, on average"
+        yield f"  agrees with its label in the log: {share:.0%} of each label, on average"
     for name, count in result.unknown_ground:
-        action = "name it in the column terrain and --learn it, or add a class by --adapt"
-        yield line(f"  {name}: {plural(count, 'stretch')} of no known class: {action}")
+        action = "name it in the column terrain and --learn it"
+        yield line(f"  {name}: {plural(count, 'stretch')} that agree with no class: {action}")
     for text in filter(None, (*result.notes, note)):
         yield line(f"  note: {text}")

@@ -56,7 +56,8 @@ class ParameterFeed:
         for stop in stops[len(stops) - new :]:
             self._page.add_stop(stop, service.history.version)
         now = time.monotonic()
-        ground = learner.ground.surface(now), learner.ground.probability(now)
+        surface = learner.ground.surface(now) or learner.ground.description()
+        ground = surface, learner.ground.probability(now)
         if ground != self._ground:
             self._ground = ground
             self._page.set_ground(*ground)

@@ -46,7 +46,7 @@ class DriveLog:
     """Samples of one or several files; arrays are (samples,) and read-only.
 
     Attributes:
-        columns: `run` and `terrain` as text, all others float64, NaN where not measured.
+        columns: `run`, `terrain` and `session` as text, all others float64, NaN where not measured.
         runs: samples of each run, in the order of the files.
         one_clock: no run begins before the end of the one in front of it: `t` orders the runs.
         notes: sentences on columns that others stand for.
@@ -89,8 +89,8 @@ def read_logs(paths: Sequence[Path], topics: Path | None = None, names: str = ""
 def read_drive_log(paths: Sequence[Path], names: Sequence[ColumnName] = ()) -> DriveLog:
     """One log from one or several tables, in the order given.
 
-    Columns that only some of the files have are NaN (`terrain`: empty) in the others. ``names`` are
-    those that differ from a drive log's.
+    Columns that only some of the files have are NaN (`terrain`, `session`: empty) in the others.
+    ``names`` are those that differ from a drive log's.
     """
     if not paths:
         raise fault("drive log", "", "expected at least one file, got none")

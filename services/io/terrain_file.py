@@ -1,41 +1,35 @@
-"""Terrain files: the classes one vehicle knows, and settings of the terrain estimator, as TOML."""
+"""Terrain files: the classes and thresholds of one vehicle, and settings of the estimator."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from slopewise.models.terrain.adaptation import AdaptationSettings
-from slopewise.models.terrain.change import ChangeSettings
 from slopewise.models.terrain.classes import TerrainClass, TerrainClasses
-from slopewise.models.terrain.classifier import ClassifierSettings
+from slopewise.models.terrain.description import ThresholdSettings
 from slopewise.models.terrain.settings import (
     EstimatorSettings,
     FilterSettings,
     MotionSettings,
     ResistanceSettings,
 )
-from slopewise.models.terrain.signature_memory import MemorySettings
-from slopewise.models.terrain.signature_model import SignatureModel
 from slopewise.services.io.decode import decode_table, encode_table
 from slopewise.services.io.files import find_shipped, read_toml, shipped_files, write_atomic
-from slopewise.services.io.signature_file import read_signatures
+
+_IGNORED = ("signatures", "classifier", "change", "adaptation", "memory")
+"""Keys of files written by earlier versions, which had a classifier; they change nothing now."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainFile:
-    """Content of a terrain file; every key except `name` is optional."""
+    """Content of a terrain file; every key except `name`, that of the vehicle, is optional."""
 
     name: str
-    signatures: str = ""  # file of signatures in the same folder, empty: none
     terrain: tuple[TerrainClass, ...] = ()
+    thresholds: ThresholdSettings = field(default_factory=ThresholdSettings)
     filter: FilterSettings = field(default_factory=FilterSettings)
     motion: MotionSettings = field(default_factory=MotionSettings)
     resistance: ResistanceSettings = field(default_factory=ResistanceSettings)
-    classifier: ClassifierSettings = field(default_factory=ClassifierSettings)
-    change: ChangeSettings = field(default_factory=ChangeSettings)
-    adaptation: AdaptationSettings = field(default_factory=AdaptationSettings)
-    memory: MemorySettings = field(default_factory=MemorySettings)
 
     def __post_init__(self) -> None:
         TerrainClasses(name=self.name, terrain=self.terrain)
@@ -52,17 +46,13 @@ class TerrainFile:
 
 
 def read_terrains(path: Path) -> TerrainFile:
-    """The terrain file at a path."""
-    return decode_table(TerrainFile, read_toml(path), str(path))
-
-
-def read_signatures_of(terrains: TerrainFile, path: Path) -> SignatureModel | None:
-    """The signatures that the terrain file at a path names, None if it names none."""
-    return read_signatures(path.parent / terrains.signatures) if terrains.signatures else None
+    """The terrain file at a path; keys of earlier versions' classifier are ignored."""
+    tables = {key: value for key, value in read_toml(path).items() if key not in _IGNORED}
+    return decode_table(TerrainFile, tables, str(path))
 
 
 def write_terrains(terrains: TerrainFile, path: Path) -> None:
-    """Write, all or nothing; :func:`read_terrains` gives the same again."""
+    """Write, all or nothing; :func:`read_terrains` returns the same again."""
     import tomli_w
 
     tables = encode_table(terrains)
@@ -76,5 +66,5 @@ def shipped_terrains() -> dict[str, Path]:
 
 
 def find_terrains(name_or_path: str | Path) -> Path:
-    """The terrain file a user means: an existing file, else one that comes with the package."""
+    """An existing terrain file, else one that comes with the package."""
     return find_shipped(name_or_path, "terrains", "terrain")

@@ -10,12 +10,14 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.stop_logs.drive_quality import Suspect
-from slopewise.models.terrain.monitor import Classified, GroundChange
+from slopewise.models.terrain.agreement import ALPHA
+from slopewise.models.terrain.description import GroundChange
+from slopewise.models.terrain.monitor import DescribedStretch
 from slopewise.services.io.table import write_csv
 
 _MEASURED = ("samples", "speed", "speed_difference", "yaw_rate", "onset_current")
 _ESTIMATED = ("motion_resistance", "lateral_resistance", "slip_track")
-_TEXT = ("run", "phase", "terrain", "rules", "note")
+_TEXT = ("run", "phase", "hardness", "grip", "agrees_with", "terrain", "rules", "note")
 COLUMNS = (
     "run",
     "t",
@@ -23,6 +25,11 @@ COLUMNS = (
     "phase",
     *_MEASURED,
     *(f"{name}{end}" for name in _ESTIMATED for end in ("", "_std")),
+    "turning_thrust",
+    "turning_thrust_std",
+    "hardness",
+    "grip",
+    "agrees_with",
     "terrain",
     "probability",
     "rules",
@@ -45,25 +52,23 @@ def write_terrain_table(rows: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def event_row(
-    run: str, event: Classified | GroundChange, centres: tuple[float, float] = (np.nan, np.nan)
+    run: str,
+    event: DescribedStretch | GroundChange,
+    centres: tuple[float, float] = (np.nan, np.nan),
 ) -> dict[str, Any]:
     """A row of the table; parameters are the estimates when the stretch ends.
 
     ``centres`` are the centres of rotation of either side [m], NaN where unknown.
     """
     if isinstance(event, GroundChange):
-        note = "the ground changed within the last seconds of driving"
-        if event.classes is not None:
-            note += f": from {event.classes[0]} to {event.classes[1]}"
-        if event.again:
-            note += ", again within ten seconds"
+        again = ", again within ten seconds" if event.again else ""
         return {
             "run": run,
             "t": event.time,
             "t_end": event.time,
             "phase": "change",
             "change": event.strength,
-            "note": note,
+            "note": f"the ground changed from {event.before} to {event.now}{again}",
         }
     o = event.observation
     row = {
@@ -72,12 +77,17 @@ def event_row(
         "t_end": o.end,
         "phase": o.phase.value,
         **{name: getattr(o, name) for name in _MEASURED},
-        "terrain": event.answer.name,
-        "probability": event.answer.probability,
+        "hardness": event.description.hardness,
+        "grip": event.description.grip,
+        "agrees_with": " ".join(event.agrees_with),
+        "terrain": event.name,
+        "probability": 1.0 - ALPHA if event.name else np.nan,
         "rules": event.rules.name,
         "note": _note(event),
         "centre_left": centres[0],
         "centre_right": centres[1],
+        "turning_thrust": o.turning.value,
+        "turning_thrust_std": o.turning.std,
     }
     for name in _ESTIMATED:
         estimate = getattr(o.known, name)
@@ -85,13 +95,11 @@ def event_row(
     return row
 
 
-def _note(event: Classified) -> str:
-    estimates = event.observation.own
+def _note(event: DescribedStretch) -> str:
+    estimates = event.observation.measured
     notes = [estimates.motion_resistance.note, estimates.lateral_resistance.note]
-    if event.observation.phase.value == "stuck":
+    if event.is_stuck:
         notes.append("wheels spin: nothing is learned")
-    elif event.answer.doubtful:
-        notes.append("a feature does not fit this class")
     return "; ".join(note for note in notes if note)
 
 

@@ -1,4 +1,4 @@
-"""Files that a terrain job can write: its events, the model, classes and signatures."""
+"""Files that a terrain job can write: its events, the model, and classes with thresholds."""
 
 from __future__ import annotations
 
@@ -10,16 +10,12 @@ import numpy as np
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.models.terrain.adaptation import classes_of
-from slopewise.models.terrain.resistances import TerrainEstimate
-from slopewise.models.terrain.signature_fit import fit
-from slopewise.models.terrain.signature_model import SignatureModel
+from slopewise.models.terrain.learn import classes_of, thresholds_of
+from slopewise.models.terrain.observation import TerrainEstimate
 from slopewise.models.terrain.surfaces import model_on, with_surface
 from slopewise.services.io.files import fault
-from slopewise.services.io.signature_file import write_signatures
 from slopewise.services.io.terrain_file import write_terrains
 from slopewise.services.io.terrain_table import event_row, excluded_row, write_terrain_table
-from slopewise.services.jobs.plural import plural
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
 
 
@@ -36,22 +32,22 @@ def write_events(result: TerrainResult, path: Path) -> None:
 
 
 def stretch_rows(run: RunEvents) -> list[dict[str, Any]]:
-    """Rows of the classified stretches of a run."""
+    """Rows of the stretches of a run."""
     return [
         event_row(run.run, event, centres)
-        for event, centres in zip(run.classified, run.centres, strict=True)
+        for event, centres in zip(run.stretches, run.centres, strict=True)
     ]
 
 
 def updated_model(result: TerrainResult) -> Model:
-    """The model on the ground driven now, with a table of braking for each class met.
+    """The model on the ground driven now, with a table of braking for each ground with a name.
 
     Raises:
-        InputError: a class with a resistance at which the brakes would not stop the vehicle.
+        InputError: a ground with a resistance at which the brakes would not stop the vehicle.
     """
-    model = model_on(result.model, result.known, valid=result.ends_on_known_class)
+    model = model_on(result.model, result.known, valid=result.is_relied_on)
     reference = result.model.terrain.motion_resistance
-    for name, values in result.class_values.items():
+    for name, values in result.values_by_name.items():
         f_r = np.array(values)[:, 0]
         f_r = f_r[np.isfinite(f_r)]
         if len(f_r) < 2:
@@ -65,47 +61,20 @@ def updated_model(result: TerrainResult) -> Model:
 
 
 def write_learned(result: TerrainResult, path: Path) -> str:
-    """Write the classes learned from the log's labels, else by adaptation; and signatures.
-
-    Returns:
-        A note on the signatures, or on why they are missing; "" without labels.
-    """
-    learned, note, signatures = result.classes, "", ""
-    values, labels = zip(*result.labelled, strict=True) if result.labelled else ((), ())
-    if any(labels):
-        known = np.array([event.observation.known.values for event in values])
-        learned = classes_of(result.terrains.name, labels, known)
-    try:
-        model = _fit_signatures(result)
-    except ParameterError as error:
-        note = f"no signatures learned: expected {error.expected}"
-    else:
-        if model is not None:
-            file = path.with_suffix(".signatures.json")
-            write_signatures(model, file)
-            signatures = file.name
-            note = (
-                f"signatures of {plural(len(model.classes), 'class')} in {signatures}: "
-                f"{model.known_refused:.1%} of held-out known ground was rejected as unknown"
-            )
-    terrains = replace(result.terrains, terrain=learned.terrain, signatures=signatures)
-    write_terrains(terrains, path)
-    return note
-
-
-def _fit_signatures(result: TerrainResult) -> SignatureModel | None:
-    """Signatures by the log's column terrain, None if it has none.
+    """Write classes and thresholds learned from the log's column terrain; a note on their days.
 
     Raises:
-        ParameterError: too few runs of a class, or scikit-learn is not installed.
+        InputError: the log does not name its ground.
     """
-    rows = [
-        (signature, label, run.run)
-        for run in result.runs
-        for signature, label in run.signatures
-        if label
-    ]
-    if not rows:
-        return None
-    signatures, labels, runs = zip(*rows, strict=True)
-    return fit(signatures, labels, runs)
+    runs = result.labelled
+    if not runs:
+        source = str(result.log.sources[0])
+        raise fault(source, "column terrain", "expected names of the ground to learn from")
+    classes = classes_of(result.terrains.name, runs)
+    vehicle = result.model.vehicle
+    lever = vehicle.track_width / vehicle.wheelbase
+    thresholds = thresholds_of(classes, lever, result.terrains.thresholds)
+    learned = replace(result.terrains, terrain=classes.terrain, thresholds=thresholds)
+    write_terrains(learned, path)
+    days = ", ".join(f"{terrain.name} {terrain.days:g}" for terrain in classes.terrain)
+    return f"days or sites in {path.name}: {days}; a single name needs three (column session)"

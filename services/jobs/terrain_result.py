@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,19 +10,15 @@ from numpy.typing import NDArray
 
 from slopewise.models.parameters import Model
 from slopewise.models.stop_logs.drive_quality import Suspect
-from slopewise.models.terrain.classes import TerrainClasses
-from slopewise.models.terrain.classifier import NONE
-from slopewise.models.terrain.monitor import SURE, Classified, GroundChange
+from slopewise.models.terrain.description import UNDECIDED, GroundChange
+from slopewise.models.terrain.learn import LabelledRun
+from slopewise.models.terrain.monitor import DescribedStretch, Event
 from slopewise.models.terrain.observation import Features
-from slopewise.models.terrain.phases import Phase
-from slopewise.models.terrain.reliability import ReliabilityBin, reliability_curve
-from slopewise.models.terrain.signature import Signature
-from slopewise.models.terrain.signature_model import SignatureModel
 from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.terrain_file import TerrainFile
 
 _LASTING = 6
-"""Stretches of unknown ground from which it is proposed as a class; a stretch lasts about 1 s."""
+"""Stretches that agree with no class from which a run is reported as such; one lasts about 1 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,21 +27,24 @@ class RunEvents:
 
     run: str
     samples: slice
-    events: list[Classified | GroundChange]
+    events: list[Event]
     excluded: list[Suspect]
     known: Features  # of the ground at the end of the run
-    labels: list[str]  # terrain as the log names it, one per classified stretch
-    signatures: list[tuple[Signature, str]]  # with the log's name of the ground
+    labels: list[str]  # ground as the log names it, one per stretch
+    sessions: list[str]  # day or site likewise
     centres: list[tuple[float, float]]
     """Centres of rotation (left, right) of each stretch [m], NaN where not observable."""
-    compared: int
-    not_compared: int
-    """Steady seconds in which a change would have been detected, and could not be."""
+    is_relied_on: bool  # the description at the end is as certain as plans rely on
 
     @property
-    def classified(self) -> list[Classified]:
+    def stretches(self) -> list[DescribedStretch]:
         """Stretches alone."""
-        return [event for event in self.events if isinstance(event, Classified)]
+        return [event for event in self.events if isinstance(event, DescribedStretch)]
+
+    @property
+    def ground(self) -> list[DescribedStretch]:
+        """Stretches that were not stuck."""
+        return [stretch for stretch in self.stretches if not stretch.is_stuck]
 
     @property
     def changes(self) -> list[GroundChange]:
@@ -52,38 +52,52 @@ class RunEvents:
         return [event for event in self.events if isinstance(event, GroundChange)]
 
     @property
-    def typical_class(self) -> str:
-        """Class of most stretches, empty if no stretch has one."""
-        names = [event.answer.name for event in self.classified if event.answer.name]
-        return max(dict.fromkeys(names), key=names.count) if names else ""
+    def name(self) -> str:
+        """Class that most stretches with a single name have, empty without any."""
+        return _mode([stretch.name for stretch in self.ground if stretch.name])
 
     @property
-    def probabilities(self) -> dict[str, float]:
-        """Mean probability of each class over the stretches that have one."""
-        answers = [event.answer.probabilities for event in self.classified if event.answer.name]
-        names = dict.fromkeys(name for answer in answers for name in answer)
-        return {n: float(np.mean([answer.get(n, 0.0) for answer in answers])) for n in names}
+    def hardness(self) -> str:
+        """Most frequent statement on hardness."""
+        return _stated([stretch.description.hardness for stretch in self.ground])
+
+    @property
+    def grip(self) -> str:
+        """Most frequent statement on grip."""
+        return _stated([stretch.description.grip for stretch in self.ground])
+
+    @property
+    def agrees_with(self) -> tuple[str, ...]:
+        """Classes that agree with at least half of the stretches."""
+        counts = Counter(name for stretch in self.ground for name in stretch.agrees_with)
+        return tuple(name for name, count in counts.items() if 2 * count >= len(self.ground))
 
     @property
     def stuck_seconds(self) -> float:
         """Duration for which the wheels spun without turning the vehicle [s]."""
-        stretches = [event.observation for event in self.classified]
-        return sum(o.end - o.begin for o in stretches if o.phase is Phase.STUCK)
+        stuck = [s.observation for s in self.stretches if s.is_stuck]
+        return sum(o.end - o.begin for o in stuck)
+
+
+def _mode(texts: list[str]) -> str:
+    return max(dict.fromkeys(texts), key=texts.count) if texts else ""
+
+
+def _stated(texts: list[str]) -> str:
+    return _mode([text for text in texts if text != UNDECIDED]) or UNDECIDED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerrainResult:
-    """Events of all runs, and what they were made from."""
+    """Events of all runs, and their inputs."""
 
     runs: list[RunEvents]
     log: DriveLog
     model: Model
     terrains: TerrainFile
-    classes: TerrainClasses  # at the end of the log
     usable_samples: NDArray[np.bool_]  # (samples,), may be learned from
     seconds: float  # without reading
     notes: tuple[str, ...] = ()
-    signatures: SignatureModel | None = None  # None: f_r, μ_t and B_s alone classify
 
     @property
     def known(self) -> Features:
@@ -94,71 +108,54 @@ class TerrainResult:
         return Features()
 
     @property
-    def ends_on_known_class(self) -> bool:
-        """True if the ground at the end of the log is of a known class with high probability."""
-        for run in reversed(self.runs):
-            answers = [event.answer for event in run.classified if event.answer.name]
-            if answers:
-                names = {terrain_class.name for terrain_class in self.classes.terrain}
-                if self.signatures is not None:
-                    names |= set(self.signatures.classes)
-                return answers[-1].name in names and answers[-1].probability >= SURE
-        return False
+    def is_relied_on(self) -> bool:
+        """True if the last run on ground ends with a description that plans rely on."""
+        return next((run.is_relied_on for run in reversed(self.runs) if run.ground), False)
 
     @property
-    def class_values(self) -> dict[str, list[tuple[float, float, float]]]:
-        """Features of the stretches by the class they were given, known classes only."""
-        names = {terrain_class.name for terrain_class in self.classes.terrain}
+    def labelled(self) -> list[LabelledRun]:
+        """Stretches by run and the log's own name of the ground; without those that were stuck."""
+        parts: dict[tuple[str, str, str], list[DescribedStretch]] = {}
+        for run in self.runs:
+            rows = zip(run.stretches, run.labels, run.sessions, strict=True)
+            for stretch, label, session in rows:
+                if label and not stretch.is_stuck:
+                    parts.setdefault((run.run, label, session), []).append(stretch)
+        return [
+            LabelledRun(label, session, tuple(stretch.observation for stretch in stretches))
+            for (_, label, session), stretches in parts.items()
+        ]
+
+    @property
+    def values_by_name(self) -> dict[str, list[tuple[float, float, float]]]:
+        """Features of the stretches by the log's name of their ground, else a single class name."""
         values: dict[str, list[tuple[float, float, float]]] = {}
         for run in self.runs:
-            for event in run.classified:
-                if event.answer.name in names:
-                    values.setdefault(event.answer.name, []).append(event.observation.known.values)
+            for stretch, label in zip(run.stretches, run.labels, strict=True):
+                if not stretch.is_stuck and (name := label or stretch.name):
+                    values.setdefault(name, []).append(stretch.observation.known.values)
         return values
 
     @property
-    def labelled(self) -> list[tuple[Classified, str]]:
-        """Stretches with their labels, "" without one; without those in which it was stuck."""
-        return [
-            (event, label)
-            for run in self.runs
-            for event, label in zip(run.classified, run.labels, strict=True)
-            if event.observation.phase is not Phase.STUCK
-        ]
-
-    @property
-    def reliability(self) -> tuple[ReliabilityBin, ...]:
-        """Share of correct classes by their probability; empty without labels in the log."""
-        answers = [
-            (event.answer.probability, event.answer.name == label)
-            for run in self.runs
-            for event, label in zip(run.classified, run.labels, strict=True)
-            if label and event.answer.name
-        ]
-        probability = np.array([p for p, _ in answers])
-        return reliability_curve(probability, np.array([is_right for _, is_right in answers], bool))
-
-    @property
     def unknown_ground(self) -> list[tuple[str, int]]:
-        """Runs on ground of no known class for long, each with its number of stretches."""
+        """Runs on ground that mostly agrees with no class, each with the number of stretches."""
         runs = []
         for run in self.runs:
-            count = sum(event.answer.name == NONE for event in run.classified)
-            if count >= _LASTING and run.typical_class == NONE:
+            count = sum(bool(s.p_values) and not s.agrees_with for s in run.ground)
+            if count >= _LASTING and 2 * count > len(run.ground):
                 runs.append((run.run, count))
         return runs
 
     @property
     def agreement(self) -> float | None:
-        """Balanced share of stretches whose class is the log's label; None without labels.
+        """Balanced share of stretches that agree with the class of their label; None without.
 
         It is higher for classes learned from these labels than on other ground.
         """
-        names = [name for name in dict.fromkeys(label for _, label in self.labelled) if name]
-        if not names or not self.classes.terrain:
-            return None
-        shares = [
-            np.mean([event.answer.name == name for event, label in self.labelled if label == name])
-            for name in names
-        ]
-        return float(np.mean(shares))
+        classes = {terrain_class.name for terrain_class in self.terrains.terrain}
+        by_label: dict[str, list[bool]] = {}
+        for run in self.runs:
+            for stretch, label in zip(run.stretches, run.labels, strict=True):
+                if label and classes and not stretch.is_stuck:
+                    by_label.setdefault(label, []).append(label in stretch.agrees_with)
+        return float(np.mean([np.mean(v) for v in by_label.values()])) if by_label else None

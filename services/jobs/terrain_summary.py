@@ -3,33 +3,47 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from slopewise.models.terrain.observation import Features
+from slopewise.models.terrain.agreement import ALPHA
+from slopewise.models.terrain.classes import FEATURES
+from slopewise.models.terrain.description import UNDECIDED
+from slopewise.models.terrain.evidence import evidence_of
+from slopewise.models.terrain.observation import Features, TerrainEstimate
 from slopewise.services.jobs.summary import Summary, finite
 from slopewise.services.jobs.terrain_outputs import stretch_rows
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
 
-FEATURES = ("motion_resistance", "lateral_resistance", "slip_track")
-
 
 class FeatureValue(Summary, frozen=True):
-    """Estimate of f_r [1], μ_t [1] or B_s [m]."""
+    """Estimate of f_r [1], μ_t [1] or B_s [m], with its 95 % interval."""
 
     value: float | None
     std: float | None
+    interval: tuple[float, float] | None
+
+
+class GroundText(Summary, frozen=True):
+    """`hard`, `soft` and `gripping`, `slippery`, or `undecided`."""
+
+    hardness: str
+    grip: str
 
 
 class ChangeRow(Summary, frozen=True):
-    """A change of terrain at a time of the log [s]; `again`: within ten seconds of the last."""
+    """A change of terrain at a time of the log [s], from one word to its opposite.
+
+    `again`: within ten seconds of the last. `classes` is null: a change has no class.
+    """
 
     t: float
     strength: float
     classes: tuple[str, str] | None
+    before: str
+    now: str
     again: bool
 
 
@@ -44,11 +58,17 @@ class ExcludedRow(Summary, frozen=True):
 
 
 class RunRow(Summary, frozen=True, kw_only=True):
-    """Terrain of one run; `stretches` have the columns of the table."""
+    """Terrain of one run; `stretches` have the columns of the table.
+
+    `class` is null unless a single name may be given; `probabilities` then holds its own. Compared
+    seconds are those of stretches that a description and changes are made of.
+    """
 
     run: str
     terrain: dict[str, FeatureValue]
-    typical_class: str = msgspec.field(name="class")
+    description: GroundText = msgspec.field(name="words")
+    agrees_with: list[str]
+    class_name: str | None = msgspec.field(name="class")
     stuck: float
     probabilities: dict[str, float]
     changes: list[ChangeRow]
@@ -59,7 +79,7 @@ class RunRow(Summary, frozen=True, kw_only=True):
 
 
 class TerrainSummary(Summary, frozen=True):
-    """Output of `terrain --json`."""
+    """Output of `terrain --json`; `reliability` is empty, as no class has a probability."""
 
     model: str
     seconds: float
@@ -80,39 +100,59 @@ def summarise(result: TerrainResult, *notes: str) -> TerrainSummary:
         [*result.notes, *filter(None, notes)],
         _features(result.known),
         result.agreement,
-        [asdict(level) for level in result.reliability],
+        [],
         [run for run, _ in result.unknown_ground],
-        {name: _spread(values) for name, values in result.class_values.items()},
+        {name: _spread(values) for name, values in result.values_by_name.items()},
         [_run(run, result) for run in result.runs],
     )
 
 
 def _run(run: RunEvents, result: TerrainResult) -> RunRow:
     t = result.log.columns["t"]
+    observations = [stretch.observation for stretch in run.stretches]
+    compared = [o for o in observations if any(evidence_of(o))]
+    unused = [o for o in observations if not any(evidence_of(o))]
     return RunRow(
         run=run.run,
         terrain=_features(run.known),
-        typical_class=run.typical_class,
+        description=GroundText(run.hardness, run.grip),
+        agrees_with=list(run.agrees_with),
+        class_name=run.name or None,
         stuck=run.stuck_seconds,
-        probabilities=run.probabilities,
-        changes=[ChangeRow(c.time, c.strength, c.classes, c.again) for c in run.changes],
-        compared_seconds=run.compared,
-        not_compared_seconds=run.not_compared,
+        probabilities=_probabilities(run.name),
+        changes=[
+            ChangeRow(c.time, c.strength, None, c.before, c.now, c.again) for c in run.changes
+        ],
+        compared_seconds=round(sum(o.end - o.begin for o in compared)),
+        not_compared_seconds=round(sum(o.end - o.begin for o in unused)),
         excluded=[
             ExcludedRow(float(t[s.start]), float(t[s.stop - 1]), s.channel, s.kind.value, s.reason)
             for s in run.excluded
         ],
         stretches=[
             {k: finite(v) if isinstance(v, float) else v for k, v in row.items()}
-            | {"probabilities": event.answer.probabilities}
-            for row, event in zip(stretch_rows(run), run.classified, strict=True)
+            | {
+                "agrees_with": list(stretch.agrees_with),
+                "p_values": stretch.p_values,
+                "probabilities": _probabilities(stretch.name),
+            }
+            for row, stretch in zip(stretch_rows(run), run.stretches, strict=True)
         ],
     )
 
 
+def _probabilities(name: str) -> dict[str, float]:
+    """Level of the set of classes that a single name comes from; no other class has one."""
+    return {name: 1.0 - ALPHA} if name else {}
+
+
 def _features(known: Features) -> dict[str, FeatureValue]:
-    estimates = {name: getattr(known, name) for name in FEATURES}
-    return {n: FeatureValue(finite(e.value), finite(e.std)) for n, e in estimates.items()}
+    return {name: _feature(getattr(known, name)) for name in FEATURES}
+
+
+def _feature(estimate: TerrainEstimate) -> FeatureValue:
+    interval = estimate.interval if estimate.is_known else None
+    return FeatureValue(finite(estimate.value), finite(estimate.std), interval)
 
 
 def _spread(values: list[tuple[float, float, float]]) -> dict[str, Any]:
@@ -124,19 +164,25 @@ def _spread(values: list[tuple[float, float, float]]) -> dict[str, Any]:
     return table
 
 
+def agreement_text(run: RunEvents) -> str:
+    """Set of the classes that agree, as `{ice, snow}`."""
+    return f"{{{', '.join(run.agrees_with)}}}"
+
+
 def run_cells(run: RunEvents, spread: str = "") -> list[str]:
-    """A run as a row of a table; spread: how a standard deviation follows its value."""
+    """A run as a row of a table; spread: how a standard deviation follows its value, on a page."""
     values = [
         f"{value:.3f}{spread.format(std)}" if math.isfinite(value) else "–"
         for value, std in zip(run.known.values, run.known.stds, strict=True)
     ]
     counts = (
-        len(run.classified),
+        len(run.stretches),
         sum(not change.again for change in run.changes),
         round(run.stuck_seconds),
         len(run.excluded),
     )
-    name = run.typical_class
-    probability = f"{run.probabilities[name]:.2f}" if name else "–"
-    cells = [str(count) if count else "–" for count in counts]
-    return [run.run, *values, name or "–", probability, *cells]
+    stated = [text for text in (run.hardness, run.grip) if text != UNDECIDED]
+    ground = [", ".join(stated) or UNDECIDED]
+    if spread:
+        ground.append(run.name or agreement_text(run))
+    return [run.run, *values, *ground, *(str(count) if count else "–" for count in counts)]

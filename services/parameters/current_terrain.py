@@ -1,7 +1,8 @@
 """Terrain that the robot drives on, by labels from estimators and by its own samples.
 
-A label holds for a few seconds. Own samples give the terrain parameters of Slip and, with known
-classes, a class; a detector reports when the terrain changes, whether its class is known or not.
+A label holds for a few seconds. Own samples give the terrain parameters of Slip and a description,
+hard or soft, gripping or slippery or undecided; a change is a description that turned around. They
+give no name: plans use the weakest of the surfaces that it does not exclude.
 """
 
 from __future__ import annotations
@@ -34,13 +35,12 @@ class CurrentTerrain:
     model: Model  # model of the model file
     monitor: Callable[[Model], Any]  # makes a terrain estimator; loads it with the first samples
     label_for: float  # time that a label holds [s]
-    min_probability: float  # smallest probability of an accepted class [1]
+    min_probability: float  # smallest probability of an accepted label [1]
     unsupported_reason: str = ""  # why samples are not used; empty while they are used
     _label: str = ""
     _label_until: float = -np.inf
     _label_probability: float = 0.0
-    _class: str = ""
-    _class_probability: float = 0.0
+    _source: str = ""
     _monitors: OrderedDict[str, Any] = field(default_factory=OrderedDict)
     _last: dict[str, float] = field(default_factory=dict)
 
@@ -51,12 +51,27 @@ class CurrentTerrain:
         self._label_until = now + self.label_for
 
     def surface(self, now: float) -> str:
-        """Name of the terrain now, empty where it is unknown."""
-        return self._label if now <= self._label_until else self._class
+        """Name of the terrain now by its label, empty where it is unknown."""
+        return self._label if now <= self._label_until else ""
 
     def probability(self, now: float) -> float:
-        """Probability of the class now [1]."""
-        return self._label_probability if now <= self._label_until else self._class_probability
+        """Probability of the label now [1]."""
+        return self._label_probability if now <= self._label_until else 0.0
+
+    def description(self) -> str:
+        """Description of the ground by the latest samples, empty without any."""
+        monitor = self._monitors.get(self._source)
+        return "" if monitor is None else str(monitor.describer.describe())
+
+    def open_surfaces(self) -> tuple[str, ...]:
+        """Surfaces that the latest samples do not exclude; none before the first samples."""
+        monitor = self._monitors.get(self._source)
+        return () if monitor is None else tuple(monitor.open_surfaces())
+
+    def flags(self) -> list[str]:
+        """Warnings about the samples and the vehicle file."""
+        checks = [monitor.vehicle_check.message() for monitor in self._monitors.values()]
+        return [text for text in (self.unsupported_reason, *dict.fromkeys(checks)) if text]
 
     def drive(self, source: str, columns: dict[str, Floats]) -> TerrainUpdate:
         """Samples in chronological order; a source that restarts begins another run."""
@@ -65,31 +80,21 @@ class CurrentTerrain:
         monitor = self._monitor(source, float(columns["t"][0]))
         if monitor is None:
             return TerrainUpdate()
+        from slopewise.models.terrain.description import GroundChange
         from slopewise.models.terrain.estimator import DriveSample
-        from slopewise.models.terrain.monitor import GroundChange
 
-        self._last[source] = float(columns["t"][-1])
+        self._last[source], self._source = float(columns["t"][-1]), source
         changed, features = False, None
         none = np.zeros_like(columns["t"])
         rows = [columns.get(name, none).tolist() for name in _SAMPLED]
         for sample in map(DriveSample, *rows):
             for event in monitor.update(sample):
                 if isinstance(event, GroundChange):
-                    changed, self._class = True, ""
+                    changed = True
                     continue
-                self._classify(event.answer.name, event.answer.probability)
                 known = event.observation.known
                 features = tuple(zip(known.values, known.stds, strict=True))
-        return TerrainUpdate(changed, features, valid=bool(self._class))
-
-    def _classify(self, name: str, probability: float) -> None:
-        from slopewise.models.terrain.classifier import NONE
-
-        self._class_probability = float(np.nan_to_num(probability))
-        if name == NONE:
-            self._class = ""
-        elif name:
-            self._class = name if probability >= self.min_probability else ""
+        return TerrainUpdate(changed, features)
 
     def _monitor(self, source: str, begin: float) -> Any:
         monitor = self._monitors.pop(source, None)
@@ -111,21 +116,17 @@ class CurrentTerrain:
 def monitor_maker(terrains: str) -> Callable[[Model], Any]:
     """A maker of terrain estimators with the classes of a terrain file, or without classes."""
     file: Any = None
-    signatures: Any = None
     if terrains:
         from slopewise.services.io import terrain_file
 
-        path = terrain_file.find_terrains(terrains)
-        file = terrain_file.read_terrains(path)
-        signatures = terrain_file.read_signatures_of(file, path)
+        file = terrain_file.read_terrains(terrain_file.find_terrains(terrains))
 
     def make(model: Model) -> Any:
         # Takes half a second to load; a service without such samples never loads it.
-        from slopewise.models.terrain.monitor import MonitorSettings, TerrainMonitor
+        from slopewise.models.terrain.monitor import TerrainMonitor
         from slopewise.services.io.terrain_file import TerrainFile
 
         known = file or TerrainFile(name=model.name)
-        settings = MonitorSettings(known.estimator, known.classifier, known.change, known.memory)
-        return TerrainMonitor(model, known.classes, settings, signatures=signatures)
+        return TerrainMonitor(model, known.classes, known.thresholds, known.estimator)
 
     return make

@@ -14,6 +14,7 @@ from slopewise.models.laws import braking
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_logs.stop_stream import StreamedStop
+from slopewise.models.terrain.surfaces import with_open_surfaces
 from slopewise.services.parameters.braking_groups import BASE, group_of
 from slopewise.services.parameters.current_terrain import CurrentTerrain, monitor_maker
 from slopewise.services.parameters.learner_state import LearnerState
@@ -63,6 +64,8 @@ class Learner:
         self._warnings = RecentWarnings()
         self._streams = StopStreams(settings)
         self._last_surface = ""
+        self._open_surfaces: tuple[str, ...] = ()
+        self._assumed: list[str] = []  # surfaces that plans count with on ground without a name
 
     # ------------------------------------------------------------------ observations
 
@@ -172,12 +175,23 @@ class Learner:
 
     def flags(self) -> list[str]:
         """Warnings about learned parameters and about the senders of stops."""
-        return [*self.state.braking.forces.flags(), *self._warnings.active()]
+        flags = [*self.state.braking.forces.flags(), *self._warnings.active()]
+        if self._assumed:
+            ground, names = self.ground.description(), ", ".join(self._assumed)
+            flags.append(f"ground is {ground}: plans count with the base or {names}")
+        return flags
+
+    def is_outdated(self) -> bool:
+        """Return True if the description of the ground changed since the last active model."""
+        return self.ground.open_surfaces() != self._open_surfaces
 
     def active(self) -> tuple[Model, float, float]:
         """The model to plan with, the age common to all of it, and the greatest age [s]."""
         model = self.state.basis
         for kind in self.state.kinds():
             model = kind.apply(model)
+        self._open_surfaces = self.ground.open_surfaces()
+        self._assumed = [n for n in self._open_surfaces if n in model.braking.terrain]
+        model = with_open_surfaces(model, self._open_surfaces)
         ages = self.state.braking.forces.ages(time.monotonic())
         return model, self.state.braking.common_age(ages), max(ages.values(), default=0.0)

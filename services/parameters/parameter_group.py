@@ -44,7 +44,6 @@ class TerrainUpdate:
 
     changed: bool = False  # another terrain was detected
     features: tuple[tuple[float, float], ...] | None = None
-    valid: bool = True  # it is of a known class; only then may features make a plan faster
 
 
 @dataclass(frozen=True, slots=True)

@@ -100,6 +100,8 @@ class ParameterService:
         if changes or kind == "stop":
             cause = f"{kind} {observation.sequence}: {reason}"
             self._commit(changes, cause, observation.source, seen=seen)
+        if self.learner.is_outdated():
+            self._publish()
         return self.receipt(TAKEN, reason)
 
     def _store_samples(self, samples: DriveSamples, key: str) -> None:
@@ -232,7 +234,7 @@ class ParameterService:
     def flags(self) -> list[str]:
         """Active warnings, the reasons of the degraded mode first."""
         learner, late = self.learner, time.monotonic() - _FLAGGED_FOR
-        reasons = (learner.state.unsupported_reason, learner.ground.unsupported_reason)
+        reasons = (learner.state.unsupported_reason, *learner.ground.flags())
         clocks = [name for name, noticed in self._filter.jumped.items() if noticed > late]
         return [
             *(f"degraded: {reason}" for reason in self.degraded()),

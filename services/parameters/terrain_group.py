@@ -1,8 +1,9 @@
 """Terrain parameters of the ground driven now: f_r, μ_t, B_s. Source: Slip, Sec. 3.2.
 
-Each is rounded towards slower by its standard deviation. A slower estimate is used immediately, a
-faster one by a share of the difference, and with age they return to the model file's where those
-are slower.
+Each counts with the upper end of its one-sided 95 % interval. A slower estimate is used
+immediately, a faster one by a share of the difference and never beyond the model file, so that no
+estimate, word or name of the ground makes a plan faster than the file. Values of an operator that
+are faster return to the file's with age.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ from slopewise.services.settings.learning_settings import Learning
 _FASTER_SHARE = 0.2
 """Part of the difference to a faster estimate that one update follows [1]: the mean of about five
 estimates, as one alone may be of a patch."""
+
+_UPPER = 1.645
+"""Standard deviations of a normal distribution below which 95 % lie [1]."""
 
 _RANGES = ((0.001, 1.5), (0.01, 3.0), (1.0, 20.0))
 """Values beyond are gross errors: [1], [1], track widths. Steel wheels on rails roll at f_r 0.001,
@@ -48,27 +52,25 @@ class TerrainGroup(ValueGroup):
     def drive(self, samples: DriveUpdate) -> set[str]:
         ground = samples.ground
         changed = ground.changed and self.forget_faster()
-        learned = ground.features is not None and self.learn(ground.features, valid=ground.valid)
+        learned = ground.features is not None and self.learn(ground.features)
         return {self.name} if changed or learned else set()
 
-    def learn(self, features: tuple[tuple[float, float], ...], *, valid: bool = True) -> bool:
-        """Learn (value, standard deviation) of each parameter, NaN unknown; True if one changed.
-
-        On terrain of no known class, not ``valid``, only slower values are learned.
-        """
+    def learn(self, features: tuple[tuple[float, float], ...]) -> bool:
+        """Learn (value, standard deviation) of each parameter, NaN unknown; True if one changed."""
         changed = False
         for name, (value, std) in zip(self.units, features, strict=True):
             low, high = self._range(name)
-            if not 0.0 <= value + std <= high:
+            upper = value + _UPPER * std
+            if not 0.0 <= upper <= high:
                 continue
-            slow = max(value + std, low)
+            slow = max(upper, low)
             if name == "motion_resistance" and self._prior.braking.level < 1.0:
                 # Part of the braking then is this resistance: more of it would count as brakes.
                 continue
-            old = self._current()[name]
-            if slow < old and not valid:
+            old, file = self._current()[name], float(getattr(self._prior.terrain, name))
+            if slow < old <= file:
                 continue
-            new = slow if slow >= old else old + _FASTER_SHARE * (slow - old)
+            new = slow if slow >= old else max(old + _FASTER_SHARE * (slow - old), file)
             self._stds[name] = std
             if abs(new - old) > _MIN_CHANGE * max(abs(old), 1e-3):
                 self._values[name], changed = new, True

@@ -50,17 +50,13 @@ def write_terrain_page(
         "verdict": _verdict(result),
         "facts": {
             "model": f"{result.model.name} ({model})",
-            "classes": f"{result.terrains.name}, {len(result.classes.terrain)} known",
+            "classes": f"{result.terrains.name}, {len(result.terrains.terrain)} known",
             "samples": f"{len(t)} in {plural(len(result.runs), 'run')}",
             "computed in": f"{result.seconds:.2f} s",
         },
         "notices": [text for text in (*result.notes, note) if text],
         "run": run.run,
         "rows": [run_cells(run, spread=" ± {:.3f}")[:-1] for run in result.runs],
-        "reliability": [
-            (f"{level.said:.2f}", f"{level.right:.2f}", str(level.count))
-            for level in result.reliability
-        ],
         "excluded": excluded[:MAX_ROWS],
         "more_excluded": len(excluded) - MAX_ROWS,
         "pictures": draw_figures(
@@ -75,7 +71,7 @@ def write_terrain_page(
 
 def _variety(run: RunEvents) -> float:
     """Straights and turns; else many stretches."""
-    phases = [event.observation.phase for event in run.classified]
+    phases = [stretch.observation.phase for stretch in run.stretches]
     turns = sum(phase in (Phase.TURN, Phase.SPOT) for phase in phases)
     return min(turns, phases.count(Phase.STRAIGHT)) + 1e-3 * len(phases)
 
@@ -130,8 +126,13 @@ def _draw_variance(figure: Any, trace: TerrainTrace) -> None:
 
 def _draw_features(figure: Any, result: TerrainResult) -> None:
     grid = figure.subplots(2, 2)
-    known = result.classes.terrain
-    points = [(e.answer.name, e.observation.known.values) for e, _ in result.labelled]
+    known = result.terrains.terrain
+    points = [
+        (label or "unnamed", stretch.observation.known.values)
+        for run in result.runs
+        for stretch, label in zip(run.stretches, run.labels, strict=True)
+        if not stretch.is_stuck
+    ]
     names = list(dict.fromkeys([terrain.name for terrain in known] + [name for name, _ in points]))
     colour = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
     for axes, (first, second) in zip(grid.flat, ((0, 1), (0, 2), (2, 1)), strict=False):
@@ -143,7 +144,7 @@ def _draw_features(figure: Any, result: TerrainResult) -> None:
         for name in names:
             stretches = np.array([v for given, v in points if given == name]).reshape(-1, 3)
             x, y = stretches[:, first], stretches[:, second]
-            axes.scatter(x, y, s=14, color=colour[name], label=name or "unknown")
+            axes.scatter(x, y, s=14, color=colour[name], label=name)
         axes.set(xlabel=_AXES[first], ylabel=_AXES[second])
     handles, labels = grid.flat[0].get_legend_handles_labels()
     grid.flat[3].axis("off")

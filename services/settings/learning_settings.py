@@ -13,7 +13,7 @@ class Learning:
     """How parameters change while the robot drives.
 
     Attributes:
-        terrains: terrain file or name of shipped classes that ground is classified by; empty: none.
+        terrains: terrain file, or a shipped name, that ground is described by; empty: none.
         estimators: ids whose liveliness tokens have to be there; without one plans are slower.
     """
 

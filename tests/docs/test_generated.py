@@ -88,7 +88,6 @@ IMPORTED_AS = {
     "pillow": "PIL",
     "foxglove-sdk": "foxglove",
     "rerun-sdk": "rerun",
-    "scikit-learn": "sklearn",
     "dask": "distributed",
     "mkdocs-material": "",
     "commonroad-vehicle-models": "vehiclemodels",

@@ -96,7 +96,7 @@ function showLearned(learned) {
   const groups = learned.groups.filter((group) => group.names.length || group.valid).map(groupSection);
   element("groups").replaceChildren(...(groups.length ? groups : [note("Nothing has been learned yet.")]));
   const { ground } = learned;
-  element("ground").replaceChildren(...(ground ? ["Ground: ", make("b", {}, ground.name || "no known class"), ` ${number(percent(ground.probability), 0, "%")}, since ${clock(ground.at)}`] : []));
+  element("ground").replaceChildren(...(ground ? ["Ground: ", make("b", {}, ground.name || "unknown"), `${ground.probability ? ` ${number(percent(ground.probability), 0, "%")}` : ""}, since ${clock(ground.at)}`] : []));
   showStops(learned.stops);
   showFinding(learned.finding);
 }

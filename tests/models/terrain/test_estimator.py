@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from slopewise.models.errors import ParameterError
 from slopewise.models.terrain.estimator import DriveSample, TerrainEstimator
 from slopewise.models.terrain.gyro_bias import GyroBias
+from slopewise.models.terrain.observation import TerrainEstimate
 from slopewise.models.terrain.phases import Phase
-from slopewise.models.terrain.resistances import TerrainEstimate
 from slopewise.models.terrain.settings import EstimatorSettings
 from tests.models.terrain import plant
 from tests.models.terrain.vehicles import estimator_of, observe, samples_of, vehicle_of
@@ -47,7 +47,7 @@ def test_a_square_determines_all_three(ground, spot, signed):
     truths = (ground.f_r, ground.mu_t, ground.slip_track)
     for value, truth, std in zip((f_r, mu_t, b_s), truths, deviations, strict=True):
         assert abs(value - truth) < 4.0 * std
-        assert 0.0 < std < 0.1
+        assert 0.0 < std < 0.05 + 0.36 * truth
     turn = Phase.SPOT if spot else Phase.TURN
     assert sum(o.phase is turn for o in estimates) == 4
     assert estimator.bias.bias == pytest.approx(0.05, abs=0.005)
@@ -74,9 +74,9 @@ def test_a_pivot_turn_determines_the_slip_track_only():
     log = plant.drive(plant.square(on_the_spot=False, rate=rate), plant.DIRT)
     turns = [o for o in observe(estimator_of(), log) if o.phase is Phase.TURN]
     assert len(turns) == 4
-    assert turns[-1].own.slip_track.value == pytest.approx(1.15, abs=0.06)
-    assert np.isnan(turns[-1].own.lateral_resistance.value)
-    assert turns[-1].own.lateral_resistance.note == "inner wheels stand"
+    assert turns[-1].measured.slip_track.value == pytest.approx(1.15, abs=0.06)
+    assert np.isnan(turns[-1].measured.lateral_resistance.value)
+    assert turns[-1].measured.lateral_resistance.note == "inner wheels stand"
 
 
 @pytest.mark.parametrize("pitch", [-0.15, 0.15])
@@ -99,8 +99,8 @@ def test_downhill_magnitudes_of_currents_are_ignored():
     log["current_left"] = np.abs(log["current_left"])
     log["current_right"] = np.abs(log["current_right"])
     estimates = observe(estimator_of(), log)
-    assert np.isnan(estimates[-1].own.motion_resistance.value)
-    assert "downhill" in estimates[-1].own.motion_resistance.note
+    assert np.isnan(estimates[-1].measured.motion_resistance.value)
+    assert "downhill" in estimates[-1].measured.motion_resistance.note
 
 
 def test_stuck_is_named_and_not_averaged_in():
@@ -121,7 +121,7 @@ def test_stuck_is_named_and_not_averaged_in():
     assert estimates[-1].known.values[2] == pytest.approx(1.15, abs=0.06)
     assert estimator.filter.slip_track == pytest.approx(1.15, abs=0.06)
     # the same filter without the phases would have followed the spinning wheels
-    assert np.isnan(stuck[0].own.values).all()
+    assert np.isnan(stuck[0].measured.values).all()
 
 
 def test_a_change_of_ground_is_followed_within_two_turns():
@@ -135,8 +135,8 @@ def test_a_change_of_ground_is_followed_within_two_turns():
         o for o in observe(estimator_of(), plant.drive(legs, ground)) if o.phase is Phase.SPOT
     ]
     before, after = estimates[:4], estimates[4:]
-    assert before[-1].own.slip_track.value == pytest.approx(1.0, abs=0.06)
-    assert after[1].own.slip_track.value == pytest.approx(1.62, abs=0.08)
+    assert before[-1].measured.slip_track.value == pytest.approx(1.0, abs=0.06)
+    assert after[1].measured.slip_track.value == pytest.approx(1.62, abs=0.08)
     assert after[1].known.values[0] == pytest.approx(0.30, abs=0.02)
     assert after[1].known.values[1] == pytest.approx(0.11, abs=0.01)
 
@@ -150,13 +150,13 @@ def test_with_the_settings_of_print_it_follows_within_two_turns():
     log = plant.drive(legs, ground, gyro_std=0.1)
     estimates = observe(estimator_of(settings=EstimatorSettings()), log)
     turns = [o for o in estimates if o.phase is Phase.SPOT]
-    assert turns[5].own.slip_track.value == pytest.approx(1.62, abs=0.15)
+    assert turns[5].measured.slip_track.value == pytest.approx(1.62, abs=0.15)
 
 
 def test_before_the_first_straight_the_assumed_resistance_is_reported():
     estimates = observe(estimator_of(), plant.drive([(1, 0, 0), (5, 0.0, 0.8)], plant.DIRT))
-    assert estimates[0].own.lateral_resistance.note == "f_r assumed"
-    assert estimates[0].own.lateral_resistance.std > 0.1
+    assert estimates[0].measured.lateral_resistance.note == "f_r assumed"
+    assert estimates[0].measured.lateral_resistance.std > 0.1
 
 
 def test_unusable_samples_and_gaps_end_a_stretch():
@@ -255,14 +255,14 @@ def test_a_vehicle_without_motor_constants_is_refused():
 # ------------------------------------------------------------------------------- gyro bias
 
 
-def test_first_samples_give_their_mean_and_its_standard_error():
+def test_first_samples_give_their_mean():
     random = np.random.default_rng(1)
     values = 0.03 + 0.01 * random.normal(size=400)
     gyro = GyroBias()
+    assert gyro.bias == 0.0
     for value in values:
         gyro.update(value, 0.01)
     assert gyro.bias == pytest.approx(np.mean(values), rel=1e-9)
-    assert gyro.bias_std == pytest.approx(np.std(values) / 20.0, rel=1e-6)
 
 
 def test_drift_is_followed_and_the_past_forgotten():
@@ -272,9 +272,3 @@ def test_drift_is_followed_and_the_past_forgotten():
     for _ in range(3000):
         gyro.update(-0.1, 0.01)
     assert gyro.bias == pytest.approx(-0.1, abs=0.001)
-
-
-def test_before_the_first_rest_nothing_is_known():
-    gyro = GyroBias()
-    assert gyro.bias == 0.0
-    assert gyro.bias_std == np.inf

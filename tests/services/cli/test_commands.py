@@ -21,7 +21,7 @@ COMMANDS: dict[str, tuple[str, int, str]] = {
     "check, violations": ("check fast.csv --map level.npz -m quad.toml", 3, "1 with violations"),
     "calibrate": ("calibrate stops.csv -m atv --sheet sheet.html", 0, "stops found: 24"),
     "coverage": ("coverage stops.csv -m atv", 0, "the model covers the 24 measured stops"),
-    "terrain": ("terrain terrain.csv -m husky.toml", 0, "class as labelled in the log: 0%"),
+    "terrain": ("terrain terrain.csv -m husky.toml", 0, "agrees with its label in the log: 0%"),
     "simulate": ("simulate stops.csv -m atv --out sim.csv", 0, "wrote sim.csv"),
     "discrepancy": ("discrepancy stops.csv -m atv --out found", 0, "wrote found/report.html"),
     "demo": ("demo --out demo", 0, "Open demo/report.html"),

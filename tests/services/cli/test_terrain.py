@@ -1,10 +1,9 @@
-"""`slopewise terrain`: events, classes, models, signatures, page; bad samples are excluded."""
+"""`slopewise terrain`: events, classes, models, page; bad samples are excluded."""
 
 from __future__ import annotations
 
 import json
 import re
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -31,7 +30,6 @@ from tests.services.cli.conftest import labelled_run, write_runs
 from tests.services.command_line import here, one_line_of
 from tests.services.faults import fault_in
 
-NO_CLASSES = 'name = "test"\n[filter]\nyaw_rate_std = 0.03\n'
 SURFACES = {"road": plant.ASPHALT, "track": plant.DIRT, "beach": plant.SAND}
 CLASSES = {"road": "asphalt", "track": "dirt_road", "beach": "beach_sand"}
 TERRAIN = ("terrain", "terrain.csv", "-m", "husky.toml")
@@ -49,51 +47,86 @@ def test_one_row_per_stretch_and_json(world: Path) -> None:
     assert tuple(table.columns) == COLUMNS
     rows = dict(zip(table.text("run"), range(10_000), strict=False))
     assert set(rows) == set(CLASSES)
-    assert [run["class"] for run in data["runs"]] == list(CLASSES.values())
+    assert [run["words"]["hardness"] for run in data["runs"]] == ["hard", "undecided", "soft"]
     for run in data["runs"]:
+        name = CLASSES[run["run"]]
+        assert name in run["agrees_with"]
+        assert run["class"] is None
+        assert run["probabilities"] == {}
+        assert run["words"]["grip"] == "undecided"  # the shipped file has no threshold of it
         spots = [s for s in run["stretches"] if s["phase"] == "turn_on_the_spot"]
-        assert spots[-1]["terrain"] == CLASSES[run["run"]]
-        assert spots[-1]["rules"] in (CLASSES[run["run"]], "")
+        assert name in spots[-1]["agrees_with"]
+        assert spots[-1]["p_values"][name] > 0.05
+        assert spots[-1]["terrain"] == ""
+        assert spots[-1]["probability"] is None
+        assert spots[-1]["rules"] in (name, "")
     track = data["runs"][1]["terrain"]
     assert track["motion_resistance"]["value"] == pytest.approx(0.13, abs=0.01)
+    low, high = track["motion_resistance"]["interval"]
+    assert low < 0.13 < high
+    assert high - low == pytest.approx(3.92 * track["motion_resistance"]["std"])
     assert track["slip_track"]["value"] == pytest.approx(1.15, abs=0.15)
     assert data["terrain"]["motion_resistance"]["value"] == pytest.approx(0.30, abs=0.02)
     assert data["agreement"] == 0.0  # the log has other names
+    assert set(data["classes"]) == set(SURFACES)
     model = read_model(world / "m.toml")
-    assert model.terrain.motion_resistance == pytest.approx(0.33, abs=0.03)
+    assert model.terrain.motion_resistance == pytest.approx(0.40, abs=0.03)
     assert model.terrain.slip_track > 1.5
-    assert set(model.braking.terrain) == set(CLASSES.values())
-    assert model.braking.on("asphalt").b_b < 0.25 - 0.09
-    assert model.braking.on("beach_sand").b_b == 0.25
+    assert set(model.braking.terrain) == set(SURFACES)  # as the log names them
+    assert model.braking.on("road").b_b < 0.25 - 0.09
+    assert model.braking.on("beach").b_b == 0.25
 
 
-def test_labels_give_classes_that_are_read_again_without_clustering(
-    world: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "sklearn.cluster", None)
+def test_labels_give_classes_and_thresholds_that_are_read_again(world: Path) -> None:
     data = terrain_json(*TERRAIN, "--learn", "mine.toml")
-    assert any("no signatures learned" in note for note in data["notes"])
+    assert any("road 1, track 1, beach 1" in note for note in data["notes"])
     learned = read_terrains(world / "mine.toml")
     assert [c.name for c in learned.terrain] == list(SURFACES)
-    assert learned.signatures == ""
-    assert terrain_json(*TERRAIN, "--terrains", "mine.toml")["agreement"] > 0.9
+    assert {c.days for c in learned.terrain} == {1.0}
+    assert learned.thresholds.soft_above == pytest.approx(0.07, abs=0.01)  # road, then track
+    data = terrain_json(*TERRAIN, "--terrains", "mine.toml")
+    assert data["agreement"] > 0.9
+    assert {run["class"] for run in data["runs"]} == {None}
 
 
-def test_without_labels_classes_are_clusters(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("sklearn", reason="the learn extra is not installed")
-    legs = plant.square(sides=16, straight=4.0)
-    runs = [("1", plant.drive(legs, plant.ASPHALT)), ("2", plant.drive(legs, plant.SAND, seed=1))]
+def test_three_sites_give_names(world: Path) -> None:
+    runs = []
+    for site in range(3):
+        for name, surface in SURFACES.items():
+            label, log = labelled_run(name, surface, 10 * site + len(runs), sides=2)
+            log["session"] = np.full(len(log["t"]), f"day {site}")
+            runs.append((f"{label}{site}", log))
     write_runs(world / "log.csv", *runs)
-    (world / "unknown.toml").write_text(NO_CLASSES)
-    arguments = ("terrain", "log.csv", "-m", "husky.toml", "--terrains", "unknown.toml")
-    assert here(*arguments, "--learn", "learned.toml").returncode == 0
-    first, second = read_terrains(world / "learned.toml").terrain
-    assert (first.name, second.name) == ("new_1", "new_2")
-    assert first.lateral_resistance.mean == pytest.approx(0.26, abs=0.02)
-    assert second.lateral_resistance.mean == pytest.approx(0.11, abs=0.02)
-    assert second.slip_track.mean == pytest.approx(1.62, abs=0.15)
-    monkeypatch.setitem(sys.modules, "sklearn.cluster", None)
-    one_line_of(here(*arguments, "--adapt"), "pip install '.[learn]'")
+    terrain_json("terrain", "log.csv", *TERRAIN[2:], "--learn", "mine.toml")
+    assert {c.days for c in read_terrains(world / "mine.toml").terrain} == {3.0}
+    data = terrain_json(*TERRAIN, "--terrains", "mine.toml", "--out", "out.csv")
+    assert [run["class"] for run in data["runs"]] == list(SURFACES)
+    assert data["runs"][0]["probabilities"] == {"road": 0.95}
+    assert {"road", "track", "beach", ""} == set(read_csv(world / "out.csv").text("terrain"))
+
+
+def test_without_names_of_the_ground_nothing_is_learned(world: Path) -> None:
+    write_runs(world / "log.csv", ("1", drive_log()))
+    one_line_of(here("terrain", "log.csv", *TERRAIN[2:], "--learn", "l.toml"), "column terrain")
+
+
+def test_a_vehicle_file_that_cannot_be_right_is_reported(world: Path) -> None:
+    husky = read_model(world / "husky.toml")
+    light = replace(husky, vehicle=replace(husky.vehicle, mass=5.0, max_drive_force=90.0))
+    write_model(light, world / "light.toml")
+    data = terrain_json("terrain", "terrain.csv", "-m", "light.toml")
+    (note,) = [n for n in data["notes"] if "cannot be right" in n]
+    assert note.startswith("light.toml: ")
+    assert not [n for n in terrain_json(*TERRAIN)["notes"] if "cannot be right" in n]
+
+
+def test_files_of_earlier_versions_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "t.toml"
+    text = find_terrains("husky").read_text()
+    tables = ("classifier", "change", "adaptation", "memory")
+    old = "\n".join(f"[{name}]\nany = 1.0" for name in tables)
+    path.write_text(text.replace("[thresholds]", f'signatures = "x.json"\n{old}\n[thresholds]'))
+    assert read_terrains(path) == read_terrains(find_terrains("husky"))
 
 
 def test_terrain_files_are_read_back_equal(tmp_path: Path) -> None:
@@ -110,7 +143,7 @@ def test_the_page_has_the_figures_of_the_paper_and_no_markup_of_names(world: Pat
     assert here("terrain", "log.csv", *TERRAIN[2:], "--report", "p.html").returncode == 0
     text = (world / "p.html").read_text()
     assert len(re.findall(r"data:image/svg\+xml;base64,[A-Za-z0-9+/=]{2000,}", text)) == 3
-    for part in ("Three features", "How fast the filter settles", "road", "beach_sand"):
+    for part in ("Three features", "How fast the filter settles", "road", "beach"):
         assert part in text
     assert "<script>" in text
     assert "http://" not in text.split("base64")[0]
@@ -176,7 +209,7 @@ def test_bad_samples_are_flagged_and_excluded(
     result = terrain(LogInput([path]), str(files / "husky.toml"))
     (run,) = result.runs
     assert any(reason in stretch.reason for stretch in run.excluded), run.excluded
-    assert not [e for e in run.classified if 4.0 < e.observation.begin < 7.9]
+    assert not [e for e in run.stretches if 4.0 < e.observation.begin < 7.9]
     assert run.known.values == pytest.approx((0.13, 0.20, 1.15), abs=0.12)
     assert run.known.values[0] == pytest.approx(0.13, abs=0.02)
     outputs.write_events(result, tmp_path / "out.csv")
@@ -200,7 +233,7 @@ def test_wrong_units_exclude_the_run(
 
 
 def test_a_class_too_slippery_to_stop_on_is_rejected(files: Path, tmp_path: Path) -> None:
-    path = write_runs(tmp_path / "log.csv", ("1", plant.drive(plant.square(), plant.ASPHALT)))
+    path = write_runs(tmp_path / "log.csv", labelled_run("asphalt", plant.ASPHALT, 0))
     husky = read_model(files / "husky.toml")
     weak = tmp_path / "weak.toml"
     write_model(replace(husky, braking=replace(husky.braking, b_b=0.08)), weak)
@@ -211,41 +244,12 @@ def test_a_class_too_slippery_to_stop_on_is_rejected(files: Path, tmp_path: Path
 def test_an_hour_at_100_hertz_is_quick() -> None:
     """Five seconds on an idle machine; a tenth of an hour here, with a margin for a busy one."""
     rows = samples_of(plant.drive(plant.square(sides=34), plant.DIRT))
-    classes = read_terrains(find_terrains("husky")).classes
-    monitor = TerrainMonitor(read_model(find_model("husky")), classes)
+    file = read_terrains(find_terrains("husky"))
+    monitor = TerrainMonitor(read_model(find_model("husky")), file.classes, file.thresholds)
     begin = time.process_time()
     for row in rows:
         monitor.update(row)
     assert (time.process_time() - begin) / len(rows) * 360_000 < 15.0
-
-
-def labelled_log(path: Path, first: int, count: int) -> Path:
-    runs = [
-        (f"{name}{i}", labelled_run(name, surface, first + i, sides=2)[1])
-        for i in range(count)
-        for name, surface in SURFACES.items()
-    ]
-    return write_runs(path, *runs)
-
-
-def test_signatures_are_learned_and_classify_other_runs(world: Path) -> None:
-    pytest.importorskip("sklearn", reason="the learn extra is not installed")
-    arguments = ("-m", "husky.toml")
-    labelled_log(world / "log.csv", 0, 5)
-    assert here("terrain", "log.csv", *arguments, "--learn", "mine.toml").returncode == 0
-    assert read_terrains(world / "mine.toml").signatures == "mine.signatures.json"
-    labelled_log(world / "next.csv", 20, 2)
-    data = terrain_json("terrain", "next.csv", *arguments, "--terrains", "mine.toml")
-    assert data["agreement"] > 0.8
-    assert data["reliability"]
-    for run in data["runs"]:
-        assert sum(run["probabilities"].values()) == pytest.approx(1.0)
-        assert run["not_compared_seconds"] >= 0
-        for stretch in run["stretches"]:
-            assert 0.0 <= stretch["probability"] <= 1.0
-    (world / "mine.signatures.json").unlink()
-    result = here("terrain", "next.csv", *arguments, "--terrains", "mine.toml")
-    one_line_of(result, "mine.signatures.json")
 
 
 def test_the_example_reports_what_it_skips(

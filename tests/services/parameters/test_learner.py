@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slopewise.models.errors import InputError
-from slopewise.models.parameters import Effect
-from slopewise.models.surface_braking import UphillBraking
+from slopewise.models.parameters import Effect, Model
+from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.services.parameters.learner import Learner
 from slopewise.services.parameters.terrain_group import TerrainGroup
 from slopewise.services.settings.learning_settings import Learning
@@ -26,6 +26,7 @@ from tests.services.parameters.parameter_fixtures import (
     G,
     learner,
     level_force,
+    started,
     stop,
 )
 from tests.services.robot_plant import Surface, Vehicle
@@ -207,11 +208,11 @@ def driven(robot: Learner, columns: dict[str, Any], begin: float = 0.0) -> list[
 
 
 def test_a_detected_change_of_terrain_lowers_the_base() -> None:
-    robot = learner(HUSKY, rise=0.1)
+    robot = learner(HUSKY, rise=0.1, terrains="husky")
     for i in range(16):
         robot.observe(stop(0.9, speed=0.6 + 0.05 * (i % 5)), "obs/stop")
     before = level_force(robot)
-    body = plant.Body()
+    body = plant.Body(idle_current=0.0)
     legs = plant.square(sides=8, on_the_spot=False)
     end = sum(leg[0] for leg in legs)
     grounds = lambda t: plant.ASPHALT if t < 0.5 * end else plant.SAND  # noqa: E731
@@ -227,18 +228,22 @@ def test_terrain_parameters_get_slower_immediately_and_faster_by_a_share() -> No
     nan = (float("nan"), float("nan"))
     assert group.learn(((0.30, 0.01), nan, (1.6, 0.05)))  # type: ignore[attr-defined]
     values = group.describe("terrain").values
-    assert values["motion_resistance"] == pytest.approx(0.31)
-    assert values["slip_track"] == pytest.approx(1.65)
+    upper = 0.30 + 1.645 * 0.01
+    assert values["motion_resistance"] == pytest.approx(upper)
+    assert values["slip_track"] == pytest.approx(1.6 + 1.645 * 0.05)
     assert values["lateral_resistance"] == 0.20
     assert group.learn(((0.03, 0.01), nan, nan))  # type: ignore[attr-defined]
     values = group.describe("terrain").values
-    assert values["motion_resistance"] == pytest.approx(0.31 - 0.2 * 0.27)
+    assert values["motion_resistance"] == pytest.approx(upper - 0.2 * 0.27)
     assert not group.learn(((9.0, 0.0), (-1.0, 0.0), (99.0, 0.0)))  # type: ignore[attr-defined]
     assert group.describe("terrain").values == pytest.approx(values)
     assert not group.forget_faster()  # type: ignore[attr-defined]
     for _ in range(20):
         group.learn(((0.03, 0.01), nan, nan))  # type: ignore[attr-defined]
-    assert group.describe("terrain").values["motion_resistance"] < 0.06
+    assert group.describe("terrain").values["motion_resistance"] == 0.13
+    group.set("terrain", {"motion_resistance": 0.05})
+    assert not group.learn(((0.04, 0.001), nan, nan))  # type: ignore[attr-defined]
+    assert group.describe("terrain").values["motion_resistance"] == pytest.approx(0.05, abs=1e-4)
     assert group.forget_faster()  # type: ignore[attr-defined]
     assert group.describe("terrain").values["motion_resistance"] == 0.13
     state = group.state("terrain")
@@ -252,25 +257,17 @@ def terrain_of(group: TerrainGroup) -> tuple[float, ...]:
     return (terrain.motion_resistance, terrain.lateral_resistance, terrain.slip_track)
 
 
-def test_terrain_of_no_class_never_makes_a_plan_faster() -> None:
+@given(
+    values=st.lists(st.tuples(*[st.tuples(st.floats(0.0, 2.0), st.floats(0.0, 0.5))] * 3)),
+)
+def test_no_terrain_estimate_makes_a_plan_faster_than_the_file(values: Any) -> None:
     prior = HUSKY.terrain
-    before = (prior.motion_resistance, prior.lateral_resistance, prior.slip_track)
-    easy = ((0.01, 0.01), (0.01, 0.01), (HUSKY.vehicle.track_width, 0.0))
     group = TerrainGroup(HUSKY, Learning())
-    assert not group.learn(easy, valid=False)
-    assert terrain_of(group) == pytest.approx(before)
-    assert group.learn(easy, valid=True)
-    assert terrain_of(group)[0] < before[0]
-
-
-def test_terrain_of_no_class_makes_plans_slower_and_not_faster_again() -> None:
-    group = TerrainGroup(HUSKY, Learning())
-    track = 3.0 * HUSKY.vehicle.track_width
-    assert group.learn(((0.5, 0.01), (0.6, 0.01), (track, 0.1)), valid=False)
-    slow = terrain_of(group)
-    assert slow == pytest.approx((0.51, 0.61, track + 0.1), rel=1e-3)
-    assert not group.learn(((0.1, 0.01), (0.1, 0.01), (track / 2, 0.1)), valid=False)
-    assert terrain_of(group) == pytest.approx(slow, rel=1e-3)
+    for features in values:
+        group.learn(features)
+        terrain = terrain_of(group)
+        file = (prior.motion_resistance, prior.lateral_resistance, prior.slip_track)
+        assert all(used >= known for used, known in zip(terrain, file, strict=True))
 
 
 @pytest.mark.parametrize(
@@ -307,17 +304,49 @@ def test_a_missing_terrain_file_is_an_input_error() -> None:
         learner(terrains="nonsense")
 
 
-def test_own_samples_name_the_ground_with_known_classes() -> None:
-    robot = learner(HUSKY, terrains="husky")
+def with_surfaces(**forces: float) -> Model:
+    tables = {name: SurfaceBraking(b_b=b_b) for name, b_b in forces.items()}
+    return dataclasses.replace(HUSKY, braking=dataclasses.replace(HUSKY.braking, terrain=tables))
+
+
+def test_own_samples_give_no_name_and_plans_use_the_weakest_surface_left_open() -> None:
+    model = with_surfaces(asphalt=0.18, beach_sand=0.15, dirt_road=0.30, elsewhere=0.1)
+    robot = learner(model, terrains="husky")
+    assert not robot.active()[0].braking.states_of("")
     driven(robot, plant.drive(plant.square(sides=3), plant.SAND, plant.Body(), seed=2))
-    name, probability = (
-        robot.ground.surface(time.monotonic()),
-        robot.ground.probability(time.monotonic()),
-    )
-    assert name == "beach_sand"
-    assert probability > 0.8
+    assert robot.ground.surface(time.monotonic()) == ""
+    assert robot.ground.description() == "soft"  # the file has no threshold of grip
+    assert robot.is_outdated()
+    assert robot.active()[0].braking.states_of("") == ("beach_sand",)
+    assert "ground is soft: plans count with the base or beach_sand" in robot.flags()
+    assert not robot.is_outdated()
     robot.observe(stop(0.5), "obs/stop")
-    assert "braking.beach_sand" in robot.state.names()
+    assert list(robot.state.braking.forces.learned()) == [""]
+
+
+def test_the_service_publishes_what_the_description_leaves() -> None:
+    model = with_surfaces(asphalt=0.18, beach_sand=0.15)
+    service = started("", model, terrains="husky")
+    assert not service.active.model.braking.states_of("")
+    log = plant.drive([(3.0, 0.0, 0.0)], plant.DIRT)
+    receipt = service.observe("drive", samples(log), "obs/drive", time.monotonic())
+    assert receipt.status == "taken"
+    assert service.active.model.braking.states_of("") == ("asphalt", "beach_sand")
+    assert any("plans count with the base or asphalt" in flag for flag in service.active.flags)
+
+
+def test_undecided_ground_leaves_every_known_surface_open() -> None:
+    robot = learner(with_surfaces(asphalt=0.18, beach_sand=0.15, elsewhere=0.1), terrains="husky")
+    driven(robot, plant.drive([(3.0, 0.0, 0.0)], plant.DIRT))
+    assert robot.active()[0].braking.states_of("") == ("asphalt", "beach_sand")
+
+
+def test_a_vehicle_file_that_cannot_be_right_is_flagged() -> None:
+    heavy = dataclasses.replace(HUSKY.vehicle, mass=600.0)
+    robot = learner(dataclasses.replace(HUSKY, vehicle=heavy))
+    driven(robot, plant.drive(plant.square(sides=6), plant.SAND, plant.Body(idle_current=0.0)))
+    (flag,) = robot.ground.flags()
+    assert "the vehicle file cannot be right" in flag
 
 
 def test_labels_expire() -> None:

@@ -1,4 +1,4 @@
-"""Classifier of terrain, and its results in the braking model."""
+"""Classes, rules and agreement; and what is measured of the ground in the braking model."""
 
 from __future__ import annotations
 
@@ -9,40 +9,40 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import integrate
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.stops.simulation import GroundTrack, force_ratio, simulate_stop
 from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.models.terrain.agreement import agreement, name_of
 from slopewise.models.terrain.classes import FeatureOfClass, TerrainClass, TerrainClasses, by_rules
-from slopewise.models.terrain.classifier import NONE, ClassifierSettings, TerrainClassifier
-from slopewise.models.terrain.observation import Features
-from slopewise.models.terrain.resistances import TerrainEstimate
+from slopewise.models.terrain.description import ThresholdSettings
+from slopewise.models.terrain.evidence import EvidenceWindow
+from slopewise.models.terrain.learn import LabelledRun, classes_of, thresholds_of
+from slopewise.models.terrain.observation import Features, TerrainEstimate
 from slopewise.models.terrain.surfaces import model_on, with_surface
 from slopewise.services.io.terrain_file import find_terrains, read_terrains
 from tests.models.models_for_tests import BASE
 from tests.models.terrain.paper import MEANS, OBSERVATIONS, STDS
-from tests.models.terrain.test_monitor import MODEL
+from tests.models.terrain.vehicles import MODEL, observation_of
 
-# ------------------------------------------------------------------------------ classifier
+# --------------------------------------------------------------------------------- classes
 
 
 NAN = math.nan
 HUSKY = read_terrains(find_terrains("husky")).classes
-CLASSIFIER = TerrainClassifier(HUSKY)
 
 
 def test_the_shipped_classes_are_those_of_table_2():
     for known in HUSKY.terrain:
         assert tuple(f.mean for f in known.features) == MEANS[known.name]
         assert tuple(f.std for f in known.features) == STDS[known.name]
+        assert known.days == 1.0
 
 
 @pytest.mark.parametrize(("values", "name"), OBSERVATIONS)
-def test_table_5_by_rules_and_by_probability(values, name):
+def test_table_5_by_rules(values, name):
     assert by_rules(HUSKY, values).name == name
-    assert CLASSIFIER.classify(values).name == name
 
 
 def test_rules_by_hand():
@@ -60,84 +60,13 @@ def test_rules_by_hand():
     assert by_rules(HUSKY, (0.195, 0.1, 0.9)).name == ""
 
 
-def draws(count):
+def test_draws_from_table_2_by_rules():
     random = np.random.default_rng(5)
+    shares = []
     for name, mean in MEANS.items():
-        yield name, random.normal(mean, STDS[name], (count, 3))
-
-
-def test_draws_from_table_2():
-    right = by_rule = 0.0
-    names = [*MEANS, NONE]
-    for name, rows in draws(4000):
-        answers = CLASSIFIER.probabilities(rows, np.zeros_like(rows)).argmax(axis=1)
-        right += np.mean(answers == names.index(name)) / 4
-        by_rule += np.mean([by_rules(HUSKY, tuple(row)).name == name for row in rows[:1000]]) / 4
-    assert right >= 0.97
-    assert right == pytest.approx(0.986, abs=0.005)
-    assert by_rule == pytest.approx(0.82, abs=0.02)  # the rules' own figure
-
-
-def test_probabilities_mean_what_they_say():
-    # of answers given with probability p, about p are right
-    answers, right = [], []
-    names = [*MEANS, NONE]
-    for name, rows in draws(4000):
-        table = CLASSIFIER.probabilities(rows, np.zeros_like(rows))
-        answers.append(table.max(axis=1))
-        right.append(table.argmax(axis=1) == names.index(name))
-    answers, right = np.concatenate(answers), np.concatenate(right)
-    middle = (answers > 0.5) & (answers < 0.9)
-    assert np.mean(right[middle]) > np.mean(answers[middle]) - 0.1
-    assert np.mean(right[answers > 0.95]) > 0.95
-
-
-def test_ground_of_no_known_class():
-    for values in ((0.6, 0.6, 0.7), (0.02, 0.02, 3.0), (0.5, 0.4, 4.0)):
-        answer = CLASSIFIER.classify(values)
-        assert answer.name == NONE, (values, answer)
-        assert sum(answer.probabilities.values()) == pytest.approx(1.0)
-    assert TerrainClassifier(TerrainClasses(name="empty")).classify((0.1, 0.1, 1.0)).name == NONE
-
-
-def test_what_is_not_known_says_nothing():
-    assert CLASSIFIER.classify((0.03, NAN, NAN)).name == "asphalt"
-    assert CLASSIFIER.classify((NAN, 0.11, NAN)).name == "beach_sand"
-    nothing = CLASSIFIER.classify((NAN, NAN, NAN))
-    assert nothing.name == ""
-    assert [*nothing.probabilities.values()] == pytest.approx([0.245] * 4 + [0.02])
-
-
-def test_a_poor_measurement_is_less_confident():
-    sharp = CLASSIFIER.classify((0.03, 0.26, 1.0), (0.001, 0.001, 0.001))
-    poor = CLASSIFIER.classify((0.03, 0.26, 1.0), (0.3, 0.3, 1.0))
-    assert sharp.probability > 0.99
-    assert poor.probability < 0.6
-
-
-def test_one_feature_against_quadrature():
-    # the posterior predictive of a normal with unknown mean and variance, integrated by scipy
-    mean, std, n, x = 0.2, 0.05, 6, 0.31
-
-    def joint(log_s, m, value=None):
-        s = math.exp(log_s)
-        log = -(n - 1) * log_s - 0.5 * ((n - 1) * std**2 + n * (m - mean) ** 2) / s**2 - log_s
-        if value is not None:
-            log += -0.5 * ((value - m) / s) ** 2 - log_s - 0.5 * math.log(2 * math.pi)
-        return math.exp(log)
-
-    box = (mean - 0.4, mean + 0.4, math.log(0.01), math.log(0.6))
-    below = integrate.dblquad(joint, *box)[0]
-    above = integrate.dblquad(lambda a, m: joint(a, m, x), *box)[0]
-    feature = FeatureOfClass(mean=mean, std=std, samples=n)
-    classes = TerrainClasses(
-        name="one", terrain=(TerrainClass(name="only", motion_resistance=feature),)
-    )
-    settings = ClassifierSettings(gross_error=1e-12, unknown_ground=0.5)
-    answer = TerrainClassifier(classes, settings).classify((x, NAN, NAN)).probabilities
-    width = 3.0 * std * math.sqrt(7 / 6)  # of the Cauchy background of a single class
-    anywhere = 1.0 / (math.pi * width * (1.0 + ((x - mean) / width) ** 2))
-    assert answer["only"] / answer[NONE] == pytest.approx(above / below / anywhere, rel=1e-3)
+        rows = random.normal(mean, STDS[name], (1000, 3))
+        shares.append(np.mean([by_rules(HUSKY, tuple(row)).name == name for row in rows]))
+    assert np.mean(shares) == pytest.approx(0.82, abs=0.02)
 
 
 @pytest.mark.parametrize(
@@ -147,12 +76,93 @@ def test_one_feature_against_quadrature():
         (lambda: FeatureOfClass(mean=1, std=1, samples=1), "samples: expected"),
         (lambda: FeatureOfClass(mean=1, std=1, samples=6, rule=(2.0, 1.0)), "rule: expected"),
         (lambda: TerrainClass(name=" "), "name: expected"),
+        (lambda: TerrainClass(name="a", days=0), "days: expected"),
         (lambda: TerrainClasses(name="x", terrain=HUSKY.terrain[:1] * 2), "asphalt twice"),
     ],
 )
 def test_classes_that_make_no_sense(make, message):
     with pytest.raises(ParameterError, match=message):
         make()
+
+
+# ------------------------------------------------------------------------------- agreement
+
+
+def window_of(*features):
+    """Window of stretches (f_r, μ_t, B_s), NaN where not measured, at 0.3 m/s and 0.5 % error."""
+    window = EvidenceWindow(12.0)
+    for i, values in enumerate(features):
+        window.add(observation_of(*values, end=float(i)))
+    return window
+
+
+def test_agreement_of_one_feature_is_students_t():
+    # one class of six runs, ln std 0.1: t = 0.3/(0.1 √(1 + 1/6) ⊕ 0.005), two-sided, 5 degrees
+    feature = FeatureOfClass(mean=0.2, std=0.02, samples=6)
+    only = TerrainClasses(name="x", terrain=(TerrainClass(name="a", motion_resistance=feature),))
+    p_value = agreement(only, window_of((0.2 * math.exp(0.3), NAN, NAN)))["a"]
+    from scipy import stats
+
+    t = 0.3 / math.sqrt(0.01 * 7 / 6 + 0.005**2)
+    assert p_value == pytest.approx(2.0 * stats.t.sf(t, 5), rel=1e-6)
+
+
+def test_a_class_rejects_its_share_of_its_own_runs():
+    # runs and class from one distribution: 5 % are rejected, for each kind of motion
+    random = np.random.default_rng(3)
+    rejected = []
+    for i in range(400):
+        logs = np.log((0.2, 0.3, 1.1)) + random.normal(0, (0.15, 0.1, 0.05), (7, 3))
+        runs = [
+            LabelledRun("a", "", (observation_of(f, NAN, NAN), observation_of(NAN, m, b)))
+            for f, m, b in np.exp(logs[:6])
+        ]
+        f, m, b = np.exp(logs[6])
+        asked = [(f, NAN, NAN), (NAN, m, b), (f, m, b)][i % 3]
+        rejected.append(agreement(classes_of("x", runs), window_of(asked))["a"] < 0.05)
+    assert np.mean(rejected) == pytest.approx(0.05, abs=0.035)
+
+
+def test_a_single_name_needs_three_days_and_both_kinds_of_motion():
+    asphalt = (0.03, 0.26, 1.0)
+    many = tuple(replace(t, days=3.0) for t in HUSKY.terrain)
+    for terrain, values, name in (
+        (HUSKY.terrain, asphalt, ""),
+        (many, asphalt, "asphalt"),
+        (many, (0.03, NAN, NAN), ""),
+        (many, (2.0, 2.0, 0.1), ""),
+    ):
+        classes, window = TerrainClasses(name="x", terrain=terrain), window_of(values)
+        assert name_of(classes, window, agreement(classes, window)) == name
+    assert agreement(HUSKY, window_of()) == dict.fromkeys(MEANS, 1.0)
+
+
+def test_with_three_days_the_spread_is_that_of_days():
+    def run(f_r, site):
+        return LabelledRun("a", site, (observation_of(f_r, NAN, NAN),))
+
+    same = [run(0.1 * math.exp(x), "") for x in (-0.1, 0.0, 0.1)]
+    three = [run(0.1 * math.exp(x), site) for x, site in ((-0.4, "1"), (0.0, "2"), (0.4, "3"))]
+    (one_day,), (days,) = classes_of("x", same).terrain, classes_of("x", same + three).terrain
+    assert (one_day.days, one_day.motion_resistance.samples) == (1.0, 3.0)
+    assert one_day.motion_resistance.std / 0.1 == pytest.approx(0.1)
+    assert (days.days, days.motion_resistance.samples) == (4.0, 4.0)  # no site is a fourth
+    assert days.motion_resistance.std / 0.1 == pytest.approx(np.std([0, -0.4, 0, 0.4], ddof=1))
+    (single,) = classes_of("x", same[:1]).terrain
+    assert single.motion_resistance.samples == 2.0
+    assert single.motion_resistance.std == pytest.approx(0.17 * single.motion_resistance.mean)
+
+
+def test_thresholds_lie_midway_in_the_widest_gap():
+    runs = [
+        LabelledRun(name, "", (observation_of(f_r, mu_t, NAN),))
+        for name, f_r, mu_t in (("a", 0.1, 0.1), ("b", 0.12, 0.5), ("c", 0.24, 0.55))
+    ]
+    settings = thresholds_of(classes_of("x", runs), 1.0, ThresholdSettings())
+    assert settings.soft_above == pytest.approx(math.sqrt(0.12 * 0.24))
+    assert settings.slippery_below == pytest.approx(math.sqrt(0.2 * 0.62))
+    close = thresholds_of(classes_of("x", runs[:2]), 1.0, ThresholdSettings())
+    assert close.soft_above is None
 
 
 # -------------------------------------------------------------------------------- surfaces
@@ -166,20 +176,20 @@ def test_unknown_ground_that_rolls_easily_still_weakens_partial_brakes():
     assert stop(unknown) >= stop(model_on(known, slippery)) > stop(known)
 
 
-def test_the_model_on_the_ground_driven_now_is_rounded_towards_slower():
+def test_the_model_on_the_ground_driven_now_has_the_upper_ends_of_the_intervals():
     known = Features(
         TerrainEstimate(0.2, 0.02), TerrainEstimate(0.25, 0.01), TerrainEstimate(1.3, 0.1)
     )
     terrain = model_on(MODEL, known).terrain
-    assert terrain.motion_resistance == pytest.approx(0.22)
-    assert terrain.lateral_resistance == pytest.approx(0.26)
-    assert terrain.slip_track == pytest.approx(1.4)
+    assert terrain.motion_resistance == pytest.approx(0.2 + 1.645 * 0.02)
+    assert terrain.lateral_resistance == pytest.approx(0.25 + 1.645 * 0.01)
+    assert terrain.slip_track == pytest.approx(1.3 + 1.645 * 0.1)
     assert model_on(MODEL, Features()).terrain == MODEL.terrain
     narrow = Features(slip_track=TerrainEstimate(0.3, 0.01))
     assert model_on(MODEL, narrow).terrain.slip_track == MODEL.vehicle.track_width
 
 
-def test_ground_of_no_valid_class_makes_nothing_faster():
+def test_ground_that_is_undecided_makes_nothing_faster():
     def known(f_r, mu_t, b_s):
         return Features(*(TerrainEstimate(value, 0.01) for value in (f_r, mu_t, b_s)))
 
@@ -191,7 +201,7 @@ def test_ground_of_no_valid_class_makes_nothing_faster():
     assert model_on(MODEL, hard, valid=False) == model_on(MODEL, hard)
     mixed = model_on(MODEL, known(0.01, 0.5, 2.5), valid=False).terrain
     assert mixed.motion_resistance == old.motion_resistance
-    assert mixed.lateral_resistance == pytest.approx(0.51)
+    assert mixed.lateral_resistance == pytest.approx(0.51645)
 
 
 def test_a_surface_brakes_less_where_it_rolls_more_easily_and_never_more():
@@ -221,22 +231,22 @@ def stop(model: Model) -> float:
 
 
 def test_a_vague_resistance_is_no_brake() -> None:
-    """At half the brakes 0.13 ± 0.10 counted as 0.23 of rolling, and stopped the vehicle sooner."""
+    """At half the brakes 0.13 ± 0.10 counted as rolling, and stopped the vehicle sooner."""
     model = with_level(0.5)
     assert BASE.terrain.motion_resistance == 0.13
     vague = model_on(model, features(0.13, 0.10))
     assert stop(vague) == stop(model)
-    assert vague.terrain.motion_resistance == pytest.approx(0.23)
-    assert vague.braking.force_std == pytest.approx(0.05)
-    assert vague.braking.on("ice").force_std == pytest.approx(np.hypot(0.01, 0.05))
-    assert vague.braking.on("sand").force_std == pytest.approx(0.05)
+    assert vague.terrain.motion_resistance == pytest.approx(0.13 + 0.1645)
+    assert vague.braking.force_std == pytest.approx(0.08225)
+    assert vague.braking.on("ice").force_std == pytest.approx(np.hypot(0.01, 0.08225))
+    assert vague.braking.on("sand").force_std == pytest.approx(0.08225)
 
 
 def test_what_is_open_counts_once() -> None:
     once = model_on(with_level(0.5), features(0.10, 0.04))
     assert model_on(once, features(0.10, 0.04)) == once
     more = model_on(once, features(0.10, 0.08))
-    assert more.braking.force_std == pytest.approx(0.04)
+    assert more.braking.force_std == pytest.approx(0.0658)
 
 
 def test_full_brakes_know_nothing_of_it() -> None:
