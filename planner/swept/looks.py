@@ -9,6 +9,7 @@ import numpy as np
 from slopewise.models.arrays import Bools, Bytes, Floats, Singles
 from slopewise.planner.kernels.compiled import inlined, row_pass
 from slopewise.planner.swept.screen import Screen
+from slopewise.planner.swept.screen_reach import ROUNDING
 from slopewise.planner.swept.sizes import SweptSizes
 from slopewise.planner.swept.verdicts import UNSEEN
 from slopewise.planner.swept.wheel_path import Pose, place
@@ -66,9 +67,10 @@ def wheel_looks(
 ) -> int:
     """Add what the wheels of a row have to be looked at for; more than 0 if any has to be.
 
-    A wheel stands as high as the ground under its middle, or higher by its lift. One wheel is
-    taken to be higher by all of it: of two wheels across from each other that stand on what their
-    middles miss, the one on less is not looked for.
+    A wheel stands as high as the ground under its middle, or higher by its lift; and by what a
+    slope lifts each by, which it lacks at most by its lift. So wheels twist by no more than the
+    ground under their middles does and all four lifts; where unknown ground is near, a wheel may
+    lack more.
 
     Args:
         row: poses. screen: of the map. sizes: of the vehicle.
@@ -79,7 +81,7 @@ def wheel_looks(
     lift = screen.lift.reshape(screen.lift.size)
     length, width = sizes.half_length, sizes.half_width
     x, y, heading_x, heading_y, twist = row.x, row.y, row.heading_x, row.heading_y, row.twist
-    travel, none = np.float32(sizes.wheel_travel), np.uint8(0)
+    travel, none = np.float32(sizes.wheel_travel - ROUNDING), np.uint8(0)
     some = 0
     for j in range(x.shape[0]):
         along_x, along_y = length * heading_x[j], length * heading_y[j]
@@ -90,9 +92,8 @@ def wheel_looks(
         b = _flat_block(screen, front_x - left_x, front_y - left_y)
         c = _flat_block(screen, rear_x + left_x, rear_y + left_y)
         d = _flat_block(screen, rear_x - left_x, rear_y - left_y)
-        hangs = (twist[j] + max(lift[a], lift[d]) > travel) | (
-            max(lift[b], lift[c]) - twist[j] > travel
-        )
+        lifts = lift[a] + lift[b] + lift[c] + lift[d]
+        hangs = (abs(twist[j]) + lifts > travel) | ((looks[j] & UNSEEN) > 0)
         met = np.uint8(TWIST) if hangs else none
         met |= np.uint8(WHEEL) if flat[a] > cleared else none
         met |= np.uint8(WHEEL << 1) if flat[b] > cleared else none

@@ -218,6 +218,7 @@ def _look_around(
     Of each row those from `first` to before `ends`, (rows,) each.
     """
     m, edge = bounds.fit, bounds.edge
+    no_rim = np.zeros(offsets.under.shape[0], np.float32)
     for r in range(out.bits.shape[0]):
         columns = ends[r] - first[r]
         if columns <= 0:
@@ -269,7 +270,8 @@ def _look_around(
                 room[11] = s.lowest
         room[8], room[9], room[10] = -np.float32(np.inf), np.float32(np.inf), -np.float32(np.inf)
         _feel(i, left, blocks, offsets.near, offsets.rim, edge, s, s.near)
-        _feel(i, left, blocks, offsets.under, offsets.arch, edge, s, s.under)
+        # On a slope a wheel touches uphill of its middle, where its rim is no higher: none is off.
+        _feel(i, left, blocks, offsets.under, no_rim, edge, s, s.under)
         for n in range(offsets.base.shape[0]):
             k, j = i + offsets.base[n, 0], left + offsets.base[n, 1]
             x, y = np.float32(j - left) * edge, np.float32(k - i) * edge

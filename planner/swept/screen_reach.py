@@ -17,7 +17,10 @@ _BLOCKS = 6.0
 _FITTED = 1.1
 """The surface is taken off points at this share of the distance to the wheels."""
 
-_ROUNDING = 1e-3  # [m]
+ROUNDING = 1e-3
+"""Taken off every limit of the screen [m]: it works with float32 heights above one of the window,
+of which some 16 roundings of 2⁻²⁴ meet in a difference: 1 mm on a relief of 1 km."""
+
 _HALF_DIAGONAL = 0.71
 """Half the diagonal of a square over its edge, rounded up [1]."""
 
@@ -63,7 +66,7 @@ class ScreenOffsets(NamedTuple):
         body: that body and wheels reach.
         base: in which a wheel's climb or fall may begin or end.
         near, rim: that a wheel feels when it climbs; how far its rim is above them at least.
-        under, arch: that a wheel feels where it stands; likewise.
+        under: that a wheel may touch where it stands.
         hidden, distance: within reach of the body; how far they are at least.
     """
 
@@ -72,7 +75,6 @@ class ScreenOffsets(NamedTuple):
     near: Ints
     rim: Singles
     under: Ints
-    arch: Singles
     hidden: Ints
     distance: Singles
 
@@ -111,16 +113,12 @@ def offsets_of(sizes: SweptSizes, cells: int, resolution: float) -> ScreenOffset
     def steps(of: Floats) -> Ints:
         return np.ascontiguousarray(of[:, :2]).astype(np.int64)
 
-    def rim(over: Floats) -> Singles:
-        return rim_at(sizes.radius, over).astype(np.float32)
-
     return ScreenOffsets(
         steps(_around(body, edge)),
         steps(around[gap < swept]),
         steps(around[felt]),
-        rim(away[felt]),
+        rim_at(sizes.radius, away[felt]).astype(np.float32),
         steps(around[stands]),
-        rim(along[stands]),
         steps(hidden),
         (hidden[:, 2] - 2.0 * half).astype(np.float32),
     )
@@ -142,8 +140,8 @@ def bounds_of(sizes: SweptSizes, cells: int, resolution: float) -> ScreenBounds:
         wheel_sq=f(sizes.wheel_reach**2),
         saddle_sq=f(abs(sizes.half_length**2 - sizes.half_width**2)),
         spread=f(1.0 + negative),
-        clearance=f(sizes.clearance - _ROUNDING),
-        cleared=f(sizes.cleared - _ROUNDING),
+        clearance=f(sizes.clearance - ROUNDING),
+        cleared=f(sizes.cleared - ROUNDING),
         chord=f(sizes.chord),
         apart=f(_HALF_DIAGONAL * edge + max(sizes.chord, resolution) + 0.5 * sizes.chord),
         radius=f(sizes.radius if sizes.fine else 0.0),

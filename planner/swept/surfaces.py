@@ -18,7 +18,7 @@ class Surface(NamedTuple):
         level, east, north, bend_x, bend_y, warp: coefficients, for lengths in [m].
         highest, lowest: of what is left within reach of the body.
         near, base: highest that a wheel feels on its way, its rim taken off; lowest that it stands
-            on. under: highest that a wheel feels where it stands, likewise.
+            on. under: highest that a wheel may touch where it stands.
         floor: lowest of what is left in this and the next blocks.
     """
 

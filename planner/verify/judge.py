@@ -139,7 +139,8 @@ def check(
     worst = np.zeros(len(Violations._fields))
     bad = np.zeros(max(n - 1, 1), np.bool_)
     terms = terms_of(model, motion, errors or StopErrors(), all_loads=True)
-    terms = terms._replace(between=between, time_step=time_step)
+    slips = bool(np.isfinite(track.friction).any())
+    terms = terms._replace(between=between, time_step=time_step, in_time=terms.in_time or slips)
     if decel is not None:
         terms = terms._replace(limits=terms.limits._replace(decel=decel))
     notes = JudgeNotes(stop_distance, rear_load, side_load, worst, bad)
@@ -313,7 +314,7 @@ def _follow(
         if well:
             return min(command.station, watch.target.station), least, onset_in, end_in
     if terms.in_time:
-        end, least = stop_in_time(track, terms, command, i, (watch.limit, height))
+        end, least = stop_in_time(track, terms, command, i, (watch.limit, height, not told))
         return end, least, onset_in, end_in
     stop = stop_by_energy(track, survey, command, onset_in, end_in, height)
     if watch.at_risk or told:

@@ -11,9 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from slopewise.models.effects.registry import MotionTerms
-from slopewise.models.laws import wheel_loads
+from slopewise.models.laws import friction_ellipse, wheel_loads
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.kernels.compiled import inlined
+from slopewise.planner.kernels.limits import PlanningLimits
 from slopewise.planner.kernels.motion_laws import motion_deceleration
 from slopewise.planner.verify.stop_by_energy import Shares, lesser
 from slopewise.planner.verify.track import Body, StopCommand, Terms, Track, at, segment
@@ -22,13 +23,47 @@ _rear_share = inlined(wheel_loads.rear_load_share)
 _front_share = inlined(wheel_loads.front_load_share)
 _left_share = inlined(wheel_loads.left_load_share)
 _right_share = inlined(wheel_loads.right_load_share)
+_side_force = inlined(friction_ellipse.side_force_ratio)
+_normal = inlined(friction_ellipse.normal_ratio)
+_braking_left = inlined(friction_ellipse.braking_left)
+
+
+@inlined
+def _grip(track: Track, limits: PlanningLimits, i: int, u: float, energy: float) -> float:
+    """F_b/W that bank, turn and crest leave of friction at v², until an axle locks; inf if unknown.
+
+    A stop that was commanded before a turn is faster in it than the plan, for which the track has
+    what friction leaves.
+    """
+    mu = min(track.friction[i], track.friction[i + 1])
+    if mu == np.inf:
+        return np.inf
+    grade, roll = at(track.grade, i, u), at(track.roll, i, u)
+    normal = _normal(grade, roll, min(at(track.vertical_curvature, i, u), 0.0), energy)
+    side = _side_force(grade, roll, at(track.curvature, i, u), energy)
+    grip = _braking_left(mu, normal, side)
+    if limits.brake_share < 0.0:
+        return float(grip)
+    lift = limits.high * grip / max(normal, 1e-9)
+    rear = grip * (1.0 - limits.ahead) / (1.0 - limits.brake_share + lift)
+    front = grip * limits.ahead / max(limits.brake_share - lift, 1e-9)
+    return float(min(grip, min(rear, front)))
 
 
 @inlined
 def _rates(
-    track: Track, motion: MotionTerms, s: float, v: float, f: float, q: float, v_i: float, i: int
+    track: Track,
+    terms: Terms,
+    slips: bool,
+    s: float,
+    v: float,
+    f: float,
+    q: float,
+    v_i: float,
+    i: int,
 ) -> tuple[float, float, float]:
-    """Deceleration, growth of the built-up force and of the heat."""
+    """Deceleration, growth of the built-up force and of the heat; turns share friction if slips."""
+    motion = terms.motion
     i = segment(track.station, s, i)
     # Beyond the last station the ground stays as it was there.
     u = min((s - track.station[i]) / (track.station[i + 1] - track.station[i]), 1.0)
@@ -38,6 +73,8 @@ def _rates(
     force = (f if motion.lag > 0.0 else wanted) / (1.0 + motion.fade * max(q, 0.0))
     force = min(force, motion.friction * upright)
     speed = max(v, 0.0)
+    if slips:
+        force = min(force, _grip(track, terms.limits, i, u, speed * speed))
     extra = motion_deceleration(speed, at(track.curvature, i, u), at(track.yaw, i, u), motion)
     growth = (wanted - f) / motion.lag if motion.lag > 0.0 else 0.0
     heating = GRAVITY * max(force, 0.0) * speed - q / motion.fade_tau
@@ -78,7 +115,7 @@ def _shares(
 
 @inlined
 def stop_in_time(
-    track: Track, terms: Terms, command: StopCommand, i: int, ends: tuple[float, float]
+    track: Track, terms: Terms, command: StopCommand, i: int, ends: tuple[float, float, bool]
 ) -> tuple[float, Shares]:
     """Where any stop ends, and the least shares of rear axle, sides and wheels on its way.
 
@@ -87,10 +124,10 @@ def stop_in_time(
         terms: vehicle, effects, time step.
         command: of the stop; i: the segment that it is in.
         ends: a stop that gets to the first is not followed further; by the second it may fall
-            further than the track [m].
+            further than the track [m]; the third: turns, banks and crests take of its friction.
     """
     body, motion, h = terms.body, terms.motion, terms.time_step
-    limit, height = ends
+    limit, height, slips = ends
     v = command.speed
     station = track.station
     v_i = max(v, command.slowest)
@@ -104,16 +141,16 @@ def stop_in_time(
     s = onset
     while s <= limit:
         least = lesser(least, _shares(track, body, motion, s, v, v_i, i, True))
-        a1, f1, q1 = _rates(track, motion, s, v, f, q, v_i, i)
+        a1, f1, q1 = _rates(track, terms, slips, s, v, f, q, v_i, i)
         if v <= 0.0:
             break
         b = 0.5 * h
         v2 = v - b * a1
-        a2, f2, q2 = _rates(track, motion, s + b * v, v2, f + b * f1, q + b * q1, v_i, i)
+        a2, f2, q2 = _rates(track, terms, slips, s + b * v, v2, f + b * f1, q + b * q1, v_i, i)
         v3 = v - b * a2
-        a3, f3, q3 = _rates(track, motion, s + b * v2, v3, f + b * f2, q + b * q2, v_i, i)
+        a3, f3, q3 = _rates(track, terms, slips, s + b * v2, v3, f + b * f2, q + b * q2, v_i, i)
         v4 = v - h * a3
-        a4, f4, q4 = _rates(track, motion, s + h * v3, v4, f + h * f3, q + h * q3, v_i, i)
+        a4, f4, q4 = _rates(track, terms, slips, s + h * v3, v4, f + h * f3, q + h * q3, v_i, i)
         after = v - h * (a1 + 2.0 * a2 + 2.0 * a3 + a4) / 6.0
         if after <= 0.0:
             # Within the last step the deceleration is as good as constant.

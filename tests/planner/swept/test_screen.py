@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from slopewise.models.candidate_path import CandidatePath
@@ -32,10 +32,8 @@ def all_suspect(screen: Screen) -> Screen:
     )
 
 
-ARTICULATION_ERROR = 1e-3
-"""By which the broad phase may underrate articulation [m]: 0.1 to 0.5 mm with seed 9488."""
-
-
+# A wheel that stands beside its middle lifts two at once, by 0.2 mm above the travel.
+@example(seed=9488, small=True, resolution=0.08)
 @given(
     seed=st.integers(0, 2**32 - 1),
     small=st.booleans(),
@@ -60,10 +58,7 @@ def test_it_clears_no_blocked_station(seed: int, small: bool, resolution: float)
 
 def _only_what_is_not_cleared(sizes: SweptSizes) -> SweptSizes:
     slope_margin = SLOPE_OPEN * sizes.chord
-    return sizes._replace(
-        steepest=max(sizes.steepest, sizes.cleared + slope_margin),
-        wheel_travel=sizes.wheel_travel + ARTICULATION_ERROR,
-    )
+    return sizes._replace(steepest=max(sizes.steepest, sizes.cleared + slope_margin))
 
 
 def searched_everywhere(
@@ -82,6 +77,12 @@ def searched_everywhere(
 
 def first_blocked(met: Met) -> int:
     return met.station if met.station >= 0 else len(met.profile.x)
+
+
+def test_smooth_ground_needs_no_exact_check() -> None:
+    hills = ground(lambda x, y: 0.18 * np.sin(0.5 * x) + 0.12 * np.cos(0.6 * y))
+    path = CandidatePath("straight", np.array([[0.0, 0.0], [20.0, 0.5]]))
+    assert met_by(hills, path, MODELS[0]).hazards.looked == 0
 
 
 def test_a_screen_is_made_once_for_a_map_and_a_vehicle() -> None:

@@ -242,6 +242,20 @@ def test_the_profile_of_a_stronger_vehicle_is_refused_to_a_weaker_one(
     assert kind in less.kinds(more.speed_sq)
 
 
+def test_a_stop_commanded_before_a_turn_slides_through_it_where_it_is_too_fast() -> None:
+    """The plan itself is slow in the turn, where friction leaves its brakes enough."""
+    along = np.linspace(0.0, 8.0, 81)
+    yaw = 0.5 * np.maximum(along - 3.0, 0.0)
+    steps = 0.1 * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)[:-1]
+    path = CandidatePath("turn", np.concatenate([[(0.0, 0.0)], np.cumsum(steps, axis=0)]))
+    case = Case(tables_with(braking={"sliding_friction": 0.3}), plane(), path)
+    profile = np.where(case.track.station < 2.9, 2.6, 1.2) ** 2
+    profile[case.track.station > 6.5] = 0.0
+    assert case.kinds(profile)["overrun"] > 1.0
+    slow = np.minimum(profile, 1.2**2)
+    assert "overrun" not in case.kinds(slow)
+
+
 def test_standing_plans_have_no_stop_but_loads() -> None:
     case = Case(tables_with(), plane(rise=-0.2, cross=0.1), straight(20.0))
     verdict = case.verify(np.zeros_like(case.speed_sq))
