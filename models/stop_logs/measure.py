@@ -1,8 +1,8 @@
 """Measuring all stops of a log together: ground under them, onsets, forces.
 
-All stops together determine what a single one cannot: dive and swing of the body, noise of the
-speed, dead time of the brakes, how well speeds are held. The order: knees on the raw grade, dive
-and mount, swing, knees on the ground.
+All stops together determine what a single one cannot: dive and oscillation of the body, noise of
+the speed, dead time of the brakes, how well speeds are held. The order: knees on the raw grade,
+dive and mount, oscillation, knees on the ground.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.stop_logs.body_swing import swing_of
+from slopewise.models.stop_logs.body_oscillation import oscillation_of
 from slopewise.models.stop_logs.dead_time import DeadTime, dead_time, held_weights, sharpen
 from slopewise.models.stop_logs.ground_grade import Dive, StopPitch, estimate_dive, shrunk
 from slopewise.models.stop_logs.mount_offset import Mount
-from slopewise.models.stop_logs.onset import HELD, Knee, Swing, fit_knee
+from slopewise.models.stop_logs.onset import HELD, Knee, Oscillation, fit_knee
 from slopewise.models.stop_logs.stop_record import StopRecord, StopSamples
 
 _POOLED = 20.0  # samples of one stop that weigh as much as the noise of all stops
@@ -39,7 +39,7 @@ class Measured:
     dead_time: DeadTime
     by_dead_time: Floats  # (n,) change of each force with it [1/s]
     dive: Dive
-    swing: Swing | None
+    oscillation: Oscillation | None
     bounds: tuple[StopRecord, ...] = ()  # cut short: the force was at least as measured
 
 
@@ -47,7 +47,7 @@ def measure(
     stops: Sequence[StopSamples],
     mount: Mount,
     slope: Slope,
-    body: tuple[Dive, Swing | None] | None = None,
+    body: tuple[Dive, Oscillation | None] | None = None,
     cut_short: Sequence[StopSamples] = (),
 ) -> Measured:
     """Measure stops.
@@ -56,7 +56,7 @@ def measure(
         stops: samples of whole stops. cut_short: samples of stops that bound the force from below.
         mount: offset of the pitch sensor.
         slope: current estimate; it only matters where the grade varies along a stop.
-        body: its dive and swing, if they are known already, such as from an earlier call.
+        body: its dive and oscillation, if they are known already, such as from an earlier call.
     """
     # The dive is in proportion to the deceleration, which the first knees give.
     first = _first_knees(stops, mount, slope)
@@ -64,15 +64,15 @@ def measure(
     grounds = [_ground(s, k, mount, dive) for s, k in zip(stops, first, strict=True)]
     held = held_weights(first, speed_noise([knee for knee in first if knee is not None])).tolist()
 
-    def knee_of(i: int, swing: Swing | None) -> Knee | None:
-        return _knee(stops[i], grounds[i], slope, held[i], swing)
+    def knee_of(i: int, oscillation: Oscillation | None) -> Knee | None:
+        return _knee(stops[i], grounds[i], slope, held[i], oscillation)
 
-    swing = swing_of(stops, grounds, knee_of) if body is None else body[1]
-    knees = [knee_of(i, swing) for i in range(len(stops))]
+    oscillation = oscillation_of(stops, grounds, knee_of) if body is None else body[1]
+    knees = [knee_of(i, oscillation) for i in range(len(stops))]
     missing = tuple(stop for stop, knee in zip(stops, knees, strict=True) if knee is None)
     fitted = _with_knees(stops, grounds, knees)
     if not fitted:
-        return Measured((), missing, DeadTime(0.0, 0.0, 0.0), np.empty(0), dive, swing)
+        return Measured((), missing, DeadTime(0.0, 0.0, 0.0), np.empty(0), dive, oscillation)
     measured = [knee for _, _, knee in fitted]
     noise = speed_noise(measured)
     common = dead_time(measured, noise)
@@ -82,11 +82,11 @@ def measure(
 
     first = _first_knees(cut_short, mount, slope)
     grounds = [_ground(s, k, mount, dive) for s, k in zip(cut_short, first, strict=True)]
-    knees = [_knee(s, g, slope, HELD, swing) for s, g in zip(cut_short, grounds, strict=True)]
+    knees = [_knee(s, g, slope, HELD, oscillation) for s, g in zip(cut_short, grounds, strict=True)]
     short = _with_knees(cut_short, grounds, knees)
     seen = np.array([knee.mean_grade for _, _, knee in short])
     bounds = _records(short, seen, speed_noise([knee for _, _, knee in short]), common)[0]
-    return Measured(records, missing, common, by_dead_time, dive, swing, bounds)
+    return Measured(records, missing, common, by_dead_time, dive, oscillation, bounds)
 
 
 def _first_knees(stops: Sequence[StopSamples], mount: Mount, slope: Slope) -> list[Knee | None]:
@@ -196,10 +196,10 @@ def _knee(
     ground: Floats,
     slope: Slope,
     held: float = HELD,
-    swing: Swing | None = None,
+    oscillation: Oscillation | None = None,
 ) -> Knee | None:
     new, at = stop.fresh, slope(stop.window.held_speed)
-    time, speed, grade = stop.time, stop.of_body(swing), ground
+    time, speed, grade = stop.time, stop.of_body(oscillation), ground
     if not new.all():
         time, speed, grade = time[new], speed[new], grade[new]
-    return fit_knee(time, speed, grade, stop.standstill_time, at, held, swing)
+    return fit_knee(time, speed, grade, stop.standstill_time, at, held, oscillation)

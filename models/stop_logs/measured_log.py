@@ -125,7 +125,7 @@ def measure_stops(
     again = estimate(measured, mount_of_log(columns, runs, is_usable, ground, measured))
     if again is not None:
         mount, slope = again
-        measured = measure(stops, mount, slope, (measured.dive, measured.swing), bounds)
+        measured = measure(stops, mount, slope, (measured.dive, measured.oscillation), bounds)
     sparse = tuple(samples(w for w in windows if w.verdict is Usability.SPARSE))
     notes = (*notes, *_slow_sensor(columns, runs), *_findings(measured))
     return MeasuredLog(measured, mount, windows, suspects, sparse, notes)
@@ -164,12 +164,12 @@ def _slow_sensor(columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]) -> 
 
 
 def _findings(measured: Measured) -> tuple[str, ...]:
-    """Notes on the body's swing and on stops cut short."""
+    """Notes on the body's oscillation and on stops cut short."""
     notes = []
-    if (swing := measured.swing) is not None:
-        how = f"{swing.height:.2f} m times the pitch rate"
-        if swing.gain:
-            how = f"springs of {swing.frequency / (2.0 * np.pi):.1f} Hz"
+    if (oscillation := measured.oscillation) is not None:
+        how = f"{oscillation.height:.2f} m times the pitch rate"
+        if oscillation.gain:
+            how = f"springs of {oscillation.frequency / (2.0 * np.pi):.1f} Hz"
         notes.append(f"the body swings on its springs while it brakes: removed from v as {how}")
     if count := len(measured.bounds):
         notes.append(f"{count} stops were cut short: the force is no less than what they show")

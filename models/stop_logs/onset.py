@@ -30,7 +30,7 @@ _STILL_FAST = 0.7  # share of the held speed that the vehicle has at the onset, 
 
 
 @dataclass(frozen=True, slots=True)
-class Swing:
+class Oscillation:
     """Speed of the wheels against that of a body that pitches on its springs while it is braked.
 
     The wheels are ahead of the body's fall by the deceleration times ``lead``: the response of a
@@ -75,7 +75,7 @@ def fit_knee(
     standstill_time: float,
     slope: float = 0.0,
     held_weight: float = HELD,
-    swing: Swing | None = None,
+    oscillation: Oscillation | None = None,
 ) -> Knee | None:
     """Least squares of held speed, knee and fall; None with too few samples, or without a fall.
 
@@ -90,7 +90,7 @@ def fit_knee(
     level = float(np.mean(speed[time <= 0.0])) if (time <= 0.0).any() else float(speed[0])
     fast = np.flatnonzero((time <= standstill_time) & (speed >= _STILL_FAST * level))
     latest = min(0.9 * standstill_time, float(time[fast[-1]]) if len(fast) else 0.0)
-    pull = _Pull(time, grade, slope, held_weight, swing)
+    pull = _Pull(time, grade, slope, held_weight, oscillation)
     # Which samples belong to the fall must not depend on their own noise: the first cut is by the
     # crossing, the second by the first fit.
     t, v = _until(time, speed, (1.0 - _LOW) * standstill_time)
@@ -141,10 +141,15 @@ class _Pull:
     """Integrals of sin θ + slope (θ − mean) over time, and mean grades."""
 
     def __init__(
-        self, time: Floats, grade: Floats, slope: float, held_weight: float, swing: Swing | None
+        self,
+        time: Floats,
+        grade: Floats,
+        slope: float,
+        held_weight: float,
+        oscillation: Oscillation | None,
     ) -> None:
         self.time, self.grade, self.slope, self.held = time, grade, slope, held_weight
-        self.swing = swing
+        self.oscillation = oscillation
         self._grade = _cumulative(time, grade)
         self._sine_and_slope = _cumulative(time, np.sin(grade)) + slope * self._grade
 
@@ -194,8 +199,8 @@ def _solve(t: Floats, v: Floats, pull: _Pull, onset: Floats, standstill_time: fl
     before = np.minimum(since, 0.0)
     fall = -GRAVITY * np.maximum(since, 0.0)
     target = v + GRAVITY * pull.after(onset, standstill_time, since)
-    if pull.swing is not None and pull.swing.gain:
-        lead = GRAVITY * pull.swing.lead(since)
+    if pull.oscillation is not None and pull.oscillation.gain:
+        lead = GRAVITY * pull.oscillation.lead(since)
         fall -= lead
         target += np.sin(pull.mean_grade(onset, standstill_time))[:, None] * lead
     # Normal equations by elimination: no sample is both before and after the onset.
@@ -224,13 +229,13 @@ def _jacobian(solved: _Solved, t: Floats, pull: _Pull, onset: float) -> Floats:
 
 
 def residuals(
-    knee: Knee, time: Floats, speed: Floats, grade: Floats, swing: Swing | None
+    knee: Knee, time: Floats, speed: Floats, grade: Floats, oscillation: Oscillation | None
 ) -> tuple[Floats, Floats, Floats]:
     """Time since the onset (n,) [s], residuals (n,) [m/s] of a fit, and what it follows (n, 4).
 
     The latter are orthonormal columns; arguments as of :func:`fit_knee`, on ground of one grade.
     """
-    pull = _Pull(time, grade, 0.0, knee.held_weight, swing)
+    pull = _Pull(time, grade, 0.0, knee.held_weight, oscillation)
     t, v = time[: knee.samples], speed[: knee.samples]
     solved = _solve(t, v, pull, np.array([knee.onset_time]), float(t[-1]))
     follows, _ = np.linalg.qr(_jacobian(solved, t, pull, knee.onset_time).T)

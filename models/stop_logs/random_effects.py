@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from slopewise.models.arrays import Bools, Floats
 
@@ -66,7 +66,7 @@ def fit_with_bounds(
         return result
     n, broken = len(observed), np.zeros(len(bounds.observed), np.bool_)
     # With this number of bounds, noise alone lifts one beyond that in two logs.
-    z_score = float(norm.isf(0.5 / (len(broken) + 1.0)))
+    z_score = -float(ndtri(0.5 / (len(broken) + 1.0)))
     while True:
         std = np.hypot(bounds.noise, result.scatter)
         lowest = bounds.observed - z_score * std

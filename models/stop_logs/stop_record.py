@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.stop_logs.find_stops import StopWindow
-from slopewise.models.stop_logs.onset import Knee, Swing
+from slopewise.models.stop_logs.onset import Knee, Oscillation
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +63,11 @@ class StopSamples:
         """Samples from the stop command to standstill."""
         return slice(self.at_command, self.at_standstill + 1)
 
-    def of_body(self, swing: Swing | None) -> Floats:
+    def of_body(self, oscillation: Oscillation | None) -> Floats:
         """(n,) speed without what a known pitch rate adds to it at the wheels [m/s]."""
-        if swing is None or not swing.height or self.pitch_rate is None:
+        if oscillation is None or not oscillation.height or self.pitch_rate is None:
             return self.speed
-        return self.speed + swing.height * self.pitch_rate
+        return self.speed + oscillation.height * self.pitch_rate
 
     def mean_of(self, grade: Floats) -> float:
         """Mean of a grade (n,) over the distance from the command to the end [rad]."""

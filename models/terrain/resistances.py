@@ -32,7 +32,7 @@ from slopewise.models.vehicle import Vehicle
 
 NEARLY_LEVEL = 0.0524
 """Pitch up to which its error is half of that on slopes [rad], 3°: measured on BorealTC."""
-_SWINGING_PITCH = 0.03
+_OSCILLATING_PITCH = 0.03
 """Standard deviation of the pitch within a stretch over bumps or edges, where the slope under the
 wheels is not the pitch [rad]: above that the f_r of BorealTC's asphalt was up to four times off."""
 
@@ -93,7 +93,7 @@ def motion_resistance_of(
     """
     speed = 0.5 * (stretch.v_left + stretch.v_right)
     way = np.sign(speed)
-    if float(np.std(stretch.pitch)) > _SWINGING_PITCH:
+    if float(np.std(stretch.pitch)) > _OSCILLATING_PITCH:
         return TerrainEstimate(math.nan, math.nan, "the slope changes within the stretch")
     # thrust of the motors beyond rolling, over the weight
     excess = (_slope(stretch.time, speed) / GRAVITY - np.sin(stretch.pitch)) * way

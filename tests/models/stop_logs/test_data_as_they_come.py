@@ -1,4 +1,4 @@
-"""Slow sensors, stops cut short, driving backwards, other commands, and bodies that swing."""
+"""Slow sensors, stops cut short, driving backwards, other commands, and bodies that oscillation."""
 
 from __future__ import annotations
 
@@ -224,19 +224,19 @@ def test_mean_grades_and_sparse_stops_are_among_the_distances() -> None:
         assert grade == pytest.approx(truth.grade[k], abs=0.02)
 
 
-# ------------------------------------------------------------------------------- body swing
+# ------------------------------------------------------------------------------- body oscillation
 
 
 @pytest.mark.parametrize("gyro", [False, True])
 def test_the_swing_of_a_soft_body_is_taken_out(gyro: bool) -> None:
     columns, runs = sprung_plant.drive(Sprung(), 30, 3, gyro=gyro)
-    swing = measured(columns, runs).measured.swing
-    assert swing is not None
+    oscillation = measured(columns, runs).measured.oscillation
+    assert oscillation is not None
     if gyro:
-        assert swing.height == pytest.approx(0.8, rel=0.15)
+        assert oscillation.height == pytest.approx(0.8, rel=0.15)
     else:
-        assert swing.gain == pytest.approx(0.8 * 0.006, rel=0.15)
-        assert swing.frequency == pytest.approx(2.0 * np.pi * 1.6, rel=0.1)
+        assert oscillation.gain == pytest.approx(0.8 * 0.006, rel=0.15)
+        assert oscillation.frequency == pytest.approx(2.0 * np.pi * 1.6, rel=0.1)
     learned = learn(columns, runs, BASE.braking)
     assert learned.dead_time.value == pytest.approx(0.3, abs=0.003)
     fit = learned.surfaces[0].fit
@@ -245,13 +245,13 @@ def test_the_swing_of_a_soft_body_is_taken_out(gyro: bool) -> None:
     assert any("swings on its springs" in warning for warning in learned.warnings)
     # Without it the brakes look earlier by as much as the wheels are ahead.
     stiff = dataclasses.replace(Sprung(), height=0.0, dive=0.0)
-    assert measured(*sprung_plant.drive(stiff, 30, 3)).measured.swing is None
+    assert measured(*sprung_plant.drive(stiff, 30, 3)).measured.oscillation is None
 
 
 @pytest.mark.parametrize("lag", [0.05, 0.1, 0.2])
 def test_brakes_that_build_up_are_no_swing(lag: float) -> None:
     plant = dataclasses.replace(Sprung(), height=0.0, lag=lag)
-    assert measured(*sprung_plant.drive(plant, 20, 5)).measured.swing is None
+    assert measured(*sprung_plant.drive(plant, 20, 5)).measured.oscillation is None
 
 
 # ------------------------------------------------------------------------------------- units

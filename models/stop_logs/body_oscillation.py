@@ -1,12 +1,12 @@
-"""Swing of the wheels' speed against the body's, from all stops of a log.
+"""Oscillation of the wheels' speed against the body's, from all stops of a log.
 
 A sprung body pitches when the brakes take hold. Wheels read v_body − h · pitch rate, with the
 height h of the body above its pitch axis: 0.1 m/s at the onset of soft springs, enough to make
 brakes look early and the force depend on grade and speed. Where the log has the pitch rate, h is
 all that is unknown; else the response is that of a damped oscillator to the deceleration.
 
-Brakes that build up, or change while the vehicle slows, leave residuals of another shape: the swing
-is taken out only where no such shape explains the stops as well.
+Brakes that build up, or change while the vehicle slows, leave residuals of another shape: the
+oscillation is taken out only where no such shape explains the stops as well.
 Source: none; standard vehicle dynamics.
 """
 
@@ -19,21 +19,21 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
-from slopewise.models.stop_logs.onset import Knee, Swing, residuals
+from slopewise.models.stop_logs.onset import Knee, Oscillation, residuals
 from slopewise.models.stop_logs.stop_record import StopSamples
 
 _FREQUENCIES = 2.0 * np.pi * np.geomspace(0.6, 4.5, 12)
 """Tried first [rad/s]: pitch of vehicles on springs or tyres."""
 _DAMPING = (0.1, 0.2, 0.35, 0.55, 0.8)
-_BUILD_UP = (0.03, 0.06, 0.12, 0.25, 0.5)  # [s] time constants of brakes that are no swing
+_BUILD_UP = (0.03, 0.06, 0.12, 0.25, 0.5)  # [s] time constants of brakes that are no oscillation
 _MIN_GAIN = 40.0
-"""Reduction of the squared residuals, in their variance, from which a swing is certain [1]: six
-standard deviations, squared, and some more for what neighbouring samples share."""
+"""Reduction of the squared residuals, in their variance, from which an oscillation is certain [1]:
+six standard deviations, squared, and some more for what neighbouring samples share."""
 _BETTER = 1.2
-"""Reduction over that by other shapes from which it is a swing [1]: those with as many numbers come
-within a hundredth of it where the body is rigid."""
+"""Reduction over that by other shapes from which it is an oscillation [1]: those with as many
+numbers come within a hundredth of it where the body is rigid."""
 _MAX_STOP_COUNT = 40
-"""Stops that the swing is fitted to [1]: more cost time and sharpen it by less than its error."""
+"""Stops that it is fitted to [1]: more cost time and sharpen it by less than its error."""
 _MIN_STOP_COUNT = 5
 _PASSES = 4
 """Gauss-Newton steps [1]: the third changes nothing that matters."""
@@ -41,33 +41,35 @@ _DIFFERENCE = 1e-3  # of the logarithms of gain and frequency, and of the dampin
 _LARGEST_STEP = 0.3  # of the same
 _DAMPING_RANGE = 0.05, 0.95  # [1] of a body that swings at all, and does so several times
 
-Refit = Callable[[int, Swing | None], Knee | None]
-"""Fit of a stop, by its index, with a swing."""
+Refit = Callable[[int, Oscillation | None], Knee | None]
+"""Fit of a stop, by its index, with an oscillation."""
 Shape = Callable[[Floats], Floats] | None
 """Speed lost per deceleration, at times since the onset (n,) [s]; None: the pitch rate's."""
 
 
-def swing_of(stops: Sequence[StopSamples], grounds: Sequence[Floats], refit: Refit) -> Swing | None:
-    """The swing that the stops share, None where they show none; grounds: (n,) grades [rad]."""
+def oscillation_of(
+    stops: Sequence[StopSamples], grounds: Sequence[Floats], refit: Refit
+) -> Oscillation | None:
+    """What the stops share, None where they show none; grounds: (n,) grades [rad]."""
     chosen = range(0, len(stops), max(len(stops) // _MAX_STOP_COUNT, 1))
     if len(chosen) < _MIN_STOP_COUNT:
         return None
 
-    def pool(swing: Swing | None) -> _Pool:
-        return _Pool([(stops[i], refit(i, swing), grounds[i]) for i in chosen], swing)
+    def pool(oscillation: Oscillation | None) -> _Pool:
+        return _Pool([(stops[i], refit(i, oscillation), grounds[i]) for i in chosen], oscillation)
 
     plain = pool(None)
     if all(s.pitch_rate is not None and np.isfinite(s.pitch_rate).all() for s in stops):
         return _by_pitch_rate(plain, pool)
-    swings = [Swing(1.0, f, d) for f in _FREQUENCIES.tolist() for d in _DAMPING]
-    explained = [plain.explained([swing.lead]) for swing in swings]
-    best = max(range(len(swings)), key=lambda k: explained[k][1])
+    oscillations = [Oscillation(1.0, f, d) for f in _FREQUENCIES.tolist() for d in _DAMPING]
+    explained = [plain.explained([oscillation.lead]) for oscillation in oscillations]
+    best = max(range(len(oscillations)), key=lambda k: explained[k][1])
     size, gain = explained[best]
     unrelated = max(plain.explained(shapes)[1] for shapes in _other_shapes())
     if size[0] <= 0.0 or gain < max(_MIN_GAIN, unrelated):
         return None
-    swing = _refined(dataclasses.replace(swings[best], gain=float(size[0])), pool)
-    return swing if plain.reduction(pool(swing)) > _BETTER * unrelated else None
+    oscillation = _refined(dataclasses.replace(oscillations[best], gain=float(size[0])), pool)
+    return oscillation if plain.reduction(pool(oscillation)) > _BETTER * unrelated else None
 
 
 def _other_shapes() -> list[list[Shape]]:
@@ -83,26 +85,26 @@ def _other_shapes() -> list[list[Shape]]:
     return [[build_up(tau)] for tau in _BUILD_UP] + changing
 
 
-def _by_pitch_rate(plain: _Pool, pool: Callable[[Swing | None], _Pool]) -> Swing | None:
-    """The swing as a height times the pitch rate of the log."""
+def _by_pitch_rate(plain: _Pool, pool: Callable[[Oscillation | None], _Pool]) -> Oscillation | None:
+    """The oscillation as a height times the pitch rate of the log."""
     size, gain = plain.explained([None])
     height = size.item()
     if height <= 0.0 or gain < _MIN_GAIN:
         return None
     for _ in range(_PASSES):
-        height = max(height + pool(Swing(height=height)).explained([None])[0].item(), 0.0)
-    return Swing(height=height)
+        height = max(height + pool(Oscillation(height=height)).explained([None])[0].item(), 0.0)
+    return Oscillation(height=height)
 
 
-def _refined(swing: Swing, pool: Callable[[Swing | None], _Pool]) -> Swing:
-    """The swing of least squares, the stops fitted again with each step."""
-    x = np.array([np.log(swing.gain), np.log(swing.frequency), swing.damping])
+def _refined(oscillation: Oscillation, pool: Callable[[Oscillation | None], _Pool]) -> Oscillation:
+    """The oscillation of least squares, the stops fitted again with each step."""
+    x = np.array([np.log(oscillation.gain), np.log(oscillation.frequency), oscillation.damping])
 
-    def at(x: Floats) -> Swing:
+    def at(x: Floats) -> Oscillation:
         gain, frequency = np.exp(x[:2]).tolist()
-        return Swing(gain, frequency, float(np.clip(x[2], *_DAMPING_RANGE)))
+        return Oscillation(gain, frequency, float(np.clip(x[2], *_DAMPING_RANGE)))
 
-    def shape_of(there: Swing, here: Swing) -> Shape:
+    def shape_of(there: Oscillation, here: Oscillation) -> Shape:
         return lambda since: (there.lead(since) - here.lead(since)) / _DIFFERENCE
 
     for _ in range(_PASSES):
@@ -115,7 +117,9 @@ class _Pool:
     """Residuals of several stops, each in its own noise."""
 
     def __init__(
-        self, stops: Sequence[tuple[StopSamples, Knee | None, Floats]], swing: Swing | None
+        self,
+        stops: Sequence[tuple[StopSamples, Knee | None, Floats]],
+        oscillation: Oscillation | None,
     ) -> None:
         self.parts = []
         for stop, knee, ground in stops:
@@ -123,7 +127,7 @@ class _Pool:
                 continue
             new, rate = stop.fresh, stop.pitch_rate
             since, residual, follows = residuals(
-                knee, stop.time[new], stop.of_body(swing)[new], ground[new], swing
+                knee, stop.time[new], stop.of_body(oscillation)[new], ground[new], oscillation
             )
             slowing = GRAVITY * (knee.force_ratio + np.sin(knee.mean_grade))
             # Before the onset its rate is noise of the sensor alone.
