@@ -50,14 +50,16 @@ def discrepancy(
 
     [bold]Example[/]  slopewise discrepancy drive.csv --model mine.toml --out out/discrepancy
     """
+    from slopewise.models.discrepancy.settings import DiscrepancySettings
     from slopewise.services.io.findings_file import PAGE, write_findings
-    from slopewise.services.jobs import discrepancy as job
+    from slopewise.services.jobs.discrepancy import discrepancy as job
     from slopewise.services.jobs.log_input import LogInput
+    from slopewise.services.jobs.summary import from_options
     from slopewise.services.report.discrepancy_page import write_discrepancy_page
 
-    settings = job.discrepancy_settings(false_alarm=false_alarm, seed=seed)
+    settings = from_options(DiscrepancySettings, false_alarm=false_alarm, seed=seed)
     log_input = LogInput(logs, map_file, nodata, topics, columns)
-    result = job.discrepancy(log_input, model, settings=settings, quiet=as_json)
+    result = job(log_input, model, settings=settings, quiet=as_json)
     findings, page = result.findings, out / PAGE
     files = write_findings(findings, out)
     write_discrepancy_page(

@@ -63,9 +63,11 @@ def fleet_plan(
 
     [bold]Example[/]  slopewise fleet plan county.tif paths-*.csv --model atv --out out/county
     """
+    from slopewise.planner.ground.uncertainty import Uncertainty
+    from slopewise.planner.settings import PlannerSettings
     from slopewise.services.fleet.plan_fleet import plan_fleet
     from slopewise.services.fleet.plan_part import FleetPlanRequest
-    from slopewise.services.jobs.plan import planner_settings, uncertainty_at
+    from slopewise.services.jobs.summary import from_options
 
     request = FleetPlanRequest(
         map_file,
@@ -74,8 +76,8 @@ def fleet_plan(
         out,
         speed,
         clear,
-        planner_settings(smooth=smooth, spacing=spacing),
-        uncertainty_at(quantile),
+        from_options(PlannerSettings, smooth=smooth, spacing=spacing),
+        from_options(Uncertainty, quantile=quantile),
         workers,
         scheduler,
         nodata,
@@ -201,10 +203,11 @@ def fleet_discrepancy(
     [bold]Examples[/]  slopewise fleet discrepancy logs/*.csv --models atv --out out/fleet
               slopewise fleet discrepancy logs/*/* --by-folder --models out/vehicles --out out/may
     """
+    from slopewise.models.discrepancy.settings import DiscrepancySettings
     from slopewise.services.fleet.fleet_page import write_fleet_page
     from slopewise.services.fleet.investigate_fleet import PAGE, investigate_fleet
     from slopewise.services.fleet.vehicle_finding import FleetDiscrepancyRequest
-    from slopewise.services.jobs.discrepancy import discrepancy_settings
+    from slopewise.services.jobs.summary import from_options
 
     request = FleetDiscrepancyRequest(
         logs,
@@ -213,7 +216,7 @@ def fleet_discrepancy(
         by_folder,
         map_file,
         topics,
-        discrepancy_settings(false_alarm=false_alarm, seed=seed),
+        from_options(DiscrepancySettings, false_alarm=false_alarm, seed=seed),
         workers,
         scheduler,
         nodata,

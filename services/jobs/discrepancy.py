@@ -38,11 +38,7 @@ def discrepancy(
     settings: DiscrepancySettings | None = None,
     quiet: bool = True,
 ) -> DiscrepancyResult:
-    """Read logs and model, and investigate.
-
-    Raises:
-        InputError: names file and field, or says why there are too few stops.
-    """
+    """Read logs and model, and investigate."""
     model_path = find_model(model_file)
     model = read_model(model_path)
     with progress_bar("comparing", Stage.FINDINGS + 1, quiet=quiet) as advance:
@@ -60,13 +56,3 @@ def discrepancy(
                 advance=advance,
             )
     return DiscrepancyResult(findings, evidence)
-
-
-def discrepancy_settings(**values: Any) -> DiscrepancySettings:
-    """Settings from options.
-
-    Raises:
-        InputError: names the option.
-    """
-    with input_errors("", tuple(values)):
-        return DiscrepancySettings(**values)

@@ -79,9 +79,6 @@ def write_sheet(path: Path, numbers: BrakeNumbers, facts: Mapping[str, str], tra
     """Write the sheet of one surface, all or nothing: .html or .pdf.
 
     Facts are results from the stops; the trace has lines with the files it was made from.
-
-    Raises:
-        InputError: another ending, or a path that cannot be written.
     """
     check_name(path)
     title = f"Brake sheet of {numbers.model.name}"

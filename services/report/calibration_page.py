@@ -33,11 +33,7 @@ _STYLES = ("page.css", "calibration.css")
 
 
 def write_calibration_page(path: Path, result: CalibrateResult, facts: Mapping[str, str]) -> None:
-    """Write the page of a calibration, all or nothing; facts: logs, model, date: name -> value.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the page of a calibration, all or nothing; facts: logs, model, date: name -> value."""
     calibration = result.calibration
     values = {
         "title": f"Brakes of {result.model.name}",
@@ -56,11 +52,7 @@ def write_calibration_page(path: Path, result: CalibrateResult, facts: Mapping[s
 
 
 def write_rejected_log(path: Path, rejected: RejectedLogError, facts: Mapping[str, str]) -> None:
-    """Write the page of a rejected log, all or nothing.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the page of a rejected log, all or nothing."""
     run, t = rejected.log.columns["run"], rejected.log.columns["t"]
     values = {
         "title": "Brakes that were not learned",

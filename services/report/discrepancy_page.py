@@ -43,11 +43,7 @@ def write_discrepancy_page(
     title: str,
     provenance: Mapping[str, str],
 ) -> None:
-    """Write the page, all or nothing; provenance: logs, model, date: name -> value.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the page, all or nothing; provenance: logs, model, date: name -> value."""
     label, kind = VERDICT_LABELS[findings.verdict]
     distance = findings.stop_distance
     values = {

@@ -78,11 +78,7 @@ def _compact(*texts: str) -> str:
 
 
 def write_page(path: Path, text: str) -> None:
-    """Write a rendered page, all or nothing.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write a rendered page, all or nothing."""
     write_atomic(path, text.encode("utf-8", "replace"))
 
 

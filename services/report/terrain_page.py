@@ -34,9 +34,6 @@ def write_terrain_page(
     """Write the page, with details of the run that has most variety, all or nothing.
 
     The title says what was driven; model: its file as stated; note: on files that were written.
-
-    Raises:
-        InputError: the file cannot be written.
     """
     run = max(result.runs, key=_variety)
     trace, t = trace_run(result, run), result.log.columns["t"]
