@@ -25,10 +25,10 @@ from slopewise.services.fleet.vehicle_finding import (
     FleetDiscrepancyRequest,
     Row,
     VehicleTask,
-    failed_row,
     finished,
     investigate_vehicle,
     read_row,
+    write_failed_row,
 )
 from slopewise.services.io import findings_file
 from slopewise.services.io.files import check_file, fault, read_text, write_atomic
@@ -70,7 +70,7 @@ def investigate_fleet(
     with progress_bar("comparing", len(tasks), quiet=quiet) as advance:
         advance(len(tasks) - len(missing))
         workers = Workers(request.workers, request.scheduler)
-        for _ in each_done(investigate_vehicle, missing, workers, failed_row):
+        for _ in each_done(investigate_vehicle, missing, workers, write_failed_row):
             advance(1)
     remove_partial_files(out, folders)
     rows = [_row(task) for task in tasks]

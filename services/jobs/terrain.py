@@ -19,14 +19,9 @@ from slopewise.models.terrain.resistances import Drivetrain
 from slopewise.models.terrain.rotation_centres import rotation_centres
 from slopewise.models.terrain.trace import TerrainTrace, trace
 from slopewise.services.io.drive_log import DriveLog
-from slopewise.services.io.files import fault, faults_of
+from slopewise.services.io.files import fault, faults_of, shipped_files
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.io.terrain_file import (
-    TerrainFile,
-    find_terrains,
-    read_terrains,
-    shipped_terrains,
-)
+from slopewise.services.io.terrain_file import TerrainFile, find_terrains, read_terrains
 from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
@@ -38,11 +33,7 @@ _SAME_SPEED = 1e-6
 
 
 def terrain(
-    logs: LogInput,
-    model_file: str,
-    *,
-    terrains: str | None = None,
-    quiet: bool = True,
+    logs: LogInput, model_file: str, *, terrains: str | None = None, quiet: bool = True
 ) -> TerrainResult:
     """Read, estimate, describe.
 
@@ -96,7 +87,7 @@ def _check_vehicle(model: Model, source: str) -> None:
 def _read_terrains(name: str | None, model: Model) -> TerrainFile:
     if name is not None:
         return read_terrains(find_terrains(name))
-    shipped = shipped_terrains().get(model.name)
+    shipped = shipped_files("terrains").get(model.name)
     return TerrainFile(name=model.name) if shipped is None else read_terrains(shipped)
 
 

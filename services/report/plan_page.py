@@ -24,7 +24,7 @@ from slopewise.planner.kernels.interpreted import is_interpreting
 from slopewise.planner.limiting import BOUNDS, Limiting
 from slopewise.planner.plan import Obstacle, SpeedPlan, Status
 from slopewise.services.jobs.plan import PlanResult
-from slopewise.services.report.page import render, write_page
+from slopewise.services.report.page import write_page
 from slopewise.services.report.plan_labels import STATUS_MEANING, limit_colours
 from slopewise.services.report.plan_summary import PlanSummary, best_plan, summarise, verdict
 from slopewise.services.report.relief import relief
@@ -112,7 +112,8 @@ def write_plan_page(
         "explanation": result.explanation,
         "costs": _costs(result.explanation),
     }
-    text = render(
+    write_page(
+        path,
         "plan.html",
         values,
         title=f"{title} – slopewise plan",
@@ -121,7 +122,6 @@ def write_plan_page(
         scripts=SCRIPTS,
         data=_page_data(ground, result, summaries),
     )
-    write_page(path, text)
 
 
 def _format_drive(summary: PlanSummary) -> str:

@@ -18,10 +18,10 @@ from slopewise.models.terrain.monitor import TerrainMonitor
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.io.table import read_csv, write_csv
 from slopewise.services.io.terrain_file import find_terrains, read_terrains, write_terrains
-from slopewise.services.io.terrain_table import COLUMNS
 from slopewise.services.jobs import terrain_outputs as outputs
 from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.terrain import NEEDED, terrain
+from slopewise.services.jobs.terrain_outputs import COLUMNS
 from tests.models.terrain import plant
 from tests.models.terrain.test_borealtc import example
 from tests.models.terrain.vehicles import samples_of

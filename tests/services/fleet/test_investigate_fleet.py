@@ -181,7 +181,7 @@ def test_a_vehicle_that_ends_its_workers_is_reported_and_tried_again(
     request = replace(REQUEST, out=out)
     task = vehicle_finding.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], request)
     assert vehicle_finding.finished(task) == row
-    vehicle_finding.failed_row(task)
+    vehicle_finding.write_failed_row(task)
     failed_row = vehicle_finding.read_row(task)
     assert failed_row is not None
     assert failed_row["status"] == "failed"
