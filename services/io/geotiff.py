@@ -52,18 +52,14 @@ def read_layers(
 
 
 class GeotiffWindows:
-    """An open elevation map that is read by windows.
-
-    Attributes:
-        markers: undeclared markers among the heights that were read so far.
-    """
+    """An open elevation map that is read by windows."""
 
     def __init__(self, dataset: Any, path: Path, nodata: NoData = None) -> None:
         """Raise InputError if it cannot be an elevation map in metres."""
         self._dataset = dataset
         self._path = path
         self._nodata = nodata
-        self.markers: set[float] = set()
+        self.markers: set[float] = set()  # undeclared ones among the heights read so far
         self.info = _checked(dataset, path)
 
     @property

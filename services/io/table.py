@@ -28,16 +28,11 @@ _LONG = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns of a file by name, in the file's order.
-
-    Attributes:
-        columns: name -> cells as text, or numbers where the format has them.
-        rows: number of each row in the file; a CSV's header is row 1, Parquet counts from 1.
-    """
+    """Columns of a file by name, in the file's order."""
 
     source: str
-    columns: dict[str, list[str] | Floats]
-    rows: Sequence[int]
+    columns: dict[str, list[str] | Floats]  # cells as text, or numbers where the format has them
+    rows: Sequence[int]  # number of each row in the file; a CSV's header is row 1, Parquet from 1
 
     def error(self, index: int, column: str, expected: str) -> InputError:
         """An InputError at a cell; ``index`` counts the rows from 0."""
