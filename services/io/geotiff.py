@@ -74,13 +74,9 @@ class GeotiffWindows:
         Undeclared no-data values are those of cells all over the file, and of the windows read.
         """
         assert self._all_over is not None  # detects those of the file where no window was read
+        in_metres = "the map names no coordinate system: its grid is taken to be in metres"
         undeclared = no_data.describe(tuple(self.markers))
-        if self.georeferenced:
-            return undeclared
-        return (
-            "the map names no coordinate system: its grid is taken to be in metres",
-            *undeclared,
-        )
+        return undeclared if self.georeferenced else (in_metres, *undeclared)
 
     def read(self, rows: slice, columns: slice) -> Floats:
         """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these.
