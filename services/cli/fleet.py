@@ -16,8 +16,9 @@ from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
     from slopewise.services.fleet.calibrate_fleet import FleetCalibrateResult
-    from slopewise.services.fleet.investigate_fleet import FleetDiscrepancyResult
+    from slopewise.services.fleet.fleet_summary import FleetSummary
     from slopewise.services.fleet.plan_fleet import FleetPlanSummary
+    from slopewise.services.fleet.vehicle_finding import Row
 
 Workers = Annotated[
     int | None,
@@ -221,20 +222,19 @@ def fleet_discrepancy(
         scheduler,
         nodata,
     )
-    result = investigate_fleet(request, quiet=as_json)
+    rows, summary = investigate_fleet(request, quiet=as_json)
     page = out / PAGE
-    write_fleet_page(page, result.rows, result.summary)
-    print_result(as_json, result.summary, _discrepancy_tables(result), page)
+    write_fleet_page(page, rows, summary)
+    print_result(as_json, summary, _discrepancy_tables(rows, summary), page)
 
 
-def _discrepancy_tables(result: FleetDiscrepancyResult) -> Iterator[Any]:
+def _discrepancy_tables(rows: list[Row], c: FleetSummary) -> Iterator[Any]:
     """The fleet by verdict and by effect, then the vehicles with the largest gaps."""
     from slopewise.services.fleet.fleet_summary import format_effects, sort_by_prediction_error
     from slopewise.services.fleet.investigate_fleet import LINES
 
-    c = result.summary
     verdicts = ", ".join(f"{count} {name}" for name, count in c.verdicts.items())
-    yield line(f"{c.examined} of {len(result.rows)} vehicles examined: {verdicts}")
+    yield line(f"{c.examined} of {len(rows)} vehicles examined: {verdicts}")
     if c.effects:
         yield from table(
             ("effect", "missing in", "confidence", "of them right", "perhaps in", "numbers"),
@@ -251,7 +251,7 @@ def _discrepancy_tables(result: FleetDiscrepancyResult) -> Iterator[Any]:
                 format_effects(row),
                 *(f"{row[f'stop_distance_{moment}']:.2f}" for moment in ("before", "after")),
             )
-            for row in sort_by_prediction_error(result.rows)
+            for row in sort_by_prediction_error(rows)
         ),
         left=("verdict", "effects"),
         more=f"more, in {LINES}",
