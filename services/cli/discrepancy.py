@@ -50,24 +50,20 @@ def discrepancy(
 
     [bold]Example[/]  slopewise discrepancy drive.csv --model mine.toml --out out/discrepancy
     """
-    from slopewise.services.io.findings_file import PAGE, write_findings
-    from slopewise.services.jobs import discrepancy as job
+    from slopewise.models.discrepancy.settings import DiscrepancySettings
+    from slopewise.services.io.findings_file import PAGE, findings_as_json, write_findings
+    from slopewise.services.jobs.discrepancy import discrepancy as job
     from slopewise.services.jobs.log_input import LogInput
+    from slopewise.services.jobs.summary import from_options
     from slopewise.services.report.discrepancy_page import write_discrepancy_page
 
-    settings = job.discrepancy_settings(false_alarm=false_alarm, seed=seed)
+    settings = from_options(DiscrepancySettings, false_alarm=false_alarm, seed=seed)
     log_input = LogInput(logs, map_file, nodata, topics, columns)
-    result = job.discrepancy(log_input, model, settings=settings, quiet=as_json)
-    findings, page = result.findings, out / PAGE
-    files = write_findings(findings, out)
-    write_discrepancy_page(
-        page,
-        findings,
-        result.evidence,
-        title=f"{findings.model.name} against its log",
-        provenance=provenance_of(logs, model),
-    )
-    print_result(as_json, result.summary, _tables(findings), *files, page)
+    findings, evidence = job(log_input, model, settings=settings, quiet=as_json)
+    files, page = write_findings(findings, out), out / PAGE
+    title, facts = f"{findings.model.name} against its log", provenance_of(logs, model)
+    write_discrepancy_page(page, findings, evidence, title=title, provenance=facts)
+    print_result(as_json, findings_as_json(findings), _tables(findings), *files, page)
 
 
 def _tables(findings: Findings) -> Iterator[Any]:

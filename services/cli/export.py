@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -58,13 +57,6 @@ def export(
         for f in functions
     ]
     summary = {"model": vehicle.name, "files": [str(file) for file in files], "functions": rows}
-    print_result(as_json, summary, _tables(rows), *files)
-
-
-def _tables(functions: list[dict[str, Any]]) -> Iterator[Any]:
-    rows = []
-    for function in functions:
-        (unit,) = function["output"].values()
-        rows.append((function["name"], ", ".join(function["inputs"]), unit, function["is"]))
     columns = ("function", "inputs", "unit", "meaning")
-    yield from table(columns, rows, left=columns)
+    cells = ((f.name, ", ".join(n for n, _ in f.inputs), f.output[1], f.meaning) for f in functions)
+    print_result(as_json, summary, table(columns, cells, left=columns), *files)

@@ -16,8 +16,9 @@ from slopewise.services.jobs.plural import plural
 
 if TYPE_CHECKING:
     from slopewise.services.fleet.calibrate_fleet import FleetCalibrateResult
-    from slopewise.services.fleet.investigate_fleet import FleetDiscrepancyResult
+    from slopewise.services.fleet.fleet_summary import FleetSummary
     from slopewise.services.fleet.plan_fleet import FleetPlanSummary
+    from slopewise.services.fleet.vehicle_finding import Row
 
 Workers = Annotated[
     int | None,
@@ -63,9 +64,11 @@ def fleet_plan(
 
     [bold]Example[/]  slopewise fleet plan county.tif paths-*.csv --model atv --out out/county
     """
+    from slopewise.planner.ground.uncertainty import Uncertainty
+    from slopewise.planner.settings import PlannerSettings
     from slopewise.services.fleet.plan_fleet import plan_fleet
     from slopewise.services.fleet.plan_part import FleetPlanRequest
-    from slopewise.services.jobs.plan import planner_settings, uncertainty_at
+    from slopewise.services.jobs.summary import from_options
 
     request = FleetPlanRequest(
         map_file,
@@ -74,8 +77,8 @@ def fleet_plan(
         out,
         speed,
         clear,
-        planner_settings(smooth=smooth, spacing=spacing),
-        uncertainty_at(quantile),
+        from_options(PlannerSettings, smooth=smooth, spacing=spacing),
+        from_options(Uncertainty, quantile=quantile),
         workers,
         scheduler,
         nodata,
@@ -201,10 +204,11 @@ def fleet_discrepancy(
     [bold]Examples[/]  slopewise fleet discrepancy logs/*.csv --models atv --out out/fleet
               slopewise fleet discrepancy logs/*/* --by-folder --models out/vehicles --out out/may
     """
+    from slopewise.models.discrepancy.settings import DiscrepancySettings
     from slopewise.services.fleet.fleet_page import write_fleet_page
     from slopewise.services.fleet.investigate_fleet import PAGE, investigate_fleet
     from slopewise.services.fleet.vehicle_finding import FleetDiscrepancyRequest
-    from slopewise.services.jobs.discrepancy import discrepancy_settings
+    from slopewise.services.jobs.summary import from_options
 
     request = FleetDiscrepancyRequest(
         logs,
@@ -213,25 +217,24 @@ def fleet_discrepancy(
         by_folder,
         map_file,
         topics,
-        discrepancy_settings(false_alarm=false_alarm, seed=seed),
+        from_options(DiscrepancySettings, false_alarm=false_alarm, seed=seed),
         workers,
         scheduler,
         nodata,
     )
-    result = investigate_fleet(request, quiet=as_json)
+    rows, summary = investigate_fleet(request, quiet=as_json)
     page = out / PAGE
-    write_fleet_page(page, result.rows, result.summary)
-    print_result(as_json, result.summary, _discrepancy_tables(result), page)
+    write_fleet_page(page, rows, summary)
+    print_result(as_json, summary, _discrepancy_tables(rows, summary), page)
 
 
-def _discrepancy_tables(result: FleetDiscrepancyResult) -> Iterator[Any]:
+def _discrepancy_tables(rows: list[Row], c: FleetSummary) -> Iterator[Any]:
     """The fleet by verdict and by effect, then the vehicles with the largest gaps."""
     from slopewise.services.fleet.fleet_summary import format_effects, sort_by_prediction_error
     from slopewise.services.fleet.investigate_fleet import LINES
 
-    c = result.summary
     verdicts = ", ".join(f"{count} {name}" for name, count in c.verdicts.items())
-    yield line(f"{c.examined} of {len(result.rows)} vehicles examined: {verdicts}")
+    yield line(f"{c.examined} of {len(rows)} vehicles examined: {verdicts}")
     if c.effects:
         yield from table(
             ("effect", "missing in", "confidence", "of them right", "perhaps in", "numbers"),
@@ -248,7 +251,7 @@ def _discrepancy_tables(result: FleetDiscrepancyResult) -> Iterator[Any]:
                 format_effects(row),
                 *(f"{row[f'stop_distance_{moment}']:.2f}" for moment in ("before", "after")),
             )
-            for row in sort_by_prediction_error(result.rows)
+            for row in sort_by_prediction_error(rows)
         ),
         left=("verdict", "effects"),
         more=f"more, in {LINES}",

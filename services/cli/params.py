@@ -98,10 +98,23 @@ def params(
         comparison = compare_models(files or [])
         print_result(as_json, comparison, _comparison_tables(comparison))
         return
-    message = _message(
+    name, message = _message(
         group, limit if history else 0, rollback, changes, investigate, adopt, faster
     )
-    reply = _request(*message, connect, namespace, timeout, zenoh_file)
+    from slopewise.models.errors import InputError
+    from slopewise.services.cli.ask import ask
+    from slopewise.services.wire.connect import client_session
+    from slopewise.services.wire.parameter_messages import DiscrepancyQuestion, ParameterReply
+
+    key = f"{namespace}/v1/{name}"
+    with client_session(connect, zenoh_file) as session:
+        reply = ask(session, key, ParameterReply, message, timeout, "params")
+        while investigate and reply.status == "ok" and reply.investigating:
+            time.sleep(_PERIOD)
+            poll = DiscrepancyQuestion(who=_operator())
+            reply = ask(session, key, ParameterReply, poll, timeout, "params")
+    if reply.status != "ok":
+        raise InputError(key, "", reply.reason)
     print_result(as_json, reply, _tables(reply, group, history, investigate))
 
 
@@ -138,32 +151,6 @@ def _message(
     if adopt:
         return "params/adopt", messages.AdoptOffer(offer=adopt, faster=faster, who=who)
     return "params", messages.ParameterQuestion(group=group, history=history)
-
-
-def _request(
-    name: str,
-    message: msgspec.Struct,
-    connect: str,
-    namespace: str,
-    timeout: float,
-    zenoh_file: str,
-) -> ParameterReply:
-    """Reply of the service, of an investigation when it is done; InputError without one."""
-    from slopewise.models.errors import InputError
-    from slopewise.services.cli.ask import ask
-    from slopewise.services.wire.connect import client_session
-    from slopewise.services.wire.parameter_messages import DiscrepancyQuestion, ParameterReply
-
-    key = f"{namespace}/v1/{name}"
-    with client_session(connect, zenoh_file) as session:
-        reply = ask(session, key, ParameterReply, message, timeout, "params")
-        while name == "discrepancy" and reply.status == "ok" and reply.investigating:
-            time.sleep(_PERIOD)
-            poll = DiscrepancyQuestion(who=_operator())
-            reply = ask(session, key, ParameterReply, poll, timeout, "params")
-    if reply.status != "ok":
-        raise InputError(key, "", reply.reason)
-    return reply
 
 
 def _values(changes: list[str]) -> dict[str, float]:

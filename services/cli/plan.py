@@ -74,12 +74,15 @@ def plan(
 
     [bold]Example[/]  slopewise plan hill.tif paths.csv --model atv --speed 2 --report plan.html
     """
+    from slopewise.planner.ground.uncertainty import Uncertainty
+    from slopewise.planner.settings import PlannerSettings
     from slopewise.services.jobs import plan as job
     from slopewise.services.jobs.plan_files import SCENES, check_plan_name, write_plans
     from slopewise.services.jobs.plan_summary import summarise
+    from slopewise.services.jobs.summary import from_options
 
-    settings = job.planner_settings(smooth=smooth, solver=solver, spacing=spacing)
-    uncertainty = job.uncertainty_at(quantile)
+    settings = from_options(PlannerSettings, smooth=smooth, solver=solver, spacing=spacing)
+    uncertainty = from_options(Uncertainty, quantile=quantile)
     check_plan_name(out)
     result = job.plan(
         map_file,

@@ -58,12 +58,8 @@ def terrain(
     from slopewise.services.jobs.terrain import terrain as job
     from slopewise.services.jobs.terrain_summary import summarise
 
-    result = job(
-        LogInput(logs, topics=topics, columns=columns),
-        model,
-        terrains=terrains,
-        quiet=as_json,
-    )
+    log_input = LogInput(logs, topics=topics, columns=columns)
+    result = job(log_input, model, terrains=terrains, quiet=as_json)
     note = ""
     if out is not None:
         outputs.write_events(result, out)

@@ -36,7 +36,7 @@ from slopewise.services.discovery.stop_extractor import StopExtractor
 from slopewise.services.discovery.stop_store import StopStore, StoredStop
 from slopewise.services.io.files import reason
 from slopewise.services.io.model_file import write_model
-from slopewise.services.settings.investigation_settings import Investigation
+from slopewise.services.settings.learning_settings import Investigation
 
 _log = logging.getLogger("slopewise")
 

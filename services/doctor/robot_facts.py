@@ -8,6 +8,8 @@ from enum import Enum
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from slopewise.models.parameters import Model
 from slopewise.services.ros.settings import EdgeSettings, Topics
 
@@ -72,6 +74,11 @@ class TopicTraffic:
     frames: set[str] = field(default_factory=set)
 
     @property
+    def delay(self) -> float:
+        """Median time from stamp to reception [s]."""
+        return float(np.median(np.array(self.at[-len(self.stamps) :]) - self.stamps))
+
+    @property
     def rate(self) -> float:
         """Messages per second; 0 below three of them."""
         span = self.at[-1] - self.at[0] if len(self.at) > 2 else 0.0
@@ -80,19 +87,15 @@ class TopicTraffic:
 
 @dataclass(slots=True)
 class ObservedTraffic:
-    """Messages of a robot, from a recording or live.
-
-    Attributes:
-        limits: (t, limit [m/s], is a percentage) each.
-        silence: topics without a counterpart, as text; live only.
-    """
+    """Messages of a robot, from a recording or live."""
 
     topics: dict[str, TopicTraffic] = field(default_factory=dict)
     span: float = 0.0  # from the first to the last message [s]
     odometry: list[tuple[float, float, float, float]] = field(default_factory=list)
     limits: list[tuple[float, float, bool]] = field(default_factory=list)
+    """(t, limit [m/s], is a percentage) each."""
     links: dict[str, str] = field(default_factory=dict)
-    silence: list[str] = field(default_factory=list)
+    silence: list[str] = field(default_factory=list)  # topics without a counterpart; live only
 
 
 @dataclass(frozen=True, slots=True)

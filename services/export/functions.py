@@ -12,7 +12,7 @@ import contextlib
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any
 
@@ -93,30 +93,24 @@ def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
     on = f" on {surface}" if surface else ""
     # A surface that may turn out to be in another state counts as the worse of both.
     names = (surface, *model.braking.states_of(surface))
-    ways = [EvenSlope(model, model.braking.on(name)) for name in names]
+    slopes = [EvenSlope(model, model.braking.on(name)) for name in names]
+
+    def worst(pick: Callable[..., Any], law: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda *at: reduce(pick, (law(slope, *at) for slope in slopes))
+
+    def decelerating(force: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda v, grade, extra: braking.deceleration(force(v, grade, extra), grade)
+
+    trained = worst(operator.mul, EvenSlope.trained)
+    weakest_force = worst(np.fmin, EvenSlope.force)
+    strongest_force = worst(np.fmax, partial(EvenSlope.force, upper=True))
 
     def ratio(speed: Any, grade: Any, extra: Any) -> Any:
-        min_force = reduce(np.fmin, (way.force(speed, grade, extra) for way in ways))
-        return choose(trained(grade), min_force, 0.0)
-
-    def slowing(speed: Any, grade: Any, extra: Any) -> Any:
-        return braking.deceleration(ratio(speed, grade, extra), grade)
-
-    def strongest(speed: Any, grade: Any, extra: Any) -> Any:
-        max_force = reduce(np.fmax, (way.force(speed, grade, extra, upper=True) for way in ways))
-        return braking.deceleration(max_force, grade)
-
-    def distance(speed: Any, grade: Any, extra: Any) -> Any:
-        return reduce(np.fmax, (way.distance(speed, grade, extra) for way in ways))
-
-    def bound(clear: Any, grade: Any, extra: Any) -> Any:
-        return reduce(np.fmin, (way.speed_bound(clear, grade, extra) for way in ways))
-
-    def trained(grade: Any) -> Any:
-        return reduce(operator.mul, (way.trained(grade) for way in ways))
+        return choose(trained(grade), weakest_force(speed, grade, extra), 0.0)
 
     state, here = (_SPEED, _GRADE, _GROUND), f"{on}, straight along a constant grade"
-    to_clear = (("distance", "m"), _GRADE, _GROUND)
+    metres = ("distance", "m")
+    to_clear = (metres, _GRADE, _GROUND)
     force, decel, speed_of = ("force_ratio", "1"), ("deceleration", "m/s^2"), ("speed", "m/s")
     weakest = f"least F_b/W of full, cold brakes{on}; 0 on grades that were not trained"
     upper_end = f"most of full brakes{on}: for the loads of axles"
@@ -124,10 +118,10 @@ def _of_surface(model: Model, surface: str) -> list[ModelFunction]:
     within = f"stops within a distance{here}; 0 where nothing may drive"
     functions = (
         ("force_ratio", state, force, weakest, ratio),
-        ("deceleration", state, decel, f"least of full, cold brakes{on}", slowing),
-        ("max_deceleration", state, decel, upper_end, strongest),
-        ("stopping_distance", state, ("distance", "m"), from_command, distance),
-        ("speed_bound", to_clear, speed_of, within, bound),
+        ("deceleration", state, decel, f"least of full, cold brakes{on}", decelerating(ratio)),
+        ("max_deceleration", state, decel, upper_end, decelerating(strongest_force)),
+        ("stopping_distance", state, metres, from_command, worst(np.fmax, EvenSlope.distance)),
+        ("speed_bound", to_clear, speed_of, within, worst(np.fmin, EvenSlope.speed_bound)),
     )
     return [
         *(
@@ -187,10 +181,3 @@ def write_functions(model_functions: list[ModelFunction], path: Path) -> None:
     out.pack(len(functions))
     for function in functions:
         out.pack(function)
-
-
-def read_functions(path: Path) -> dict[str, Any]:
-    """Read the functions of :func:`write_functions`, by name."""
-    given = ca.FileDeserializer(str(path))
-    functions = [given.unpack() for _ in range(given.unpack())]
-    return {str(function.name()): function for function in functions}

@@ -142,13 +142,8 @@ def calibrate_fleet(
 ) -> FleetCalibrateResult:
     """Measure the stops of each vehicle, fit them together, write the model files.
 
-    Args:
-        by_folder: a folder is a vehicle; else each file is one.
-        map_file: elevation map that x, y of the logs lie on.
-        nodata: height of the map that marks unknown ground [m].
-        coverage: share of stops that margins have to cover.
-        workers: number of processes, None: one for each processor.
-        quiet: without a progress bar.
+    `by_folder`: a folder is a vehicle, else each file is one; `map_file`: elevation map that x, y
+    of the logs lie on, `nodata`: its height that marks unknown ground [m].
     """
     begin = time.perf_counter()
     check_installed()

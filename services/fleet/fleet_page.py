@@ -24,7 +24,7 @@ from slopewise.services.io.findings_file import PAGE
 from slopewise.services.jobs.plural import plural
 from slopewise.services.report.discrepancy_page import VERDICT_LABELS
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, draw_figures
-from slopewise.services.report.page import render, write_page
+from slopewise.services.report.page import write_page
 
 _MAX_VEHICLES, _MAX_NOTICES, _MAX_NAMES = 500, 20, 40
 """Vehicles of the table, excluded vehicles with their reason, and names below the figure."""
@@ -55,9 +55,7 @@ def write_fleet_page(path: Path, rows: Sequence[Row], summary: FleetSummary) -> 
         **draw_figures(picture=(size, lambda figure: _draw(figure, done, names))),
     }
     styles = ("page.css", "calibration.css", "discrepancy.css")
-    write_page(
-        path, render("fleet.html", values, title=f"{title} – slopewise fleet", styles=styles)
-    )
+    write_page(path, "fleet.html", values, title=f"{title} – slopewise fleet", styles=styles)
 
 
 def _verdict(summary: FleetSummary) -> str:

@@ -6,7 +6,7 @@ import hashlib
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from slopewise.services.fleet.fleet_summary import FleetSummary, summarise_fleet
@@ -25,10 +25,10 @@ from slopewise.services.fleet.vehicle_finding import (
     FleetDiscrepancyRequest,
     Row,
     VehicleTask,
-    failed_row,
     finished,
     investigate_vehicle,
     read_row,
+    write_failed_row,
 )
 from slopewise.services.io import findings_file
 from slopewise.services.io.files import check_file, fault, read_text, write_atomic
@@ -41,18 +41,13 @@ LINES, PAGE = "findings.jsonl", "report.html"
 _FORMAT = 1  # Format of the results; those of another format are computed again
 
 
-@dataclass(frozen=True, slots=True)
-class FleetDiscrepancyResult:
-    """Rows of all vehicles in the order given, and what `--json` prints of them."""
-
-    rows: list[Row]
-    summary: FleetSummary
-
-
 def investigate_fleet(
     request: FleetDiscrepancyRequest, *, quiet: bool = True
-) -> FleetDiscrepancyResult:
-    """Examine the vehicles that no earlier run has examined, count all, write the lines."""
+) -> tuple[list[Row], FleetSummary]:
+    """Examine the vehicles that no earlier run has examined, count all, write the lines.
+
+    Returns the rows of all vehicles in the order given, and what `--json` prints of them.
+    """
     begin = time.perf_counter()
     check_installed()
     grouped = vehicles_of(request.logs, request.by_folder)
@@ -70,7 +65,7 @@ def investigate_fleet(
     with progress_bar("comparing", len(tasks), quiet=quiet) as advance:
         advance(len(tasks) - len(missing))
         workers = Workers(request.workers, request.scheduler)
-        for _ in each_done(investigate_vehicle, missing, workers, failed_row):
+        for _ in each_done(investigate_vehicle, missing, workers, write_failed_row):
             advance(1)
     remove_partial_files(out, folders)
     rows = [_row(task) for task in tasks]
@@ -86,7 +81,7 @@ def investigate_fleet(
         name, reason = next(iter(summary.failed.items()))
         expected = "expected at least one vehicle that can be examined, got none"
         raise fault("fleet", "", f"{expected}; {name}: {reason}")
-    return FleetDiscrepancyResult(rows, summary)
+    return rows, summary
 
 
 def _digest(request: FleetDiscrepancyRequest) -> str:

@@ -85,25 +85,22 @@ class VehicleTask:
         return self.request.out / FINDINGS / f"{self.vehicle}.parquet"
 
 
-def investigate_vehicle(task: VehicleTask) -> Row:
+def investigate_vehicle(task: VehicleTask) -> None:
     """Examine one vehicle, write its files, then its row."""
     try:
         row = _examine(task)
     except SlopewiseError as error:
-        return _without(task, REFUSED, " ".join(str(error).split()))
+        row = _without(task, REFUSED, " ".join(str(error).split()))
     except _BROKEN as error:
         message = f"fault of slopewise, not of the log: {type(error).__name__}: {error}"
-        return _without(task, FAILED, message)
+        row = _without(task, FAILED, message)
     write_row(task, row)
-    return row
 
 
-def failed_row(task: VehicleTask) -> Row:
-    """Row of a vehicle whose logs ended several workers, written."""
-    message = (
-        "its workers ended without an answer; most likely its logs need more memory than one has"
-    )
-    return _without(task, FAILED, message)
+def write_failed_row(task: VehicleTask) -> None:
+    """Write the row of a vehicle whose logs ended several workers."""
+    reason = "most likely its logs need more memory than one has"
+    write_row(task, _without(task, FAILED, f"its workers ended without an answer; {reason}"))
 
 
 def _without(task: VehicleTask, status: str, reason: str) -> Row:
@@ -111,9 +108,7 @@ def _without(task: VehicleTask, status: str, reason: str) -> Row:
     for file in task.files:
         with contextlib.suppress(OSError):
             file.unlink(missing_ok=True)
-    row = row_without_finding(task.vehicle, task.key, status, reason)
-    write_row(task, row)
-    return row
+    return row_without_finding(task.vehicle, task.key, status, reason)
 
 
 def row_without_finding(vehicle: str, key: str, status: str, reason: str) -> Row:
@@ -150,16 +145,15 @@ def _examine(task: VehicleTask) -> Row:
             "begun": task.begun,
         },
     )
-    return finding_row(task.vehicle, task.key, findings_file.findings_as_json(findings))
+    return _finding_row(task, findings_file.findings_as_json(findings))
 
 
-def finding_row(vehicle: str, key: str, findings: dict[str, Any]) -> Row:
-    """Row of a vehicle from the content of its discrepancy.json."""
+def _finding_row(task: VehicleTask, findings: dict[str, Any]) -> Row:
     effects = [
         effect | {"parameters": [{"name": n, **v} for n, v in effect["parameters"].items()]}
         for effect in findings["effects"]
     ]
-    row = row_without_finding(vehicle, key, DONE, "") | {"effects": effects}
+    row = row_without_finding(task.vehicle, task.key, DONE, "") | {"effects": effects}
     row |= {name: findings[name] for name in ("verdict", "summary", "stops", "notes")}
     for gap in _GAPS:
         row |= {f"{gap}_{name}": findings[gap][name] for name in _OF_GAP}

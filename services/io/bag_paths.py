@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -28,18 +29,15 @@ def read_bag_paths(path: Path, topics: Path | None = None, frame: str = "") -> l
         recorded = bag.messages_of(used, PATH, last=not source.all_messages)
     if len(recorded) > _MAX_PATHS:
         raise fault(path, "", f"expected at most {_MAX_PATHS} paths, got {len(recorded)}")
-    count = dict.fromkeys(used, 0)
-    candidates = []
-    for message in recorded:
-        name = message.topic
-        if source.all_messages:
-            name = f"{message.topic}#{count[message.topic]}"
-            count[message.topic] += 1
-        candidates.append(_candidate(path, name, message, frame))
-    return candidates
+    numbers = {topic: itertools.count() for topic in used}
+    return [
+        _candidate(path, f"#{next(numbers[m.topic])}" if source.all_messages else "", m, frame)
+        for m in recorded
+    ]
 
 
-def _candidate(path: Path, name: str, recorded: RecordedMessage, frame: str) -> CandidatePath:
+def _candidate(path: Path, end: str, recorded: RecordedMessage, frame: str) -> CandidatePath:
+    name = recorded.topic + end
     if frame and (different := other_frame(recorded.message, frame)):
         expected = f"expected frame {frame} as the map has it, got {different}"
         raise fault(path, f"{name}, header.frame_id", expected)

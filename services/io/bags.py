@@ -171,22 +171,18 @@ class Bag:
                 there = ", ".join(sorted(t for t, given in self.types.items() if given == kind))
                 expected = f"expected one of {kind}, here: {there or 'none'}"
                 raise fault(self.path, f"topic {topic}", expected)
-        raws: list[tuple[str, int, bytes]] = []
-        newest: dict[str, int] = {}
-        for connection, at, raw in self.raw(
-            [c for c in self.reader.connections if c.topic in topics]
-        ):
-            if last and connection.topic in newest:
-                raws[newest[connection.topic]] = (connection.topic, at, bytes(raw))
-                continue
-            newest[connection.topic] = len(raws)
-            raws.append((connection.topic, at, bytes(raw)))
+        here = [c for c in self.reader.connections if c.topic in topics]
+        raws: dict[object, tuple[str, int, bytes]] = {}
+        for number, (connection, at, raw) in enumerate(self.raw(here)):
+            topic = connection.topic
+            raws[topic if last else number] = topic, at, bytes(raw)
+        recorded = {topic for topic, _, _ in raws.values()}
         for topic in topics:
-            if topic not in newest:
+            if topic not in recorded:
                 raise fault(self.path, f"topic {topic}", "expected messages, got none")
         return [
             RecordedMessage(topic, at, read_cdr(raw, kind, self.path, f"topic {topic}"))
-            for topic, at, raw in raws
+            for topic, at, raw in raws.values()
         ]
 
     def raw(self, connections: list[Any]) -> Iterator[tuple[Any, int, bytes]]:

@@ -157,11 +157,7 @@ def _sync_directory(directory: Path) -> None:
 
 
 def sha256_of(path: Path) -> str:
-    """SHA-256 of a file, as `sha256sum` prints it; of a folder that of its files and their names.
-
-    Raises:
-        InputError: it cannot be read.
-    """
+    """SHA-256 of a file, as `sha256sum` prints it; of a folder that of its files and names."""
     digest = hashlib.sha256()
     try:
         if not path.is_dir():

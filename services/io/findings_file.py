@@ -38,8 +38,7 @@ def _digest(path: Path) -> str:
     for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
         if file.is_file():
             with file.open("rb") as stream:
-                while chunk := stream.read(1 << 20):
-                    total.update(chunk)
+                hashlib.file_digest(stream, lambda: total)
     return total.hexdigest()[:12]
 
 

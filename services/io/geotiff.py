@@ -52,18 +52,14 @@ def read_layers(
 
 
 class GeotiffWindows:
-    """An open elevation map that is read by windows.
-
-    Attributes:
-        markers: undeclared markers among the heights that were read so far.
-    """
+    """An open elevation map that is read by windows."""
 
     def __init__(self, dataset: Any, path: Path, nodata: NoData = None) -> None:
         """Raise InputError if it cannot be an elevation map in metres."""
         self._dataset = dataset
         self._path = path
         self._nodata = nodata
-        self.markers: set[float] = set()
+        self.markers: set[float] = set()  # undeclared ones among the heights read so far
         self.info = _checked(dataset, path)
 
     @property
@@ -78,13 +74,9 @@ class GeotiffWindows:
         Undeclared no-data values are those of cells all over the file, and of the windows read.
         """
         assert self._all_over is not None  # detects those of the file where no window was read
+        in_metres = "the map names no coordinate system: its grid is taken to be in metres"
         undeclared = no_data.describe(tuple(self.markers))
-        if self.georeferenced:
-            return undeclared
-        return (
-            "the map names no coordinate system: its grid is taken to be in metres",
-            *undeclared,
-        )
+        return undeclared if self.georeferenced else (in_metres, *undeclared)
 
     def read(self, rows: slice, columns: slice) -> Floats:
         """(rows, columns) heights [m], row 0 at minimum y, NaN where unknown; only these.

@@ -72,26 +72,20 @@ def refuse_too_fast(log: DriveLog, model: Model) -> None:
             raise fault(source, "column v", f"{expected}, got {fast:.3g}, which looks like {units}")
 
 
-def suspect_of(learned: Braking, known: Braking, grades: np.ndarray) -> str:
-    """Reason why coefficients look like those of speeds in another unit; empty if they do not.
+def refuse_unit(learned: Braking, known: Braking, grades: np.ndarray, source: str) -> None:
+    """Raise InputError where the learned coefficients look like those of another unit.
 
     ``grades`` (n,) are those of the stops [rad].
     """
     if len(grades) < 2 or float(np.std(grades)) < _STEEP:
-        return ""
+        return
     for unit, factor in _FACTORS.items():
         wrong = factor * known.b_m + factor - 1.0
         level = learned.b_b / max(known.b_b, 1e-9)
         if abs(learned.b_m - wrong) < _MAX_SHIFT and abs(level / factor - 1.0) < _MAX_RATIO:
             got = f"brakes {level:.2g} times as strong as known and b_m {learned.b_m:+.2f}"
-            return f"expected m/s, got {got}, which looks like {unit}"
-    return ""
-
-
-def refuse_unit(learned: Braking, known: Braking, grades: np.ndarray, source: str) -> None:
-    """Raise InputError where the learned coefficients look like those of another unit."""
-    if reason := suspect_of(learned, known, grades):
-        raise InputError(source, "column v", reason)
+            reason = f"expected m/s, got {got}, which looks like {unit}"
+            raise InputError(source, "column v", reason)
 
 
 def unseen_channels(

@@ -24,13 +24,9 @@ _MAX_COORDINATE = 1e8
 
 @dataclass(frozen=True, slots=True)
 class MapInfo:
-    """The grid of a map; cell [row, column] has its centre at origin + resolution * (column, row).
+    """The grid of a map; cell [row, column] has its centre at origin + resolution (column, row)."""
 
-    Attributes:
-        rows, columns: number of cells; row 0 is at minimum y.
-    """
-
-    rows: int
+    rows: int  # row 0 is at minimum y
     columns: int
     resolution: float  # edge of a cell [m]
     origin: tuple[float, float]  # (x, y) of the centre of cell [0, 0] [m]

@@ -114,13 +114,8 @@ def ends_of(parts: Sequence[Floats]) -> Floats:
         return np.empty(0)
     ends = _ends(parts, *_span(parts))
     # Two of each inner one: with them there is ground apart from the lowest and the highest.
-    counts = [
-        min(_count(parts, ends[0]), _MIN_COUNT),
-        2,
-        2,
-        min(_count(parts, ends[3]), _MIN_COUNT),
-    ]
-    heights: Floats = np.repeat(ends, counts)
+    low, high = (min(_count(parts, end), _MIN_COUNT) for end in (ends[0], ends[3]))
+    heights: Floats = np.repeat(ends, [low, 2, 2, high])
     return heights[np.isfinite(heights)]
 
 

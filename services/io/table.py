@@ -9,7 +9,7 @@ import gc
 import io
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,16 +28,11 @@ _LONG = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns of a file by name, in the file's order.
-
-    Attributes:
-        columns: name -> cells as text, or numbers where the format has them.
-        rows: number of each row in the file; a CSV's header is row 1, Parquet counts from 1.
-    """
+    """Columns of a file by name, in the file's order."""
 
     source: str
-    columns: dict[str, list[str] | Floats]
-    rows: Sequence[int]
+    columns: dict[str, list[str] | Floats]  # cells as text, or numbers where the format has them
+    rows: Sequence[int]  # number of each row in the file; a CSV's header is row 1, Parquet from 1
 
     def error(self, index: int, column: str, expected: str) -> InputError:
         """An InputError at a cell; ``index`` counts the rows from 0."""
@@ -138,12 +133,8 @@ def _is_number(text: str) -> bool:
 
 def read_table(path: Path, text: Collection[str] = ()) -> Table:
     """A table: Parquet if the file is called so, else CSV; see :func:`read_csv`."""
-    return read_parquet(path) if is_parquet(path) else read_csv(path, text)
-
-
-def is_parquet(path: Path) -> bool:
-    """Return True if the file's name says that it is Parquet."""
-    return path.suffix.lower() in (".parquet", ".pq")
+    is_parquet = path.suffix.lower() in (".parquet", ".pq")
+    return read_parquet(path) if is_parquet else read_csv(path, text)
 
 
 def read_csv(path: Path, text: Collection[str] = ()) -> Table:
@@ -259,7 +250,8 @@ def _cells(pyarrow: Any, column: Any) -> list[str] | Floats:
     types, kind = pyarrow.types, column.type
     if types.is_boolean(kind):
         column, kind = column.cast(pyarrow.uint8()), pyarrow.uint8()
-    if any(is_kind(kind) for is_kind in _numeric(types)):
+    # Decimals are exact as text.
+    if types.is_integer(kind) or types.is_floating(kind) or types.is_null(kind):
         numbers = column.cast(pyarrow.float64(), safe=False).to_numpy()  # null becomes NaN
         return np.array(numbers, np.float64)
     # Python's times have microseconds.
@@ -268,10 +260,6 @@ def _cells(pyarrow: Any, column: Any) -> list[str] | Floats:
     elif types.is_duration(kind) and kind.unit == "ns":
         column = column.cast(pyarrow.duration("us"), safe=False)
     return ["" if cell is None else str(cell) for cell in column.to_pylist()]
-
-
-def _numeric(types: Any) -> tuple[Callable[[Any], bool], ...]:
-    return types.is_integer, types.is_floating, types.is_null  # decimals are exact as text
 
 
 def write_csv(columns: Mapping[str, Sequence[str] | Floats], path: Path) -> None:

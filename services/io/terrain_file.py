@@ -14,7 +14,7 @@ from slopewise.models.terrain.settings import (
     ResistanceSettings,
 )
 from slopewise.services.io.decode import decode_table, encode_table
-from slopewise.services.io.files import find_shipped, read_toml, shipped_files, write_atomic
+from slopewise.services.io.files import find_shipped, read_toml, write_atomic
 
 _IGNORED = ("signatures", "classifier", "change", "adaptation", "memory")
 """Keys of files written by earlier versions, which had a classifier; they change nothing now."""
@@ -58,11 +58,6 @@ def write_terrains(terrains: TerrainFile, path: Path) -> None:
     tables = encode_table(terrains)
     tables["terrain"] = tables.pop("terrain", [])  # a list of tables comes last in TOML
     write_atomic(path, tomli_w.dumps(tables).encode())
-
-
-def shipped_terrains() -> dict[str, Path]:
-    """Terrain files that come with the package: name -> file."""
-    return shipped_files("terrains")
 
 
 def find_terrains(name_or_path: str | Path) -> Path:

@@ -132,11 +132,7 @@ def check(
     nodata: NoData = None,
     quiet: bool = True,
 ) -> CheckResult:
-    """Read plans, model and map, and check every plan; `clear` in metres, as `nodata`.
-
-    Raises:
-        InputError: names file and field.
-    """
+    """Read plans, model and map, and check every plan; `clear` in metres, as `nodata`."""
     refuse_topics(topics, map_file)
     model = read_model(find_model(model_file))
     plans = read_external_plans(plan_file)
@@ -161,11 +157,7 @@ def check_plans(
     source: str,
     quiet: bool,
 ) -> CheckResult:
-    """Check plans on ground that is in memory.
-
-    Raises:
-        InputError: names the option, or the field of the source.
-    """
+    """Check plans on ground that is in memory."""
     begin = time.perf_counter()
     reports = []
     with progress_bar("checking", len(plans), quiet=quiet) as advance:

@@ -2,33 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import date
-from typing import Any
 
 from slopewise.models.discrepancy.findings import Findings
 from slopewise.models.discrepancy.progress import Stage
 from slopewise.models.discrepancy.report.evidence import Evidence
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate_with_evidence
-from slopewise.services.io.findings_file import findings_as_json, source_of
+from slopewise.services.io.findings_file import source_of
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import input_errors
-
-
-@dataclass(frozen=True, slots=True)
-class DiscrepancyResult:
-    """Findings, and the evidence that they rest on."""
-
-    findings: Findings
-    evidence: Evidence
-
-    @property
-    def summary(self) -> dict[str, Any]:
-        """Content of discrepancy.json."""
-        return findings_as_json(self.findings)
 
 
 def discrepancy(
@@ -37,12 +22,8 @@ def discrepancy(
     *,
     settings: DiscrepancySettings | None = None,
     quiet: bool = True,
-) -> DiscrepancyResult:
-    """Read logs and model, and investigate.
-
-    Raises:
-        InputError: names file and field, or says why there are too few stops.
-    """
+) -> tuple[Findings, Evidence]:
+    """Read logs and model, and investigate; the findings, and the evidence that they rest on."""
     model_path = find_model(model_file)
     model = read_model(model_path)
     with progress_bar("comparing", Stage.FINDINGS + 1, quiet=quiet) as advance:
@@ -50,7 +31,7 @@ def discrepancy(
         ground = logs.grade(log, model.vehicle)
         advance(1)
         with input_errors(logs.names):
-            findings, evidence = investigate_with_evidence(
+            return investigate_with_evidence(
                 log.columns,
                 log.runs,
                 model,
@@ -59,14 +40,3 @@ def discrepancy(
                 source=source_of(logs.files, model_path, f"{date.today()}"),
                 advance=advance,
             )
-    return DiscrepancyResult(findings, evidence)
-
-
-def discrepancy_settings(**values: Any) -> DiscrepancySettings:
-    """Settings from options.
-
-    Raises:
-        InputError: names the option.
-    """
-    with input_errors("", tuple(values)):
-        return DiscrepancySettings(**values)

@@ -35,11 +35,7 @@ def read_ground(
     nodata: NoData,
     reach: float = 0.0,
 ) -> ElevationMap:
-    """Read the map around paths, as far as the vehicle, and a further reach [m], from each point.
-
-    Raises:
-        InputError: names file and field; also for a path off the map.
-    """
+    """Read the map around paths, as far as the vehicle and a further reach [m] from each point."""
     info = map_info(map_file, topics)
     check_paths_on_map(paths, info.extent, str(path_file), str(map_file))
     points = np.concatenate([path.points for path in paths])

@@ -6,7 +6,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -93,9 +92,6 @@ def plan(
 
     Without an uncertainty the plans are by the model's mean; `explains`: with an explanation of
     the best candidate.
-
-    Raises:
-        InputError: names file and field.
     """
     found_model = find_model(model_file)
     model = read_model(found_model)
@@ -176,24 +172,3 @@ def with_check(
         plans, model, ground, clear=clear, quantile=quantile, source=source, quiet=quiet
     )
     return replace(result, check=checked)
-
-
-def planner_settings(**values: Any) -> PlannerSettings:
-    """Settings from options; None keeps the default.
-
-    Raises:
-        InputError: names the option.
-    """
-    stated = {name: value for name, value in values.items() if value is not None}
-    with input_errors("", tuple(values)):
-        return PlannerSettings(**stated)
-
-
-def uncertainty_at(quantile: float) -> Uncertainty:
-    """Margins at a quantile.
-
-    Raises:
-        InputError: names the option.
-    """
-    with input_errors("", ("quantile",)):
-        return Uncertainty(quantile=quantile)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from slopewise.models.errors import InputError
-from slopewise.services.io.plan_file import driven, write_plan_csv
+from slopewise.services.io.plan_file import TEXT, driven, write_plan_csv
 from slopewise.services.jobs.plan import PlanResult
 
 SCENES = (".mcap", ".rrd")
@@ -40,10 +39,10 @@ def write_plans(result: PlanResult, path: Path) -> None:
         write_rrd(*scene)
     else:
         parts = [driven(plan) for plan in result.plans]
-        columns = {name: [part[name] for part in parts] for name in parts[0]}
-        write_plan_csv({name: _joined(values) for name, values in columns.items()}, path)
-
-
-def _joined(values: list[Any]) -> Any:
-    is_text = isinstance(values[0], list)
-    return list(itertools.chain(*values)) if is_text else np.concatenate(values)
+        columns: dict[str, Any] = {
+            name: [cell for part in parts for cell in part[name]]
+            if name in TEXT
+            else np.concatenate([part[name] for part in parts])
+            for name in parts[0]
+        }
+        write_plan_csv(columns, path)

@@ -57,11 +57,7 @@ class SimulateResult:
 
 
 def simulate(logs: LogInput, model_file: str, *, quiet: bool = True) -> SimulateResult:
-    """Read logs and drive the model from each stop command on.
-
-    Raises:
-        InputError: names file, row and column.
-    """
+    """Read logs and drive the model from each stop command on."""
     model = read_model(find_model(model_file))
     log = logs.read()
     measured = log.columns["v"]

@@ -6,12 +6,14 @@ import json
 import math
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.io.files import fault
+
+T = TypeVar("T")
 
 
 class Summary(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -51,6 +53,12 @@ def input_errors(source: object, options: Collection[str] = ()) -> Iterator[None
         option = error.field in options
         where = (option_of(error.field), "") if option else (source, error.field)
         raise fault(*where, f"expected {error.expected}") from None
+
+
+def from_options(kind: type[T], **values: Any) -> T:
+    """Settings of a kind from options of the same names; None keeps the default."""
+    with input_errors("", tuple(values)):
+        return kind(**{name: value for name, value in values.items() if value is not None})
 
 
 def option_of(parameter: str) -> str:

@@ -3,44 +3,41 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
-from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.models.stop_logs.drive_quality import find_suspects, usable
+from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
+from slopewise.models.terrain.description import GroundChange
+from slopewise.models.terrain.estimator import DriveSample
 from slopewise.models.terrain.log_checks import implausible
-from slopewise.models.terrain.monitor import TerrainMonitor
+from slopewise.models.terrain.monitor import DescribedStretch, Event, TerrainMonitor
+from slopewise.models.terrain.phases import Phase
 from slopewise.models.terrain.resistances import Drivetrain
+from slopewise.models.terrain.rotation_centres import rotation_centres
 from slopewise.models.terrain.trace import TerrainTrace, trace
 from slopewise.services.io.drive_log import DriveLog
-from slopewise.services.io.files import fault
+from slopewise.services.io.files import fault, faults_of, shipped_files
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.io.terrain_file import (
-    TerrainFile,
-    find_terrains,
-    read_terrains,
-    shipped_terrains,
-)
+from slopewise.services.io.terrain_file import TerrainFile, find_terrains, read_terrains
 from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
-from slopewise.services.jobs.terrain_run import CHANNELS, NEEDED, monitor_rows, run_events
+
+NEEDED = ("v_left", "v_right", "yaw_rate", "current_left", "current_right")
+CHANNELS = (*NEEDED, "pitch", "roll")
+_SAME_SPEED = 1e-6
+"""Difference below which the log's speed is the mean of its wheels [m/s]: rounding of a table."""
 
 
 def terrain(
-    logs: LogInput,
-    model_file: str,
-    *,
-    terrains: str | None = None,
-    quiet: bool = True,
+    logs: LogInput, model_file: str, *, terrains: str | None = None, quiet: bool = True
 ) -> TerrainResult:
     """Read, estimate, describe.
 
     `terrains`: terrain file or shipped name, by default that of the model's name.
-
-    Raises:
-        InputError: names file and field.
     """
     model_path = find_model(model_file)
     model = read_model(model_path)
@@ -56,7 +53,7 @@ def terrain(
     runs = []
     with progress_bar("driving", len(log.runs), quiet=quiet) as advance:
         for part in log.runs:
-            runs.append(run_events(log, part, usable_samples, suspects, monitor))
+            runs.append(_run_events(log, part, usable_samples, suspects, monitor))
             advance(1)
     return TerrainResult(
         runs=runs,
@@ -72,7 +69,7 @@ def terrain(
 def trace_run(result: TerrainResult, run: RunEvents) -> TerrainTrace:
     """Estimates of the filter along a run."""
     monitor = _monitor(result.model, result.terrains)
-    rows = monitor_rows(result.log, run.samples, result.usable_samples)
+    rows = _monitor_rows(result.log, run.samples, result.usable_samples)
     return trace(monitor.estimator, rows, result.terrains.filter)
 
 
@@ -83,16 +80,14 @@ def _monitor(model: Model, terrains: TerrainFile) -> TerrainMonitor:
 def _check_vehicle(model: Model, source: str) -> None:
     if model.vehicle.drive != "skid_steer":
         raise fault(source, "vehicle.drive", "expected skid_steer, got ackermann")
-    try:
+    with faults_of(source):
         Drivetrain.of(model.vehicle)
-    except ParameterError as error:
-        raise fault(source, error.field, f"expected {error.expected}") from None
 
 
 def _read_terrains(name: str | None, model: Model) -> TerrainFile:
     if name is not None:
         return read_terrains(find_terrains(name))
-    shipped = shipped_terrains().get(model.name)
+    shipped = shipped_files("terrains").get(model.name)
     return TerrainFile(name=model.name) if shipped is None else read_terrains(shipped)
 
 
@@ -121,3 +116,77 @@ def _notes(
         if getattr(thresholds, key) is None:
             notes.append(f"{terrains.name} has no thresholds.{key}: neither {text} is stated")
     return notes
+
+
+def _monitor_rows(
+    log: DriveLog, part: slice, usable_samples: NDArray[np.bool_]
+) -> Iterator[tuple[DriveSample, bool]]:
+    """Samples of a run in the order of the monitor's arguments."""
+    columns = log.columns
+    count = part.stop - part.start
+    roll = np.nan_to_num(columns["roll"][part]) if "roll" in columns else np.zeros(count)
+    channels = [columns[name][part].tolist() for name in ("t", *NEEDED, "pitch")]
+    samples = map(DriveSample, *channels, roll.tolist())
+    return zip(samples, usable_samples[part].tolist(), strict=True)
+
+
+def _run_events(
+    log: DriveLog,
+    part: slice,
+    usable_samples: NDArray[np.bool_],
+    suspects: list[Suspect],
+    monitor: TerrainMonitor,
+) -> RunEvents:
+    """Send a run through the monitor."""
+    monitor.begin_run()
+    events: list[Event] = []
+    for row in _monitor_rows(log, part, usable_samples):
+        events += monitor.update(*row)
+    events += monitor.finish()
+    channels = {*CHANNELS, "t"}
+    excluded = [s for s in suspects if s.channel in channels and part.start <= s.start < part.stop]
+    stretches = [event for event in events if isinstance(event, DescribedStretch)]
+    return RunEvents(
+        run=str(log.columns["run"][part.start]),
+        samples=part,
+        stretches=stretches,
+        changes=[event for event in events if isinstance(event, GroundChange)],
+        excluded=excluded,
+        known=monitor.estimator.known,
+        labels=_texts(log, part, stretches, "terrain"),
+        sessions=_texts(log, part, stretches, "session"),
+        centres=_centres(log, part, stretches),
+        is_relied_on=monitor.describer.describe(relied_on=True).is_decided,
+    )
+
+
+def _centres(
+    log: DriveLog, part: slice, stretches: list[DescribedStretch]
+) -> list[tuple[float, float]]:
+    """Centres of rotation (left, right) [m] of each stretch that turns, NaN if not observable.
+
+    The log's speed has to be another measurement than the mean of its wheels.
+    """
+    time, v = log.columns["t"][part], log.columns["v"][part]
+    rims = 0.5 * (log.columns["v_left"][part] + log.columns["v_right"][part])
+    is_independent = bool(np.nanmax(np.abs(v - rims), initial=0.0) > _SAME_SPEED)
+    centres = []
+    for o in (stretch.observation for stretch in stretches):
+        if not is_independent or o.phase not in (Phase.TURN, Phase.SPOT):
+            centres.append((np.nan, np.nan))
+            continue
+        inside = slice(*np.searchsorted(time, (o.begin, o.end)))
+        half = 0.5 * o.speed_difference
+        speed = float(np.nanmean(v[inside])) if inside.stop > inside.start else np.nan
+        centres.append(rotation_centres(o.speed - half, o.speed + half, speed, o.yaw_rate))
+    return centres
+
+
+def _texts(log: DriveLog, part: slice, stretches: list[DescribedStretch], name: str) -> list[str]:
+    """A text column in the middle of each stretch, empty where the log has none."""
+    observations = [stretch.observation for stretch in stretches]
+    if name not in log.columns:
+        return [""] * len(observations)
+    middle = np.array([0.5 * (o.begin + o.end) for o in observations])
+    index = np.searchsorted(log.columns["t"][part], middle).clip(max=part.stop - part.start - 1)
+    return [str(text) for text in log.columns[name][part][index]]

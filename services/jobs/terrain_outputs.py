@@ -8,35 +8,127 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
+from slopewise.models.stop_logs.drive_quality import Suspect
+from slopewise.models.terrain.agreement import ALPHA
+from slopewise.models.terrain.description import GroundChange
 from slopewise.models.terrain.learn import classes_of, thresholds_of
+from slopewise.models.terrain.monitor import DescribedStretch
 from slopewise.models.terrain.observation import TerrainEstimate
 from slopewise.models.terrain.surfaces import model_on, with_surface
 from slopewise.services.io.files import fault
+from slopewise.services.io.table import write_csv
 from slopewise.services.io.terrain_file import write_terrains
-from slopewise.services.io.terrain_table import event_row, excluded_row, write_terrain_table
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
+
+_MEASURED = ("samples", "speed", "speed_difference", "yaw_rate", "onset_current")
+_ESTIMATED = ("motion_resistance", "lateral_resistance", "slip_track")
+_TEXT = ("run", "phase", "hardness", "grip", "agrees_with", "terrain", "rules", "note")
+COLUMNS = (
+    "run",
+    "t",
+    "t_end",
+    "phase",
+    *_MEASURED,
+    *(f"{name}{end}" for name in _ESTIMATED for end in ("", "_std")),
+    "turning_thrust",
+    "turning_thrust_std",
+    "hardness",
+    "grip",
+    "agrees_with",
+    "terrain",
+    "probability",
+    "rules",
+    "centre_left",
+    "centre_right",
+    "change",
+    "note",
+)
 
 
 def write_events(result: TerrainResult, path: Path) -> None:
-    """Write one row per stretch, change or excluded part, in chronological order."""
-    time = result.log.columns["t"]
-    table: list[dict[str, Any]] = []
+    """Write one row per stretch, change or excluded part, in chronological order of each run."""
+    t = result.log.columns["t"]
+    rows: list[dict[str, Any]] = []
     for run in result.runs:
-        rows = [event_row(run.run, event) for event in run.changes]
-        rows += stretch_rows(run)
-        rows += [excluded_row(run.run, time, stretch) for stretch in run.excluded]
-        table += sorted(rows, key=lambda row: float(row["t"]))
-    write_terrain_table(table, path)
+        of_run = [_change_row(run.run, change) for change in run.changes]
+        of_run += stretch_rows(run)
+        of_run += [_excluded_row(run.run, t, stretch) for stretch in run.excluded]
+        rows += sorted(of_run, key=lambda row: float(row["t"]))
+    columns = {
+        name: [str(row.get(name, "")) for row in rows]
+        if name in _TEXT
+        else np.array([row.get(name, np.nan) for row in rows], np.float64)
+        for name in COLUMNS
+    }
+    write_csv(columns, path)
+
+
+def _change_row(run: str, change: GroundChange) -> dict[str, Any]:
+    again = ", again within ten seconds" if change.again else ""
+    return {
+        "run": run,
+        "t": change.time,
+        "t_end": change.time,
+        "phase": "change",
+        "change": change.strength,
+        "note": f"the ground changed from {change.before} to {change.now}{again}",
+    }
+
+
+def _excluded_row(run: str, t: Floats, part: Suspect) -> dict[str, Any]:
+    return {
+        "run": run,
+        "t": float(t[part.start]),
+        "t_end": float(t[min(part.stop, len(t)) - 1]),
+        "phase": "excluded",
+        "samples": part.stop - part.start,
+        "note": part.reason,
+    }
 
 
 def stretch_rows(run: RunEvents) -> list[dict[str, Any]]:
-    """Rows of the stretches of a run."""
+    """Rows of the stretches of a run; parameters are the estimates when a stretch ends."""
     return [
-        event_row(run.run, event, centres)
+        _stretch_row(run.run, event, centres)
         for event, centres in zip(run.stretches, run.centres, strict=True)
     ]
+
+
+def _stretch_row(run: str, event: DescribedStretch, centres: tuple[float, float]) -> dict[str, Any]:
+    o = event.observation
+    row = {
+        "run": run,
+        "t": o.begin,
+        "t_end": o.end,
+        "phase": o.phase.value,
+        **{name: getattr(o, name) for name in _MEASURED},
+        "hardness": event.description.hardness,
+        "grip": event.description.grip,
+        "agrees_with": " ".join(event.agrees_with),
+        "terrain": event.name,
+        "probability": 1.0 - ALPHA if event.name else np.nan,
+        "rules": event.rules.name,
+        "note": _note(event),
+        "centre_left": centres[0],
+        "centre_right": centres[1],
+        "turning_thrust": o.turning.value,
+        "turning_thrust_std": o.turning.std,
+    }
+    for name in _ESTIMATED:
+        estimate = getattr(o.known, name)
+        row[name], row[f"{name}_std"] = estimate.value, estimate.std
+    return row
+
+
+def _note(event: DescribedStretch) -> str:
+    estimates = event.observation.measured
+    notes = [estimates.motion_resistance.note, estimates.lateral_resistance.note]
+    if event.is_stuck:
+        notes.append("wheels spin: nothing is learned")
+    return "; ".join(note for note in notes if note)
 
 
 def updated_model(result: TerrainResult) -> Model:

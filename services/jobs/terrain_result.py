@@ -12,7 +12,7 @@ from slopewise.models.parameters import Model
 from slopewise.models.stop_logs.drive_quality import Suspect
 from slopewise.models.terrain.description import UNDECIDED, GroundChange
 from slopewise.models.terrain.learn import LabelledRun
-from slopewise.models.terrain.monitor import DescribedStretch, Event
+from slopewise.models.terrain.monitor import DescribedStretch
 from slopewise.models.terrain.observation import Features
 from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.terrain_file import TerrainFile
@@ -27,7 +27,8 @@ class RunEvents:
 
     run: str
     samples: slice
-    events: list[Event]
+    stretches: list[DescribedStretch]
+    changes: list[GroundChange]
     excluded: list[Suspect]
     known: Features  # of the ground at the end of the run
     labels: list[str]  # ground as the log names it, one per stretch
@@ -37,19 +38,9 @@ class RunEvents:
     is_relied_on: bool  # the description at the end is as certain as plans rely on
 
     @property
-    def stretches(self) -> list[DescribedStretch]:
-        """Stretches alone."""
-        return [event for event in self.events if isinstance(event, DescribedStretch)]
-
-    @property
     def ground(self) -> list[DescribedStretch]:
         """Stretches that were not stuck."""
         return [stretch for stretch in self.stretches if not stretch.is_stuck]
-
-    @property
-    def changes(self) -> list[GroundChange]:
-        """Changes alone."""
-        return [event for event in self.events if isinstance(event, GroundChange)]
 
     @property
     def name(self) -> str:

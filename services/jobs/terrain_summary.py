@@ -147,12 +147,11 @@ def _probabilities(name: str) -> dict[str, float]:
 
 
 def _features(known: Features) -> dict[str, FeatureValue]:
-    return {name: _feature(getattr(known, name)) for name in FEATURES}
-
-
-def _feature(estimate: TerrainEstimate) -> FeatureValue:
-    interval = estimate.interval if estimate.is_known else None
-    return FeatureValue(finite(estimate.value), finite(estimate.std), interval)
+    estimates: dict[str, TerrainEstimate] = {name: getattr(known, name) for name in FEATURES}
+    return {
+        name: FeatureValue(finite(e.value), finite(e.std), e.interval if e.is_known else None)
+        for name, e in estimates.items()
+    }
 
 
 def _spread(values: list[tuple[float, float, float]]) -> dict[str, Any]:

@@ -30,7 +30,7 @@ from slopewise.services.report.figures import (
     figure_style,
     svg_uri,
 )
-from slopewise.services.report.page import render, write_page
+from slopewise.services.report.page import write_page
 
 _ENDINGS = (".html", ".pdf")
 _SIZE = (8.27, 11.69)
@@ -79,9 +79,6 @@ def write_sheet(path: Path, numbers: BrakeNumbers, facts: Mapping[str, str], tra
     """Write the sheet of one surface, all or nothing: .html or .pdf.
 
     Facts are results from the stops; the trace has lines with the files it was made from.
-
-    Raises:
-        InputError: another ending, or a path that cannot be written.
     """
     check_name(path)
     title = f"Brake sheet of {numbers.model.name}"
@@ -93,7 +90,7 @@ def write_sheet(path: Path, numbers: BrakeNumbers, facts: Mapping[str, str], tra
             return
         picture = svg_uri(figure)
     values = {"sheet": picture, "description": f"{title}. {unsafe_rule_warning(numbers)}"}
-    write_page(path, render("brake_sheet.html", values, title=title, styles=("page.css",)))
+    write_page(path, "brake_sheet.html", values, title=title, styles=("page.css",))
 
 
 def _pdf(figure: Any, title: str) -> bytes:

@@ -23,7 +23,7 @@ from slopewise.services.jobs.calibrate import CalibrateResult, RejectedLogError
 from slopewise.services.jobs.calibration_summary import surface_rows
 from slopewise.services.jobs.plural import plural
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, SHORT, draw_figures
-from slopewise.services.report.page import MAX_ROWS, render, write_page
+from slopewise.services.report.page import MAX_ROWS, write_page
 
 _MAX_STOPS = 500
 """Stops that the page of a rejected log lists [1]."""
@@ -33,11 +33,7 @@ _STYLES = ("page.css", "calibration.css")
 
 
 def write_calibration_page(path: Path, result: CalibrateResult, facts: Mapping[str, str]) -> None:
-    """Write the page of a calibration, all or nothing; facts: logs, model, date: name -> value.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the page of a calibration, all or nothing; facts: logs, model, date: name -> value."""
     calibration = result.calibration
     values = {
         "title": f"Brakes of {result.model.name}",
@@ -56,11 +52,7 @@ def write_calibration_page(path: Path, result: CalibrateResult, facts: Mapping[s
 
 
 def write_rejected_log(path: Path, rejected: RejectedLogError, facts: Mapping[str, str]) -> None:
-    """Write the page of a rejected log, all or nothing.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the page of a rejected log, all or nothing."""
     run, t = rejected.log.columns["run"], rejected.log.columns["t"]
     values = {
         "title": "Brakes that were not learned",
@@ -90,7 +82,7 @@ def _write(path: Path, values: dict[str, Any], issues: Sequence[Suspect], log: D
         "more_issues": len(issues) - MAX_ROWS,
     }
     title = f"{values['title']} – slopewise calibrate"
-    write_page(path, render("calibration.html", values, title=title, styles=_STYLES))
+    write_page(path, "calibration.html", values, title=title, styles=_STYLES)
 
 
 def _verdict(calibration: Calibration) -> str:

@@ -15,7 +15,7 @@ from slopewise.models.discrepancy.report.words import answers, closed_words, sur
 from slopewise.models.effects.registry import LAWS
 from slopewise.services.jobs.plural import plural
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, draw_figures
-from slopewise.services.report.page import render, write_page
+from slopewise.services.report.page import write_page
 
 VERDICT_LABELS = {
     Verdict.NONE: ("nothing missing", "fine"),
@@ -43,11 +43,7 @@ def write_discrepancy_page(
     title: str,
     provenance: Mapping[str, str],
 ) -> None:
-    """Write the page, all or nothing; provenance: logs, model, date: name -> value.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the page, all or nothing; provenance: logs, model, date: name -> value."""
     label, kind = VERDICT_LABELS[findings.verdict]
     distance = findings.stop_distance
     values = {
@@ -71,10 +67,8 @@ def write_discrepancy_page(
         "pictures": _figures(findings, evidence),
     }
     styles = ("page.css", "calibration.css", "discrepancy.css")
-    text = render(
-        "discrepancy.html", values, title=f"{title} – slopewise discrepancy", styles=styles
-    )
-    write_page(path, text)
+    window_title = f"{title} – slopewise discrepancy"
+    write_page(path, "discrepancy.html", values, title=window_title, styles=styles)
 
 
 def _closed(gap: Gap) -> str:

@@ -77,13 +77,9 @@ def _compact(*texts: str) -> str:
     return "\n".join(line for line in lines if line and not line.startswith("//"))
 
 
-def write_page(path: Path, text: str) -> None:
-    """Write a rendered page, all or nothing.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    write_atomic(path, text.encode("utf-8", "replace"))
+def write_page(path: Path, template: str, values: Mapping[str, Any], **shell: Any) -> None:
+    """Render a page with the shell of :func:`render`, and write it all or nothing."""
+    write_atomic(path, render(template, values, **shell).encode("utf-8", "replace"))
 
 
 @cache

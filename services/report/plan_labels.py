@@ -1,8 +1,8 @@
-"""Labels, meanings and colours of plan statuses and limiting bounds."""
+"""Meanings of plan statuses, and colours of limiting bounds."""
 
 from __future__ import annotations
 
-from slopewise.planner.limiting import BOUNDS, Limiting
+from slopewise.planner.limiting import BOUNDS
 from slopewise.planner.plan import Status
 
 STATUS_MEANING: dict[Status, str] = {
@@ -11,13 +11,6 @@ STATUS_MEANING: dict[Status, str] = {
     Status.DEGRADED: "safe, but a fallback was used",
     Status.INFEASIBLE: "even full braking from the start is not enough",
 }
-
-LIMITING_MEANING: dict[Limiting, str] = {code: bound.meaning for code, bound in BOUNDS.items()}
-
-
-def limiting_label(limiting: Limiting) -> str:
-    """Human-readable name of a bound, e.g. "stopping path"."""
-    return limiting.label.replace("_", " ")
 
 
 def limit_colours() -> str:

@@ -24,13 +24,8 @@ from slopewise.planner.kernels.interpreted import is_interpreting
 from slopewise.planner.limiting import BOUNDS, Limiting
 from slopewise.planner.plan import Obstacle, SpeedPlan, Status
 from slopewise.services.jobs.plan import PlanResult
-from slopewise.services.report.page import render, write_page
-from slopewise.services.report.plan_labels import (
-    LIMITING_MEANING,
-    STATUS_MEANING,
-    limit_colours,
-    limiting_label,
-)
+from slopewise.services.report.page import write_page
+from slopewise.services.report.plan_labels import STATUS_MEANING, limit_colours
 from slopewise.services.report.plan_summary import PlanSummary, best_plan, summarise, verdict
 from slopewise.services.report.relief import relief
 
@@ -70,11 +65,7 @@ def write_job_page(
     speed: float,
     clear: float,
 ) -> None:
-    """Write the page of a planning job, all or nothing; files and numbers as stated.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the page of a planning job, all or nothing; files and numbers as stated."""
     spacing = result.settings.spacing_on(result.elevation_map.resolution)
     facts = {
         "map": str(map_file),
@@ -100,11 +91,7 @@ def _covered(result: PlanResult) -> str:
 def write_plan_page(
     path: Path, result: PlanResult, title: str, provenance: Mapping[str, str]
 ) -> None:
-    """Write the page of some plans, best first, all or nothing; provenance: name -> value.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the page of some plans, best first, all or nothing; provenance: name -> value."""
     plans = result.plans
     summaries = [summarise(plan, rank) for rank, plan in enumerate(plans, start=1)]
     best = best_plan(plans)
@@ -121,12 +108,12 @@ def write_plan_page(
         "summaries": summaries,
         "statuses": list(Status),
         "status_meaning": STATUS_MEANING,
-        "limiting_meaning": LIMITING_MEANING,
-        "limiting_label": limiting_label,
+        "bounds": BOUNDS,
         "explanation": result.explanation,
         "costs": _costs(result.explanation),
     }
-    text = render(
+    write_page(
+        path,
         "plan.html",
         values,
         title=f"{title} – slopewise plan",
@@ -135,13 +122,12 @@ def write_plan_page(
         scripts=SCRIPTS,
         data=_page_data(ground, result, summaries),
     )
-    write_page(path, text)
 
 
 def _format_drive(summary: PlanSummary) -> str:
     """How far, how long and how fast a plan drives."""
     distance = f"{summary.progress:.1f} m"
-    if summary.status is not Status.OK and summary.progress < summary.length - 0.05:
+    if summary.plan.status is not Status.OK and summary.progress < summary.length - 0.05:
         distance += f" of {summary.length:.1f} m"
     time = "" if summary.travel_time is None else f" in {summary.travel_time:.1f} s"
     top = "" if summary.max_speed is None else f", at most {summary.max_speed:.2f} m/s"
@@ -194,14 +180,13 @@ def _page_data(
     return {
         "map": ground,
         "plans": [
-            _plan_table(plan, summary, result.elevation_map, model, max_stations)
-            for plan, summary in zip(plans, summaries, strict=True)
+            _plan_table(summary, result.elevation_map, model, max_stations) for summary in summaries
         ],
         "selected": best_plan(plans) or 0,
         "limiting": [
             {
                 "key": code.label,
-                "word": limiting_label(code),
+                "word": code.label.replace("_", " "),
                 "meaning": b.meaning,
                 "dark": b.dark_text,
             }
@@ -216,9 +201,10 @@ def _page_data(
 
 
 def _plan_table(
-    plan: SpeedPlan, summary: PlanSummary, ground: ElevationMap, model: Model, max_stations: int
+    summary: PlanSummary, ground: ElevationMap, model: Model, max_stations: int
 ) -> dict[str, Any]:
     """One plan: its summary and columns, positions relative to the map's origin."""
+    plan = summary.plan
     at = thinned(plan, max_stations)
     x0, y0 = ground.origin
     placed = replace(plan, x=plan.x - x0, y=plan.y - y0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import numpy as np
 
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.services.jobs.summary import finite
 
 _OUTCOMES = (
     (Status.OK, "reaches the end of its path", "reach the end of their paths"),
@@ -25,10 +25,8 @@ _OUTCOMES = (
 class PlanSummary:
     """One plan in numbers; None where a number does not exist, e.g. the margin at standstill."""
 
+    plan: SpeedPlan
     rank: int  # 1 is best
-    name: str
-    status: Status
-    reason: str
     travel_time: float | None  # until the last movement ends [s]
     progress: float  # station where it comes to rest [m]
     length: float  # station where the path ends [m]
@@ -48,19 +46,17 @@ def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
     last = min(int(np.flatnonzero(moving)[-1]) + 1, len(moving) - 1) if moving.any() else 0
     driven = slice(0, last + 1)
     longest_limit, limits_share = _find_longest_limit(plan, last)
-    time = _finite(plan.travel_time)
+    time = finite(plan.travel_time)
     with np.errstate(invalid="ignore"):  # inf - inf, where nothing limits
-        margin = _finite(plan.least_margin)
+        margin = finite(plan.least_margin)
     return PlanSummary(
+        plan=plan,
         rank=rank,
-        name=plan.candidate,
-        status=plan.status,
-        reason=plan.reason,
         travel_time=time,
         progress=plan.progress,
         length=float(plan.station[-1]),
         mean_speed=plan.progress / time if time else None,
-        max_speed=_finite(np.max(plan.speed)),
+        max_speed=finite(np.max(plan.speed)),
         margin=margin,
         rear_load=_smallest(plan.rear_load[driven]),
         side_load=_smallest(plan.side_load[driven]),
@@ -68,10 +64,6 @@ def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
         limits_share=limits_share,
         path_deviation=None if plan.path_deviation is None else plan.path_deviation.largest,
     )
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def _smallest(values: np.ndarray) -> float | None:

@@ -21,7 +21,7 @@ from slopewise.services.jobs.terrain import trace_run
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
 from slopewise.services.jobs.terrain_summary import run_cells
 from slopewise.services.report.figures import COLOURS, FAINT, FIRST, INK, SECOND, draw_figures
-from slopewise.services.report.page import MAX_ROWS, render, write_page
+from slopewise.services.report.page import MAX_ROWS, write_page
 
 _MAX_POINTS = 3000
 """Points of a line."""
@@ -34,9 +34,6 @@ def write_terrain_page(
     """Write the page, with details of the run that has most variety, all or nothing.
 
     The title says what was driven; model: its file as stated; note: on files that were written.
-
-    Raises:
-        InputError: the file cannot be written.
     """
     run = max(result.runs, key=_variety)
     trace, t = trace_run(result, run), result.log.columns["t"]
@@ -66,7 +63,7 @@ def write_terrain_page(
         ),
     }
     window_title, styles = f"{title} – slopewise terrain", ("page.css", "calibration.css")
-    write_page(path, render("terrain.html", values, title=window_title, styles=styles))
+    write_page(path, "terrain.html", values, title=window_title, styles=styles)
 
 
 def _variety(run: RunEvents) -> float:

@@ -17,6 +17,14 @@ from slopewise.planner.plan import SpeedPlan
 from slopewise.services.io.files import write_atomic
 from slopewise.services.scene import drawing
 
+try:
+    import foxglove
+    from foxglove import messages
+    from foxglove.channels import FrameTransformChannel, SceneUpdateChannel
+except ImportError:
+    hint = "expected foxglove-sdk to write .mcap, got none: pip install '.[viz]' in a clone"
+    raise InputError("--out", "", hint) from None
+
 MAP_FRAME = "map"
 VEHICLE_FRAME = "vehicle"
 _THICK = 4.0  # pixels
@@ -33,16 +41,7 @@ def write_mcap(
     """Write ground, all candidates, and the drive of the best plan, all or nothing.
 
     The drive begins now, or at `begin` [ns since 1970]; the vehicle is a box of its size.
-
-    Raises:
-        InputError: foxglove-sdk is not installed, or the place cannot be written to.
     """
-    try:
-        import foxglove
-        from foxglove.channels import FrameTransformChannel, SceneUpdateChannel
-    except ImportError:
-        hint = "expected foxglove-sdk to write .mcap, got none: pip install '.[viz]' in a clone"
-        raise InputError("--out", "", hint) from None
     begin = time.time_ns() if begin is None else begin
     buffer, context = io.BytesIO(), foxglove.Context()
     with foxglove.open_mcap(buffer, context=context):
@@ -62,30 +61,28 @@ def write_mcap(
 
 
 def _ground(ground: ElevationMap, begin: int) -> Any:
-    from foxglove.messages import Point3, SceneUpdate, TriangleListPrimitive
-
     mesh = drawing.surface(ground)
-    triangles = TriangleListPrimitive(
-        points=[Point3(x=x, y=y, z=z) for x, y, z in mesh.vertices.tolist()],
+    triangles = messages.TriangleListPrimitive(
+        points=[messages.Point3(x=x, y=y, z=z) for x, y, z in mesh.vertices.tolist()],
         colors=[_colour(rgb) for rgb in mesh.colours.tolist()],
         indices=mesh.triangles.ravel().tolist(),
     )
     facts = {"resolution [m]": f"{ground.resolution:g}", "drawn every": f"{mesh.step} cells"}
-    return SceneUpdate(entities=[_entity(MAP_FRAME, "ground", begin, facts, triangles=[triangles])])
+    return messages.SceneUpdate(
+        entities=[_entity(MAP_FRAME, "ground", begin, facts, triangles=[triangles])]
+    )
 
 
 def _candidates(plans: Sequence[SpeedPlan], begin: int) -> Any:
-    from foxglove.messages import LinePrimitive, LinePrimitiveLineType, Point3, SceneUpdate
-
     fastest = drawing.fastest_of(plans)
     entities = []
     for plan in plans:
         line = drawing.ribbon(plan, fastest)
-        primitive = LinePrimitive(
-            type=LinePrimitiveLineType.LineStrip,
+        primitive = messages.LinePrimitive(
+            type=messages.LinePrimitiveLineType.LineStrip,
             thickness=_THICK,
             scale_invariant=True,
-            points=[Point3(x=x, y=y, z=z) for x, y, z in line.points.tolist()],
+            points=[messages.Point3(x=x, y=y, z=z) for x, y, z in line.points.tolist()],
             colors=[_colour(rgb) for rgb in line.colours.tolist()],
         )
         facts = {
@@ -95,23 +92,21 @@ def _candidates(plans: Sequence[SpeedPlan], begin: int) -> Any:
             "progress [m]": f"{plan.progress:.2f}",
         }
         entities.append(_entity(MAP_FRAME, plan.candidate, begin, facts, lines=[primitive]))
-    return SceneUpdate(entities=entities)
+    return messages.SceneUpdate(entities=entities)
 
 
 def _vehicle(vehicle: Vehicle, begin: int) -> Any:
-    from foxglove.messages import CubePrimitive, Pose, Quaternion, SceneUpdate, Vector3
-
     (length, width, height), middle = drawing.box_of(vehicle)
-    cube = CubePrimitive(
-        pose=Pose(
-            position=Vector3(x=0.0, y=0.0, z=middle),
-            orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+    cube = messages.CubePrimitive(
+        pose=messages.Pose(
+            position=messages.Vector3(x=0.0, y=0.0, z=middle),
+            orientation=messages.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
         ),
-        size=Vector3(x=length, y=width, z=height),
+        size=messages.Vector3(x=length, y=width, z=height),
         color=_colour((0, 114, 178), 0.6),
     )
     facts = {"wheelbase [m]": f"{vehicle.wheelbase:g}"}
-    return SceneUpdate(
+    return messages.SceneUpdate(
         entities=[_entity(VEHICLE_FRAME, "vehicle", begin, facts, locked=True, cubes=[cube])]
     )
 
@@ -119,19 +114,17 @@ def _vehicle(vehicle: Vehicle, begin: int) -> Any:
 def _drive(
     driven: drawing.DrivenPlan, name: str, begin: int, transforms: Any, numbers: Any
 ) -> None:
-    from foxglove.messages import FrameTransform, Quaternion, Vector3
-
     for k, moment in enumerate(driven.time.tolist()):
         at = begin + round(moment * _NANO)
         x, y, z = driven.position[k].tolist()
         turn = dict(zip("xyzw", driven.quaternion[k].tolist(), strict=True))
         transforms.log(
-            FrameTransform(
+            messages.FrameTransform(
                 timestamp=_stamp(at),
                 parent_frame_id=MAP_FRAME,
                 child_frame_id=VEHICLE_FRAME,
-                translation=Vector3(x=x, y=y, z=z),
-                rotation=Quaternion(**turn),
+                translation=messages.Vector3(x=x, y=y, z=z),
+                rotation=messages.Quaternion(**turn),
             ),
             log_time=at,
         )
@@ -155,29 +148,23 @@ def _schema(names: list[str]) -> dict[str, Any]:
 def _entity(
     frame: str, name: str, begin: int, facts: dict[str, str], *, locked: bool = False, **parts: Any
 ) -> Any:
-    from foxglove.messages import KeyValuePair, SceneEntity
-
-    return SceneEntity(
+    return messages.SceneEntity(
         timestamp=_stamp(begin),
         frame_id=frame,
         id=name,
         frame_locked=locked,
-        metadata=[KeyValuePair(key=key, value=value) for key, value in facts.items()],
+        metadata=[messages.KeyValuePair(key=key, value=value) for key, value in facts.items()],
         **parts,
     )
 
 
 def _stamp(at: int) -> Any:
-    from foxglove.messages import Timestamp
-
-    return Timestamp(sec=at // _NANO, nsec=at % _NANO)
+    return messages.Timestamp(sec=at // _NANO, nsec=at % _NANO)
 
 
 def _colour(rgb: Sequence[int], alpha: float = 1.0) -> Any:
-    from foxglove.messages import Color
-
     red, green, blue = (channel / 255.0 for channel in rgb)
-    return Color(r=red, g=green, b=blue, a=alpha)
+    return messages.Color(r=red, g=green, b=blue, a=alpha)
 
 
 def _number(value: float) -> float | None:

@@ -15,6 +15,13 @@ from slopewise.planner.plan import SpeedPlan
 from slopewise.services.io.files import write_atomic
 from slopewise.services.scene import drawing
 
+try:
+    import rerun as rr
+    import rerun.blueprint as rrb
+except ImportError:
+    hint = "expected rerun-sdk to write .rrd, got none: pip install '.[viz]' in a clone"
+    raise InputError("--out", "", hint) from None
+
 _TIMELINE = "plan"
 _PLOTS = {
     "speed": ("speed_m_s", "speed_bound_m_s"),
@@ -26,16 +33,7 @@ _PLOTS = {
 def write_rrd(
     path: Path, ground: ElevationMap, plans: Sequence[SpeedPlan], vehicle: Vehicle
 ) -> None:
-    """Write ground, all candidates, and the drive of the best plan, all or nothing.
-
-    Raises:
-        InputError: rerun-sdk is not installed, or the place cannot be written to.
-    """
-    try:
-        import rerun as rr
-    except ImportError:
-        hint = "expected rerun-sdk to write .rrd, got none: pip install '.[viz]' in a clone"
-        raise InputError("--out", "", hint) from None
+    """Write ground, all candidates, and the drive of the best plan, all or nothing."""
     recording = rr.RecordingStream("slopewise")
     sink = recording.memory_recording()
     recording.send_blueprint(_blueprint())
@@ -60,8 +58,6 @@ def write_rrd(
 
 
 def _log_candidates(recording: Any, plans: Sequence[SpeedPlan], origin: Any) -> None:
-    import rerun as rr
-
     fastest = drawing.fastest_of(plans)
     for number, plan in enumerate(plans):
         line = drawing.ribbon(plan, fastest)
@@ -83,8 +79,6 @@ def _log_candidates(recording: Any, plans: Sequence[SpeedPlan], origin: Any) -> 
 
 
 def _log_drive(recording: Any, driven: drawing.DrivenPlan, vehicle: Vehicle, origin: Any) -> None:
-    import rerun as rr
-
     (length, width, height), middle = drawing.box_of(vehicle)
     half = [length / 2.0, width / 2.0, height / 2.0]
     box = rr.Boxes3D(half_sizes=[half], centers=[[0.0, 0.0, middle]], colors=[(0, 114, 178)])
@@ -103,8 +97,6 @@ def _log_drive(recording: Any, driven: drawing.DrivenPlan, vehicle: Vehicle, ori
 
 
 def _blueprint() -> Any:
-    import rerun.blueprint as rrb
-
     plots = [
         rrb.TimeSeriesView(name=title, contents=[f"/plan/{name}" for name in names])
         for title, names in _PLOTS.items()

@@ -14,8 +14,7 @@ from slopewise.planner.horizon.answer import HorizonSettings
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.decode import decode_table
 from slopewise.services.io.files import read_toml, resolve_names
-from slopewise.services.settings.investigation_settings import Investigation
-from slopewise.services.settings.learning_settings import Learning, StoreSettings
+from slopewise.services.settings.learning_settings import Investigation, Learning, StoreSettings
 
 _KEY = re.compile(r"[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*")
 _MEGABYTE = 1_000_000

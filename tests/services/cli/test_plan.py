@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 from slopewise.models.parameters import Model
+from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.io.plan_file import read_external_plans
 from slopewise.services.jobs import plan as job
@@ -34,7 +36,7 @@ def plan_json(*arguments: str, status: int = 0) -> dict[str, Any]:
 
 
 def plan_files_of(files: Path, **options: Any) -> job.PlanResult:
-    defaults = {"start_speed": 1.0, "clear": 12.0, "uncertainty": job.uncertainty_at(0.999)}
+    defaults = {"start_speed": 1.0, "clear": 12.0, "uncertainty": Uncertainty(quantile=0.999)}
     return job.plan(files / "map.npz", files / "paths.csv", "atv", **{**defaults, **options})
 
 
@@ -78,7 +80,7 @@ def test_the_json_has_digests_of_map_and_model(files: Path, explained: job.PlanR
 def test_plans_of_another_solver_differ_little(
     files: Path, explained: job.PlanResult, solver: str
 ) -> None:
-    settings = job.planner_settings(smooth=True, solver=solver)
+    settings = PlannerSettings(smooth=True, solver=solver)
     result = plan_files_of(files, settings=settings)
     expected = {plan.candidate: plan for plan in explained.plans}
     for plan in result.plans:
@@ -119,7 +121,7 @@ def test_a_higher_quantile_is_never_faster() -> None:
     braking = replace(model.braking, force_std=0.05, dead_time_std=0.05)
     times = []
     for quantile in (None, 0.5, 0.99, 0.9999):
-        margins = None if quantile is None else job.uncertainty_at(quantile)
+        margins = None if quantile is None else Uncertainty(quantile=quantile)
         planner = CandidatePlanner(replace(model, braking=braking), None, margins)
         plans, *_ = job.plan_paths(planner, hillside(), fan()[:1], clear=12.0)
         times.append(plans[0].travel_time)

@@ -18,11 +18,10 @@ from slopewise.models.terrain.monitor import TerrainMonitor
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.io.table import read_csv, write_csv
 from slopewise.services.io.terrain_file import find_terrains, read_terrains, write_terrains
-from slopewise.services.io.terrain_table import COLUMNS
 from slopewise.services.jobs import terrain_outputs as outputs
 from slopewise.services.jobs.log_input import LogInput
-from slopewise.services.jobs.terrain import terrain
-from slopewise.services.jobs.terrain_run import NEEDED
+from slopewise.services.jobs.terrain import NEEDED, terrain
+from slopewise.services.jobs.terrain_outputs import COLUMNS
 from tests.models.terrain import plant
 from tests.models.terrain.test_borealtc import example
 from tests.models.terrain.vehicles import samples_of
@@ -227,9 +226,10 @@ def test_wrong_units_exclude_the_run(
     log |= {name: log[name] * factor for name in names}
     path = write_runs(tmp_path / "log.csv", ("1", log), ("2", drive_log()))
     first, second = terrain(LogInput([path]), str(files / "husky.toml")).runs
-    assert not first.events
+    assert not first.stretches
+    assert not first.changes
     assert any(reason in stretch.reason for stretch in first.excluded)
-    assert second.events
+    assert second.stretches
 
 
 def test_a_class_too_slippery_to_stop_on_is_rejected(files: Path, tmp_path: Path) -> None:

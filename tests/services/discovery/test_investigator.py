@@ -20,7 +20,7 @@ from slopewise.services.discovery.investigator import Investigator
 from slopewise.services.discovery.proposal_builder import InvestigationOutcome
 from slopewise.services.discovery.stop_store import StoredStop
 from slopewise.services.io.model_file import find_model, read_model, write_model
-from slopewise.services.settings.investigation_settings import Investigation
+from slopewise.services.settings.learning_settings import Investigation
 from tests.services.robot_plant import ASPHALT, Vehicle
 
 FILE = read_model(find_model("atv"))

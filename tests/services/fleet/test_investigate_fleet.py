@@ -19,6 +19,7 @@ from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.errors import InputError
 from slopewise.services.fleet import investigate_fleet, vehicle_finding
 from slopewise.services.fleet.fleet_page import write_fleet_page
+from slopewise.services.fleet.fleet_summary import FleetSummary
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.io.table import write_csv
 from tests.models.discrepancy.logs import WORLDS
@@ -48,11 +49,11 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [folder / f"{name}.csv" for name in ("lag", "torn", "clean", "few")]
 
 
-def run(logs: list[Path], out: Path, **changes: object) -> investigate_fleet.FleetDiscrepancyResult:
+def run(logs: list[Path], out: Path, **changes: object) -> FleetSummary:
     request = replace(REQUEST, logs=logs, out=out, **changes)
-    result = investigate_fleet.investigate_fleet(request)
-    write_fleet_page(out / investigate_fleet.PAGE, result.rows, result.summary)
-    return result
+    rows, summary = investigate_fleet.investigate_fleet(request)
+    write_fleet_page(out / investigate_fleet.PAGE, rows, summary)
+    return summary
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -128,11 +129,11 @@ def test_a_scheduler_and_workers_one_of_them_killed_write_the_same_bytes(
 
         thread = threading.Thread(target=kill_one_at_work)
         thread.start()
-        result = run(logs, tmp_path, workers=None, scheduler=address)
+        summary = run(logs, tmp_path, workers=None, scheduler=address)
         thread.join()
     assert len(killed) == 1
     assert not psutil.pid_exists(killed[0])
-    assert result.summary.examined == 2
+    assert summary.examined == 2
     ours, theirs = content(tmp_path), content(local)
     assert [n for n in theirs if ours.get(n) != theirs[n]] == []
     assert ours.keys() == theirs.keys()
@@ -150,7 +151,7 @@ def test_a_second_run_examines_new_logs_only(
         raise np.linalg.LinAlgError("singular")
 
     monkeypatch.setattr(vehicle_finding, "_examine", breaks_off)
-    assert run(logs, out).summary.resumed == 4
+    assert run(logs, out).resumed == 4
     assert examined == []
     assert content(out) == content(local)
     # A log that grew is another log; findings of the old one are removed.
@@ -158,9 +159,9 @@ def test_a_second_run_examines_new_logs_only(
     shutil.copytree(logs[0].parent, moved)
     (moved / "lag.csv").write_text((moved / "lag.csv").read_text() + "\n")
     new = [moved / log.name for log in logs]
-    result = run(new, out)
-    assert (examined, result.summary.resumed) == (["lag"], 3)
-    assert "LinAlgError: singular" in result.summary.failed["lag"]
+    summary = run(new, out)
+    assert (examined, summary.resumed) == (["lag"], 3)
+    assert "LinAlgError: singular" in summary.failed["lag"]
     assert not (out / "vehicles" / "lag" / "model.toml").exists()
     assert (out / "vehicles" / "clean" / "model.toml").exists()
     # A fault is tried again, a log that cannot be read is not.
@@ -181,7 +182,7 @@ def test_a_vehicle_that_ends_its_workers_is_reported_and_tried_again(
     request = replace(REQUEST, out=out)
     task = vehicle_finding.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], request)
     assert vehicle_finding.finished(task) == row
-    vehicle_finding.failed_row(task)
+    vehicle_finding.write_failed_row(task)
     failed_row = vehicle_finding.read_row(task)
     assert failed_row is not None
     assert failed_row["status"] == "failed"

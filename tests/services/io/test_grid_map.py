@@ -10,14 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.cli.app import app
 from slopewise.services.io import grid_map
 from slopewise.services.io.bag_paths import read_bag_paths
 from slopewise.services.io.bags import GRID_MAP, PATH, read_cdr, type_hashes, typestore
@@ -25,6 +23,7 @@ from slopewise.services.io.grid_map import elevation_map_of
 from slopewise.services.io.map_file import frame_of, map_info, read_map
 from slopewise.services.io.path_file import read_paths
 from tests.services import grid_maps
+from tests.services.command_line import here
 from tests.services.faults import fault_in
 
 RNG = np.random.default_rng(11)
@@ -223,11 +222,9 @@ def test_plan_over_a_recording(tmp_path: Path) -> None:
     recording = bag(
         tmp_path / "b", ("/elevation", GRID_MAP, ground), ("/plan", PATH, grid_maps.path(LINE))
     )
-    done = CliRunner().invoke(
-        app, ["plan", str(recording), str(recording), "--model", "atv", "--json"]
-    )
-    assert done.exit_code == 0, done.output
-    (plan,) = json.loads(done.output)["plans"]
+    done = here("plan", recording, recording, "--model", "atv", "--json")
+    assert done.returncode == 0, done.stderr
+    (plan,) = json.loads(done.stdout)["plans"]
     assert (plan["candidate"], plan["status"]) == ("/plan", "ok")
 
 
@@ -275,26 +272,15 @@ def test_public_recordings_are_planned_on_and_pictured(
     )
     if name == RECORDINGS[0]:  # letters in unknown ground: nothing to stand on
         paths.write_text("candidate,x,y\nmiddle,0.0,-1.0\nmiddle,0.0,1.0\n")
-    arguments = [
-        "plan",
-        str(folder),
-        str(paths),
-        "--model",
-        "husky",
-        "--json",
-        "--report",
-        str(page),
-    ]
-    with_scene = find_spec("foxglove") is not None
-    done = CliRunner().invoke(app, [*arguments, *(["--out", str(scene)] if with_scene else [])])
-    plans = {plan["candidate"]: plan for plan in json.loads(done.output)["plans"]}
+    out = ["--out", scene] if find_spec("foxglove") is not None else []
+    done = here("plan", folder, paths, "--model", "husky", "--json", "--report", page, *out)
+    plans = {plan["candidate"]: plan for plan in json.loads(done.stdout)["plans"]}
+    assert done.returncode == 3, done.stderr
     if name == RECORDINGS[0]:
-        assert done.exit_code == 3
         assert "unknown ground" in plans["middle"]["reason"]
     else:
-        assert done.exit_code == 3
         assert plans["edge"]["status"] == "blocked"
         assert "is outside the trained" in plans["edge"]["reason"]  # it lies 18° across
         assert "under the front overhang" in plans["middle"]["reason"]  # a step of 0.4 m
     assert "<svg" in page.read_text() or "<canvas" in page.read_text()
-    assert not with_scene or scene.stat().st_size > 10_000
+    assert not out or scene.stat().st_size > 10_000

@@ -13,7 +13,7 @@ import pytest
 from slopewise.models.errors import InputError
 from slopewise.services.io.bags import opened
 from slopewise.services.io.files import read_toml
-from slopewise.services.io.log_checks import suspect_of
+from slopewise.services.io.log_checks import refuse_unit
 from slopewise.services.io.map_file import map_info, read_map
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.table import read_csv, write_csv
@@ -165,7 +165,8 @@ def test_coefficients_of_another_unit_are_recognised(unit: str, factor: float) -
     force = factor * (known.b_m * grades + known.b_b) + (factor - 1.0) * np.sin(grades)
     b_m, b_b = np.polyfit(grades, force, 1)
     learned = dataclasses.replace(known, b_m=float(b_m), b_b=float(b_b))
-    assert unit in suspect_of(learned, known, grades)
-    assert suspect_of(known, known, grades) == ""
+    with pytest.raises(InputError, match=f"log: column v: expected m/s, .* looks like {unit}"):
+        refuse_unit(learned, known, grades, "log")
+    refuse_unit(known, known, grades, "log")
     better = dataclasses.replace(known, b_b=1.8 * known.b_b)
-    assert suspect_of(better, known, grades) == ""
+    refuse_unit(better, known, grades, "log")

@@ -17,8 +17,7 @@ from slopewise.services.discovery.model_comparison import cautious, compare_stop
 from slopewise.services.discovery.proposal_builder import InvestigationOutcome, is_valid
 from slopewise.services.io.model_file import model_to_dict
 from slopewise.services.parameters.parameter_service import ParameterService
-from slopewise.services.settings.investigation_settings import Investigation
-from slopewise.services.settings.learning_settings import StoreSettings
+from slopewise.services.settings.learning_settings import Investigation, StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.model_proposal import ModelProposal
 from tests.services.parameters.parameter_fixtures import ATV, G, level_force, stop

@@ -15,7 +15,7 @@ import pytest
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
-from slopewise.planner.limiting import Limiting
+from slopewise.planner.limiting import BOUNDS, Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan, Status
@@ -23,7 +23,7 @@ from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.jobs.plan import PlanResult
 from slopewise.services.report.page import asset, script_json
-from slopewise.services.report.plan_labels import LIMITING_MEANING, STATUS_MEANING, limit_colours
+from slopewise.services.report.plan_labels import STATUS_MEANING, limit_colours
 from slopewise.services.report.plan_page import thinned, write_plan_page
 from slopewise.services.report.plan_summary import best_plan, summarise, verdict
 from tests.services.report.page_fixtures import PageReader, embedded, pixels_of, plan_of
@@ -146,7 +146,7 @@ def test_statuses_and_bounds_have_names_meanings_and_signs_besides_colours(
 ) -> None:
     badges = [a for a in page.all("span") if (a.get("class") or "").startswith("badge")]
     assert [a["class"] for a in badges] == [f"badge {plan.status.value}" for plan in plans]
-    assert set(LIMITING_MEANING) == set(Limiting)
+    assert set(BOUNDS) == set(Limiting)
     assert set(STATUS_MEANING) == set(Status)
     for status in Status:
         assert f'id="icon-{status.value}"' in text
