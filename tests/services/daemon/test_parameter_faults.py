@@ -6,6 +6,7 @@ One bad message, one lost file: the service answers, flags it, and plans no fast
 from __future__ import annotations
 
 import json
+import os
 import resource
 import shutil
 import signal
@@ -29,6 +30,7 @@ from slopewise.services.settings.service_settings import Planning, ServiceConfig
 from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.parameter_client import Robot, robot_on_ground, send_ground, speeds_of
 from tests.services.service_process import Running, free_port, running
+from tests.services.warm_process import WarmProcess
 
 G = 9.80665
 STORE = '[store]\npath = "p.sqlite"\nretry = 0.2\n'
@@ -133,10 +135,8 @@ def test_two_services_with_one_id_flag_each_other_and_one_keeps(tmp_path: Path) 
         text = text.replace(first.endpoint, f"tcp/127.0.0.1:{port_of_second}")
         text = text.replace("[zenoh]\n", f'[zenoh]\nconnect = ["{first.endpoint}"]\n')
         second.write_text(text.replace('"p.sqlite"', '"../p.sqlite"'))
-        command = [sys.executable, "-m", "slopewise.services.cli", "serve", "--config", str(second)]
-        duplicate = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        duplicate = WarmProcess(["serve", "--config", str(second)], os.environ)
         try:
-            assert duplicate.stdout is not None
             assert "answers" in duplicate.stdout.readline()
             with first.session() as session:
                 robot = Robot(first, session)

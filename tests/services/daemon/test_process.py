@@ -62,7 +62,7 @@ def test_a_service_reports_that_it_is_ready_and_alive(
     address = str(tmp_path / "notify")
     with listening(address) as receiver:
         monkeypatch.setenv("NOTIFY_SOCKET", address)
-        with running(tmp_path, fresh=True):
+        with running(tmp_path):
             assert receiver.recv(100) in (b"READY=1", b"WATCHDOG=1")
             states = {receiver.recv(100) for _ in range(3)}
         assert b"WATCHDOG=1" in states

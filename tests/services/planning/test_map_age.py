@@ -25,7 +25,7 @@ MAX_AGE = 30.0
 
 
 def service(**planning: float) -> PlanService:
-    return plan_service(budget=1.0, **planning)
+    return plan_service(budget=30.0, **planning)
 
 
 def of_age(seconds: float, *, fixed: bool = False) -> MapSnapshot:

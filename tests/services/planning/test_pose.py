@@ -22,7 +22,7 @@ def straight(name: str = "a", lateral: float = 0.0) -> Path:
 
 @pytest.fixture(scope="module", params=HALF)
 def vehicle(request: pytest.FixtureRequest) -> tuple[PlanService, float]:
-    return plan_service(read_model(find_model(request.param)), budget=1.0), HALF[request.param]
+    return plan_service(read_model(find_model(request.param)), budget=30.0), HALF[request.param]
 
 
 def answers(plans: PlanService, lateral: float, turned: float) -> Iterator[PlanReply]:
@@ -30,6 +30,18 @@ def answers(plans: PlanService, lateral: float, turned: float) -> Iterator[PlanR
     for client in (f"robot {lateral} {turned}", ""):
         pose = (2.0, lateral, turned)
         yield answer(plans, straight(), speed=0.5, client=client, pose=pose)
+
+
+def test_within_the_limits_the_speeds_are_those_on_the_path(
+    vehicle: tuple[PlanService, float],
+) -> None:
+    plans, half = vehicle[0], vehicle[1] - 1e-6
+    on_it = [reply.plans[0].column("speed") for reply in answers(plans, 0.0, 0.0)]
+    for lateral in (-half, -0.5 * half, half):
+        for turned in (-0.2999, 0.0, 0.2999):
+            for reply, speed in zip(answers(plans, lateral, turned), on_it, strict=True):
+                assert reply.status == "ok"
+                assert reply.plans[0].column("speed") == pytest.approx(speed, abs=1e-6)
 
 
 def test_beyond_the_limits_the_answer_is_a_stop_with_the_reason(
@@ -54,7 +66,7 @@ def test_the_candidate_that_fits_is_planned_and_the_other_refused(
 ) -> None:
     plans, half = vehicle
     for client in ("two", ""):
-        paths = straight("away", 1.1 * half), straight(lateral=-0.99 * half)
+        paths = straight("away", 1.1 * half), straight()
         reply = answer(plans, *paths, speed=0.5, client=client, pose=(0.0, 0.0, 0.0))
         assert (reply.status, reply.chosen) == ("ok", "a")
         assert {c.name: c.usable for c in reply.ranking} == {"away": False, "a": True}
