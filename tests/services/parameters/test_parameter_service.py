@@ -322,3 +322,6 @@ def test_a_label_lowers_the_base_until_it_expires() -> None:
     service.tick()
     assert group_of(service, "braking")["cause"] == "the ground's label expired"
     assert service.learner.ground.surface(time.monotonic()) == ""
+    vague = TerrainLabel(source="camera", sequence=3, time=now, surface="ice", probability=0.5)
+    service.observe("terrain", vague, "obs/terrain", time.monotonic())
+    assert service.learner.ground.surface(time.monotonic()) == "", "too vague to rely on"
