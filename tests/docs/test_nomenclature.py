@@ -115,6 +115,8 @@ def contains_term(term: str, name: str) -> bool:
 
 def test_public_signatures_use_no_bare_letters_and_si_units() -> None:
     expected, given = letters(), list(public_parameters())
+    assert len(expected) > 20
+    assert len(retired()) > 10
     wrong = [f"{at}({name}): {expected[name]}" for at, name in given if name in expected]
     suffixes = tuple(f"_{suffix}_" for suffix in SUFFIXES)
     wrong += [f"{at}({name}): SI" for at, name in given if parts(name).endswith(suffixes)]
