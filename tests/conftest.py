@@ -12,10 +12,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture.providers import Constants, HypothesisProvider
 
-from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.services.jobs.cold_start import compile_first
-from tests.world.ground import plane
 from tests.world.real_terrain import data_folder
 from tests.world.vehicles import ATV, Tables, model_of, tables_with
 
@@ -62,12 +60,6 @@ def tables() -> Tables:
 def model() -> Model:
     """The quad."""
     return model_of(ATV)
-
-
-@pytest.fixture
-def level_map() -> ElevationMap:
-    """Level ground around the origin."""
-    return plane()
 
 
 @pytest.fixture

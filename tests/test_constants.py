@@ -82,8 +82,3 @@ def test_every_constant_has_a_unit_and_a_reason(folder: str) -> None:
     files = (ROOT / folder).rglob("*.py")  # without the links of `slopewise` to other folders
     missing = [f"{file}:{name}" for file in files for name in unexplained(file.read_text())]
     assert missing == []
-
-
-def test_a_bare_constant_is_found() -> None:
-    assert list(unexplained("\nA = 3\nB = 4.0  # [s] patience\n")) == ["2: A"]
-    assert list(unexplained('\nA = (1, 2)\nB = 3\n"""[m]"""\n')) == []

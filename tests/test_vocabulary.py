@@ -119,13 +119,3 @@ def test_a_folder_keeps_to_the_vocabulary(folder: str) -> None:
     ceiling = CEILINGS.get(folder, 0)
     assert len(hits) <= ceiling, "\n".join(hits[:40])
     assert len(hits) > ceiling - 20 or ceiling == 0, f"lower the ceiling of {folder} to {len(hits)}"
-
-
-def test_an_avoided_term_is_found(tmp_path: Path) -> None:
-    file = tmp_path / "sample.py"
-    terms = "What", "hair", "told", "as it was"  # words: ok
-    first_line, name, argument, comment = terms
-    file.write_text(f'"""{first_line} x."""\n\ndef {name}({argument}):\n    pass  # {comment}\n')
-    assert sorted(hit.split(": ")[1].split(" ->")[0] for hit in matches(file)) == sorted(terms)
-    file.write_text('"""Load share."""\n\nleast = 1  # words: ok\n')
-    assert matches(file) == []

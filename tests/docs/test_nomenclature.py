@@ -113,19 +113,10 @@ def contains_term(term: str, name: str) -> bool:
     return f"_{term}_" in parts(name)
 
 
-def test_the_page_is_read() -> None:
-    assert letters()["theta"] == "grade"
-    assert letters()["B_s"] == "slip_track"
-    assert letters()["f_r"] == "motion_resistance"
-    assert len(letters()) > 20
-    assert len(retired()) > 10
-    assert contains_term("weak_", "_WeakSlope")
-    assert not contains_term("weak_", "weak")
-    assert contains_term("offence", "worst_offence")
-
-
 def test_public_signatures_use_no_bare_letters_and_si_units() -> None:
     expected, given = letters(), list(public_parameters())
+    assert len(expected) > 20
+    assert len(retired()) > 10
     wrong = [f"{at}({name}): {expected[name]}" for at, name in given if name in expected]
     suffixes = tuple(f"_{suffix}_" for suffix in SUFFIXES)
     wrong += [f"{at}({name}): SI" for at, name in given if parts(name).endswith(suffixes)]

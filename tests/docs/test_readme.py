@@ -14,7 +14,7 @@ import slopewise
 from examples import made_up
 from slopewise.services.io.table import write_csv
 from tests.docs.player import playing
-from tests.docs.shown import BOX, ROOT, environment, hidden, in_text, run, shown
+from tests.docs.shown import BOX, ROOT, environment, hidden, in_text, shown
 from tests.models.terrain import plant
 from tests.services.fleet_inputs import paths_file, tiled_map
 from tests.services.warm_process import WarmProcess
@@ -92,15 +92,6 @@ def test_the_pages_show_all_that_matters() -> None:
 @pytest.mark.parametrize("page", PAGES)
 def test_commands_with_arguments_stand_in_boxes(page: str) -> None:
     assert not in_text(PAGES[page])
-
-
-def test_the_extras_are_out_of_reach(tmp_path: Path) -> None:
-    done = run(tmp_path, sys.executable, "-c", "import pyarrow")
-    assert "ModuleNotFoundError" in done.stderr
-    assert not {"numpy", "matplotlib", "zenoh", "rasterio"} & set(hidden())
-    assert {"dask", "pyarrow", "rosbags"} & set(hidden())
-    asked = run(tmp_path, sys.executable, "-c", "import rosbags, ruamel.yaml", extras=["ros"])
-    assert asked.returncode == 0, asked.stderr
 
 
 def test_they_are_out_of_reach_of_forked_commands_too(tmp_path: Path) -> None:

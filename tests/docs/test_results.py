@@ -53,16 +53,6 @@ def test_what_was_written_by_hand_stays_until_there_is_a_result(tmp_path: Path) 
     assert "(results/optimality.json)" in page
 
 
-def test_date_and_machine_are_stored_with_a_result(tmp_path: Path) -> None:
-    file = put(tmp_path, "o.json", OPTIMALITY | {"quick": True})
-    stored = results._keep("optimality", file, tmp_path / "results", "Next to other work.")
-    measured = json.loads(stored.read_text())["measured"]
-    text = results.shown("optimality", stored)
-    assert text.startswith(f"Small run (`--quick`) on {measured['date']} with slopewise")
-    assert f"on {measured['cores']} cores" in text
-    assert "(results/optimality.json). Next to other work.\n" in text
-
-
 @pytest.mark.parametrize(
     ("name", "result", "message"),
     [
@@ -78,11 +68,6 @@ def test_a_result_that_does_not_fit_is_named(
     with pytest.raises(results.ResultError, match=message) as error:
         results.filled(PAGE, tmp_path)
     assert name in str(error.value)
-
-
-def test_misses_are_bold() -> None:
-    assert results._cell("[red]miss") == "**miss**"
-    assert results._cell("[green]pass[/]") == "pass"
 
 
 @pytest.mark.parametrize("file", STORED, ids=lambda file: file.stem)

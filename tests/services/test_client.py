@@ -1,9 +1,7 @@
 from __future__ import annotations
 
-import json
 import signal
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +10,8 @@ import zenoh
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.client import ClientAnswer, PlanClient
-from slopewise.services.io.map_file import write_map_npz
-from slopewise.services.io.path_file import write_paths_csv
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
-from tests.planner import scenes
-from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.service_process import Running, fan, flat, free_port, running
 
 
@@ -52,12 +46,6 @@ def test_kill_minus_nine_and_the_client_stops_by_itself(tmp_path: Path) -> None:
             outcome = client.plan(2.0, fan())
             assert time.monotonic() - begun < 0.6
         is_safe(outcome, 2.0)
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    with running(tmp_path_factory.mktemp("client")) as started:
-        yield started
 
 
 def test_a_hung_service_is_one_that_does_not_answer(service: Running) -> None:
@@ -100,17 +88,3 @@ def test_nobody_there() -> None:
             assert client.safe_stop(value, "").speed.max() == 0.0
         with pytest.raises(ParameterError, match="timeout"):
             PlanClient(opened, timeout=0.0)
-
-
-def test_the_command_asks_a_running_service(service: Running, tmp_path: Path) -> None:
-    write_map_npz(scenes.plane(), tmp_path / "map.npz")
-    write_paths_csv([scenes.straight(20.0)], tmp_path / "paths.csv")
-    message = ["query", tmp_path / "paths.csv", "--speed", "1", "--json"]
-    where = ["--connect", service.endpoint, "--namespace", service.namespace]
-    got = slopewise(*message, *where, "--map", tmp_path / "map.npz")
-    assert got.returncode == 0, got.stderr
-    reply = json.loads(got.stdout)
-    assert reply["status"] == "ok"
-    assert reply["plans"][0]["progress"] == pytest.approx(20.0, abs=1.0)
-    nobody = f"tcp/127.0.0.1:{free_port()}"
-    one_line_of(here(*message, "--connect", nobody), "--connect: expected a service at")

@@ -16,7 +16,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs.find_stops import StopSettings, find_stops
 from slopewise.services.io.model_file import model_from_dict, model_to_dict
-from tests.models.models_for_tests import BASE
+from tests.world.vehicles import BASE
 
 # ---------------------------------------------------------------------------- brake states
 

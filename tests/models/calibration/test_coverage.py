@@ -22,7 +22,7 @@ from slopewise.models.calibration.stopping import stopping_distance, stopping_ti
 from slopewise.models.errors import ParameterError
 from tests.models.calibration.plant import Plant, drive
 from tests.models.driven_hull import highest_speed
-from tests.models.models_for_tests import BASE
+from tests.world.vehicles import BASE
 
 # -------------------------------------------------------------------------------- coverage
 

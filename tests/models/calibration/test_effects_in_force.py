@@ -17,7 +17,7 @@ from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.parameters import Effect, Model
 from slopewise.models.stop_logs.find_stops import StopSettings
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
-from tests.models.models_for_tests import BASE
+from tests.world.vehicles import BASE
 
 G = 9.80665
 TRUE = np.array([-0.03, -0.35, 0.015, 0.42])

@@ -16,7 +16,7 @@ from slopewise.models.calibration.surface_fit import CalibrationSettings
 from slopewise.models.errors import ParameterError
 from tests.models.calibration.cramer_rao import min_covariance
 from tests.models.calibration.plant import Plant, Truth, allowed, drive
-from tests.models.models_for_tests import BASE
+from tests.world.vehicles import BASE
 
 KNOWN = replace(BASE.braking, m_m=0.0, b_m=-0.1, m_b=0.0, b_b=0.5, dead_time=0.25)
 DIVING = {"dive": np.deg2rad(0.3), "mount": np.deg2rad(1.0)}

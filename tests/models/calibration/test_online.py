@@ -14,7 +14,7 @@ from slopewise.models.calibration.recursive import Acceptance, RecursiveForce, R
 from slopewise.models.stop_logs.stop_stream import StreamedStop
 from slopewise.models.surface_braking import SurfaceBraking
 from tests.models.calibration.plant import Plant, drive
-from tests.models.models_for_tests import BASE
+from tests.world.vehicles import BASE
 
 # ---------------------------------------------------------------------------------- online
 

@@ -1,4 +1,7 @@
-"""Braking: the law is bilinear, stops are areas under the speed, and inverses are inverse."""
+"""Braking: the law is bilinear, stops are areas under the speed, and inverses are inverse.
+
+Load lost over a crest, against free bodies written out here.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slopewise.models.laws import braking
+from slopewise.models.laws.crest import load_loss
 from slopewise.models.laws.responsibility_sensitive_safety import rule_distance
+from tests.world.vehicles import G
 
 speeds = st.floats(0.0, 8.0)
 decels = st.floats(0.2, 9.0)
@@ -85,3 +90,16 @@ def test_every_returned_speed_stops_in_time(distance, net, delay, offset):
     if net > 1e-3 and distance > offset:
         needed = braking.stopping_distance(speed, net, delay, offset)
         assert needed <= distance + 1e-6 * max(1.0, abs(distance))
+
+
+@given(radius=st.floats(5.0, 100.0), speed=st.floats(0.5, 6.0))
+def test_on_a_round_hill_the_load_loss_is_the_centripetal_force(
+    radius: float, speed: float
+) -> None:
+    """A point that slides over the top of a circle: acceleration by differences."""
+    dt = 1e-4
+    angle = speed * np.array([-dt, 0.0, dt]) / radius
+    height = radius * np.cos(angle)
+    falling = (height[0] - 2.0 * height[1] + height[2]) / dt**2
+    pressing = (G + falling) / G
+    assert 1.0 - load_loss(speed, -1.0 / radius) == pytest.approx(pressing, abs=1e-4)

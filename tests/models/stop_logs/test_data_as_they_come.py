@@ -15,9 +15,9 @@ from slopewise.models.stop_logs.held_values import fresh_samples, held_period
 from slopewise.models.stop_logs.measured_log import MeasuredLog
 from slopewise.models.stop_logs.random_effects import Bounds
 from tests.models.calibration.plant import Plant, drive
-from tests.models.models_for_tests import BASE
 from tests.models.stop_logs import sprung_plant
 from tests.models.stop_logs.sprung_plant import Sprung
+from tests.world.vehicles import BASE
 
 Log = tuple[dict[str, np.ndarray], list[slice]]
 

@@ -10,8 +10,8 @@ from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, Usab
 from slopewise.models.stop_logs.sinking_commands import sinking_commands
 from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 from tests.models.calibration.plant import Plant, drive
-from tests.models.discrepancy.logs import log
-from tests.models.models_for_tests import BASE
+from tests.world.logs import log
+from tests.world.vehicles import BASE
 
 # ------------------------------------------------------------------------------ find stops
 

@@ -22,9 +22,9 @@ from slopewise.models.terrain.learn import LabelledRun, classes_of, thresholds_o
 from slopewise.models.terrain.observation import Features, TerrainEstimate
 from slopewise.models.terrain.surfaces import model_on, with_surface
 from slopewise.services.io.terrain_file import find_terrains, read_terrains
-from tests.models.models_for_tests import BASE
 from tests.models.terrain.paper import MEANS, OBSERVATIONS, STDS
 from tests.models.terrain.vehicles import MODEL, observation_of
+from tests.world.vehicles import BASE
 
 # --------------------------------------------------------------------------------- classes
 

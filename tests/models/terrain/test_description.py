@@ -25,7 +25,7 @@ from tests.models.terrain.vehicles import (
     MODEL,
     observation_of,
 )
-from tests.planner.scenes import ground_map, straight
+from tests.world.ground import ground_map, straight
 
 # ----------------------------------------------------------------------------- description
 

@@ -1,11 +1,16 @@
-"""Labels of limiting bounds, and the ranking of plans."""
+"""Labels of limiting bounds, and the ranking of plans.
+
+Hills that thrust alone cannot climb: the reported speed, against an integrator in time.
+"""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
 from slopewise.planner.horizon.horizon import Horizon
@@ -13,10 +18,13 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.labels import labels
 from slopewise.planner.pipeline.ranking import rank, ranking_cost, travel_cost
-from slopewise.planner.plan import SpeedPlan
+from slopewise.planner.plan import Momentum, SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
-from tests.world.ground import plane, straight
-from tests.world.vehicles import model_of, tables_with
+from slopewise.services.jobs.plan import PlanResult
+from slopewise.services.jobs.plan_summary import summarise
+from tests.world.ground import ground_map, plane, straight
+from tests.world.plans import plan_one
+from tests.world.vehicles import G, Tables, model_of, tables_with
 
 
 @pytest.mark.parametrize(
@@ -77,3 +85,115 @@ def test_plan_and_horizon_choose_by_the_same_weights(settings: PlannerSettings, 
     answer = horizon.step(PlanarState(x=0.0, y=0.0, heading=0.0, speed=0.0), PATHS, plane())
     assert answer.chosen is not None
     assert answer.chosen.candidate == best
+
+
+FOOT, TOP, RISE = 12.0, 16.0, 0.24
+FORCE, POWER, RESISTANCE = 1200.0, 6000.0, 0.13
+
+
+def hill(x: np.ndarray, _: np.ndarray) -> np.ndarray:
+    """Level, a slope with rounded ends, level."""
+    height: np.ndarray = RISE * (_ramp(x - FOOT) - _ramp(x - TOP))
+    return height
+
+
+def _ramp(u: np.ndarray) -> np.ndarray:
+    """max(u, 0), rounded over 1.5 m to either side."""
+    r = 1.5
+    rounded = (u + r) ** 2 / (4.0 * r)
+    return np.where(u < -r, 0.0, np.where(u > r, u, rounded))
+
+
+def weak(**vehicle: float) -> Tables:
+    of_drive = {"max_drive_force": FORCE, "max_drive_power": POWER, **vehicle}
+    return tables_with(vehicle=of_drive, braking={"extrapolate": True})
+
+
+def planned(tables: Tables, length: float = 30.0, **more: float) -> SpeedPlan:
+    return plan_one(tables, ground_map(hill), straight(length), **more)
+
+
+def min_speed_on(plan: SpeedPlan, start: float, speed: float, power: float) -> float:
+    """v² at its least between a station and the top, driven at full thrust; 0 if it stalls."""
+    weight = 500.0 * G
+
+    def rates(_: float, state: np.ndarray) -> list[float]:
+        s, v = state
+        grade = np.interp(s, plan.station, plan.grade)
+        thrust = min(FORCE, power / max(v, 1e-3)) / weight
+        return [v, G * (thrust - np.sin(grade) - RESISTANCE * np.cos(grade))]
+
+    def stalled(_: float, state: np.ndarray) -> float:
+        return float(state[1]) - 1e-3
+
+    def over(_: float, state: np.ndarray) -> float:
+        return float(state[0]) - 20.0
+
+    stalled.terminal = over.terminal = True  # type: ignore[attr-defined]
+    stalled.direction = -1.0  # type: ignore[attr-defined]
+    solution = solve_ivp(
+        rates,
+        (0.0, 60.0),
+        [start, speed],
+        events=(stalled, over),
+        rtol=1e-8,
+        atol=1e-10,
+        max_step=0.05,
+    )
+    assert solution.status == 1
+    return float(solution.y[1].min()) if len(solution.t_events[1]) else 0.0
+
+
+def reported_by(plan: SpeedPlan) -> Momentum:
+    assert plan.momentum is not None
+    return plan.momentum
+
+
+@pytest.mark.parametrize("power", [POWER, 2500.0])
+def test_the_speed_at_the_foot_just_does(power: float) -> None:
+    plan = planned(weak(max_drive_power=power))
+    solution = reported_by(plan)
+    assert FOOT - 2.0 < solution.station < FOOT + 1.0
+    assert TOP - 1.0 < solution.until < TOP + 2.0
+    assert min_speed_on(plan, solution.station, 1.01 * solution.speed, power) > 0.0
+    assert min_speed_on(plan, solution.station, 0.99 * solution.speed, power) == 0.0
+
+
+def test_a_plan_never_counts_on_it() -> None:
+    """The plan rests before the hill, at no speed above its bound, and says why and what lacks."""
+    plan = planned(weak())
+    solution = reported_by(plan)
+    assert plan.status is Status.BLOCKED
+    assert solution.allowed
+    for message in (
+        "needs",
+        "the drive has 1200 N: thrust alone cannot climb it",
+        "no plan counts on",
+        f"at {solution.station:.2f} m to get past {solution.until:.2f} m",
+    ):
+        assert message in plan.reason
+    assert (plan.speed <= plan.speed_bound + 1e-9).all()
+    assert plan.progress <= plan.clear_distance <= solution.station + 1e-9
+    beyond = plan.station > plan.clear_distance
+    assert (plan.speed[beyond] == 0.0).all()
+
+
+def test_where_the_hill_continues_into_the_unknown_no_speed_is_reported() -> None:
+    def ends(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where(x < 15.0, hill(x, y), np.nan)
+
+    plan = plan_one(weak(), ground_map(ends), straight(30.0))
+    assert plan.momentum is None
+    assert plan.reason.endswith("thrust alone cannot climb it")
+
+
+def test_json_holds_it() -> None:
+    tables = weak()
+    plan = planned(tables)
+    result = PlanResult([plan], ground_map(hill), model_of(tables), 0.0)
+    row = json.loads(json.dumps(summarise(result).plans[0], allow_nan=False))
+    solution = reported_by(plan)
+    assert row["momentum"]["speed"] == solution.speed
+    assert len(row["momentum"]["stations"]) == len(row["momentum"]["least_speed"]) > 8
+    strong = replace(result, plans=[planned(weak(max_drive_force=4000.0))])
+    assert "momentum" not in summarise(strong).plans[0]

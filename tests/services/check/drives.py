@@ -11,7 +11,7 @@ import numpy as np
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.services.check.external_plan import ExternalPlan
-from tests.planner.scenes import model_of, tables_with
+from tests.world.vehicles import model_of, tables_with
 
 Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Columns = Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]

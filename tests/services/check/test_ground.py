@@ -1,19 +1,30 @@
-"""Ground along a line: heights, slopes, stations, turns, and what is known."""
+"""Ground along a line: heights, slopes, stations, turns, and what is known.
+
+Stops against closed forms, the slow reference of `models`, and their own step halved.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
+from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from slopewise.planner.ground.terrain_profile import terrain_profile
+from slopewise.services.check import stop_integration
 from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.heights import classes_around, height_of
+from slopewise.services.check.loads import BodyAttitude
 from slopewise.services.check.path_force import path_force_along
 from slopewise.services.check.path_ground import ground_under
 from slopewise.services.check.plan_line import line_of
-from tests.services.check.drives import ground, model_with, round_turn, slope, straight
+from slopewise.services.check.stop_dynamics import StopDynamics
+from slopewise.services.check.stop_integration import StopEnds, nominal_stops, worst_case_stops
+from tests.services.check.drives import Surface, ground, model_with, round_turn, slope, straight
 
 
 def test_heights_are_bilinear_and_unknown_next_to_unknown_cells() -> None:
@@ -118,3 +129,142 @@ def test_a_class_that_the_model_does_not_know_may_be_any(name: str, surfaces: se
     under = ground_under(heights, line, model.vehicle)
     brakes = path_force_along(model, under, line, heights.class_names)
     assert set(brakes.names) == surfaces
+
+
+G = 9.80665
+SPEEDS = np.array([0.5, 1.0, 2.0, 3.0, 4.0])
+
+
+def field_of(model: Model, surface: Surface | None = None, size: float = 40.0) -> StopDynamics:
+    heights = ground(surface, size=size)
+    s = np.linspace(0.0, size - 5.0, 400)
+    line = line_of(straight(s, np.zeros_like(s)), 0.0)
+    under = ground_under(heights, line, model.vehicle)
+    brakes = path_force_along(model, under, line, heights.class_names)
+    return StopDynamics.along(model, line, under, brakes)
+
+
+def stops_on(
+    field: StopDynamics, station: float = 2.0, dead_time: float = 0.3
+) -> tuple[StopEnds, StopEnds]:
+    """Nominal and worst-case stops."""
+    count = len(SPEEDS)
+    arguments = (field, np.full(count, station), SPEEDS, np.full(count, dead_time), 1e3)
+    return nominal_stops(*arguments), worst_case_stops(*arguments)
+
+
+@pytest.mark.parametrize("grade", [-0.2, 0.0, 0.2])
+def test_on_an_even_slope(grade: float) -> None:
+    field = field_of(model_with(), slope(grade))
+    held, worst = stops_on(field)
+    onset = np.maximum(SPEEDS, 1.0)
+    decel = G * ((-0.03 * onset - 0.35) * grade + 0.015 * onset + 0.40 + np.sin(grade))
+    np.testing.assert_allclose(held.end - 2.0, 0.3 * SPEEDS + SPEEDS**2 / (2 * decel), atol=2e-4)
+    rear = np.cos(grade) - 0.55 / 0.6 * (decel / G - np.sin(grade))
+    np.testing.assert_allclose(held.rear, rear, atol=1e-6)
+    assert held.ended.all()
+    np.testing.assert_allclose(worst.end, held.end, atol=1e-12)
+
+
+def test_a_drive_that_is_cut_downhill_gains_speed_in_the_dead_time() -> None:
+    model = model_with(braking={"drive_in_dead_time": "either"})
+    held, worst = stops_on(field_of(model, slope(-0.2)))
+    gain = G * (np.sin(0.2) - 0.13) * 0.3
+    onset = SPEEDS + gain
+    coefficient = np.maximum(onset, 1.0)
+    decel = G * ((-0.03 * coefficient - 0.35) * -0.2 + 0.015 * coefficient + 0.40 + np.sin(-0.2))
+    ends = 0.3 * SPEEDS + 0.15 * gain + onset**2 / (2.0 * decel)
+    np.testing.assert_allclose(worst.end - 2.0, ends, atol=3e-4)
+    assert (worst.end > held.end).all()
+    # Uphill, and where motion resistance holds it, nothing is gained.
+    for grade in (0.2, -0.1):
+        held, worst = stops_on(field_of(model, slope(grade)))
+        np.testing.assert_allclose(worst.end, held.end, atol=1e-12)
+
+
+EFFECTS: list[tuple[str, Mapping[str, Any]]] = [
+    ("aerodynamic_drag", {"c": 0.03}),
+    ("headwind", {"c": 0.02, "wind": -4.0, "direction": 0.0}),
+    ("viscous_resistance", {"c": 0.02}),
+    ("brake_lag", {"tau": 0.2}),
+    ("brake_fade", {"k": 0.02, "tau": 20.0}),
+    ("wheel_lockup", {"mu": 0.42}),
+    ("grade_asymmetry", {"k": 0.2}),
+    ("grade_nonlinearity", {"k": -0.4}),
+    ("cross_slope", {"k": -0.2}),
+    ("crest_unloading", {"k": 1.0}),
+    ("surface_patch", {"delta": -0.1, "x": 4.0, "y": 0.0, "radius": 1.0}),
+    ("directional_surface", {"k": -0.05, "direction": 0.0}),
+    ("step_change", {"scale": 0.8, "delta": 0.02}),
+]
+
+
+def waves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Grades of ±8°, a lean of 4°."""
+    return 0.14 * 4.0 * np.sin(x / 4.0) + 0.07 * y
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=[name for name, _ in EFFECTS])
+def test_agrees_with_the_slow_reference(effect: tuple[str, Mapping[str, Any]]) -> None:
+    name, parameters = effect
+    model = model_with(effect=[{"name": name, "parameters": parameters}])
+    field = field_of(model, waves)
+    pose = BodyAttitude(*field.table[:, :5].T)
+    grade, zero = np.arcsin(pose.sine), np.zeros_like(pose.sine)
+    roll = np.arctan2(pose.cross_slope_ratio, pose.normal_ratio)
+    x = np.linspace(0.0, 35.0, len(field.station))
+    track = GroundTrack(field.station, grade, roll, zero, zero, x, zero, pose.vertical_curvature)
+    held, _ = stops_on(field)
+    for speed, end in zip(SPEEDS, held.end, strict=True):
+        simulated = simulate_stop(model, track, float(speed), station=2.0)
+        assert simulated.stopped
+        atol = 0.03 if name == "surface_patch" else 4e-3
+        assert end - 2.0 == pytest.approx(simulated.distance, abs=atol)
+
+
+def test_halving_the_step_changes_nothing_that_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    field = field_of(model_with(), waves)
+    coarse, _ = stops_on(field)
+    monkeypatch.setattr(stop_integration, "TIME_STEP", 0.5 * stop_integration.TIME_STEP)
+    fine, _ = stops_on(field)
+    np.testing.assert_allclose(coarse.end, fine.end, atol=1e-3)
+    np.testing.assert_allclose(coarse.rear, fine.rear, atol=2e-3)
+
+
+def test_a_vehicle_that_does_not_stop_is_not_followed_for_ever() -> None:
+    model = model_with(braking={"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.15})
+    field = field_of(model, slope(-0.2))
+    count = len(SPEEDS)
+    stops = worst_case_stops(field, np.full(count, 2.0), SPEEDS, np.full(count, 0.3), give_up=10.0)
+    assert not stops.ended.any()
+    assert (stops.end > 10.0).all()
+
+
+def test_lowest_force_of_all_touched_surfaces_is_used() -> None:
+    model = model_with(braking={"terrain": {"ice": {"b_b": 0.2, "dead_time": 0.5}}})
+    layers = ground(size=40.0)
+    classes = np.zeros_like(layers.elevation, np.int64)
+    classes[:50] = 1  # right of y = 0, where the right wheels are
+    heights = ground(size=40.0, terrain_class=classes, class_names=("", "ice"))
+    s = np.linspace(0.0, 35.0, 400)
+    line = line_of(straight(s, np.zeros_like(s)), 0.0)
+    under = ground_under(heights, line, model.vehicle)
+    brakes = path_force_along(model, under, line, heights.class_names)
+    field = StopDynamics.along(model, line, under, brakes)
+    held, _ = stops_on(field, dead_time=float(brakes.dead_time[0]))
+    onset = np.maximum(SPEEDS, 1.0)
+    slow, fast = (G * (0.015 * onset + b_b) for b_b in (0.2, 0.40))
+    np.testing.assert_allclose(held.end - 2.0, 0.5 * SPEEDS + SPEEDS**2 / (2 * slow), atol=2e-4)
+    # What unloads the rear is the most that any of them gives.
+    np.testing.assert_allclose(held.rear, 1.0 - 0.55 / 0.6 * fast / G, atol=1e-6)
+
+
+def test_crests_banks_and_locked_axles_lengthen_worst_case_stops() -> None:
+    crests, _ = stops_on(field_of(model_with(), waves))
+    _, real = stops_on(field_of(model_with(), waves))
+    assert (real.end[1:] > crests.end[1:]).all()
+    slippery = model_with(braking={"sliding_friction": 0.42})
+    nominal, real = stops_on(field_of(slippery, slope(0.0, 0.2)))
+    left = np.sqrt((0.42 * np.cos(0.2)) ** 2 - np.sin(0.2) ** 2)
+    np.testing.assert_allclose(real.end - 2.0, 0.3 * SPEEDS + SPEEDS**2 / (2 * G * left), atol=3e-4)
+    assert (real.end > nominal.end).all()

@@ -16,13 +16,11 @@ import pytest
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.io.plan_file import read_external_plans
 from slopewise.services.jobs import plan as job
 from slopewise.services.jobs import plan_files
-from slopewise.services.jobs.demo import fan, hillside
 from slopewise.services.jobs.plan_summary import summarise
 from tests.services.command_line import here
 
@@ -114,19 +112,6 @@ def test_table_and_page_show_active_bounds_and_measurements(world: Path) -> None
     assert "gained without it" in (world / "page.html").read_text()
     here(*PLAN, *arguments)
     assert "gained without it" not in (world / "page.html").read_text()
-
-
-def test_a_higher_quantile_is_never_faster() -> None:
-    model = read_model(find_model("atv"))
-    braking = replace(model.braking, force_std=0.05, dead_time_std=0.05)
-    times = []
-    for quantile in (None, 0.5, 0.99, 0.9999):
-        margins = None if quantile is None else Uncertainty(quantile=quantile)
-        planner = CandidatePlanner(replace(model, braking=braking), None, margins)
-        plans, *_ = job.plan_paths(planner, hillside(), fan()[:1], clear=12.0)
-        times.append(plans[0].travel_time)
-    assert times[1] == pytest.approx(times[0], rel=1e-6)
-    assert times[1] < times[2] < times[3]
 
 
 def test_a_model_without_scatter_gets_a_note(world: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,26 +12,19 @@ import pytest
 
 from tests.services.command_line import here, one_line_of
 from tests.services.parameter_client import Robot
-from tests.services.service_process import Running, running
 
 G = 9.81
 DEAD_TIME, FORCE = 0.3, 0.30
 """The vehicle of the log: brakes with a constant force, a share of its weight, on level ground."""
 
 
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    settings = '[store]\npath = "p.sqlite"\n[learning]\nstops_at_once = 1000'
-    with running(tmp_path_factory.mktemp("service"), planning=settings) as started:
-        yield started
+def call(robot: Robot, *arguments: object) -> Any:
+    where = ("--connect", robot.service.endpoint, "--namespace", robot.service.namespace)
+    return here(*arguments, *where)
 
 
-def call(service: Running, *arguments: object) -> Any:
-    return here(*arguments, "--connect", service.endpoint, "--namespace", service.namespace)
-
-
-def params(service: Running, *arguments: object) -> dict[str, Any]:
-    done = call(service, "params", *arguments, "--timeout", "10", "--json")
+def params(robot: Robot, *arguments: object) -> dict[str, Any]:
+    done = call(robot, "params", *arguments, "--timeout", "10", "--json")
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)  # type: ignore[no-any-return]
 
@@ -59,26 +51,25 @@ def stopping_distance(speed: float, values: dict[str, float]) -> float:
     return speed * DEAD_TIME + speed**2 / (2.0 * G * force)
 
 
-def test_params_reads_sets_and_restores(service: Running, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_params_reads_sets_and_restores(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("LOGNAME", "ann")
-    with service.session() as session:
-        Robot(service, session).stop(0.42 * G)
-    version = params(service)["version"]
-    shown = call(service, "params").stdout
-    for part in (f"version {version}", "b_b", "slip_track", "lateral_accel", "accepted (robot)"):
+    robot.stop(0.42 * G)
+    version = params(robot)["version"]
+    shown = call(robot, "params").stdout
+    for part in (f"version {version}", "b_b", "slip_track", "lateral_accel", "accepted ("):
         assert part in shown, shown
-    reply = params(service, "limits", "--set", "speed=1.5", "--set", "accel=0.5")
+    reply = params(robot, "limits", "--set", "speed=1.5", "--set", "accel=0.5")
     assert reply["version"] == version + 1
     (limits,) = [g for g in reply["groups"] if g["group"] == "limits"]
     assert (limits["values"]["speed"], limits["values"]["accel"]) == (1.5, 0.5)
     assert limits["who"] == "ann"
-    history = call(service, "params", "limits", "--history").stdout
+    history = call(robot, "params", "limits", "--history").stdout
     assert "set speed = 1.5, accel = 0.5" in history
     assert "ann" in history
-    restored = params(service, "--rollback", version)
+    restored = params(robot, "--rollback", version)
     assert {g["group"]: g["values"] for g in restored["groups"]}["limits"]["speed"] == 4.0
-    (last,) = params(service, "--history", "--most", 1)["history"]
+    (last,) = params(robot, "--history", "--most", 1)["history"]
     assert last["cause"] == f"rolled back to version {version}"
 
 
@@ -91,31 +82,31 @@ def test_params_reads_sets_and_restores(service: Running, monkeypatch: pytest.Mo
     ],
 )
 def test_a_rejected_change_is_one_line(
-    service: Running, world: Path, arguments: tuple[str, ...], expected: str
+    robot: Robot, world: Path, arguments: tuple[str, ...], expected: str
 ) -> None:
-    one_line_of(call(service, *arguments), expected)
+    one_line_of(call(robot, *arguments), expected)
 
 
 @pytest.mark.parametrize("arguments", [("params",), ("replay", "few.csv")])
-def test_no_reply_is_one_line(service: Running, world: Path, arguments: tuple[str, ...]) -> None:
-    where = ("--connect", service.endpoint, "--namespace", "absent/here", "--timeout", "0.3")
+def test_no_reply_is_one_line(robot: Robot, world: Path, arguments: tuple[str, ...]) -> None:
+    where = ("--connect", robot.service.endpoint, "--namespace", "absent/here", "--timeout", "0.3")
     one_line_of(here(*arguments, *where), "absent/here/v1/params", "got none")
 
 
-def test_query_plans_on_the_map_that_it_sends(service: Running, world: Path) -> None:
+def test_query_plans_on_the_map_that_it_sends(robot: Robot, world: Path) -> None:
     arguments = ("query", "paths.csv", "--map", "map.npz", "--speed", "1", "--timeout", "20")
-    done = call(service, *arguments, "--json")
+    done = call(robot, *arguments, "--json")
     assert done.returncode == 0, done.stderr
     reply = json.loads(done.stdout)
     assert [plan["candidate"] for plan in reply["plans"]]
     assert reply["map_version"] > 0
-    assert "reaches [m]" in call(service, *arguments).stdout
+    assert "reaches [m]" in call(robot, *arguments).stdout
 
 
-def test_replay_learns_faster_than_the_drive(service: Running, tmp_path: Path) -> None:
+def test_replay_learns_faster_than_the_drive(robot: Robot, tmp_path: Path) -> None:
     log = tmp_path / "drive.csv"
     log.write_text(drive(24))
-    done = call(service, "replay", log, "--speed-up", "inf", "--json")
+    done = call(robot, "replay", log, "--speed-up", "inf", "--json")
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert summary["took"] < 0.2 * summary["driven"]
@@ -129,11 +120,11 @@ def test_replay_learns_faster_than_the_drive(service: Running, tmp_path: Path) -
         assert after > 0.98 * true
 
 
-def test_logs_whose_clocks_restart_are_all_accepted(service: Running, tmp_path: Path) -> None:
+def test_logs_whose_clocks_restart_are_all_accepted(robot: Robot, tmp_path: Path) -> None:
     logs = [tmp_path / name for name in ("first.csv", "second.csv")]
     for log in logs:
         log.write_text(drive(3))
-    done = call(service, "replay", *logs, "--speed-up", "inf", "--json")
+    done = call(robot, "replay", *logs, "--speed-up", "inf", "--json")
     summary = json.loads(done.stdout)
     assert {entry["status"] for entry in summary["receipts"]} == {"taken"}
     batches = sum(entry["batches"] for entry in summary["receipts"])
@@ -141,11 +132,11 @@ def test_logs_whose_clocks_restart_are_all_accepted(service: Running, tmp_path: 
     assert summary["version"]["after"] >= summary["version"]["before"] + 6
 
 
-def test_replay_keeps_its_rate(service: Running, tmp_path: Path) -> None:
+def test_replay_keeps_its_rate(robot: Robot, tmp_path: Path) -> None:
     log = tmp_path / "drive.csv"
     log.write_text(drive(2))
     begin = time.monotonic()
-    done = call(service, "replay", log, "--speed-up", "4")
+    done = call(robot, "replay", log, "--speed-up", "4")
     took = time.monotonic() - begin
     assert done.returncode == 0, done.stderr
     driven = 2 * (1.3 + DEAD_TIME) + (1.5 + 2.0) / (G * FORCE)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.services.command_line import here, one_line_of
-from tests.services.parameter_client import Robot, block, column, robot_on_ground, send_ground
+from tests.services.parameter_client import Robot, block, column, send_ground
 from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import running
 
@@ -146,28 +144,3 @@ def check_finding(robot: Robot) -> None:
     again = robot.roll_back(done["version"], "effects")
     assert again["status"] == "ok"
     assert stopping(robot) > before + 0.95 * expected
-
-
-def test_what_was_adopted_outlives_the_process(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
-    with robot_on_ground(tmp_path, planning=SETTINGS) as robot:
-        before = stopping(robot)
-        drive(robot, seed=2)
-        where = "--connect", robot.service.endpoint, "--namespace", robot.service.namespace
-        done = here("params", "--investigate", "--json", *where)
-        offer = json.loads(done.stdout)["offer"]["id"]
-        text = here("params", *where).stdout
-        for part in ("missing_effect", "step_change: scale = 0.7", f"params --adopt {offer}"):
-            assert part in text, text
-        one_line_of(here("params", "--adopt", "nonsense", *where), "one that there is")
-        one_line_of(here("params", "--faster", *where), "--adopt")
-        reply = json.loads(here("params", "--adopt", offer, "--json", *where).stdout)
-        assert {g["group"]: g["valid"] for g in reply["groups"]}["effects"]
-        adopted = stopping(robot)
-        assert adopted > before + 0.05
-        port = int(robot.service.endpoint.rpartition(":")[2])
-    with robot_on_ground(tmp_path, planning=SETTINGS, port=port) as robot:
-        assert stopping(robot) == pytest.approx(adopted, abs=0.02)
-        assert robot.group("effects")["notes"]["adopted"] == offer

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -41,9 +41,6 @@ _COMPARED_EVERY = 25
 
 _POINTS = np.array([[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [3.0, 0.0]])
 _COLUMNS = ["t", "v", "v_cmd", "pitch", "roll"]
-
-Handler = Callable[[bytes, str], str]
-"""Handles a payload with its encoding as the service does; returns the status."""
 
 
 def messages() -> dict[str, list[msgspec.Struct]]:
@@ -178,16 +175,6 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
     desk = Desk(tmp_path_factory.mktemp("fuzz"))
     yield desk
     desk.parameters.close()
-
-
-@pytest.mark.parametrize("key", KEYS)
-def test_right_messages_are_taken(key: str, tmp_path: Path) -> None:
-    """Or else the mutants would be of nothing."""
-    desk = Desk(tmp_path)
-    for message in messages_of[key][:1]:
-        encoding = codec.encoding_of(type(message), codec.Format.MESSAGEPACK)
-        payload = codec.encode(message, codec.Format.MESSAGEPACK)
-        assert desk.handle(key, payload, encoding) in _ACCEPTED
 
 
 @pytest.mark.parametrize("field", ["speed", "session_time", "brake_heat", "clear", "pose"])

@@ -163,18 +163,3 @@ def test_labels_and_samples_are_learned_from(robot: Robot) -> None:
     receipt = robot.send("terrain", robot.fields(surface="mud"))
     assert receipt["status"] == "taken"
     assert robot.group()["cause"].endswith("ground is mud")
-
-
-def test_operators_set_and_roll_back(robot: Robot) -> None:
-    fast = robot.top_speed(30.0)
-    done = robot.set("limits", speed=1.5)
-    assert (done["status"], robot.group("limits")["who"]) == ("ok", "test")
-    assert robot.top_speed(30.0) <= 1.5 < fast
-    refused = robot.set("limits", speed=5.0)
-    assert (refused["status"], refused["version"]) == ("refused", done["version"])
-    assert "at most the 4" in refused["reason"]
-    history = robot.parameters("limits", history=1)["history"]
-    assert history[0]["values"] == {"speed": 1.5}
-    assert robot.roll_back(1, "limits")["status"] == "ok"
-    assert robot.top_speed(30.0) == pytest.approx(fast)
-    assert "version" in robot.roll_back(10**6)["reason"]

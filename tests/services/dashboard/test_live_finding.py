@@ -16,8 +16,8 @@ import pytest
 
 from slopewise.services.dashboard.live_state import LiveState, ProposalEntry
 from tests.services import browser
-from tests.services.command_line import slopewise
-from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive, examine
+from tests.services.command_line import here, one_line_of, slopewise
+from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive
 from tests.services.dashboard.page_fixtures import HOSTILE, served
 from tests.services.dashboard.test_proposal_state import proposal
 from tests.services.parameter_client import Robot, send_ground
@@ -92,7 +92,10 @@ def wait(url: str, state: str) -> dict[str, Any]:
     raise AssertionError(finding)
 
 
-def test_commands_that_a_running_service_shows_adopt_and_revert(tmp_path: Path) -> None:
+def test_commands_that_a_running_service_shows_adopt_and_revert(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
     port = free_port()
     url, page = f"http://127.0.0.1:{port}", f"enabled = true\nport = {port}"
     typed: Callable[[str], Any] = lambda line: slopewise(*shlex.split(line)[1:])  # noqa: E731
@@ -100,8 +103,14 @@ def test_commands_that_a_running_service_shows_adopt_and_revert(tmp_path: Path) 
         robot = Robot(started, session)
         send_ground(robot)
         drive(robot)
-        examine(robot)
+        where = ("--connect", started.endpoint, "--namespace", started.namespace)
+        asked = here("params", "--investigate", "--json", *where)
         offered = wait(url, "offered")
+        assert json.loads(asked.stdout)["offer"]["id"] in offered["command"]
+        printed = here("params", *where).stdout
+        for part in ("missing_effect", "step_change: scale = 0.7", "params --adopt"):
+            assert part in printed, printed
+        one_line_of(here("params", "--adopt", "nonsense", *where), "one that there is")
         scale = offered["effects"][0]["parameters"]["scale"]
         assert scale["value"] == pytest.approx(WEAKER, abs=0.02)
         assert offered["before"] > 3.0 * offered["after"] > 0.0

@@ -23,7 +23,7 @@ from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.services.export.c_code import write_c
 from slopewise.services.export.functions import ModelFunction, functions_of
 from slopewise.services.io.model_file import find_model, read_model
-from tests.planner.scenes import ground_map
+from tests.world.ground import ground_map
 
 SHIPPED = [read_model(find_model(name)) for name in ("atv", "husky", "ugv")]
 EXACT, RELATIVE = 1e-3, 1e-6  # [m], [1]

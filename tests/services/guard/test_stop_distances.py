@@ -55,6 +55,24 @@ def test_stop_on_an_even_slope_is_that_of_the_closed_form(grade: float, speed: f
     assert by_hand - 1e-6 <= distance <= by_hand * 1.02 + 0.01
 
 
+@pytest.mark.parametrize("heading", [0.0, 1.2, -2.5])
+@pytest.mark.parametrize("curvature", [-0.3, 0.2])
+def test_an_arc_lies_on_its_circle_with_the_slopes_along_it(
+    heading: float, curvature: float
+) -> None:
+    north, east = CELL * np.mgrid[0:200, 0:400]
+    plane = GuardMap(0.1 * east + 0.05 * north, CELL, (-20.0, -25.0))
+    arc = arc_on(MODEL, plane, Pose2d(3.0, -2.0, heading), curvature)
+    centre = 3.0 - np.sin(heading) / curvature, -2.0 + np.cos(heading) / curvature
+    radius = np.hypot(arc.x - centre[0], arc.y - centre[1])
+    np.testing.assert_allclose(radius, 1.0 / abs(curvature))
+    np.testing.assert_allclose(np.hypot(np.diff(arc.x), np.diff(arc.y)), arc.step, rtol=1e-3)
+    assert (arc.x[0], arc.y[0]) == pytest.approx((3.0, -2.0))
+    cos, sin = np.cos(arc.yaw), np.sin(arc.yaw)
+    np.testing.assert_allclose(arc.grade, np.arctan(0.1 * cos + 0.05 * sin), atol=1e-9)
+    np.testing.assert_allclose(arc.roll, np.arctan(0.05 * cos - 0.1 * sin), atol=1e-9)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_stop_on_hills_is_not_shorter_than_the_checkers(seed: int) -> None:
     """The checker integrates in time, over grades of a separate computation."""

@@ -349,16 +349,6 @@ def test_a_vehicle_file_that_cannot_be_right_is_flagged() -> None:
     assert "the vehicle file cannot be right" in flag
 
 
-def test_labels_expire() -> None:
-    robot = learner(label_for=5.0)
-    now = time.monotonic()
-    robot.observe(label("ice"), "obs/terrain")
-    assert robot.ground.surface(now + 4.0) == "ice"
-    assert robot.ground.surface(now + 6.0) == ""
-    robot.observe(label("ice", 0.5), "obs/terrain")
-    assert robot.ground.surface(now) == ""
-
-
 # ---------------------------------------------------------------------- faster by stops only
 
 EVENTS = st.one_of(

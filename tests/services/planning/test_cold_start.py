@@ -267,7 +267,7 @@ def test_the_copy_that_runs_is_compiled_wherever_it_is_started(
     assert done.stdout == f"{ROOT / 'slopewise' / '__init__.py'} ['-c', 'warm-up']\n", done.stderr
 
 
-@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_a_warm_up_that_is_killed_leaves_no_process(how: signal.Signals, tmp_path: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "slopewise", "warm-up"],

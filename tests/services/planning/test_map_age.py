@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.services.planning.map_store import MapSnapshot
+from slopewise.services.planning.map_store import MapSnapshot, MapStore
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.wire.plan_messages import Path as Candidate
 from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 from tests.services.daemon.test_parameter_faults import until
-from tests.services.parameter_client import Robot, block, ground, send_ground
-from tests.services.planning.plan_requests import ATV, plan_service
-from tests.services.service_process import running
+from tests.services.parameter_client import Robot, ground, send_ground
+from tests.services.planning.plan_requests import ATV, plan_service, snapshot_of
+from tests.services.service_process import flat, running
 
 FLAT = ElevationMap(elevation=np.zeros((41, 400)), resolution=0.5, origin=(-5.0, -10.0))
 MAX_AGE = 30.0
@@ -26,7 +25,7 @@ MAX_AGE = 30.0
 
 
 def service(**planning: float) -> PlanService:
-    return plan_service(budget=1.0, **planning)
+    return plan_service(budget=30.0, **planning)
 
 
 def of_age(seconds: float, *, fixed: bool = False) -> MapSnapshot:
@@ -84,9 +83,13 @@ def test_at_twice_the_age_the_answer_is_a_stop_with_the_reason(client: str) -> N
     assert ask(plans, of_age(1.0), client=client).status == "ok"
 
 
-def test_a_map_to_begin_with_that_nobody_sends_again_does_not_age() -> None:
-    plans = service()
+def test_a_map_to_begin_with_does_not_age_until_a_first_update() -> None:
+    plans, store = service(), MapStore(FLAT)
     assert top(ask(plans, of_age(1e6, fixed=True))) == top(ask(plans, of_age(0.0)))
+    assert snapshot_of(store).fixed
+    patch = flat(patch=True, elevation=np.zeros((2, 2)), resolution=0.5, origin=(-5.0, -10.0))
+    assert store.apply(patch, "map")
+    assert not snapshot_of(store).fixed, "further ones are expected"
 
 
 def test_the_age_is_a_setting() -> None:
@@ -170,23 +173,3 @@ def test_the_last_good_map_stays_in_use_after_a_malformed_one(
     if fields is not None:
         assert flag() == "", "the next whole map of that sender takes it back"
     assert not any("lost" in f for f in robot.plan()["flags"])
-
-
-def test_a_map_to_begin_with_is_flagged_old_but_plans_stay(tmp_path: Path) -> None:
-    file = tmp_path / "flat.npz"
-    np.savez(file, elevation=FLAT.elevation, resolution=0.5, origin=np.array(FLAT.origin))
-    lines = "max_map_age = 0.2"
-    with running(tmp_path, f'map = "{file}"', lines) as started, started.session() as session:
-        robot = Robot(started, session)
-        time.sleep(1.0)
-        free = robot.top_speed(20.0)
-        assert free > 2.0
-        assert robot.status()["degraded"] == []
-        # After a first update, further ones are expected.
-        patch = ground() | {
-            "patch": True,
-            "elevation": block(np.zeros((2, 2))),
-            "origin": (-5.0, -10.0),
-        }
-        send_ground(robot, patch)
-        until(lambda: bool(robot.plan()["command"]["stop"]))

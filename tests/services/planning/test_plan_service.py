@@ -177,19 +177,3 @@ def test_busy_is_sent_before_the_deadline_and_the_service_recovers(tmp_path: Pat
         assert asking.plan(1.0, fan(2)).reply is not None
         status = status_of(opened, started)
         assert status.counters["busy"] == statuses.count("busy")
-
-
-def test_alive_while_it_lives(tmp_path: Path) -> None:
-    with running(tmp_path) as started, started.peer() as opened:
-        key = started.key("alive/*")
-        gone: list[zenoh.Sample] = []
-        (token,) = opened.liveliness().get(key, timeout=2.0)
-        assert token.ok is not None
-        assert str(token.ok.key_expr) == started.key("alive/planner")
-        with opened.liveliness().declare_subscriber(key, gone.append):
-            started.process.kill()
-            started.process.wait()
-            until = time.monotonic() + 3.0
-            while not gone and time.monotonic() < until:
-                time.sleep(0.01)
-        assert [s.kind for s in gone] == [zenoh.SampleKind.DELETE]

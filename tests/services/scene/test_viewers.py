@@ -16,16 +16,17 @@ from slopewise.models.parameters import Model
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from slopewise.services.scene import drawing
-from tests.planner import scenes
+from tests.world.ground import plane, straight
+from tests.world.vehicles import ATV, model_of
 
 BEGIN = 1_800_000_000_123_456_789
 
 
 @pytest.fixture(scope="module")
 def planned() -> tuple[ElevationMap, list[SpeedPlan], Model]:
-    model = scenes.model_of(scenes.ATV)
-    ground = scenes.plane(0.05, 0.02)
-    paths = [scenes.straight(20.0, name="left"), scenes.straight(30.0, 0.05, name="right")]
+    model = model_of(ATV)
+    ground = plane(0.05, 0.02)
+    paths = [straight(20.0, name="left"), straight(30.0, 0.05, name="right")]
     return ground, CandidatePlanner(model).plan(ground, paths), model
 
 
@@ -54,7 +55,7 @@ def test_large_ground_is_drawn_coarser() -> None:
 
 def test_colours_follow_speed_as_far_as_a_plan_drives(planned: Any) -> None:
     ground, plans, model = planned
-    (stopped,) = CandidatePlanner(model).plan(ground, [scenes.straight(20.0)], clear=8.0)
+    (stopped,) = CandidatePlanner(model).plan(ground, [straight(20.0)], clear=8.0)
     line = drawing.ribbon(stopped, drawing.fastest_of(plans))
     assert stopped.station[line.driven - 1] == pytest.approx(stopped.progress)
     assert np.all(line.colours[line.driven :] == drawing.NOT_DRIVEN)

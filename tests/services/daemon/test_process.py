@@ -1,0 +1,189 @@
+"""Imports and memory of the service: no unused module, and bounded memory.
+
+`docs/deploy.md` has the figures.
+
+Repeated log records are counted; what a service plans before its first request.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slopewise.services.client import PlanClient
+from slopewise.services.daemon import systemd, warm_up_requests
+from slopewise.services.daemon.log_rate_limit import RateLimitFilter
+from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.jobs.cold_start import compile_first
+from slopewise.services.parameters.active_parameters import ActiveParameters
+from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.wire import codec
+from tests.services.service_process import fan, flat, running
+
+UNIT = Path(__file__).parents[3] / "configs" / "systemd" / "slopewise.service"
+_MAX_EXPOSURE = 2.0
+"""Of 10, as `systemd-analyze security` counts."""
+
+
+def listening(address: str) -> socket.socket:
+    receiver = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    receiver.bind(address)
+    receiver.settimeout(5.0)
+    return receiver
+
+
+def test_without_systemd_no_state_is_received(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    assert not systemd.notify_systemd(systemd.READY)
+    monkeypatch.setenv("NOTIFY_SOCKET", "/nowhere/at/all")
+    assert not systemd.notify_systemd(systemd.READY)
+
+
+def test_abstract_sockets_are_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    with listening("\0slopewise-test") as receiver:
+        monkeypatch.setenv("NOTIFY_SOCKET", "@slopewise-test")
+        assert systemd.notify_systemd(systemd.ALIVE)
+        assert receiver.recv(100) == b"WATCHDOG=1"
+
+
+def test_a_service_reports_that_it_is_ready_and_alive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address = str(tmp_path / "notify")
+    with listening(address) as receiver:
+        monkeypatch.setenv("NOTIFY_SOCKET", address)
+        with running(tmp_path):
+            assert receiver.recv(100) in (b"READY=1", b"WATCHDOG=1")
+            states = {receiver.recv(100) for _ in range(3)}
+        assert b"WATCHDOG=1" in states
+        while b"STOPPING=1" not in states:
+            states.add(receiver.recv(100))
+
+
+@pytest.fixture
+def unit(tmp_path: Path) -> Path:
+    """The unit, with a program that is there."""
+    if shutil.which("systemd-analyze") is None:
+        pytest.skip("needs systemd-analyze")
+    text, count = re.subn(r"(?m)^(ExecStart)=\S+", rf"\1={sys.executable}", UNIT.read_text())
+    assert count == 1
+    file = tmp_path / UNIT.name
+    file.write_text(text)
+    return file
+
+
+def analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = ["systemd-analyze", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_the_unit_is_understood(unit: Path) -> None:
+    done = analyze("verify", "--man=no", unit)
+    assert [line for line in done.stderr.splitlines() if unit.name in line] == []
+
+
+def test_the_unit_leaves_little_open(unit: Path) -> None:
+    done = analyze("security", "--offline=true", "--no-pager", unit)
+    states = re.search(r"Overall exposure level[^:]*: ([\d.]+)", done.stdout)
+    assert states is not None, done.stdout + done.stderr
+    assert float(states[1]) <= _MAX_EXPOSURE
+
+
+UNUSED = ["matplotlib", "rasterio", "casadi", "PIL", "contourpy", "pyarrow", "sklearn", "plotly"]
+UNUSED += ["rosbags", "waitress", "scipy.stats", "scipy.ndimage", "scipy.cluster"]
+MAX_RESIDENT = 300.0
+"""[MB] resident after 100 requests; 272 were measured."""
+MAX_GROWTH = 25.0
+"""[MB] that 100 requests may add to what it has after its start."""
+
+
+def test_nothing_is_imported_that_serving_does_not_use() -> None:
+    code = (
+        "import sys, slopewise.services.cli.app, slopewise.services.daemon.daemon; "
+        f"print([m for m in {UNUSED!r} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def resident(process: int) -> float:
+    """[MB]."""
+    status = Path(f"/proc/{process}/status").read_text()
+    line = re.search(r"^VmRSS:\s+(\d+) kB", status, re.MULTILINE)
+    assert line is not None
+    return int(line[1]) / 1024
+
+
+@pytest.mark.nightly
+def test_memory_where_nothing_was_compiled_before(tmp_path: Path) -> None:
+    """The compiler's own memory is that of another process."""
+    cache = tmp_path / "compiled"
+    cache.mkdir()
+    with running(tmp_path, environment={"NUMBA_CACHE_DIR": str(cache)}) as started:
+        assert resident(started.process.pid) < MAX_RESIDENT
+    assert list(cache.glob("**/*.nbi"))
+
+
+def test_memory_after_a_hundred_questions(tmp_path: Path) -> None:
+    compile_first("for a test")
+    with running(tmp_path, fresh=True) as started, started.session() as session:
+        begin = resident(started.process.pid)
+        uneven = 0.05 * np.random.default_rng(0).standard_normal((240, 480))
+        with PlanClient(session, namespace=started.namespace, name="weight", timeout=5.0) as client:
+            client.put_map(flat(elevation=uneven, origin=(-5.0, -30.0)))
+            # Memory retained for a request is retained for a small one, too; large ones need most.
+            for candidates in (64, 8, 8, 8) * 25:
+                outcome = client.plan(1.0, fan(candidates), pose=(0.0, 0.0, 0.0))
+                assert outcome.reply is not None
+        end = resident(started.process.pid)
+    assert end < MAX_RESIDENT
+    assert end - begin < MAX_GROWTH
+
+
+def written(log: RateLimitFilter, line: int, text: str) -> str | None:
+    record = logging.LogRecord("slopewise", logging.INFO, "file.py", line, "%s", (text,), None)
+    return record.getMessage() if log.filter(record) else None
+
+
+def test_repeated_records_are_counted_and_written_once() -> None:
+    log = RateLimitFilter(interval=60.0)
+    assert [written(log, 1, str(n)) for n in range(4)] == ["0", None, None, None]
+    assert written(log, 2, "another") == "another"
+    unlimited = RateLimitFilter(interval=0.0)
+    assert [written(unlimited, 1, str(n)) for n in range(2)] == ["0", "1"]
+
+
+def test_the_count_is_written_after_the_interval() -> None:
+    log = RateLimitFilter(interval=0.02)
+    assert written(log, 1, "first") == "first"
+    assert [written(log, 1, "x") for _ in range(3)] == [None] * 3
+    time.sleep(0.03)
+    assert written(log, 1, "later") == "later (and 3 like it)"
+
+
+def test_the_number_of_remembered_lines_is_bounded() -> None:
+    log = RateLimitFilter()
+    for line in range(1000):
+        written(log, line, "x")
+    assert len(log) <= 256
+
+
+def test_replies_of_the_warm_up_can_be_encoded() -> None:
+    plans = PlanService(ServiceConfig(model="atv"), ActiveParameters(read_model(find_model("atv"))))
+    snapshots = {}
+    for snapshot, request in warm_up_requests.requests():
+        reply = plans.answer(request, snapshot, "warm-up")
+        snapshots[id(snapshot)] = snapshot  # kept alive, so that no other one gets its id
+        for written_as in codec.Format:
+            assert codec.encode(reply, written_as)
+    assert len(snapshots) == 6
