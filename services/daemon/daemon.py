@@ -204,9 +204,8 @@ class Service:
         publisher = self._session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP
         )
-        encoding = codec.encoding_of(ServiceStatus, Format.JSON)
         while not self._stopped.wait(self.config.status.period):
-            publisher.put(codec.encode(self.status(), Format.JSON), encoding=encoding)
+            publisher.put(**codec.payload_of(self.status(), Format.JSON))
             self._watch_learning()
             if self._plan_endpoint.is_alive():
                 systemd.notify_systemd(systemd.ALIVE)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection
 from slopewise.models.laws import braking
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
-from slopewise.models.stop_logs.stop_stream import StreamedStop
+from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 from slopewise.models.terrain.surfaces import with_open_surfaces
 from slopewise.services.parameters.braking_groups import BASE, group_of
 from slopewise.services.parameters.current_terrain import CurrentTerrain, monitor_maker
@@ -23,11 +23,12 @@ from slopewise.services.parameters.parameter_group import DriveUpdate
 from slopewise.services.parameters.stop_checks import (
     LearnedStop,
     StopRateLimiter,
-    StopStreams,
     contradiction,
     implausible,
+    stops_in,
 )
 from slopewise.services.settings.learning_settings import Learning
+from slopewise.services.wire.arrival import SenderTable
 from slopewise.services.wire.observations import (
     DriveSamples,
     RobotObservation,
@@ -39,6 +40,7 @@ from slopewise.services.wire.recent_warnings import RecentWarnings
 _REMEMBERED_STOPS = 200
 """Last stops that are compared with their predictions [1]; the live page shows 400."""
 
+_MAX_STREAMS = 8  # senders in whose samples stops are looked for [1]; a robot has one or two
 NOT_LEARNED = "not learned from: "
 
 
@@ -62,7 +64,9 @@ class Learner:
         self.counters: Counter[str] = Counter()  # stops learned from, and rejected by reason
         self._rate = StopRateLimiter(file.vehicle, settings.stops_at_once)
         self._warnings = RecentWarnings()
-        self._streams = StopStreams(settings)
+        self._streams = SenderTable[str, StopStream](
+            lambda: StopStream(0.0, mount=settings.mount, dive=settings.dive), _MAX_STREAMS
+        )
         self._last_surface = ""
         self._open_surfaces: tuple[str, ...] = ()
         self._assumed: list[str] = []  # surfaces that plans count with on ground without a name
@@ -117,7 +121,7 @@ class Learner:
         changed |= self.follow_terrain(now)
         reason = "the ground changed" if ground.changed else "samples"
         surface = samples.surface or self.ground.surface(now)
-        for stop in self._streams.feed(samples.source, columns, forces.dead_time()):
+        for stop in stops_in(self._streams.of(samples.source), columns, forces.dead_time()):
             more, reason = self._learn(stop, surface, samples.source, None, arrived)
             changed |= more
         return changed, reason

@@ -52,11 +52,11 @@ class ParameterService:
         """
         settings = config.learning
         self._config, self._settings, self._file = config, settings, prior
-        self._apply = apply
+        self.id, self._apply = config.id, apply
         self.learner = Learner(prior, settings, names_surfaces, map_surfaces)
-        self.history = ParameterHistory(config.store, fingerprint(prior))
+        self.history = ParameterHistory(config.store, fingerprint(prior.vehicle))
         self._restorer = ParameterRestorer(self.learner, self.history, settings.oldest)
-        self.investigator = Investigator(config.discrepancy, fingerprint(prior))
+        self.investigator = Investigator(config.discrepancy, fingerprint(prior.vehicle))
         self._missing = set(settings.estimators)
         self._faults: list[str] = []
         self.notices = RecentWarnings()  # messages that failed

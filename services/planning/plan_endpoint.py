@@ -40,6 +40,8 @@ _STOP_TIMEOUT = 2.0  # longest wait for a thread to end, and for a late worker t
 _MAX_DRIVING_CANDIDATES = 200
 """Candidates up to which the reserved thread answers [1]: more take longer than a cycle."""
 
+_MAX_HEADER_BYTES = 200_000  # payload whose header is read [bytes]: takes zenoh's thread 0.1 ms
+
 PlanQueue = FairQueue[zenoh.Query]
 PlanEntry = Waiting[zenoh.Query]
 
@@ -103,9 +105,10 @@ class PlanEndpoint:
         """Called by zenoh's threads."""
         planning = self._config.planning
         self._counters["queries"] += 1
-        header = read_header(query)
-        entry = PlanEntry(query, header.client, header.size, outranks=outranks)
-        is_short = 0 < header.candidates <= _MAX_DRIVING_CANDIDATES
+        payload = query.payload or b""
+        header = read_header(payload, str(query.encoding or ""), _MAX_HEADER_BYTES)
+        entry = PlanEntry(query, header.client, len(payload), outranks=outranks)
+        is_short = 0 < len(header.paths) <= _MAX_DRIVING_CANDIDATES
         entry.is_driving = is_short and (outranks or self._queue.shares.is_driving(header.client))
         try:
             limit = read_deadline(query, self._key)

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, SpeedCommand, command_of
+from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, command_of
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.ranking import ranking_cost
 from slopewise.planner.plan import Obstacle, SpeedPlan, Status
@@ -29,7 +29,7 @@ M = TypeVar("M", bound=Message)
 def full_stop(reason: str, rejected: list[RankedCandidate] | None = None) -> PlanReply:
     """A full stop, because no candidate can be planned."""
     status = Status.DEGRADED.value
-    command, ranking = _command(FULL_STOP), rejected or []
+    command, ranking = _copied(WireCommand, FULL_STOP), rejected or []
     return PlanReply(status=status, reason=reason, service="", command=command, ranking=ranking)
 
 
@@ -39,7 +39,7 @@ def cycle_reply(answer: CycleAnswer) -> PlanReply:
         status=answer.status.value,
         reason=answer.reason,
         service="",
-        command=_command(answer.command),
+        command=_copied(WireCommand, answer.command),
         chosen=None if answer.chosen is None else answer.chosen.candidate,
         kept=answer.kept,
         ranking=[
@@ -60,6 +60,7 @@ def ranked_reply(
     """Result of a request without a client; plans are best first, ``period`` to the next [s]."""
     best = plans[0]
     is_stop = best.status is Status.INFEASIBLE
+    command = FULL_STOP if is_stop else command_of(best, 0.0, 0.0, period)
     ranking = [
         RankedCandidate(
             name=plan.candidate,
@@ -73,7 +74,7 @@ def ranked_reply(
         status=best.status.value,
         reason=best.reason,
         service="",
-        command=_command(FULL_STOP if is_stop else command_of(best, 0.0, 0.0, period)),
+        command=_copied(WireCommand, command),
         chosen=best.candidate,
         ranking=[*ranking, *rejected],
         plans=[_plan(plan) for plan in plans],
@@ -107,10 +108,6 @@ def _finite(value: float) -> float | None:
 def _copied(kind: type[M], value: object) -> M:
     """A message with the values of an object that has the same fields."""
     return kind(**{name: getattr(value, name) for name in kind.__struct_fields__})
-
-
-def _command(command: SpeedCommand) -> WireCommand:
-    return _copied(WireCommand, command)
 
 
 def _obstacle(obstacle: Obstacle | None) -> ObstacleMessage | None:

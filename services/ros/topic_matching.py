@@ -130,10 +130,8 @@ class ConnectionWatch:
         self._last = missing
         texts = [text for text in missing.values() if text]
         if self._publisher is not None:
-            self._publisher.put(
-                codec.encode(Connections(source=self._source, missing=texts), Format.JSON),
-                encoding=codec.encoding_of(Connections, Format.JSON),
-            )
+            report = Connections(source=self._source, missing=texts)
+            self._publisher.put(**codec.payload_of(report, Format.JSON))
         values = [(m.topic.name, m.missing or ", ".join(m.nodes)) for m in matches]
         values.append(("speaks", "; ".join(scheme.value for scheme in schemes)))
         level, text = (ros.WARN, texts[0]) if texts else (ros.OK, "every topic has a counterpart")

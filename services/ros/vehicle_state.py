@@ -186,8 +186,5 @@ class SamplePublisher:
             columns=["t", *self._columns],
             values=np.array(self._rows).T,
         )
-        self._publisher.put(
-            codec.encode(message, Format.MESSAGEPACK),
-            encoding=codec.encoding_of(DriveSamples, Format.MESSAGEPACK),
-        )
+        self._publisher.put(**codec.payload_of(message, Format.MESSAGEPACK))
         self._rows.clear()
