@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.guard.decide import (
     STILL,
     BaseCommand,
@@ -18,7 +19,6 @@ from slopewise.services.guard.decide import (
     decide,
     stop,
 )
-from slopewise.services.guard.guard_map import GuardMap
 from slopewise.services.guard.guard_model import GuardModel
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.overspeed_monitor import OverspeedMonitor
@@ -59,7 +59,7 @@ class Guard:
         self,
         settings: GuardSettings,
         model: GuardModel,
-        ground: GuardMap | None,
+        ground: ElevationMap | None,
         wall: WallClock | None = None,
     ) -> None:
         """Begin without inputs, so that no command passes; ``wall``: clock of this machine."""
@@ -71,7 +71,7 @@ class Guard:
         self.commands = InputFeed("command", timing.command, *ages)
         self.motions: InputFeed[VehicleMotion] = InputFeed("odometry", timing.motion, *ages)
         self.clears: InputFeed[_Clear] = InputFeed("clear distance", timing.clear, *ages)
-        self.maps: InputFeed[GuardMap] = InputFeed("map", timing.map, self.counters)
+        self.maps: InputFeed[ElevationMap] = InputFeed("map", timing.map, self.counters)
         if ground is not None:
             self.maps.take(ground, -0.0)
         self.learned = ServiceParameters(model, settings.judgement.trust_learned)
@@ -107,7 +107,7 @@ class Guard:
         if not (math.isfinite(distance) and distance >= 0.0):
             self.clears.drop(at=now)
             return False
-        clear = _Clear(distance, self.motions.fresh(now), self.motions.bound(now))
+        clear = _Clear(distance, self.motions.fresh(now), self.motions.newest.bound(now))
         return self.clears.take(clear, now, sender, sequence, time)
 
     def decision(self, now: float, fault: str = "") -> BaseDecision:
@@ -137,7 +137,7 @@ class Guard:
                 return stop(self._latched), of
             self._latched = ""
         timing = self.settings.timing
-        late = self.motions.bound(now) + timing.transport
+        late = self.motions.newest.bound(now) + timing.transport
         reached = self._reached(now - late, motion)
         distance = self._clear_now(now, motion, reached)
         if distance is None:
@@ -178,7 +178,7 @@ class Guard:
             is_required = self.settings.judgement.awaits_clear or self.clears.is_arriving(now)
             return None if is_required else math.inf
         if clear.motion is None:
-            driven = abs(reached) * self.clears.bound(now)
+            driven = abs(reached) * self.clears.newest.bound(now)
         else:
             driven = math.dist(clear.motion.pose[:2], motion.pose[:2])
             # The distance was measured that much earlier than the position it is counted from.
@@ -188,7 +188,7 @@ class Guard:
 
     def ages(self, now: float) -> dict[str, float]:
         """Age of each input [s], −1 of one that never came."""
-        ages = {feed.name: feed.age(now) for feed in (*self._feeds(), self.maps)}
+        ages = {feed.name: feed.newest.age(now) for feed in (*self._feeds(), self.maps)}
         return {name: age if math.isfinite(age) else -1.0 for name, age in ages.items()}
 
     def stamps(self) -> dict[str, str]:

@@ -106,21 +106,13 @@ class InputFeed(Generic[T]):
         """Discard the newest value, because of an unusable message that came ``at`` [s]."""
         self._value, self.rejection, self._at = None, reason, max(self._at, at)
 
-    def age(self, now: float) -> float:
-        """Age of the newest value as far as stamps and arrival show it; inf without one [s]."""
-        return self.newest.age(now)
-
-    def bound(self, now: float) -> float:
-        """Age of the newest value that is not exceeded if clocks or delay are as declared [s]."""
-        return self.newest.bound(now)
-
     def is_arriving(self, now: float) -> bool:
         """Return True if a message came within the deadline, however late or unusable."""
         return now - self._at <= self.deadline
 
     def fresh(self, now: float) -> T | None:
         """Newest value, unless it is void."""
-        return self._value if self.age(now) <= self.deadline else None
+        return self._value if self.newest.age(now) <= self.deadline else None
 
     def missing(self, now: float) -> str:
         """Reason why there is no fresh value, "" where there is one."""

@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import zenoh
 
@@ -31,10 +32,13 @@ from slopewise.services.guard.guard_session import (
 )
 from slopewise.services.guard.map_updates import MapUpdates
 from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
-from slopewise.services.guard.zenoh_transport import GuardTransport, ZenohTransport
+from slopewise.services.guard.zenoh_transport import ZenohTransport
 from slopewise.services.ros.inbox import Inbox
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
+
+if TYPE_CHECKING:
+    from slopewise.services.guard.ros_transport import RosTransport
 
 _log = logging.getLogger("slopewise")
 
@@ -126,11 +130,10 @@ class Worker:
             last=self.guard.last,
             stamps=self.guard.stamps(),
         )
-        encoding = codec.encoding_of(GuardStatus, Format.JSON)
-        self._status.put(codec.encode(status, Format.JSON), encoding=encoding)
+        self._status.put(**codec.payload_of(status, Format.JSON))
 
 
-def _transport(settings: GuardSettings, session: zenoh.Session) -> GuardTransport:
+def _transport(settings: GuardSettings, session: zenoh.Session) -> ZenohTransport | RosTransport:
     if not settings.ros.enabled:
         return ZenohTransport(session, settings.zenoh.namespace, Inbox())
     from slopewise.services.guard.ros_transport import RosTransport

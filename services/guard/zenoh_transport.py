@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import zenoh
 
@@ -32,22 +32,6 @@ _KINDS: dict[str, type[Message]] = {
     "command": GuardCommand,
 }
 """Inputs in the order in which they are used: a command with the newest motion."""
-
-
-class GuardTransport(Protocol):
-    """Inputs of the guard, and its output."""
-
-    inbox: Inbox
-    topics: tuple[str, ...]
-
-    def take(self, guard: Guard, received: dict[str, list[Received]]) -> bool:
-        """Hand messages over to the guard; return True if a new command is among them."""
-
-    def send(self, answer: BaseDecision) -> None:
-        """Send a decision to the base."""
-
-    def close(self) -> None:
-        """Unsubscribe."""
 
 
 def format_of(raw: bytes) -> Format:
@@ -82,8 +66,7 @@ class ZenohOutput:
             action=decision.action,
             reason=decision.reason,
         )
-        encoding = codec.encoding_of(GuardOutput, Format.JSON)
-        self._publisher.put(codec.encode(message, Format.JSON), encoding=encoding)
+        self._publisher.put(**codec.payload_of(message, Format.JSON))
 
 
 class ZenohTransport(ZenohOutput):

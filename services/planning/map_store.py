@@ -12,7 +12,6 @@ import numpy as np
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.planning.map_message import digest, patched_map, update_id, whole_map
 from slopewise.services.wire.arrival import (
     MessageOrder,
     SenderTable,
@@ -21,6 +20,7 @@ from slopewise.services.wire.arrival import (
     StampVerdict,
     warn_of_order,
 )
+from slopewise.services.wire.map_message import apply_update, digest, update_id
 from slopewise.services.wire.plan_messages import MapUpdate
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
@@ -101,7 +101,8 @@ class MapStore:
             is_first = last < 0 and source.follows_another
             has_begun = order is not MessageOrder.NEW or is_first
             try:
-                elevation_map = self._map_of(update)
+                known = None if self.snapshot is None else self.snapshot.elevation_map
+                elevation_map = apply_update(update, known)
             except ParameterError as error:
                 raise InputError(key, error.field, f"expected {error.expected}") from None
             delay = 0.0 if update.time is None else self._delay(source, update.source, lead)
@@ -122,13 +123,6 @@ class MapStore:
             self.restarts += 1
             self._warnings.add(f"maps of {update.source}: the source was restarted")
         return source
-
-    def _map_of(self, update: MapUpdate) -> ElevationMap:
-        if not update.patch:
-            return whole_map(update)
-        if self.snapshot is None:
-            raise ParameterError("patch", "a whole map first, there is none yet")  # words: ok
-        return patched_map(update, self.snapshot.elevation_map)
 
     def _delay(self, source: _Source, name: str, lead: float) -> float:
         """Time by which a map with a time stamp took longer than the quickest one [s]."""

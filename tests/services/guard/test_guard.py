@@ -233,7 +233,7 @@ def test_sender_that_is_renamed_is_as_late_as_before() -> None:
         sent = 0.02 * k
         now = clock[0] = sent + min(max(0.25 * (sent - 2.0), 0.0), 0.5)
         it.motions.take(motion(0.0), now, "a" if k < 300 else "b", k, 7.0 + sent)
-        ages.append(it.motions.age(now))
+        ages.append(it.motions.newest.age(now))
     assert ages[299] == pytest.approx(0.5, abs=0.002)
     assert ages[300] == pytest.approx(0.5, abs=0.002)
     assert ages[500] > 0.2
