@@ -17,7 +17,6 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 from uuid import uuid4
 
@@ -145,12 +144,7 @@ class Service:
         if page is not None:
             started.callback(page.close)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Reply to all waiting requests that no answer will come, and leave."""
         self._stopped.set()
         self._running.close()

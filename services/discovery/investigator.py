@@ -80,15 +80,15 @@ class Investigator:
         """Store the stops that end in these samples; ``model``: fingerprint of that in use."""
         if self._store is None:
             return
-        for extracted in self._extractor.add_samples(source, columns, surface):
+        for extracted in self._extractor.add_samples(source, columns):
             stop = StoredStop(
-                source=extracted.source,
-                surface=extracted.surface,
+                source=source,
+                surface=surface,
                 at=time.time(),
                 vehicle=self._vehicle,
                 model=model,
-                columns=list(extracted.columns),
-                values=np.stack(list(extracted.columns.values())),
+                columns=list(extracted),
+                values=np.stack(list(extracted.values())),
             )
             try:
                 self._store.put(stop)

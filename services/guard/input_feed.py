@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from slopewise.models.errors import ParameterError
+from slopewise.services.wire.arrival import SenderTable
 from slopewise.services.wire.lateness import ARRIVAL, RECOVERY, Lateness, WallClock
 
 T = TypeVar("T")
@@ -33,11 +34,13 @@ class InputFeed(Generic[T]):
     rejection: str = ""  # reason why the newest message was discarded, empty if it was not
     _value: T | None = None
     _at: float = -math.inf
-    _senders: dict[str, Lateness] = field(default_factory=dict)
+    _senders: SenderTable[str, Lateness] = field(init=False)
     _events: dict[str, tuple[float, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.newest = self._new_sender()
+        # An unknown sender is taken to be as late as the newest one.
+        self._senders = SenderTable(lambda: self._new_sender(self.newest.late), _MAX_SENDERS)
 
     def _new_sender(self, late: float = 0.0) -> Lateness:
         return Lateness(self.max_latency, self.wall, uses_stamps=self.uses_stamps, late=late)
@@ -57,10 +60,7 @@ class InputFeed(Generic[T]):
 
         ``now``: arrival, monotonic [s]; ``time``: stamp on the sender's clock [s].
         """
-        lateness = self._senders.pop(sender, None) or self._new_sender(self.newest.late)
-        self._senders[sender] = lateness
-        if len(self._senders) > _MAX_SENDERS:
-            self._senders.pop(next(iter(self._senders)))
+        lateness = self._senders.of(sender)
         last = lateness.number
         is_old = sequence is not None and last is not None and sequence <= last
         is_recent = now - self._at <= self.deadline

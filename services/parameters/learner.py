@@ -173,10 +173,6 @@ class Learner:
         """Plan as on ground without stops where nothing is known; the groups that changed."""
         return set() if self.state.unsupported_reason else self.state.braking.assume_untrained()
 
-    def age(self) -> None:
-        """Age what was learned by the time since the last call."""
-        self.state.braking.forces.age()
-
     def flags(self) -> list[str]:
         """Warnings about learned parameters and about the senders of stops."""
         flags = [*self.state.braking.forces.flags(), *self._warnings.active()]

@@ -30,7 +30,6 @@ from slopewise.services.wire.recent_warnings import RecentWarnings
 _log = logging.getLogger("slopewise")
 
 TAKEN, IGNORED, REFUSED = "taken", "ignored", "refused"
-_FLAGGED_FOR = 600.0  # time for which a clock that was set is flagged [s]: an operator sees it
 
 
 class ParameterService:
@@ -217,7 +216,7 @@ class ParameterService:
             self._commit(changed, "the ground's label expired", "service")
         if now - self._refreshed >= self._settings.refresh:
             self._refreshed = now
-            self.learner.age()
+            self.learner.state.braking.forces.age()
             self._publish()
         else:
             self._update_flags()
@@ -233,15 +232,12 @@ class ParameterService:
 
     def flags(self) -> list[str]:
         """Active warnings, the reasons of the degraded mode first."""
-        learner, late = self.learner, time.monotonic() - _FLAGGED_FOR
-        reasons = (learner.state.unsupported_reason, *learner.ground.flags())
-        clocks = [name for name, noticed in self._filter.jumped.items() if noticed > late]
+        learner = self.learner
         return [
             *(f"degraded: {reason}" for reason in self.degraded()),
-            *(f"the clock of {name} was set" for name in clocks),
             *self._filter.notices.active(),
             *self.notices.active(),
-            *(reason for reason in reasons if reason),
+            *filter(None, (learner.state.unsupported_reason, *learner.ground.flags())),
             *learner.flags(),
             *learner.state.effects.flags(),
             *self.investigator.flags(),

@@ -198,22 +198,19 @@ class PlanEndpoint:
 
     def _give_up(self, entry: PlanEntry, status: str, reason: str) -> None:
         if self._queue.claim(entry):
-            self._counters["busy"] += status == plan_messages.BUSY
             self._reply_without_plans(entry, status, reason)
 
     def _reply_busy(self) -> None:
         while (overdue := self._queue.overdue()) is not None:
             for entry in overdue:
-                if entry.is_invalid:
-                    self._counters["refused"] += 1
-                    self._reply_without_plans(entry, plan_messages.ERROR, entry.reason)
-                else:
-                    self._counters["busy"] += 1
-                    self._reply_without_plans(entry, plan_messages.BUSY, entry.reason or FULL)
+                self._counters["refused"] += entry.is_invalid
+                status = plan_messages.ERROR if entry.is_invalid else plan_messages.BUSY
+                self._reply_without_plans(entry, status, entry.reason or FULL)
 
     def _reply_without_plans(self, entry: PlanEntry, status: str, reason: str) -> None:
         """Reply to a claimed request."""
         query = entry.item
+        self._counters["busy"] += status == plan_messages.BUSY
         written = codec.format_of(str(query.encoding or ""))
         reply = PlanReply(status=status, reason=reason, service=self._config.id)
         with query:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import Any
 from uuid import uuid4
 
@@ -44,10 +45,10 @@ class VehicleState:
             if topic:
                 self._actions[node.subscribe(topic, kind)] = (kind, act)
         self._frames = Frames(timing.transform_age)
-        for topic, act in ((topics.tf, self._on_transforms), (topics.tf_static, self._on_fixed)):
+        for topic, is_fixed in ((topics.tf, False), (topics.tf_static, True)):
             if topic:
                 name = node.subscribe(topic, ros.TRANSFORMS, latched=topic == topics.tf_static)
-                self._actions[name] = (ros.TRANSFORMS, act)
+                self._actions[name] = ros.TRANSFORMS, partial(self._frames.take, fixed=is_fixed)
                 # Several nodes publish a part of the tree each.
                 self._inbox.all_of.add(name)
         self._motion: OdometrySample | None = None
@@ -118,12 +119,6 @@ class VehicleState:
         self._put(at, v=motion.speed)
         if self._samples is not None:
             self._samples.record(at)
-
-    def _on_transforms(self, message: Any, at: float) -> None:
-        self._frames.take(message, at)
-
-    def _on_fixed(self, message: Any, at: float) -> None:
-        self._frames.take(message, at, fixed=True)
 
     def _on_imu(self, message: Any, at: float) -> None:
         roll, pitch, _ = ros.angles_of(message.orientation)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.errors import InputError
-from slopewise.services.discovery.stop_extractor import ExtractedStop, StopExtractor
+from slopewise.services.discovery.stop_extractor import StopExtractor
 from slopewise.services.discovery.stop_store import StopStore, StoredStop, read_stop, read_stops
 from tests.services.robot_plant import ASPHALT, Vehicle
 
@@ -47,13 +47,13 @@ def drives(count: int = 3) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("size", [1, 7, 60, 10_000])
 def test_every_stop_is_extracted_once_from_messages_of_any_size(size: int) -> None:
-    extractor, stops = StopExtractor(), list[ExtractedStop]()
+    extractor, stops = StopExtractor(), list[dict[str, np.ndarray]]()
     samples = drives()
     for piece in in_pieces(samples, size):
-        stops += extractor.add_samples("robot", piece, "sand")
+        stops += extractor.add_samples("robot", piece)
     assert len(stops) == 3
     for cut in stops:
-        t, v, command = (cut.columns[n] for n in ("t", "v", "v_cmd"))
+        t, v, command = (cut[n] for n in ("t", "v", "v_cmd"))
         (edge,) = np.flatnonzero((command[1:] <= 0.01) & (command[:-1] > 0.01)) + 1
         begin, rest = t[edge], t[edge + np.argmax(v[edge:] <= 0.02)]
         # As much before and after as there was.
@@ -61,7 +61,6 @@ def test_every_stop_is_extracted_once_from_messages_of_any_size(size: int) -> No
         assert begin - t[0] <= 1.51
         assert t[-1] - rest == pytest.approx(1.0, abs=0.03)
         assert np.isin(t, samples["t"]).all()
-        assert cut.surface == "sand"
 
 
 def test_an_incomplete_stop_is_excluded_and_the_next_is_not() -> None:
@@ -73,20 +72,20 @@ def test_an_incomplete_stop_is_excluded_and_the_next_is_not() -> None:
     slow = {**samples, "v": 0.1 * samples["v"]}
     for incomplete in (gap, aborted, slow):
         extractor = StopExtractor()
-        assert extractor.add_samples("robot", incomplete, "") == []
+        assert extractor.add_samples("robot", incomplete) == []
         later = {**samples, "t": t + 60.0}
-        assert len(extractor.add_samples("robot", later, "")) == 1
+        assert len(extractor.add_samples("robot", later)) == 1
 
 
 def test_a_restarted_clock_and_other_columns_start_another_stream() -> None:
     samples = drives(1)
     first, second = in_pieces(samples, len(samples["t"]) // 2 + 1)
     extractor = StopExtractor()
-    assert extractor.add_samples("robot", second, "") == []
-    assert extractor.add_samples("robot", {**first, "roll": 0.0 * first["t"]}, "") == []
-    assert extractor.add_samples("robot", second, "") == []
-    assert extractor.add_samples("other", first, "") == []
-    assert len(extractor.add_samples("other", second, "")) == 1
+    assert extractor.add_samples("robot", second) == []
+    assert extractor.add_samples("robot", {**first, "roll": 0.0 * first["t"]}) == []
+    assert extractor.add_samples("robot", second) == []
+    assert extractor.add_samples("other", first) == []
+    assert len(extractor.add_samples("other", second)) == 1
 
 
 def test_a_stored_stop_is_read_unchanged(tmp_path: Path) -> None:
