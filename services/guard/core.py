@@ -36,14 +36,6 @@ _DECEL_SHARE = 0.5  # share of the service deceleration that a base reaches on a
 
 
 @dataclass(frozen=True, slots=True)
-class BaseDecision:
-    """Decision that is sent to the base; ``of``: number of the command it answers, 0 of none."""
-
-    decision: GuardDecision
-    of: int
-
-
-@dataclass(frozen=True, slots=True)
 class _Clear:
     """Clear distance [m], and the newest motion on its arrival with its age [s]."""
 
@@ -110,9 +102,10 @@ class Guard:
         clear = _Clear(distance, self.motions.fresh(now), self.motions.newest.bound(now))
         return self.clears.take(clear, now, sender, sequence, time)
 
-    def decision(self, now: float, fault: str = "") -> BaseDecision:
+    def decision(self, now: float, fault: str = "") -> GuardDecision:
         """Decision for the base; ``fault``: of the process itself, as text."""
-        decision, of = self._decide(now, fault)
+        command, number = self.commands.fresh(now) or (None, 0)
+        decision = self._decide(now, command, fault)._replace(of=number)
         motion = self.motions.fresh(now)
         if decision.action == "stop" and motion is not None and abs(motion.speed) > _STANDSTILL:
             # An emergency stop ends at rest: it is not interrupted and restarted.
@@ -122,33 +115,31 @@ class Guard:
             self.last = decision.reason
         self._overspeed.set_limit(abs(decision.command.speed), now)
         self._given.append((now, decision.command.speed))
-        return BaseDecision(decision, of)
+        return decision
 
-    def _decide(self, now: float, fault: str) -> tuple[GuardDecision, int]:
-        motion, command = self.motions.fresh(now), self.commands.fresh(now)
-        ground = self.maps.fresh(now)
-        of = 0 if command is None else command[1]
+    def _decide(self, now: float, command: BaseCommand | None, fault: str) -> GuardDecision:
+        motion, ground = self.motions.fresh(now), self.maps.fresh(now)
         feeds: tuple[InputFeed[Any], ...] = (self.motions, self.maps, self.commands)
         missing = [reason for feed in feeds if (reason := feed.missing(now))]
         if fault or missing or motion is None or command is None or ground is None:
-            return stop(fault or missing[0]), of
+            return stop(fault or missing[0])
         if self._latched:
             if abs(motion.speed) > _STANDSTILL:
-                return stop(self._latched), of
+                return stop(self._latched)
             self._latched = ""
         timing = self.settings.timing
         late = self.motions.newest.bound(now) + timing.transport
         reached = self._reached(now - late, motion)
         distance = self._clear_now(now, motion, reached)
         if distance is None:
-            return stop(self.clears.missing(now)), of
+            return stop(self.clears.missing(now))
         if excess := self._overspeed.overspeed(abs(motion.speed), now):
             self.counters["disobeyed"] += 1
-            return stop(f"the base is {excess:.1f} m/s faster than commanded"), of
+            return stop(f"the base is {excess:.1f} m/s faster than commanded")
         decision = decide(
             GuardScene(self._model, self._tables, ground, distance),
             motion,
-            command[0],
+            command,
             hold_time=timing.stands,
             late=late,
             load=self.settings.judgement.load,
@@ -156,7 +147,7 @@ class Guard:
         )
         if decision.command == STILL and abs(motion.speed) < _ROLLING:
             decision = decision._replace(brake=True)  # commands cannot hold better than that
-        return decision, of
+        return decision
 
     def _reached(self, since: float, motion: VehicleMotion) -> float:
         """Speed that the vehicle may have by now: the largest given since then [m/s].

@@ -61,6 +61,7 @@ class GuardDecision(NamedTuple):
     command: BaseCommand  # speed and yaw rate that the base receives
     brake: bool  # brake as hard as possible, and hold
     reason: str  # as text, empty where the command passes
+    of: int = 0  # number of the command that it answers, 0 of none
 
 
 STILL = BaseCommand(0.0, 0.0)  # command of a stopped base [m/s, rad/s]

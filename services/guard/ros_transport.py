@@ -13,8 +13,8 @@ import zenoh
 
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.services.guard.command_arc import Pose2d
-from slopewise.services.guard.core import BaseDecision, Guard
-from slopewise.services.guard.decide import BaseCommand, VehicleMotion
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleMotion
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.settings import GuardRos
 from slopewise.services.io.bags import typestore
@@ -36,11 +36,11 @@ class RosOutput:
         self._stop = self.node.publisher(ours.stop, BOOL) if ours.stop else None
         self.stamp: Any = None
 
-    def send(self, answer: BaseDecision) -> None:
+    def send(self, decision: GuardDecision) -> None:
         """Send a decision to the base."""
         self.node.follow()
         types = typestore().types
-        vector, command = types["geometry_msgs/msg/Vector3"], answer.decision.command
+        vector, command = types["geometry_msgs/msg/Vector3"], decision.command
         linear, angular = vector(command.speed, 0.0, 0.0), vector(0.0, 0.0, command.yaw_rate)
         twist = types["geometry_msgs/msg/Twist"](linear, angular)
         if self._kind.endswith("Stamped"):
@@ -48,7 +48,7 @@ class RosOutput:
             twist = types[self._kind](types["std_msgs/msg/Header"](stamp, "base_link"), twist)
         self._output.send(twist)
         if self._stop is not None:
-            self._stop.send(flag(answer.decision.brake))
+            self._stop.send(flag(decision.brake))
 
     def close(self) -> None:
         """Disappear from the graph."""

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING
 
 import zenoh
 
-from slopewise.services.guard.core import BaseDecision, Guard
-from slopewise.services.guard.decide import stop
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.decide import GuardDecision, stop
 from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_messages import GuardStatus
 from slopewise.services.guard.guard_model import read_guard_model
@@ -105,17 +105,17 @@ class Worker:
 
     def close(self) -> None:
         """Send a final stop, and unsubscribe."""
-        self._transport.send(BaseDecision(stop("the guard is leaving"), 0))
+        self._transport.send(stop("the guard is leaving"))
         self._updates.close()
         self._transport.close()
 
-    def _decision(self, now: float, is_silent: bool) -> BaseDecision:
+    def _decision(self, now: float, is_silent: bool) -> GuardDecision:
         try:
             return self.guard.decision(now, "the watchdog is silent" if is_silent else "")
         except Exception:  # noqa: BLE001 - logged, and a stop: without a decision nothing passes
             _log.exception("no decision on a command")
             self.guard.counters["faults"] += 1
-            return BaseDecision(stop("fault of the guard, see its log"), 0)
+            return stop("fault of the guard, see its log")
 
     def _report(self, now: float) -> None:
         self._reported = now

@@ -9,8 +9,8 @@ import zenoh
 
 from slopewise.models.errors import InputError
 from slopewise.services.guard.command_arc import Pose2d
-from slopewise.services.guard.core import BaseDecision, Guard
-from slopewise.services.guard.decide import BaseCommand, VehicleMotion
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleMotion
 from slopewise.services.guard.guard_messages import (
     GuardClear,
     GuardCommand,
@@ -52,14 +52,13 @@ class ZenohOutput:
             priority=zenoh.Priority.REAL_TIME,
         )
 
-    def send(self, answer: BaseDecision) -> None:
+    def send(self, decision: GuardDecision) -> None:
         """Send a decision to the base."""
         self._sequence += 1
-        decision = answer.decision
         message = GuardOutput(
             source=self._source,
             sequence=self._sequence,
-            of=answer.of,
+            of=decision.of,
             speed=decision.command.speed,
             yaw_rate=decision.command.yaw_rate,
             brake=decision.brake,

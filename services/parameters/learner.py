@@ -53,6 +53,7 @@ class Learner:
         settings: Learning,
         names_surfaces: Callable[[], bool] = bool,
         map_surfaces: Callable[[], Collection[str]] = tuple,
+        counters: Counter[str] | None = None,
     ) -> None:
         """Begin with the model of a file; see :class:`ParameterService`."""
         self._settings, self._names_surfaces = settings, names_surfaces
@@ -61,7 +62,8 @@ class Learner:
             file, monitor_maker(settings.terrains), settings.label_for, settings.sure
         )
         self.stops: deque[LearnedStop] = deque(maxlen=_REMEMBERED_STOPS)  # with predictions
-        self.counters: Counter[str] = Counter()  # stops learned from, and rejected by reason
+        # stops learned from, and rejected by reason
+        self.counters = Counter[str]() if counters is None else counters
         self._rate = StopRateLimiter(file.vehicle, settings.stops_at_once)
         self._warnings = RecentWarnings()
         self._streams = SenderTable[str, StopStream](

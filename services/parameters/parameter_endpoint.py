@@ -221,10 +221,9 @@ class ParameterEndpoint:
         else:
             base, reply, default = kind, self._error(reason), Format.JSON
         key, written = str(query.key_expr), codec.format_of(str(query.encoding or ""), default)
+        payload = codec.payload_of(reply, written)
         with query:
-            self._endpoint.send(
-                query, self._config.key(base) if "*" in key else key, reply, written
-            )
+            self._endpoint.send(query, self._config.key(base) if "*" in key else key, payload)
 
     def _failed(self, reason: str) -> observations.ObservationAck:
         return self._service.receipt("error", reason)

@@ -52,15 +52,17 @@ class ParameterService:
         settings = config.learning
         self._config, self._settings, self._file = config, settings, prior
         self.id, self._apply = config.id, apply
-        self.learner = Learner(prior, settings, names_surfaces, map_surfaces)
-        self.history = ParameterHistory(config.store, fingerprint(prior.vehicle))
+        # of observations, stops, investigations and changes
+        self.counters: Counter[str] = Counter()
+        self.learner = Learner(prior, settings, names_surfaces, map_surfaces, self.counters)
+        vehicle = fingerprint(prior.vehicle)
+        self.history = ParameterHistory(config.store, vehicle)
         self._restorer = ParameterRestorer(self.learner, self.history, settings.oldest)
-        self.investigator = Investigator(config.discrepancy, fingerprint(prior.vehicle))
+        self.investigator = Investigator(config.discrepancy, vehicle, self.counters)
         self._missing = set(settings.estimators)
         self._faults: list[str] = []
         self.notices = RecentWarnings()  # messages that failed
         self._refreshed = -math.inf
-        self.counters: Counter[str] = Counter()  # of observations and changes
         self.changed: set[str] = set()  # groups that are not published yet
         self.rejected = ("", "")  # proposal last refused to be adopted: its id, and the reason
         self._filter = ObservationFilter(settings.early, self.history.seen())
@@ -225,10 +227,6 @@ class ParameterService:
         """Reasons why plans are slower than they need be."""
         missing = (f"estimator {name} is not alive" for name in sorted(self._missing))
         return [*missing, *self._faults]
-
-    def all_counters(self) -> Counter[str]:
-        """Counters for the status."""
-        return self.counters + self.learner.counters + self.investigator.all_counters()
 
     def flags(self) -> list[str]:
         """Active warnings, the reasons of the degraded mode first."""

@@ -172,7 +172,7 @@ class PlanEndpoint:
                 remaining=entry.due - decoded,
             )
             reply.seconds.update(queued=started - entry.arrived, decode=decoded - started)
-            payload = codec.encode(reply, written)
+            payload = codec.payload_of(reply, written)
         except DeadlineError:
             self._plans.forget(request.client)
             raise
@@ -182,11 +182,8 @@ class PlanEndpoint:
             # Its client received "busy", and will not drive this plan.
             self._plans.forget(request.client)
             return
-        reply_encoding = codec.encoding_of(PlanReply, written)
         with query:
-            is_sent = self._endpoint.send_encoded(
-                query, str(query.key_expr), payload, reply_encoding
-            )
+            is_sent = self._endpoint.send(query, str(query.key_expr), payload)
         if not is_sent:
             self._plans.forget(request.client)
             return
@@ -214,4 +211,4 @@ class PlanEndpoint:
         written = codec.format_of(str(query.encoding or ""))
         reply = PlanReply(status=status, reason=reason, service=self._config.id)
         with query:
-            self._endpoint.send(query, str(query.key_expr), reply, written)
+            self._endpoint.send(query, str(query.key_expr), codec.payload_of(reply, written))

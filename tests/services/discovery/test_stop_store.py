@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +90,7 @@ def test_a_restarted_clock_and_other_columns_start_another_stream() -> None:
 
 
 def test_a_stored_stop_is_read_unchanged(tmp_path: Path) -> None:
-    store = StopStore(tmp_path / "a" / "stops", 1_000_000)
+    store = StopStore(tmp_path / "a" / "stops", 1_000_000, Counter())
     stop = stored(source="robot ä")
     store.put(stop)
     (name,) = store.latest(10)
@@ -100,7 +101,7 @@ def test_a_stored_stop_is_read_unchanged(tmp_path: Path) -> None:
 
 
 def test_the_oldest_are_deleted_and_numbers_continue(tmp_path: Path) -> None:
-    store = StopStore(tmp_path, 60_000)
+    store = StopStore(tmp_path, 60_000, Counter())
     for seed in range(30):
         store.put(stored(seed))
     times = [read_stop(tmp_path / name).at for name in store.latest(100)]
@@ -108,14 +109,14 @@ def test_the_oldest_are_deleted_and_numbers_continue(tmp_path: Path) -> None:
     assert 3 < len(times) < 30
     assert times == sorted(times)
     assert times[-1] == 129.0
-    again = StopStore(tmp_path, 60_000)
+    again = StopStore(tmp_path, 60_000, Counter())
     assert again.latest(100) == store.latest(100)
     again.put(stored(30))
     assert read_stop(tmp_path / again.latest(1)[0]).at == 130.0
 
 
 def test_damaged_files_are_quarantine_and_counted_and_others_read(tmp_path: Path) -> None:
-    store = StopStore(tmp_path, 1_000_000)
+    store = StopStore(tmp_path, 1_000_000, Counter())
     for seed in range(8):
         store.put(stored(seed))
     names = store.latest(10)
@@ -140,5 +141,5 @@ def test_damaged_files_are_quarantine_and_counted_and_others_read(tmp_path: Path
 def test_a_place_that_is_no_folder_is_reported_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="expected a folder") as caught:
-        StopStore(tmp_path / "file" / "stops", 1000)
+        StopStore(tmp_path / "file" / "stops", 1000, Counter())
     assert len(str(caught.value).splitlines()) == 1
