@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import socket
 import time
@@ -14,17 +15,18 @@ from slopewise.models.errors import InputError
 from slopewise.services.guard.settings import GuardSettings
 from slopewise.services.settings.tls_files import settle
 
+_log = logging.getLogger("slopewise")
+
 _PRIORITY = 20  # above ordinary processes, below the kernel's threads at 50 [SCHED_RR, 1 … 99]
 _CHUNK = 4096  # read in one call [bytes]
 
 
-def request_realtime_priority() -> bool:
-    """Ask for the processor before other processes; return True if it was granted."""
+def request_realtime_priority() -> None:
+    """Ask for the processor before other processes; log it if that is not granted."""
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_PRIORITY))
     except (OSError, AttributeError):
-        return False
-    return True
+        _log.warning("no priority: others on this machine may delay the guard")
 
 
 def open_session(settings: GuardSettings) -> zenoh.Session:

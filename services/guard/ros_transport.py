@@ -18,7 +18,7 @@ from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleM
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.settings import GuardRos
 from slopewise.services.io.bags import typestore
-from slopewise.services.ros.conversions import BOOL, ODOMETRY, flag, motion_of, stamp_of
+from slopewise.services.ros.conversions import BOOL, ODOMETRY, flag, header, motion_of, stamp_of
 from slopewise.services.ros.inbox import Inbox, Received, decoded
 from slopewise.services.ros.naming import read_attachment
 from slopewise.services.ros.node import Node
@@ -34,7 +34,7 @@ class RosOutput:
         self._kind = f"geometry_msgs/msg/{ours.kind}"
         self._output = self.node.publisher(ours.output, self._kind)
         self._stop = self.node.publisher(ours.stop, BOOL) if ours.stop else None
-        self.stamp: Any = None
+        self.stamp = 0  # of the newest odometry [ns]
 
     def send(self, decision: GuardDecision) -> None:
         """Send a decision to the base."""
@@ -44,8 +44,7 @@ class RosOutput:
         linear, angular = vector(command.speed, 0.0, 0.0), vector(0.0, 0.0, command.yaw_rate)
         twist = types["geometry_msgs/msg/Twist"](linear, angular)
         if self._kind.endswith("Stamped"):
-            stamp = self.stamp or types["builtin_interfaces/msg/Time"](0, 0)
-            twist = types[self._kind](types["std_msgs/msg/Header"](stamp, "base_link"), twist)
+            twist = types[self._kind](header("base_link", self.stamp), twist)
         self._output.send(twist)
         if self._stop is not None:
             self._stop.send(flag(decision.brake))
@@ -95,7 +94,7 @@ class RosTransport(RosOutput):
         if self._frame and frame != self._frame:
             raise ParameterError("header.frame_id", f"{self._frame}, got {frame}")
         motion = motion_of(message)
-        self.stamp = message.header.stamp
+        self.stamp = motion.stamp
         return VehicleMotion(Pose2d(motion.x, motion.y, motion.heading), motion.speed)
 
 

@@ -113,8 +113,7 @@ def serve(
     read_guard_model(model_path(settings))
     if settings.map:
         read_guard_map(Path(settings.map))
-    if not request_realtime_priority():
-        _log.warning("no priority: others on this machine may delay the guard")
+    request_realtime_priority()
     with open_session(settings) as session:
         watchdog = Watchdog(settings, config, session)
         for number in (signal.SIGINT, signal.SIGTERM):

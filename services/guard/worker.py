@@ -145,8 +145,7 @@ def main() -> None:
     """Decide until a signal asks to end."""
     settings = read_guard_settings(Path(sys.argv[1]))
     heartbeat = Heartbeat(socket.socket(fileno=int(sys.argv[2])), settings.timing.stall)
-    if not request_realtime_priority():
-        _log.warning("no priority: others on this machine may delay the guard")
+    request_realtime_priority()
     with open_session(settings) as session:
         worker = Worker(settings, session, heartbeat)
         for number in (signal.SIGINT, signal.SIGTERM):

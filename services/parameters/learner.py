@@ -16,7 +16,7 @@ from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 from slopewise.models.terrain.surfaces import with_open_surfaces
 from slopewise.services.parameters.braking_groups import BASE, group_of
-from slopewise.services.parameters.current_terrain import CurrentTerrain, monitor_maker
+from slopewise.services.parameters.current_terrain import CurrentTerrain
 from slopewise.services.parameters.learner_state import LearnerState
 from slopewise.services.parameters.observation_filter import columns_of
 from slopewise.services.parameters.parameter_group import DriveUpdate
@@ -58,9 +58,7 @@ class Learner:
         """Begin with the model of a file; see :class:`ParameterService`."""
         self._settings, self._names_surfaces = settings, names_surfaces
         self.state = LearnerState.of_file(file, settings, map_surfaces)
-        self.ground = CurrentTerrain(
-            file, monitor_maker(settings.terrains), settings.label_for, settings.sure
-        )
+        self.ground = CurrentTerrain(file, settings)
         self.stops: deque[LearnedStop] = deque(maxlen=_REMEMBERED_STOPS)  # with predictions
         # stops learned from, and rejected by reason
         self.counters = Counter[str]() if counters is None else counters

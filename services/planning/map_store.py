@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.errors import InputError, ParameterError
+from slopewise.services.io.files import faults_of
 from slopewise.services.wire.arrival import (
     MessageOrder,
     SenderTable,
@@ -100,11 +100,9 @@ class MapStore:
             last = source.sequence.last
             is_first = last < 0 and source.follows_another
             has_begun = order is not MessageOrder.NEW or is_first
-            try:
-                known = None if self.snapshot is None else self.snapshot.elevation_map
+            known = None if self.snapshot is None else self.snapshot.elevation_map
+            with faults_of(key):
                 elevation_map = apply_update(update, known)
-            except ParameterError as error:
-                raise InputError(key, error.field, f"expected {error.expected}") from None
             delay = 0.0 if update.time is None else self._delay(source, update.source, lead)
             is_gap = has_begun or 0 <= last < update.sequence - 1
             self._replace(elevation_map, update, at, delay, is_gap=is_gap)
