@@ -70,13 +70,7 @@ class Service:
         self.maps = MapStore(initial, Path(config.map).name)
         prior = read_model(find_model(config.model))
         self.plans = PlanService(config, ActiveParameters(prior))
-        self.parameters = ParameterService(
-            config,
-            prior,
-            lambda: any(self._surfaces_of_map()),
-            self.plans.learn,
-            self._surfaces_of_map,
-        )
+        self.parameters = ParameterService(config, prior, self.plans.learn, self._surfaces_of_map)
         self.counters: Counter[str] = Counter()
         self.board = LiveState()
         self._peers = PeerStatus()

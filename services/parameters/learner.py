@@ -51,12 +51,11 @@ class Learner:
         self,
         file: Model,
         settings: Learning,
-        names_surfaces: Callable[[], bool] = bool,
         map_surfaces: Callable[[], Collection[str]] = tuple,
         counters: Counter[str] | None = None,
     ) -> None:
         """Begin with the model of a file; see :class:`ParameterService`."""
-        self._settings, self._names_surfaces = settings, names_surfaces
+        self._settings = settings
         self.state = LearnerState.of_file(file, settings, map_surfaces)
         self.ground = CurrentTerrain(file, settings)
         self.stops: deque[LearnedStop] = deque(maxlen=_REMEMBERED_STOPS)  # with predictions
@@ -148,7 +147,7 @@ class Learner:
         self.counters["stops"] += 1
         changed = {group_of(surface)}
         # Where the map names no surfaces, the base represents all terrain.
-        if surface and not self._names_surfaces():
+        if surface and not any(self.state.map_surfaces()):
             forces.learn(stop, "", source, distance)
             changed.add(BASE)
         return changed, learned.outcome

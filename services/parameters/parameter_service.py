@@ -39,22 +39,20 @@ class ParameterService:
         self,
         config: ServiceConfig,
         prior: Model,
-        names_surfaces: Callable[[], bool] = bool,
         apply: Callable[[ActiveParameters], None] = lambda _: None,
         map_surfaces: Callable[[], Collection[str]] = tuple,
     ) -> None:
         """Begin with the model file, ``prior``, and what was stored.
 
-        ``names_surfaces``: returns True while the map in use distinguishes surfaces; ``apply``:
-        called with the active parameters each time they change; ``map_surfaces``: returns the names
-        of the surfaces on the map.
+        ``apply``: called with the active parameters each time they change; ``map_surfaces``:
+        returns the names of the surfaces on the map in use.
         """
         settings = config.learning
         self._config, self._settings, self._file = config, settings, prior
         self.id, self._apply = config.id, apply
         # of observations, stops, investigations and changes
         self.counters: Counter[str] = Counter()
-        self.learner = Learner(prior, settings, names_surfaces, map_surfaces, self.counters)
+        self.learner = Learner(prior, settings, map_surfaces, self.counters)
         vehicle = fingerprint(prior.vehicle)
         self.history = ParameterHistory(config.store, vehicle)
         self._restorer = ParameterRestorer(self.learner, self.history, settings.oldest)
