@@ -30,8 +30,8 @@ from slopewise.services.discovery.investigation_process import (
     JOB,
     OUTCOME,
     InvestigationJob,
+    InvestigationOutcome,
 )
-from slopewise.services.discovery.proposal_builder import InvestigationOutcome
 from slopewise.services.discovery.stop_extractor import StopExtractor
 from slopewise.services.discovery.stop_store import StopStore, StoredStop
 from slopewise.services.io.files import reason

@@ -15,8 +15,7 @@ import msgspec
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.services.discovery.model_comparison import cautious
-from slopewise.services.discovery.proposal_builder import model_of
+from slopewise.services.discovery.model_comparison import cautious, model_of
 from slopewise.services.parameters.parameter_group import GroupDescription, ParameterGroups, State
 from slopewise.services.wire.model_proposal import ModelProposal
 

@@ -16,9 +16,8 @@ import pytest
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.discovery import investigation_process, investigator
-from slopewise.services.discovery.investigation_process import as_log
+from slopewise.services.discovery.investigation_process import InvestigationOutcome, as_log
 from slopewise.services.discovery.investigator import Investigator
-from slopewise.services.discovery.proposal_builder import InvestigationOutcome
 from slopewise.services.discovery.stop_store import StoredStop
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.settings.investigation_settings import Investigation
