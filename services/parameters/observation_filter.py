@@ -51,8 +51,8 @@ class ObservationFilter:
         self._sequences = SenderTable[str, SequenceTracker](SequenceTracker, _MAX_SOURCES)
         self._stamps = SenderTable[str, StampCheck](StampCheck, _MAX_SOURCES)
         self._last_digest: tuple[RobotObservation, int] | None = None
-        # about counts that restarted or go backwards, and clocks that were set
-        self.notices = RecentWarnings()
+        self.clocks = RecentWarnings()  # about clocks that were set
+        self.notices = RecentWarnings()  # about counts that restarted or go backwards
         self.restore(seen or {})
 
     def check(self, kind: str, observation: RobotObservation, now: float) -> str:
@@ -66,7 +66,7 @@ class ObservationFilter:
             return order.value.replace(" ", "_")
         verdict = self._stamps.of(source).check(lead, self._early)
         if verdict is StampVerdict.CLOCK_SET:
-            self.notices.add(f"the clock of {source} was set")
+            self.clocks.add(f"the clock of {source} was set")
         is_used = verdict in (StampVerdict.PLAUSIBLE, StampVerdict.CLOCK_SET)
         warn_of_order(self.notices, what, order, is_used=is_used)
         return "" if is_used else verdict.value

@@ -231,6 +231,7 @@ class ParameterService:
         learner = self.learner
         return [
             *(f"degraded: {reason}" for reason in self.degraded()),
+            *self._filter.clocks.active(),
             *self._filter.notices.active(),
             *self.notices.active(),
             *filter(None, (learner.state.unsupported_reason, *learner.ground.flags())),
