@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
 
 import numpy as np
 import zenoh
@@ -94,19 +93,13 @@ class PlanClient:
         self._plan_key = f"{namespace}/v1/plan" + ("/drive" if reserved else "")
         self._map_key = f"{namespace}/v1/map"
         self._sequence = 0
-        self._encoding = codec.encoding_of(PlanRequest, written)
         self._querier = session.declare_querier(self._plan_key, timeout=timeout, express=True)
 
     def __enter__(self) -> PlanClient:
         """The client itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Undeclare the querier; the session stays open."""
         self._querier.undeclare()
 
@@ -163,18 +156,14 @@ class PlanClient:
         """Send ground; that it arrived shows in the map version of the next reply."""
         self._session.put(
             self._map_key,
-            codec.encode(update, self._written),
-            encoding=codec.encoding_of(MapUpdate, self._written),
+            **codec.payload_of(update, self._written),
             congestion_control=zenoh.CongestionControl.BLOCK,
         )
 
     def _ask(self, request: PlanRequest) -> PlanReply | None:
         deadline = f"deadline={_SERVICE_SHARE * self._timeout:.6f}"
-        replies = self._querier.get(
-            parameters=deadline,
-            payload=codec.encode(request, self._written),
-            encoding=self._encoding,
-        )
+        payload = codec.payload_of(request, self._written)
+        replies = self._querier.get(parameters=deadline, **payload)
         for reply in replies:
             if reply.ok is not None:
                 sample = reply.ok

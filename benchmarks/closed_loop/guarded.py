@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.services.guard.command_arc import Pose2d
 from slopewise.services.guard.decide import (
@@ -25,7 +24,6 @@ from slopewise.services.guard.decide import (
     VehicleMotion,
     decide,
 )
-from slopewise.services.guard.guard_map import GuardMap
 from slopewise.services.guard.guard_model import brake_table, guard_model
 
 from .drive_loop import DrivenScene, dem_folder, run_drive, scene
@@ -54,8 +52,6 @@ class Guarded:
         self._delay, self._waiting = round(latency / CYCLE), deque[float]()
         self._model = guard_model(model)
         self._tables = (brake_table(self._model),)
-        self._map: ElevationMap | None = None
-        self._ground: GuardMap | None = None
         self.actions: Counter[str] = Counter()  # of the guard
 
     def command(self, view: View) -> DriveCommand:
@@ -82,11 +78,6 @@ class Guarded:
         return math.nan
 
     def _decide(self, view: View, speed: float) -> GuardDecision:
-        if view.elevation_map is not self._map:
-            known = self._map = view.elevation_map
-            ground = (known.elevation, known.resolution, known.origin)
-            self._ground = GuardMap(*ground, known.terrain_class, known.class_names)
-        assert self._ground is not None
         state, route = view.state, view.route
         reach = _PREVIEW[0] + _PREVIEW[1] * max(state.speed, 0.0)
         ahead = view.station + np.array((0.0, 1.0)) * reach
@@ -95,7 +86,7 @@ class Guarded:
         curvature = turn / float(ahead[1] - ahead[0])
         # The clear distance is that of the middle of the wheelbase.
         clear = max(view.clear - RESERVE, 0.0)
-        guard_scene = GuardScene(self._model, self._tables, self._ground, clear)
+        guard_scene = GuardScene(self._model, self._tables, view.elevation_map, clear)
         motion = VehicleMotion(Pose2d(state.x, state.y, state.yaw), max(state.speed, 0.0))
         command = BaseCommand(speed, curvature * max(speed, state.speed))
         return decide(

@@ -17,7 +17,6 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 from uuid import uuid4
 
@@ -60,8 +59,6 @@ _LEARNING_TIMEOUT = 10.0
 _DISCOVERY_TIMEOUT = 0.5  # time in which another service with this id answers at the start [s]
 _STOP_TIMEOUT = 2.0  # longest wait for the status thread to end [s]
 
-_DUPLICATE_ID = "another service has this id"
-
 
 class Service:
     """A running service; a context manager."""
@@ -73,13 +70,7 @@ class Service:
         self.maps = MapStore(initial, Path(config.map).name)
         prior = read_model(find_model(config.model))
         self.plans = PlanService(config, ActiveParameters(prior))
-        self.parameters = ParameterService(
-            config,
-            prior,
-            lambda: any(self._surfaces_of_map()),
-            self.plans.learn,
-            self._surfaces_of_map,
-        )
+        self.parameters = ParameterService(config, prior, self.plans.learn, self._surfaces_of_map)
         self.counters: Counter[str] = Counter()
         self.board = LiveState()
         self._peers = PeerStatus()
@@ -118,7 +109,8 @@ class Service:
             ) from None
         started.callback(self._session.close)
         self._check_duplicate_id()
-        self._warn(router_warnings(self._session, config.zenoh.mode))
+        for text in router_warnings(self._session, config.zenoh.mode):
+            self._warn(text)
         # The status reports it, so it exists before the first request.
         board = ParameterFeed(self.parameters, self.board, config)
         self._learning = ParameterEndpoint(
@@ -145,12 +137,7 @@ class Service:
         if page is not None:
             started.callback(page.close)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Reply to all waiting requests that no answer will come, and leave."""
         self._stopped.set()
         self._running.close()
@@ -177,12 +164,12 @@ class Service:
                 *self.plans.parameters.flags,
                 *self._learning.flags(),
                 *self.plans.warnings(snapshot),
-                *(self.maps.warnings() if snapshot is None else ()),
+                *(self.maps.warnings.active() if snapshot is None else ()),
                 *self._peers.warnings(),
             ],
             degraded=[*self.parameters.degraded(), *self.plans.degraded(snapshot)],
             instance=self._instance,
-            counters=dict(self.counters + self.parameters.all_counters()),
+            counters=dict(self.counters + self.parameters.counters),
             seconds=self._plan_endpoint.seconds(),
         )
 
@@ -204,9 +191,8 @@ class Service:
         publisher = self._session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP
         )
-        encoding = codec.encoding_of(ServiceStatus, Format.JSON)
         while not self._stopped.wait(self.config.status.period):
-            publisher.put(codec.encode(self.status(), Format.JSON), encoding=encoding)
+            publisher.put(**codec.payload_of(self.status(), Format.JSON))
             self._watch_learning()
             if self._plan_endpoint.is_alive():
                 systemd.notify_systemd(systemd.ALIVE)
@@ -236,8 +222,7 @@ class Service:
             token = self.config.page.token and read_text(Path(self.config.page.token)).strip()
             return server.PageServer(self.config.page, site.Site(source, hosts, token))
         except InputError as error:
-            self._warnings.append("the live page cannot be served")
-            _log.warning("%s", error)
+            self._warn("the live page cannot be served", str(error))
             return None
 
     def _check_duplicate_id(self) -> None:
@@ -247,15 +232,14 @@ class Service:
             self._note_duplicate_id()
 
     def _note_duplicate_id(self) -> None:
-        if _DUPLICATE_ID not in self._warnings:
-            self._warnings.append(_DUPLICATE_ID)
-            advice = "give each service its own id"
-            _log.warning('duplicate service id "%s" in this namespace; %s', self.config.id, advice)
+        shown = f'duplicate service id "{self.config.id}" in this namespace'
+        self._warn("another service has this id", f"{shown}; give each service its own id")
 
-    def _warn(self, warnings: list[str]) -> None:
-        self._warnings.extend(warnings)
-        for text in warnings:
-            _log.warning("%s", text)
+    def _warn(self, flag: str, text: str = "") -> None:
+        """Flag a warning in the status, and log it, once."""
+        if flag not in self._warnings:
+            self._warnings.append(flag)
+            _log.warning("%s", text or flag)
 
     def _surfaces_of_map(self) -> tuple[str, ...]:
         snapshot = self.maps.snapshot

@@ -16,11 +16,8 @@ from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.parameter_messages import HistoryEntry
 from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
 
-MAX_ENTRIES = 400
-"""Stops, and changes of each group, that the page shows [1]: some hours of driving."""
-
-_MAX_GROUPS = 64
-"""Groups that the page shows [1]; bounds memory."""
+MAX_ENTRIES = 400  # stops, and changes of each group, on the page [1]: some hours of driving
+_MAX_GROUPS = 64  # groups that the page shows [1]; bounds memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +35,12 @@ class LiveState:
     """Written by planning and learning, read by the page; any thread."""
 
     def __init__(self) -> None:
-        self.changes = 0
-        """Grows with everything but plans, so that a page reloads only what is new."""
+        self.changes = 0  # grows with everything but plans, so that a page reloads only what is new
+        # last request with its reply, and the monotonic clock [s]
         self.plan: tuple[PlanRequest, PlanReply, float] | None = None
-        """The last request with its reply, and the monotonic clock [s]."""
+        # name and probability of the terrain, and the wall clock [s]
         self.ground: tuple[str, float, float] | None = None
-        """Name and probability of the terrain, and the wall clock [s]."""
-        self.proposal: ProposalEntry | None = None
+        self.proposal: ProposalEntry | None = None  # newest finding
         self._lock = Lock()
         self._stops: deque[tuple[LearnedStop, int, float]] = deque(maxlen=MAX_ENTRIES)
         self._groups: dict[str, deque[HistoryEntry]] = {}

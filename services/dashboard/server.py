@@ -23,14 +23,10 @@ _MAX_BODY, _MAX_HEADER = 1000, 16_000
 
 
 class PageServer:
-    """Serves an application until it is closed.
-
-    Raises:
-        InputError: the address is in use, or the server is not installed.
-    """
+    """Serves an application until it is closed."""
 
     def __init__(self, settings: PageSettings, application: Any) -> None:
-        """Listen from now on."""
+        """Listen from now on; an InputError if the address is in use."""
         from waitress.server import create_server
 
         try:

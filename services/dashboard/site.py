@@ -10,6 +10,7 @@ import json
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from threading import Lock
 from typing import Any
 
@@ -95,7 +96,8 @@ class Site:
         if refusal is None and path == "/metrics":
             metrics: Iterable[bytes] = self._metrics(environ, start)
             return metrics
-        status, kind, body = refusal or self._answers.get(path, _not_found)()
+        missing = partial(_text, "404 Not Found", "no page at this address")
+        status, kind, body = refusal or self._answers.get(path, missing)()
         headers = [("Content-Type", kind), ("Content-Length", str(len(body))), *_HEADERS]
         if self._token and path == "/" and status.startswith("200"):
             headers.append(("Set-Cookie", cookie(self._token)))
@@ -145,7 +147,3 @@ def _json(value: Any, status: str = "200 OK") -> Answer:
 
 def _text(status: str, message: str) -> Answer:
     return status, "text/plain; charset=utf-8", f"{message}\n".encode()
-
-
-def _not_found() -> Answer:
-    return _text("404 Not Found", "no page at this address")

@@ -17,12 +17,12 @@ import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.services.discovery.proposal_builder import InvestigationOutcome, is_valid
 from slopewise.services.discovery.stop_store import StoredStop, read_stops
 from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.plan_messages import Message
@@ -31,6 +31,7 @@ JOB, OUTCOME = "job.json", "outcome.json"
 FILE, BASIS, ACTIVE = "file.toml", "base.toml", "in_use.toml"
 """The model file, the model that stops are compared with, and the one planned with now."""
 
+_CONCLUSIVE = ("missing_effect", "parameter_drift")
 _LOWEST_PRIORITY = 19  # niceness of the process: the lowest priority of POSIX
 _PAUSE = 60.0
 """Assumed time between stops where no clock shows it [s]: longer than any effect of one stop on
@@ -45,6 +46,14 @@ class InvestigationJob(Message, frozen=True):
     vehicle: str  # fingerprint of the vehicle
     cause: str  # operator or schedule
     limit: float  # time limit [s]
+
+
+class InvestigationOutcome(Message, frozen=True):
+    """Result of one investigation; ``offer`` is None where it failed, with its ``reason``."""
+
+    reason: str
+    damaged: list[str]
+    offer: ModelProposal | None = None
 
 
 def main(folder: Path) -> None:
@@ -108,6 +117,12 @@ def _investigate(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
         model=model_to_dict(findings.model),
     )
     return InvestigationOutcome(reason="", damaged=damaged, offer=offer)
+
+
+def is_valid(findings: dict[str, Any]) -> bool:
+    """Return True if findings may be used for more than slower plans."""
+    interval = findings["gap"]["ci95"]
+    return findings["verdict"] in _CONCLUSIVE and interval is not None and interval[0] > 0.0
 
 
 def as_log(

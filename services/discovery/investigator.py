@@ -30,8 +30,8 @@ from slopewise.services.discovery.investigation_process import (
     JOB,
     OUTCOME,
     InvestigationJob,
+    InvestigationOutcome,
 )
-from slopewise.services.discovery.proposal_builder import InvestigationOutcome
 from slopewise.services.discovery.stop_extractor import StopExtractor
 from slopewise.services.discovery.stop_store import StopStore, StoredStop
 from slopewise.services.io.files import reason
@@ -52,12 +52,12 @@ SCHEDULED = "by schedule"
 class Investigator:
     """Stored stops and their investigations; one thread."""
 
-    def __init__(self, settings: Investigation, vehicle: str) -> None:
+    def __init__(self, settings: Investigation, vehicle: str, counters: Counter[str]) -> None:
         """Open the store of the stops, if the settings name one; ``vehicle``: fingerprint."""
         self._settings, self._vehicle = settings, vehicle
         self._store: StopStore | None = None
         self._fault = ""
-        self.counters: Counter[str] = Counter()  # stops lost; investigations started and failed
+        self.counters = counters  # stops lost; investigations started and failed
         self.last = ""  # result of the last investigation as text
         self._extractor = StopExtractor()
         self._process: subprocess.Popen[bytes] | None = None
@@ -67,7 +67,8 @@ class Investigator:
         self._new_stops = 0
         if settings.samples:
             try:
-                self._store = StopStore(Path(settings.samples), int(1e6 * settings.megabytes))
+                max_bytes = int(1e6 * settings.megabytes)
+                self._store = StopStore(Path(settings.samples), max_bytes, counters)
             except InputError as error:
                 self._fault = str(error)
                 _log.warning("%s", error)
@@ -80,15 +81,15 @@ class Investigator:
         """Store the stops that end in these samples; ``model``: fingerprint of that in use."""
         if self._store is None:
             return
-        for extracted in self._extractor.add_samples(source, columns, surface):
+        for extracted in self._extractor.add_samples(source, columns):
             stop = StoredStop(
-                source=extracted.source,
-                surface=extracted.surface,
+                source=source,
+                surface=surface,
                 at=time.time(),
                 vehicle=self._vehicle,
                 model=model,
-                columns=list(extracted.columns),
-                values=np.stack(list(extracted.columns.values())),
+                columns=list(extracted),
+                values=np.stack(list(extracted.values())),
             )
             try:
                 self._store.put(stop)
@@ -194,11 +195,6 @@ class Investigator:
     def flags(self) -> list[str]:
         """Warnings about the stored stops."""
         return [self._fault] if self._fault else []
-
-    def all_counters(self) -> Counter[str]:
-        """Counters for the status."""
-        store = Counter[str]() if self._store is None else self._store.counters
-        return self.counters + store
 
     def close(self) -> None:
         """End a running investigation."""

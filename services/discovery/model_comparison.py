@@ -11,12 +11,15 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from slopewise.models.effects.registry import LAWS
+from slopewise.models.errors import InputError
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.services.io.model_file import model_from_dict
 from slopewise.services.wire.model_proposal import StopDistanceChange
 
 _MAX_DISTANCE = 1000.0  # distance of a stop that never ends [m]
@@ -80,6 +83,15 @@ def cautious(finding: Model, file: Model) -> Model:
         dead_time_std=max(f.dead_time_std, o.dead_time_std),
     )
     return dataclasses.replace(finding, braking=braking)
+
+
+def model_of(tables: dict[str, Any], file: Model) -> Model:
+    """Model of a proposal; vehicle, terrain and limits are those of the model file."""
+    try:
+        finding = model_from_dict(tables, "offer")
+    except InputError as error:
+        raise ValueError(str(error)) from None
+    return dataclasses.replace(file, braking=finding.braking, effect=finding.effect)
 
 
 def _sum(a: Braking, b: Braking) -> tuple[tuple[float, ...], ...] | None:

@@ -5,13 +5,12 @@ Memory is bounded by one stop per source.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.services.wire.arrival import SenderTable
 
 _STOP_COMMAND = 0.01  # largest command that is a stop command [m/s]
 _STANDSTILL_SPEED = 0.02  # speed of a standing vehicle [m/s]
@@ -26,37 +25,22 @@ _MAX_SAMPLES = 20_000  # samples of one stop [1], as of one message
 _MAX_SOURCES = 8  # senders whose streams are followed [1]; a robot has one or two
 
 
-@dataclass(frozen=True, slots=True)
-class ExtractedStop:
-    """One stop. ``columns``: (n,) each, SI; ``surface``: its name at the stop command."""
-
-    source: str
-    surface: str
-    columns: dict[str, Floats]
-
-
 class StopExtractor:
     """Returns stops as their last samples arrive; one thread."""
 
     def __init__(self) -> None:
-        self._streams: OrderedDict[str, dict[str, Floats]] = OrderedDict()
+        self._streams = SenderTable[str, dict[str, Floats]](dict, _MAX_SOURCES)
 
-    def add_samples(
-        self, source: str, columns: Mapping[str, Floats], surface: str
-    ) -> list[ExtractedStop]:
-        """The stops that are complete with these samples, (n,) by name."""
-        held = self._streams.pop(source, None)
-        if held is None or held.keys() != columns.keys() or columns["t"][0] <= held["t"][-1]:
+    def add_samples(self, source: str, columns: Mapping[str, Floats]) -> list[dict[str, Floats]]:
+        """Columns of the stops that are complete with these samples, (n,) by name, SI."""
+        held = self._streams.of(source)
+        if held.keys() != columns.keys() or columns["t"][0] <= held["t"][-1]:
             stream = {name: np.array(values) for name, values in columns.items()}
         else:
             stream = {name: np.concatenate((held[name], columns[name])) for name in held}
         stops, keep = _complete(stream)
         self._streams[source] = {name: values[keep:] for name, values in stream.items()}
-        while len(self._streams) > _MAX_SOURCES:
-            self._streams.popitem(last=False)
-        return [
-            ExtractedStop(source, surface, stop) for stop in stops if len(stop["t"]) <= _MAX_SAMPLES
-        ]
+        return [stop for stop in stops if len(stop["t"]) <= _MAX_SAMPLES]
 
 
 def _complete(columns: Mapping[str, Floats]) -> tuple[list[dict[str, Floats]], int]:

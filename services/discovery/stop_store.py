@@ -48,10 +48,9 @@ class StoredStop(Message, frozen=True):
 class StopStore:
     """Folder of stops; one process writes to it."""
 
-    def __init__(self, folder: Path, max_bytes: int) -> None:
-        """Open it, or create it."""
-        self.folder, self._max_bytes = folder, max_bytes
-        self.counters: Counter[str] = Counter()  # stops kept, lost, damaged
+    def __init__(self, folder: Path, max_bytes: int, counters: Counter[str]) -> None:
+        """Open it, or create it; ``counters``: of stops kept and damaged."""
+        self.folder, self._max_bytes, self.counters = folder, max_bytes, counters
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._sizes = {path.name: path.stat().st_size for path in _files(folder)}

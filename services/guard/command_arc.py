@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.surface_names import resolve_class
-from slopewise.services.guard.guard_map import GuardMap
+from slopewise.services.guard.guard_map import classes_at, heights_at
 from slopewise.services.guard.guard_model import GuardModel, SurfaceTable
 
 _SAMPLES = 48
@@ -50,7 +51,7 @@ class CommandArc(NamedTuple):
 def arc_ahead(
     model: GuardModel,
     table: SurfaceTable,
-    ground: GuardMap,
+    ground: ElevationMap,
     pose: Pose2d,
     curvature: float,
     *,
@@ -68,7 +69,7 @@ def arc_ahead(
     x_body = np.array([half, half, -half, -half, lead, lead, lead])[:, None]
     cos, sin = np.cos(yaw), np.sin(yaw)
     px, py = x + x_body * cos - y_body * sin, y + x_body * sin + y_body * cos
-    z = ground.heights(px, py)
+    z = heights_at(ground, px, py)
     fl, fr, rl, rr = z[:4]
     grade = np.arctan2(0.5 * (fl + fr - rl - rr), vehicle.wheelbase)
     roll = np.arctan2(0.5 * (fl - fr + rl - rr), vehicle.track_width)
@@ -76,7 +77,7 @@ def arc_ahead(
     if not known.all():
         known |= _under_vehicle(model, pose, (px, py), (lead, trail), float(yaw[0]))
         grade, roll = _extended(grade), _extended(roll)
-    under = map_surfaces(model, ground)[ground.surfaces(px[:4], py[:4])]
+    under = map_surfaces(model, ground)[classes_at(ground, px[:4], py[:4])]
     plane = 0.25 * (fl + fr + rl + rr) + np.tan(grade) * lead + np.tan(roll) * y_body[4:]
     struck = (z[4:] - plane > _OBSTACLE_STEPS * shape.max_step).any(axis=0)
     unknown: Bools = ~np.all(known, axis=0)
@@ -90,10 +91,10 @@ def arc_ahead(
     return CommandArc(step, signed, grade, roll, change, x, y, yaw, under, possible, end, reason)
 
 
-def map_surfaces(model: GuardModel, ground: GuardMap) -> Ints:
+def map_surfaces(model: GuardModel, ground: ElevationMap) -> Ints:
     """Index in the model of each surface that the map names; -1 where the model lacks it."""
     names = list(model.surfaces)
-    surfaces = [resolve_class(model.named, name) for name in ground.names]
+    surfaces = [resolve_class(model.named, name) for name in ground.class_names]
     return np.array([-1 if surface is None else names.index(surface) for surface in surfaces])
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.guard.decide import (
     STILL,
     BaseCommand,
@@ -18,7 +19,6 @@ from slopewise.services.guard.decide import (
     decide,
     stop,
 )
-from slopewise.services.guard.guard_map import GuardMap
 from slopewise.services.guard.guard_model import GuardModel
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.overspeed_monitor import OverspeedMonitor
@@ -33,14 +33,6 @@ _ROLLING = 0.15
 
 _SAMPLES = 1000  # decisions of which durations and given speeds are stored: 50 s at 20 Hz [1]
 _DECEL_SHARE = 0.5  # share of the service deceleration that a base reaches on any slope [1]
-
-
-@dataclass(frozen=True, slots=True)
-class BaseDecision:
-    """Decision that is sent to the base; ``of``: number of the command it answers, 0 of none."""
-
-    decision: GuardDecision
-    of: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +51,7 @@ class Guard:
         self,
         settings: GuardSettings,
         model: GuardModel,
-        ground: GuardMap | None,
+        ground: ElevationMap | None,
         wall: WallClock | None = None,
     ) -> None:
         """Begin without inputs, so that no command passes; ``wall``: clock of this machine."""
@@ -71,7 +63,7 @@ class Guard:
         self.commands = InputFeed("command", timing.command, *ages)
         self.motions: InputFeed[VehicleMotion] = InputFeed("odometry", timing.motion, *ages)
         self.clears: InputFeed[_Clear] = InputFeed("clear distance", timing.clear, *ages)
-        self.maps: InputFeed[GuardMap] = InputFeed("map", timing.map, self.counters)
+        self.maps: InputFeed[ElevationMap] = InputFeed("map", timing.map, self.counters)
         if ground is not None:
             self.maps.take(ground, -0.0)
         self.learned = ServiceParameters(model, settings.judgement.trust_learned)
@@ -107,12 +99,13 @@ class Guard:
         if not (math.isfinite(distance) and distance >= 0.0):
             self.clears.drop(at=now)
             return False
-        clear = _Clear(distance, self.motions.fresh(now), self.motions.bound(now))
+        clear = _Clear(distance, self.motions.fresh(now), self.motions.newest.bound(now))
         return self.clears.take(clear, now, sender, sequence, time)
 
-    def decision(self, now: float, fault: str = "") -> BaseDecision:
+    def decision(self, now: float, fault: str = "") -> GuardDecision:
         """Decision for the base; ``fault``: of the process itself, as text."""
-        decision, of = self._decide(now, fault)
+        command, number = self.commands.fresh(now) or (None, 0)
+        decision = self._decide(now, command, fault)._replace(of=number)
         motion = self.motions.fresh(now)
         if decision.action == "stop" and motion is not None and abs(motion.speed) > _STANDSTILL:
             # An emergency stop ends at rest: it is not interrupted and restarted.
@@ -122,33 +115,31 @@ class Guard:
             self.last = decision.reason
         self._overspeed.set_limit(abs(decision.command.speed), now)
         self._given.append((now, decision.command.speed))
-        return BaseDecision(decision, of)
+        return decision
 
-    def _decide(self, now: float, fault: str) -> tuple[GuardDecision, int]:
-        motion, command = self.motions.fresh(now), self.commands.fresh(now)
-        ground = self.maps.fresh(now)
-        of = 0 if command is None else command[1]
+    def _decide(self, now: float, command: BaseCommand | None, fault: str) -> GuardDecision:
+        motion, ground = self.motions.fresh(now), self.maps.fresh(now)
         feeds: tuple[InputFeed[Any], ...] = (self.motions, self.maps, self.commands)
         missing = [reason for feed in feeds if (reason := feed.missing(now))]
         if fault or missing or motion is None or command is None or ground is None:
-            return stop(fault or missing[0]), of
+            return stop(fault or missing[0])
         if self._latched:
             if abs(motion.speed) > _STANDSTILL:
-                return stop(self._latched), of
+                return stop(self._latched)
             self._latched = ""
         timing = self.settings.timing
-        late = self.motions.bound(now) + timing.transport
+        late = self.motions.newest.bound(now) + timing.transport
         reached = self._reached(now - late, motion)
         distance = self._clear_now(now, motion, reached)
         if distance is None:
-            return stop(self.clears.missing(now)), of
+            return stop(self.clears.missing(now))
         if excess := self._overspeed.overspeed(abs(motion.speed), now):
             self.counters["disobeyed"] += 1
-            return stop(f"the base is {excess:.1f} m/s faster than commanded"), of
+            return stop(f"the base is {excess:.1f} m/s faster than commanded")
         decision = decide(
             GuardScene(self._model, self._tables, ground, distance),
             motion,
-            command[0],
+            command,
             hold_time=timing.stands,
             late=late,
             load=self.settings.judgement.load,
@@ -156,7 +147,7 @@ class Guard:
         )
         if decision.command == STILL and abs(motion.speed) < _ROLLING:
             decision = decision._replace(brake=True)  # commands cannot hold better than that
-        return decision, of
+        return decision
 
     def _reached(self, since: float, motion: VehicleMotion) -> float:
         """Speed that the vehicle may have by now: the largest given since then [m/s].
@@ -178,7 +169,7 @@ class Guard:
             is_required = self.settings.judgement.awaits_clear or self.clears.is_arriving(now)
             return None if is_required else math.inf
         if clear.motion is None:
-            driven = abs(reached) * self.clears.bound(now)
+            driven = abs(reached) * self.clears.newest.bound(now)
         else:
             driven = math.dist(clear.motion.pose[:2], motion.pose[:2])
             # The distance was measured that much earlier than the position it is counted from.
@@ -188,7 +179,7 @@ class Guard:
 
     def ages(self, now: float) -> dict[str, float]:
         """Age of each input [s], −1 of one that never came."""
-        ages = {feed.name: feed.age(now) for feed in (*self._feeds(), self.maps)}
+        ages = {feed.name: feed.newest.age(now) for feed in (*self._feeds(), self.maps)}
         return {name: age if math.isfinite(age) else -1.0 for name, age in ages.items()}
 
     def stamps(self) -> dict[str, str]:

@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.guard.command_arc import CommandArc, Pose2d, arc_ahead
-from slopewise.services.guard.guard_map import GuardMap
+from slopewise.services.guard.guard_map import heights_at
 from slopewise.services.guard.guard_model import GuardModel
 from slopewise.services.guard.stop_distances import StopOutcomes, Tables, stops_along
 
@@ -60,6 +61,7 @@ class GuardDecision(NamedTuple):
     command: BaseCommand  # speed and yaw rate that the base receives
     brake: bool  # brake as hard as possible, and hold
     reason: str  # as text, empty where the command passes
+    of: int = 0  # number of the command that it answers, 0 of none
 
 
 STILL = BaseCommand(0.0, 0.0)  # command of a stopped base [m/s, rad/s]
@@ -70,7 +72,7 @@ class GuardScene(NamedTuple):
 
     model: GuardModel  # worst case of the vehicle
     tables: Tables  # its surfaces, the first table by the model file
-    ground: GuardMap  # map
+    ground: ElevationMap  # map
     # distance to which the path of the middle of the wheelbase is known to be free [m]
     clear: float
 
@@ -203,7 +205,7 @@ def _turn_on_the_spot(
     reach = np.hypot(max(shape.front, shape.rear), 0.5 * shape.width)
     around = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     x, y = motion.pose.x + reach * np.cos(around), motion.pose.y + reach * np.sin(around)
-    if not np.isfinite(scene.ground.heights(x, y)).all():
+    if not np.isfinite(heights_at(scene.ground, x, y)).all():
         return stop("ground beside the vehicle is unknown")
     max_rate = 2.0 * vehicle.max_wheel_speed / vehicle.track_width
     rate = min(max(command.yaw_rate, -max_rate), max_rate)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
+import logging
 import os
 import socket
 import time
@@ -15,17 +15,18 @@ from slopewise.models.errors import InputError
 from slopewise.services.guard.settings import GuardSettings
 from slopewise.services.settings.tls_files import settle
 
+_log = logging.getLogger("slopewise")
+
 _PRIORITY = 20  # above ordinary processes, below the kernel's threads at 50 [SCHED_RR, 1 … 99]
 _CHUNK = 4096  # read in one call [bytes]
 
 
-def request_realtime_priority() -> bool:
-    """Ask for the processor before other processes; return True if it was granted."""
+def request_realtime_priority() -> None:
+    """Ask for the processor before other processes; log it if that is not granted."""
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_PRIORITY))
     except (OSError, AttributeError):
-        return False
-    return True
+        _log.warning("no priority: others on this machine may delay the guard")
 
 
 def open_session(settings: GuardSettings) -> zenoh.Session:
@@ -72,20 +73,12 @@ class Heartbeat:
 
     def is_silent(self) -> bool:
         """Return True if the other end has failed."""
-        with contextlib.suppress(BlockingIOError):
-            while len(self._receive()) == _CHUNK:
-                pass
-        return self.gone or time.monotonic() - self._received > self._stall
-
-    def _receive(self) -> bytes:
         try:
-            data = self._link.recv(_CHUNK)
-        except BlockingIOError:
-            raise
-        except OSError:
-            data = b""
-        if data:
-            self._received = time.monotonic()
-        else:
+            while self._link.recv(_CHUNK):
+                self._received = time.monotonic()
             self.gone = True
-        return data
+        except BlockingIOError:
+            pass  # all is read
+        except OSError:
+            self.gone = True
+        return self.gone or time.monotonic() - self._received > self._stall

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from slopewise.models.errors import ParameterError
+from slopewise.services.wire.arrival import SenderTable
 from slopewise.services.wire.lateness import ARRIVAL, RECOVERY, Lateness, WallClock
 
 T = TypeVar("T")
@@ -33,11 +34,13 @@ class InputFeed(Generic[T]):
     rejection: str = ""  # reason why the newest message was discarded, empty if it was not
     _value: T | None = None
     _at: float = -math.inf
-    _senders: dict[str, Lateness] = field(default_factory=dict)
+    _senders: SenderTable[str, Lateness] = field(init=False)
     _events: dict[str, tuple[float, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.newest = self._new_sender()
+        # An unknown sender is taken to be as late as the newest one.
+        self._senders = SenderTable(lambda: self._new_sender(self.newest.late), _MAX_SENDERS)
 
     def _new_sender(self, late: float = 0.0) -> Lateness:
         return Lateness(self.max_latency, self.wall, uses_stamps=self.uses_stamps, late=late)
@@ -57,10 +60,7 @@ class InputFeed(Generic[T]):
 
         ``now``: arrival, monotonic [s]; ``time``: stamp on the sender's clock [s].
         """
-        lateness = self._senders.pop(sender, None) or self._new_sender(self.newest.late)
-        self._senders[sender] = lateness
-        if len(self._senders) > _MAX_SENDERS:
-            self._senders.pop(next(iter(self._senders)))
+        lateness = self._senders.of(sender)
         last = lateness.number
         is_old = sequence is not None and last is not None and sequence <= last
         is_recent = now - self._at <= self.deadline
@@ -106,21 +106,13 @@ class InputFeed(Generic[T]):
         """Discard the newest value, because of an unusable message that came ``at`` [s]."""
         self._value, self.rejection, self._at = None, reason, max(self._at, at)
 
-    def age(self, now: float) -> float:
-        """Age of the newest value as far as stamps and arrival show it; inf without one [s]."""
-        return self.newest.age(now)
-
-    def bound(self, now: float) -> float:
-        """Age of the newest value that is not exceeded if clocks or delay are as declared [s]."""
-        return self.newest.bound(now)
-
     def is_arriving(self, now: float) -> bool:
         """Return True if a message came within the deadline, however late or unusable."""
         return now - self._at <= self.deadline
 
     def fresh(self, now: float) -> T | None:
         """Newest value, unless it is void."""
-        return self._value if self.age(now) <= self.deadline else None
+        return self._value if self.newest.age(now) <= self.deadline else None
 
     def missing(self, now: float) -> str:
         """Reason why there is no fresh value, "" where there is one."""

@@ -13,10 +13,11 @@ from collections import Counter, OrderedDict, deque
 
 import zenoh
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.guard.core import Guard
-from slopewise.services.guard.guard_map import GuardMap, apply_update
 from slopewise.services.guard.zenoh_transport import format_of
 from slopewise.services.wire import codec
+from slopewise.services.wire.map_message import apply_update
 from slopewise.services.wire.parameter_messages import ParameterGroup
 from slopewise.services.wire.plan_messages import MapUpdate
 
@@ -41,7 +42,7 @@ class KnownMap:
         reason: reason why it is missing, as text.
     """
 
-    def __init__(self, known: GuardMap | None) -> None:
+    def __init__(self, known: ElevationMap | None) -> None:
         """Begin with a map, or without one."""
         self.map, self.reason = known, ""
         self.counters: Counter[str] = Counter()  # of updates
@@ -77,7 +78,7 @@ class KnownMap:
 class MapUpdates:
     """Subscriptions to maps and parameters, and their hand-over to the guard."""
 
-    def __init__(self, session: zenoh.Session, namespace: str, known: GuardMap | None) -> None:
+    def __init__(self, session: zenoh.Session, namespace: str, known: ElevationMap | None) -> None:
         """Subscribe; :meth:`open` begins to read."""
         self._known, self._key = KnownMap(known), f"{namespace}/v1/map"
         self._maps: deque[zenoh.Sample] = deque()
@@ -85,7 +86,7 @@ class MapUpdates:
         self._lost, self._closed = 0, False
         self._news = threading.Condition()
         self._new_groups: list[ParameterGroup] = []
-        self._new_map: tuple[GuardMap | None, str, dict[str, int]] | None = None
+        self._new_map: tuple[ElevationMap | None, str, dict[str, int]] | None = None
         self._declared = [
             session.declare_subscriber(self._key, self._on_map),
             session.declare_subscriber(f"{namespace}/v1/params/*", self._on_group),

@@ -20,7 +20,6 @@ from typing import Any
 
 import zenoh
 
-from slopewise.services.guard.core import BaseDecision
 from slopewise.services.guard.decide import stop
 from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_model import read_guard_model
@@ -68,7 +67,7 @@ class Watchdog:
             self._heartbeat.beat()
             is_silent = self._heartbeat.is_silent()
             if is_silent:
-                self._output.send(BaseDecision(stop("the guard does not answer"), 0))
+                self._output.send(stop("the guard does not answer"))
                 if not was_silent:
                     _log.warning("the guard does not answer: the base is commanded to stop")
                 self._restart_if_ended()
@@ -94,7 +93,7 @@ class Watchdog:
         except subprocess.TimeoutExpired:
             self.worker.kill()
             self.worker.wait()
-        self._output.send(BaseDecision(stop("the guard is leaving"), 0))
+        self._output.send(stop("the guard is leaving"))
 
 
 def _output(settings: GuardSettings, session: zenoh.Session) -> Any:
@@ -114,8 +113,7 @@ def serve(
     read_guard_model(model_path(settings))
     if settings.map:
         read_guard_map(Path(settings.map))
-    if not request_realtime_priority():
-        _log.warning("no priority: others on this machine may delay the guard")
+    request_realtime_priority()
     with open_session(settings) as session:
         watchdog = Watchdog(settings, config, session)
         for number in (signal.SIGINT, signal.SIGTERM):

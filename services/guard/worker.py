@@ -16,11 +16,12 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import zenoh
 
-from slopewise.services.guard.core import BaseDecision, Guard
-from slopewise.services.guard.decide import stop
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.decide import GuardDecision, stop
 from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_messages import GuardStatus
 from slopewise.services.guard.guard_model import read_guard_model
@@ -31,10 +32,13 @@ from slopewise.services.guard.guard_session import (
 )
 from slopewise.services.guard.map_updates import MapUpdates
 from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
-from slopewise.services.guard.zenoh_transport import GuardTransport, ZenohTransport
+from slopewise.services.guard.zenoh_transport import ZenohTransport
 from slopewise.services.ros.inbox import Inbox
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
+
+if TYPE_CHECKING:
+    from slopewise.services.guard.ros_transport import RosTransport
 
 _log = logging.getLogger("slopewise")
 
@@ -101,17 +105,17 @@ class Worker:
 
     def close(self) -> None:
         """Send a final stop, and unsubscribe."""
-        self._transport.send(BaseDecision(stop("the guard is leaving"), 0))
+        self._transport.send(stop("the guard is leaving"))
         self._updates.close()
         self._transport.close()
 
-    def _decision(self, now: float, is_silent: bool) -> BaseDecision:
+    def _decision(self, now: float, is_silent: bool) -> GuardDecision:
         try:
             return self.guard.decision(now, "the watchdog is silent" if is_silent else "")
         except Exception:  # noqa: BLE001 - logged, and a stop: without a decision nothing passes
             _log.exception("no decision on a command")
             self.guard.counters["faults"] += 1
-            return BaseDecision(stop("fault of the guard, see its log"), 0)
+            return stop("fault of the guard, see its log")
 
     def _report(self, now: float) -> None:
         self._reported = now
@@ -126,11 +130,10 @@ class Worker:
             last=self.guard.last,
             stamps=self.guard.stamps(),
         )
-        encoding = codec.encoding_of(GuardStatus, Format.JSON)
-        self._status.put(codec.encode(status, Format.JSON), encoding=encoding)
+        self._status.put(**codec.payload_of(status, Format.JSON))
 
 
-def _transport(settings: GuardSettings, session: zenoh.Session) -> GuardTransport:
+def _transport(settings: GuardSettings, session: zenoh.Session) -> ZenohTransport | RosTransport:
     if not settings.ros.enabled:
         return ZenohTransport(session, settings.zenoh.namespace, Inbox())
     from slopewise.services.guard.ros_transport import RosTransport
@@ -142,8 +145,7 @@ def main() -> None:
     """Decide until a signal asks to end."""
     settings = read_guard_settings(Path(sys.argv[1]))
     heartbeat = Heartbeat(socket.socket(fileno=int(sys.argv[2])), settings.timing.stall)
-    if not request_realtime_priority():
-        _log.warning("no priority: others on this machine may delay the guard")
+    request_realtime_priority()
     with open_session(settings) as session:
         worker = Worker(settings, session, heartbeat)
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import zenoh
 
 from slopewise.models.errors import InputError
 from slopewise.services.guard.command_arc import Pose2d
-from slopewise.services.guard.core import BaseDecision, Guard
-from slopewise.services.guard.decide import BaseCommand, VehicleMotion
+from slopewise.services.guard.core import Guard
+from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleMotion
 from slopewise.services.guard.guard_messages import (
     GuardClear,
     GuardCommand,
@@ -34,22 +34,6 @@ _KINDS: dict[str, type[Message]] = {
 """Inputs in the order in which they are used: a command with the newest motion."""
 
 
-class GuardTransport(Protocol):
-    """Inputs of the guard, and its output."""
-
-    inbox: Inbox
-    topics: tuple[str, ...]
-
-    def take(self, guard: Guard, received: dict[str, list[Received]]) -> bool:
-        """Hand messages over to the guard; return True if a new command is among them."""
-
-    def send(self, answer: BaseDecision) -> None:
-        """Send a decision to the base."""
-
-    def close(self) -> None:
-        """Unsubscribe."""
-
-
 def format_of(raw: bytes) -> Format:
     """Format of a message: JSON is an object; MessagePack begins with no brace."""
     return Format.JSON if raw[:1] == b"{" else Format.MESSAGEPACK
@@ -68,22 +52,20 @@ class ZenohOutput:
             priority=zenoh.Priority.REAL_TIME,
         )
 
-    def send(self, answer: BaseDecision) -> None:
+    def send(self, decision: GuardDecision) -> None:
         """Send a decision to the base."""
         self._sequence += 1
-        decision = answer.decision
         message = GuardOutput(
             source=self._source,
             sequence=self._sequence,
-            of=answer.of,
+            of=decision.of,
             speed=decision.command.speed,
             yaw_rate=decision.command.yaw_rate,
             brake=decision.brake,
             action=decision.action,
             reason=decision.reason,
         )
-        encoding = codec.encoding_of(GuardOutput, Format.JSON)
-        self._publisher.put(codec.encode(message, Format.JSON), encoding=encoding)
+        self._publisher.put(**codec.payload_of(message, Format.JSON))
 
 
 class ZenohTransport(ZenohOutput):

@@ -50,7 +50,7 @@ class ActiveParameters:
         return plan_messages.Parameters(
             version=self.version,
             name=self.model.name,
-            fingerprint=fingerprint(self.model),
+            fingerprint=fingerprint(self.model.vehicle),
             age=time.monotonic() - self.at,
             model_hash=self.model_hash,
         )
@@ -71,13 +71,9 @@ def with_max_speed(parameters: ActiveParameters, speed: float, reason: str) -> A
     )
 
 
-def fingerprint(model: Model) -> str:
-    """Digest of a vehicle's data sheet, which distinguishes vehicles."""
-    return _digest(model.vehicle)
-
-
 @lru_cache(maxsize=64)
-def _digest(vehicle: Vehicle) -> str:
+def fingerprint(vehicle: Vehicle) -> str:
+    """Digest of a vehicle's data sheet, which distinguishes vehicles."""
     # Part of every reply, and computing it takes half a millisecond.
     text = json.dumps(encode_table(vehicle), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

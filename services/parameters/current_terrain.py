@@ -7,9 +7,8 @@ give no name: plans use the weakest of the surfaces that it does not exclude.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,8 @@ from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.services.parameters.parameter_group import TerrainUpdate
+from slopewise.services.settings.learning_settings import Learning
+from slopewise.services.wire.arrival import SenderTable
 from slopewise.services.wire.observations import TerrainLabel
 
 _NEEDED = ("yaw_rate", "v_left", "v_right", "current_left", "current_right")
@@ -29,26 +30,29 @@ _MAX_SOURCES = 8  # senders with a terrain estimator each [1]; a robot has one o
 
 
 @dataclass(slots=True)
+class _Run:
+    """Terrain estimator of one sender."""
+
+    monitor: Any
+    last: float = -np.inf  # time of its newest sample, on the sender's clock [s]
+
+
 class CurrentTerrain:
     """Follows the terrain under the robot; one thread."""
 
-    model: Model  # model of the model file
-    monitor: Callable[[Model], Any]  # makes a terrain estimator; loads it with the first samples
-    label_for: float  # time that a label holds [s]
-    min_probability: float  # smallest probability of an accepted label [1]
-    unsupported_reason: str = ""  # why samples are not used; empty while they are used
-    _label: str = ""
-    _label_until: float = -np.inf
-    _label_probability: float = 0.0
-    _source: str = ""
-    _monitors: OrderedDict[str, Any] = field(default_factory=OrderedDict)
-    _last: dict[str, float] = field(default_factory=dict)
+    def __init__(self, file: Model, settings: Learning) -> None:
+        """Begin without labels and samples of the vehicle in a model file."""
+        self.unsupported_reason = ""  # why samples are not used; empty while they are used
+        self._settings, make_monitor = settings, _monitor_maker(settings.terrains)
+        self._label, self._label_until, self._label_probability = "", -np.inf, 0.0
+        self._runs = SenderTable[str, _Run](lambda: _Run(make_monitor(file)), _MAX_SOURCES)
+        self._newest: Any = None  # monitor with the latest samples
 
     def label(self, label: TerrainLabel, now: float) -> None:
         """Use an estimator's label; an improbable one means unknown terrain."""
-        self._label = label.surface if label.probability >= self.min_probability else ""
+        self._label = label.surface if label.probability >= self._settings.sure else ""
         self._label_probability = label.probability
-        self._label_until = now + self.label_for
+        self._label_until = now + self._settings.label_for
 
     def surface(self, now: float) -> str:
         """Name of the terrain now by its label, empty where it is unknown."""
@@ -60,35 +64,37 @@ class CurrentTerrain:
 
     def description(self) -> str:
         """Description of the ground by the latest samples, empty without any."""
-        monitor = self._monitors.get(self._source)
-        return "" if monitor is None else str(monitor.describer.describe())
+        return "" if self._newest is None else str(self._newest.describer.describe())
 
     def open_surfaces(self) -> tuple[str, ...]:
         """Surfaces that the latest samples do not exclude; none before the first samples."""
-        monitor = self._monitors.get(self._source)
-        return () if monitor is None else tuple(monitor.open_surfaces())
+        return () if self._newest is None else tuple(self._newest.open_surfaces())
 
     def flags(self) -> list[str]:
         """Warnings about the samples and the vehicle file."""
-        checks = [monitor.vehicle_check.message() for monitor in self._monitors.values()]
+        checks = [run.monitor.vehicle_check.message() for run in self._runs.values()]
         return [text for text in (self.unsupported_reason, *dict.fromkeys(checks)) if text]
 
     def drive(self, source: str, columns: dict[str, Floats]) -> TerrainUpdate:
         """Samples in chronological order; a source that restarts begins another run."""
         if self.unsupported_reason or any(name not in columns for name in _NEEDED):
             return TerrainUpdate()
-        monitor = self._monitor(source, float(columns["t"][0]))
-        if monitor is None:
+        try:
+            run = self._runs.of(source)
+        except ParameterError as error:
+            self.unsupported_reason = f"terrain is not estimated: expected {error.expected}"
             return TerrainUpdate()
+        if columns["t"][0] <= run.last:
+            run.monitor.begin_run()
+        run.last, self._newest = float(columns["t"][-1]), run.monitor
         from slopewise.models.terrain.description import GroundChange
         from slopewise.models.terrain.estimator import DriveSample
 
-        self._last[source], self._source = float(columns["t"][-1]), source
         changed, features = False, None
         none = np.zeros_like(columns["t"])
         rows = [columns.get(name, none).tolist() for name in _SAMPLED]
         for sample in map(DriveSample, *rows):
-            for event in monitor.update(sample):
+            for event in run.monitor.update(sample):
                 if isinstance(event, GroundChange):
                     changed = True
                     continue
@@ -96,24 +102,8 @@ class CurrentTerrain:
                 features = tuple(zip(known.values, known.stds, strict=True))
         return TerrainUpdate(changed, features)
 
-    def _monitor(self, source: str, begin: float) -> Any:
-        monitor = self._monitors.pop(source, None)
-        if monitor is None:
-            try:
-                monitor = self.monitor(self.model)
-            except ParameterError as error:
-                self.unsupported_reason = f"terrain is not estimated: expected {error.expected}"
-                return None
-        elif begin <= self._last[source]:
-            monitor.begin_run()
-        self._monitors[source] = monitor
-        while len(self._monitors) > _MAX_SOURCES:
-            oldest, _ = self._monitors.popitem(last=False)
-            self._last.pop(oldest, None)
-        return monitor
 
-
-def monitor_maker(terrains: str) -> Callable[[Model], Any]:
+def _monitor_maker(terrains: str) -> Callable[[Model], Any]:
     """A maker of terrain estimators with the classes of a terrain file, or without classes."""
     file: Any = None
     if terrains:

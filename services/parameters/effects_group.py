@@ -15,8 +15,7 @@ import msgspec
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.services.discovery.model_comparison import cautious
-from slopewise.services.discovery.proposal_builder import model_of
+from slopewise.services.discovery.model_comparison import cautious, model_of
 from slopewise.services.parameters.parameter_group import GroupDescription, ParameterGroups, State
 from slopewise.services.wire.model_proposal import ModelProposal
 
@@ -61,25 +60,26 @@ class EffectsGroup(ParameterGroups):
         if faster and not offer.valid:
             expected = "a valid finding, as only those may make plans faster"
             raise ParameterError("offer", f"{expected}, got {offer.verdict} without a closed gap")
-        return self._with_tables(offer.model, faster=faster, adopted=offer.id)
-
-    def _with_tables(self, tables: State | None, *, faster: bool, adopted: str) -> EffectsGroup:
-        since = time.monotonic()
-        return replace(self, tables=tables, may_be_faster=faster, adopted=adopted, since=since)
+        adopted, since = offer.id, time.monotonic()
+        return replace(self, tables=offer.model, may_be_faster=faster, adopted=adopted, since=since)
 
     def load(self, state: State | None, age: float) -> EffectsGroup:
         """As a state of ``age`` seconds ago; a parked force is retained while it fits."""
         proposal, adopted = self.read(state)
-        if state is None:
-            if self.tables is None:
-                return replace(self, proposal=None)
-            return replace(self._with_tables(None, faster=False, adopted=""), proposal=None)
-        after = self
-        if state["model"] != self.tables or bool(state["faster"]) != self.may_be_faster:
-            after = self._with_tables(state["model"], faster=bool(state["faster"]), adopted="")
-            parked = state["before"] if state["before"] is not None else self.parked
-            after = replace(after, parked=parked)
-        return replace(after, proposal=proposal, adopted=adopted, since=time.monotonic() - age)
+        tables, faster, parked = None, False, None
+        if state is not None:
+            tables, faster = state["model"], bool(state["faster"])
+            is_same = tables == self.tables and faster == self.may_be_faster
+            parked = None if is_same else state["before"]
+        return replace(
+            self,
+            proposal=proposal,
+            adopted=adopted,
+            tables=tables,
+            may_be_faster=faster,
+            parked=self.parked if parked is None else parked,
+            since=time.monotonic() - age,
+        )
 
     def read(self, state: State | None) -> tuple[ModelProposal | None, str]:
         """The proposal in a stored state, and the id of the finding in use."""

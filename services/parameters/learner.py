@@ -13,21 +13,22 @@ from collections.abc import Callable, Collection
 from slopewise.models.laws import braking
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
-from slopewise.models.stop_logs.stop_stream import StreamedStop
+from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 from slopewise.models.terrain.surfaces import with_open_surfaces
 from slopewise.services.parameters.braking_groups import BASE, group_of
-from slopewise.services.parameters.current_terrain import CurrentTerrain, monitor_maker
+from slopewise.services.parameters.current_terrain import CurrentTerrain
 from slopewise.services.parameters.learner_state import LearnerState
 from slopewise.services.parameters.observation_filter import columns_of
 from slopewise.services.parameters.parameter_group import DriveUpdate
 from slopewise.services.parameters.stop_checks import (
     LearnedStop,
     StopRateLimiter,
-    StopStreams,
     contradiction,
     implausible,
+    stops_in,
 )
 from slopewise.services.settings.learning_settings import Learning
+from slopewise.services.wire.arrival import SenderTable
 from slopewise.services.wire.observations import (
     DriveSamples,
     RobotObservation,
@@ -39,6 +40,7 @@ from slopewise.services.wire.recent_warnings import RecentWarnings
 _REMEMBERED_STOPS = 200
 """Last stops that are compared with their predictions [1]; the live page shows 400."""
 
+_MAX_STREAMS = 8  # senders in whose samples stops are looked for [1]; a robot has one or two
 NOT_LEARNED = "not learned from: "
 
 
@@ -49,20 +51,21 @@ class Learner:
         self,
         file: Model,
         settings: Learning,
-        names_surfaces: Callable[[], bool] = bool,
         map_surfaces: Callable[[], Collection[str]] = tuple,
+        counters: Counter[str] | None = None,
     ) -> None:
         """Begin with the model of a file; see :class:`ParameterService`."""
-        self._settings, self._names_surfaces = settings, names_surfaces
+        self._settings = settings
         self.state = LearnerState.of_file(file, settings, map_surfaces)
-        self.ground = CurrentTerrain(
-            file, monitor_maker(settings.terrains), settings.label_for, settings.sure
-        )
+        self.ground = CurrentTerrain(file, settings)
         self.stops: deque[LearnedStop] = deque(maxlen=_REMEMBERED_STOPS)  # with predictions
-        self.counters: Counter[str] = Counter()  # stops learned from, and rejected by reason
+        # stops learned from, and rejected by reason
+        self.counters = Counter[str]() if counters is None else counters
         self._rate = StopRateLimiter(file.vehicle, settings.stops_at_once)
         self._warnings = RecentWarnings()
-        self._streams = StopStreams(settings)
+        self._streams = SenderTable[str, StopStream](
+            lambda: StopStream(0.0, mount=settings.mount, dive=settings.dive), _MAX_STREAMS
+        )
         self._last_surface = ""
         self._open_surfaces: tuple[str, ...] = ()
         self._assumed: list[str] = []  # surfaces that plans count with on ground without a name
@@ -117,7 +120,7 @@ class Learner:
         changed |= self.follow_terrain(now)
         reason = "the ground changed" if ground.changed else "samples"
         surface = samples.surface or self.ground.surface(now)
-        for stop in self._streams.feed(samples.source, columns, forces.dead_time()):
+        for stop in stops_in(self._streams.of(samples.source), columns, forces.dead_time()):
             more, reason = self._learn(stop, surface, samples.source, None, arrived)
             changed |= more
         return changed, reason
@@ -144,7 +147,7 @@ class Learner:
         self.counters["stops"] += 1
         changed = {group_of(surface)}
         # Where the map names no surfaces, the base represents all terrain.
-        if surface and not self._names_surfaces():
+        if surface and not any(self.state.map_surfaces()):
             forces.learn(stop, "", source, distance)
             changed.add(BASE)
         return changed, learned.outcome
@@ -168,10 +171,6 @@ class Learner:
     def assume_untrained(self) -> set[str]:
         """Plan as on ground without stops where nothing is known; the groups that changed."""
         return set() if self.state.unsupported_reason else self.state.braking.assume_untrained()
-
-    def age(self) -> None:
-        """Age what was learned by the time since the last call."""
-        self.state.braking.forces.age()
 
     def flags(self) -> list[str]:
         """Warnings about learned parameters and about the senders of stops."""

@@ -29,7 +29,6 @@ from slopewise.services.wire.observations import (
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
 _MAX_SOURCES = 1000  # sources whose numbers and clocks are remembered [1]; bounds memory
-_MAX_JUMPED = 4  # sources in the warning of clocks that were set [1]
 _INSTANCE = "\x1f"  # separates a source's name from its instance; no name contains it
 _MAX_SAMPLES = 20_000  # samples of one message [1]: 100 s at 200 Hz
 
@@ -52,7 +51,7 @@ class ObservationFilter:
         self._sequences = SenderTable[str, SequenceTracker](SequenceTracker, _MAX_SOURCES)
         self._stamps = SenderTable[str, StampCheck](StampCheck, _MAX_SOURCES)
         self._last_digest: tuple[RobotObservation, int] | None = None
-        self.jumped: dict[str, float] = {}  # when a clock was noticed to be set [s], by source
+        self.clocks = RecentWarnings()  # about clocks that were set
         self.notices = RecentWarnings()  # about counts that restarted or go backwards
         self.restore(seen or {})
 
@@ -67,9 +66,7 @@ class ObservationFilter:
             return order.value.replace(" ", "_")
         verdict = self._stamps.of(source).check(lead, self._early)
         if verdict is StampVerdict.CLOCK_SET:
-            self.jumped[source] = now
-            while len(self.jumped) > _MAX_JUMPED:
-                self.jumped.pop(next(iter(self.jumped)))
+            self.clocks.add(f"the clock of {source} was set")
         is_used = verdict in (StampVerdict.PLAUSIBLE, StampVerdict.CLOCK_SET)
         warn_of_order(self.notices, what, order, is_used=is_used)
         return "" if is_used else verdict.value

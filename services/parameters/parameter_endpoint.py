@@ -14,6 +14,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import msgspec
@@ -27,7 +28,7 @@ from slopewise.services.wire import parameter_messages as messages
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.endpoint import Endpoint, Handler
 from slopewise.services.wire.fair_queue import FairQueue, Waiting
-from slopewise.services.wire.message_header import read_source
+from slopewise.services.wire.message_header import read_header
 
 _log = logging.getLogger("slopewise")
 
@@ -94,23 +95,23 @@ class ParameterEndpoint:
         self.beat = time.monotonic()  # when the thread last took an item
         self._thread = threading.Thread(target=self._work, name="parameters", daemon=True)
         self._thread.start()
-        self._declared = [*self._declare(session)]
+        self._declared = self._declare(session)
 
     def _declare(self, session: zenoh.Session) -> list[Any]:
-        key, declared = self._config.key, list[Any]()
-        for kind in KINDS:
-            declared.append(session.declare_subscriber(key(f"obs/{kind}"), self._putter(kind)))
-        queryables = {kind: f"obs/{kind}" for kind in KINDS}
-        queryables |= {PARAMS: f"{PARAMS}/**", DISCREPANCY: DISCREPANCY}
-        for kind, pattern in queryables.items():
-            put = self._putter(kind)
-            declared.append(session.declare_queryable(key(pattern), put, complete=True))
-        for name in self._config.learning.estimators:
-            token = session.liveliness().declare_subscriber(
-                key(f"alive/{name}"), self._on_token, history=True
-            )
-            declared.append(token)
-        return declared
+        key, on_alive = self._config.key, session.liveliness().declare_subscriber
+        put_keys = {kind: f"obs/{kind}" for kind in KINDS}
+        query_keys = put_keys | {PARAMS: f"{PARAMS}/**", DISCREPANCY: DISCREPANCY}
+        return [
+            *(session.declare_subscriber(key(k), self._putter(n)) for n, k in put_keys.items()),
+            *(
+                session.declare_queryable(key(k), self._putter(n), complete=True)
+                for n, k in query_keys.items()
+            ),
+            *(
+                on_alive(key(f"alive/{name}"), self._on_token, history=True)
+                for name in self._config.learning.estimators
+            ),
+        ]
 
     def close(self) -> None:
         """Undeclare the keys, then close the store."""
@@ -135,12 +136,9 @@ class ParameterEndpoint:
 
         def put(item: Any) -> None:
             name = str(item.key_expr).removeprefix(f"{self._config.key(PARAMS)}/")
-            payload = item.payload or b""
-            is_readable = is_observation and len(payload) <= self._config.learning.observation_bytes
-            source = read_source(payload, str(item.encoding or "")) if is_readable else ""
             waiting = Waiting(
                 _Received(kind, item),
-                sender=source if is_observation else kind,
+                sender=self._source_of(item) if is_observation else kind,
                 # Access to these keys is given to operators only.
                 outranks=kind == PARAMS and name in CHANGES,
             )
@@ -156,6 +154,10 @@ class ParameterEndpoint:
                 self._queue.interrupt()
 
         return put
+
+    def _source_of(self, item: Any) -> str:
+        max_bytes = self._config.learning.observation_bytes
+        return read_header(item.payload or b"", str(item.encoding or ""), max_bytes).source
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr).rpartition("/")[2]
@@ -198,7 +200,7 @@ class ParameterEndpoint:
             alive, self._alive = self._alive, {}
         try:
             if waiting is not None and self._queue.claim(waiting):
-                self._process(waiting.item.kind, waiting.arrived, waiting.item.message)
+                self._process(*waiting.item, waiting.arrived)
         finally:  # a message that fails loses neither a token nor another request
             for name, is_alive in alive.items():
                 self._service.alive(name, is_alive=is_alive)
@@ -210,34 +212,36 @@ class ParameterEndpoint:
 
     def _reject(self, received: _Received, reason: str) -> None:
         """Reply to a request that was not handled."""
-        query, kind = received.message, received.kind
+        kind, query = received
         if not isinstance(query, zenoh.Query):
             return
-        requested, is_observation = str(query.key_expr), kind in KINDS
-        base = self._config.key(f"obs/{kind}" if is_observation else kind)
-        reply = self._failed(reason) if is_observation else self._error(reason)
-        default = Format.MESSAGEPACK if is_observation else Format.JSON
-        written = codec.format_of(str(query.encoding or ""), default)
+        reply: msgspec.Struct
+        if kind in KINDS:
+            base, reply, default = f"obs/{kind}", self._failed(reason), Format.MESSAGEPACK
+        else:
+            base, reply, default = kind, self._error(reason), Format.JSON
+        key, written = str(query.key_expr), codec.format_of(str(query.encoding or ""), default)
+        payload = codec.payload_of(reply, written)
         with query:
-            self._endpoint.send(query, base if "*" in requested else requested, reply, written)
+            self._endpoint.send(query, self._config.key(base) if "*" in key else key, payload)
 
     def _failed(self, reason: str) -> observations.ObservationAck:
         return self._service.receipt("error", reason)
 
     def _error(self, reason: str) -> messages.ParameterReply:
-        return replies.reply_of(self._service, self._config.id, "error", reason)
+        return replies.reply_of(self._service, "error", reason)
 
-    def _process(self, kind: str, arrived: float, item: Any) -> None:
+    def _process(self, kind: str, item: Any, arrived: float) -> None:
         with item if isinstance(item, zenoh.Query) else nullcontext():
             if kind in KINDS:
-                self._observe(kind, arrived, item)
+                self._observe(kind, item, arrived)
             elif kind == DISCREPANCY:
-                request = self._handler(messages.DiscrepancyQuestion, replies.findings)
-                self._endpoint.answer(item, self._config.key(DISCREPANCY), request)
+                kind_of, key = messages.DiscrepancyQuestion, self._config.key(DISCREPANCY)
+                self._answer(item, key, kind_of, replies.findings, kind_of())
             else:
-                self._answer(item)
+                self._answer_parameters(item)
 
-    def _observe(self, kind: str, arrived: float, item: Any) -> None:
+    def _observe(self, kind: str, item: Any, arrived: float) -> None:
         key = self._config.key(f"obs/{kind}")
         observation = Handler(
             KINDS[kind],
@@ -250,45 +254,46 @@ class ParameterEndpoint:
         if receipt.status in (REFUSED, "error"):
             _log.info("%s: %s", key, receipt.reason)
 
-    def _answer(self, query: zenoh.Query) -> None:
+    def _answer_parameters(self, query: zenoh.Query) -> None:
         requested, base = str(query.key_expr), self._config.key(PARAMS)
-        name = requested[len(base) + 1 :] if requested.startswith(f"{base}/") else ""
+        name = requested.removeprefix(base).removeprefix("/")
         if name in CHANGES:
-            change = self._handler(CHANGES[name], replies.change, has_default=False)
-            self._endpoint.answer(query, requested, change)
+            self._answer(query, requested, CHANGES[name], replies.change)
         elif "*" not in requested:
-            self._read(query, name, requested)
+            self._read(query, requested, name)
         elif query.key_expr.intersects(base):
-            self._read(query, "", base)
+            self._read(query, base, "")
         else:
             # A pattern of groups: one reply per group, with its key.
             for group in self._service.learner.state.names():
                 if query.key_expr.intersects(f"{base}/{group}"):
-                    self._read(query, group, f"{base}/{group}")
+                    self._read(query, f"{base}/{group}", group)
 
-    def _read(self, query: zenoh.Query, group: str, key: str) -> None:
-        def read(service: ParameterService, request: messages.ParameterQuestion, name: str) -> Any:
+    def _read(self, query: zenoh.Query, key: str, group: str) -> None:
+        def read(service: ParameterService, request: messages.ParameterQuestion) -> Any:
             request = msgspec.structs.replace(request, group=group or request.group)
-            return replies.read(service, request, name)
+            return replies.read(service, request)
 
-        self._endpoint.answer(query, key, self._handler(messages.ParameterQuestion, read))
+        self._answer(query, key, messages.ParameterQuestion, read, messages.ParameterQuestion())
 
-    def _handler(
+    def _answer(
         self,
+        query: zenoh.Query,
+        key: str,
         kind: type[Any],
         handle: Callable[..., messages.ParameterReply],
-        *,
-        has_default: bool = True,
-    ) -> Handler[Any, messages.ParameterReply]:
-        """A request about parameters; the reply is JSON unless its encoding names MessagePack."""
-        return Handler(
+        default: msgspec.Struct | None = None,
+    ) -> None:
+        """Reply about parameters, in JSON unless the encoding names MessagePack."""
+        handler = Handler(
             kind,
-            handle=lambda request: handle(self._service, request, self._config.id),
+            handle=partial(handle, self._service),
             failure=self._error,
             name=PARAMS,
-            default=kind() if has_default else None,
+            default=default,
             reply_format=Format.JSON,
         )
+        self._endpoint.answer(query, key, handler)
 
     def _report_fault(self, what: str) -> str:
         """Count and flag a fault of the service with one message; the reason for its sender."""
@@ -302,7 +307,7 @@ class ParameterEndpoint:
         changed, self._service.changed = self._service.changed, set()
         if not changed:
             return
-        reply = replies.read(self._service, messages.ParameterQuestion(), self._config.id)
+        reply = replies.read(self._service, messages.ParameterQuestion())
         for message in reply.groups:
             if message.group in changed:
                 self._put(f"{PARAMS}/{message.group}", message)
@@ -310,9 +315,6 @@ class ParameterEndpoint:
         self._put(PARAMS, reply)
 
     def _put(self, key: str, message: msgspec.Struct) -> None:
-        self._session.put(
-            self._config.key(key),
-            codec.encode(message, Format.JSON),
-            encoding=codec.encoding_of(type(message), Format.JSON),
-            congestion_control=zenoh.CongestionControl.DROP,
-        )
+        drop = zenoh.CongestionControl.DROP
+        payload = codec.payload_of(message, Format.JSON)
+        self._session.put(self._config.key(key), **payload, congestion_control=drop)

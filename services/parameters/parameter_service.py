@@ -30,7 +30,6 @@ from slopewise.services.wire.recent_warnings import RecentWarnings
 _log = logging.getLogger("slopewise")
 
 TAKEN, IGNORED, REFUSED = "taken", "ignored", "refused"
-_FLAGGED_FOR = 600.0  # time for which a clock that was set is flagged [s]: an operator sees it
 
 
 class ParameterService:
@@ -40,28 +39,28 @@ class ParameterService:
         self,
         config: ServiceConfig,
         prior: Model,
-        names_surfaces: Callable[[], bool] = bool,
         apply: Callable[[ActiveParameters], None] = lambda _: None,
         map_surfaces: Callable[[], Collection[str]] = tuple,
     ) -> None:
         """Begin with the model file, ``prior``, and what was stored.
 
-        ``names_surfaces``: returns True while the map in use distinguishes surfaces; ``apply``:
-        called with the active parameters each time they change; ``map_surfaces``: returns the names
-        of the surfaces on the map.
+        ``apply``: called with the active parameters each time they change; ``map_surfaces``:
+        returns the names of the surfaces on the map in use.
         """
         settings = config.learning
         self._config, self._settings, self._file = config, settings, prior
-        self._apply = apply
-        self.learner = Learner(prior, settings, names_surfaces, map_surfaces)
-        self.history = ParameterHistory(config.store, fingerprint(prior))
+        self.id, self._apply = config.id, apply
+        # of observations, stops, investigations and changes
+        self.counters: Counter[str] = Counter()
+        self.learner = Learner(prior, settings, map_surfaces, self.counters)
+        vehicle = fingerprint(prior.vehicle)
+        self.history = ParameterHistory(config.store, vehicle)
         self._restorer = ParameterRestorer(self.learner, self.history, settings.oldest)
-        self.investigator = Investigator(config.discrepancy, fingerprint(prior))
+        self.investigator = Investigator(config.discrepancy, vehicle, self.counters)
         self._missing = set(settings.estimators)
         self._faults: list[str] = []
         self.notices = RecentWarnings()  # messages that failed
         self._refreshed = -math.inf
-        self.counters: Counter[str] = Counter()  # of observations and changes
         self.changed: set[str] = set()  # groups that are not published yet
         self.rejected = ("", "")  # proposal last refused to be adopted: its id, and the reason
         self._filter = ObservationFilter(settings.early, self.history.seen())
@@ -217,7 +216,7 @@ class ParameterService:
             self._commit(changed, "the ground's label expired", "service")
         if now - self._refreshed >= self._settings.refresh:
             self._refreshed = now
-            self.learner.age()
+            self.learner.state.braking.forces.age()
             self._publish()
         else:
             self._update_flags()
@@ -227,21 +226,15 @@ class ParameterService:
         missing = (f"estimator {name} is not alive" for name in sorted(self._missing))
         return [*missing, *self._faults]
 
-    def all_counters(self) -> Counter[str]:
-        """Counters for the status."""
-        return self.counters + self.learner.counters + self.investigator.all_counters()
-
     def flags(self) -> list[str]:
         """Active warnings, the reasons of the degraded mode first."""
-        learner, late = self.learner, time.monotonic() - _FLAGGED_FOR
-        reasons = (learner.state.unsupported_reason, *learner.ground.flags())
-        clocks = [name for name, noticed in self._filter.jumped.items() if noticed > late]
+        learner = self.learner
         return [
             *(f"degraded: {reason}" for reason in self.degraded()),
-            *(f"the clock of {name} was set" for name in clocks),
+            *self._filter.clocks.active(),
             *self._filter.notices.active(),
             *self.notices.active(),
-            *(reason for reason in reasons if reason),
+            *filter(None, (learner.state.unsupported_reason, *learner.ground.flags())),
             *learner.flags(),
             *learner.state.effects.flags(),
             *self.investigator.flags(),

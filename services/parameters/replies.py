@@ -1,9 +1,10 @@
-"""Parameters, history and operators' changes as messages; ``name`` is the id of the service."""
+"""Parameters, history and operators' changes as messages."""
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import msgspec
@@ -38,11 +39,11 @@ def group_message(service: ParameterService, group: str) -> ParameterGroup:
     known = asdict(state.group(group).describe(group))
     known["values"] = {name: float(value) for name, value in known["values"].items()}
     last = asdict(service.history.last.get(group, _FROM_FILE))
-    vehicle = fingerprint(service.active.model)
+    vehicle = fingerprint(service.active.model.vehicle)
     return ParameterGroup(group=group, fingerprint=vehicle, **last, **known)
 
 
-def read(service: ParameterService, request: ParameterQuestion, name: str) -> ParameterReply:
+def read(service: ParameterService, request: ParameterQuestion) -> ParameterReply:
     """Reply to a request for parameters."""
     try:
         names = [request.group] if request.group else service.learner.state.names()
@@ -52,12 +53,12 @@ def read(service: ParameterService, request: ParameterQuestion, name: str) -> Pa
             changes = service.history.entries(request.group, request.history)
             history = [entry for entry in map(_entry, changes) if entry is not None]
     except (ParameterError, StoreError) as error:
-        return reply_of(service, name, "error", str(error))
-    return reply_of(service, name, "ok", "", groups, history)
+        return reply_of(service, "error", str(error))
+    return reply_of(service, "ok", "", groups, history)
 
 
 def change(
-    service: ParameterService, request: SetParameters | RollBack | AdoptOffer, name: str
+    service: ParameterService, request: SetParameters | RollBack | AdoptOffer
 ) -> ParameterReply:
     """Apply an operator's change, and report the result."""
     try:
@@ -69,12 +70,12 @@ def change(
             service.roll_back(request.version, request.group, request.who)
     except (SlopewiseError, StoreError) as error:
         service.counters["changes_refused"] += 1
-        return reply_of(service, name, "refused", str(error))
+        return reply_of(service, "refused", str(error))
     service.counters["changes_by_operators"] += 1
-    return read(service, ParameterQuestion(), name)
+    return read(service, ParameterQuestion())
 
 
-def findings(service: ParameterService, request: DiscrepancyQuestion, name: str) -> ParameterReply:
+def findings(service: ParameterService, request: DiscrepancyQuestion) -> ParameterReply:
     """Reply about findings: the last one whole, after a new investigation was requested."""
     status, reason = "ok", ""
     if request.start:
@@ -82,28 +83,27 @@ def findings(service: ParameterService, request: DiscrepancyQuestion, name: str)
             service.investigate(request.who)
         except ParameterError as error:
             status, reason = "refused", str(error)
-    reply = reply_of(service, name, status, reason)
+    reply = reply_of(service, status, reason)
     return msgspec.structs.replace(reply, offer=service.learner.state.effects.proposal)
 
 
 def reply_of(
     service: ParameterService,
-    name: str,
     status: str,
     reason: str,
-    groups: list[ParameterGroup] | None = None,
-    history: list[HistoryEntry] | None = None,
+    groups: Sequence[ParameterGroup] = (),
+    history: Sequence[HistoryEntry] = (),
 ) -> ParameterReply:
     """Reply of any kind."""
     proposal = service.learner.state.effects.proposal
     return ParameterReply(
         status=status,  # type: ignore[arg-type]
         reason=reason,
-        service=name,
+        service=service.id,
         version=service.history.version,
         durable=service.history.durable,
-        groups=groups or [],
-        history=history or [],
+        groups=[*groups],
+        history=[*history],
         flags=service.flags(),
         offer=None if proposal is None else msgspec.structs.replace(proposal, model={}),
         investigation=service.investigator.last,

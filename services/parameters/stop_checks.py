@@ -11,16 +11,16 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from slopewise.models.arrays import Floats
 from slopewise.models.calibration.published import PublishSettings
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.laws import braking
-from slopewise.models.parameters import Braking, Effect, Model
+from slopewise.models.parameters import Braking, Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.settings.learning_settings import Learning
-from slopewise.services.wire.arrival import SenderTable
 from slopewise.services.wire.observations import StopObservation
 
 MAX_DEAD_TIME = 3.0
@@ -34,7 +34,6 @@ measured to some percent, and brakes build up."""
 
 _DISTANCE_TOLERANCE = 0.15  # accepted deviation beyond the share [m]: a few samples at low speed
 _HOLD_TIME = 1.0  # time for which the speed of a stop was held before it [s]
-_MAX_STREAMS = 8  # senders whose streams are followed [1]; a robot has one or two
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +90,8 @@ def unsupported_reason(model: Model, owner: str = "the model file") -> str:
 
 def counts_twice(model: Model) -> bool:
     """Return True if learned force holds force that the model's effects add already."""
-    return bool(unsupported_reason(model)) and any(_adds_force(effect) for effect in model.effect)
-
-
-def _adds_force(effect: Effect) -> bool:
-    """Return True if an effect adds force somewhere beyond the braking model alone."""
-    return LAWS[effect.name].adds(effect.parameters)
+    adds_force = any(LAWS[effect.name].adds(effect.parameters) for effect in model.effect)
+    return adds_force and bool(unsupported_reason(model))
 
 
 def contradiction(stop: StopObservation) -> str:
@@ -156,24 +151,12 @@ class StopRateLimiter:
         return True
 
 
-class StopStreams:
-    """Stops in the drive samples of several senders, one stream each; one thread."""
-
-    def __init__(self, settings: Learning) -> None:
-        mount, dive = settings.mount, settings.dive
-        self._streams = SenderTable[str, StopStream](
-            lambda: StopStream(0.0, mount=mount, dive=dive), _MAX_STREAMS
-        )
-
-    def feed(
-        self, source: str, columns: Mapping[str, Floats], dead_time: float
-    ) -> Iterator[StreamedStop]:
-        """Stops that end in samples, (n,) each; late brakes, ``dead_time`` [s], are not weak."""
-        stream = self._streams.of(source)
-        stream.dead_time = dead_time
-        rows = [columns[name].tolist() for name in ("t", "v", "v_cmd", "pitch")]
-        grades = columns["grade"].tolist() if "grade" in columns else [math.nan] * len(rows[0])
-        for t, v, v_cmd, pitch, grade in zip(*rows, grades, strict=True):
-            stop = stream.feed(t, v, v_cmd, pitch, grade)
-            if stop is not None:
-                yield stop
+def stops_in(
+    stream: StopStream, columns: Mapping[str, Floats], dead_time: float
+) -> Iterator[StreamedStop]:
+    """Stops that end in samples, (n,) each; late brakes, ``dead_time`` [s], are not weak."""
+    stream.dead_time = dead_time
+    unknown = np.full_like(columns["t"], np.nan)
+    names = ("t", "v", "v_cmd", "pitch", "grade")
+    rows = [columns.get(name, unknown).tolist() for name in names]
+    return filter(None, map(stream.feed, *rows))

@@ -14,7 +14,7 @@ from slopewise.services.planning.map_store import MapStore
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
 from slopewise.services.wire.fair_queue import FairQueue, Waiting
-from slopewise.services.wire.message_header import read_source
+from slopewise.services.wire.message_header import read_header
 from slopewise.services.wire.plan_messages import MapUpdate
 
 _log = logging.getLogger("slopewise")
@@ -77,7 +77,5 @@ class MapEndpoint:
             self._counters["map_sources_anew"] = self._maps.restarts  # words: ok
 
     def _reject(self, sample: zenoh.Sample, reason: str) -> None:
-        payload, encoding = sample.payload, str(sample.encoding)
-        is_small = len(payload) <= self._max_bytes
-        source = read_source(bytes(payload), encoding) if is_small else ""
-        self._maps.note_rejection(source, reason)
+        header = read_header(sample.payload, str(sample.encoding), self._max_bytes)
+        self._maps.note_rejection(header.source, reason)

@@ -11,8 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.planning.map_message import digest, patched_map, update_id, whole_map
+from slopewise.services.io.files import faults_of
 from slopewise.services.wire.arrival import (
     MessageOrder,
     SenderTable,
@@ -21,6 +20,7 @@ from slopewise.services.wire.arrival import (
     StampVerdict,
     warn_of_order,
 )
+from slopewise.services.wire.map_message import apply_update, digest, update_id
 from slopewise.services.wire.plan_messages import MapUpdate
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
@@ -69,7 +69,7 @@ class MapStore:
         """Begin with a map of that name, or without one."""
         self.snapshot: MapSnapshot | None = None  # map in use; None before the first map
         self.restarts = 0  # number of restarted sources
-        self._warnings = RecentWarnings(_WARNING_DURATION)
+        self.warnings = RecentWarnings(_WARNING_DURATION)  # also before the first map
         self._rejections: OrderedDict[str, str] = OrderedDict()
         self._sources = SenderTable[tuple[str, str], _Source](_Source, _MAX_SOURCES)
         self._lock = threading.Lock()
@@ -78,7 +78,7 @@ class MapStore:
                 elevation_map,
                 1,
                 time.monotonic(),
-                warnings=self._warnings,
+                warnings=self.warnings,
                 id=name,
                 digest=digest(elevation_map),
                 fixed=True,
@@ -95,21 +95,20 @@ class MapStore:
             source = self._source(update)
             order = source.sequence.classify(update.sequence, content, lead)
             if not order.is_accepted:
-                warn_of_order(self._warnings, what, order, is_used=False)
+                warn_of_order(self.warnings, what, order, is_used=False)
                 return False
             last = source.sequence.last
             is_first = last < 0 and source.follows_another
             has_begun = order is not MessageOrder.NEW or is_first
-            try:
-                elevation_map = self._map_of(update)
-            except ParameterError as error:
-                raise InputError(key, error.field, f"expected {error.expected}") from None
+            known = None if self.snapshot is None else self.snapshot.elevation_map
+            with faults_of(key):
+                elevation_map = apply_update(update, known)
             delay = 0.0 if update.time is None else self._delay(source, update.source, lead)
             is_gap = has_begun or 0 <= last < update.sequence - 1
             self._replace(elevation_map, update, at, delay, is_gap=is_gap)
             source.sequence.accept(update.sequence, content)
             self.restarts += order is not MessageOrder.NEW
-            warn_of_order(self._warnings, what, order, is_used=True)
+            warn_of_order(self.warnings, what, order, is_used=True)
             return True
 
     def _source(self, update: MapUpdate) -> _Source:
@@ -120,21 +119,14 @@ class MapStore:
         if has_other and not is_known:
             source.follows_another = True
             self.restarts += 1
-            self._warnings.add(f"maps of {update.source}: the source was restarted")
+            self.warnings.add(f"maps of {update.source}: the source was restarted")
         return source
-
-    def _map_of(self, update: MapUpdate) -> ElevationMap:
-        if not update.patch:
-            return whole_map(update)
-        if self.snapshot is None:
-            raise ParameterError("patch", "a whole map first, there is none yet")  # words: ok
-        return patched_map(update, self.snapshot.elevation_map)
 
     def _delay(self, source: _Source, name: str, lead: float) -> float:
         """Time by which a map with a time stamp took longer than the quickest one [s]."""
         verdict = source.stamps.check(lead, _MAX_EARLY)
         if verdict in (StampVerdict.FUTURE, StampVerdict.CLOCK_SET):
-            self._warnings.add(f"the clock of {name} was set")
+            self.warnings.add(f"the clock of {name} was set")
         return source.stamps.delay(lead)
 
     def _replace(
@@ -156,28 +148,24 @@ class MapStore:
             at=at,
             incomplete=update.patch and (is_gap or was_incomplete),
             delay=delay,
-            warnings=self._warnings,
+            warnings=self.warnings,
             id=update_id(update),
             digest=digest(update if update.patch else elevation_map, before),
         )
         if not update.patch:
-            self._warnings.clear(self._rejections.pop(update.source, ""))
+            self.warnings.clear(self._rejections.pop(update.source, ""))
         self._warn_assumed(elevation_map)
 
     def _warn_assumed(self, elevation_map: ElevationMap) -> None:
         for assumption in elevation_map.assumed:
-            self._warnings.add(f"map: {assumption}")
-
-    def warnings(self) -> list[str]:
-        """Active warnings, also before the first map."""
-        return self._warnings.active()
+            self.warnings.add(f"map: {assumption}")
 
     def note_rejection(self, source: str, reason: str) -> None:
         """Warn about a map that could not be used: the one before remains, and ages."""
         text = f"a map of {source or 'a sender without a name'} could not be used: {reason[:200]}"
         with self._lock:
-            self._warnings.clear(self._rejections.pop(source, ""))
-            self._warnings.add(text)
+            self.warnings.clear(self._rejections.pop(source, ""))
+            self.warnings.add(text)
             self._rejections[source] = text
             while len(self._rejections) > _MAX_SOURCES:
                 self._rejections.popitem(last=False)

@@ -40,6 +40,8 @@ _STOP_TIMEOUT = 2.0  # longest wait for a thread to end, and for a late worker t
 _MAX_DRIVING_CANDIDATES = 200
 """Candidates up to which the reserved thread answers [1]: more take longer than a cycle."""
 
+_MAX_HEADER_BYTES = 200_000  # payload whose header is read [bytes]: takes zenoh's thread 0.1 ms
+
 PlanQueue = FairQueue[zenoh.Query]
 PlanEntry = Waiting[zenoh.Query]
 
@@ -103,9 +105,10 @@ class PlanEndpoint:
         """Called by zenoh's threads."""
         planning = self._config.planning
         self._counters["queries"] += 1
-        header = read_header(query)
-        entry = PlanEntry(query, header.client, header.size, outranks=outranks)
-        is_short = 0 < header.candidates <= _MAX_DRIVING_CANDIDATES
+        payload = query.payload or b""
+        header = read_header(payload, str(query.encoding or ""), _MAX_HEADER_BYTES)
+        entry = PlanEntry(query, header.client, len(payload), outranks=outranks)
+        is_short = 0 < len(header.paths) <= _MAX_DRIVING_CANDIDATES
         entry.is_driving = is_short and (outranks or self._queue.shares.is_driving(header.client))
         try:
             limit = read_deadline(query, self._key)
@@ -169,7 +172,7 @@ class PlanEndpoint:
                 remaining=entry.due - decoded,
             )
             reply.seconds.update(queued=started - entry.arrived, decode=decoded - started)
-            payload = codec.encode(reply, written)
+            payload = codec.payload_of(reply, written)
         except DeadlineError:
             self._plans.forget(request.client)
             raise
@@ -179,11 +182,8 @@ class PlanEndpoint:
             # Its client received "busy", and will not drive this plan.
             self._plans.forget(request.client)
             return
-        reply_encoding = codec.encoding_of(PlanReply, written)
         with query:
-            is_sent = self._endpoint.send_encoded(
-                query, str(query.key_expr), payload, reply_encoding
-            )
+            is_sent = self._endpoint.send(query, str(query.key_expr), payload)
         if not is_sent:
             self._plans.forget(request.client)
             return
@@ -195,23 +195,20 @@ class PlanEndpoint:
 
     def _give_up(self, entry: PlanEntry, status: str, reason: str) -> None:
         if self._queue.claim(entry):
-            self._counters["busy"] += status == plan_messages.BUSY
             self._reply_without_plans(entry, status, reason)
 
     def _reply_busy(self) -> None:
         while (overdue := self._queue.overdue()) is not None:
             for entry in overdue:
-                if entry.is_invalid:
-                    self._counters["refused"] += 1
-                    self._reply_without_plans(entry, plan_messages.ERROR, entry.reason)
-                else:
-                    self._counters["busy"] += 1
-                    self._reply_without_plans(entry, plan_messages.BUSY, entry.reason or FULL)
+                self._counters["refused"] += entry.is_invalid
+                status = plan_messages.ERROR if entry.is_invalid else plan_messages.BUSY
+                self._reply_without_plans(entry, status, entry.reason or FULL)
 
     def _reply_without_plans(self, entry: PlanEntry, status: str, reason: str) -> None:
         """Reply to a claimed request."""
         query = entry.item
+        self._counters["busy"] += status == plan_messages.BUSY
         written = codec.format_of(str(query.encoding or ""))
         reply = PlanReply(status=status, reason=reason, service=self._config.id)
         with query:
-            self._endpoint.send(query, str(query.key_expr), reply, written)
+            self._endpoint.send(query, str(query.key_expr), codec.payload_of(reply, written))

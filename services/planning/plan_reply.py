@@ -6,44 +6,38 @@ from typing import TypeVar
 
 import numpy as np
 
-from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, SpeedCommand, command_of
+from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, command_of
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.ranking import ranking_cost
 from slopewise.planner.plan import Obstacle, SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.wire.plan_messages import (
-    PLAN_COLUMNS,
-    Deviation,
-    Limit,
-    Message,
-    ObstacleMessage,
-    Plan,
-    PlanReply,
-    RankedCandidate,
-    WireCommand,
-)
+from slopewise.services.wire import plan_messages as wire
 
-M = TypeVar("M", bound=Message)
+M = TypeVar("M", bound=wire.Message)
 
 
-def full_stop(reason: str, rejected: list[RankedCandidate] | None = None) -> PlanReply:
+def full_stop(reason: str, rejected: list[wire.RankedCandidate] | None = None) -> wire.PlanReply:
     """A full stop, because no candidate can be planned."""
     status = Status.DEGRADED.value
-    command, ranking = _command(FULL_STOP), rejected or []
-    return PlanReply(status=status, reason=reason, service="", command=command, ranking=ranking)
+    command, ranking = _copied(wire.WireCommand, FULL_STOP), rejected or []
+    return wire.PlanReply(
+        status=status, reason=reason, service="", command=command, ranking=ranking
+    )
 
 
-def cycle_reply(answer: CycleAnswer) -> PlanReply:
+def cycle_reply(answer: CycleAnswer) -> wire.PlanReply:
     """Result of one cycle of a moving horizon."""
-    return PlanReply(
+    return wire.PlanReply(
         status=answer.status.value,
         reason=answer.reason,
         service="",
-        command=_command(answer.command),
+        command=_copied(wire.WireCommand, answer.command),
         chosen=None if answer.chosen is None else answer.chosen.candidate,
         kept=answer.kept,
         ranking=[
-            RankedCandidate(name=r.candidate, usable=r.valid, reason=r.reason, cost=_finite(r.cost))
+            wire.RankedCandidate(
+                name=r.candidate, usable=r.valid, reason=r.reason, cost=_finite(r.cost)
+            )
             for r in answer.ranking
         ],
         plans=[_plan(plan) for plan in answer.plans],
@@ -55,13 +49,14 @@ def ranked_reply(
     plans: list[SpeedPlan],
     settings: PlannerSettings,
     period: float,
-    rejected: list[RankedCandidate],
-) -> PlanReply:
+    rejected: list[wire.RankedCandidate],
+) -> wire.PlanReply:
     """Result of a request without a client; plans are best first, ``period`` to the next [s]."""
     best = plans[0]
     is_stop = best.status is Status.INFEASIBLE
+    command = FULL_STOP if is_stop else command_of(best, 0.0, 0.0, period)
     ranking = [
-        RankedCandidate(
+        wire.RankedCandidate(
             name=plan.candidate,
             usable=plan.status is not Status.INFEASIBLE,
             reason=plan.reason,
@@ -69,21 +64,21 @@ def ranked_reply(
         )
         for plan in plans
     ]
-    return PlanReply(
+    return wire.PlanReply(
         status=best.status.value,
         reason=best.reason,
         service="",
-        command=_command(FULL_STOP if is_stop else command_of(best, 0.0, 0.0, period)),
+        command=_copied(wire.WireCommand, command),
         chosen=best.candidate,
         ranking=[*ranking, *rejected],
         plans=[_plan(plan) for plan in plans],
     )
 
 
-def _plan(plan: SpeedPlan) -> Plan:
+def _plan(plan: SpeedPlan) -> wire.Plan:
     changes = np.flatnonzero(np.diff(plan.limiting)) + 1
     starts, deviation = [0, *(int(i) for i in changes)], plan.path_deviation
-    return Plan(
+    return wire.Plan(
         candidate=plan.candidate,
         status=plan.status.value,
         reason=plan.reason,
@@ -92,11 +87,11 @@ def _plan(plan: SpeedPlan) -> Plan:
         clear_distance=float(plan.clear_distance),
         least_margin=_finite(plan.least_margin),
         least_rear_load=float(plan.rear_load.min()),
-        limits=[Limit(first=i, name=Limiting(int(plan.limiting[i])).label) for i in starts],
-        columns=list(PLAN_COLUMNS),
-        values=np.stack([getattr(plan, name) for name in PLAN_COLUMNS]),
+        limits=[wire.Limit(first=i, name=Limiting(int(plan.limiting[i])).label) for i in starts],
+        columns=list(wire.PLAN_COLUMNS),
+        values=np.stack([getattr(plan, name) for name in wire.PLAN_COLUMNS]),
         obstacle=_obstacle(plan.obstacle),
-        path_deviation=None if deviation is None else _copied(Deviation, deviation),
+        path_deviation=None if deviation is None else _copied(wire.Deviation, deviation),
     )
 
 
@@ -109,14 +104,10 @@ def _copied(kind: type[M], value: object) -> M:
     return kind(**{name: getattr(value, name) for name in kind.__struct_fields__})
 
 
-def _command(command: SpeedCommand) -> WireCommand:
-    return _copied(WireCommand, command)
-
-
-def _obstacle(obstacle: Obstacle | None) -> ObstacleMessage | None:
+def _obstacle(obstacle: Obstacle | None) -> wire.ObstacleMessage | None:
     if obstacle is None:
         return None
-    return ObstacleMessage(
+    return wire.ObstacleMessage(
         bound=obstacle.bound.label,
         x=float(obstacle.x),
         y=float(obstacle.y),

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from msgspec import structs
 
-from slopewise.models.errors import InputError, ParameterError
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import PlanarState
@@ -22,6 +21,7 @@ from slopewise.planner.horizon.horizon import Horizon
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan
+from slopewise.services.io.files import faults_of
 from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.deadline_check import CostEstimator, DeadlineCheck, no_deadline
 from slopewise.services.planning.map_age import MapAge
@@ -128,7 +128,12 @@ class PlanService:
         self._costs.check(count, remaining, named=is_named)
         deviation = parameters.model.max_path_deviation
         even = resample_all(valid.candidates, spacing, deviation, check_deadline)
-        result = self._plan(job, map_age.limit_speed(even.candidates), key, check_deadline)
+        candidates = map_age.limit_speed(even.candidates)
+        with faults_of(key):
+            if request.client:
+                result = self._plan_for_client(job, candidates)
+            else:
+                result = self._plan_once(job, candidates, check_deadline)
         duration = time.perf_counter() - checked
         self._costs.record(count, duration, named=is_named)
         rejected = [*valid.rejected, *even.rejected]
@@ -136,16 +141,6 @@ class PlanService:
         return self._reply(request, parameters, snapshot, result, rejected, seconds)
 
     # ------------------------------------------------------------------ planning
-
-    def _plan(
-        self, job: _Job, candidates: list[PlanCandidate], key: str, check_deadline: DeadlineCheck
-    ) -> PlanReply:
-        try:
-            if job.request.client:
-                return self._plan_for_client(job, candidates)
-            return self._plan_once(job, candidates, check_deadline)
-        except ParameterError as error:
-            raise InputError(key, error.field, f"expected {error.expected}") from None
 
     def _plan_for_client(self, job: _Job, candidates: list[PlanCandidate]) -> PlanReply:
         request, parameters = job.request, job.parameters

@@ -53,20 +53,17 @@ def rejection(name: str, reason: str) -> RankedCandidate:
 
 def validate_request(request: PlanRequest, sizes: SizeLimits, key: str) -> None:
     """Check a request as a whole."""
-    if len(request.paths) > sizes.candidates:
-        count = len(request.paths)
-        expected = f"expected at most {sizes.candidates} candidates, got {count}"
-        raise InputError(key, "paths", expected)
-    if request.client and request.pose is None:
-        raise InputError(key, "pose", "expected x, y, heading of a named client, got none")
-    if not abs(request.speed) <= _MAX_SPEED:
-        expected = f"expected at most {_MAX_SPEED:g} m/s, got {request.speed:g} m/s"
-        raise InputError(key, "speed", expected)
-    if request.pose is not None and not all(abs(n) <= _MAX_COORDINATE for n in request.pose):
-        raise InputError(key, "pose", f"expected coordinates of at most {_MAX_COORDINATE:g} m")
-    if not request.client and request.speed < 0.0:
-        expected = f"expected a speed >= 0 without a client, got {request.speed:g} m/s"
-        raise InputError(key, "speed", expected)
+    count, client, pose, speed = len(request.paths), request.client, request.pose, request.speed
+    in_range = all(abs(n) <= _MAX_COORDINATE for n in pose or ())
+    for is_met, field, expected in (
+        (count <= sizes.candidates, "paths", f"at most {sizes.candidates} candidates, got {count}"),
+        (pose or not client, "pose", "x, y, heading of a named client, got none"),
+        (abs(speed) <= _MAX_SPEED, "speed", f"at most {_MAX_SPEED:g} m/s, got {speed:g} m/s"),
+        (in_range, "pose", f"coordinates of at most {_MAX_COORDINATE:g} m"),
+        (client or speed >= 0.0, "speed", f"a speed >= 0 without a client, got {speed:g} m/s"),
+    ):
+        if not is_met:
+            raise InputError(key, field, f"expected {expected}")
 
 
 def validate_candidates(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -121,8 +120,3 @@ class Graph:
     def schemes(self) -> set[KeyScheme]:
         """Schemes in use here."""
         return {e.scheme for e in self.here()}
-
-
-def other_domains(endpoints: Iterable[Endpoint], ours: int) -> list[int]:
-    """Domains other than ours, sorted."""
-    return sorted({e.domain for e in endpoints if e.domain is not None} - {ours})

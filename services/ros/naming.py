@@ -86,8 +86,8 @@ class Identity:
         """Token that a zenoh-bridge-ros2dds subscribes to; arguments as of :meth:`token`."""
         # Keyed no, reliable, volatile, the last ten; numbers of DDS, not of rmw.
         qos = f":1:0:0,10:typehash={type_hash};"
-        parts = (bridged_key(topic), kind)
-        return f"@/{self.session}/@ros2_lv/{entity}/{'/'.join(map(_escaped, parts))}/{qos}"
+        name, kind = (part.replace("/", "§") for part in (bridged_key(topic), kind))
+        return f"@/{self.session}/@ros2_lv/{entity}/{name}/{kind}/{qos}"
 
     def _token(self, number: int, entity: str) -> str:
         # The enclave is that of no security; names lose their slashes.
@@ -95,10 +95,6 @@ class Identity:
         return (
             f"@ros2_lv/{self.domain}/{self.session}/0/{number}/{entity}/%/{namespace}/{self.node}"
         )
-
-
-def _escaped(name: str) -> str:
-    return name.replace("/", "§")
 
 
 def gid_of(token: str) -> bytes:

@@ -16,29 +16,23 @@ from slopewise.services.ros.inbox import Inbox, keeper
 from slopewise.services.ros.topic_matching import OwnTopic, TopicMatch, match_topic
 
 
-class _Channel(NamedTuple):
-    """Publisher of zenoh under one scheme, and the id of the sender there."""
-
-    publisher: Any
-    gid: bytes
-
-
 class Publisher:
     """Messages of one type on one topic, under every scheme in use; one thread at a time."""
 
     def __init__(self, topic: str, kind: str) -> None:
         """Made by :meth:`Node.publisher`."""
         self.topic, self.kind, self._sequence = topic, kind, 0
-        self.channels: dict[KeyScheme, _Channel] = {}
+        # publisher of zenoh under each scheme, and the id of the sender there
+        self.channels: list[tuple[Any, bytes]] = []
 
     def send(self, message: Any) -> None:
         """Send one message."""
         self._sequence += 1
         payload = bytes(typestore().serialize_cdr(message, self.kind))
         now = time.time_ns()
-        for channel in self.channels.values():
-            attachment = naming.Attachment(self._sequence, now, channel.gid)
-            channel.publisher.put(payload, attachment=attachment.encode())
+        for publisher, gid in self.channels:
+            attachment = naming.Attachment(self._sequence, now, gid)
+            publisher.put(payload, attachment=attachment.encode())
 
 
 class _Subscription(NamedTuple):
@@ -139,7 +133,7 @@ class Node:
             congestion_control=zenoh.CongestionControl.DROP,
             express=True,
         )
-        publisher.channels[scheme] = _Channel(declared, naming.gid_of(token))
+        publisher.channels.append((declared, naming.gid_of(token)))
 
     def _listen(self, scheme: KeyScheme, subscription: _Subscription) -> None:
         topic, kind, latched = subscription

@@ -19,19 +19,16 @@ _MAX_PATHS = 100  # Candidates that the edge subscribes to: as many as a plan re
 class RosSettings:
     """Connection to ROS 2, and the node of the edge there.
 
-    Attributes:
-        config: file with zenoh's own settings; empty: none.
-        distribution: of ROS 2; auto: found in the robot's keys; dds: by zenoh-bridge-ros2dds.
-        frame: required frame of map and paths; empty: that of the map.
+    ``distribution`` auto: found in the robot's keys; dds: by zenoh-bridge-ros2dds.
     """
 
     connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
-    config: str = ""
+    config: str = ""  # file with zenoh's own settings; empty: none
     domain: int = quantity("1", "ROS_DOMAIN_ID.", default=0, at_least=0, at_most=232)
     distribution: Literal["auto", "humble", "jazzy", "kilted", "lyrical", "dds"] = "auto"
     namespace: str = "/"
     node: str = "slopewise"
-    frame: str = ""
+    frame: str = ""  # required frame of map and paths; empty: that of the map
 
     def __post_init__(self) -> None:
         validate_quantities(self)
@@ -49,15 +46,10 @@ class RosSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServiceEndpoint:
-    """The planning service.
+    """The planning service."""
 
-    Attributes:
-        connect: its endpoint, or a router's; empty: it is on the router of ROS 2.
-        config: file with zenoh's own settings; empty: none.
-    """
-
-    connect: str = ""
-    config: str = ""
+    connect: str = ""  # its endpoint, or a router's; empty: it is on the router of ROS 2
+    config: str = ""  # file with zenoh's own settings; empty: none
     namespace: str = "slopewise/robot"
     timeout: float = quantity("s", "For a reply.", default=0.08, above=0.0, at_most=10.0)
 
@@ -67,31 +59,22 @@ class ServiceEndpoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topics:
-    """Topics; without a leading / they are in the node's namespace. Empty: not used.
+    """Topics; without a leading / they are in the node's namespace. Empty: not used."""
 
-    Attributes:
-        map: grid_map_msgs/GridMap; layer: its layer of heights.
-        tf, tf_static: tf2_msgs/TFMessage, from odometry's frame to that of map and paths.
-        imu: sensor_msgs/Imu. joints: sensor_msgs/JointState.
-        command: command that the vehicle received, geometry_msgs of type ``command_type``.
-        speed_limit, profile, diagnostics: out, nav2_msgs/SpeedLimit, nav_msgs/Path,
-            diagnostic_msgs/DiagnosticArray.
-    """
-
-    paths: tuple[str, ...] = ("plan",)
-    map: str = "elevation_map"
-    layer: str = "elevation"
-    odometry: str = "odom"
-    tf: str = "/tf"
+    paths: tuple[str, ...] = ("plan",)  # nav_msgs/Path
+    map: str = "elevation_map"  # grid_map_msgs/GridMap
+    layer: str = "elevation"  # its layer of heights
+    odometry: str = "odom"  # nav_msgs/Odometry
+    tf: str = "/tf"  # tf, tf_static: tf2_msgs/TFMessage, from odometry's frame to that of paths
     tf_static: str = "/tf_static"
-    imu: str = ""
-    joints: str = ""
-    command: str = ""
+    imu: str = ""  # sensor_msgs/Imu
+    joints: str = ""  # sensor_msgs/JointState
+    command: str = ""  # command that the vehicle received, geometry_msgs of type ``command_type``
     command_type: Literal["Twist", "TwistStamped"] = "TwistStamped"
-    speed_limit: str = "speed_limit"
-    profile: str = "speed_plan"
-    diagnostics: str = "/diagnostics"
-    stop: str = "speed_stop"
+    speed_limit: str = "speed_limit"  # out, nav2_msgs/SpeedLimit
+    profile: str = "speed_plan"  # out, nav_msgs/Path
+    diagnostics: str = "/diagnostics"  # out, diagnostic_msgs/DiagnosticArray
+    stop: str = "speed_stop"  # out, std_msgs/Bool
 
     def __post_init__(self) -> None:
         if len(set(self.paths)) < len(self.paths) or len(self.paths) > _MAX_PATHS:
@@ -105,9 +88,8 @@ class Topics:
 class Timing:
     """Periods, ages up to which inputs are used, and the horizon.
 
-    Attributes:
-        clock: clock of odometry's stamps; shared: the wall clock of this machine; ignored: stamps
-            are not used, as of simulated time that runs slower.
+    ``clock`` of odometry's stamps; shared: the wall clock of this machine; ignored: stamps are not
+    used, as of simulated time that runs slower.
     """
 
     period: float = quantity(

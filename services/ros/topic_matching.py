@@ -14,7 +14,7 @@ import zenoh
 from slopewise.services.io.bags import type_hashes
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.conversions import Condition
-from slopewise.services.ros.graph import Endpoint, Graph, KeyScheme, other_domains
+from slopewise.services.ros.graph import Endpoint, Graph, KeyScheme
 from slopewise.services.ros.naming import NO_HASH, NULL_HASH, PUBLISHER, SUBSCRIPTION
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
@@ -90,7 +90,7 @@ def _cause(
     visible = graph.all()
     if nodes := {e.node for e in visible if e.domain in (graph.domain, None)}:
         return f"{len(nodes)} nodes are seen, and none of them has the topic"
-    if domains := other_domains(visible, graph.domain):
+    if domains := sorted({e.domain for e in visible if e.domain is not None}):
         ids = ", ".join(map(str, domains))
         return f"others are in ROS_DOMAIN_ID {ids}, we are in {graph.domain}"
     return (
@@ -130,10 +130,8 @@ class ConnectionWatch:
         self._last = missing
         texts = [text for text in missing.values() if text]
         if self._publisher is not None:
-            self._publisher.put(
-                codec.encode(Connections(source=self._source, missing=texts), Format.JSON),
-                encoding=codec.encoding_of(Connections, Format.JSON),
-            )
+            report = Connections(source=self._source, missing=texts)
+            self._publisher.put(**codec.payload_of(report, Format.JSON))
         values = [(m.topic.name, m.missing or ", ".join(m.nodes)) for m in matches]
         values.append(("speaks", "; ".join(scheme.value for scheme in schemes)))
         level, text = (ros.WARN, texts[0]) if texts else (ros.OK, "every topic has a counterpart")

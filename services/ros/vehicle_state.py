@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import Any
 from uuid import uuid4
 
@@ -44,10 +45,10 @@ class VehicleState:
             if topic:
                 self._actions[node.subscribe(topic, kind)] = (kind, act)
         self._frames = Frames(timing.transform_age)
-        for topic, act in ((topics.tf, self._on_transforms), (topics.tf_static, self._on_fixed)):
+        for topic, is_fixed in ((topics.tf, False), (topics.tf_static, True)):
             if topic:
                 name = node.subscribe(topic, ros.TRANSFORMS, latched=topic == topics.tf_static)
-                self._actions[name] = (ros.TRANSFORMS, act)
+                self._actions[name] = ros.TRANSFORMS, partial(self._frames.take, fixed=is_fixed)
                 # Several nodes publish a part of the tree each.
                 self._inbox.all_of.add(name)
         self._motion: OdometrySample | None = None
@@ -119,12 +120,6 @@ class VehicleState:
         if self._samples is not None:
             self._samples.record(at)
 
-    def _on_transforms(self, message: Any, at: float) -> None:
-        self._frames.take(message, at)
-
-    def _on_fixed(self, message: Any, at: float) -> None:
-        self._frames.take(message, at, fixed=True)
-
     def _on_imu(self, message: Any, at: float) -> None:
         roll, pitch, _ = ros.angles_of(message.orientation)
         self._put(at, roll=roll, pitch=pitch, yaw_rate=float(message.angular_velocity.z))
@@ -186,8 +181,5 @@ class SamplePublisher:
             columns=["t", *self._columns],
             values=np.array(self._rows).T,
         )
-        self._publisher.put(
-            codec.encode(message, Format.MESSAGEPACK),
-            encoding=codec.encoding_of(DriveSamples, Format.MESSAGEPACK),
-        )
+        self._publisher.put(**codec.payload_of(message, Format.MESSAGEPACK))
         self._rows.clear()

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from enum import Enum
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
@@ -148,27 +148,21 @@ class StampCheck:
         return max(self._quickest - lead, 0.0) if math.isfinite(self._quickest) else 0.0
 
 
-class SenderTable(Generic[K, V]):
+class SenderTable(OrderedDict[K, V]):
     """State by sender, bounded: the sender that was silent longest is dropped first."""
 
     def __init__(self, create: Callable[[], V], capacity: int) -> None:
+        super().__init__()
         self._create, self._capacity = create, capacity
-        self._states: OrderedDict[K, V] = OrderedDict()
-
-    def __contains__(self, sender: K) -> bool:
-        return sender in self._states
-
-    def __iter__(self) -> Iterator[K]:
-        """Senders, silent longest first."""
-        return iter(self._states)
 
     def of(self, sender: K) -> V:
         """State of a sender, which sends now."""
-        state = self._states.pop(sender, None)
-        self._states[sender] = state = self._create() if state is None else state
-        while len(self._states) > self._capacity:
-            self._states.popitem(last=False)
-        return state
+        if sender not in self:
+            self[sender] = self._create()
+        self.move_to_end(sender)
+        while len(self) > self._capacity:
+            self.popitem(last=False)
+        return self[sender]
 
 
 def warn_of_order(

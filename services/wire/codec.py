@@ -60,6 +60,11 @@ def encode(message: msgspec.Struct, written: Format) -> bytes:
     return msgspec.msgpack.encode(message, enc_hook=_as_block)
 
 
+def payload_of(message: msgspec.Struct, written: Format) -> dict[str, Any]:
+    """Payload and encoding of a message, as zenoh takes them by name."""
+    return {"payload": encode(message, written), "encoding": encoding_of(type(message), written)}
+
+
 def decode(kind: type[T], payload: Any, encoding: str, source: str, max_bytes: int) -> T:
     """A message from a received payload, which is not copied if it is longer than ``max_bytes``.
 

@@ -12,7 +12,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import msgspec
 import zenoh
@@ -66,16 +66,16 @@ class Endpoint:
             request = self.decode(handler.kind, item, key, handler.default)
             what = handler.describe(request) if handler.describe is not None else what
             reply = handler.handle(request)
-            payload = codec.encode(reply, written)
+            payload = codec.payload_of(reply, written)
         except InputError as error:
             self._counters[f"{handler.name}_malformed"] += 1
             reply = handler.failure(str(error))
-            payload = codec.encode(reply, written)
+            payload = codec.payload_of(reply, written)
         except Exception:  # noqa: BLE001 - reported and answered; the process has to live
             reply = handler.failure(self._report_fault(what))
-            payload = codec.encode(reply, written)
+            payload = codec.payload_of(reply, written)
         if isinstance(item, zenoh.Query):
-            self.send_encoded(item, key, payload, codec.encoding_of(type(reply), written))
+            self.send(item, key, payload)
         return reply
 
     def decode(
@@ -91,15 +91,10 @@ class Endpoint:
             return default
         return codec.decode(kind, payload or b"", str(item.encoding or ""), key, self._max_bytes)
 
-    def send(self, query: zenoh.Query, key: str, reply: msgspec.Struct, written: Format) -> bool:
-        """Send a reply; False if that failed, which is counted."""
-        encoding = codec.encoding_of(type(reply), written)
-        return self.send_encoded(query, key, codec.encode(reply, written), encoding)
-
-    def send_encoded(self, query: zenoh.Query, key: str, payload: bytes, encoding: str) -> bool:
-        """Send an encoded reply; False if that failed, which is counted."""
+    def send(self, query: zenoh.Query, key: str, payload: dict[str, Any]) -> bool:
+        """Send a reply, see :func:`codec.payload_of`; False if that failed, which is counted."""
         try:
-            query.reply(key, payload, encoding=encoding)
+            query.reply(key, **payload)
         except zenoh.ZError as error:
             self._counters["replies_lost"] += 1
             _log.warning("a reply on %s could not be sent: %s", key, error)

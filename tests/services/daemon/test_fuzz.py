@@ -127,12 +127,12 @@ class Desk:
             kind = key.removeprefix("obs/")
             return self.parameters.observe(kind, message, key, time.monotonic()).status
         if key == "params":
-            return replies.read(self.parameters, message, "s").status
-        return replies.change(self.parameters, message, "s").status
+            return replies.read(self.parameters, message).status
+        return replies.change(self.parameters, message).status
 
     def known(self) -> bytes:
         """All parameters but their age, byte by byte."""
-        groups = replies.read(self.parameters, ParameterQuestion(), "s").groups
+        groups = replies.read(self.parameters, ParameterQuestion()).groups
         assert groups
         raw = [msgspec.to_builtins(group) | {"age": 0.0} for group in groups]
         return msgspec.json.encode(raw, order="deterministic")

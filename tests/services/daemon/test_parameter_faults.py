@@ -249,10 +249,10 @@ def test_an_observation_that_breaks_learning_is_answered_counted_and_flagged_for
             raise ZeroDivisionError("an unknown fault")
         return learn(self, message, *rest)
 
-    def breaks_too(service: Any, question: Any, name: str) -> Any:
+    def breaks_too(service: Any, question: Any) -> Any:
         if question.group == "evil":
             raise ZeroDivisionError("another")
-        return read(service, question, name)
+        return read(service, question)
 
     monkeypatch.setattr(Learner, "observe", breaks)
     monkeypatch.setattr(replies, "read", breaks_too)

@@ -19,7 +19,7 @@ from tests.services import browser
 from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.daemon.test_findings_in_service import SETTINGS, WEAKER, drive
 from tests.services.dashboard.page_fixtures import HOSTILE, served
-from tests.services.dashboard.test_proposal_state import proposal
+from tests.services.dashboard.test_parameter_state import proposal
 from tests.services.parameter_client import Robot, send_ground
 from tests.services.service_process import free_port, running
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 
 import msgspec
@@ -15,9 +16,8 @@ import pytest
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.discovery import investigation_process, investigator
-from slopewise.services.discovery.investigation_process import as_log
+from slopewise.services.discovery.investigation_process import InvestigationOutcome, as_log
 from slopewise.services.discovery.investigator import Investigator
-from slopewise.services.discovery.proposal_builder import InvestigationOutcome
 from slopewise.services.discovery.stop_store import StoredStop
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.settings.learning_settings import Investigation
@@ -27,10 +27,8 @@ FILE = read_model(find_model("atv"))
 
 
 def filled(folder: Path, stops: int = 13, **settings: float) -> Investigator:
-    known = Investigator(
-        Investigation(samples=str(folder), **settings),  # type: ignore[arg-type]
-        "vehicle",
-    )
+    chosen = Investigation(samples=str(folder), **settings)  # type: ignore[arg-type]
+    known = Investigator(chosen, "vehicle", Counter())
     vehicle = Vehicle(seed=3)
     for _ in range(stops + 1):
         _, samples = vehicle.stop(ASPHALT, 2.0)
@@ -62,7 +60,7 @@ def _nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):  #
 
 def test_no_samples_and_too_few_stops_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="samples in the settings"):
-        Investigator(Investigation(), "vehicle").begin(FILE, FILE, FILE, "ann")
+        Investigator(Investigation(), "vehicle", Counter()).begin(FILE, FILE, FILE, "ann")
     with pytest.raises(ParameterError, match="at least 12 stored stops, got 5"):
         filled(tmp_path / "stops", 5).begin(FILE, FILE, FILE, "ann")
 
@@ -83,7 +81,7 @@ def test_a_process_beyond_its_time_limit_is_killed(
     assert "within 1 s" in outcome.reason
     assert time.monotonic() - begun < 5.0
     assert not known.running
-    assert known.all_counters()["looks_failed"] == 1
+    assert known.counters["looks_failed"] == 1
 
 
 def test_a_failed_process_is_reported_and_the_next_may_start(
@@ -108,7 +106,7 @@ def test_damaged_stops_are_left_out_quarantine_and_counted(tmp_path: Path) -> No
     outcome = outcome_of(known, 60.0)
     assert outcome.damaged == [victim.name]
     assert "at least 12 usable stops, got 11" in outcome.reason
-    assert known.all_counters()["stops_damaged"] == 1
+    assert known.counters["stops_damaged"] == 1
     assert not victim.exists()
     with pytest.raises(ParameterError, match="at least 12 stored stops, got 11"):
         known.begin(FILE, FILE, FILE, "ann")
@@ -123,7 +121,7 @@ def test_stops_that_cannot_be_written_are_counted_and_flagged(tmp_path: Path) ->
     for _ in range(3):
         _, samples = vehicle.stop(ASPHALT, 2.0)
         known.add_samples("other", samples, "", "model")
-    assert known.all_counters()["stops_lost"] == 2
+    assert known.counters["stops_lost"] == 2
     assert any("stops are not kept" in flag for flag in known.flags())
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.guard.command_arc import Pose2d
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.decide import BaseCommand, VehicleMotion
-from slopewise.services.guard.guard_map import GuardMap
 from slopewise.services.guard.guard_model import read_guard_model
 from slopewise.services.guard.settings import GuardJudgement, GuardSettings, GuardTiming
 from slopewise.services.io.model_file import find_model
@@ -22,31 +22,38 @@ from slopewise.services.wire.plan_messages import MapUpdate
 ATV = find_model("atv")
 MODEL = read_guard_model(ATV)
 CELL = 0.25
-FLAT = GuardMap(np.zeros((200, 400)), CELL, (-20.0, -25.0))
 WALL_TIME = 1.7e9
 
 
-def ground_with(height: float, first: int | None = None, last: int | None = None) -> GuardMap:
+def map_of(heights: np.ndarray, x: float = -20.0, y: float = -25.0) -> ElevationMap:
+    """Ground whose first cell is at x, y [m]."""
+    return ElevationMap(elevation=heights, resolution=CELL, origin=(x, y))
+
+
+FLAT = map_of(np.zeros((200, 400)))
+
+
+def ground_with(height: float, first: int | None = None, last: int | None = None) -> ElevationMap:
     """Level ground with another height in some columns; column 80 is at x = 0."""
     heights = np.zeros((200, 400))
     heights[:, first:last] = height
-    return GuardMap(heights, CELL, (-20.0, -25.0))
+    return map_of(heights)
 
 
-def slope(grade: float) -> GuardMap:
+def slope(grade: float) -> ElevationMap:
     """Ground that rises along x."""
     x = CELL * np.mgrid[0:200, 0:200][1]
-    return GuardMap(np.tan(grade) * x, CELL, (-10.0, -25.0))
+    return map_of(np.tan(grade) * x, -10.0)
 
 
-def hills(seed: int) -> GuardMap:
+def hills(seed: int) -> ElevationMap:
     rng = np.random.default_rng(seed)
     y, x = CELL * np.mgrid[0:240, 0:240]
     z = np.zeros_like(x)
     for _ in range(6):
         kx, ky, phase = rng.uniform(-0.25, 0.25), rng.uniform(-0.25, 0.25), rng.uniform(0, 7)
         z += rng.uniform(0.1, 0.6) * np.sin(kx * x + ky * y + phase)
-    return GuardMap(z, CELL, (0.0, 0.0))
+    return map_of(z, 0.0, 0.0)
 
 
 def motion(speed: float, x: float = 0.0) -> VehicleMotion:
@@ -55,7 +62,7 @@ def motion(speed: float, x: float = 0.0) -> VehicleMotion:
 
 def guard(
     now: list[float] | None = None,
-    known: GuardMap | None = FLAT,
+    known: ElevationMap | None = FLAT,
     wall_time: Callable[[float], float] = lambda now: WALL_TIME + now,
     **changes: Any,
 ) -> Guard:

@@ -199,7 +199,7 @@ def drive(scene: Scene, seconds: float = 14.0) -> Outcome:
         _send(lines, k, plant, scene.wall, min(requested, float(np.sqrt(2.0 * goal))))
         if k % 10 == 5:
             _bring(it, lines, scene, now)
-            decision = it.decision(now).decision
+            decision = it.decision(now)
             out.actions.append(decision.action)
             out.flags.update(it.warnings(now))
             sent.append((now + transport, decision.command.speed, decision.brake))

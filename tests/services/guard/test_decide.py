@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.guard.decide import BaseCommand, GuardDecision, GuardScene, decide
-from slopewise.services.guard.guard_map import GuardMap
 from slopewise.services.guard.guard_model import brake_table
 from tests.services.guard.guard_fixtures import FLAT, MODEL, ground_with, motion
 
@@ -18,7 +18,7 @@ def decided(
     requested: float,
     rate: float = 0.0,
     clear: float = 1e9,
-    ground: GuardMap = FLAT,
+    ground: ElevationMap = FLAT,
     x: float = 0.0,
     **changes: float,
 ) -> GuardDecision:

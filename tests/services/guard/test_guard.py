@@ -26,20 +26,20 @@ from tests.services.guard.guard_fixtures import (
 
 def test_missing_input_is_a_stop_that_lasts_until_rest() -> None:
     it = guard()
-    assert it.decision(0.0).decision.reason == "no odometry"
+    assert it.decision(0.0).reason == "no odometry"
     it = guard()
     feed(it, 1.0, speed=0.0)
-    assert it.decision(1.01).decision.action == "pass"
+    assert it.decision(1.01).action == "pass"
     feed(it, 1.1)
     it.commands.drop()
-    assert it.decision(1.11).decision.reason == "no command"
+    assert it.decision(1.11).reason == "no command"
     feed(it, 1.2)
-    assert it.decision(1.21).decision.action == "stop"  # it still moves
+    assert it.decision(1.21).action == "stop"  # it still moves
     assert "moves while it is commanded to stand" in it.warnings(1.21)[-1]
     feed(it, 1.3, speed=0.0)
-    assert it.decision(1.31).decision.action == "pass"
-    assert it.decision(1.52).decision.reason == "odometry is 0.22 s old (arrival), limit 0.2 s"
-    assert it.decision(1.52, "broken").decision.reason == "broken"
+    assert it.decision(1.31).action == "pass"
+    assert it.decision(1.52).reason == "odometry is 0.22 s old (arrival), limit 0.2 s"
+    assert it.decision(1.52, "broken").reason == "broken"
 
 
 def test_repeated_and_late_commands_are_ignored_and_counted() -> None:
@@ -57,11 +57,11 @@ def test_repeated_and_late_commands_are_ignored_and_counted() -> None:
 def test_clear_distance_shrinks_with_the_distance_driven() -> None:
     it = guard(awaits_clear=True)
     feed(it, 1.0, speed=0.0)
-    assert it.decision(1.0).decision.reason == "no clear distance"
+    assert it.decision(1.0).reason == "no clear distance"
     assert it.clear(5.0, 1.0, "s", 1)
-    assert it.decision(1.01).decision.action == "pass"
+    assert it.decision(1.01).action == "pass"
     it.motions.take(motion(3.0, x=4.0), 1.1, "r", 2000)
-    assert it.decision(1.11).decision.action == "stop"
+    assert it.decision(1.11).action == "stop"
     assert not it.clear(float("nan"), 1.2, "s", 2)
 
 
@@ -72,7 +72,7 @@ def allowed_speed(clear: float, late: float, reserve: float = 0.15) -> float:
     it.motions.take(motion(2.0), 1.0, "r", 1, WALL_TIME + 1.0)
     it.clear(clear, 1.0, "r", 1, WALL_TIME + 1.0 - late)
     it.commands.take((BaseCommand(4.0, 0.0), 1), 1.0, "p", 1, WALL_TIME + 1.0)
-    return it.decision(1.0).decision.command.speed
+    return it.decision(1.0).command.speed
 
 
 def test_clear_distance_counts_from_the_position_at_its_stamp() -> None:
@@ -88,7 +88,7 @@ def test_reserve_shortens_the_clear_distance() -> None:
 def test_base_holds_at_rest() -> None:
     it = guard()
     feed(it, 1.0, speed=0.0, requested=0.0)
-    decision = it.decision(1.0).decision
+    decision = it.decision(1.0)
     assert (decision.action, decision.brake) == ("pass", True)
 
 
@@ -97,7 +97,7 @@ def test_base_that_is_faster_than_commanded_is_stopped() -> None:
     feed(it, 0.0, speed=0.0)
     for k in range(1, 60):
         feed(it, 0.05 * k, speed=2.5)
-        decision = it.decision(0.05 * k).decision
+        decision = it.decision(0.05 * k)
     assert decision.action == "stop"
     assert "m/s faster than commanded" in decision.reason
 
@@ -121,7 +121,7 @@ def test_learned_brakes_make_stops_longer_and_only_shorter_if_trusted() -> None:
             it.learn()
             feed(it, 1.0, speed=0.0, requested=4.0)
             it.clear(4.0, 1.0, "s", 1)
-            speeds[b_b] = it.decision(1.0).decision.command.speed
+            speeds[b_b] = it.decision(1.0).command.speed
         assert speeds[0.25] < speeds[0.40]
         assert (speeds[0.60] > speeds[0.40]) == trusted
 
@@ -135,7 +135,7 @@ def last_reason(it: Guard, clock: list[float], stamps: list[float | None]) -> st
         clock[0] = 0.02 * k
         feed(it, clock[0], 2.0, 2.0, k + 1, stamp)
         it.clear(30.0, clock[0], "r", k + 1, stamp)
-    return it.decision(clock[0]).decision.reason
+    return it.decision(clock[0]).reason
 
 
 @pytest.mark.parametrize(
@@ -204,13 +204,13 @@ def test_clear_distance_that_cannot_be_used_never_frees_the_path(kind: str) -> N
             distance = -1.0 if kind == "unusable" else distance
             stamp += {"late": -0.83, "future": 3.0}.get(kind, 0.0)
         it.clear(distance, now, "c", k, stamp)
-        assert it.decision(now).decision.command.speed < 0.5, k
-    decision = it.decision(now).decision
+        assert it.decision(now).command.speed < 0.5, k
+    decision = it.decision(now)
     assert decision.action == "stop"
     assert "clear distance" in decision.reason
     clock[0] = later = now + it.settings.timing.clear + 0.02
     feed(it, later, 0.0, 2.0, 101, WALL_TIME + later)
-    assert it.decision(later).decision.action == "pass"
+    assert it.decision(later).action == "pass"
 
 
 def test_without_stamps_the_declared_latency_is_added() -> None:
@@ -219,7 +219,7 @@ def test_without_stamps_the_declared_latency_is_added() -> None:
         it = guard(clock, max_latency=latency)
         feed(it, 0.0, 0.0, 4.0, 1)
         it.clear(4.0, 0.0, "r", 1)
-        speeds.append(it.decision(0.0).decision.command.speed)
+        speeds.append(it.decision(0.0).command.speed)
     assert speeds[0] > speeds[1] > speeds[2]
     assert it.stamps() == {"command": "none", "odometry": "none", "clear distance": "none"}
     assert "odometry has no stamps: its delay is taken as 0.5 s" in it.warnings(0.0)
@@ -233,7 +233,7 @@ def test_sender_that_is_renamed_is_as_late_as_before() -> None:
         sent = 0.02 * k
         now = clock[0] = sent + min(max(0.25 * (sent - 2.0), 0.0), 0.5)
         it.motions.take(motion(0.0), now, "a" if k < 300 else "b", k, 7.0 + sent)
-        ages.append(it.motions.age(now))
+        ages.append(it.motions.newest.age(now))
     assert ages[299] == pytest.approx(0.5, abs=0.002)
     assert ages[300] == pytest.approx(0.5, abs=0.002)
     assert ages[500] > 0.2

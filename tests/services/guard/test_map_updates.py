@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,44 +11,17 @@ import zenoh
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.guard.core import Guard
-from slopewise.services.guard.guard_map import apply_update
 from slopewise.services.guard.map_updates import LOST, MAX_WAITING, KnownMap, MapUpdates
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
+from slopewise.services.wire.map_message import apply_update
 from slopewise.services.wire.parameter_messages import ParameterGroup
 from slopewise.services.wire.plan_messages import MapUpdate
 from tests.services.guard.guard_fixtures import braking_group, guard, map_update
 
 SPACE = "test/updates"
-
-
-def test_patch_changes_its_cells_only() -> None:
-    known = apply_update(map_update(resolution=0.5, origin=(1.0, 2.0)), None)
-    patch = map_update(patch=True, height=1.0, resolution=0.5, origin=(2.0, 2.5))
-    patched = apply_update(patch, known)
-    assert patched.elevation[1:3, 2:4].tolist() == [[1.0, 1.0], [1.0, 1.0]]
-    assert patched.elevation.sum() == 4.0
-
-
-@pytest.mark.parametrize(
-    ("changes", "is_first"),
-    [
-        ({"patch": True}, True),
-        ({"elevation": np.zeros((1, 3))}, True),
-        ({"terrain_class": np.full((40, 40), 3.0), "class_names": ["", "a"]}, True),
-        ({"terrain_class": np.full((40, 40), np.nan)}, True),
-        ({"patch": True, "origin": (0.3, 0.0)}, False),
-        ({"patch": True, "origin": (9.8, 0.0)}, False),
-        ({"patch": True, "resolution": 0.3}, False),
-        ({"patch": True, "terrain_class": np.zeros((2, 2)), "class_names": ["a"]}, False),
-    ],
-)
-def test_update_that_does_not_fit_is_refused(changes: dict[str, Any], is_first: bool) -> None:
-    known = None if is_first else apply_update(map_update(), None)
-    with pytest.raises(ParameterError):
-        apply_update(map_update(2, **changes), known)
 
 
 def corner(known: KnownMap) -> float | None:
@@ -95,6 +67,18 @@ def test_patches_counted_from_the_beginning_change_the_first_map(sequence: int) 
     known.take(map_update(sequence, patch=True, height=1.0))
     known.take(map_update(sequence + 1, patch=True, height=2.0))
     assert corner(known) == 2.0
+
+
+def test_patches_are_those_of_the_service() -> None:
+    """One row, and classes without their names; one that does not fit removes the map."""
+    known = KnownMap(None)
+    classes = {"terrain_class": np.ones((40, 40)), "class_names": ["", "mud"]}
+    known.take(map_update(1, **classes))
+    cells = {"elevation": np.ones((1, 3)), "terrain_class": np.ones((1, 3))}
+    known.take(map_update(2, patch=True, **cells))
+    assert corner(known) == 1.0
+    with pytest.raises(ParameterError, match="origin"):
+        known.take(map_update(3, patch=True, origin=(0.3, 0.0)))
 
 
 @pytest.fixture

@@ -44,6 +44,6 @@ def test_header_stamps_are_read(late: float) -> None:
         transport.close()
     now = time.monotonic()
     assert guard.stamps() == {"command": "none", "odometry": "shared clock"}
-    assert late < guard.motions.age(now) < late + 1.0
+    assert late < guard.motions.newest.age(now) < late + 1.0
     if late:
         assert "s old (stamp), limit 0.2 s" in guard.motions.missing(now)

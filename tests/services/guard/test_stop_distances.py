@@ -13,7 +13,6 @@ from slopewise.services.check.plan_line import line_of
 from slopewise.services.check.stop_dynamics import StopDynamics
 from slopewise.services.check.stop_integration import worst_case_stops
 from slopewise.services.guard.command_arc import CommandArc, Pose2d, arc_ahead
-from slopewise.services.guard.guard_map import GuardMap
 from slopewise.services.guard.guard_model import GuardModel, brake_table
 from slopewise.services.guard.stop_distances import StopOutcomes, stops_along
 from slopewise.services.io.model_file import read_model
@@ -24,7 +23,7 @@ ORIGIN = Pose2d(0.0, 0.0, 0.0)
 
 
 def arc_on(
-    model: GuardModel, ground: GuardMap, pose: Pose2d = ORIGIN, curvature: float = 0.0
+    model: GuardModel, ground: ElevationMap, pose: Pose2d = ORIGIN, curvature: float = 0.0
 ) -> CommandArc:
     table = brake_table(model)
     return arc_ahead(model, table, ground, pose, curvature, forward=True, length=15.0)

@@ -17,7 +17,6 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.fleet import map_windows
-from slopewise.services.guard.guard_map import apply_update
 from slopewise.services.io.map_file import read_map
 from slopewise.services.io.map_grid import footprint_margin
 from slopewise.services.io.model_file import find_model, read_model
@@ -289,8 +288,6 @@ def test_service_and_guard_know_the_same_of_whole_maps_and_patches(marker: float
     assert f"{marker:g}" in flag
     assert store.apply(patch, "map")
     assert np.isnan(store.snapshot.elevation_map.elevation[:6, :6]).all()
-    guarded = apply_update(patch, apply_update(full, None))
-    np.testing.assert_array_equal(guarded.elevation, store.snapshot.elevation_map.elevation)
 
 
 def test_a_patch_of_ground_is_taken() -> None:

@@ -35,7 +35,7 @@ def stop(force: float, surface: str = "", speed: float = 2.0, **more: Any) -> St
 
 def learner(model: Model = ATV, named: bool = False, **settings: Any) -> Learner:
     """A learner that accepts stops as fast as they arrive."""
-    return Learner(model, Learning(**{"stops_at_once": 1000, **settings}), lambda: named)
+    return Learner(model, Learning(**{"stops_at_once": 1000, **settings}), lambda: ("x",) * named)
 
 
 def started(store: Path | str, model: Model = ATV, **learning: Any) -> ParameterService:

@@ -13,8 +13,8 @@ import pytest
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Effect, Model
+from slopewise.services.discovery.investigation_process import InvestigationOutcome, is_valid
 from slopewise.services.discovery.model_comparison import cautious, compare_stops
-from slopewise.services.discovery.proposal_builder import InvestigationOutcome, is_valid
 from slopewise.services.io.model_file import model_to_dict
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.learning_settings import Investigation, StoreSettings

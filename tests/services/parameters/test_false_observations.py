@@ -26,7 +26,7 @@ class FalseReports:
     """Stops of any force, reported to a learner."""
 
     def __init__(self, names: tuple[str, ...] = (), model: Model | None = None, **more: Any):
-        self.learner = Learner(model or ATV, Learning(**more), lambda: bool(names), lambda: names)
+        self.learner = Learner(model or ATV, Learning(**more), lambda: names)
         self.clock = 0.0
 
     def stop(

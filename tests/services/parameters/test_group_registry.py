@@ -130,6 +130,6 @@ def test_an_estimator_in_the_registry_is_used_everywhere(
     assert (message.values, message.valid, message.who) == ({"max_wheel_speed": 1.0}, True, "ann")
     again.roll_back(learned, "wheels", "ann")
     assert again.active.model.vehicle.max_wheel_speed == 1.5
-    reply = replies.read(again, ParameterQuestion(group="wheels", history=9), "planner")
+    reply = replies.read(again, ParameterQuestion(group="wheels", history=9))
     assert [entry.values["max_wheel_speed"] for entry in reply.history] == [1.5, 1.0, 1.5]
     again.close()

@@ -383,7 +383,7 @@ def test_only_stops_make_it_faster_and_they_by_steps(events: list[Any], named: b
             robot.observe(stop(value, surface), "obs/stop")
         elif what == "age":
             robot.state.braking.forces._aged -= value  # type: ignore[attr-defined]
-            robot.age()
+            robot.state.braking.forces.age()
         else:
             robot.observe(label(surface, value), "obs/terrain")
         after = forces(robot)

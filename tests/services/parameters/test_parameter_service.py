@@ -216,11 +216,11 @@ def test_each_surface_has_the_scatter_of_its_age() -> None:
 
 
 def set_values(service: ParameterService, group: str, **values: float) -> ParameterReply:
-    return replies.change(service, SetParameters(group=group, values=values, who="ann"), "planner")
+    return replies.change(service, SetParameters(group=group, values=values, who="ann"))
 
 
 def roll_back(service: ParameterService, version: int, group: str = "") -> ParameterReply:
-    return replies.change(service, RollBack(version=version, group=group), "planner")
+    return replies.change(service, RollBack(version=version, group=group))
 
 
 def group_of(service: ParameterService, name: str) -> dict[str, Any]:
@@ -301,7 +301,7 @@ def test_history_says_what_caused_what(tmp_path: Path) -> None:
     stopped(service, 1, 0.41)
     set_values(service, "braking", b_b=0.3)
     question = ParameterQuestion(group="braking", history=3)
-    after, before = replies.read(service, question, "planner").history
+    after, before = replies.read(service, question).history
     assert [h.cause.partition(":")[0] for h in (after, before)] == ["set b_b = 0.3", "stop 1"]
     assert [h.who for h in (after, before)] == ["ann", "robot"]
     assert after.version == before.version + 1

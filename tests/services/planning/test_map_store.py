@@ -10,6 +10,8 @@ from slopewise.models.errors import InputError
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.wire.plan_messages import MapUpdate
 
+PATCH = {"patch": True, "elevation": np.ones((2, 2))}
+
 
 def update(sequence: int, height: float = 0.0, **more: object) -> MapUpdate:
     fields: dict[str, object] = {
@@ -53,12 +55,16 @@ def test_patches_change_their_cells_only() -> None:
         ({"origin": (1e308, 0.0)}, "origin"),
         ({"height_std": 1e308}, "height_std"),
         ({"height_std": float("nan")}, "height_std"),
-        ({"height_std": 11.0, "patch": True, "elevation": np.ones((2, 2))}, "height_std"),
+        ({"height_std": 11.0, **PATCH}, "height_std"),
         ({"elevation": np.full((4, 4), np.nan)}, "elevation"),
         ({"elevation": np.full((4, 4), 1e300)}, "elevation"),
-        ({"patch": True, "elevation": np.ones((2, 2)), "origin": (0.6, 0.0)}, "origin"),
-        ({"patch": True, "elevation": np.ones((2, 2)), "resolution": 0.25}, "resolution"),
-        ({"patch": True, "elevation": np.ones((2, 2)), "origin": (9.5, 0.0)}, "patch"),
+        ({"elevation": np.zeros((1, 3))}, "elevation"),
+        ({"terrain_class": np.full((20, 20), 3.0), "class_names": ["", "a"]}, "terrain_class"),
+        ({"terrain_class": np.full((20, 20), np.nan)}, "terrain_class"),
+        ({**PATCH, "terrain_class": np.zeros((2, 2)), "class_names": ["a"]}, "class_names"),
+        ({**PATCH, "origin": (0.6, 0.0)}, "origin"),
+        ({**PATCH, "resolution": 0.25}, "resolution"),
+        ({**PATCH, "origin": (9.5, 0.0)}, "patch"),
     ],
 )
 def test_an_unusable_update_names_the_field_and_changes_nothing(

@@ -24,8 +24,16 @@ _MAX_GRID_ERROR = 1e-3
 _MAX_CLASS = 2**20  # exclusive limit of class numbers in a patch, which may name no classes [1]
 
 
-def whole_map(update: MapUpdate) -> ElevationMap:
-    """The map in a message."""
+def apply_update(update: MapUpdate, known: ElevationMap | None) -> ElevationMap:
+    """The map after an update; ``known``: before it, None before the first one."""
+    if not update.patch:
+        return _whole_map(update)
+    if known is None:
+        raise ParameterError("patch", "a whole map first, there is none yet")  # words: ok
+    return _patched_map(update, known)
+
+
+def _whole_map(update: MapUpdate) -> ElevationMap:
     classes = None if update.terrain_class is None else _classes(update)
     std = update.height_std
     heights, assumed = _heights(update)
@@ -40,8 +48,7 @@ def whole_map(update: MapUpdate) -> ElevationMap:
     )
 
 
-def patched_map(update: MapUpdate, known: ElevationMap) -> ElevationMap:
-    """A known map with the cells of a patch."""
+def _patched_map(update: MapUpdate, known: ElevationMap) -> ElevationMap:
     if abs(update.resolution - known.resolution) > 1e-6 * known.resolution:
         expected = f"{known.resolution:g} m as the whole map, got {update.resolution:g}"
         raise ParameterError("resolution", expected)
