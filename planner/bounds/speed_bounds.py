@@ -224,18 +224,18 @@ class _Chords(NamedTuple):
 
 
 @kernel
-def _keep_limit(speed_sq_max: Floats, limiting: Ints, most: float) -> None:
+def _keep_limit(speed_sq_max: Floats, limiting: Ints, highest: float) -> None:
     """The speed limit of the model, by its square."""
     for k in range(speed_sq_max.shape[0]):
-        _cap(speed_sq_max[k], limiting[k], most)
+        _cap(speed_sq_max[k], limiting[k], highest)
 
 
 @row_pass
-def _cap(row: Floats, row_label: Ints, most: float) -> None:
+def _cap(row: Floats, row_label: Ints, highest: float) -> None:
     for j in range(row.shape[0]):
         here, label = row[j], row_label[j]
-        row[j] = min(here, most)
-        row_label[j] = _SPEED_LIMIT if here >= most else label
+        row[j] = min(here, highest)
+        row_label[j] = _SPEED_LIMIT if here >= highest else label
 
 
 @kernel

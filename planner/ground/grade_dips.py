@@ -1,6 +1,6 @@
 """Weak brakes where the grade dips between stations.
 
-Stops take the grade to be linear between stations. Wherever an axle crosses an edge of the map it
+Stops take the grade to be linear between stations. Where an axle crosses an edge of the map it
 kinks, and may be steeper downhill in between. Where brakes and slope nearly balance, that decides
 how long a stop is: there the force is lowered by what the dip may add on average.
 """
@@ -46,9 +46,9 @@ class _Row(NamedTuple):
 @kernel
 def _lower(grade: Floats, sin_grade: Floats, known: Bools, forces: Forces, lower: Floats) -> None:
     stations, candidates = grade.shape
-    bends = np.zeros((stations + 2, candidates))
+    dips = np.zeros((stations + 2, candidates))
     for k in range(1, stations - 1):
-        _bend(grade[k - 1], grade[k], grade[k + 1], known[k - 1], known[k + 1], bends[k + 1])
+        _dip(grade[k - 1], grade[k], grade[k + 1], known[k - 1], known[k + 1], dips[k + 1])
     for k in range(stations):
         row = _Row(
             sin_grade[k],
@@ -57,17 +57,17 @@ def _lower(grade: Floats, sin_grade: Floats, known: Bools, forces: Forces, lower
             forces.slowest[k],
             forces.fastest[k],
         )
-        _give_up(row, bends[k], bends[k + 1], bends[k + 2], lower[k])
+        _give_up(row, dips[k], dips[k + 1], dips[k + 2], lower[k])
 
 
 @row_pass
-def _bend(
-    before: Floats, here: Floats, ahead: Floats, from_known: Bools, to_known: Bools, bend: Floats
+def _dip(
+    before: Floats, here: Floats, ahead: Floats, from_known: Bools, to_known: Bools, dip: Floats
 ) -> None:
-    """Second difference where the grade dips, 0 where it does not, or where nobody knows it."""
+    """Second difference where the grade dips, 0 where it does not, or is unknown."""
     for j in range(here.shape[0]):
         second = before[j] - 2.0 * here[j] + ahead[j]
-        bend[j] = max(second, 0.0) if from_known[j] & to_known[j] else 0.0
+        dip[j] = max(second, 0.0) if from_known[j] & to_known[j] else 0.0
 
 
 @row_pass

@@ -39,23 +39,23 @@ class _Plane(NamedTuple):
 
     level: float
     rise: float
-    lean: float
+    cross_slope: float
 
 
 class _Highest(NamedTuple):
     """Highest ground above the plane of the wheels, 0 without any [m], and where it is.
 
     Attributes:
-        under, ahead, aside: between the outer edges of the wheels, before or behind them.
-        beside, beside_ahead, beside_aside: next to them.
+        under, x, y: between the outer edges of the wheels, before or behind them.
+        side, side_x, side_y: outside of those.
     """
 
     under: float
-    ahead: float
-    aside: float
-    beside: float
-    beside_ahead: float
-    beside_aside: float
+    x: float
+    y: float
+    side: float
+    side_x: float
+    side_y: float
 
 
 @inlined
@@ -68,17 +68,14 @@ def _plane_of(contact: Floats, sizes: SweptSizes) -> _Plane:
 
 
 @inlined
-def _higher(
-    highest: _Highest, over: float, ahead: float, aside: float, sizes: SweptSizes
-) -> _Highest:
+def _higher(highest: _Highest, over: float, x: float, y: float, sizes: SweptSizes) -> _Highest:
     """The higher of what is known and ground so far over the plane of the wheels."""
-    # Beside the wheels counts last: much that stands there goes on under the body.
-    if abs(aside) > sizes.half_width + sizes.half_tyre:
-        if over > highest.beside:
-            return _Highest(highest.under, highest.ahead, highest.aside, over, ahead, aside)
+    # What is outside of the wheels counts last: much of it continues under the body.
+    if abs(y) > sizes.half_width + sizes.half_tyre:
+        if over > highest.side:
+            return _Highest(highest.under, highest.x, highest.y, over, x, y)
     elif over > highest.under:
-        beside, at_ahead, at_aside = highest.beside, highest.beside_ahead, highest.beside_aside
-        return _Highest(over, ahead, aside, beside, at_ahead, at_aside)
+        return _Highest(over, x, y, highest.side, highest.side_x, highest.side_y)
     return highest
 
 
@@ -110,7 +107,7 @@ def body_met(
     u_max = (x_max + wide - ground.origin_x) * ground.per_metre
     v_min = (y_min - wide - ground.origin_y) * ground.per_metre
     v_max = (y_max + wide - ground.origin_y) * ground.per_metre
-    highest, stands_by = _Highest(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), False
+    highest, rises = _Highest(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), False
     for i in range(int(np.ceil(v_min)), int(np.floor(v_max)) + 1):
         dy = ground.origin_y + i * cell - pose.y
         for j in range(int(np.ceil(u_min)), int(np.floor(u_max)) + 1):
@@ -128,18 +125,18 @@ def body_met(
             height = ground.elevation[i, j]
             if unknown_bars and away <= touched and np.isnan(height):
                 return Finding(_UNKNOWN, 0.0, ahead, aside)
-            over = height - (plane.level + plane.rise * ahead + plane.lean * aside)
+            over = height - (plane.level + plane.rise * ahead + plane.cross_slope * aside)
             if away > sizes.margin:
-                stands_by |= over > sizes.clearance
+                rises |= over > sizes.clearance
                 continue
             highest = _higher(highest, over, ahead, aside, sizes)
-    if stands_by and max(highest.under, highest.beside) <= sizes.clearance:
+    if rises and max(highest.under, highest.side) <= sizes.clearance:
         highest = _at_outline(ground, pose, plane, sizes, highest)
     if highest.under > sizes.clearance:
-        part = _part(highest.ahead, sizes)
-        return Finding(part, highest.under, highest.ahead, highest.aside)
-    if highest.beside > sizes.clearance:
-        return Finding(_SIDE, highest.beside, highest.beside_ahead, highest.beside_aside)
+        part = _part(highest.x, sizes)
+        return Finding(part, highest.under, highest.x, highest.y)
+    if highest.side > sizes.clearance:
+        return Finding(_SIDE, highest.side, highest.side_x, highest.side_y)
     return Finding(_NOTHING, 0.0, 0.0, 0.0)
 
 
@@ -162,7 +159,7 @@ def _at_outline(
         x, y = place(pose, ahead, aside)
         u, v = (x - ground.origin_x) * ground.per_metre, (y - ground.origin_y) * ground.per_metre
         over = height_at(ground.elevation, u, v)
-        over -= plane.level + plane.rise * ahead + plane.lean * aside
+        over -= plane.level + plane.rise * ahead + plane.cross_slope * aside
         highest = _higher(highest, over, ahead, aside, sizes)
     return highest
 

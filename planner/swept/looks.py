@@ -69,8 +69,8 @@ def wheel_looks(
 
     A wheel stands as high as the ground under its middle, or higher by its lift; and by what a
     slope lifts each by, which it lacks at most by its lift. So wheels twist by no more than the
-    ground under their middles does and all four lifts. Beside unknown ground a wheel may lack more:
-    see :func:`looked_closer`.
+    ground under their middles does and all four lifts. Next to unknown ground a wheel may lack
+    more: see :func:`looked_closer`.
 
     Args:
         row: poses. screen: of the map. sizes: of the vehicle.
@@ -108,7 +108,7 @@ def wheel_looks(
 def looked_closer(pose: Pose, looks: int, screen: Screen, sizes: SweptSizes, around: Floats) -> int:
     """What to look for: with the heading known, circles along body and tyres can be told apart.
 
-    Where what a tyre touches may be unknown, nobody knows how much of its lift a wheel lacks.
+    Where what a tyre touches may be unknown, so is how much of its lift a wheel lacks.
 
     Args:
         pose: of the vehicle. looks: bits so far.

@@ -22,6 +22,7 @@ ROUNDING = 1e-3
 of which some 16 roundings of 2⁻²⁴ meet in a difference: 1 mm on a relief of 1 km."""
 
 _HALF_DIAGONAL = 0.5 * DIAGONAL
+"""Half the diagonal of a square over its edge [1]."""
 
 
 def cells_of(sizes: SweptSizes, resolution: float) -> int:

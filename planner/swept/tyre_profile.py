@@ -138,7 +138,7 @@ def standing_height(
         wheel: where it is, ahead and to the left of the pose [m]. sizes: of the vehicle.
         rim: (2 n + 1,) how far it lies above its lowest point, ``sizes.stride`` apart [m].
         unknown_falls: into unknown ground a wheel sinks as far as what is known around lets it;
-            otherwise nobody knows how high it stands on that, and the answer is NaN.
+            otherwise its height on that is unknown, NaN.
     """
     ahead, aside = wheel
     begin = ahead - (rim.shape[0] // 2) * sizes.stride
@@ -151,8 +151,8 @@ def standing_height(
             known = height == height
             highest = max(highest, height if known else NO_GROUND)
             seen &= known
-    stands = (highest > 0.5 * NO_GROUND) & (seen | unknown_falls)
-    return float(highest + ground.level if stands else np.nan)
+    is_supported = (highest > 0.5 * NO_GROUND) & (seen | unknown_falls)
+    return float(highest + ground.level if is_supported else np.nan)
 
 
 @inlined

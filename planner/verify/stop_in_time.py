@@ -28,7 +28,7 @@ _normal = inlined(friction_ellipse.normal_ratio)
 _braking_left = inlined(friction_ellipse.braking_left)
 
 _ROUNDING = 1e-9
-"""By so much a force may exceed what friction leaves [1]: bounds work with sines."""
+"""Force above what friction leaves that is rounding [1]: bounds work with sines."""
 
 
 @inlined

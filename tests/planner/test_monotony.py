@@ -7,7 +7,7 @@ To 1e-6 m/s, except the service deceleration. Inherent, of 100 random scenes eac
 - A plan that the verifier objects to is repaired in steps of 2 % (1 scene, 0.02 m/s), and smoothing
   gives a place the jerk that another leaves.
 - An emergency stop of a plan that is infeasible holds its speed in the dead time, where one that
-  brakes hard in time begins at once.
+  brakes hard in time begins immediately.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from tests.world.plans import plan_one, violations
 from tests.world.stages import braking_ground_of
 from tests.world.vehicles import SMALL, model_of, tables_with
 
-_OTHERS = ("vehicle", "terrain", "limits")
+_TABLES = ("vehicle", "terrain", "limits")
 ICE = {"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.1}
 
 
@@ -180,7 +180,7 @@ def test_below_the_trained_speeds_no_surface_is_counted_on_for_another() -> None
 def test_weak_brakes_do_not_count_on_the_mean_of_the_grades_at_stations(begin: float) -> None:
     """One cell slopes more than the others: between two stations it is steeper than at either."""
     weak = {"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.14}
-    tables = tables_with(braking=SMALL["braking"] | weak, **{k: SMALL[k] for k in _OTHERS})
+    tables = tables_with(braking=SMALL["braking"] | weak, **{k: SMALL[k] for k in _TABLES})
     cells = ground_map(
         lambda x, y: -0.02 * x - 0.1 * np.clip(x - 5.0, 0.0, 1.0) + 0.0 * y,
         resolution=1.0,
