@@ -44,6 +44,7 @@ _CHORD = 1.0 / 6.0
 """Share of the second difference given up, so that v² linear between stations stays below a convex
 bound: 1/8 for a parabola, the rest for bounds that are not quite one."""
 
+_SPEED_LIMIT = int(Limiting.SPEED_LIMIT)
 _STOPPING_PATH = int(Limiting.STOPPING_PATH)
 _TIP_OVER = int(Limiting.TIP_OVER)
 _ROLLOVER = int(Limiting.ROLLOVER)
@@ -114,8 +115,11 @@ def speed_bounds(
         first_risk,
         last_risk,
     )
-    limits, nothing = planning_limits(model), np.empty((0, 0))
-    limits = limits._replace(holding=0.0 if holds_anywhere else 1.0)
+    nothing, trained = np.empty((0, 0)), float(ground.fastest.max())
+    limits, most = planning_limits(model), model.limits.speed
+    # What crests and turns take of brakes and drive is that at the highest trained speed: at the
+    # speed limit a lower one would leave more of them, and make a plan faster.
+    limits = limits._replace(holding=0.0 if holds_anywhere else 1.0, speed=max(most, trained))
     excess = speed_excess(profile, ground, limits)
     pointwise_bounds(
         PointProblem(
@@ -133,6 +137,7 @@ def speed_bounds(
     left = replace(ground, lower_slope=lower_slope, lower_intercept=lower_intercept)
     _stopping_path((profile, left), clear_distance, excess, limits, found)
     _keep_chords_below(speed_sq_max, found.limiting, barrier)
+    _keep_limit(speed_sq_max, found.limiting, most * most)
     return SpeedBounds(
         speed_sq_max,
         found.limiting,
@@ -162,7 +167,7 @@ def _stopping_path(
         clear_distance - ground.distance_offset - STOP_GUARD,
         errors.height,
     )
-    fastest = limits.speed
+    fastest = float(ground.fastest.max())
     if excess is not None:
         fastest += float(excess.max())
         add_speed(speed_sq_max, excess, 1.0)
@@ -216,6 +221,21 @@ class _Chords(NamedTuple):
     bend_before: Floats
     stop: Ints
     barrier: Ints
+
+
+@kernel
+def _keep_limit(speed_sq_max: Floats, limiting: Ints, highest: float) -> None:
+    """The speed limit of the model, by its square."""
+    for k in range(speed_sq_max.shape[0]):
+        _cap(speed_sq_max[k], limiting[k], highest)
+
+
+@row_pass
+def _cap(row: Floats, row_label: Ints, highest: float) -> None:
+    for j in range(row.shape[0]):
+        here, label = row[j], row_label[j]
+        row[j] = min(here, highest)
+        row_label[j] = _SPEED_LIMIT if here >= highest else label
 
 
 @kernel

@@ -39,7 +39,7 @@ def speed_excess(
     longest = float(ground.dead_time.max())
     gained = GRAVITY * (-steepest - limits.resistance) * longest
     step = float(profile.station[1, 0] - profile.station[0, 0])
-    reach = (limits.speed + errors.speed + gained) * longest
+    reach = (float(ground.fastest.max()) + errors.speed + gained) * longest
     rows = int(np.ceil(reach / max(step, 1e-3))) + 1
     _excess(profile.sin_grade, ground.dead_time, rows, limits.resistance, errors.speed, excess)
     return excess

@@ -20,6 +20,7 @@ from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.ground.force_margins import capped, frictions_on, ground_terms, widened
 from slopewise.planner.ground.forces import Forces, on_many_surfaces, on_one_surface
+from slopewise.planner.ground.grade_dips import weak_where_it_dips
 from slopewise.planner.ground.hull_speed import hold_below
 from slopewise.planner.ground.surface_cache import surface_cache_of
 from slopewise.planner.ground.surface_table import surface_bits
@@ -69,7 +70,7 @@ class BrakingGround:
         push: what motion terms take away from planned braking, <= 0, as a share of the weight;
             None where there are none.
         motion: terms that act on the motion itself; friction is in the forces already.
-        closed_form: the stopping path has one: nothing acts on the motion, one slowest speed.
+        closed_form: the stopping path has one: nothing acts on the motion.
         friction: least friction of the ground [1]; None where it is not known.
         errors: of speed and map.
     """
@@ -159,6 +160,7 @@ def ground_along(
         # Drag needs no friction: it adds to a force that is capped.
         drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
         forces = forces._replace(upper_intercept=forces.upper_intercept + drag)
+    forces = weak_where_it_dips(forces, profile)
     width = 0.0 if uncertainty is None else uncertainty.width
     errors = StopErrors(
         width * braking.speed_error,

@@ -195,8 +195,14 @@ def _forces(
     margin: float,
     out: Forces,
 ) -> None:
-    """Both bounds of the force over all surfaces that a station may be on."""
+    """Both bounds of the force over all surfaces that a station may be on.
+
+    A stop leads over several, and one speed at its onset counts for all: below the trained range of
+    a surface the force is taken on as if it changed down to the slowest trained speed of any, as
+    far as that is the safe side.
+    """
     stations, candidates = grade.shape
+    slowest = table[:, SLOWEST].min()
     for k in range(stations):
         for j in range(candidates):
             theta = grade[k, j]
@@ -205,7 +211,6 @@ def _forces(
             low_slope, low_intercept = np.inf, np.inf
             high_slope, high_intercept = -np.inf, -np.inf
             dead, offset, fast = 0.0, 0.0, np.inf
-            least_slow, most_slow = np.inf, 0.0
             inside = near_inside = True
             for i in range(table.shape[0]):
                 if (bits >> i) & 1 == 0:
@@ -215,19 +220,19 @@ def _forces(
                 b_m = table[i, UP_B_M] if uphill else table[i, B_M]
                 slope = m_m * theta + table[i, M_B]
                 intercept = b_m * theta + table[i, B_B]
+                flat = table[i, SLOWEST] - slowest
                 low_slope = min(low_slope, slope)
-                low_intercept = min(low_intercept, intercept)
+                low_intercept = min(low_intercept, intercept + min(slope, 0.0) * flat)
                 high_slope = max(high_slope, slope)
-                high_intercept = max(high_intercept, intercept)
+                high_intercept = max(high_intercept, intercept + max(slope, 0.0) * flat)
                 if steepest_down < 0.0 and steepest_up > 0.0 and has_kink(table[i]):
-                    low_slope = min(low_slope, table[i, M_B])
-                    low_intercept = min(low_intercept, table[i, B_B])
-                    high_slope = max(high_slope, table[i, M_B])
-                    high_intercept = max(high_intercept, table[i, B_B])
+                    slope, intercept = table[i, M_B], table[i, B_B]
+                    low_slope = min(low_slope, slope)
+                    low_intercept = min(low_intercept, intercept + min(slope, 0.0) * flat)
+                    high_slope = max(high_slope, slope)
+                    high_intercept = max(high_intercept, intercept + max(slope, 0.0) * flat)
                 dead = max(dead, table[i, DEAD])
                 offset = max(offset, table[i, OFFSET])
-                least_slow = min(least_slow, table[i, SLOWEST])
-                most_slow = max(most_slow, table[i, SLOWEST])
                 fast = min(fast, table[i, FASTEST])
                 if not table[i, LEAST_SIN_ROLL] <= sin_roll[k, j] <= table[i, MOST_SIN_ROLL]:
                     inside = near_inside = False
@@ -246,7 +251,7 @@ def _forces(
             out.upper_slope[k, j] = high_slope
             out.upper_intercept[k, j] = high_intercept
             out.dead_time[k, j] = dead
-            out.slowest[k, j] = least_slow if low_slope > 0.0 else most_slow
+            out.slowest[k, j] = slowest
             out.fastest[k, j] = fast
             out.trained[k, j] = inside
             if offset > out.distance_offset[j]:

@@ -15,7 +15,7 @@ from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.force_margins import margins
 from slopewise.planner.ground.hull_speed import hull_lines
-from slopewise.planner.ground.surface_table import FRICTION, SLOWEST, surface_table
+from slopewise.planner.ground.surface_table import FRICTION, surface_table
 from slopewise.planner.ground.uncertainty import Uncertainty
 
 _KEPT = 4
@@ -37,7 +37,7 @@ class SurfaceCache:
         one.
         motion: terms that act on the motion itself, without friction, brakes cold.
         slides: friction caps the force of some surface.
-        closed_form: nothing acts on the motion, and all surfaces have one slowest speed.
+        closed_form: nothing acts on the motion.
     """
 
     table: Floats
@@ -80,5 +80,5 @@ def _gather(
         hull_lines(len(table), model),
         motion,
         bool(np.isfinite(table[:, FRICTION]).any()),
-        motion == registry.NO_MOTION and bool(np.ptp(table[:, SLOWEST]) == 0.0),
+        motion == registry.NO_MOTION,
     )

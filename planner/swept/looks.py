@@ -69,8 +69,8 @@ def wheel_looks(
 
     A wheel stands as high as the ground under its middle, or higher by its lift; and by what a
     slope lifts each by, which it lacks at most by its lift. So wheels twist by no more than the
-    ground under their middles does and all four lifts; where unknown ground is near, a wheel may
-    lack more.
+    ground under their middles does and all four lifts. Next to unknown ground a wheel may lack
+    more: see :func:`looked_closer`.
 
     Args:
         row: poses. screen: of the map. sizes: of the vehicle.
@@ -92,8 +92,7 @@ def wheel_looks(
         b = _flat_block(screen, front_x - left_x, front_y - left_y)
         c = _flat_block(screen, rear_x + left_x, rear_y + left_y)
         d = _flat_block(screen, rear_x - left_x, rear_y - left_y)
-        lifts = lift[a] + lift[b] + lift[c] + lift[d]
-        hangs = (abs(twist[j]) + lifts > travel) | ((looks[j] & UNSEEN) > 0)
+        hangs = abs(twist[j]) + lift[a] + lift[b] + lift[c] + lift[d] > travel
         met = np.uint8(TWIST) if hangs else none
         met |= np.uint8(WHEEL) if flat[a] > cleared else none
         met |= np.uint8(WHEEL << 1) if flat[b] > cleared else none
@@ -107,7 +106,9 @@ def wheel_looks(
 
 @inlined
 def looked_closer(pose: Pose, looks: int, screen: Screen, sizes: SweptSizes, around: Floats) -> int:
-    """What is left to look for: with the heading known, circles along the body can be told apart.
+    """What to look for: with the heading known, circles along body and tyres can be told apart.
+
+    Where what a tyre touches may be unknown, so is how much of its lift a wheel lacks.
 
     Args:
         pose: of the vehicle. looks: bits so far.
@@ -115,17 +116,17 @@ def looked_closer(pose: Pose, looks: int, screen: Screen, sizes: SweptSizes, aro
         around: (4, 2) out, slopes around the wheels, along their way and to the left.
     """
     if looks & UNSEEN:
-        # Three circles along the body cover it.
+        # Three circles in a row cover them.
         seen = screen.seen.reshape(screen.seen.size)
-        length = sizes.front + sizes.rear + 2.0 * sizes.margin
-        third, clear = length / 3.0, True
-        radius = np.sqrt(0.25 * third * third + (sizes.side + sizes.margin) ** 2)
+        wheels = sizes.half_length + sizes.radius
+        rear = max(sizes.rear, wheels) + sizes.touch
+        third, clear = (max(sizes.front, wheels) + sizes.touch + rear) / 3.0, True
+        side = max(sizes.side, sizes.half_width + sizes.half_tyre) + sizes.touch
+        radius = np.sqrt(0.25 * third * third + side * side)
         for n in range(3):
-            ahead = -sizes.rear - sizes.margin + (n + 0.5) * third
-            x, y = place(pose, ahead, 0.0)
+            x, y = place(pose, (n + 0.5) * third - rear, 0.0)
             clear = clear and seen[_flat_block(screen, x, y)] >= radius
-        if clear:
-            looks &= ~UNSEEN
+        looks = looks & ~UNSEEN if clear else looks | (TWIST if sizes.fine else 0)
     for wheel in range(4):
         if looks & (WHEEL << wheel):
             ahead, aside = wheel_at(wheel, sizes)

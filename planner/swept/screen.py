@@ -172,7 +172,7 @@ def _gathered(
         facets,
     )
     mean = smoothed(blocks.middle, bounds.fit + 1)
-    return Unjudged(blocks, mean, pad, offsets, bounds, sizes.reach, out)
+    return Unjudged(blocks, mean, pad, offsets, bounds, sizes.sight, out)
 
 
 @kernel

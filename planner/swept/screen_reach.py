@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints, Singles
-from slopewise.planner.swept.sizes import SweptSizes
+from slopewise.planner.swept.sizes import DIAGONAL, SweptSizes
 from slopewise.planner.swept.wheel_path import rim_at
 
 _BLOCKS = 6.0
@@ -21,8 +21,8 @@ ROUNDING = 1e-3
 """Taken off every limit of the screen [m]: it works with float32 heights above one of the window,
 of which some 16 roundings of 2⁻²⁴ meet in a difference: 1 mm on a relief of 1 km."""
 
-_HALF_DIAGONAL = 0.71
-"""Half the diagonal of a square over its edge, rounded up [1]."""
+_HALF_DIAGONAL = 0.5 * DIAGONAL
+"""Half the diagonal of a square over its edge [1]."""
 
 
 def cells_of(sizes: SweptSizes, resolution: float) -> int:
@@ -42,6 +42,8 @@ class ScreenBounds(NamedTuple):
         cleared: climb that is no step, beyond the slope around. chord: over
             which. apart: of the climb from the middle of the block at most.
         radius: of the wheel. near: reach of its climb.
+        between: by how much ground between cells is off what bends by 1/m, for body and wheels
+            together [m²]; 0 where the margin of the body is more.
     """
 
     fit: int
@@ -57,6 +59,7 @@ class ScreenBounds(NamedTuple):
     apart: np.float32
     radius: np.float32
     near: np.float32
+    between: np.float32
 
 
 class ScreenOffsets(NamedTuple):
@@ -67,7 +70,7 @@ class ScreenOffsets(NamedTuple):
         base: in which a wheel's climb or fall may begin or end.
         near, rim: that a wheel feels when it climbs; how far its rim is above them at least.
         under: that a wheel may touch where it stands.
-        hidden, distance: within reach of the body; how far they are at least.
+        hidden, distance: that have to be known; how far they are at least.
     """
 
     body: Ints
@@ -97,7 +100,10 @@ def offsets_of(sizes: SweptSizes, cells: int, resolution: float) -> ScreenOffset
     corner = _HALF_DIAGONAL * (edge - resolution)
     # Facets lean on the cell beside them.
     wheels = sizes.wheel_reach + (sizes.radius + sizes.half_tyre + resolution) * sizes.fine
-    body = max(sizes.reach, wheels + resolution * (not sizes.fine)) + half + corner
+    # Ground between cells counts where the body ends.
+    outline = math.hypot(max(sizes.front, sizes.rear), sizes.side)
+    wheels += DIAGONAL * resolution * (not sizes.fine)
+    body = max(sizes.reach, outline + DIAGONAL * resolution, wheels) + half + corner
     # A climb begins or ends at most so far from where the wheel is.
     swept = max(sizes.chord, resolution)
     around = _around(swept + sizes.radius + sizes.half_tyre + 2.0 * half, edge)
@@ -108,7 +114,7 @@ def offsets_of(sizes: SweptSizes, cells: int, resolution: float) -> ScreenOffset
     along = np.sqrt(np.maximum(gap**2 - sizes.half_tyre**2, 0.0))
     away = np.maximum(along - swept, 0.0)
     felt, stands = away < sizes.radius, along < sizes.radius
-    hidden = _around(sizes.reach + 2.0 * half, edge)
+    hidden = _around(sizes.sight + 2.0 * half, edge)
 
     def steps(of: Floats) -> Ints:
         return np.ascontiguousarray(of[:, :2]).astype(np.int64)
@@ -146,4 +152,5 @@ def bounds_of(sizes: SweptSizes, cells: int, resolution: float) -> ScreenBounds:
         apart=f(_HALF_DIAGONAL * edge + max(sizes.chord, resolution) + 0.5 * sizes.chord),
         radius=f(sizes.radius if sizes.fine else 0.0),
         near=f(sizes.chord + sizes.radius + sizes.half_tyre + edge),
+        between=f(0.0 if sizes.fine else 0.5 * resolution**2),
     )

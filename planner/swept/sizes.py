@@ -16,6 +16,9 @@ _SHOWN = 0.9
 _SLOPE_DOUBTED = 0.03
 """So much of the slope around a wheel clears no climb [1]."""
 
+DIAGONAL = 1.42
+"""Diagonal of a square over its edge, rounded up [1]: the four cells around a point are nearer."""
+
 _TREND = 2.5
 """Length of ground before and after a step that tells its trend, in wheel radii."""
 
@@ -27,6 +30,7 @@ class SweptSizes(NamedTuple):
         half_length, half_width: of the rectangle of the wheels.
         front, rear, side: ends of the body from the middle of the wheelbase.
         margin: half a cell, by which the body is wider: a cell that it touches counts.
+        touch: half the diagonal of a cell: one that is farther from the body is not touched by it.
         clearance: of the underside. wheel_travel: see :class:`slopewise.models.vehicle.Shape`.
         radius, half_tyre: of a wheel: its radius, half its width.
         max_step: see :class:`slopewise.models.vehicle.Shape`.
@@ -45,6 +49,7 @@ class SweptSizes(NamedTuple):
     rear: float
     side: float
     margin: float
+    touch: float
     clearance: float
     wheel_travel: float
     radius: float
@@ -62,6 +67,13 @@ class SweptSizes(NamedTuple):
     def reach(self) -> float:
         """Radius around the middle of the wheelbase within which the body is."""
         return math.hypot(max(self.front, self.rear) + self.margin, self.side + self.margin)
+
+    @property
+    def sight(self) -> float:
+        """Radius around the middle of the wheelbase within which body and tyres touch cells."""
+        length = max(self.front, self.rear, self.half_length + self.radius)
+        width = max(self.side, self.half_width + self.half_tyre)
+        return math.hypot(length + self.touch, width + self.touch)
 
     @property
     def wheel_reach(self) -> float:
@@ -101,6 +113,7 @@ def swept_sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
         rear=shape.rear,
         side=0.5 * shape.width,
         margin=0.5 * resolution if fine else 0.0,
+        touch=0.5 * DIAGONAL * resolution,
         clearance=shape.clearance,
         # Cells as large as the vehicle is long differ by more than that through noise alone.
         wheel_travel=shape.wheel_travel if fine else math.inf,

@@ -105,7 +105,9 @@ def pose_met(
         for wheel in range(4):
             ahead, aside = wheel_at(wheel, sizes)
             if sizes.fine:
-                contact[wheel] = standing_height(facets, pose, ahead, aside, sizes, scratch.rim)
+                contact[wheel] = standing_height(
+                    facets, pose, (ahead, aside), sizes, scratch.rim, unknown_bars
+                )
             else:
                 contact[wheel] = resting_height(ground, pose, ahead, aside)
     else:

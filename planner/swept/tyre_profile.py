@@ -124,24 +124,35 @@ def _facet_height(ground: Facets, run: _Run, n: int) -> float:
 
 @inlined
 def standing_height(
-    ground: Facets, pose: Pose, ahead: float, aside: float, sizes: SweptSizes, rim: Floats
+    ground: Facets,
+    pose: Pose,
+    wheel: tuple[float, float],
+    sizes: SweptSizes,
+    rim: Floats,
+    unknown_falls: bool,
 ) -> float:
     """Height of the lowest point of a wheel that stands on its rim [m], NaN where all is unknown.
 
     Args:
         ground: of the map around the pose. pose: of the vehicle.
-        ahead, aside: of the wheel, from the pose [m]. sizes: of the vehicle.
+        wheel: where it is, ahead and to the left of the pose [m]. sizes: of the vehicle.
         rim: (2 n + 1,) how far it lies above its lowest point, ``sizes.stride`` apart [m].
+        unknown_falls: into unknown ground a wheel sinks as far as what is known around lets it;
+            otherwise its height on that is unknown, NaN.
     """
+    ahead, aside = wheel
     begin = ahead - (rim.shape[0] // 2) * sizes.stride
-    highest = NO_GROUND
+    highest, seen = NO_GROUND, True
     for tyre in range(sizes.tyres):
         off = _across(tyre, sizes)
         run = _run(ground, pose, begin, aside + off, sizes.stride)
         for n in range(rim.shape[0]):
             height = _facet_height(ground, run, n) - rim[n]
-            highest = max(highest, height if height == height else NO_GROUND)
-    return float(highest + ground.level if highest > 0.5 * NO_GROUND else np.nan)
+            known = height == height
+            highest = max(highest, height if known else NO_GROUND)
+            seen &= known
+    is_supported = (highest > 0.5 * NO_GROUND) & (seen | unknown_falls)
+    return float(highest + ground.level if is_supported else np.nan)
 
 
 @inlined

@@ -31,7 +31,7 @@ def judge_body(s: Surface, b: ScreenBounds, bits: Bytes) -> None:
         lift = b.radius * (np.sqrt(one + slope * slope) - one)
         body = half * (bowl * (b.body_sq - b.wheel_sq) + saddle * (b.body_sq + b.saddle_sq))
         middle = half * (saddle * b.saddle_sq - bowl * b.wheel_sq)
-        struck = max(body, middle) + b.spread * (spread + lift)
+        struck = max(body, middle) + b.between * (abs(bowl) + saddle) + b.spread * (spread + lift)
         # Where nothing could be taken off, nothing is known to be clear.
         clear = (spread >= np.float32(0.0)) & (struck <= b.clearance)
         bits[j] = 0 if clear else BODY

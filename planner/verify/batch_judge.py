@@ -55,9 +55,7 @@ def screen(
         speed_sq,
         bounds.clear_distance,
     )
-    terms = terms_of(model, ground.motion, ground.errors, all_loads=False)
-    terms = terms._replace(in_time=terms.in_time or ground.friction is not None)
-    _screen(batch, terms, worst)
+    _screen(batch, terms_of(model, ground.motion, ground.errors, all_loads=False), worst)
     return worst
 
 

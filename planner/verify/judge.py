@@ -31,7 +31,7 @@ from slopewise.planner.verify.stop_by_energy import (
     stop_by_energy,
     target_at,
 )
-from slopewise.planner.verify.stop_in_time import stop_in_time
+from slopewise.planner.verify.stop_in_time import may_slide, stop_in_time
 from slopewise.planner.verify.track import StopCommand, Survey, Terms, Track, at, body_of, survey_of
 
 TIME_STEP = 0.02
@@ -139,8 +139,7 @@ def check(
     worst = np.zeros(len(Violations._fields))
     bad = np.zeros(max(n - 1, 1), np.bool_)
     terms = terms_of(model, motion, errors or StopErrors(), all_loads=True)
-    slips = bool(np.isfinite(track.friction).any())
-    terms = terms._replace(between=between, time_step=time_step, in_time=terms.in_time or slips)
+    terms = terms._replace(between=between, time_step=time_step)
     if decel is not None:
         terms = terms._replace(limits=terms.limits._replace(decel=decel))
     notes = JudgeNotes(stop_distance, rear_load, side_load, worst, bad)
@@ -200,12 +199,14 @@ class _Watch(NamedTuple):
         target: where they have to end.
         limit: those that get here are not followed further [m].
         at_risk: loads may run short. quick: the target alone decides.
+        sticks: (N,) station up to which no stop from a segment slides [m].
     """
 
     target: Target
     limit: float
     at_risk: bool
     quick: bool
+    sticks: Floats
 
 
 @inlined
@@ -246,12 +247,16 @@ def judge_track(plan: JudgedPlan, terms: Terms, notes: JudgeNotes) -> None:
     """
     track, survey, speed_sq = plan.track, plan.survey, plan.speed_sq
     stations = speed_sq.shape[0]
-    at_risk = _loads_at_risk(track, survey, terms, np.sqrt(speed_sq.max()))
+    fastest = _fastest(track, survey, terms, np.sqrt(speed_sq.max()))
+    at_risk = _loads_at_risk(track, survey, terms, fastest)
+    sticks = np.empty(stations)
+    _sticks(track, terms, fastest, sticks)
     watch = _Watch(
         target_at(track, survey, plan.clear_distance - plan.distance_offset),
         max(plan.clear_distance, track.station[0]) + 5.0,
         at_risk,
         not (terms.in_time or at_risk),
+        sticks,
     )
     onset_in, end_in = 0, 0
     for k in range(stations):
@@ -309,17 +314,19 @@ def _follow(
     i, onset_in, end_in, told = start
     height = 0.0 if told else terms.errors.height
     least = (np.inf, np.inf, np.inf)
-    if watch.quick and not told:
+    sticks = np.inf if told else watch.sticks[i]
+    if watch.quick and not told and watch.target.station <= sticks:
         well, onset_in = ends_before(track, survey, command, onset_in, watch.target, height)
         if well:
             return min(command.station, watch.target.station), least, onset_in, end_in
-    if terms.in_time:
-        end, least = stop_in_time(track, terms, command, i, (watch.limit, height, not told))
-        return end, least, onset_in, end_in
-    stop = stop_by_energy(track, survey, command, onset_in, end_in, height)
-    if watch.at_risk or told:
-        least = loads_by_energy(track, survey, command, i, stop)
-    return stop.station, least, stop.onset_in, stop.end_in
+    if not terms.in_time and command.station <= sticks:
+        stop = stop_by_energy(track, survey, command, onset_in, end_in, height)
+        if stop.station <= sticks:
+            if watch.at_risk or told:
+                least = loads_by_energy(track, survey, command, i, stop)
+            return stop.station, least, stop.onset_in, stop.end_in
+    end, least = stop_in_time(track, terms, command, i, (watch.limit, height, not told))
+    return end, least, onset_in, end_in
 
 
 @inlined
@@ -385,11 +392,26 @@ def _judge_point(
 
 
 @inlined
-def _loads_at_risk(track: Track, survey: Survey, terms: Terms, fastest: float) -> bool:
-    """Could any stop from up to this speed unload an axle, side or wheel too much, anywhere?"""
+def _fastest(track: Track, survey: Survey, terms: Terms, fastest: float) -> float:
+    """Highest speed of any stop, with its errors, from up to a planned speed [m/s]."""
     errors, resistance = terms.errors, terms.limits.resistance
     rolls_on = -GRAVITY * (survey.sine.min() + resistance) if errors.drive_cut else 0.0
-    fastest += errors.speed + max(rolls_on, 0.0) * track.dead_time.max()
+    return float(fastest + errors.speed + max(rolls_on, 0.0) * track.dead_time.max())
+
+
+@inlined
+def _sticks(track: Track, terms: Terms, fastest: float, sticks: Floats) -> None:
+    """Station up to which no stop from each segment slides: none that is faster than this."""
+    ahead = np.inf
+    for k in range(track.station.shape[0] - 1, -1, -1):
+        if may_slide(track, terms.limits, k, fastest):
+            ahead = track.station[k - 1] if k > 0 else -np.inf
+        sticks[k] = ahead
+
+
+@inlined
+def _loads_at_risk(track: Track, survey: Survey, terms: Terms, fastest: float) -> bool:
+    """Could any stop from up to this speed unload an axle, side or wheel too much, anywhere?"""
     least = np.inf
     for k in range(track.station.shape[0]):
         slow = track.slowest[k]

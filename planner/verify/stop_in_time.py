@@ -27,17 +27,22 @@ _side_force = inlined(friction_ellipse.side_force_ratio)
 _normal = inlined(friction_ellipse.normal_ratio)
 _braking_left = inlined(friction_ellipse.braking_left)
 
+_ROUNDING = 1e-9
+"""Force above what friction leaves that is rounding [1]: bounds work with sines."""
+
 
 @inlined
-def _grip(track: Track, limits: PlanningLimits, i: int, u: float, energy: float) -> float:
+def _grip(
+    track: Track, limits: PlanningLimits, place: tuple[int, float], mu: float, energy: float
+) -> float:
     """F_b/W that bank, turn and crest leave of friction at v², until an axle locks; inf if unknown.
 
     A stop that was commanded before a turn is faster in it than the plan, for which the track has
     what friction leaves.
     """
-    mu = min(track.friction[i], track.friction[i + 1])
     if mu == np.inf:
         return np.inf
+    i, u = place
     grade, roll = at(track.grade, i, u), at(track.roll, i, u)
     normal = _normal(grade, roll, min(at(track.vertical_curvature, i, u), 0.0), energy)
     side = _side_force(grade, roll, at(track.curvature, i, u), energy)
@@ -48,6 +53,26 @@ def _grip(track: Track, limits: PlanningLimits, i: int, u: float, energy: float)
     rear = grip * (1.0 - limits.ahead) / (1.0 - limits.brake_share + lift)
     front = grip * limits.ahead / max(limits.brake_share - lift, 1e-9)
     return float(min(grip, min(rear, front)))
+
+
+@inlined
+def may_slide(track: Track, limits: PlanningLimits, k: int, fastest: float) -> bool:
+    """Could a stop that is nowhere faster than this slide between the stations around k?
+
+    What friction leaves is concave in v² and along a segment: where it does at rest and at the
+    highest speed, and at both ends, it does everywhere.
+    """
+    last = track.station.shape[0] - 1
+    i, before, ahead = min(k, last - 1), max(k - 1, 0), min(k + 1, last)
+    mu = min(track.friction[k], min(track.friction[before], track.friction[ahead]))
+    if mu == np.inf:
+        return False
+    place = (i, float(k - i))
+    grip = _grip(track, limits, place, mu, fastest * fastest)
+    grip = min(grip, _grip(track, limits, place, mu, 0.0))
+    slow, part = track.slowest[k], track.lower_slope[k]
+    force = track.lower_intercept[k] + max(slow * part, max(fastest, slow) * part)
+    return not (force <= grip + _ROUNDING)
 
 
 @inlined
@@ -74,7 +99,8 @@ def _rates(
     force = min(force, motion.friction * upright)
     speed = max(v, 0.0)
     if slips:
-        force = min(force, _grip(track, terms.limits, i, u, speed * speed))
+        mu = min(track.friction[i], track.friction[i + 1])
+        force = min(force, _grip(track, terms.limits, (i, u), mu, speed * speed))
     extra = motion_deceleration(speed, at(track.curvature, i, u), at(track.yaw, i, u), motion)
     growth = (wanted - f) / motion.lag if motion.lag > 0.0 else 0.0
     heating = GRAVITY * max(force, 0.0) * speed - q / motion.fade_tau

@@ -69,8 +69,8 @@ class Terms(NamedTuple):
 
     Attributes:
         body, limits: of the model. motion: effects on the motion itself. errors: of speed and map.
-        in_time: something acts on the motion, or friction is known, so stops are integrated in
-            time.
+        in_time: something acts on the motion, so stops are integrated in time; those that may slide
+            are anyway.
         between: points inside each segment from which a stop is tried as well.
         time_step: of the integrator [s].
         all_loads: the loads of every stop are wanted, not only those that may run short.

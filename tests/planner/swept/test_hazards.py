@@ -18,6 +18,7 @@ from tests.world.hazards import ground, met
 from tests.world.vehicles import model_of, tables_with
 
 STEP, CLEARANCE, BODY = int(Limiting.STEP), int(Limiting.CLEARANCE), int(Limiting.BODY)
+UNKNOWN = int(Limiting.UNKNOWN_TERRAIN)
 LIMIT = 0.28 / 3.0
 CLEAR = 0.75 * 0.28
 
@@ -254,3 +255,39 @@ def test_more_acceleration_allows_more_speed(factor: float) -> None:
     less = met(scene, straight(20.0)).slowest
     more = met(scene, straight(20.0), tables_with(limits={"vertical_accel": 5.0 * factor})).slowest
     assert more > 1.2 * less
+
+
+SIDE = 0.5 + 0.35 * 0.28
+"""Half the width of the quad, up to the outer edges of its tyres [m]."""
+
+
+@pytest.mark.parametrize("resolution", [0.1, 0.25, 0.5])
+def test_ground_between_cells_reaches_the_body_where_it_ends(resolution: float) -> None:
+    """Between a wall in the next row of cells and the row under the body the ground rises."""
+
+    def bar(height: float, away: float) -> int:
+        row = SIDE + away * resolution
+        rows = resolution * np.ceil(4.0 / resolution)
+        wall = box((9.0, 99.0), (row - 0.3 * resolution, row + 0.3 * resolution), height)
+        return met(ground(wall, resolution, y=(row - rows, row + rows)), straight(20.0)).bar
+
+    assert bar(2.0, 0.75) in (BODY, CLEARANCE)
+    assert bar(2.0, 0.85) in (BODY, CLEARANCE)
+    assert bar(2.0, 0.95) == 0
+    assert bar(0.6, 0.75) == 0
+
+
+def test_a_body_at_an_angle_to_the_cells_touches_their_corners() -> None:
+    heading = np.pi / 6.0
+
+    def bar(away: float) -> int:
+        def unknown(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+            across = y * np.cos(heading) - x * np.sin(heading)
+            return (np.abs(across - SIDE - 0.1 * away) < 0.003) & (x > 5.0)
+
+        turned = ground(lambda x, y: 0.0 * x, x=(-3.0, 15.0), y=(-3.0, 15.0), unknown=unknown)
+        assert np.isnan(turned.elevation).any()
+        return met(turned, straight(16.0, heading)).bar
+
+    assert bar(0.62) == UNKNOWN
+    assert bar(0.80) == 0

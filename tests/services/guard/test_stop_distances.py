@@ -60,7 +60,9 @@ def test_an_arc_lies_on_its_circle_with_the_slopes_along_it(
     heading: float, curvature: float
 ) -> None:
     north, east = CELL * np.mgrid[0:200, 0:400]
-    plane = GuardMap(0.1 * east + 0.05 * north, CELL, (-20.0, -25.0))
+    plane = ElevationMap(
+        elevation=0.1 * east + 0.05 * north, resolution=CELL, origin=(-20.0, -25.0)
+    )
     arc = arc_on(MODEL, plane, Pose2d(3.0, -2.0, heading), curvature)
     centre = 3.0 - np.sin(heading) / curvature, -2.0 + np.cos(heading) / curvature
     radius = np.hypot(arc.x - centre[0], arc.y - centre[1])
