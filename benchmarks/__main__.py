@@ -23,6 +23,7 @@ BENCHMARKS: dict[str, tuple[str, tuple[str, ...]]] = {
     "closed-loop": ("closed_loop.loop_campaign", ("mujoco",)),
     "discrepancy": ("discrepancy.discrepancy_campaign", ()),
     "fleet": ("fleet.fleet_benchmark", ("dask", "pyarrow")),
+    "margins": ("calibration.margins", ()),
     "obstacles": ("obstacles.obstacle_benchmark", ()),
 }
 """Modules with ``run(request, progress)`` and ``show(result, console)``; packages they need."""

@@ -20,6 +20,7 @@ from slopewise.models.quantity import (
     validate_quantities,
     validate_range,
 )
+from slopewise.models.stop_distance import StopDistance
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking, validate_hull
 from slopewise.models.surface_names import states_of
 from slopewise.models.vehicle import Vehicle
@@ -50,6 +51,8 @@ class Braking:
         drive_in_dead_time: what the drive does between stop command and onset: the speed is held,
             or the drive is cut and the vehicle rolls; of either, the longer stop counts.
         extrapolate: plan on ground steeper than trained, with a margin, instead of not at all.
+        distance: allowed over predicted stop distances; where it is given, it and not the
+            covariance and the scatter is what plans at a quantile allow.
         uphill: m_m and b_m that hold uphill instead. terrain: surfaces that differ, by name.
     """
 
@@ -123,6 +126,7 @@ class Braking:
         "1", "Application from which they do all they can.", default=1.0, above=0.0, at_most=1.0
     )
     uphill: UphillBraking | None = None
+    distance: StopDistance | None = None
     extrapolate: bool = False
     extrapolation_margin: float = quantity(
         "1",

@@ -10,6 +10,7 @@ import numpy as np
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import STEEPEST, Matrix, quantity, validate_quantities
+from slopewise.models.stop_distance import StopDistance
 
 MAX_CORNER_COUNT = 24
 """Lines of the trained hull [1]: bounds the cost per station."""
@@ -34,7 +35,7 @@ class SurfaceBraking:
     """Differences on one named surface; every missing key is that of ``[braking]``.
 
     Attributes:
-        covariance, speed_range, grade_range, roll_range, uphill: See [braking].
+        covariance, speed_range, grade_range, roll_range, uphill, distance: See [braking].
         speed_by_grade: likewise; that of ``[braking]`` is dropped if the surface has ranges.
         class_id: number by which a map calls the surface; by default its place among the tables,
             counted from 1.
@@ -59,6 +60,7 @@ class SurfaceBraking:
     speed_by_grade: Matrix | None = None
     sliding_friction: float | None = quantity("1", "See [braking].", default=None, above=0.0)
     uphill: UphillBraking | None = None
+    distance: StopDistance | None = None
     class_id: int | None = None
     state_of: str | None = None
 

@@ -14,7 +14,7 @@ from slopewise.models.parameters import Braking, Effect, Limits, Terrain
 from slopewise.models.quantity import describe_plausible, describe_range
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.discovery import proposal_builder
+from slopewise.services.discovery import investigation_process
 from slopewise.services.io.topics import Channel, MapSource, PathSource
 from slopewise.services.ros.settings import EdgeSettings
 from slopewise.services.settings.service_settings import ServiceConfig
@@ -90,7 +90,7 @@ def messages_page() -> str:
         "| `v1/status` | out: `ServiceStatus`, JSON |",
         "| `v1/alive/ID` | liveliness token |\n",
     ]
-    for module in (plan_messages, observations, parameter_messages, proposal_builder):
+    for module in (plan_messages, observations, parameter_messages, investigation_process):
         for _, kind in inspect.getmembers(module, _is_message):
             if kind.__module__ != module.__name__ or not kind.__struct_fields__:
                 continue

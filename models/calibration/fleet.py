@@ -1,9 +1,9 @@
 """Braking models of a whole fleet: each vehicle's own, pooled where its stops say little.
 
 Surface by surface the stops of all vehicles make one hierarchy (:mod:`.hierarchy`). Dead times are
-pooled likewise. The safety offset of a vehicle covers the shortfalls of the whole fleet, each stop
-predicted without itself, beyond the margins of force and dead time: these scatter as the whole
-fleet's do, and what a vehicle's own coefficients leave open is in their covariance.
+pooled likewise. The distances of all stops, each beyond the prediction by the law of its own
+vehicle, are one distribution with vehicles as its sessions (:mod:`.distance_model`); what the law
+of a vehicle leaves open is scatter of its force.
 
 Validity: vehicles of one kind, speeds and grades inside those of the fleet's stops.
 Source: Braking (8), (11), (12); pooling is not in the paper.
@@ -18,22 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Floats
 from slopewise.models.calibration import hierarchy
+from slopewise.models.calibration.distance_table import Stops, SurfaceLaw, learn_distance
 from slopewise.models.calibration.force_fit import NAMES, design
 from slopewise.models.calibration.hierarchy import Hierarchy
 from slopewise.models.calibration.margins import offset_for
-from slopewise.models.calibration.scatter import scatter_of
-from slopewise.models.calibration.stop_margins import (
-    Margins,
-    MeasuredStops,
-    force_scatter,
-    normal_width,
-    own_distance,
-    what_is_left,
-)
 from slopewise.models.calibration.stopping import stopping_distance, stopping_time
-from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.calibration.surface_fit import FEWEST_STOPS, CalibrationSettings
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs import random_effects
@@ -51,11 +43,7 @@ _LEAST_STD = 1e-4  # [s] of a dead time
 
 @dataclass(frozen=True, slots=True)
 class FleetStop:
-    """What is left of a stop once it is measured; SI, see :class:`.stop_record.StopRecord`.
-
-    ``left`` is its distance beyond that of its own force and onset, ``late`` its onset after the
-    dead time of its vehicle, ``late_std`` the noise of that, ``by_effects`` what named effects add.
-    """
+    """What is left of a stop once it is measured; SI, see :class:`.stop_record.StopRecord`."""
 
     surface: str
     held_speed: float
@@ -67,9 +55,6 @@ class FleetStop:
     standstill_time: float
     station: Floats
     ground: Floats
-    left: float
-    late: float
-    late_std: float
     by_effects: float = 0.0
 
 
@@ -126,9 +111,6 @@ def vehicle_stops(name: str, log: MeasuredLog, mapped: bool) -> VehicleStops:
                 s.standstill_time,
                 station,
                 ground,
-                s.distance - own_distance(r, 0.0),
-                r.knee.onset_time - r.onset_shift - m.dead_time.value,
-                float(r.noise * np.sqrt(r.knee.covariance[1, 1])),
                 r.by_effects,
             )
         )
@@ -218,87 +200,64 @@ def _surface(
     )
     x = design(speed, grade)
     fit = hierarchy.fit(x, force, noise, owner, len(vehicles))
-    residual, without = _unseen(fit, x, force, noise, owner)
-    predicted = np.einsum("ni,ni->n", x, fit.coefficients[owner])
-    width = normal_width(settings.coverage)
-    scatter = force_scatter(residual, noise, predicted)
-    late = scatter_of(
-        -np.array([s.late for _, s in pairs]), np.array([s.late_std for _, s in pairs])
+    ranges = (
+        (float(speed[fit.kept].min()), float(speed[fit.kept].max())),
+        (float(grade[fit.kept].min()) - _PAD, float(grade[fit.kept].max()) + _PAD),
     )
-    each = [
-        Margins(scatter, _dead_time_std(v, late.planned), _doubt(v, fit.covariance[i]))
-        for i, v in enumerate(vehicles)
+    predicted = np.array(
+        [
+            stopping_distance(s.held_speed, dead[i], fit.coefficients[i], s.station, s.ground)
+            + s.by_effects
+            for i, s in pairs
+        ]
+    )
+    ends = np.isfinite(predicted)
+    if ends.sum() < FEWEST_STOPS:
+        words = f"at least {FEWEST_STOPS} stops that the fit can explain, got {ends.sum()}"
+        raise ParameterError("stops", words)
+    held, actual, time = np.array(
+        [(s.held_speed, s.distance, s.standstill_time) for _, s in pairs]
+    ).T
+    stops = Stops(
+        held[ends],
+        grade[ends],
+        np.ones(int(ends.sum())),
+        actual[ends],
+        predicted[ends],
+        np.array([vehicles[i].name for i in owner[ends].tolist()]),
+    )
+    law = SurfaceLaw(fit.mean, float(np.mean(dead)))
+    table = learn_distance(stops, law, ranges).table
+    short = time - [
+        stopping_time(v, dead[i], d) for i, v, d in zip(owner, held, predicted, strict=True)
     ]
-    over, short = np.empty((2, len(pairs)))
-    for j, (i, stop) in enumerate(pairs):
-        way = stop.station, stop.ground
-        reach = stopping_distance(
-            stop.held_speed,
-            dead[i] + width * each[i].dead_time,
-            without[j],
-            *way,
-            each[i].matrix(without[j], width),
-        )
-        mean = stopping_distance(stop.held_speed, dead[i], without[j], *way)
-        over[j] = stop.distance - reach - stop.by_effects
-        short[j] = stop.standstill_time - stopping_time(
-            stop.held_speed, dead[i], mean + stop.by_effects
-        )
-    stops = MeasuredStops(speed, grade, force, np.array([s.left for _, s in pairs]), over)
     time_offset = offset_for(settings.coverage, short[np.isfinite(short)])
-    ranges: dict[str, Any] = {
-        "speed_by_grade": None,
-        "speed_range": (float(speed[fit.kept].min()), float(speed[fit.kept].max())),
-        "grade_range": (float(grade[fit.kept].min()) - _PAD, float(grade[fit.kept].max()) + _PAD),
-    }
-    return fit, [
-        dict(zip(NAMES, fit.coefficients[i].tolist(), strict=True))
-        | ranges
-        | {
-            "distance_offset": what_is_left(stops, margins, width),
-            "time_offset": time_offset,
-            "force_std": scatter.absolute,
-            "force_scatter": scatter.relative,
-            "dead_time_std": margins.dead_time,
-            "covariance": tuple(map(tuple, _tilted(vehicles[i], fit, i, margins).tolist())),
-        }
-        for i, margins in enumerate(each)
-    ]
+    middle = design(np.array([np.mean(ranges[0])]), np.array([np.mean(ranges[1])]))[0]
+    keys: list[dict[str, Any]] = []
+    for i, vehicle in enumerate(vehicles):
+        covariance = _doubt(vehicle, fit.coefficients[i], fit.covariance[i])
+        keys.append(
+            dict(zip(NAMES, fit.coefficients[i].tolist(), strict=True))
+            | {
+                "speed_range": ranges[0],
+                "grade_range": ranges[1],
+                "speed_by_grade": None,
+                "distance": table,
+                "distance_offset": 0.0,
+                "time_offset": time_offset,
+                "force_std": float(np.sqrt(middle @ covariance @ middle)),
+                "force_scatter": 0.0,
+                "dead_time_std": 0.0,
+                "covariance": tuple(map(tuple, covariance.tolist())),
+            }
+        )
+    return fit, keys
 
 
-def _unseen(
-    fit: Hierarchy, x: Floats, force: Floats, noise: Floats, owner: Ints
-) -> tuple[Floats, Floats]:
-    """Residuals as of stops not seen (n,), and the coefficients without each stop (n, 4).
-
-    As if the fleet's mean and differences stayed. A stop that was left out was not seen at all.
-    """
-    variance = noise**2 + fit.scatter**2
-    residual, without = np.empty(len(x)), np.empty(x.shape)
-    for j, i in enumerate(owner.tolist()):
-        gain = fit.covariance[i] @ x[j] / variance[j] * fit.kept[j]
-        spare = 1.0 - min(float(x[j] @ gain), 0.99)
-        off = force[j] - x[j] @ fit.coefficients[i]
-        residual[j] = off / np.sqrt(spare)
-        without[j] = fit.coefficients[i] - gain * off / spare
-    return residual, without
-
-
-def _dead_time_std(vehicle: VehicleStops, scatter: float) -> float:
-    own = 0.0 if vehicle.dead_time is None else vehicle.dead_time.std
-    return float(np.hypot(scatter, own))
-
-
-def _doubt(vehicle: VehicleStops, covariance: Floats) -> Floats:
-    """What a vehicle's own coefficients leave open, its dead time counted in."""
+def _doubt(vehicle: VehicleStops, coefficients: Floats, covariance: Floats) -> Floats:
+    """What a vehicle's own coefficients leave open, with its dead time and its pitch sensor."""
+    m_m, b_m = coefficients[:2]
     common = np.array([0.0, 0.0, 0.0, vehicle.common_std])
-    result: Floats = covariance + np.outer(common, common)
-    return result
-
-
-def _tilted(vehicle: VehicleStops, fit: Hierarchy, i: int, margins: Margins) -> Floats:
-    """The covariance for the model file: with what the mount of the pitch sensor leaves open."""
-    m_m, b_m = fit.coefficients[i][:2]
     tilt = vehicle.mount_std * np.array([0.0, 0.0, m_m, 1.0 + b_m])
-    result: Floats = margins.covariance + np.outer(tilt, tilt)
+    result: Floats = covariance + np.outer(common, common) + np.outer(tilt, tilt)
     return result

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slopewise.models.arrays import Floats, Ints
-from slopewise.models.calibration.coverage import allowed_distance
+from slopewise.models.calibration.allowed_distance import allowed_distance
 from slopewise.models.calibration.learn import learn
 from slopewise.models.calibration.surface_fit import CalibrationSettings
 from slopewise.models.errors import ParameterError
@@ -85,12 +85,14 @@ def leave_sessions_out(
         if not own:
             continue
         try:
-            braking = learn(columns, others, known, settings=settings).braking
+            learned = learn(columns, others, known, settings=settings)
         except ParameterError:
             unpredicted.append(index)
             continue
+        rolling = 0.0 if learned.levels is None else learned.levels.resistance
         excess += [
-            allowed_distance(braking, record, quantile) - record.samples.distance for record in own
+            allowed_distance(learned.braking, record, quantile, rolling) - record.samples.distance
+            for record in own
         ]
         owners += [index] * len(own)
         seen += own

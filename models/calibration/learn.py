@@ -1,7 +1,7 @@
 """From a drive log to the braking part of a model file.
 
-Stops are found, measured on their ground and fitted jointly; margins come from predictions of
-stops that the fit had not seen; surfaces with stops enough get coefficients of their own.
+Stops are found, measured on their ground and fitted jointly; what their distances leave is one
+distribution; surfaces with stops enough get coefficients of their own.
 
 Source: Braking Sec. 2, 4.1 and 4.2.
 """
@@ -11,29 +11,27 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import Counter
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import NDArray
 
 from slopewise.models.arrays import Floats
+from slopewise.models.calibration.allowed_distance import allowed_distance
 from slopewise.models.calibration.asymmetry import Asymmetry
 from slopewise.models.calibration.brake_levels import BrakeLevels, at_full_level, tells_levels
-from slopewise.models.calibration.brake_states import WeakerState
 from slopewise.models.calibration.effects_in_force import measured_beside, tells_turns
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.notes import clear_asymmetry, notes
 from slopewise.models.calibration.plausible import objections
 from slopewise.models.calibration.speed_error import SpeedError, speed_error
-from slopewise.models.calibration.stop_margins import Margins
 from slopewise.models.calibration.surface_fit import (
     FEWEST_STOPS,
     CalibrationSettings,
     SurfaceFit,
     fit_records,
     fit_surfaces,
-    state_margins,
 )
 from slopewise.models.calibration.uphill import beside_uphill
 from slopewise.models.parameters import Braking, Model
@@ -46,9 +44,6 @@ from slopewise.models.stop_logs.measured_log import MeasuredLog, measure_stops
 from slopewise.models.stop_logs.mount_offset import Mount
 from slopewise.models.stop_logs.sinking_commands import sinking_commands
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
-
-_FIRST_STATE = 2_000_000
-"""Numbers of states, which no map knows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,11 +116,11 @@ def learn(
         measured = measured_beside(measured, beside, columns)
     rolling = 0.0 if beside is None else beside.terrain.rolling_while_braking
     measured, levels = at_full_level(measured, known, rolling)
-    surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
+    surfaces, warnings = fit_surfaces(measured, known, mount, wanted, levels)
     uneven = None if levels is not None else clear_asymmetry(surfaces[0], beside)
     if uneven is not None:
         measured = beside_uphill(measured, uneven.value, known)
-        surfaces, warnings = fit_surfaces(measured, known, mount, wanted)
+        surfaces, warnings = fit_surfaces(measured, known, mount, wanted, levels)
     warnings += notes(surfaces[0], mount, known, uneven)
     warnings += (*sinking_commands(columns, log.windows), *log.notes)
     good = usable(len(columns["t"]), log.suspects, ["v", "v_cmd"])
@@ -137,9 +132,11 @@ def learn(
         braking = dataclasses.replace(
             braking, dead_band=levels.dead_band, saturation=levels.saturation
         )
+    resistance = rolling if levels is None else levels.resistance
+    allowed = tuple(_with_bounds(s, braking, resistance, wanted.coverage) for s in surfaces)
     return Calibration(
         braking,
-        tuple(surfaces),
+        allowed,
         log.windows,
         log.suspects,
         measured.dead_time,
@@ -147,7 +144,7 @@ def learn(
         mount,
         driven,
         tuple(warnings),
-        objections(tuple(surfaces), measured.dead_time, wanted.coverage),
+        objections(allowed, measured.dead_time),
         levels,
     )
 
@@ -161,6 +158,17 @@ def _with_curves(
         return settings
     stops = dataclasses.replace(stops, turn_rate=math.inf)
     return dataclasses.replace(settings, stops=stops)
+
+
+def _with_bounds(
+    surface: SurfaceFit, braking: Braking, rolling: float, quantile: float
+) -> SurfaceFit:
+    """The surface with what plans allow for each of its stops."""
+    records = tuple(
+        dataclasses.replace(r, bound_distance=allowed_distance(braking, r, quantile, rolling))
+        for r in surface.records
+    )
+    return dataclasses.replace(surface, records=records)
 
 
 def with_learned(model: Model, learned: Calibration) -> Model:
@@ -221,57 +229,30 @@ def _braking(
         tables[surface.name] = (
             SurfaceBraking(**values) if before is None else dataclasses.replace(before, **values)
         )
-    number = _FIRST_STATE
-    for surface in surfaces:
-        if surface.state is not None:
-            tables[state_name(surface.name, tables)] = SurfaceBraking(
-                class_id=number,
-                state_of=surface.name,
-                **_state_values(surface, surface.state, uneven),
-            )
-            number += 1
     return dataclasses.replace(known, dead_time=dead.value, terrain=tables, **base)
 
 
-def state_name(surface: str, taken: Container[str]) -> str:
-    """Name of the table for the weaker state of a surface."""
-    name = f"{surface}, weaker" if surface else "weaker"
-    while name in taken:
-        name += "*"
-    return name
-
-
-def _state_values(
-    surface: SurfaceFit, state: WeakerState, uneven: Asymmetry | None
-) -> dict[str, Any]:
-    weaker = state_margins(surface.margins, state, surface.fit.coefficients)
-    scaled = None if uneven is None else uneven.times(state.ratio)
-    values = _coefficients(state.ratio * surface.fit.coefficients, weaker, scaled)
-    return values | {k: v for k, v in _values(surface, uneven).items() if k not in values}
-
-
 def _values(surface: SurfaceFit, uneven: Asymmetry | None) -> dict[str, Any]:
-    return _coefficients(surface.fit.coefficients, surface.margins, uneven) | {
-        "distance_offset": surface.distance_offset,
-        "time_offset": surface.time_offset,
-        "speed_range": surface.speed_range,
-        "grade_range": surface.grade_range,
-        "speed_by_grade": surface.speed_by_grade,
-        "dead_time_std": surface.margins.dead_time,
-    }
-
-
-def _coefficients(values: Floats, margins: Margins, uneven: Asymmetry | None) -> dict[str, Any]:
-    covariance = 0.5 * (margins.covariance + margins.covariance.T)
+    """Keys of a surface in a model file."""
+    values, matrix = surface.fit.coefficients, surface.fit.covariance
+    covariance = 0.5 * (matrix + matrix.T)
     uphill = None
     if uneven is not None:
         # What is not known of the change counts both ways: the file has one matrix for them.
         covariance[1, 1] += uneven.std**2
         uphill = UphillBraking(m_m=float(values[0]), b_m=float(values[1]) + uneven.value)
     return {
-        "uphill": uphill,
         **dict(zip(NAMES, (float(c) for c in values), strict=True)),
+        "uphill": uphill,
         "covariance": tuple(tuple(float(c) for c in row) for row in covariance),
-        "force_std": margins.force.absolute,
-        "force_scatter": margins.force.relative,
+        "distance": surface.distance.table,
+        # A grade that is off shifts force and gravity together in every stop of the log.
+        "force_std": surface.mount_std * abs(1.0 + float(surface.fit.coefficients[1])),
+        "force_scatter": 0.0,
+        "dead_time_std": 0.0,
+        "distance_offset": 0.0,
+        "time_offset": surface.time_offset,
+        "speed_range": surface.speed_range,
+        "grade_range": surface.grade_range,
+        "speed_by_grade": surface.speed_by_grade,
     }

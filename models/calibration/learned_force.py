@@ -93,6 +93,8 @@ def braking_in_use(
     for name, one in learned.items():
         known = prior.on(name) if name else prior
         more = 0.0 if older is None else older.get(name, 0.0)
+        if known.distance is not None:
+            more = math.hypot(more, _more_doubt(known, one))
         changes = {**_coefficients(known, one), "force_std": math.hypot(known.force_std, more)}
         if name:
             given = tables.get(name, SurfaceBraking(class_id=_NO_CLASS + len(tables)))
@@ -104,6 +106,16 @@ def braking_in_use(
         tables[PRIOR_SURFACE] = SurfaceBraking(class_id=_NO_CLASS - 1)
         _pin(prior, tables, base)
     return dataclasses.replace(prior, terrain=tables, **base)  # type: ignore[arg-type]
+
+
+def _more_doubt(known: Braking, one: LearnedForce) -> float:
+    """Standard deviation of F_b/W beyond that of the prior, which the promise contains [1]."""
+    speed, grade = 0.5 * sum(known.speed_range), 0.5 * sum(known.grade_range)
+    phi = design(np.array([speed]), np.array([grade]))[0]
+    variance = float(phi @ np.array(one.covariance) @ phi)
+    if known.covariance is not None:
+        variance -= float(phi @ np.array(known.covariance) @ phi)
+    return math.sqrt(max(variance, 0.0))
 
 
 def _coefficients(known: Braking, one: LearnedForce) -> dict[str, object]:

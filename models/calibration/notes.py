@@ -49,18 +49,18 @@ def notes(base: SurfaceFit, mount: Mount, known: Braking, uneven: Asymmetry | No
     if weak:
         said.append(f"the stops say little about {', '.join(weak)}: kept near the model so far")
     said += _corners(base)
-    out = [r for r in base.records if not r.kept and not r.in_weaker_state]
+    out = [r for r in base.records if not r.kept]
     if out:
         worst = max(r.samples.distance - r.predicted_distance for r in out)
         said.append(
             f"{len(out)} of {len(base.records)} stops fit no other: the coefficients do not rest "
-            f"on them, the margins do; the longest was {worst:+.2f} m beyond its prediction"
+            f"on them, the promised distances do; the longest was {worst:+.2f} m beyond its "
+            "prediction"
         )
-    if base.state is not None:
+    if not any(r.samples.session for r in base.records):
         said.append(
-            f"{int(base.state.members.sum())} of {len(base.records)} stops braked with "
-            f"{base.state.ratio:.0%} of the force of the others: kept as a state of its own; as "
-            "nobody can foresee it, plans take the worse of the two"
+            "the log has no column session: each run counts as one; name days, or other "
+            "conditions, in it"
         )
     return said
 

@@ -1,9 +1,8 @@
-"""Coefficients and margins of each surface, out of its measured stops.
+"""Coefficients and stop distances of each surface, out of its measured stops.
 
-The margins of a surface come from predictions of stops that the fit had not seen. Every stop that
-was measured counts in them: those that the fit left out are in the tail of the scatter, or in a
-weaker state of the brakes if several are alike. A surface with too few stops of its own is part of
-the base; a base without stops is the weakest surface. Source: Braking Sec. 4.1, 4.2.
+The coefficients are a joint fit of the forces; the distance that stops take beyond them is one
+distribution (:mod:`.distance_model`). A surface with too few stops of its own is part of the base;
+a base without stops is the weakest surface. Source: Braking Sec. 4.1, 4.2.
 """
 
 from __future__ import annotations
@@ -14,8 +13,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slopewise.models.arrays import Bools, Floats
-from slopewise.models.calibration.brake_states import WeakerState, weaker_members, weaker_state
+from slopewise.models.arrays import Floats
+from slopewise.models.calibration.brake_levels import BrakeLevels
+from slopewise.models.calibration.distance_table import (
+    LearnedDistance,
+    Stops,
+    SurfaceLaw,
+    learn_distance,
+)
 from slopewise.models.calibration.force_fit import (
     ForceFit,
     design,
@@ -24,19 +29,8 @@ from slopewise.models.calibration.force_fit import (
     with_mount,
 )
 from slopewise.models.calibration.hull import Corner, extrapolated_corners, speed_by_grade
-from slopewise.models.calibration.margins import FEWEST_STOPS as FEWEST_MEASURED
 from slopewise.models.calibration.margins import offset_for
-from slopewise.models.calibration.stop_margins import (
-    Margins,
-    MeasuredStops,
-    bounds,
-    dead_time_scatter,
-    force_scatter,
-    normal_width,
-    own_distance,
-    unseen_residuals,
-    what_is_left,
-)
+from slopewise.models.calibration.promise import Promise, promise_of
 from slopewise.models.calibration.stopping import stopping_distance, stopping_time
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking
@@ -47,11 +41,8 @@ from slopewise.models.stop_logs.mount_offset import Mount
 from slopewise.models.stop_logs.random_effects import Bounds
 from slopewise.models.stop_logs.stop_record import StopRecord
 
-FEWEST_STOPS = 8
-"""Stops of a surface from which its own force is fitted [1]: twice its four coefficients."""
-_LEAST_FORCE = 0.02  # [1] below which a share of the force says nothing
-_PASSES = 3
-"""Alternations of fit and scatter [1]: a fixed count keeps results reproducible."""
+FEWEST_STOPS = 6
+"""Stops from which a force is fitted [1]: two more than its coefficients."""
 _PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that
 
 
@@ -81,10 +72,9 @@ class SurfaceFit:
     Attributes:
         name: of the surface, "" for the base.
         fit: coefficients with covariance. records: its stops with predictions by fits without them.
-        margins: scatter of force and dead time that plans give up. state: a weaker one, if stops
-            showed it.
-        distance_offset, time_offset: what is left of the distance, and the margin of the time, for
-            the wanted coverage [m], [s].
+        distance: what stops take beyond the prediction. share: of stops, promised.
+        mount_std: error of the grade that all stops share, which their distances do not show [rad].
+        time_offset: margin of the stopping time for the wanted coverage [s].
         speed_range, grade_range: of the stops that the fit rests on [m/s], [rad].
         two_stages: (4,) the paper's own estimator, None where it cannot be formed.
     """
@@ -92,13 +82,18 @@ class SurfaceFit:
     name: str
     fit: ForceFit
     records: tuple[StopRecord, ...]
-    margins: Margins
-    state: WeakerState | None
-    distance_offset: float
+    distance: LearnedDistance
+    share: float
+    mount_std: float
     time_offset: float
     speed_range: tuple[float, float]
     grade_range: tuple[float, float]
     two_stages: Floats | None
+
+    @property
+    def promise(self) -> Promise:
+        """What the stops support."""
+        return promise_of(self.distance, self.share)
 
     @property
     def corners(self) -> tuple[Corner, ...]:
@@ -142,7 +137,11 @@ def _bounds(measured: Measured, surfaces: Container[str]) -> Bounds | None:
 
 
 def fit_surfaces(
-    measured: Measured, known: Braking, mount: Mount, settings: CalibrationSettings
+    measured: Measured,
+    known: Braking,
+    mount: Mount,
+    settings: CalibrationSettings,
+    levels: BrakeLevels | None = None,
 ) -> tuple[list[SurfaceFit], list[str]]:
     """The base, then every named surface with stops enough."""
     names = sorted({r.samples.terrain for r in measured.records} - {""})
@@ -150,11 +149,11 @@ def fit_surfaces(
     enough = {n: g for n, g in groups.items() if len(g) >= settings.fewest_per_surface}
     rest = [r for r in measured.records if r.samples.terrain not in enough]
     warnings = []
-    own = [_surface(n, g, measured, known, mount, settings) for n, g in enough.items()]
+    own = [_surface(n, g, measured, known, mount, settings, levels) for n, g in enough.items()]
     if len(enough) == 1 and not rest:
         base, own = dataclasses.replace(own[0], name=""), []
     elif len(rest) >= settings.fewest_per_surface or not own:
-        base = _surface("", rest, measured, known, mount, settings)
+        base = _surface("", rest, measured, known, mount, settings, levels)
     else:
         weakest = min(own, key=_level_force)
         base = dataclasses.replace(weakest, name="")
@@ -177,156 +176,72 @@ def _surface(
     known: Braking,
     mount: Mount,
     settings: CalibrationSettings,
+    levels: BrakeLevels | None,
 ) -> SurfaceFit:
     on = known.on(name) if name else known
     mount_std = mount.std if records[0].samples.grade is None else 0.0
-    late = float(
-        np.hypot(dead_time_scatter(records, measured.dead_time).planned, measured.dead_time.std)
+    fit = fit_records(records, measured, on)
+    law = SurfaceLaw(fit.coefficients, measured.dead_time.value, levels)
+    seen = _predicted(records, fit, law)
+    predicted = np.array([_distance(r, fit.coefficients, law.dead_time) for r in seen])
+    ending = [r for r, d in zip(seen, predicted, strict=True) if np.isfinite(d)]
+    if len(ending) < FEWEST_STOPS:
+        words = f"at least {FEWEST_STOPS} stops that the fit can explain, got {len(ending)}"
+        raise ParameterError("stops", words)
+    kept = [r for r in seen if r.kept]
+    speeds, grades = (np.array([getattr(r, n) for r in kept]) for n in ("onset_speed", "grade"))
+    ranges = (
+        (float(speeds.min()), float(speeds.max())),
+        (float(grades.min()) - _PAD, float(grades.max()) + _PAD),
     )
-    weak = _weak(records, measured, on)
-    for _ in range(_PASSES):
-        rest = [r for r, out in zip(records, weak.tolist(), strict=True) if not out]
-        fit = fit_records(rest, measured, on)
-        residual, force = unseen_residuals(fit, rest)
-        scatter = force_scatter(residual, np.array([r.force_std for r in rest]), force)
-        beyond = residual < -normal_width(settings.coverage) * scatter.std(force)
-        beyond &= ~fit.regression.kept
-        if not beyond.any():
-            break
-        # Not alike enough for a law of their own, too far for the tail of the others.
-        weak[np.flatnonzero(~weak)[beyond]] = True
-    margins = Margins(scatter, late, with_mount(fit, mount_std).covariance)
-    state = _state(records, fit, weak, margins) if weak.any() else None
-    seen = _predicted(records, fit, weak, measured.dead_time.value)
-    offset, seen = _bounded(seen, fit, margins, state, measured.dead_time.value, settings)
+    stops = Stops(
+        np.array([r.samples.window.held_speed for r in ending]),
+        np.array([r.mean_grade for r in ending]),
+        np.array([r.samples.window.level for r in ending]),
+        np.array([r.samples.distance for r in ending]),
+        predicted[np.isfinite(predicted)],
+        np.array([r.samples.session or r.samples.run for r in ending]),
+    )
+    distance = learn_distance(stops, law, ranges)
     time = np.array([r.samples.standstill_time - r.predicted_time for r in seen])
-    speeds = [r.onset_speed for r in seen if r.kept]
-    grades = [r.grade for r in seen if r.kept]
-    forces = np.array([r.force_ratio for r in seen if r.kept])
     return SurfaceFit(
         name,
         with_mount(fit, mount_std),
         tuple(seen),
-        margins,
-        state,
-        offset,
+        distance,
+        settings.coverage,
+        mount_std,
         offset_for(settings.coverage, time[np.isfinite(time)]),
-        (float(min(speeds)), float(max(speeds))),
-        (float(min(grades)) - _PAD, float(max(grades)) + _PAD),
-        fit_two_stages(np.array(speeds), np.array(grades), forces),
+        *ranges,
+        fit_two_stages(speeds, grades, np.array([r.force_ratio for r in kept])),
     )
 
 
-def _weak(records: Sequence[StopRecord], measured: Measured, known: Braking) -> Bools:
-    """(n,) stops of a weaker state; the fit that tells them apart does not rest on them."""
-    weak = np.zeros(len(records), np.bool_)
-    for _ in range(_PASSES):
-        rest = [r for r, out in zip(records, weak.tolist(), strict=True) if not out]
-        fit = fit_records(rest, measured, known)
-        share, noise = _shares(records, fit)
-        again = weaker_members(share, noise)
-        if (again == weak).all():
-            break
-        weak = again
-    return weak
-
-
-def _shares(records: Sequence[StopRecord], fit: ForceFit) -> tuple[Floats, Floats]:
-    """(n,) force of each stop as a share of the predicted one, minus one, and its noise."""
-    speed, grade = (np.array([getattr(r, n) for r in records]) for n in ("onset_speed", "grade"))
-    force = np.maximum(fit.force_ratio(speed, grade), _LEAST_FORCE)
-    measured = np.array([r.force_ratio for r in records])
-    return measured / force - 1.0, np.array([r.force_std for r in records]) / force
-
-
-def _state(
-    records: Sequence[StopRecord], fit: ForceFit, weak: Bools, margins: Margins
-) -> WeakerState:
-    share, noise = _shares(records, fit)
-    usual = margins.force.law.typical
-    if margins.force.relative > 0.0:
-        usual *= 1.0 + float(np.mean(share[weak]))
-    else:
-        force = [r.force_ratio for r, out in zip(records, weak.tolist(), strict=True) if not out]
-        usual /= max(float(np.median(force)), _LEAST_FORCE)
-    return weaker_state(share, noise, weak, usual)
-
-
-def _predicted(
-    records: Sequence[StopRecord], fit: ForceFit, weak: Bools, dead_time: float
-) -> list[StopRecord]:
+def _predicted(records: Sequence[StopRecord], fit: ForceFit, law: SurfaceLaw) -> list[StopRecord]:
     """Each stop with the prediction of a fit that has not seen it (leave one out, closed form)."""
     seen = []
     regression = fit.regression
-    row = np.cumsum(~weak) - 1
     for i, record in enumerate(records):
-        without, kept = fit.coefficients, False
-        if not weak[i]:
-            gain = regression.gain[:, row[i]]
-            x = design(np.array([record.onset_speed]), np.array([record.grade]))[0]
-            leverage = min(float(x @ gain), 0.99)
-            without = without - gain * (float(regression.residuals[row[i]]) / (1.0 - leverage))
-            kept = bool(regression.kept[row[i]])
-        held = record.samples.window.held_speed
-        own = record.at_level(without)
-        distance = stopping_distance(held, dead_time, own, *record.path) + record.by_effects
+        gain = regression.gain[:, i]
+        x = design(np.array([record.onset_speed]), np.array([record.grade]))[0]
+        leverage = min(float(x @ gain), 0.99)
+        without = fit.coefficients - gain * (float(regression.residuals[i]) / (1.0 - leverage))
+        distance = _distance(record, without, law.dead_time)
         seen.append(
             dataclasses.replace(
                 record,
-                kept=kept,
-                in_weaker_state=bool(weak[i]),
+                kept=bool(regression.kept[i]),
                 predicted_distance=distance,
-                predicted_time=stopping_time(held, dead_time, distance),
-                without=without,
+                predicted_time=stopping_time(
+                    record.samples.window.held_speed, law.dead_time, distance
+                ),
             )
         )
     return seen
 
 
-def _bounded(
-    records: Sequence[StopRecord],
-    fit: ForceFit,
-    margins: Margins,
-    state: WeakerState | None,
-    dead_time: float,
-    settings: CalibrationSettings,
-) -> tuple[float, list[StopRecord]]:
-    """The constant beside all other margins, and the stops with what a plan allows for them.
-
-    Raises:
-        ParameterError: too few stops whose prediction ends.
-    """
-    finite = int(np.isfinite([r.predicted_distance for r in records]).sum())
-    if finite < FEWEST_MEASURED:
-        words = f"at least {FEWEST_MEASURED} stops that the fit can explain, got {finite}"
-        raise ParameterError("stops", words)
-    width = normal_width(settings.coverage)
-    without = np.array([r.without for r in records])
-    bound = bounds(records, without, dead_time, margins, width)
-    if state is not None:
-        weaker = state_margins(margins, state, fit.coefficients)
-        bound = np.maximum(bound, bounds(records, state.ratio * without, dead_time, weaker, width))
-    offset = what_is_left(_columns(records, fit, bound), margins, width)
-    return offset, [
-        dataclasses.replace(r, bound_distance=b + offset)
-        for r, b in zip(records, bound.tolist(), strict=True)
-    ]
-
-
-def _columns(records: Sequence[StopRecord], fit: ForceFit, bound: Floats) -> MeasuredStops:
-    m_m, b_m = (float(c) for c in fit.coefficients[:2])
-    speed, grade, force = (
-        np.array([getattr(r, n) for r in records])
-        for n in ("onset_speed", "grade", "force_at_level")
-    )
-    distance = np.array([r.samples.distance for r in records])
-    own = np.array([own_distance(r, r.applied * (m_m * r.onset_speed + b_m)) for r in records])
-    return MeasuredStops(speed, grade, force, distance - own, distance - bound)
-
-
-def state_margins(margins: Margins, state: WeakerState, coefficients: Floats) -> Margins:
-    """Those of a weaker state: its own scatter, and what is not known of its share."""
-    covariance = state.ratio**2 * margins.covariance
-    covariance = covariance + state.ratio_std**2 * np.outer(coefficients, coefficients)
-    force = margins.force._replace(absolute=0.0, relative=state.scatter)
-    return margins._replace(force=force, covariance=covariance)
+def _distance(record: StopRecord, coefficients: Floats, dead_time: float) -> float:
+    """Predicted distance of a stop along its ground, with all effects [m]; inf if it rolls on."""
+    held = record.samples.window.held_speed
+    at_level = record.at_level(coefficients)
+    return stopping_distance(held, dead_time, at_level, *record.path) + record.by_effects

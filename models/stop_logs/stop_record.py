@@ -95,9 +95,7 @@ class StopRecord:
     kept: bool = True  # words: ok, False if it fits no other stop and the coefficients ignore it
     predicted_distance: float = np.nan  # by a fit without this stop, without offsets [m]
     predicted_time: float = np.nan  # likewise [s]; both inf where the model does not stop
-    bound_distance: float = np.nan  # that plans at the quantile reserve, with offset [m]
-    in_weaker_state: bool = False  # it fits stops of a weaker state of the brakes only
-    without: Floats | None = None  # (4,) coefficients of the fit that has not seen it
+    bound_distance: float = np.nan  # that plans at the quantile allow [m]
 
     def at_level(self, coefficients: Floats) -> Floats:
         """(4,) coefficients of full brakes as they act at the application of this stop."""

@@ -20,7 +20,7 @@ from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.ground.force_margins import capped, frictions_on, ground_terms, widened
 from slopewise.planner.ground.forces import Forces, on_many_surfaces, on_one_surface
-from slopewise.planner.ground.grade_dips import weak_where_it_dips
+from slopewise.planner.ground.grade_dips import lower_force_over_dips
 from slopewise.planner.ground.hull_speed import hold_below
 from slopewise.planner.ground.surface_cache import surface_cache_of
 from slopewise.planner.ground.surface_table import surface_bits
@@ -160,7 +160,7 @@ def ground_along(
         # Drag needs no friction: it adds to a force that is capped.
         drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
         forces = forces._replace(upper_intercept=forces.upper_intercept + drag)
-    forces = weak_where_it_dips(forces, profile)
+    forces = lower_force_over_dips(forces, profile)
     width = 0.0 if uncertainty is None else uncertainty.width
     errors = StopErrors(
         width * braking.speed_error,

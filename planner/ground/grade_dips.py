@@ -26,7 +26,7 @@ _SMALL = 0.01
 length."""
 
 
-def weak_where_it_dips(forces: Forces, profile: TerrainProfile) -> Forces:
+def lower_force_over_dips(forces: Forces, profile: TerrainProfile) -> Forces:
     """The lower bound of the force, less what dips between stations take of it, (N, M)."""
     lower = empty(*profile.grade.shape)
     _lower(profile.grade, profile.sin_grade, profile.known, forces, lower)

@@ -17,6 +17,7 @@ from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS, validate
 from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.quantity import GRAVITY, quantity, validate_quantities
+from slopewise.models.stop_promise import promised
 
 HOUR = 3600.0
 """[s]"""
@@ -97,12 +98,13 @@ class Uncertainty:
         return self.width * self.slope_std * float(np.hypot(1.0, v.cg_z / shorter))
 
     def cautious(self, model: Model) -> Model:
-        """The model with its load limits and effects moved to where the vehicle stops later.
+        """The model with promised stop distances, and limits and effects where stops are longer.
 
         Friction is not moved here: its lower end caps the force that stops the vehicle, its upper
         end the one that unloads the rear axle
         (:func:`slopewise.planner.ground.surface_table.frictions`).
         """
+        model = promised(model, self.quantile)
         margin = self.load_margin(model)
         limits = replace(model.limits, min_load=min(model.limits.min_load + margin, 0.9))
         effects = tuple(self._weaker(e) for e in model.effect)

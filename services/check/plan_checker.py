@@ -8,6 +8,7 @@ from scipy.special import ndtri
 from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
+from slopewise.models.stop_promise import promised
 from slopewise.services.check.check_report import CheckReport, ViolationLog
 from slopewise.services.check.driving_checks import check_driving
 from slopewise.services.check.external_plan import ExternalPlan
@@ -62,6 +63,8 @@ def check_plan_on_map(
     ground = ground_under(heights, line, model.vehicle)
     first = 0.0 if plan.station is None else float(plan.station[0])
     ground = ground._replace(station=ground.station + first)
+    if quantile > 0.5:
+        model = promised(model, quantile)
     brakes = path_force_along(model, ground, line, heights.class_names, float(ndtri(quantile)))
     log = ViolationLog(plan.name, line.row, ground.station)
     log.notes.append(_UNCHECKED)

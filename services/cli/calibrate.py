@@ -72,9 +72,11 @@ def calibrate(
     """Fit the braking model to the stops of drive logs.
 
     Finds the stops, measures force and dead time of each on the ground under it, fits all of them
-    together, and estimates their scatter: margins of force and dead time, and a constant offset
-    for the remainder. Suspect stretches are excluded and listed. Named effects of the model stay
-    in force. Status 3: the result is written, but not usable, with the reason. --stops has a row
+    together, and learns how much longer stops are than predicted: one distribution over speed,
+    grade, brake level and session, from which plans at any quantile take their distance. Says
+    which share n stops of m sessions support; name sessions (days) in a column session. Suspect
+    stretches are excluded and listed. Named effects of the model stay in force. Status 3: the
+    result is written, but physically implausible, with the reason. --stops has a row
     for every stop that was found, with the reason where it was excluded; it and --report are also
     written where the command rejects the log. --sheet shows on one page, from the fitted model at
     --coverage, stopping distances by speed and grade, the slopes that the brakes hold, and a
@@ -161,6 +163,8 @@ def _tables(result: CalibrateResult) -> Iterator[Any]:
         yield line(f"excluded at t = {t:.2f} s: {suspect.reason}", "yellow")
     if len(c.suspects) > _SUSPECTS:
         yield line(f"… and {len(c.suspects) - _SUSPECTS} more stretches", "yellow")
+    for surface in c.surfaces:
+        yield f"{surface.name + ': ' if surface.name else ''}{surface.promise.sentence()}"
     yield from notes(c.warnings)
     for objection in c.objections:
         yield line(f"rejected: {objection}", "red")

@@ -24,6 +24,7 @@ class ExitStatus(IntEnum):
     FAULT = 1
     BAD_INPUT = 2
     NOT_ADMISSIBLE = 3  # no plan may be driven, a check found something, a result is not usable
+    UNDECIDED = 4  # too few stops
     STOPPED = 130
 
 

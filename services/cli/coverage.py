@@ -32,8 +32,9 @@ def coverage(
     """Test whether a model covers the stops of a log.
 
     The model is not updated: every stop that can be measured is compared with the distance that
-    plans at the quantile allow, by speed, grade and session. Status 3: more stops are beyond it
-    than chance explains at that quantile.
+    plans at the quantile allow, by speed, grade and session. A stop from a speed that plans do not
+    allow at all is not covered. Status 3: more stops are beyond than chance explains at that
+    quantile. Status 4: undecided, too few stops.
 
     [bold]Example[/]  slopewise coverage today.csv --model mine.toml
     """
@@ -43,7 +44,9 @@ def coverage(
     log_input = LogInput(logs, map_file, nodata, topics, columns)
     summary = job(log_input, model, quantile=quantile, quiet=as_json)
     print_result(as_json, summary, _tables(summary))
-    return None if summary.covers else ExitStatus.NOT_ADMISSIBLE
+    if not summary.covers:
+        return ExitStatus.NOT_ADMISSIBLE
+    return None if summary.decided else ExitStatus.UNDECIDED
 
 
 def _tables(summary: CoverageSummary) -> Iterator[Any]:
@@ -54,15 +57,27 @@ def _tables(summary: CoverageSummary) -> Iterator[Any]:
     if 1 < len(summary.by_session) <= _SESSIONS:
         parts += [(f"session {part.session}", part) for part in summary.by_session]
     yield from table(
-        ("", "stops", "beyond", "allowed longer by, mean m", "not allowed at all"),
+        ("", "stops", "beyond", "95 % interval", "longer by, m", "not allowed"),
         (
-            (label, p.stops, p.beyond, number(p.mean_excess_m, ".3f"), p.not_allowed)
+            (
+                label,
+                p.stops,
+                p.beyond,
+                f"{p.interval[0]:.1%} … {p.interval[1]:.1%}",
+                number(p.mean_excess_m, ".3f"),
+                p.not_allowed,
+            )
             for label, p in parts
         ),
         title=f"{summary.model} at {summary.quantile:g}",
     )
-    covers = "covers" if summary.covers else "does not cover"
-    yield f"the model {covers} the {plural(summary.stops, 'measured stop')} of this log"
+    stops = plural(summary.stops, "measured stop")
+    if not summary.covers:
+        yield f"the model does not cover the {stops} of this log"
+    elif summary.decided:
+        yield f"the model covers the {stops} of this log"
+    else:
+        yield f"undecided: {stops}, at least {summary.needed} are needed"
     yield from notes(summary.notes)
 
 

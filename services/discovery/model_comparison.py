@@ -18,10 +18,13 @@ import numpy as np
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.errors import InputError
 from slopewise.models.parameters import Braking, Model
+from slopewise.models.stop_distance import StopDistance
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from slopewise.services.io.model_file import model_from_dict
 from slopewise.services.wire.model_proposal import StopDistanceChange
 
+_PROMISED = 0.999
+"""Quantile at which tables of stop distances are compared [1]: that of plans by default."""
 _MAX_DISTANCE = 1000.0  # distance of a stop that never ends [m]
 _ROLLS = (-0.15, 0.0, 0.15)  # Level, and the roll of rough ground to both sides [rad]
 
@@ -74,6 +77,7 @@ def cautious(finding: Model, file: Model) -> Model:
     braking = dataclasses.replace(
         f,
         covariance=_sum(f, o),
+        distance=_wider(f.distance, o.distance),
         dead_time=max(f.dead_time, o.dead_time),
         distance_offset=max(f.distance_offset, o.distance_offset),
         time_offset=max(f.time_offset, o.time_offset),
@@ -83,6 +87,13 @@ def cautious(finding: Model, file: Model) -> Model:
         dead_time_std=max(f.dead_time_std, o.dead_time_std),
     )
     return dataclasses.replace(finding, braking=braking)
+
+
+def _wider(a: StopDistance | None, b: StopDistance | None) -> StopDistance | None:
+    """The table that allows more; a finding without one keeps that of the file."""
+    if a is None or b is None:
+        return a or b
+    return max(a, b, key=lambda table: table.worst(_PROMISED))
 
 
 def model_of(tables: dict[str, Any], file: Model) -> Model:

@@ -16,10 +16,13 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.effects import registry
 from slopewise.models.parameters import Braking, Effect, Model
+from slopewise.models.stop_promise import promised
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.models.vehicle import Shape, Vehicle
 from slopewise.services.io.model_file import read_model
 
+QUANTILE = 0.977
+"""Of the stop distances that a model file promises [1]: that of two standard deviations."""
 SPREAD = 2.0
 """Standard deviations by which force and dead time may be worse than their mean: one stop in 40."""
 
@@ -91,6 +94,7 @@ def read_guard_model(path: Path) -> GuardModel:
 
 def guard_model(model: Model) -> GuardModel:
     """Worst case of a model."""
+    model = promised(model, QUANTILE, as_mean=True)
     braking, terrain, limits, effects = model.braking, model.terrain, model.limits, model.effect
     motion, rolling = registry.motion(effects), terrain.rolling_while_braking
     names = ["", *braking.terrain]

@@ -10,13 +10,13 @@ import numpy as np
 
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.learn import Calibration
+from slopewise.models.calibration.promise import Promise
 from slopewise.models.calibration.surface_fit import SurfaceFit
 from slopewise.models.stop_logs.find_stops import StopWindow
 from slopewise.models.stop_logs.stop_record import StopRecord
 from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.table import write_csv
 from slopewise.services.jobs.calibrate import CalibrateResult, RejectedLogError
-from slopewise.services.jobs.plural import plural
 from slopewise.services.jobs.summary import Summary
 
 _STOP_COLUMNS = ("run", "t", "verdict", "reason", "speed")
@@ -31,19 +31,32 @@ class Coefficient(Summary, frozen=True):
     learned: float
 
 
-class WeakerBrakes(Summary, frozen=True):
-    """A weaker state of the brakes, as a ratio of the force of the others."""
+class PromiseSummary(Summary, frozen=True):
+    """Supported shares: `counted_here` for the sessions of the log, `counted_new` for new ones [1].
 
+    Each session is predicted by the others: `held_out` stops, `held_out_beyond` of them beyond,
+    with the exact 95 % `interval` of that share, null where no session could be predicted.
+    """
+
+    share: float
     stops: int
-    ratio: float
-    ratio_std: float
-    force_scatter: float
+    sessions: int
+    counted_here: float
+    counted_new: float
+    held_out: int
+    held_out_beyond: int
+    interval: list[float] | None
+    held_out_excess_m: float | None
+    more_stops: int
+    more_sessions: int
+    text: str
 
 
 class SurfaceSummary(Summary, frozen=True):
     """Braking on one surface, "" for the base; keys as in model files.
 
-    Of predictions by a fit without the stop: share of stops within them, and mean excess [m].
+    `stop_factor` is the largest ratio of allowed to predicted distance at the promised share;
+    `coverage` the share of stops within what plans allow, `mean_excess` what these allow more [m].
     """
 
     name: str
@@ -52,12 +65,9 @@ class SurfaceSummary(Summary, frozen=True):
     coefficients: dict[str, Coefficient]
     covariance: list[list[float]]
     scatter: float
-    force_std: float
-    force_scatter: float
-    dead_time_std: float
-    state: WeakerBrakes | None
+    promise: PromiseSummary
+    stop_factor: float
     two_stages: list[float] | None
-    distance_offset: float
     time_offset: float
     speed_range: list[float]
     grade_range: list[float]
@@ -122,8 +132,7 @@ def summarise(result: CalibrateResult, sheet: dict[str, Any] | None = None) -> C
 def surface_summary(s: SurfaceFit) -> SurfaceSummary:
     """Everything that was fitted on one surface.
 
-    Predictions are at the quantile of the margins; stops that the fit excludes are included here.
-    Infinite ones are excluded from the mean excess.
+    Allowed distances are at the promised share; stops that the fit excludes are included here.
     """
     std = np.sqrt(np.diag(s.fit.covariance))
     numbers = zip(NAMES, s.fit.coefficients, std, s.fit.learned, strict=True)
@@ -136,21 +145,31 @@ def surface_summary(s: SurfaceFit) -> SurfaceSummary:
         coefficients={n: Coefficient(float(v), float(e), float(k)) for n, v, e, k in numbers},
         covariance=s.fit.covariance.tolist(),
         scatter=s.fit.scatter,
-        force_std=s.margins.force.absolute,
-        force_scatter=s.margins.force.relative,
-        dead_time_std=s.margins.dead_time,
-        state=None
-        if s.state is None
-        else WeakerBrakes(
-            int(s.state.members.sum()), s.state.ratio, s.state.ratio_std, s.state.scatter
-        ),
+        promise=_promise(s.promise),
+        stop_factor=s.distance.table.worst(s.promise.share),
         two_stages=None if s.two_stages is None else s.two_stages.tolist(),
-        distance_offset=s.distance_offset,
         time_offset=s.time_offset,
         speed_range=list(s.speed_range),
         grade_range=list(s.grade_range),
         coverage=float(np.mean(excess >= 0.0)),
         mean_excess=float(np.mean(finite)) if len(finite) else 0.0,
+    )
+
+
+def _promise(p: Promise) -> PromiseSummary:
+    return PromiseSummary(
+        p.share,
+        p.stops,
+        p.sessions,
+        p.counted_here,
+        p.counted_new,
+        p.held_out,
+        p.held_out_beyond,
+        None if p.interval is None else list(p.interval),
+        p.excess,
+        p.more_stops,
+        p.more_sessions,
+        p.sentence(),
     )
 
 
@@ -169,17 +188,14 @@ def _cells(s: SurfaceSummary) -> dict[str, str]:
             for name, c in s.coefficients.items()
         },
         "stops learned from": f"{s.stops - s.left_out} of {s.stops}",
-        "force scatters by": f"{s.force_scatter:.1%} of it"
-        if s.force_scatter > 0.0
-        else f"{s.force_std:.4f}",
-        "dead time by, s": f"{s.dead_time_std:.4f}",
-        "force of a weaker state": "–"
-        if s.state is None
-        else f"{s.state.ratio:.0%} ({plural(s.state.stops, 'stop')})",
-        "distance offset, m": f"{s.distance_offset:.3f}",
+        "sessions": f"{s.promise.sessions}",
+        f"allowed at {s.promise.share:g}, times predicted": f"up to {s.stop_factor:.2f}",
+        "counted, these sessions": f"{s.promise.counted_here:.1%}",
+        "counted, new sessions": f"{s.promise.counted_new:.1%}",
+        "held-out sessions, beyond": f"{s.promise.held_out_beyond} of {s.promise.held_out}",
         "time offset, s": f"{s.time_offset:.3f}",
-        "unseen stops within prediction": f"{s.coverage:.1%}",
-        "predictions longer by, mean m": f"{s.mean_excess:.3f}",
+        "stops within what plans allow": f"{s.coverage:.1%}",
+        "allowed longer by, mean m": f"{s.mean_excess:.3f}",
         "speeds, m/s": f"{s.speed_range[0]:.2f} … {s.speed_range[1]:.2f}",
         "grades": f"{low:.1f}° … {high:.1f}°",
     }

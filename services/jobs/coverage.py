@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
-from slopewise.models.calibration.coverage import Coverage, covered
+from slopewise.models.calibration.coverage import MIN_STOPS, Coverage, covered
 from slopewise.services.io.files import fault
 from slopewise.services.io.log_checks import refuse_wrong_units, unseen_channels
 from slopewise.services.io.model_file import find_model, read_model
@@ -21,8 +21,9 @@ _PARTS = 4
 class PartCoverage(Summary, frozen=True):
     """Measured stops, and those that ended beyond the allowed distance.
 
-    `mean_excess_m` is the mean of allowed minus actual distance [m], null without stops;
-    `not_allowed` are stops from a speed that plans do not allow at all.
+    Stops from a speed that plans do not allow at all are beyond; `not_allowed` counts them.
+    `interval` is 95 % of the share beyond, exact; `mean_excess_m` the mean of allowed minus actual
+    distance of the others [m], null without any.
     """
 
     stops: int
@@ -30,6 +31,7 @@ class PartCoverage(Summary, frozen=True):
     share_beyond: float
     mean_excess_m: float | None
     not_allowed: int
+    interval: list[float]
 
 
 class RangeCoverage(PartCoverage, frozen=True):
@@ -45,12 +47,17 @@ class SessionCoverage(PartCoverage, frozen=True):
 
 
 class CoverageSummary(PartCoverage, frozen=True, kw_only=True):
-    """Output of `coverage --json`; `covers`: no more are beyond than chance explains."""
+    """Output of `coverage --json`; `covers`: no more are beyond than chance explains.
+
+    `decided`: there are the stops `needed` for an answer.
+    """
 
     model: str
     stop_count: int = msgspec.field(name="found")
     quantile: float
     covers: bool
+    decided: bool
+    needed: int
     notes: list[str]
     by_speed: list[RangeCoverage]
     by_grade: list[RangeCoverage]
@@ -88,6 +95,8 @@ def _summary(model: str, stops: Coverage, notes: list[str]) -> CoverageSummary:
         stop_count=len(stops.windows),
         quantile=stops.quantile,
         covers=stops.covers(),
+        decided=stops.decides(),
+        needed=MIN_STOPS,
         notes=notes,
         by_speed=_by_range(stops, speed),
         by_grade=_by_range(stops, grade),
@@ -98,14 +107,17 @@ def _summary(model: str, stops: Coverage, notes: list[str]) -> CoverageSummary:
     )
 
 
-def _part(stops: Coverage, members: Bools) -> tuple[int, int, float, float | None, int]:
+def _part(
+    stops: Coverage, members: Bools
+) -> tuple[int, int, float, float | None, int, list[float]]:
     """Fields of a :class:`PartCoverage`."""
-    excess = stops.excess[members]
+    part = stops.of(members)
+    excess = part.excess
     ends = excess[np.isfinite(excess)]
     beyond = int(np.sum(excess < 0.0))
     share = beyond / len(excess) if len(excess) else 0.0
     mean = float(np.mean(ends)) if len(ends) else None
-    return len(excess), beyond, share, mean, len(excess) - len(ends)
+    return len(excess), beyond, share, mean, len(excess) - len(ends), list(part.interval())
 
 
 def _by_range(stops: Coverage, values: Floats) -> list[RangeCoverage]:

@@ -70,7 +70,8 @@ class PlanResult:
         braking = self.model.braking
         surfaces: tuple[Braking | SurfaceBraking, ...] = (braking, *braking.terrain.values())
         return any(
-            b.covariance or b.force_std or b.force_scatter or b.dead_time_std for b in surfaces
+            b.distance or b.covariance or b.force_std or b.force_scatter or b.dead_time_std
+            for b in surfaces
         ) or any(effect.covariance for effect in self.model.effect)
 
 

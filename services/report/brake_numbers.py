@@ -26,6 +26,7 @@ from slopewise.models.laws.tip_over import rear_share_under_braking
 from slopewise.models.laws.wheel_lockup import friction_cap, lockup_force_ratios
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.quantity import GRAVITY
+from slopewise.models.stop_promise import promised
 from slopewise.models.stops.simulation import LONGEST, GroundTrack, force_ratio, simulate_stop
 from slopewise.planner.ground.uncertainty import Uncertainty
 
@@ -71,8 +72,8 @@ class BrakeNumbers:
 
     @cached_property
     def tables(self) -> tuple[Braking, ...]:
-        """The surface, and the states in which it may be."""
-        b = self.model.braking
+        """The surface, and the states in which it may be, as promised at the quantile."""
+        b = promised(self.model, self.survive.quantile).braking
         return tuple(b.on(n) if n else b for n in (self.surface, *b.states_of(self.surface)))
 
     @cached_property
@@ -123,7 +124,8 @@ class BrakeNumbers:
 
     def mean_distance(self, speed: float, grade: float) -> float:
         """Stop by the mean of the model, without safety offset [m]; inf without a stop."""
-        table = self.tables[0]
+        b = self.model.braking
+        table = b.on(self.surface) if self.surface else b
         force = force_ratio(self.model, table, _place(grade, 0.0), speed)
         braked = _braked_distance(self.model, table, force, speed, grade, 0.0)
         return speed * table.dead_time + braked

@@ -5,9 +5,9 @@ Drawn once; a PDF contains it as text, an HTML page as a picture.
 
 from __future__ import annotations
 
-import io
 import math
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from slopewise.services.io.files import fault, write_atomic
 from slopewise.services.jobs.calibrate import CalibrateResult
 from slopewise.services.jobs.calibration_summary import surface_summary
 from slopewise.services.jobs.log_input import LogInput
+from slopewise.services.jobs.plural import plural
 from slopewise.services.jobs.provenance import calibration_digests
 from slopewise.services.report.brake_numbers import BrakeNumbers, SteepestSlope
 from slopewise.services.report.figures import (
@@ -28,6 +29,7 @@ from slopewise.services.report.figures import (
     SECOND,
     SHORT,
     figure_style,
+    pdf_bytes,
     svg_uri,
 )
 from slopewise.services.report.page import write_page
@@ -66,17 +68,26 @@ def write_calibration_sheet(
     """
     numbers = BrakeNumbers(result.model, Uncertainty(quantile=quantile))
     base = surface_summary(result.calibration.surfaces[0])
+    promise = base.promise
     facts = {
-        "stops learned from": f"{base.stops - base.left_out} of {base.stops}",
-        "unseen, within": f"{base.coverage:.1%}, on average {base.mean_excess:.3f} m to spare",
+        "stops learned from": f"{base.stops - base.left_out} of {base.stops}, "
+        f"{plural(promise.sessions, 'session')}",
+        "counted, here and on new days": f"{promise.counted_here:.1%}, {promise.counted_new:.1%}",
+        "held-out sessions, beyond": f"{promise.held_out_beyond} of {promise.held_out}",
     }
-    digests = calibration_digests(logs, prior, result.model, out)
-    write_sheet(path, numbers, facts, "\n".join(digests))
+    trace = "\n".join(calibration_digests(logs, prior, result.model, out))
+    write_sheet(path, numbers, facts, trace, result.calibration.objections)
     return sheet_json(numbers)
 
 
-def write_sheet(path: Path, numbers: BrakeNumbers, facts: Mapping[str, str], trace: str) -> None:
-    """Write the sheet of one surface, all or nothing: .html or .pdf.
+def write_sheet(
+    path: Path,
+    numbers: BrakeNumbers,
+    facts: Mapping[str, str],
+    trace: str,
+    objections: Sequence[str] = (),
+) -> None:
+    """Write the sheet of one surface, all or nothing: .html or .pdf; objections on top.
 
     Facts are results from the stops; the trace has lines with the files it was made from.
     """
@@ -85,22 +96,13 @@ def write_sheet(path: Path, numbers: BrakeNumbers, facts: Mapping[str, str], tra
     with figure_style() as make_figure:
         figure = make_figure(_SIZE)
         _draw(figure, numbers, title, facts, trace)
+        _draw_objections(figure, objections)
         if path.suffix.lower() == ".pdf":
-            write_atomic(path, _pdf(figure, title))
+            write_atomic(path, pdf_bytes(figure, title))
             return
         picture = svg_uri(figure)
     values = {"sheet": picture, "description": f"{title}. {unsafe_rule_warning(numbers)}"}
     write_page(path, "brake_sheet.html", values, title=title, styles=("page.css",))
-
-
-def _pdf(figure: Any, title: str) -> bytes:
-    import matplotlib
-
-    buffer = io.BytesIO()
-    about = {"Title": title, "Creator": "slopewise", "CreationDate": None}
-    with matplotlib.rc_context({"pdf.fonttype": 42}):
-        figure.savefig(buffer, format="pdf", metadata=about)
-    return buffer.getvalue()
 
 
 def sheet_json(numbers: BrakeNumbers) -> dict[str, Any]:
@@ -267,6 +269,15 @@ def _draw(
     _draw_rules(figure, y - 0.045, numbers)
     figure.text(_LEFT, 0.175, "Traceability", fontsize=10.5, weight="bold")
     figure.text(_LEFT, 0.167, trace, fontsize=6.1, va="top", family="monospace", linespacing=1.35)
+
+
+def _draw_objections(figure: Any, objections: Sequence[str]) -> None:
+    """Every objection, in the margin above the title."""
+    lines = [text for each in objections for text in textwrap.wrap(f"Rejected: {each}", 118)]
+    if lines:
+        figure.text(
+            _LEFT, 0.994, "\n".join(lines), fontsize=7.5, va="top", color=SHORT, weight="bold"
+        )
 
 
 def _draw_rows(figure: Any, x: float, head: str, rows: Mapping[str, str]) -> None:

@@ -92,7 +92,7 @@ def _verdict(calibration: Calibration) -> str:
     mean = float(np.mean(finite)) if len(finite) else float("inf")
     return (
         f"{within} of {plural(len(base.records), 'stop')} ended within the distance that a plan "
-        f"allows, by a fit that had not seen them, {mean:.2f} m before its end on average."
+        f"allows, {mean:.2f} m before its end on average. {base.promise.sentence()}."
     )
 
 
@@ -159,13 +159,19 @@ def _draw_distance(figure: Any, surface: SurfaceFit) -> None:
     allowed = np.array([r.bound_distance for r in surface.records])
     allowed[~np.isfinite(allowed)] = np.nan
     axes.vlines(number, actual, allowed, color=FAINT, lw=0.7)
-    axes.plot(number, allowed, "^", ms=4, color=SECOND, label="allowed for at the quantile")
+    predicted = np.array([r.predicted_distance for r in surface.records])
+    predicted[~np.isfinite(predicted)] = np.nan
+    axes.plot(
+        number, allowed, "^", ms=4, color=SECOND, label=f"allowed at {surface.promise.share:g}"
+    )
+    axes.plot(number, predicted, "_", ms=7, color=INK, label="predicted without this stop")
     axes.plot(number, actual, "o", ms=3.2, color=FIRST, label="actual")
     exceeded = allowed < actual
     if exceeded.any():
         axes.plot(number[exceeded], actual[exceeded], "o", ms=9, mfc="none", color=SHORT)
-    axes.set(xlabel="stop", ylabel="stopping distance, m", ylim=(0.0, None))
-    axes.legend(fontsize=8.5)
+    top = 1.15 * float(np.nanmax([actual, allowed]))
+    axes.set(xlabel="stop", ylabel="stopping distance, m", ylim=(0.0, top))
+    axes.legend(fontsize=8.5, loc="upper left", ncols=3)
 
 
 def _draw_margin(figure: Any, surface: SurfaceFit) -> None:
@@ -174,7 +180,7 @@ def _draw_margin(figure: Any, surface: SurfaceFit) -> None:
     margin[~np.isfinite(margin)] = np.nan
     axes.axhline(0.0, color=SHORT, lw=1.0)
     axes.scatter([r.onset_speed for r in surface.records], margin, s=16, color=FIRST, zorder=3)
-    axes.set(xlabel="speed at onset, m/s", ylabel="predicted minus actual, m")
+    axes.set(xlabel="speed at onset, m/s", ylabel="allowed minus actual, m")
 
 
 def _draw_stop(figure: Any, dead_time: float, surface: SurfaceFit) -> None:

@@ -60,3 +60,14 @@ def svg_uri(figure: Any) -> str:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
     return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def pdf_bytes(figure: Any, title: str) -> bytes:
+    """A figure as PDF, its text as text."""
+    import matplotlib
+
+    buffer = io.BytesIO()
+    about = {"Title": title, "Creator": "slopewise", "CreationDate": None}
+    with matplotlib.rc_context({"pdf.fonttype": 42}):
+        figure.savefig(buffer, format="pdf", metadata=about)
+    return buffer.getvalue()

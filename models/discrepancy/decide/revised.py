@@ -12,7 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.calibration.distance_table import Stops, SurfaceLaw, learn_distance
 from slopewise.models.calibration.margins import offset_for
+from slopewise.models.calibration.surface_fit import FEWEST_STOPS
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import distances
 from slopewise.models.discrepancy.decide.verdict import Decision
@@ -22,6 +24,7 @@ from slopewise.models.discrepancy.search.refine import Fit
 from slopewise.models.discrepancy.thresholds import OFFSET_COVERAGE, RANGE_PAD, RIVAL_COVERAGE
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Braking, Effect, Model
+from slopewise.models.stop_distance import StopDistance
 
 
 def revised(
@@ -60,6 +63,8 @@ def revised(
         speed_range=_within(on.speed_range, table.held),
         grade_range=_within(on.grade_range, table.grade),
     )
+    if on.distance is not None:
+        braking = replace(braking, distance=_promised_again(table, braking, held_out))
     added = effects_of(fit, widths, source)
     better = replace(model, braking=braking, effect=(*model.effect, *added))
     return _wider(better, table, decision, held_out), added
@@ -87,12 +92,33 @@ def effects_of(fit: Fit, widths: Sequence[dict[str, float]], source: str) -> tup
 
 
 def _scattered(braking: Braking, fit: Fit) -> Braking:
-    """With at least the scatter from stop to stop that the log showed."""
+    """With at least the scatter from stop to stop that the log showed, unless distances have it."""
+    if braking.distance is not None:
+        return braking
     return replace(
         braking,
         force_std=max(braking.force_std, fit.noise.scatter),
         dead_time_std=max(braking.dead_time_std, fit.noise.dead_time_std),
     )
+
+
+def _promised_again(table: StopTable, braking: Braking, held_out: Floats) -> StopDistance | None:
+    """The distribution of what the stops of the log leave once the effects are in the law."""
+    ends = np.isfinite(held_out)
+    if ends.sum() < FEWEST_STOPS:
+        return braking.distance
+    law = SurfaceLaw(
+        np.array([braking.m_m, braking.b_m, braking.m_b, braking.b_b]), braking.dead_time
+    )
+    stops = Stops(
+        table.held[ends],
+        table.grade[ends].mean(axis=1),
+        np.ones(int(ends.sum())),
+        table.distance[ends],
+        held_out[ends],
+        np.array(table.run_names)[table.run[ends]],
+    )
+    return learn_distance(stops, law, (braking.speed_range, braking.grade_range)).table
 
 
 def _inside(effect: str, name: str, value: float) -> float:
@@ -117,7 +143,9 @@ def _within(known: tuple[float, float], seen: Floats) -> tuple[float, float]:
 
 def _wider(model: Model, table: StopTable, decision: Decision, predicted: Floats) -> Model:
     """With a safety offset that covers stops held out, and the longest of all rivals."""
-    needed = offset_for(OFFSET_COVERAGE, table.distance - predicted)
+    needed = 0.0
+    if model.braking.distance is None:
+        needed = offset_for(OFFSET_COVERAGE, table.distance - predicted)
     if decision.rivals:
         here = distances(table, decision.explanation.fit.hypothesis)
         longer = [distances(table, r.fit.hypothesis) - here for r in decision.rivals]

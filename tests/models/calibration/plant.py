@@ -12,6 +12,7 @@ import numpy as np
 from scipy.stats import norm
 
 from slopewise.models.parameters import Braking
+from slopewise.models.stop_promise import promised_braking
 
 G = 9.80665
 STEP = 0.002  # [s]
@@ -188,6 +189,7 @@ def allowed(
 ) -> np.ndarray:
     """(stops,) way to rest that a plan at a quantile allows for, the worst of the states."""
     z = norm.ppf(quantile)
+    b = promised_braking(b, 0.0, quantile)
     ways = []
     for name in ("", *(n for n, t in b.terrain.items() if states and t.state_of == "")):
         on = b.on(name) if name else b

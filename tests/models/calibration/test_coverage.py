@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial import ConvexHull
 
-from benchmarks.calibration.stop_plant import PlantVehicle, drive_log
 from slopewise.models.calibration.coverage import covered
 from slopewise.models.calibration.force_fit import ForceFit, fit_force
 from slopewise.models.calibration.hull import Corner, extrapolated_corners, speed_by_grade
@@ -21,6 +20,7 @@ from slopewise.models.calibration.speed_error import SpeedError, speed_error
 from slopewise.models.calibration.stopping import stopping_distance, stopping_time
 from slopewise.models.errors import ParameterError
 from tests.models.calibration.plant import Plant, drive
+from tests.models.calibration.stop_plant import PlantVehicle, drive_log
 from tests.models.driven_hull import highest_speed
 from tests.world.vehicles import BASE
 

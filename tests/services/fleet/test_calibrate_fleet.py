@@ -38,7 +38,7 @@ def test_each_vehicle_gets_a_model_file_that_can_be_read(logs: list[Path], tmp_p
     first, thin, none = (model.braking for model in models)
     assert thin.level_force(2.5) - first.level_force(2.5) == pytest.approx(0.04, abs=0.015)
     assert "at least 2 usable stops" in result.vehicles[2].note
-    assert none.distance_offset > first.distance_offset
+    assert none.force_std > first.force_std
     assert models[0].vehicle == read_model(find_model("atv")).vehicle
     summary = json.loads(to_json(result.summary))
     assert summary["vehicles"]["robot-1"]["stops"] == 6

@@ -42,9 +42,10 @@ UNUSED: dict[type[Any], set[str]] = {
     Vehicle: {"mass", "drive", "max_drive_force", "max_drive_power", "motor_torque_constant"}
     | {"gear_ratio", "idle_current", "ground_clearance", "wheel_travel", "front_brake_share"}
     | {"ride_frequency", "ride_damping"},
-    # Both speeds in the dead time are covered; two standard deviations stand for the covariance.
-    Braking: {"time_offset", "covariance", "drive_in_dead_time", "speed_by_grade"},
-    SurfaceBraking: {"time_offset", "covariance", "speed_by_grade"},
+    # Both speeds in the dead time are covered; two standard deviations stand for the covariance,
+    # or the promised stop distance for the coefficients.
+    Braking: {"time_offset", "covariance", "distance", "drive_in_dead_time", "speed_by_grade"},
+    SurfaceBraking: {"time_offset", "covariance", "distance", "speed_by_grade"},
     UphillBraking: set(),
     Terrain: {"lateral_resistance", "slip_track"},
     Limits: {"accel", "jerk", "vertical_accel", "max_path_deviation"},

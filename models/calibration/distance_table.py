@@ -1,0 +1,150 @@
+"""From the measured stops of a surface to the table of factors of its stop distance.
+
+The law is that of the surface: four coefficients, dead time, and what named effects add to each
+stop. Its residuals are one distribution (:mod:`.distance_model`), and the table holds its quantiles
+for a session that was not seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.calibration.brake_levels import BrakeLevels
+from slopewise.models.calibration.distance_model import DistanceModel, StopFeatures, fit_distance
+from slopewise.models.laws import braking as law
+from slopewise.models.quantity import GRAVITY
+from slopewise.models.stop_distance import StopDistance
+
+QUANTILES = (0.5, 0.9, 0.99, 0.999, 0.9999, 0.999999)
+"""Of the table: those that plans may ask for, and enough in between for a straight line."""
+_SPEEDS, _GRADES = 6, 3
+"""Points of the axes of a table [1]: its logarithm bends by less than 1 % in between."""
+_BELOW = 0.7
+"""Share of the lowest onset speed at which a table begins [1]."""
+_MIN_GRADES = 0.035
+"""Spread of grades from which a table depends on them [rad]."""
+_MIN_LEVELS = 0.02
+"""Spread of levels likewise [1]."""
+_MIN_SHARE = 0.03
+"""Of the brakes, below which a stop says nothing of them [1]."""
+_MIN_DISTANCE = 1e-3
+"""Of a stop [m]: less is none."""
+_MIN_PULL = 0.01
+"""Deceleration as a share of gravity below which there is no finite stop [1]."""
+_LARGEST = 50.0
+"""Largest factor of a table [1]."""
+
+
+class SurfaceLaw(NamedTuple):
+    """The law of a surface: coefficients (4,), dead time [s], what the level of the brakes does.
+
+    ``levels`` is None where every stop of the log counts as one at full brakes.
+    """
+
+    coefficients: Floats
+    dead_time: float
+    levels: BrakeLevels | None = None
+
+    def features(
+        self, speed: Floats, grade: Floats, level: Floats, predicted: Floats | None = None
+    ) -> StopFeatures:
+        """Features of stops (n,); distances on even ground where none are predicted."""
+        force = law.force_ratio(grade, speed, *self.coefficients)
+        share = np.ones_like(speed)
+        if self.levels is not None:
+            share = np.maximum(self.levels.share(level), _MIN_SHARE)
+            force = self.levels.resistance + share * (force - self.levels.resistance)
+        pull = np.maximum(force + np.sin(grade), _MIN_PULL)
+        late = speed * self.dead_time
+        distance = late + speed**2 / (2.0 * GRAVITY * pull) if predicted is None else predicted
+        braked = np.maximum(1.0 - late / distance, 0.0)
+        weaker, answer = -braked * force / pull, -braked * np.sin(grade) / pull
+        return StopFeatures(speed, distance, 1.0 - braked, weaker, answer, share)
+
+
+class Stops(NamedTuple):
+    """Stops of a surface, (n,) each.
+
+    Attributes:
+        speed: at the command [m/s]. grade: mean over the stop [rad]. level: of the brakes [1].
+        actual, predicted: distances [m], the latter by the law with all effects. session: names.
+    """
+
+    speed: Floats
+    grade: Floats
+    level: Floats
+    actual: Floats
+    predicted: Floats
+    session: NDArray[np.str_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LearnedDistance:
+    """The distance distribution of one surface.
+
+    Attributes:
+        model: posterior. at: features of its n stops. log_ratio: (n,) ln(actual / predicted).
+        session: (n,) index of the session of each. names: (m,) of the sessions.
+        table: for the model file.
+    """
+
+    model: DistanceModel
+    at: StopFeatures
+    log_ratio: Floats
+    session: Ints
+    names: tuple[str, ...]
+    table: StopDistance
+
+
+def learn_distance(
+    stops: Stops, law_of: SurfaceLaw, ranges: tuple[tuple[float, float], tuple[float, float]]
+) -> LearnedDistance:
+    """The distribution of the stops of a surface.
+
+    Args:
+        stops: those whose prediction ends. law_of: of the surface.
+        ranges: speeds [m/s] and grades [rad] that the model file will hold for.
+    """
+    level = stops.level if law_of.levels is not None else np.ones_like(stops.level)
+    at = law_of.features(stops.speed, stops.grade, level, stops.predicted)
+    names, index = np.unique(stops.session, return_inverse=True)
+    session: Ints = index.astype(np.int64)
+    log_ratio = np.log(np.maximum(stops.actual, _MIN_DISTANCE) / stops.predicted)
+    model = fit_distance(at, log_ratio, session)
+    table = table_of(model, law_of, (*ranges, (float(level.min()), float(level.max()))))
+    return LearnedDistance(model, at, log_ratio, session, tuple(map(str, names)), table)
+
+
+def table_of(
+    model: DistanceModel,
+    law_of: SurfaceLaw,
+    ranges: tuple[tuple[float, float], tuple[float, float], tuple[float, float]],
+) -> StopDistance:
+    """The quantiles over speed, grade and level; the allowed distance grows with the speed."""
+    (slow, fast), (down, up), (light, full) = ranges
+    speeds = np.linspace(_BELOW * slow, max(fast, slow + 1e-3), _SPEEDS)
+    grades = (
+        np.linspace(down, up, _GRADES) if up - down > _MIN_GRADES else np.array([0.5 * (down + up)])
+    )
+    levels = np.linspace(light, full, 2) if full - light > _MIN_LEVELS else np.array([full])
+    level, grade, speed = (a.ravel() for a in np.meshgrid(levels, grades, speeds, indexing="ij"))
+    at = law_of.features(speed, grade, level)
+    log_ratio = model.log_ratio(at, np.array(QUANTILES))
+    shape = len(QUANTILES), len(levels), len(grades), len(speeds)
+    allowed = (np.exp(log_ratio) * at.distance).reshape(shape)
+    # From less speed the same brakes stop earlier: what bounds the faster stop bounds the slower.
+    allowed = np.minimum.accumulate(allowed[..., ::-1], axis=3)[..., ::-1]
+    factor = np.clip(allowed / at.distance.reshape(shape[1:]), 1e-3, _LARGEST)
+    factor = np.maximum.accumulate(factor, axis=0).reshape(-1, len(speeds))
+    return StopDistance(
+        quantiles=QUANTILES,
+        speeds=tuple(speeds.tolist()),
+        grades=tuple(grades.tolist()),
+        levels=tuple(levels.tolist()),
+        stop_factor=tuple(tuple(round(f, 5) for f in row) for row in factor.tolist()),
+    )

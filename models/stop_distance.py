@@ -1,0 +1,90 @@
+"""The stop distance that a calibration promises: allowed over predicted, by speed, grade and level.
+
+Predicted is the distance of the braking law with its dead time and every named effect. What stops
+do beyond it is one distribution of their logarithmic residual
+(:mod:`slopewise.models.calibration.distance_model`), kept here as a table of its quantiles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.models.errors import ParameterError
+from slopewise.models.quantity import STEEPEST, Matrix
+
+_MAX_FACTOR = 50.0
+"""Largest factor [1]: a stop fifty times as long as predicted is no stop of the same brakes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopDistance:
+    """Factors of the stop distance at quantiles, over onset speed, grade and brake level.
+
+    Attributes:
+        quantiles: (Q,) shares of stops that are no longer, increasing, in (0, 1).
+        speeds: (V,) at the command [m/s], increasing. grades: (G,) [rad], increasing, uphill
+            positive. levels: (L,) shares of full application, increasing, in (0, 1].
+        stop_factor: (Q L G, V) allowed over predicted distance; rows by quantile, then by level,
+            then by grade. Beyond the table its edge holds; between quantiles the logarithm is
+            linear in the normal score.
+    """
+
+    quantiles: tuple[float, ...]
+    speeds: tuple[float, ...]
+    grades: tuple[float, ...]
+    levels: tuple[float, ...]
+    stop_factor: Matrix
+
+    def __post_init__(self) -> None:
+        _axis("quantiles", self.quantiles, 0.0, 1.0, open_ends=True)
+        _axis("speeds", self.speeds, 0.0, np.inf)
+        _axis("grades", self.grades, -STEEPEST, STEEPEST)
+        _axis("levels", self.levels, 0.0, 1.0)
+        rows = len(self.quantiles) * len(self.grades) * len(self.levels)
+        if len(self.stop_factor) != rows or any(
+            len(row) != len(self.speeds) for row in self.stop_factor
+        ):
+            expected = f"{rows} rows (quantiles x levels x grades) of {len(self.speeds)} speeds"
+            raise ParameterError("stop_factor", expected)
+        factor = np.array(self.stop_factor, np.float64)
+        if not np.all((factor > 0.0) & (factor <= _MAX_FACTOR)):
+            raise ParameterError("stop_factor", f"numbers in (0, {_MAX_FACTOR:g}]")
+        if np.any(np.diff(np.log(factor).reshape(len(self.quantiles), -1), axis=0) < 0.0):
+            raise ParameterError("stop_factor", "factors that grow with the quantile")
+
+    def factor(self, quantile: float, level: float) -> Floats:
+        """(G, V) allowed over predicted distance at a quantile and a brake level."""
+        shape = len(self.quantiles), len(self.levels), len(self.grades), len(self.speeds)
+        table = np.log(np.array(self.stop_factor)).reshape(shape)
+        scores = np.array([NormalDist().inv_cdf(q) for q in self.quantiles])
+        at_quantile = _between(table, scores, NormalDist().inv_cdf(quantile))
+        result: Floats = np.exp(_between(at_quantile, np.array(self.levels), level))
+        return result
+
+    def worst(self, quantile: float) -> float:
+        """Largest factor at a quantile."""
+        return max(float(self.factor(quantile, level).max()) for level in self.levels)
+
+
+def _between(table: Floats, axis: Floats, at: float) -> Floats:
+    """Linear along the first axis of a table, constant beyond its ends."""
+    if len(axis) == 1:
+        first: Floats = table[0]
+        return first
+    k = int(np.clip(np.searchsorted(axis, at) - 1, 0, len(axis) - 2))
+    share = float(np.clip((at - axis[k]) / (axis[k + 1] - axis[k]), 0.0, 1.0))
+    result: Floats = (1.0 - share) * table[k] + share * table[k + 1]
+    return result
+
+
+def _axis(
+    name: str, values: tuple[float, ...], low: float, high: float, *, open_ends: bool = False
+) -> None:
+    axis = np.array(values, np.float64)
+    inside = (axis > low) & (axis < high) if open_ends else (axis >= low) & (axis <= high)
+    if not len(axis) or not inside.all() or np.any(np.diff(axis) <= 0.0):
+        raise ParameterError(name, f"increasing numbers in {low:g} … {high:g}, got {values}")

@@ -1,0 +1,271 @@
+"""The numbers of a braking model with which no stop is allowed less than its promised distance.
+
+A plan bounds a stop by a force that is bilinear in speed and grade, a dead time and a constant.
+The table of a calibration is no such line, so the shortest of these lines that nowhere allows less
+than the table takes its place. The mean force is unchanged, since loads, holding and lock-up rest
+on it: what is given up becomes the covariance D Dᵀ/z², whose margin at z standard deviations is the
+difference D of the coefficients.
+
+Along varying ground the line integrates: where every part of the stop obeys it, the sum does.
+Source: none; asymmetric min_pull squares (Newey and Powell 1987) over the points of the table.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import lru_cache
+from statistics import NormalDist
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.quantity import GRAVITY, Matrix
+from slopewise.models.stop_distance import StopDistance
+
+_LATER = (1.0, 1.1, 1.25, 1.5, 2.0)
+"""Dead times that are tried, as factors of the predicted one [1]: a longer one allows more where
+stops are short, by less than its share where they are long."""
+_CONSTANTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
+"""Constants that are tried, as shares of the shortest promised stop [1]."""
+_MIN_FORCE = 0.01
+"""Least promised deceleration as a share of gravity [1]: below, there is no finite law."""
+_MIN_GRADES, _MIN_SPEEDS = 0.035, 0.05
+"""Spread of grades [rad] and speeds [m/s] below which a line keeps the slope of the mean."""
+_ABOVE = tuple(np.geomspace(10.0, 1e6, 16).tolist())
+"""Weights of points above their bound [1], pass by pass."""
+_CELL = 0.2
+"""Points of the table that are this share of its speeds above what was driven still count [1]."""
+_BETWEEN = 5
+"""Points per step of the table at which the line must hold [1]; in between both are smooth."""
+
+
+class PromisedLine(NamedTuple):
+    """Coefficients m_m, b_m, m_b, b_b of full application, dead time [s] and constant [m]."""
+
+    coefficients: tuple[float, float, float, float]
+    uphill: tuple[float, float] | None
+    dead_time: float
+    constant: float
+
+
+def promised(model: Model, quantile: float, *, as_mean: bool = False) -> Model:
+    """The model whose plans at a quantile keep the promised distances; unchanged without a table.
+
+    Args:
+        model: any. quantile: one-sided probability that stops are no longer [1].
+        as_mean: write the promised force as the force itself instead of as a margin, for those
+            that read no covariance.
+    """
+    braking = promised_braking(model.braking, _rolling(model), quantile, as_mean=as_mean)
+    return model if braking is model.braking else dataclasses.replace(model, braking=braking)
+
+
+def promised_braking(
+    braking: Braking, rolling: float, quantile: float, *, as_mean: bool = False
+) -> Braking:
+    """The same of the braking model; ``rolling``: resistance that stays at a part of the brakes."""
+    tables = {}
+    for name, table in braking.terrain.items():
+        on = braking.on(name)
+        if on.distance is None:
+            tables[name] = table
+            continue
+        tables[name] = dataclasses.replace(
+            table, distance=None, **_changes(on, rolling, quantile, as_mean)
+        )
+    if braking.distance is None:
+        if all(tables[name] is table for name, table in braking.terrain.items()):
+            return braking
+        return dataclasses.replace(braking, terrain=tables)
+    base = _changes(braking, rolling, quantile, as_mean)
+    return dataclasses.replace(braking, terrain=tables, distance=None, **base)
+
+
+def _rolling(model: Model) -> float:
+    return model.terrain.rolling_while_braking
+
+
+def _changes(on: Braking, rolling: float, quantile: float, as_mean: bool) -> dict[str, Any]:
+    line = promised_line(dataclasses.replace(on, terrain={}), rolling, quantile)
+    mean = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
+    width = float(NormalDist().inv_cdf(quantile))
+    changes: dict[str, Any] = {
+        "dead_time": line.dead_time,
+        "dead_time_std": 0.0,
+        "distance_offset": on.distance_offset + line.constant,
+        "force_scatter": 0.0,
+    }
+    if as_mean or width < 1e-6:
+        names = ("m_m", "b_m", "m_b", "b_b")
+        changes |= dict(zip(names, line.coefficients, strict=True))
+        if on.uphill is not None and line.uphill is not None:
+            m_m, b_m = line.uphill
+            changes["uphill"] = dataclasses.replace(on.uphill, m_m=m_m, b_m=b_m)
+        return changes | {"covariance": tuple((0.0,) * 4 for _ in range(4))}
+    given_up = (mean - np.array(line.coefficients)) / width
+    square = np.outer(given_up, given_up)
+    return changes | {"covariance": tuple(map(tuple, square.tolist()))}
+
+
+@lru_cache(maxsize=256)
+def _cached(key: tuple[Any, ...], table: StopDistance, quantile: float) -> PromisedLine:
+    """The shortest line; `key`: what of a braking model and its ground it rests on."""
+    law = _Law(*key)
+    speeds = _refined(np.maximum(np.array(table.speeds), 1e-3))
+    grades = _refined(np.array(table.grades))
+    factor = _at(table, quantile, law.level, speeds, grades).ravel()
+    v, theta = (axis.ravel() for axis in np.meshgrid(speeds, grades))
+    if law.driven is not None:
+        corners = np.array(law.driven)
+        inside = v <= np.interp(theta, corners[:, 0], corners[:, 1]) + _CELL * float(np.ptp(speeds))
+        v, theta, factor = v[inside], theta[inside], factor[inside]
+    allowed = factor * law.distance(v, theta)
+    allowed = np.where(np.isfinite(allowed), allowed, np.inf)
+    best: tuple[float, PromisedLine] | None = None
+    for later in _LATER:
+        for share in _CONSTANTS:
+            dead, constant = later * max(law.dead_time, 1e-3), share * float(allowed.min())
+            candidate = _line(law, v, theta, allowed, dead, constant)
+            if candidate is not None and (best is None or candidate[0] < best[0]):
+                best = candidate
+    return _weakest(law, v, theta, allowed) if best is None else best[1]
+
+
+def promised_line(on: Braking, rolling: float, quantile: float) -> PromisedLine:
+    """The shortest line that allows no less than the table of a surface.
+
+    Args:
+        on: braking of one surface, with its table. rolling: resistance [1] that stays when the
+            brakes are applied in part. quantile: in the table, or the nearest one of it.
+    """
+    assert on.distance is not None
+    slopes = None if on.uphill is None else (on.uphill.m_m, on.uphill.b_m)
+    mean = (on.m_m, on.b_m, on.m_b, on.b_b)
+    share = on.share_at()
+    key = mean, slopes, on.dead_time, share, rolling, on.level, on.speed_by_grade
+    return _cached(key, on.distance, float(quantile))
+
+
+class _Law(NamedTuple):
+    """Parameters of a braking model that the prediction rests on."""
+
+    mean: tuple[float, float, float, float]
+    slopes: tuple[float, float] | None
+    dead_time: float
+    share: float
+    rolling: float
+    level: float
+    driven: Matrix | None
+
+    def fixed(self, speed: Floats, grade: Floats) -> Bools:
+        """(4,) coefficients that are kept, as speeds and grades do not distinguish them."""
+        one_grade, one_speed = np.ptp(grade) < _MIN_GRADES, np.ptp(speed) < _MIN_SPEEDS
+        return np.array([one_grade or one_speed, one_grade, one_speed, False])
+
+    def design(self, speed: Floats, grade: Floats) -> Floats:
+        """(n, 4) factors of the coefficients."""
+        result: Floats = np.column_stack((speed * grade, grade, speed, np.ones_like(speed)))
+        return result
+
+    def change(self, speed: Floats, grade: Floats) -> Floats:
+        """(n,) force that coefficients uphill add to the others."""
+        if self.slopes is None:
+            return np.zeros_like(speed)
+        more = (self.slopes[0] - self.mean[0]) * speed + self.slopes[1] - self.mean[1]
+        result: Floats = more * np.maximum(grade, 0.0)
+        return result
+
+    def force(self, speed: Floats, grade: Floats) -> Floats:
+        """(n,) predicted F_b/W at the level."""
+        full = self.design(speed, grade) @ np.array(self.mean) + self.change(speed, grade)
+        result: Floats = self.rolling + self.share * (full - self.rolling)
+        return result
+
+    def distance(self, speed: Floats, grade: Floats) -> Floats:
+        """(n,) predicted stop distance on even ground [m]; inf without a finite one."""
+        pull = self.force(speed, grade) + np.sin(grade)
+        braked = speed * speed / (2.0 * GRAVITY * np.maximum(pull, 1e-9))
+        return np.where(pull > _MIN_FORCE, speed * self.dead_time + braked, np.inf)
+
+
+def _line(
+    law: _Law, v: Floats, theta: Floats, allowed: Floats, dead: float, constant: float
+) -> tuple[float, PromisedLine] | None:
+    """Mean excess of the best line with this dead time and constant, and the line."""
+    finite = np.isfinite(allowed)
+    braked = np.where(finite, allowed - v * dead - constant, np.inf)
+    if np.any(braked <= 0.0):
+        # Where these alone allow more than the table, the predicted force is no constraint.
+        braked = np.maximum(braked, 1e-6)
+    needed = np.where(finite, v * v / (2.0 * GRAVITY * braked), _MIN_FORCE) - np.sin(theta)
+    full = (needed - law.rolling) / max(law.share, 1e-3) + law.rolling - law.change(v, theta)
+    x = law.design(v, theta)
+    # Nowhere stronger than the prediction; nowhere stronger than the table needs.
+    upper = np.minimum(full, x @ np.array(law.mean))
+    weight = v / np.maximum(np.where(finite, allowed, np.inf), 1e-9)
+    weight = np.where(finite, np.maximum(weight, 1e-6), 1e-6)
+    coefficients = _highest_below(x, upper, weight, law.fixed(v, theta), np.array(law.mean))
+    force = law.share * (x @ coefficients + law.change(v, theta) - law.rolling) + law.rolling
+    pull = force + np.sin(theta)
+    if np.any(pull[finite] <= 0.5 * _MIN_FORCE):
+        return None
+    length = v * dead + v * v / (2.0 * GRAVITY * np.maximum(pull, 1e-9)) + constant
+    excess = float(np.mean((length / np.where(finite, allowed, 1.0) - 1.0)[finite]))
+    return excess, _with_uphill(law, tuple(coefficients.tolist()), dead, constant)
+
+
+def _highest_below(x: Floats, upper: Floats, weight: Floats, fixed: Bools, mean: Floats) -> Floats:
+    """(4,) coefficients whose forces x·c are nowhere above (n,) and close to it by weight.
+
+    Least squares in which what is above weighs more and more, and a last step down to the bound.
+    """
+    free, c = ~fixed, mean.copy()
+    target = upper - x[:, fixed] @ mean[fixed]
+    above = np.zeros(len(x), np.bool_)
+    for heavier in _ABOVE:
+        root = np.sqrt(weight * np.where(above, heavier, 1.0))
+        c[free] = np.linalg.lstsq(x[:, free] * root[:, None], target * root, rcond=None)[0]
+        above = x @ c > upper
+    c[3] -= max(float(np.max(x @ c - upper)), 0.0)
+    return c
+
+
+def _weakest(law: _Law, v: Floats, theta: Floats, allowed: Floats) -> PromisedLine:
+    """A line of even deceleration, where none that leans on the mean exists."""
+    finite = np.isfinite(allowed)
+    pull = v * v / (2.0 * GRAVITY * np.maximum(allowed - v * law.dead_time, 1e-6))
+    min_pull = float(np.min(pull[finite])) if finite.any() else _MIN_FORCE
+    min_pull -= float(np.max(theta - np.sin(theta)))
+    full = (min_pull - law.rolling) / max(law.share, 1e-3) + law.rolling
+    slope = -1.0 / max(law.share, 1e-3)
+    return _with_uphill(law, (0.0, slope, 0.0, full), law.dead_time, 0.0)
+
+
+def _with_uphill(
+    law: _Law, coefficients: tuple[float, ...], dead: float, constant: float
+) -> PromisedLine:
+    m_m, b_m, m_b, b_b = coefficients
+    uphill = None
+    if law.slopes is not None:
+        uphill = (m_m + law.slopes[0] - law.mean[0], b_m + law.slopes[1] - law.mean[1])
+    return PromisedLine((m_m, b_m, m_b, b_b), uphill, dead, constant)
+
+
+def _refined(axis: Floats) -> Floats:
+    if len(axis) == 1:
+        return axis
+    at = np.linspace(0.0, len(axis) - 1.0, _BETWEEN * (len(axis) - 1) + 1)
+    result: Floats = np.interp(at, np.arange(len(axis)), axis)
+    return result
+
+
+def _at(
+    table: StopDistance, quantile: float, level: float, speeds: Floats, grades: Floats
+) -> Floats:
+    """(grades, speeds) factors, linear in between, with the edge beyond."""
+    factor = table.factor(quantile, level)
+    by_speed = np.array([np.interp(speeds, table.speeds, row) for row in factor])
+    result: Floats = np.array([np.interp(grades, table.grades, column) for column in by_speed.T]).T
+    return result
