@@ -305,8 +305,7 @@ def _laplace(x: Floats, y: Floats, distance: Floats, belongs: Floats, grid: _Gri
     pairs = (x[:, :, None] * x[:, None, :]).reshape(n, p * p)
     columns = np.einsum("np,nm->nmp", x, belongs).reshape(n, m * p)
     mean, offsets = np.zeros((g, p)), np.full((g, m), 0.0)
-    offset_start = float(np.median(y))
-    residual = np.broadcast_to(y - offset_start, (g, n))
+    residual = np.broadcast_to(y - float(np.median(y)), (g, n))
     for _ in range(_STEPS):
         w = (nu + 1.0) / (nu + (residual / scale) ** 2) / scale**2  # (g, n)
         own = w @ belongs + by_session  # (g, m)

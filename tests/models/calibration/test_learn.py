@@ -90,7 +90,7 @@ def recover(seeds: range, stops: int | None, **changes: float) -> None:
         assert max(force_errors) < 0.03
     assert np.sqrt(np.mean(np.square(sharpness))) < 1.05 + 2.0 / np.sqrt(2.0 * np.size(deviation))
     assert np.mean(np.concatenate(excesses) >= 0.0) >= 0.995
-    # Stops with 0.6 of the force are in the promise, whatever they are due to.
+    # Stops with 0.6 of the force are in the promise.
     assert np.mean(np.concatenate(excesses)) < (0.8 if "outliers" in changes else 0.15)
 
 
