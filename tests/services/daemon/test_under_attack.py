@@ -31,6 +31,8 @@ a robot that is starved, as without a separate share, is answered "busy" nearly 
 """
 MORE_MEMORY = 1.05 if LONG else 1.2
 """Than in the first seconds under attack, medians: much comes and goes with a request."""
+LOADED = 310.0
+"""[MB] of a service that has loaded every module and kernel, some at their first use."""
 
 
 class Honest:
@@ -195,4 +197,4 @@ def test_24_attackers_and_one_robot(tmp_path: Path) -> None:
         assert sum(counters.get(kind, 0) for kind in untimely) > 0
         # On a machine that is busy otherwise the robot alone is not always answered in time either.
         assert share >= SHARE * alone
-        assert now <= MORE_MEMORY * warm
+        assert now <= MORE_MEMORY * max(warm, LOADED)
