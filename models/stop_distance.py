@@ -16,7 +16,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import STEEPEST, Matrix
 
-_MAX_FACTOR = 50.0
+MAX_FACTOR = 50.0
 """Largest factor [1]: a stop fifty times as long as predicted is no stop of the same brakes."""
 
 
@@ -51,8 +51,8 @@ class StopDistance:
             expected = f"{rows} rows (quantiles x levels x grades) of {len(self.speeds)} speeds"
             raise ParameterError("stop_factor", expected)
         factor = np.array(self.stop_factor, np.float64)
-        if not np.all((factor > 0.0) & (factor <= _MAX_FACTOR)):
-            raise ParameterError("stop_factor", f"numbers in (0, {_MAX_FACTOR:g}]")
+        if not np.all((factor > 0.0) & (factor <= MAX_FACTOR)):
+            raise ParameterError("stop_factor", f"numbers in (0, {MAX_FACTOR:g}]")
         if np.any(np.diff(np.log(factor).reshape(len(self.quantiles), -1), axis=0) < 0.0):
             raise ParameterError("stop_factor", "factors that grow with the quantile")
 

@@ -7,7 +7,7 @@ on it: what is given up becomes the covariance D Dᵀ/z², whose margin at z sta
 difference D of the coefficients.
 
 Along varying ground the line integrates: where every part of the stop obeys it, the sum does.
-Source: none; asymmetric min_pull squares (Newey and Powell 1987) over the points of the table.
+Source: none; asymmetric least squares (Newey and Powell 1987) over the points of the table.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
+from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.quantity import GRAVITY, Matrix
 from slopewise.models.stop_distance import StopDistance
@@ -58,7 +59,8 @@ def promised(model: Model, quantile: float, *, as_mean: bool = False) -> Model:
         as_mean: write the promised force as the force itself instead of as a margin, for those
             that read no covariance.
     """
-    braking = promised_braking(model.braking, _rolling(model), quantile, as_mean=as_mean)
+    rolling = model.terrain.rolling_while_braking
+    braking = promised_braking(model.braking, rolling, quantile, as_mean=as_mean)
     return model if braking is model.braking else dataclasses.replace(model, braking=braking)
 
 
@@ -66,29 +68,20 @@ def promised_braking(
     braking: Braking, rolling: float, quantile: float, *, as_mean: bool = False
 ) -> Braking:
     """The same of the braking model; ``rolling``: resistance that stays at a part of the brakes."""
-    tables = {}
-    for name, table in braking.terrain.items():
+    if braking.distance is None and all(t.distance is None for t in braking.terrain.values()):
+        return braking
+    tables = dict(braking.terrain)
+    for name, table in tables.items():
         on = braking.on(name)
-        if on.distance is None:
-            tables[name] = table
-            continue
-        tables[name] = dataclasses.replace(
-            table, distance=None, **_changes(on, rolling, quantile, as_mean)
-        )
-    if braking.distance is None:
-        if all(tables[name] is table for name, table in braking.terrain.items()):
-            return braking
-        return dataclasses.replace(braking, terrain=tables)
-    base = _changes(braking, rolling, quantile, as_mean)
+        if on.distance is not None:
+            changes = _changes(on, rolling, quantile, as_mean)
+            tables[name] = dataclasses.replace(table, distance=None, **changes)
+    base = {} if braking.distance is None else _changes(braking, rolling, quantile, as_mean)
     return dataclasses.replace(braking, terrain=tables, distance=None, **base)
 
 
-def _rolling(model: Model) -> float:
-    return model.terrain.rolling_while_braking
-
-
 def _changes(on: Braking, rolling: float, quantile: float, as_mean: bool) -> dict[str, Any]:
-    line = promised_line(dataclasses.replace(on, terrain={}), rolling, quantile)
+    line = promised_line(on, rolling, quantile)
     mean = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
     width = float(NormalDist().inv_cdf(quantile))
     changes: dict[str, Any] = {
@@ -109,10 +102,28 @@ def _changes(on: Braking, rolling: float, quantile: float, as_mean: bool) -> dic
     return changes | {"covariance": tuple(map(tuple, square.tolist()))}
 
 
+def promised_line(on: Braking, rolling: float, quantile: float) -> PromisedLine:
+    """The shortest line that allows no less than the table of a surface.
+
+    Args:
+        on: braking of one surface, with its table. rolling: resistance [1] that stays when the
+            brakes are applied in part. quantile: in the table, or the nearest one of it.
+    """
+    assert on.distance is not None
+    law = _Law(
+        (on.m_m, on.b_m, on.m_b, on.b_b),
+        None if on.uphill is None else (on.uphill.m_m, on.uphill.b_m),
+        on.dead_time,
+        on.share_at(),
+        rolling,
+        on.level,
+        on.speed_by_grade,
+    )
+    return _shortest(law, on.distance, float(quantile))
+
+
 @lru_cache(maxsize=256)
-def _cached(key: tuple[Any, ...], table: StopDistance, quantile: float) -> PromisedLine:
-    """The shortest line; `key`: what of a braking model and its ground it rests on."""
-    law = _Law(*key)
+def _shortest(law: _Law, table: StopDistance, quantile: float) -> PromisedLine:
     speeds = _refined(np.maximum(np.array(table.speeds), 1e-3))
     grades = _refined(np.array(table.grades))
     factor = _at(table, quantile, law.level, speeds, grades).ravel()
@@ -122,7 +133,8 @@ def _cached(key: tuple[Any, ...], table: StopDistance, quantile: float) -> Promi
         inside = v <= np.interp(theta, corners[:, 0], corners[:, 1]) + _CELL * float(np.ptp(speeds))
         v, theta, factor = v[inside], theta[inside], factor[inside]
     allowed = factor * law.distance(v, theta)
-    allowed = np.where(np.isfinite(allowed), allowed, np.inf)
+    if not np.isfinite(allowed).any():
+        return _weakest(law, v, theta, allowed)
     best: tuple[float, PromisedLine] | None = None
     for later in _LATER:
         for share in _CONSTANTS:
@@ -131,21 +143,6 @@ def _cached(key: tuple[Any, ...], table: StopDistance, quantile: float) -> Promi
             if candidate is not None and (best is None or candidate[0] < best[0]):
                 best = candidate
     return _weakest(law, v, theta, allowed) if best is None else best[1]
-
-
-def promised_line(on: Braking, rolling: float, quantile: float) -> PromisedLine:
-    """The shortest line that allows no less than the table of a surface.
-
-    Args:
-        on: braking of one surface, with its table. rolling: resistance [1] that stays when the
-            brakes are applied in part. quantile: in the table, or the nearest one of it.
-    """
-    assert on.distance is not None
-    slopes = None if on.uphill is None else (on.uphill.m_m, on.uphill.b_m)
-    mean = (on.m_m, on.b_m, on.m_b, on.b_b)
-    share = on.share_at()
-    key = mean, slopes, on.dead_time, share, rolling, on.level, on.speed_by_grade
-    return _cached(key, on.distance, float(quantile))
 
 
 class _Law(NamedTuple):
@@ -164,11 +161,6 @@ class _Law(NamedTuple):
         one_grade, one_speed = np.ptp(grade) < _MIN_GRADES, np.ptp(speed) < _MIN_SPEEDS
         return np.array([one_grade or one_speed, one_grade, one_speed, False])
 
-    def design(self, speed: Floats, grade: Floats) -> Floats:
-        """(n, 4) factors of the coefficients."""
-        result: Floats = np.column_stack((speed * grade, grade, speed, np.ones_like(speed)))
-        return result
-
     def change(self, speed: Floats, grade: Floats) -> Floats:
         """(n,) force that coefficients uphill add to the others."""
         if self.slopes is None:
@@ -177,17 +169,30 @@ class _Law(NamedTuple):
         result: Floats = more * np.maximum(grade, 0.0)
         return result
 
-    def force(self, speed: Floats, grade: Floats) -> Floats:
-        """(n,) predicted F_b/W at the level."""
-        full = self.design(speed, grade) @ np.array(self.mean) + self.change(speed, grade)
+    def at_level(self, full: Floats) -> Floats:
+        """(n,) F_b/W at the level, from that of full application."""
         result: Floats = self.rolling + self.share * (full - self.rolling)
+        return result
+
+    def full(self, at_level: Floats) -> Floats:
+        """(n,) F_b/W of full application, from that at the level."""
+        result: Floats = (at_level - self.rolling) / max(self.share, 1e-3) + self.rolling
         return result
 
     def distance(self, speed: Floats, grade: Floats) -> Floats:
         """(n,) predicted stop distance on even ground [m]; inf without a finite one."""
-        pull = self.force(speed, grade) + np.sin(grade)
-        braked = speed * speed / (2.0 * GRAVITY * np.maximum(pull, 1e-9))
-        return np.where(pull > _MIN_FORCE, speed * self.dead_time + braked, np.inf)
+        full = design(speed, grade) @ np.array(self.mean) + self.change(speed, grade)
+        pull = self.at_level(full) + np.sin(grade)
+        distance = _stop(speed, pull, self.dead_time, 0.0)
+        return np.where(pull > _MIN_FORCE, distance, np.inf)
+
+
+def _stop(speed: Floats, pull: Floats, dead_time: float, constant: float) -> Floats:
+    """(n,) stop distances [m] under a deceleration of ``pull`` g > 0.
+
+    Not that of the laws: `check` and guard read the promise, and share no stop with the planner.
+    """
+    return speed * dead_time + speed * speed / (2.0 * GRAVITY * np.maximum(pull, 1e-9)) + constant
 
 
 def _line(
@@ -195,23 +200,20 @@ def _line(
 ) -> tuple[float, PromisedLine] | None:
     """Mean excess of the best line with this dead time and constant, and the line."""
     finite = np.isfinite(allowed)
-    braked = np.where(finite, allowed - v * dead - constant, np.inf)
-    if np.any(braked <= 0.0):
-        # Where these alone allow more than the table, the predicted force is no constraint.
-        braked = np.maximum(braked, 1e-6)
+    # Where dead time and constant alone allow more than the table, the force is no constraint.
+    braked = np.maximum(allowed - v * dead - constant, 1e-6)
     needed = np.where(finite, v * v / (2.0 * GRAVITY * braked), _MIN_FORCE) - np.sin(theta)
-    full = (needed - law.rolling) / max(law.share, 1e-3) + law.rolling - law.change(v, theta)
-    x = law.design(v, theta)
+    full = law.full(needed) - law.change(v, theta)
+    x = design(v, theta)
     # Nowhere stronger than the prediction; nowhere stronger than the table needs.
     upper = np.minimum(full, x @ np.array(law.mean))
-    weight = v / np.maximum(np.where(finite, allowed, np.inf), 1e-9)
-    weight = np.where(finite, np.maximum(weight, 1e-6), 1e-6)
+    weight = np.maximum(v / np.maximum(allowed, 1e-9), 1e-6)
     coefficients = _highest_below(x, upper, weight, law.fixed(v, theta), np.array(law.mean))
-    force = law.share * (x @ coefficients + law.change(v, theta) - law.rolling) + law.rolling
+    force = law.at_level(x @ coefficients + law.change(v, theta))
     pull = force + np.sin(theta)
     if np.any(pull[finite] <= 0.5 * _MIN_FORCE):
         return None
-    length = v * dead + v * v / (2.0 * GRAVITY * np.maximum(pull, 1e-9)) + constant
+    length = _stop(v, pull, dead, constant)
     excess = float(np.mean((length / np.where(finite, allowed, 1.0) - 1.0)[finite]))
     return excess, _with_uphill(law, tuple(coefficients.tolist()), dead, constant)
 
@@ -238,8 +240,8 @@ def _weakest(law: _Law, v: Floats, theta: Floats, allowed: Floats) -> PromisedLi
     pull = v * v / (2.0 * GRAVITY * np.maximum(allowed - v * law.dead_time, 1e-6))
     min_pull = float(np.min(pull[finite])) if finite.any() else _MIN_FORCE
     min_pull -= float(np.max(theta - np.sin(theta)))
-    full = (min_pull - law.rolling) / max(law.share, 1e-3) + law.rolling
     slope = -1.0 / max(law.share, 1e-3)
+    full = float(law.full(np.array(min_pull)))
     return _with_uphill(law, (0.0, slope, 0.0, full), law.dead_time, 0.0)
 
 

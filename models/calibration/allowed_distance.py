@@ -1,4 +1,4 @@
-"""What a plan allows for a stop of a log, on the ground of the stop."""
+"""The distance that a plan allows for a stop of a log, on the ground of the stop."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LEVEL_STEP = 0.1
 def allowed_distance(
     braking: Braking, record: StopRecord, quantile: float, rolling: float = 0.0
 ) -> float:
-    """What a plan at a quantile allows for a stop, the worst of the states of its surface [m].
+    """Distance that a plan at a quantile allows, the worst of the states of the surface [m].
 
     ``rolling``: resistance that stays when the brakes are applied in part [1].
     """

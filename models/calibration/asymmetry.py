@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.force_fit import design
+from slopewise.models.force_design import design
 from slopewise.models.stop_logs import random_effects
 
 _FEWEST = 8  # stops on each side

@@ -18,7 +18,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.force_fit import WEAK_PRIOR, design
+from slopewise.models.calibration.force_fit import WEAK_PRIOR
+from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs.measure import Measured
 

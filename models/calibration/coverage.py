@@ -1,7 +1,7 @@
-"""Does a model cover the stops of a log? What plans allow for, beside where the stops ended.
+"""Coverage of the stops of a log by a model: distances that plans allow and that stops took.
 
 Every stop that was measured counts, also one from a speed that plans do not allow at all: that one
-is not covered. The model is taken as it is and learns nothing. It covers a log if no more stops are
+is not covered. The model is not updated. It covers a log if no more stops are
 beyond than chance makes of the share that its quantile leaves.
 Source: none; exact binomial test and interval.
 """
@@ -19,7 +19,7 @@ from scipy import stats
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.calibration.allowed_distance import allowed_distance
 from slopewise.models.calibration.effects_in_force import measured_beside
-from slopewise.models.calibration.promise import beyond_interval, effective_count
+from slopewise.models.calibration.promise import share_interval
 from slopewise.models.parameters import Model
 from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow
 from slopewise.models.stop_logs.measured_log import measure_stops
@@ -78,9 +78,7 @@ class Coverage:
             return 0.0, 1.0
         distance = np.array([r.samples.distance for r in self.records])
         ratio = np.log(np.where(np.isfinite(self.allowed), self.allowed, distance) / distance)
-        _, session = np.unique(self.session.astype(str), return_inverse=True)
-        effective = effective_count(ratio, session.astype(np.int64), n)
-        return beyond_interval(float(np.sum(excess < 0.0)) * effective / n, effective)
+        return share_interval(int(np.sum(excess < 0.0)), n, ratio, self.session)
 
 
 def covered(

@@ -4,7 +4,7 @@
 
 Predicted is the braking law with dead time and every named effect, along the ground of the stop. x
 are the derivatives of the logarithm of the distance: by dead time, force, its change with speed,
-and the answer to grades, each with a weak prior, so that what the law leaves open counts once. Λ is
+and the answer to grades, each with a weak prior: the uncertainty of the law is included once. Λ is
 the logarithm of the speed over the mean of the log, λ = max(max |Λ|, 0.3): what a force linear in
 speed cannot follow. ε = σ √(1 + (a/d)²) t_ν scatters in proportion where stops are long and by the
 length a where they are short.
@@ -42,7 +42,7 @@ _SIGMA_STD, _FORM_STD, _SHORT_STD, _SESSION_STD = 0.30, 0.10, 0.3, 0.10
 _MIN_SPREAD = 0.3
 """Least λ [1]: speeds within 30 % of each other show no bend."""
 _MIN_GRADE_STD = 0.017
-"""Spread of the grades from which a log tells the answer to them [rad]."""
+"""Spread of the grades from which a log shows the answer to them [rad]."""
 _MIN_LEVEL_STD = 0.05
 """Spread of the logarithms of the levels likewise [1]."""
 _SHARES = np.array([0.15, 0.5, 0.85])
@@ -67,7 +67,7 @@ fast."""
 
 
 class StopFeatures(NamedTuple):
-    """What the residual of stops may depend on, (n,) each.
+    """Features that the residual of stops may depend on, (n,) each.
 
     Attributes:
         speed: at the command [m/s]. distance: predicted [m].
@@ -111,7 +111,7 @@ class DistanceModel:
     Attributes:
         weight: (g,). freedom, sigma, session_std, short: (g,) ν, σ, s_s, a [m].
         mean: (g, p) of the columns. covariance: (g, p, p).
-        offsets: (g, m) of the sessions seen. residual: (n,) of the stops beyond the mean curve.
+        residual: (n,) of the stops beyond the mean curve.
         scale: how features become columns.
     """
 
@@ -122,7 +122,6 @@ class DistanceModel:
     short: Floats
     mean: Floats
     covariance: Floats
-    offsets: Floats
     residual: Floats
     scale: _Scale
 
@@ -160,7 +159,12 @@ class DistanceModel:
 
 
 def _quantiles(
-    weight: Floats, middle: Floats, normal: Floats, scale: Floats, freedom: Floats, wanted: Floats
+    weight: Floats,
+    middle: Floats,
+    normal: Floats,
+    scale: Floats,
+    freedom: Floats,
+    quantiles: Floats,
 ) -> Floats:
     """Quantiles of a mixture of Student-t, each convolved with a normal (g,), read off a ladder."""
     nodes, share = np.polynomial.hermite_e.hermegauss(_NODES)
@@ -180,7 +184,7 @@ def _quantiles(
         beyond += np.einsum("ykh,k,h->y", each, weight[of], share)
     # Between its rungs the logarithm of what is beyond is taken as linear.
     falling = np.minimum.accumulate(np.log(np.maximum(beyond, 1e-300)))
-    result: Floats = np.interp(-np.log1p(-wanted), -falling, ladder)
+    result: Floats = np.interp(-np.log1p(-quantiles), -falling, ladder)
     return result
 
 
@@ -203,20 +207,19 @@ def fit_distance(at: StopFeatures, log_ratio: Floats, session: Ints) -> Distance
     grid = _grid(log_ratio, at.distance, session)
     belongs = np.zeros((len(x), int(session.max()) + 1))
     belongs[np.arange(len(x)), session] = 1.0
-    found = _laplace(x, log_ratio, at.distance, belongs, grid)
-    keep = found.log_density > found.log_density.max() - _NEGLIGIBLE
-    weight = np.exp(found.log_density[keep] - found.log_density.max())
+    posterior = _laplace(x, log_ratio, at.distance, belongs, grid)
+    keep = posterior.log_density > posterior.log_density.max() - _NEGLIGIBLE
+    weight = np.exp(posterior.log_density[keep] - posterior.log_density.max())
     weight /= weight.sum()
-    residual = log_ratio - x @ (weight @ found.mean[keep])
+    residual = log_ratio - x @ (weight @ posterior.mean[keep])
     return DistanceModel(
         weight,
         grid.freedom[keep],
         grid.sigma[keep],
         grid.session_std[keep],
         grid.short[keep],
-        found.mean[keep],
-        found.covariance[keep],
-        found.offsets[keep],
+        posterior.mean[keep],
+        posterior.covariance[keep],
         residual,
         scale,
     )
@@ -280,12 +283,11 @@ def _session_scale(y: Floats, session: Ints) -> float:
 
 
 class _Laplace(NamedTuple):
-    """(g,) log density with the Gaussians (g, p), (g, p, p), and offsets (g, m)."""
+    """(g,) log density with the Gaussians (g, p), (g, p, p)."""
 
     log_density: Floats
     mean: Floats
     covariance: Floats
-    offsets: Floats
 
 
 def _laplace(x: Floats, y: Floats, distance: Floats, belongs: Floats, grid: _Grid) -> _Laplace:
@@ -329,4 +331,4 @@ def _laplace(x: Floats, y: Floats, distance: Floats, belongs: Floats, grid: _Gri
     square = (curve @ pairs).reshape(g, p, p) + prior[:, :, None] * np.eye(p)
     schur = square - np.einsum("gmp,gmq->gpq", cross / own[:, :, None], cross)
     density += -0.5 * np.linalg.slogdet(schur)[1] - 0.5 * np.sum(np.log(own), axis=1)
-    return _Laplace(density + grid.log_prior, mean, np.linalg.inv(schur), offsets)
+    return _Laplace(density + grid.log_prior, mean, np.linalg.inv(schur))

@@ -8,18 +8,21 @@ for a session that was not seen.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.calibration.brake_levels import BrakeLevels
 from slopewise.models.calibration.distance_model import DistanceModel, StopFeatures, fit_distance
+from slopewise.models.errors import ParameterError
 from slopewise.models.laws import braking as law
 from slopewise.models.quantity import GRAVITY
-from slopewise.models.stop_distance import StopDistance
+from slopewise.models.stop_distance import MAX_FACTOR, StopDistance
 
+FEWEST_STOPS = 6
+"""Stops from which a surface is learned [1]: two more than its force has coefficients."""
 QUANTILES = (0.5, 0.9, 0.99, 0.999, 0.9999, 0.999999)
 """Of the table: those that plans may ask for, and enough in between for a straight line."""
 _SPEEDS, _GRADES = 6, 3
@@ -31,13 +34,11 @@ _MIN_GRADES = 0.035
 _MIN_LEVELS = 0.02
 """Spread of levels likewise [1]."""
 _MIN_SHARE = 0.03
-"""Of the brakes, below which a stop says nothing of them [1]."""
+"""Of the brakes, below which a stop carries no information on them [1]."""
 _MIN_DISTANCE = 1e-3
-"""Of a stop [m]: less is none."""
+"""Of a stop [m]: the log says that there was one."""
 _MIN_PULL = 0.01
 """Deceleration as a share of gravity below which there is no finite stop [1]."""
-_LARGEST = 50.0
-"""Largest factor of a table [1]."""
 
 
 class SurfaceLaw(NamedTuple):
@@ -60,8 +61,9 @@ class SurfaceLaw(NamedTuple):
             share = np.maximum(self.levels.share(level), _MIN_SHARE)
             force = self.levels.resistance + share * (force - self.levels.resistance)
         pull = np.maximum(force + np.sin(grade), _MIN_PULL)
-        late = speed * self.dead_time
-        distance = late + speed**2 / (2.0 * GRAVITY * pull) if predicted is None else predicted
+        late, distance = speed * self.dead_time, predicted
+        if distance is None:
+            distance = law.stopping_distance(speed, GRAVITY * pull, self.dead_time, 0.0)
         braked = np.maximum(1.0 - late / distance, 0.0)
         weaker, answer = -braked * force / pull, -braked * np.sin(grade) / pull
         return StopFeatures(speed, distance, 1.0 - braked, weaker, answer, share)
@@ -81,6 +83,11 @@ class Stops(NamedTuple):
     actual: Floats
     predicted: Floats
     session: NDArray[np.str_]
+
+    def of(self, members: Bools) -> Stops:
+        """Some of the stops, (n,) whether to take each."""
+        speed, grade, level, actual, predicted = (c[members] for c in self[:5])
+        return Stops(speed, grade, level, actual, predicted, self.session[members])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,9 +114,17 @@ def learn_distance(
     """The distribution of the stops of a surface.
 
     Args:
-        stops: those whose prediction ends. law_of: of the surface.
+        stops: measured; one whose prediction does not end is ignored. law_of: of the surface.
         ranges: speeds [m/s] and grades [rad] that the model file will hold for.
+
+    Raises:
+        ParameterError: too few stops whose prediction ends.
     """
+    ends = np.isfinite(stops.predicted)
+    if ends.sum() < FEWEST_STOPS:
+        expected = f"at least {FEWEST_STOPS} stops that the fit can explain, got {ends.sum()}"
+        raise ParameterError("stops", expected)
+    stops = stops.of(ends)
     level = stops.level if law_of.levels is not None else np.ones_like(stops.level)
     at = law_of.features(stops.speed, stops.grade, level, stops.predicted)
     names, index = np.unique(stops.session, return_inverse=True)
@@ -118,6 +133,14 @@ def learn_distance(
     model = fit_distance(at, log_ratio, session)
     table = table_of(model, law_of, (*ranges, (float(level.min()), float(level.max()))))
     return LearnedDistance(model, at, log_ratio, session, tuple(map(str, names)), table)
+
+
+def promise_keys(table: StopDistance) -> dict[str, Any]:
+    """Keys of a model file with a table: no other margin of force, dead time or distance is added.
+
+    What all stops of a log have in common, so that none of them shows it, is `force_std`.
+    """
+    return {"distance": table, "distance_offset": 0.0, "force_scatter": 0.0, "dead_time_std": 0.0}
 
 
 def table_of(
@@ -139,7 +162,7 @@ def table_of(
     allowed = (np.exp(log_ratio) * at.distance).reshape(shape)
     # From less speed the same brakes stop earlier: what bounds the faster stop bounds the slower.
     allowed = np.minimum.accumulate(allowed[..., ::-1], axis=3)[..., ::-1]
-    factor = np.clip(allowed / at.distance.reshape(shape[1:]), 1e-3, _LARGEST)
+    factor = np.clip(allowed / at.distance.reshape(shape[1:]), 1e-3, MAX_FACTOR)
     factor = np.maximum.accumulate(factor, axis=0).reshape(-1, len(speeds))
     return StopDistance(
         quantiles=QUANTILES,

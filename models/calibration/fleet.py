@@ -20,13 +20,19 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.calibration import hierarchy
-from slopewise.models.calibration.distance_table import Stops, SurfaceLaw, learn_distance
-from slopewise.models.calibration.force_fit import NAMES, design
+from slopewise.models.calibration.distance_table import (
+    Stops,
+    SurfaceLaw,
+    learn_distance,
+    promise_keys,
+)
+from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.hierarchy import Hierarchy
 from slopewise.models.calibration.margins import offset_for
 from slopewise.models.calibration.stopping import stopping_distance, stopping_time
-from slopewise.models.calibration.surface_fit import FEWEST_STOPS, CalibrationSettings
+from slopewise.models.calibration.surface_fit import CalibrationSettings
 from slopewise.models.errors import ParameterError
+from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs import random_effects
 from slopewise.models.stop_logs.dead_time import DeadTime
@@ -211,21 +217,11 @@ def _surface(
             for i, s in pairs
         ]
     )
-    ends = np.isfinite(predicted)
-    if ends.sum() < FEWEST_STOPS:
-        words = f"at least {FEWEST_STOPS} stops that the fit can explain, got {ends.sum()}"
-        raise ParameterError("stops", words)
     held, actual, time = np.array(
         [(s.held_speed, s.distance, s.standstill_time) for _, s in pairs]
     ).T
-    stops = Stops(
-        held[ends],
-        grade[ends],
-        np.ones(int(ends.sum())),
-        actual[ends],
-        predicted[ends],
-        np.array([vehicles[i].name for i in owner[ends].tolist()]),
-    )
+    names = np.array([v.name for v in vehicles])
+    stops = Stops(held, grade, np.ones_like(held), actual, predicted, names[owner])
     law = SurfaceLaw(fit.mean, float(np.mean(dead)))
     table = learn_distance(stops, law, ranges).table
     short = time - [
@@ -238,16 +234,13 @@ def _surface(
         covariance = _doubt(vehicle, fit.coefficients[i], fit.covariance[i])
         keys.append(
             dict(zip(NAMES, fit.coefficients[i].tolist(), strict=True))
+            | promise_keys(table)
             | {
                 "speed_range": ranges[0],
                 "grade_range": ranges[1],
                 "speed_by_grade": None,
-                "distance": table,
-                "distance_offset": 0.0,
                 "time_offset": time_offset,
                 "force_std": float(np.sqrt(middle @ covariance @ middle)),
-                "force_scatter": 0.0,
-                "dead_time_std": 0.0,
                 "covariance": tuple(map(tuple, covariance.tolist())),
             }
         )

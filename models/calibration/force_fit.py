@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.force_design import design
 from slopewise.models.stop_logs import random_effects
 from slopewise.models.stop_logs.random_effects import Bounds, LinearFit
 
@@ -57,12 +58,6 @@ class ForceFit:
         x = design(np.atleast_1d(speed), np.atleast_1d(grade))
         std: Floats = np.sqrt(np.einsum("ni,ij,nj->n", x, self.covariance, x))
         return std
-
-
-def design(speed: Floats, grade: Floats) -> Floats:
-    """(n, 4) rows [v θ, θ, v, 1] of onset speeds v [m/s] and grades θ [rad], broadcast to (n,)."""
-    speed, grade = np.broadcast_arrays(speed, grade)
-    return np.column_stack((speed * grade, grade, speed, np.ones_like(speed)))
 
 
 def fit_force(

@@ -21,13 +21,13 @@ from slopewise.models.arrays import Floats
 from slopewise.models.calibration.allowed_distance import allowed_distance
 from slopewise.models.calibration.asymmetry import Asymmetry
 from slopewise.models.calibration.brake_levels import BrakeLevels, at_full_level, tells_levels
+from slopewise.models.calibration.distance_table import FEWEST_STOPS, promise_keys
 from slopewise.models.calibration.effects_in_force import measured_beside, tells_turns
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.notes import clear_asymmetry, notes
 from slopewise.models.calibration.plausible import objections
 from slopewise.models.calibration.speed_error import SpeedError, speed_error
 from slopewise.models.calibration.surface_fit import (
-    FEWEST_STOPS,
     CalibrationSettings,
     SurfaceFit,
     fit_records,
@@ -245,12 +245,9 @@ def _values(surface: SurfaceFit, uneven: Asymmetry | None) -> dict[str, Any]:
         **dict(zip(NAMES, (float(c) for c in values), strict=True)),
         "uphill": uphill,
         "covariance": tuple(tuple(float(c) for c in row) for row in covariance),
-        "distance": surface.distance.table,
+        **promise_keys(surface.distance.table),
         # A grade that is off shifts force and gravity together in every stop of the log.
         "force_std": surface.mount_std * abs(1.0 + float(surface.fit.coefficients[1])),
-        "force_scatter": 0.0,
-        "dead_time_std": 0.0,
-        "distance_offset": 0.0,
         "time_offset": surface.time_offset,
         "speed_range": surface.speed_range,
         "grade_range": surface.grade_range,

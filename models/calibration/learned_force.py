@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slopewise.models.calibration.force_fit import NAMES, design
+from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.recursive import at_least_both
 from slopewise.models.errors import ParameterError
+from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.quantity import Matrix
 from slopewise.models.surface_braking import SurfaceBraking

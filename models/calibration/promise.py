@@ -14,11 +14,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Floats
 from slopewise.models.calibration.distance_model import StopFeatures, fit_distance
 from slopewise.models.calibration.distance_table import LearnedDistance
 
@@ -98,9 +100,7 @@ def promise_of(learned: LearnedDistance, share: float) -> Promise:
     count, beyond = len(excess), int(np.sum(excess < 0.0))
     interval = None
     if count:
-        interval = beyond_interval(
-            beyond, effective_count(learned.log_ratio, learned.session, count)
-        )
+        interval = share_interval(beyond, count, learned.log_ratio, learned.session)
     return Promise(
         share,
         len(learned.log_ratio),
@@ -123,18 +123,23 @@ def _held_out(learned: LearnedDistance, share: float) -> Floats:
         if (~out).sum() < _MIN_REST:
             continue
         rest = StopFeatures(*(column[~out] for column in learned.at))
-        _, session = np.unique(learned.session[~out], return_inverse=True)
-        model = fit_distance(rest, learned.log_ratio[~out], session.astype(np.int64))
+        model = fit_distance(rest, learned.log_ratio[~out], learned.session[~out])
         own = StopFeatures(*(column[out] for column in learned.at))
         ratio = model.log_ratio(own, np.array([share]))[0]
         excess.append(np.exp(ratio) * own.distance - actual[out])
     return np.concatenate(excess)
 
 
-def effective_count(values: Floats, session: Ints, count: int) -> float:
-    """N / (1 + (n/m − 1) ICC), with the intraclass correlation of values (n,) by analysis of
-    variance.
-    """
+def share_interval(
+    beyond: int, count: int, values: Floats, session: NDArray[Any]
+) -> tuple[float, float]:
+    """95 % interval of the share ``beyond`` of ``count`` stops, at their effective number."""
+    effective = effective_count(values, session, count)
+    return beyond_interval(beyond * effective / count, effective)
+
+
+def effective_count(values: Floats, session: NDArray[Any], count: int) -> float:
+    """Effective number of stops, by the intraclass correlation of values (n,) within sessions."""
     names, index = np.unique(session, return_inverse=True)
     m, n = len(names), len(values)
     if m < 2 or n <= m:

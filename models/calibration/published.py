@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.force_fit import design
 from slopewise.models.errors import ParameterError
+from slopewise.models.force_design import design
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.force_fit import design
+from slopewise.models.force_design import design
 from slopewise.models.laws import braking
 from slopewise.models.quantity import GRAVITY
 

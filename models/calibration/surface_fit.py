@@ -23,7 +23,6 @@ from slopewise.models.calibration.distance_table import (
 )
 from slopewise.models.calibration.force_fit import (
     ForceFit,
-    design,
     fit_force,
     fit_two_stages,
     with_mount,
@@ -33,6 +32,7 @@ from slopewise.models.calibration.margins import offset_for
 from slopewise.models.calibration.promise import Promise, promise_of
 from slopewise.models.calibration.stopping import stopping_distance, stopping_time
 from slopewise.models.errors import ParameterError
+from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.quantity import Matrix
 from slopewise.models.stop_logs.find_stops import StopSettings
@@ -41,8 +41,6 @@ from slopewise.models.stop_logs.mount_offset import Mount
 from slopewise.models.stop_logs.random_effects import Bounds
 from slopewise.models.stop_logs.stop_record import StopRecord
 
-FEWEST_STOPS = 6
-"""Stops from which a force is fitted [1]: two more than its coefficients."""
 _PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that
 
 
@@ -183,11 +181,6 @@ def _surface(
     fit = fit_records(records, measured, on)
     law = SurfaceLaw(fit.coefficients, measured.dead_time.value, levels)
     seen = _predicted(records, fit, law)
-    predicted = np.array([_distance(r, fit.coefficients, law.dead_time) for r in seen])
-    ending = [r for r, d in zip(seen, predicted, strict=True) if np.isfinite(d)]
-    if len(ending) < FEWEST_STOPS:
-        words = f"at least {FEWEST_STOPS} stops that the fit can explain, got {len(ending)}"
-        raise ParameterError("stops", words)
     kept = [r for r in seen if r.kept]
     speeds, grades = (np.array([getattr(r, n) for r in kept]) for n in ("onset_speed", "grade"))
     ranges = (
@@ -195,12 +188,12 @@ def _surface(
         (float(grades.min()) - _PAD, float(grades.max()) + _PAD),
     )
     stops = Stops(
-        np.array([r.samples.window.held_speed for r in ending]),
-        np.array([r.mean_grade for r in ending]),
-        np.array([r.samples.window.level for r in ending]),
-        np.array([r.samples.distance for r in ending]),
-        predicted[np.isfinite(predicted)],
-        np.array([r.samples.session or r.samples.run for r in ending]),
+        np.array([r.samples.window.held_speed for r in seen]),
+        np.array([r.mean_grade for r in seen]),
+        np.array([r.samples.window.level for r in seen]),
+        np.array([r.samples.distance for r in seen]),
+        np.array([_distance(r, fit.coefficients, law.dead_time) for r in seen]),
+        np.array([r.samples.session or r.samples.run for r in seen]),
     )
     distance = learn_distance(stops, law, ranges)
     time = np.array([r.samples.standstill_time - r.predicted_time for r in seen])

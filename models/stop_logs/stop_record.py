@@ -104,11 +104,6 @@ class StopRecord:
         return at_level
 
     @property
-    def force_at_level(self) -> float:
-        """F_b/W at the application of this stop."""
-        return self.applied * self.force_ratio + (1.0 - self.applied) * self.resistance
-
-    @property
     def mean_grade(self) -> float:
         """Grade of the ground, mean over the distance from the command to standstill [rad]."""
         return self.samples.mean_of(self.ground)

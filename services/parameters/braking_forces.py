@@ -13,12 +13,13 @@ from statistics import median
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.force_fit import NAMES, design
+from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.learned_force import LearnedForce, braking_in_use
 from slopewise.models.calibration.online import OnlineBraking
 from slopewise.models.calibration.published import PublishSettings
 from slopewise.models.calibration.recursive import Acceptance, RecursiveSettings
 from slopewise.models.errors import ParameterError
+from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.quantity import Matrix
 from slopewise.models.stop_logs.stop_stream import StreamedStop

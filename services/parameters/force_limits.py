@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.force_fit import NAMES, design
+from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.learned_force import LearnedForce
 from slopewise.models.calibration.published import PublishSettings
 from slopewise.models.errors import ParameterError
+from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.surface_braking import SurfaceBraking
 

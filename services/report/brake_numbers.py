@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.force_fit import design
 from slopewise.models.effects import registry
 from slopewise.models.effects.effect_law import Enters, Place
+from slopewise.models.force_design import design
 from slopewise.models.laws import braking
 from slopewise.models.laws import responsibility_sensitive_safety as rss
 from slopewise.models.laws.holding import brakes_hold

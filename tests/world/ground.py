@@ -51,6 +51,16 @@ def plane(rise: float = 0.0, cross: float = 0.0, **options: Any) -> ElevationMap
     return ground_map(lambda x, y: rise * x + cross * y, **options)
 
 
+def iced(**options: Any) -> ElevationMap:
+    """Ice from x = 8 m to 12 m."""
+    return plane(
+        resolution=0.1,
+        classes=lambda x, y: (x >= 8.0) & (x <= 12.0),
+        class_names=("", "ice"),
+        **options,
+    )
+
+
 def straight(length: float, heading: float = 0.0, **options: Any) -> CandidatePath:
     """From the origin."""
     along = np.array([0.0, length])

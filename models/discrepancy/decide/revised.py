@@ -14,7 +14,6 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.calibration.distance_table import Stops, SurfaceLaw, learn_distance
 from slopewise.models.calibration.margins import offset_for
-from slopewise.models.calibration.surface_fit import FEWEST_STOPS
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import distances
 from slopewise.models.discrepancy.decide.verdict import Decision
@@ -23,6 +22,7 @@ from slopewise.models.discrepancy.model.hypothesis import BASE, Hypothesis, free
 from slopewise.models.discrepancy.search.refine import Fit
 from slopewise.models.discrepancy.thresholds import OFFSET_COVERAGE, RANGE_PAD, RIVAL_COVERAGE
 from slopewise.models.effects.registry import LAWS
+from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.stop_distance import StopDistance
 
@@ -104,21 +104,21 @@ def _scattered(braking: Braking, fit: Fit) -> Braking:
 
 def _promised_again(table: StopTable, braking: Braking, held_out: Floats) -> StopDistance | None:
     """The distribution of what the stops of the log leave once the effects are in the law."""
-    ends = np.isfinite(held_out)
-    if ends.sum() < FEWEST_STOPS:
-        return braking.distance
     law = SurfaceLaw(
         np.array([braking.m_m, braking.b_m, braking.m_b, braking.b_b]), braking.dead_time
     )
     stops = Stops(
-        table.held[ends],
-        table.grade[ends].mean(axis=1),
-        np.ones(int(ends.sum())),
-        table.distance[ends],
-        held_out[ends],
-        np.array(table.run_names)[table.run[ends]],
+        table.held,
+        table.grade.mean(axis=1),
+        np.ones_like(table.held),
+        table.distance,
+        held_out,
+        np.array(table.run_names)[table.run],
     )
-    return learn_distance(stops, law, (braking.speed_range, braking.grade_range)).table
+    try:
+        return learn_distance(stops, law, (braking.speed_range, braking.grade_range)).table
+    except ParameterError:  # too few of them end
+        return braking.distance
 
 
 def _inside(effect: str, name: str, value: float) -> float:

@@ -14,9 +14,10 @@ from slopewise.models.calibration.fleet import (
     learn_fleet,
     vehicle_stops,
 )
-from slopewise.models.calibration.force_fit import design, fit_force
+from slopewise.models.calibration.force_fit import fit_force
 from slopewise.models.calibration.learn import measure_log
 from slopewise.models.errors import ParameterError
+from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from tests.models.calibration.plant import Plant, Truth, allowed, drive, predicted
 

@@ -9,12 +9,12 @@ from scipy import stats
 from slopewise.models.calibration.asymmetry import Asymmetry, asymmetry
 from slopewise.models.calibration.force_fit import (
     WEAK_PRIOR,
-    design,
     fit_force,
     fit_two_stages,
     with_mount,
 )
 from slopewise.models.calibration.margins import normal_bound, offset_for
+from slopewise.models.force_design import design
 
 # ------------------------------------------------------------------------------- force fit
 

@@ -17,22 +17,12 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.laws import braking as law
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.settings import PlannerSettings
-from tests.world.ground import arc, ground_map, plane, straight
+from tests.world.ground import arc, ground_map, iced, plane, straight
 from tests.world.stages import braking_ground_of, profile_of
 from tests.world.vehicles import BASE, model_of, tables_with
 
 _TABLES = ("vehicle", "terrain", "limits")
 ICE = {"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.1}
-
-
-def iced(**options: Any) -> ElevationMap:
-    """Ice from x = 8 m to 12 m."""
-    return plane(
-        resolution=0.1,
-        classes=lambda x, y: (x >= 8.0) & (x <= 12.0),
-        class_names=("", "ice"),
-        **options,
-    )
 
 
 @given(

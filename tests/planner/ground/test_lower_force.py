@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from slopewise.models.candidate_path import CandidatePath
-from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.settings import PlannerSettings
-from tests.world.ground import ground_map, plane, straight
+from tests.world.ground import ground_map, iced, straight
 from tests.world.plans import plan_one, violations
 from tests.world.stages import braking_ground_of
 from tests.world.vehicles import SMALL, model_of, tables_with
 
 _TABLES = ("vehicle", "terrain", "limits")
-ICE = {"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.1}
-
-
-def iced(**options: Any) -> ElevationMap:
-    """Ice from x = 8 m to 12 m."""
-    return plane(
-        resolution=0.1,
-        classes=lambda x, y: (x >= 8.0) & (x <= 12.0),
-        class_names=("", "ice"),
-        **options,
-    )
 
 
 def test_below_the_trained_speeds_no_surface_is_counted_on_for_another() -> None:
