@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,6 +79,7 @@ def running(
     argv, started = ["serve", "--config", str(file)], os.environ | (environment or {})
     process: subprocess.Popen[str] | WarmProcess
     if fresh or environment:
+        started.pop("PYTHONDONTWRITEBYTECODE", None)  # what an installation has, a shell finds
         command = [sys.executable, "-m", "slopewise.services.cli", *argv]
         process = subprocess.Popen(
             command, env=started, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -98,6 +100,15 @@ def running(
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait(10.0)
+
+
+def suspend(process: int) -> None:
+    """Let a process hang; a signal takes effect after the call that sends it."""
+    os.kill(process, signal.SIGSTOP)
+    until = time.monotonic() + 5.0
+    while Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "T":
+        assert time.monotonic() < until, "runs on"
+        time.sleep(0.001)
 
 
 def flat(sequence: int = 1, **changes: object) -> MapUpdate:

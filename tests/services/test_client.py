@@ -12,7 +12,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.services.client import ClientAnswer, PlanClient
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
-from tests.services.service_process import Running, fan, flat, free_port, running
+from tests.services.service_process import Running, fan, flat, free_port, running, suspend
 
 
 def is_safe(outcome: ClientAnswer, speed: float) -> None:
@@ -53,7 +53,7 @@ def test_a_hung_service_is_one_that_does_not_answer(service: Running) -> None:
         service.session() as opened,
         PlanClient(opened, namespace=service.namespace, timeout=0.3) as client,
     ):
-        service.process.send_signal(signal.SIGSTOP)
+        suspend(service.process.pid)
         begun = time.monotonic()
         outcome = client.plan(1.5, fan())
         took = time.monotonic() - begun
