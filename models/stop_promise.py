@@ -36,6 +36,8 @@ _MIN_GRADES, _MIN_SPEEDS = 0.035, 0.05
 """Spread of grades [rad] and speeds [m/s] below which a line keeps the slope of the mean."""
 _ABOVE = tuple(np.geomspace(10.0, 1e6, 16).tolist())
 """Weights of points above their bound [1], pass by pass."""
+_RIDGE = 1e-12
+"""Share of the squares of the columns that is added to each [1]: above rounding."""
 _CELL = 0.2
 """Points of the table that are this share of its speeds above what was driven still count [1]."""
 _BETWEEN = 5
@@ -135,14 +137,8 @@ def _shortest(law: _Law, table: StopDistance, quantile: float) -> PromisedLine:
     allowed = factor * law.distance(v, theta)
     if not np.isfinite(allowed).any():
         return _weakest(law, v, theta, allowed)
-    best: tuple[float, PromisedLine] | None = None
-    for later in _LATER:
-        for share in _CONSTANTS:
-            dead, constant = later * max(law.dead_time, 1e-3), share * float(allowed.min())
-            candidate = _line(law, v, theta, allowed, dead, constant)
-            if candidate is not None and (best is None or candidate[0] < best[0]):
-                best = candidate
-    return _weakest(law, v, theta, allowed) if best is None else best[1]
+    best = _best_line(law, v, theta, allowed)
+    return _weakest(law, v, theta, allowed) if best is None else best
 
 
 class _Law(NamedTuple):
@@ -187,50 +183,64 @@ class _Law(NamedTuple):
         return np.where(pull > _MIN_FORCE, distance, np.inf)
 
 
-def _stop(speed: Floats, pull: Floats, dead_time: float, constant: float) -> Floats:
-    """(n,) stop distances [m] under a deceleration of ``pull`` g > 0.
+def _stop(
+    speed: Floats, pull: Floats, dead_time: Floats | float, constant: Floats | float
+) -> Floats:
+    """(n,) or (K, n) stop distances [m] under a deceleration of ``pull`` g > 0.
 
     Not that of the laws: `check` and guard read the promise, and share no stop with the planner.
     """
     return speed * dead_time + speed * speed / (2.0 * GRAVITY * np.maximum(pull, 1e-9)) + constant
 
 
-def _line(
-    law: _Law, v: Floats, theta: Floats, allowed: Floats, dead: float, constant: float
-) -> tuple[float, PromisedLine] | None:
-    """Mean excess of the best line with this dead time and constant, and the line."""
+def _best_line(law: _Law, v: Floats, theta: Floats, allowed: Floats) -> PromisedLine | None:
+    """The line of least mean excess over all dead times and constants (K,); None if none stops."""
     finite = np.isfinite(allowed)
+    dead, constant = (
+        column.ravel()
+        for column in np.meshgrid(
+            np.array(_LATER) * max(law.dead_time, 1e-3),
+            np.array(_CONSTANTS) * float(allowed.min()),
+            indexing="ij",
+        )
+    )
     # Where dead time and constant alone allow more than the table, the force is no constraint.
-    braked = np.maximum(allowed - v * dead - constant, 1e-6)
+    braked = np.maximum(allowed - v * dead[:, None] - constant[:, None], 1e-6)
     needed = np.where(finite, v * v / (2.0 * GRAVITY * braked), _MIN_FORCE) - np.sin(theta)
-    full = law.full(needed) - law.change(v, theta)
-    x = design(v, theta)
+    change, x, mean = law.change(v, theta), design(v, theta), np.array(law.mean)
     # Nowhere stronger than the prediction; nowhere stronger than the table needs.
-    upper = np.minimum(full, x @ np.array(law.mean))
+    upper = np.minimum(law.full(needed) - change, x @ mean)
     weight = np.maximum(v / np.maximum(allowed, 1e-9), 1e-6)
-    coefficients = _highest_below(x, upper, weight, law.fixed(v, theta), np.array(law.mean))
-    force = law.at_level(x @ coefficients + law.change(v, theta))
-    pull = force + np.sin(theta)
-    if np.any(pull[finite] <= 0.5 * _MIN_FORCE):
+    coefficients = _highest_below(x, upper, weight, law.fixed(v, theta), mean)
+    pull = law.at_level(coefficients @ x.T + change) + np.sin(theta)
+    length = _stop(v, pull, dead[:, None], constant[:, None])[:, finite]
+    excess = np.mean(length / allowed[finite] - 1.0, axis=1)
+    excess[np.any(pull[:, finite] <= 0.5 * _MIN_FORCE, axis=1)] = np.inf
+    k = int(np.argmin(excess))
+    if not np.isfinite(excess[k]):
         return None
-    length = _stop(v, pull, dead, constant)
-    excess = float(np.mean((length / np.where(finite, allowed, 1.0) - 1.0)[finite]))
-    return excess, _with_uphill(law, tuple(coefficients.tolist()), dead, constant)
+    return _with_uphill(law, tuple(coefficients[k].tolist()), float(dead[k]), float(constant[k]))
 
 
 def _highest_below(x: Floats, upper: Floats, weight: Floats, fixed: Bools, mean: Floats) -> Floats:
-    """(4,) coefficients whose forces x·c are nowhere above (n,) and close to it by weight.
+    """(K, 4) coefficients whose forces x·c are nowhere above (K, n) and close to it by weight.
 
     Least squares in which what is above weighs more and more, and a last step down to the bound.
     """
-    free, c = ~fixed, mean.copy()
+    free, c = ~fixed, np.tile(mean, (len(upper), 1))
+    columns = x[:, free]
+    pairs = (columns[:, :, None] * columns[:, None, :]).reshape(len(x), -1)
     target = upper - x[:, fixed] @ mean[fixed]
-    above = np.zeros(len(x), np.bool_)
+    above = np.zeros(upper.shape, np.bool_)
     for heavier in _ABOVE:
-        root = np.sqrt(weight * np.where(above, heavier, 1.0))
-        c[free] = np.linalg.lstsq(x[:, free] * root[:, None], target * root, rcond=None)[0]
-        above = x @ c > upper
-    c[3] -= max(float(np.max(x @ c - upper)), 0.0)
+        w = weight * np.where(above, heavier, 1.0)
+        square = (w @ pairs).reshape(len(upper), columns.shape[1], -1)
+        # Points that tell nothing of a coefficient leave it as it is in the mean.
+        ridge = _RIDGE * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(len(mean[free]))
+        right = ((w * (target - columns @ mean[free])) @ columns)[:, :, None]
+        c[:, free] = mean[free] + np.linalg.solve(square + ridge, right)[:, :, 0]
+        above = c @ x.T > upper
+    c[:, 3] -= np.maximum(np.max(c @ x.T - upper, axis=1), 0.0)
     return c
 
 
