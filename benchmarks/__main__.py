@@ -24,6 +24,7 @@ BENCHMARKS: dict[str, tuple[str, tuple[str, ...]]] = {
     "discrepancy": ("discrepancy.discrepancy_campaign", ()),
     "fleet": ("fleet.fleet_benchmark", ("dask", "pyarrow")),
     "margins": ("calibration.margins", ()),
+    "streams": ("calibration.streams", ()),
     "obstacles": ("obstacles.obstacle_benchmark", ()),
 }
 """Modules with ``run(request, progress)`` and ``show(result, console)``; packages they need."""

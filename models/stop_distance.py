@@ -7,14 +7,15 @@ do beyond it is one distribution of their logarithmic residual
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
+from slopewise.models.arrays import Floats, Ints
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import STEEPEST, Matrix
+from slopewise.models.quantity import STEEPEST, Matrix, quantity, validate_quantities
 
 MAX_FACTOR = 50.0
 """Largest factor [1]: a stop fifty times as long as predicted is no stop of the same brakes."""
@@ -31,6 +32,8 @@ class StopDistance:
         stop_factor: (Q L G, V) allowed over predicted distance; rows by quantile, then by level,
             then by grade. Beyond the table its edge holds; between quantiles the logarithm is
             linear in the normal score.
+        session_std: part of the spread of its logarithm that all stops of a session share [1];
+            0: a table that no session changes.
     """
 
     quantiles: tuple[float, ...]
@@ -38,8 +41,16 @@ class StopDistance:
     grades: tuple[float, ...]
     levels: tuple[float, ...]
     stop_factor: Matrix
+    session_std: float = quantity(
+        "1",
+        "Spread of ln(actual / predicted) between sessions.",
+        default=0.0,
+        at_least=0.0,
+        at_most=1.0,
+    )
 
     def __post_init__(self) -> None:
+        validate_quantities(self)
         _axis("quantiles", self.quantiles, 0.0, 1.0, open_ends=True)
         _axis("speeds", self.speeds, 0.0, np.inf)
         _axis("grades", self.grades, -STEEPEST, STEEPEST)
@@ -56,18 +67,33 @@ class StopDistance:
         if np.any(np.diff(np.log(factor).reshape(len(self.quantiles), -1), axis=0) < 0.0):
             raise ParameterError("stop_factor", "factors that grow with the quantile")
 
-    def factor(self, quantile: float, level: float) -> Floats:
-        """(G, V) allowed over predicted distance at a quantile and a brake level."""
+    def row(self, quantile: float) -> Floats:
+        """(L, G, V) allowed over predicted distance at a quantile."""
         shape = len(self.quantiles), len(self.levels), len(self.grades), len(self.speeds)
         table = np.log(np.array(self.stop_factor)).reshape(shape)
         scores = np.array([NormalDist().inv_cdf(q) for q in self.quantiles])
-        at_quantile = _between(table, scores, NormalDist().inv_cdf(quantile))
-        result: Floats = np.exp(_between(at_quantile, np.array(self.levels), level))
+        result: Floats = np.exp(_between(table, scores, NormalDist().inv_cdf(quantile)))
+        return result
+
+    def at(self, quantile: float, level: float, speed: Floats, grade: Floats) -> Floats:
+        """(n,) factors of stops, linear in speed [m/s] and grade [rad], with the edge beyond."""
+        table = np.exp(_between(np.log(self.row(quantile)), np.array(self.levels), level))
+        (up, above), (right, beyond) = _place(self.grades, grade), _place(self.speeds, speed)
+        last_up, last_right = len(self.grades) - 1, len(self.speeds) - 1
+        next_up, next_right = np.minimum(up + 1, last_up), np.minimum(right + 1, last_right)
+        low = (1.0 - beyond) * table[up, right] + beyond * table[up, next_right]
+        high = (1.0 - beyond) * table[next_up, right] + beyond * table[next_up, next_right]
+        result: Floats = (1.0 - above) * low + above * high
         return result
 
     def worst(self, quantile: float) -> float:
         """Largest factor at a quantile."""
-        return max(float(self.factor(quantile, level).max()) for level in self.levels)
+        return float(self.row(quantile).max())
+
+    def with_factors(self, factor: Floats) -> StopDistance:
+        """The same axes with other factors (Q L G, V)."""
+        rows = tuple(map(tuple, factor.tolist()))
+        return dataclasses.replace(self, stop_factor=rows)
 
 
 def _between(table: Floats, axis: Floats, at: float) -> Floats:
@@ -79,6 +105,14 @@ def _between(table: Floats, axis: Floats, at: float) -> Floats:
     share = float(np.clip((at - axis[k]) / (axis[k + 1] - axis[k]), 0.0, 1.0))
     result: Floats = (1.0 - share) * table[k] + share * table[k + 1]
     return result
+
+
+def _place(axis: tuple[float, ...], at: Floats) -> tuple[Ints, Floats]:
+    """(n,) index of the point below, and share of the way to the next one."""
+    points = np.array(axis)
+    place = np.interp(at, points, np.arange(len(points), dtype=np.float64))
+    below = place.astype(np.int64)
+    return below, place - below
 
 
 def _axis(

@@ -128,8 +128,8 @@ def promised_line(on: Braking, rolling: float, quantile: float) -> PromisedLine:
 def _shortest(law: _Law, table: StopDistance, quantile: float) -> PromisedLine:
     speeds = _refined(np.maximum(np.array(table.speeds), 1e-3))
     grades = _refined(np.array(table.grades))
-    factor = _at(table, quantile, law.level, speeds, grades).ravel()
     v, theta = (axis.ravel() for axis in np.meshgrid(speeds, grades))
+    factor = table.at(quantile, law.level, v, theta)
     if law.driven is not None:
         corners = np.array(law.driven)
         inside = v <= np.interp(theta, corners[:, 0], corners[:, 1]) + _CELL * float(np.ptp(speeds))
@@ -235,7 +235,7 @@ def _highest_below(x: Floats, upper: Floats, weight: Floats, fixed: Bools, mean:
     for heavier in _ABOVE:
         w = weight * np.where(above, heavier, 1.0)
         square = (w @ pairs).reshape(len(upper), columns.shape[1], -1)
-        # Points that tell nothing of a coefficient leave it as it is in the mean.
+        # A coefficient that no point depends on is that of the mean.
         ridge = _RIDGE * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(len(mean[free]))
         right = ((w * (target - columns @ mean[free])) @ columns)[:, :, None]
         c[:, free] = mean[free] + np.linalg.solve(square + ridge, right)[:, :, 0]
@@ -270,14 +270,4 @@ def _refined(axis: Floats) -> Floats:
         return axis
     at = np.linspace(0.0, len(axis) - 1.0, _BETWEEN * (len(axis) - 1) + 1)
     result: Floats = np.interp(at, np.arange(len(axis)), axis)
-    return result
-
-
-def _at(
-    table: StopDistance, quantile: float, level: float, speeds: Floats, grades: Floats
-) -> Floats:
-    """(grades, speeds) factors, linear in between, with the edge beyond."""
-    factor = table.factor(quantile, level)
-    by_speed = np.array([np.interp(speeds, table.speeds, row) for row in factor])
-    result: Floats = np.array([np.interp(grades, table.grades, column) for column in by_speed.T]).T
     return result

@@ -75,8 +75,26 @@ def drive_log(
     """Stops one after the other, sessions in turns; speed noise 2 cm/s."""
     session = np.sort(np.arange(stops) % sessions)
     day = vehicle.session * rng.standard_normal(sessions)
+    return _log_of(vehicle, session, day[session], rng)
+
+
+def stream_log(
+    vehicle: BrakeVehicle, stops: int, change: int, loss: float, rng: np.random.Generator
+) -> StopLog:
+    """Stops of one session; after ``change`` of them a share of the force is lost."""
+    day = vehicle.session * float(rng.standard_normal())
+    later = np.arange(stops) >= change
+    strength = day + np.where(later, np.log(1.0 - loss), 0.0)
+    return _log_of(vehicle, np.zeros(stops, np.int64), strength, rng)
+
+
+def _log_of(
+    vehicle: BrakeVehicle, session: Ints, strength: Floats, rng: np.random.Generator
+) -> StopLog:
+    """Log of stops (n,) by session and logarithm of the strength of the brakes."""
+    stops = len(session)
     speed, grade = _conditions(vehicle, stops, rng)
-    trace = _integrated(vehicle, speed, grade, day[session], rng)
+    trace = _integrated(vehicle, speed, grade, strength, rng)
     parts: dict[str, list[NDArray[Any]]] = {}
     runs, begin, clock = [], 0, 0.0
     fine = _STEP * np.arange(trace.speed.shape[1])

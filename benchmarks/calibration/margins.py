@@ -29,7 +29,7 @@ STOPS, SESSIONS = (8, 15, 40, 150), (1, 3, 8)  # of the logs
 _VEHICLES, _FRESH = 40, 100_000  # logs of each size, stops to compare
 _QUICK = 8, 20_000  # the same in a short run
 # A rough model file, as before any calibration.
-_KNOWN = Braking(
+ROUGH = Braking(
     m_m=0.0,
     b_m=-0.1,
     m_b=0.0,
@@ -115,12 +115,12 @@ def check_case(case: Case) -> CaseResult:
     log = drive_log(vehicle, case.stops, case.sessions, rng)
     nothing = np.full(len(QUANTILES), np.nan)
     try:
-        braking = learn(log.columns, log.runs, _KNOWN, ground=log.ground).braking
+        braking = learn(log.columns, log.runs, ROUGH, ground=log.ground).braking
     except ParameterError as error:
         refused = f"{vehicle.kind}, {case.stops} stops: {error}"
         return CaseResult(vehicle.kind, case.stops, case.sessions, *(nothing,) * 6, refused)
     speed, grade, actual = fresh_stops(vehicle, case.fresh, rng)
-    inside = _inside(braking, speed, grade)
+    inside = is_inside(braking, speed, grade)
     speed, grade, actual = speed[inside], grade[inside], actual[inside]
     allowed = np.array([allowed_distance(braking, speed, grade, q) for q in QUANTILES])
     peer = np.array([twenty_lines(log, speed, grade, q) for q in QUANTILES])
@@ -141,7 +141,8 @@ def check_case(case: Case) -> CaseResult:
     )
 
 
-def _inside(braking: Braking, speed: Floats, grade: Floats) -> Any:
+def is_inside(braking: Braking, speed: Floats, grade: Floats) -> Any:
+    """(n,) whether stops are within what was driven."""
     (slow, fast), (low, high) = braking.speed_range, braking.grade_range
     inside = (speed >= slow) & (speed <= fast) & (grade >= low) & (grade <= high)
     if braking.speed_by_grade is not None:
@@ -150,14 +151,19 @@ def _inside(braking: Braking, speed: Floats, grade: Floats) -> Any:
     return inside
 
 
-def allowed_distance(braking: Braking, speed: Floats, grade: Floats, quantile: float) -> Floats:
-    """Distance that plans allow on even slopes [m]; inf where no stop ends."""
+def allowed_distance(
+    braking: Braking, speed: Floats, grade: Floats, quantile: float, weaker: float = 0.0
+) -> Floats:
+    """Distance that plans allow on even slopes [m]; inf where no stop ends.
+
+    ``weaker``: F_b/W that is given up in addition to the promise [1].
+    """
     line = promised_line(braking, 0.0, quantile)
     m_m, b_m, m_b, b_b = line.coefficients
     slope = m_m * speed + b_m
     if line.uphill is not None:
         slope = np.where(grade > 0.0, line.uphill[0] * speed + line.uphill[1], slope)
-    pull = slope * grade + m_b * speed + b_b + np.sin(grade)
+    pull = slope * grade + m_b * speed + b_b + np.sin(grade) - weaker
     braked = speed**2 / (2.0 * 9.80665 * np.where(pull > 0.0, pull, 1.0))
     return np.asarray(speed * line.dead_time + np.where(pull > 0.0, braked, np.inf) + line.constant)
 

@@ -130,6 +130,11 @@ class DistanceModel:
         """Stops that it rests on."""
         return len(self.residual)
 
+    @property
+    def between_sessions(self) -> float:
+        """Standard deviation of δ over the posterior [1]."""
+        return float(np.sqrt(self.weight @ self.session_std**2))
+
     def curve(self, at: StopFeatures) -> Floats:
         """(n,) mean of ln(actual / predicted) of a new session."""
         result: Floats = self.scale.columns(at) @ (self.weight @ self.mean)

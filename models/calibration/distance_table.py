@@ -170,4 +170,5 @@ def table_of(
         grades=tuple(grades.tolist()),
         levels=tuple(levels.tolist()),
         stop_factor=tuple(tuple(round(f, 5) for f in row) for row in factor.tolist()),
+        session_std=round(model.between_sessions, 5),
     )

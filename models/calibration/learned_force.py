@@ -14,10 +14,12 @@ import numpy as np
 
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.recursive import at_least_both
+from slopewise.models.calibration.session_offset import RECENT
 from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.quantity import Matrix
+from slopewise.models.stop_distance import StopDistance
 from slopewise.models.surface_braking import SurfaceBraking
 
 _LARGEST = 100.0
@@ -40,6 +42,8 @@ class LearnedForce:
         valid: the estimate may be trusted. accepted, gated: stops believed and not believed.
         last: of the last stops, which ones were not believed.
         row: so many stops just now were not believed, > 0: stronger ones, < 0: weaker ones.
+        session: (n, 3) onset speed [m/s], grade [rad], distance [m] of the stops of this session.
+        distance: the promise as this session has it; None without a promise.
     """
 
     estimate: tuple[float, ...]
@@ -50,6 +54,8 @@ class LearnedForce:
     gated: int
     last: tuple[bool, ...] = ()
     row: int = 0
+    session: tuple[tuple[float, float, float], ...] = ()
+    distance: StopDistance | None = None
 
     def __post_init__(self) -> None:
         for name, values in (("estimate", self.estimate), ("published", self.published)):
@@ -94,9 +100,12 @@ def braking_in_use(
     for name, one in learned.items():
         known = prior.on(name) if name else prior
         more = 0.0 if older is None else older.get(name, 0.0)
-        if known.distance is not None:
+        # The offset of a session includes the error of the force.
+        if known.distance is not None and len(one.session) < RECENT:
             more = math.hypot(more, _more_doubt(known, one))
         changes = {**_coefficients(known, one), "force_std": math.hypot(known.force_std, more)}
+        if one.distance is not None:
+            changes["distance"] = one.distance
         if name:
             given = tables.get(name, SurfaceBraking(class_id=_NO_CLASS + len(tables)))
             tables[name] = dataclasses.replace(given, **changes)  # type: ignore[arg-type]

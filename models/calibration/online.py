@@ -3,8 +3,8 @@
 One stream of samples, one estimate and one published set for each surface. A surface that is seen
 for the first time starts from the model's own table for it, or from the base.
 
-Source: Braking Sec. 1.2 ("even autonomously by the robot") and 4.2, which keeps a FIFO of stops;
-:class:`FifoForce` is that one, :class:`OnlineBraking` does the same in constant time.
+Source: Braking Sec. 1.2 ("even autonomously by the robot") and 4.2, whose joint fit over a FIFO of
+stops is done here in constant time.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.force_fit import WEAK_PRIOR, ForceFit, fit_force
+from slopewise.models.calibration.force_fit import WEAK_PRIOR
 from slopewise.models.calibration.learned_force import LearnedForce
 from slopewise.models.calibration.low_stops import LowStops
 from slopewise.models.calibration.published import PublishedForce, PublishSettings
 from slopewise.models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
+from slopewise.models.calibration.session_offset import RECENT, SessionOffset, SessionStop
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 
@@ -45,6 +46,10 @@ class _Surface:
         self.published = PublishedForce(start, known.speed_range, known.grade_range, publish)
         self.last: deque[bool] = deque(maxlen=publish.window)
         self.low = LowStops()
+        table = known.distance
+        has_sessions = table is not None and table.session_std > 0.0
+        self.session = SessionOffset(table, start) if table is not None and has_sessions else None
+        self.dead_time = known.dead_time
         self.pristine = True
 
 
@@ -93,8 +98,20 @@ class OnlineBraking:
         stop = self._stream.feed(time, speed, command, pitch, grade)
         return None if stop is None else self.take(stop, surface)
 
-    def take(self, stop: StreamedStop, surface: str = "") -> OnlineStop:
-        """Learn from a stop that was measured elsewhere."""
+    def take(
+        self,
+        stop: StreamedStop,
+        surface: str = "",
+        *,
+        distance: float | None = None,
+        dead_time: float | None = None,
+    ) -> OnlineStop:
+        """Learn from a stop that was measured elsewhere.
+
+        Args:
+            stop: measured. surface: "" without a name. distance: from the command on [m].
+            dead_time: that is planned with, if longer than that of the model [s].
+        """
         on = self._on(surface)
         outcome = on.estimate.update(stop.onset_speed, stop.grade, stop.force_ratio, stop.force_std)
         if outcome is not Acceptance.UNINFORMATIVE:
@@ -108,7 +125,18 @@ class OnlineBraking:
             on.published.judge(on.estimate.covariance, on.estimate.accepted, share)
             if kept < 1.0:  # what holds for some of the stops only is nothing to trust
                 on.published.fall_back()
+            if distance is not None and on.session is not None:
+                if outcome is Acceptance.CHANGED:
+                    on.session.restart(RECENT - 1)
+                late = max(on.dead_time, dead_time or 0.0)
+                self._follow(on, SessionStop(stop.onset_speed, stop.grade, distance), late)
         return OnlineStop(surface, stop, outcome)
+
+    def _follow(self, on: _Surface, stop: SessionStop, dead_time: float) -> None:
+        """Widen or narrow the promise by a stop, by the rate at which the force may rise."""
+        assert on.session is not None
+        force = max(float(on.published.corner_forces.mean()), self._publish.least)
+        on.session.take(stop, on.published.coefficients, dead_time, self._publish.rise / force)
 
     def age(self, seconds: float, time_constant: float = 3600.0) -> None:
         """Let what was learned grow old: wider covariance, force back to the default if weaker."""
@@ -166,6 +194,9 @@ class OnlineBraking:
         )
         on.last.clear()
         on.last.extend(learned.last)
+        if on.session is not None:
+            stops = tuple(SessionStop(*stop) for stop in learned.session)
+            on.session = SessionOffset(on.session.known, on.session.law, learned.distance, stops)
         on.pristine = False
         _age(on, age, time_constant)
 
@@ -185,7 +216,16 @@ class OnlineBraking:
         on.low = LowStops()
         on.published.fall_back(below)
         on.last.clear()
+        if on.session is not None:
+            on.session.restart()
+            on.session.age(1.0)
         on.pristine = False
+
+    def new_session(self, surface: str = "") -> None:
+        """The next stop is one of another session."""
+        session = self._on(surface).session
+        if session is not None:
+            session.restart()
 
     def _on(self, surface: str) -> _Surface:
         found = self._surfaces.get(surface)
@@ -198,6 +238,8 @@ class OnlineBraking:
 def _age(on: _Surface, seconds: float, time_constant: float) -> None:
     on.estimate.age(seconds, time_constant)
     on.published.age(seconds, time_constant)
+    if on.session is not None:
+        on.session.age(-math.expm1(-max(seconds, 0.0) / time_constant))
     # Growing older makes nothing valid that was not.
     if on.published.valid:
         on.published.judge(on.estimate.covariance, on.estimate.accepted, 0.0)
@@ -215,27 +257,6 @@ def _learned(on: _Surface) -> LearnedForce:
         gated=estimate.gated,
         last=tuple(on.last),
         row=estimate.row,
+        session=() if on.session is None else tuple((*stop,) for stop in on.session.stops),
+        distance=None if on.session is None else on.session.table,
     )
-
-
-class FifoForce:
-    """The joint fit over the last stops, made anew with each of them. Source: Braking 4.2.
-
-    Args:
-        known: (4,) coefficients for what the stops do not tell. length: stops kept.
-    """
-
-    def __init__(self, known: Floats, length: int = 200) -> None:
-        self._known = np.array(known, np.float64)
-        self._stops: deque[StreamedStop] = deque(maxlen=length)
-
-    def take(self, stop: StreamedStop) -> ForceFit:
-        """Learn from one more stop; the oldest is forgotten when the buffer is full."""
-        self._stops.append(stop)
-        return fit_force(
-            np.array([s.onset_speed for s in self._stops]),
-            np.array([s.grade for s in self._stops]),
-            np.array([s.force_ratio for s in self._stops]),
-            np.array([max(s.force_std, 1e-4) for s in self._stops]),
-            self._known,
-        )

@@ -8,7 +8,7 @@ import numpy as np
 
 from slopewise.services.guard.guard_model import SPREAD, GuardModel, SurfaceTable, brake_table
 from slopewise.services.guard.stop_distances import Tables
-from slopewise.services.wire.parameter_messages import ParameterGroup
+from slopewise.services.wire.parameter_messages import STOP_FACTOR, ParameterGroup
 
 _FORCE = ("m_m", "b_m", "m_b", "b_b")
 _BRAKING, _LIMITS, _EFFECTS = "braking", "limits", "effects"
@@ -68,9 +68,17 @@ def _learn(table: SurfaceTable, k: int, group: ParameterGroup) -> None:
     """Write the learned brakes of a surface into its row."""
     # Uphill the coefficients of the file hold where they differ from those downhill.
     as_downhill = (table.up_m[k], table.up_b[k]) == (table.m_m[k], table.b_m[k])
+    # Stops that are longer by a factor have a deceleration F + sin θ that is lower by it.
+    factor = max(group.values.get(STOP_FACTOR, 1.0), 1.0)
+    lower = 1.0 - 1.0 / factor
     for key in _FORCE:
-        getattr(table, key)[k] = group.values[key]
-    table.b_b[k] -= SPREAD * group.stds.get("b_b", 0.0)
+        getattr(table, key)[k] = group.values[key] / factor
+    steepest = max(-float(table.grade_min[k]), float(table.grade_max[k]))
+    table.b_m[k] -= lower
+    table.b_b[k] -= lower * steepest**3 / 6.0  # by which θ exceeds sin θ
+    if STOP_FACTOR not in group.values:
+        table.b_b[k] -= SPREAD * group.stds.get("b_b", 0.0)
     if as_downhill:
         table.up_m[k], table.up_b[k] = table.m_m[k], table.b_m[k]
-    table.dead_time[k] = max(group.values.get("dead_time", 0.0), table.dead_time[k])
+    late = factor * group.values.get("dead_time", 0.0)
+    table.dead_time[k] = max(late, table.dead_time[k])

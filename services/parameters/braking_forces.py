@@ -106,12 +106,15 @@ class BrakingForces:
             distance = measured_distance(stop, self.prior.dead_time)
         speed, grade = stop.onset_speed, stop.grade
         planned = self.planned_force(surface, speed, grade)
-        outcome = self._online.take(stop, surface).outcome
+        now = time.monotonic()
+        if now - self._updated.get(surface, now) >= self._settings.oldest:
+            self._online.new_session(surface)
+        late = self.dead_time()
+        outcome = self._online.take(stop, surface, distance=distance, dead_time=late).outcome
         if outcome is Acceptance.GATED and stop.force_ratio < planned:
             self._lower_after_rejections(stop, surface, source, planned)
         else:
             self._rejections.pop((surface, source), None)
-        now = time.monotonic()
         if outcome in (Acceptance.ACCEPTED, Acceptance.CHANGED):
             self._updated[surface] = now
         if 0.0 <= stop.dead_time <= MAX_DEAD_TIME:

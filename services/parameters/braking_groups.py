@@ -20,6 +20,7 @@ from slopewise.services.parameters.braking_forces import DEAD_TIME_COUNT, Brakin
 from slopewise.services.parameters.parameter_group import GroupDescription, ParameterGroups, State
 from slopewise.services.parameters.stop_checks import MAX_DEAD_TIME
 from slopewise.services.settings.learning_settings import Learning
+from slopewise.services.wire.parameter_messages import STOP_FACTOR, STOP_FACTOR_QUANTILE
 
 BASE = "braking"
 _DEAD_TIME = "dead_time"
@@ -86,11 +87,16 @@ class BrakingGroups(ParameterGroups):
             notes = {"stops believed": force.accepted}  # words: ok
             notes |= {"stops not believed": force.gated}  # words: ok
             notes |= {f"estimate {n}": v for n, v in zip(NAMES, force.estimate, strict=True)}
+        values = {name: getattr(used, name) for name in (*NAMES, _DEAD_TIME)}
+        unit = dict(zip((*NAMES, _DEAD_TIME), _UNITS, strict=True))
+        if used.distance is not None:
+            values[STOP_FACTOR] = used.distance.worst(STOP_FACTOR_QUANTILE)
+            unit[STOP_FACTOR] = "1"
         return GroupDescription(
-            values={name: getattr(used, name) for name in (*NAMES, _DEAD_TIME)},
+            values=values,
             stds=stds,
             covariance=None if matrix is None else [list(row) for row in matrix],
-            unit=dict(zip((*NAMES, _DEAD_TIME), _UNITS, strict=True)),
+            unit=unit,
             valid=force is not None and force.valid,
             age=self.forces.ages(time.monotonic()).get(surface, 0.0),
             notes=notes,
@@ -114,6 +120,8 @@ class BrakingGroups(ParameterGroups):
             raise ParameterError(_DEAD_TIME, f"0 … {MAX_DEAD_TIME:g} s")
         force = None if learned is None else msgspec.convert(learned, LearnedForce)
         same_prior = state is None or state["prior"] == self._digest
+        if force is not None and not same_prior:
+            force = dataclasses.replace(force, session=(), distance=None)
         self.forces.put(surface, force, age, confident=same_prior)
         if not surface:
             self.forces.use_dead_times(dead_times)
@@ -135,7 +143,7 @@ class BrakingGroups(ParameterGroups):
         self, surface: str, values: Mapping[str, float], known: Mapping[str, float]
     ) -> None:
         for name, value in values.items():
-            if name not in known or (surface and name == _DEAD_TIME):
+            if name not in known or name == STOP_FACTOR or (surface and name == _DEAD_TIME):
                 raise ParameterError(name, f"one of {', '.join(NAMES)}")
             if name != _DEAD_TIME and not abs(value) <= _MAX_COEFFICIENT:
                 limit = f"{_MAX_COEFFICIENT:g} {_UNITS[NAMES.index(name)]}"

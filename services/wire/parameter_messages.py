@@ -12,6 +12,11 @@ from slopewise.services.wire.plan_messages import Message, Number, Text
 Group = Annotated[str, Meta(min_length=1, max_length=80)]
 
 
+STOP_FACTOR, STOP_FACTOR_QUANTILE = "stop_factor", 0.977
+"""Value of a braking group whose calibration promises distances: largest allowed over predicted
+distance of the current session at this quantile [1]."""
+
+
 class ParameterGroup(Message, frozen=True):
     """Parameters that change together."""
 

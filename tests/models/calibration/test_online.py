@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.calibration.force_fit import WEAK_PRIOR
-from slopewise.models.calibration.online import FifoForce, OnlineBraking
+from slopewise.models.calibration.online import OnlineBraking
 from slopewise.models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
 from slopewise.models.stop_logs.stop_stream import StreamedStop
 from slopewise.models.surface_braking import SurfaceBraking
@@ -87,18 +87,6 @@ def test_age_is_never_a_rise() -> None:
 
     assert np.all(force(online.coefficients()) <= force(before) + 1e-12)
     assert np.all(np.diag(online.covariance()) > std)
-
-
-def test_the_fifo_forgets_the_oldest() -> None:
-    rng = np.random.default_rng(0)
-    fifo = FifoForce(np.zeros(4), length=40)
-    for k in range(120):
-        v, theta = rng.uniform(1, 4), rng.uniform(-0.2, 0.2)
-        b_b = 0.4 if k < 60 else 0.3
-        force = (-0.03 * v - 0.35) * theta + 0.015 * v + b_b + 0.003 * rng.standard_normal()
-        fit = fifo.take(StreamedStop(float(k), v, theta, force, 0.002, 0.3))
-    np.testing.assert_allclose(fit.coefficients, [-0.03, -0.35, 0.015, 0.3], atol=0.04)
-    assert len(fit.regression.kept) == 40
 
 
 def streamed(force: float, time_: float, rng: np.random.Generator) -> StreamedStop:

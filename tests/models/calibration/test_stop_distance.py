@@ -132,7 +132,7 @@ def test_the_line_of_a_plan_allows_no_less_than_the_table(seed: int, quantile: f
     assert np.all(force <= forces(v, theta) + 1e-9)  # never stronger than the mean
     allowed = stop_distance(v, theta, force, np.full(len(v), line.dead_time)) + line.constant
     mean = stop_distance(v, theta, forces(v, theta), np.full(len(v), LAW.dead_time))
-    required = table.factor(quantile, 1.0).ravel() * mean
+    required = table.row(quantile).ravel() * mean
     assert np.all(allowed >= required * (1.0 - 1e-6))
     assert np.median(allowed / required) < 1.25
 
