@@ -41,11 +41,9 @@ ROUGH = Braking(
 
 
 class Case(NamedTuple):
-    """One calibration: a vehicle by its number, and its log."""
+    """A vehicle by its number, and fresh stops to compare its logs with."""
 
     vehicle: int
-    stops: int
-    sessions: int
     fresh: int
 
 
@@ -66,16 +64,11 @@ class CaseResult(NamedTuple):
 
 
 def run(request: BenchmarkRequest, progress: Progress) -> dict[str, Any]:
-    """Calibrate, check_case, pool."""
+    """Calibrate, compare, pool."""
     vehicles, fresh = _QUICK if request.quick else (_VEHICLES, _FRESH)
-    cases = [
-        Case(i, n, m, fresh)
-        for i in range(vehicles)
-        for n in STOPS
-        for m in SESSIONS
-        if m <= n // 2
-    ]
-    results = run_jobs(check_case, cases, progress, "calibrating generated vehicles")
+    cases = [Case(i, fresh) for i in range(vehicles)]
+    by_vehicle = run_jobs(check_case, cases, progress, "calibrating generated vehicles")
+    results = [row for rows in by_vehicle for row in rows]
     by_size: dict[str, list[CaseResult]] = defaultdict(list)
     by_kind: dict[str, list[CaseResult]] = defaultdict(list)
     for row in results:
@@ -108,35 +101,46 @@ def show(result: dict[str, Any], console: Console) -> None:
         console.print(f"{len(result['refused'])} logs refused: {result['refused'][0]}")
 
 
-def check_case(case: Case) -> CaseResult:
-    """Calibrate the log of a case, and compare fresh stops with what plans allow."""
+def check_case(case: Case) -> list[CaseResult]:
+    """Calibrate logs of all sizes, and compare fresh stops with what plans allow."""
     vehicle = BrakeVehicle.generate(case.vehicle)
-    rng = np.random.default_rng([case.vehicle, case.stops, case.sessions])
-    log = drive_log(vehicle, case.stops, case.sessions, rng)
+    rng = np.random.default_rng([case.vehicle, case.fresh])
+    fresh = fresh_stops(vehicle, case.fresh, rng)
+    true = true_quantiles(vehicle, fresh[0], fresh[1], QUANTILES, rng)
+    return [
+        _check_log(case.vehicle, n, m, fresh, true) for n in STOPS for m in SESSIONS if m <= n // 2
+    ]
+
+
+def _check_log(
+    number: int, stops: int, sessions: int, fresh: tuple[Floats, Floats, Floats], true: Floats
+) -> CaseResult:
+    vehicle = BrakeVehicle.generate(number)
+    log = drive_log(vehicle, stops, sessions, np.random.default_rng([number, stops, sessions]))
     nothing = np.full(len(QUANTILES), np.nan)
     try:
         braking = learn(log.columns, log.runs, ROUGH, ground=log.ground).braking
     except ParameterError as error:
-        refused = f"{vehicle.kind}, {case.stops} stops: {error}"
-        return CaseResult(vehicle.kind, case.stops, case.sessions, *(nothing,) * 6, refused)
-    speed, grade, actual = fresh_stops(vehicle, case.fresh, rng)
-    inside = is_inside(braking, speed, grade)
-    speed, grade, actual = speed[inside], grade[inside], actual[inside]
+        refused = f"{vehicle.kind}, {stops} stops: {error}"
+        return CaseResult(vehicle.kind, stops, sessions, *(nothing,) * 6, refused)
+    inside = is_inside(braking, *fresh[:2])
+    speed, grade, actual = (column[inside] for column in fresh)
+    known = inside[: true.shape[1]]
+    drawn = fresh[2][: true.shape[1]][known]
     allowed = np.array([allowed_distance(braking, speed, grade, q) for q in QUANTILES])
     peer = np.array([twenty_lines(log, speed, grade, q) for q in QUANTILES])
-    true = true_quantiles(vehicle, speed, grade, QUANTILES, rng)
     mean = float(actual.mean())
     stretch = [float(np.quantile(actual / b, q)) for b, q in zip(peer, QUANTILES, strict=True)]
     return CaseResult(
         vehicle.kind,
-        case.stops,
-        case.sessions,
+        stops,
+        sessions,
         np.mean(actual > allowed, axis=1),
         np.mean(allowed - actual, axis=1) / mean,
         np.mean(actual > peer, axis=1),
         np.mean(np.array(stretch)[:, None] * peer - actual, axis=1) / mean,
         np.array(stretch),
-        np.mean(true - actual[: true.shape[1]], axis=1) / mean,
+        np.mean(true[:, known] - drawn, axis=1) / float(drawn.mean()),
         "",
     )
 
