@@ -216,16 +216,15 @@ class OnlineBraking:
         on.low = LowStops()
         on.published.fall_back(below)
         on.last.clear()
-        if on.session is not None:
-            on.session.restart()
-            on.session.age(1.0)
         on.pristine = False
+        self.new_session(surface)
 
     def new_session(self, surface: str = "") -> None:
-        """The next stop is one of another session."""
+        """The next stop is one of another session; until then no promise is below the model's."""
         session = self._on(surface).session
         if session is not None:
             session.restart()
+            session.age(1.0)
 
     def _on(self, surface: str) -> _Surface:
         found = self._surfaces.get(surface)

@@ -10,7 +10,8 @@ spread beyond that. Given the stops of this session δ is Gaussian in closed for
 so every quantile moves with the median by m and contracts from √(s² + w²) to √(V + w²). That is
 done with all stops of the session and with the last two only, and the larger factor is used, so
 that a change of the brakes is followed immediately. The table in use grows immediately and falls by
-a rate with each stop; no session is promised less than the median of new ones.
+a rate with each stop. No session is taken to be shorter than by s, so that what is left is never
+less than its own scatter, whatever distances are reported.
 
 Validity: predictions by the force that is planned with now; when that follows a change, stops from
 before it are another session. Source: none; the normal mean with known variance.
@@ -38,6 +39,8 @@ _MIN_SHARE = 0.3
 """Of the spread of a table that is from stop to stop at least [1]."""
 _QUANTILE = 0.9
 """At which the spread of a table is read off [1]: tails are part of what lies beyond."""
+_MIN_DISTANCE = 1e-3
+"""Of a stop [m]."""
 _MIN_PULL = 0.01
 """Deceleration as a share of gravity below which there is no finite stop [1]."""
 
@@ -114,6 +117,7 @@ class SessionOffset:
         speed, grade, distance = np.array(self.stops).T
         median = np.log(known.at(0.5, 1.0, speed, grade))
         width = np.log(known.at(_QUANTILE, 1.0, speed, grade)) - median
+        distance = np.maximum(distance, _MIN_DISTANCE)
         residual = np.log(distance / _predicted(speed, grade, coefficients, dead_time)) - median
         precision = 1.0 / _within(width / NormalDist().inv_cdf(_QUANTILE), std)
 
@@ -123,13 +127,14 @@ class SessionOffset:
         by_file, now = (
             _predicted(self._speed, self._grade, c, dead_time) for c in (self.law, coefficients)
         )
-        lower = middle + np.minimum(np.log(by_file / now), 0.0)
-        required = np.broadcast_to(np.minimum(lower, cells), cells.shape)
+        shortest = np.minimum(np.log(by_file / now), 0.0) - std
+        required = np.full(cells.shape, -np.inf)
         for part in (slice(None), slice(-RECENT, None)):
             variance = 1.0 / (std**-2 + precision[part].sum())
             mean = variance * float(precision[part] @ residual[part])
             narrower = np.sqrt((variance + within) / (std**2 + within))
-            required = np.maximum(required, middle + mean + (cells - middle) * narrower)
+            moved = middle + np.maximum(mean, shortest)
+            required = np.maximum(required, moved + (cells - middle) * narrower)
         result: Floats = required.reshape(self._log.shape)
         return result
 

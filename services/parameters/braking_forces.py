@@ -170,11 +170,13 @@ class BrakingForces:
     def restrict_to_prior(self) -> list[str]:
         """Plan nowhere above the prior until stops make an estimate valid again; the surfaces."""
         ages = self.ages(time.monotonic())
-        valid = {name: force for name, force in self.learned().items() if force.valid}
-        for surface, force in valid.items():
+        used = {name: f for name, f in self.learned().items() if f.valid or f.session}
+        for surface, force in used.items():
             careful = dataclasses.replace(force, valid=False)
             self.put(surface, careful, ages[surface], confident=True)
-        return list(valid)
+            self._online.new_session(surface)
+        self._changed()
+        return list(used)
 
     def assume_untrained(self) -> list[str]:
         """Assume brakes that may be worn where nothing was learned; the surfaces that changed.

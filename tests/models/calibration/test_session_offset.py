@@ -90,11 +90,14 @@ def test_a_session_that_confirms_is_allowed_less_by_a_rate() -> None:
         assert np.all(np.log(now / last) >= -rate - 1e-12)
         last = now
     assert last[2] < 0.9 * factors(SessionOffset(table(), LAW))[2]
-    assert np.all(last >= MEDIAN * (1.0 - 1e-12))
 
 
-def test_short_stops_allow_no_less_than_the_median_of_the_file() -> None:
-    assert np.all(factors(session_of([-0.5] * 50)) >= MEDIAN * (1.0 - 1e-12))
+def test_no_reported_distance_takes_the_scatter_of_a_session_away() -> None:
+    shortest = MEDIAN * np.exp(Z * WITHIN - SESSION)
+    assert np.all(factors(session_of([-2.0] * 50)) >= shortest * (1.0 - 1e-9))
+    zero = SessionOffset(table(), LAW)
+    zero.take(SessionStop(3.0, 0.0, 0.0), LAW, DELAY, AT_ONCE)
+    assert np.all(factors(zero) >= shortest * (1.0 - 1e-9))
 
 
 def test_another_session_has_the_table_of_the_file() -> None:
