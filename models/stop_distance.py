@@ -31,7 +31,7 @@ class StopDistance:
             positive. levels: (L,) shares of full application, increasing, in (0, 1].
         stop_factor: (Q L G, V) allowed over predicted distance; rows by quantile, then by level,
             then by grade. Beyond the table its edge holds; between quantiles the logarithm is
-            linear in the normal score.
+            linear in the normal score, and above the last one, too.
         session_std: part of the spread of its logarithm that all stops of a session share [1];
             0: a table that no session changes.
     """
@@ -72,7 +72,12 @@ class StopDistance:
         shape = len(self.quantiles), len(self.levels), len(self.grades), len(self.speeds)
         table = np.log(np.array(self.stop_factor)).reshape(shape)
         scores = np.array([NormalDist().inv_cdf(q) for q in self.quantiles])
-        result: Floats = np.exp(_between(table, scores, NormalDist().inv_cdf(quantile)))
+        score = NormalDist().inv_cdf(quantile)
+        log_factor = _between(table, scores, score)
+        if len(scores) > 1 and score > scores[-1]:
+            step = (score - scores[-1]) / (scores[-1] - scores[-2])
+            log_factor = table[-1] + step * (table[-1] - table[-2])
+        result: Floats = np.exp(log_factor)
         return result
 
     def at(self, quantile: float, level: float, speed: Floats, grade: Floats) -> Floats:

@@ -32,6 +32,8 @@ _CONSTANTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """Constants that are tried, as shares of the shortest promised stop [1]."""
 _MIN_FORCE = 0.01
 """Least promised deceleration as a share of gravity [1]: below, there is no finite law."""
+_MIN_LEVEL_FORCE = 1e-3
+"""Least promised F_b/W on level ground [1]: a model file holds no brakes that do nothing."""
 _MIN_GRADES, _MIN_SPEEDS = 0.035, 0.05
 """Spread of grades [rad] and speeds [m/s] below which a line keeps the slope of the mean."""
 _ABOVE = tuple(np.geomspace(10.0, 1e6, 16).tolist())
@@ -109,7 +111,7 @@ def promised_line(on: Braking, rolling: float, quantile: float) -> PromisedLine:
 
     Args:
         on: braking of one surface, with its table. rolling: resistance [1] that stays when the
-            brakes are applied in part. quantile: in the table, or the nearest one of it.
+            brakes are applied in part. quantile: any; interpolated in the normal score.
     """
     assert on.distance is not None
     law = _Law(
@@ -133,6 +135,7 @@ def _shortest(law: _Law, table: StopDistance, quantile: float) -> PromisedLine:
     if law.driven is not None:
         corners = np.array(law.driven)
         inside = v <= np.interp(theta, corners[:, 0], corners[:, 1]) + _CELL * float(np.ptp(speeds))
+        inside |= not inside.any()
         v, theta, factor = v[inside], theta[inside], factor[inside]
     allowed = factor * law.distance(v, theta)
     if not np.isfinite(allowed).any():
@@ -251,8 +254,12 @@ def _weakest(law: _Law, v: Floats, theta: Floats, allowed: Floats) -> PromisedLi
     min_pull = float(np.min(pull[finite])) if finite.any() else _MIN_FORCE
     min_pull -= float(np.max(theta - np.sin(theta)))
     slope = -1.0 / max(law.share, 1e-3)
-    full = float(law.full(np.array(min_pull)))
-    return _with_uphill(law, (0.0, slope, 0.0, full), law.dead_time, 0.0)
+    full = max(float(law.full(np.array(min_pull))), _MIN_LEVEL_FORCE)
+    # What brakes that hardly slow the vehicle cannot allow is added to each stop.
+    pull = np.maximum(law.at_level(full + slope * theta) + np.sin(theta), 1e-3)
+    short = allowed - _stop(v, pull, law.dead_time, 0.0)
+    constant = max(float(np.max(short[finite])), 0.0) if finite.any() else 0.0
+    return _with_uphill(law, (0.0, slope, 0.0, full), law.dead_time, constant)
 
 
 def _with_uphill(

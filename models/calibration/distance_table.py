@@ -150,7 +150,7 @@ def table_of(
 ) -> StopDistance:
     """The quantiles over speed, grade and level; the allowed distance grows with the speed."""
     (slow, fast), (down, up), (light, full) = ranges
-    speeds = np.linspace(_BELOW * slow, max(fast, slow + 1e-3), _SPEEDS)
+    speeds = np.linspace(max(_BELOW * slow, 1e-3), max(fast, slow + 2e-3), _SPEEDS)
     grades = (
         np.linspace(down, up, _GRADES) if up - down > _MIN_GRADES else np.array([0.5 * (down + up)])
     )
@@ -170,5 +170,5 @@ def table_of(
         grades=tuple(grades.tolist()),
         levels=tuple(levels.tolist()),
         stop_factor=tuple(tuple(round(f, 5) for f in row) for row in factor.tolist()),
-        session_std=round(model.between_sessions, 5),
+        session_std=min(round(model.between_sessions, 5), 1.0),
     )

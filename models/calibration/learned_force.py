@@ -14,7 +14,6 @@ import numpy as np
 
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.recursive import at_least_both
-from slopewise.models.calibration.session_offset import RECENT
 from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
@@ -44,6 +43,7 @@ class LearnedForce:
         row: so many stops just now were not believed, > 0: stronger ones, < 0: weaker ones.
         session: (n, 3) onset speed [m/s], grade [rad], distance [m] of the stops of this session.
         distance: the promise as this session has it; None without a promise.
+        dead_time: with which that was found [s].
     """
 
     estimate: tuple[float, ...]
@@ -56,6 +56,7 @@ class LearnedForce:
     row: int = 0
     session: tuple[tuple[float, float, float], ...] = ()
     distance: StopDistance | None = None
+    dead_time: float = 0.0
 
     def __post_init__(self) -> None:
         for name, values in (("estimate", self.estimate), ("published", self.published)):
@@ -69,6 +70,11 @@ class LearnedForce:
         even = np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * scale)
         if not even or np.linalg.eigvalsh(matrix)[0] < -1e-9 * scale:
             raise ParameterError("covariance", "a symmetric positive semidefinite matrix")
+        stops = np.array(self.session or ((1.0, 0.0, 1.0),))
+        if not np.isfinite(stops).all() or np.any(stops[:, 0] <= 0.0) or np.any(stops[:, 2] < 0.0):
+            raise ParameterError("session", "finite stops with speeds above 0")
+        if not 0.0 <= self.dead_time <= _LARGEST:
+            raise ParameterError("dead_time", f"0 … {_LARGEST:g} s")
         if self.accepted < 0 or self.gated < 0:
             raise ParameterError("accepted", "counts >= 0")
 
@@ -100,12 +106,13 @@ def braking_in_use(
     for name, one in learned.items():
         known = prior.on(name) if name else prior
         more = 0.0 if older is None else older.get(name, 0.0)
-        # The offset of a session includes the error of the force.
-        if known.distance is not None and len(one.session) < RECENT:
-            more = math.hypot(more, _more_doubt(known, one))
+        if known.distance is not None:
+            # The offset of a session includes the error of the force, stop by stop.
+            more = math.hypot(more, _more_doubt(known, one) / (1.0 + len(one.session)))
         changes = {**_coefficients(known, one), "force_std": math.hypot(known.force_std, more)}
         if one.distance is not None:
             changes["distance"] = one.distance
+            changes["dead_time"] = max(known.dead_time, one.dead_time)
         if name:
             given = tables.get(name, SurfaceBraking(class_id=_NO_CLASS + len(tables)))
             tables[name] = dataclasses.replace(given, **changes)  # type: ignore[arg-type]

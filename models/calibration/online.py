@@ -23,6 +23,7 @@ from slopewise.models.calibration.published import PublishedForce, PublishSettin
 from slopewise.models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
 from slopewise.models.calibration.session_offset import RECENT, SessionOffset, SessionStop
 from slopewise.models.parameters import Braking
+from slopewise.models.stop_distance import StopDistance
 from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 
 
@@ -49,8 +50,27 @@ class _Surface:
         table = known.distance
         has_sessions = table is not None and table.session_std > 0.0
         self.session = SessionOffset(table, start) if table is not None and has_sessions else None
-        self.dead_time = known.dead_time
+        self.dead_time = self.known_dead_time = known.dead_time
         self.pristine = True
+
+    def take(self, stop: StreamedStop, scatter: float, window: int) -> Acceptance:
+        """Update the force, and what of it is published."""
+        outcome = self.estimate.update(
+            stop.onset_speed, stop.grade, stop.force_ratio, stop.force_std
+        )
+        if outcome is Acceptance.UNINFORMATIVE:
+            return outcome
+        self.pristine = False
+        self.last.append(outcome is Acceptance.GATED)
+        self.low.take(stop.onset_speed, stop.grade, stop.force_ratio, stop.force_std)
+        kept = self.low.share(self.estimate.coefficients, scatter)
+        if outcome is not Acceptance.GATED or kept < 1.0:
+            self.published.follow(kept * self.estimate.coefficients)
+        share = sum(self.last) / window
+        self.published.judge(self.estimate.covariance, self.estimate.accepted, share)
+        if kept < 1.0:  # what holds for some of the stops only is nothing to trust
+            self.published.fall_back()
+        return outcome
 
 
 class OnlineBraking:
@@ -104,39 +124,38 @@ class OnlineBraking:
         surface: str = "",
         *,
         distance: float | None = None,
-        dead_time: float | None = None,
+        dead_time: float = 0.0,
+        may_narrow: bool = True,
     ) -> OnlineStop:
         """Learn from a stop that was measured elsewhere.
 
         Args:
             stop: measured. surface: "" without a name. distance: from the command on [m].
             dead_time: that is planned with, if longer than that of the model [s].
+            may_narrow: whether the promise may become shorter with it.
         """
-        on = self._on(surface)
-        outcome = on.estimate.update(stop.onset_speed, stop.grade, stop.force_ratio, stop.force_std)
-        if outcome is not Acceptance.UNINFORMATIVE:
-            on.pristine = False
-            on.last.append(outcome is Acceptance.GATED)
-            on.low.take(stop.onset_speed, stop.grade, stop.force_ratio, stop.force_std)
-            kept = on.low.share(on.estimate.coefficients, self._recursive.scatter)
-            if outcome is not Acceptance.GATED or kept < 1.0:
-                on.published.follow(kept * on.estimate.coefficients)
-            share = sum(on.last) / self._publish.window
-            on.published.judge(on.estimate.covariance, on.estimate.accepted, share)
-            if kept < 1.0:  # what holds for some of the stops only is nothing to trust
-                on.published.fall_back()
-            if distance is not None and on.session is not None:
-                if outcome is Acceptance.CHANGED:
-                    on.session.restart(RECENT - 1)
-                late = max(on.dead_time, dead_time or 0.0)
-                self._follow(on, SessionStop(stop.onset_speed, stop.grade, distance), late)
+        state = self._on(surface)
+        before, was_valid = state.published.corner_forces.mean(), state.published.valid
+        outcome = state.take(stop, self._recursive.scatter, self._publish.window)
+        if distance is None or state.session is None or outcome is Acceptance.UNINFORMATIVE:
+            return OnlineStop(surface, stop, outcome)
+        if outcome is Acceptance.CHANGED:
+            state.session.restart(RECENT - 1)
+        if outcome is not Acceptance.GATED or state.estimate.row < 0:
+            state.dead_time = max(state.known_dead_time, dead_time)
+            after = max(float(state.published.corner_forces.mean()), self._publish.least)
+            # The promise becomes shorter by what one stop may raise the force by, in all.
+            fall = max(self._publish.rise - max(after - float(before), 0.0), 0.0) / after
+            believed = may_narrow and outcome is not Acceptance.GATED
+            state.session.take(
+                SessionStop(stop.onset_speed, stop.grade, distance),
+                state.published.coefficients,
+                state.dead_time,
+                fall if believed else 0.0,
+            )
+        if was_valid and not state.published.valid:
+            state.session.age(1.0)
         return OnlineStop(surface, stop, outcome)
-
-    def _follow(self, on: _Surface, stop: SessionStop, dead_time: float) -> None:
-        """Widen or narrow the promise by a stop, by the rate at which the force may rise."""
-        assert on.session is not None
-        force = max(float(on.published.corner_forces.mean()), self._publish.least)
-        on.session.take(stop, on.published.coefficients, dead_time, self._publish.rise / force)
 
     def age(self, seconds: float, time_constant: float = 3600.0) -> None:
         """Let what was learned grow old: wider covariance, force back to the default if weaker."""
@@ -184,6 +203,12 @@ class OnlineBraking:
     ) -> None:
         """Go on from what a surface had taught ``age`` seconds ago."""
         on = self._on(surface)
+        if on.session is not None:
+            stops = tuple(SessionStop(*stop) for stop in learned.session)
+            known, file = on.session.known, on.session.coefficients
+            on.session = SessionOffset(known, file, learned.distance, stops)
+        on.dead_time = max(on.known_dead_time, learned.dead_time)
+        on.low = LowStops()
         estimate = on.estimate
         estimate.coefficients = np.array(learned.estimate)
         estimate.covariance = np.array(learned.covariance)
@@ -194,9 +219,6 @@ class OnlineBraking:
         )
         on.last.clear()
         on.last.extend(learned.last)
-        if on.session is not None:
-            stops = tuple(SessionStop(*stop) for stop in learned.session)
-            on.session = SessionOffset(on.session.known, on.session.law, learned.distance, stops)
         on.pristine = False
         _age(on, age, time_constant)
 
@@ -225,6 +247,14 @@ class OnlineBraking:
         if session is not None:
             session.restart()
             session.age(1.0)
+
+    def widen(self, surface: str, other: StopDistance) -> bool:
+        """Promise no less than another table does at its worst; True if that changed anything."""
+        on = self._on(surface)
+        if on.session is None or not on.session.widen(other):
+            return False
+        on.pristine = False
+        return True
 
     def _on(self, surface: str) -> _Surface:
         found = self._surfaces.get(surface)
@@ -258,4 +288,5 @@ def _learned(on: _Surface) -> LearnedForce:
         row=estimate.row,
         session=() if on.session is None else tuple((*stop,) for stop in on.session.stops),
         distance=None if on.session is None else on.session.table,
+        dead_time=on.dead_time,
     )

@@ -9,12 +9,13 @@ spread beyond that. Given the stops of this session δ is Gaussian in closed for
 
 so every quantile moves with the median by m and contracts from √(s² + w²) to √(V + w²). That is
 done with all stops of the session and with the last two only, and the larger factor is used, so
-that a change of the brakes is followed immediately. The table in use grows immediately and falls by
-a rate with each stop. No session is taken to be shorter than by s, so that what is left is never
-less than its own scatter, whatever distances are reported.
+that a change of the brakes is followed with two stops. A session that scatters more than the table
+has a larger w. The table in use grows immediately and falls by a rate with each stop. No session is
+taken to be shorter by more than s than the force in use, or than the file's if that is stronger.
 
-Validity: predictions by the force that is planned with now; when that follows a change, stops from
-before it are another session. Source: none; the normal mean with known variance.
+Validity: stops at full brakes, on the force that is planned with now; when that follows a change,
+stops from before it are another session. Effects are not in these predictions: with a lag or fading
+brakes they are too short, which is the safe side. Source: none; the normal mean.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import design
+from slopewise.models.laws import braking
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_distance import MAX_FACTOR, StopDistance
 
@@ -36,11 +38,13 @@ WINDOW = 50
 RECENT = 2
 """Stops that are also used separately [1]: the third stop after a change is planned with two."""
 _MIN_SHARE = 0.3
-"""Of the spread of a table that is from stop to stop at least [1]."""
+"""The scatter from stop to stop is at least this share of the total spread [1]."""
+_PRIOR_STOPS = 6
+"""Stops that the scatter of the table counts for, beside that of the session [1]."""
 _QUANTILE = 0.9
 """At which the spread of a table is read off [1]: tails are part of what lies beyond."""
 _MIN_DISTANCE = 1e-3
-"""Of a stop [m]."""
+"""Shorter distances are raised to it [m]."""
 _MIN_PULL = 0.01
 """Deceleration as a share of gravity below which there is no finite stop [1]."""
 
@@ -57,18 +61,18 @@ class SessionOffset:
     """The table of one surface as the current session has it; one thread.
 
     Args:
-        known: table of the calibration. law: its coefficients (4,).
+        known: table of the calibration. coefficients: (4,) of the file.
         in_use: table of this session so far.
         stops: stops of this session, speed [m/s], grade [rad], distance [m].
 
     Attributes:
-        known: table of the calibration. stops: stops of this session, the newest last.
+        known, coefficients: of the file. stops: stops of this session, the newest last.
     """
 
     def __init__(
         self,
         known: StopDistance,
-        law: Floats,
+        coefficients: Floats,
         in_use: StopDistance | None = None,
         stops: tuple[SessionStop, ...] = (),
     ) -> None:
@@ -76,7 +80,7 @@ class SessionOffset:
         shape = len(known.levels), len(known.grades), len(known.speeds)
         speed, grade = np.meshgrid(known.speeds, known.grades)
         self._speed, self._grade = (np.broadcast_to(a, shape).ravel() for a in (speed, grade))
-        self.law = law
+        self.coefficients = coefficients
         begin = self._log if in_use is None else np.log(np.array(in_use.stop_factor))
         if begin.shape != self._log.shape:
             raise ParameterError("distance", f"a table of {self._log.shape}, got {begin.shape}")
@@ -95,7 +99,7 @@ class SessionOffset:
 
         Args:
             stop: measured. coefficients: (4,) that are planned with now, after it was learned from.
-            dead_time: likewise [s]. max_fall: fall of the logarithm of a factor with one stop [1].
+            dead_time: likewise [s]. max_fall: largest decrease of ln(factor) with this stop [1].
         """
         self.stops.append(stop)
         required = self._factors(coefficients, dead_time)
@@ -103,36 +107,48 @@ class SessionOffset:
 
     def restart(self, keep: int = 0) -> None:
         """Begin another session, with the last stops of this one."""
-        last = list(self.stops)[len(self.stops) - keep :]
+        last = list(self.stops)[-keep:] if keep else []
         self.stops.clear()
         self.stops.extend(last)
 
     def age(self, share: float) -> None:
-        """Go back to a new session's table where that allows more."""
+        """Go back by a share [1] of the way to a new session's table where that allows more."""
         self._in_use += share * np.maximum(self._log - self._in_use, 0.0)
 
+    def widen(self, other: StopDistance) -> bool:
+        """Allow no less than another table at its worst; True if that changed anything."""
+        lower = np.log([other.worst(q) for q in self.known.quantiles])
+        rows = np.repeat(lower, len(self._log) // len(lower))[:, None]
+        changed = bool(np.any(self._in_use < rows))
+        self._in_use = np.maximum(self._in_use, rows)
+        return changed
+
     def _factors(self, coefficients: Floats, dead_time: float) -> Floats:
-        """(Q L G, V) logarithms of the factors of this session."""
+        """(Q·L·G, V) ln of the factors of this session."""
         known, std = self.known, self.known.session_std
         speed, grade, distance = np.array(self.stops).T
         median = np.log(known.at(0.5, 1.0, speed, grade))
         width = np.log(known.at(_QUANTILE, 1.0, speed, grade)) - median
         distance = np.maximum(distance, _MIN_DISTANCE)
         residual = np.log(distance / _predicted(speed, grade, coefficients, dead_time)) - median
-        precision = 1.0 / _within(width / NormalDist().inv_cdf(_QUANTILE), std)
+        precision = 1.0 / _within(width, std)
 
         cells = self._log.reshape(len(known.quantiles), -1)
         middle, upper = (np.log(known.row(q)).ravel() for q in (0.5, _QUANTILE))
-        within = _within((upper - middle) / NormalDist().inv_cdf(_QUANTILE), std)
-        by_file, now = (
-            _predicted(self._speed, self._grade, c, dead_time) for c in (self.law, coefficients)
+        within = _within(upper - middle, std)
+        by_file, by_planned = (
+            _predicted(self._speed, self._grade, c, dead_time)
+            for c in (self.coefficients, coefficients)
         )
-        shortest = np.minimum(np.log(by_file / now), 0.0) - std
+        shortest = np.minimum(np.log(by_file / by_planned), 0.0) - std
         required = np.full(cells.shape, -np.inf)
         for part in (slice(None), slice(-RECENT, None)):
-            variance = 1.0 / (std**-2 + precision[part].sum())
-            mean = variance * float(precision[part] @ residual[part])
-            narrower = np.sqrt((variance + within) / (std**2 + within))
+            own, total = residual[part], precision[part].sum()
+            spread = float(precision[part] @ (own - (precision[part] @ own) / total) ** 2)
+            wider = max((_PRIOR_STOPS + spread) / (_PRIOR_STOPS + len(own) - 1), 1.0)
+            variance = 1.0 / (std**-2 + total / wider)
+            mean = variance * float(precision[part] @ own) / wider
+            narrower = np.sqrt((variance + wider * within) / (std**2 + within))
             moved = middle + np.maximum(mean, shortest)
             required = np.maximum(required, moved + (cells - middle) * narrower)
         result: Floats = required.reshape(self._log.shape)
@@ -141,12 +157,13 @@ class SessionOffset:
 
 def _predicted(speed: Floats, grade: Floats, coefficients: Floats, dead_time: float) -> Floats:
     """(n,) distances on even slopes [m]."""
-    pull = design(speed, grade) @ coefficients + np.sin(grade)
-    result: Floats = speed * dead_time + speed**2 / (2.0 * GRAVITY * np.maximum(pull, _MIN_PULL))
+    pull = np.maximum(design(speed, grade) @ coefficients + np.sin(grade), _MIN_PULL)
+    result: Floats = braking.stopping_distance(speed, GRAVITY * pull, dead_time, 0.0)
     return result
 
 
-def _within(total: Floats, session_std: float) -> Floats:
-    """Variance from stop to stop, of the standard deviation of new sessions [1]."""
+def _within(width: Floats, session_std: float) -> Floats:
+    """(n,) variance from stop to stop, by ln of the factor at `_QUANTILE` over the median [1]."""
+    total = width / NormalDist().inv_cdf(_QUANTILE)
     result: Floats = np.maximum(total**2 - session_std**2, (_MIN_SHARE * total) ** 2)
     return np.maximum(result, 1e-6)

@@ -71,6 +71,9 @@ class CandidatePlanner:
             raise ParameterError("speed", f"a finite start speed >= 0 [m/s], got {start_speed}")
         if not np.all(np.asarray(clear) >= 0.0):
             raise ParameterError("clear", f"a distance >= 0 [m], got {clear}")
+        if np.shape(clear) not in ((), (1,), (len(paths),)):
+            expected = f"one distance or {len(paths)}, got {np.shape(clear)}"
+            raise ParameterError("clear", expected)
         free = np.broadcast_to(behind_the_front(clear, self.model.vehicle), (len(paths),))
         plans: list[SpeedPlan] = []
         for first in range(0, len(paths), _BATCH):

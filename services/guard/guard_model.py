@@ -94,6 +94,7 @@ def read_guard_model(path: Path) -> GuardModel:
 
 def guard_model(model: Model) -> GuardModel:
     """Worst case of a model."""
+    mean = model.braking
     model = promised(model, QUANTILE, as_mean=True)
     braking, terrain, limits, effects = model.braking, model.terrain, model.limits, model.effect
     motion, rolling = registry.motion(effects), terrain.rolling_while_braking
@@ -102,7 +103,9 @@ def guard_model(model: Model) -> GuardModel:
         n: table.state_of for n, table in braking.terrain.items() if table.state_of is not None
     }
     return GuardModel(
-        surfaces={name: _worst_case(braking.on(name), rolling, motion) for name in names},
+        surfaces={
+            name: _worst_case(braking.on(name), mean.on(name), rolling, motion) for name in names
+        },
         governing=tuple(names.index(states.get(name, name)) for name in names),
         named=braking.terrain,
         vehicle=model.vehicle,
@@ -118,7 +121,9 @@ def guard_model(model: Model) -> GuardModel:
     )
 
 
-def _worst_case(b: Braking, rolling: float, motion: registry.MotionTerms) -> GuardSurface[float]:
+def _worst_case(
+    b: Braking, mean: Braking, rolling: float, motion: registry.MotionTerms
+) -> GuardSurface[float]:
     uphill, grades, rolls, margin = b.uphill or b, b.grade_range, b.trained_roll, 0.0
     if b.extrapolate:
         # Steeper ground than trained is driven with less force, everywhere: on the safe side.
@@ -149,8 +154,23 @@ def _worst_case(b: Braking, rolling: float, motion: registry.MotionTerms) -> Gua
         level=min(max(applied, 0.0), 1.0),
         rolling=rolling,
         stronger=(1.0 + margin) * (1.0 + scatter) / share,
-        extra=2.0 * worse,
+        extra=2.0 * worse + 2.0 * given_up(mean, b),
     )
+
+
+def given_up(mean: Braking, weaker: Braking) -> float:
+    """Largest F_b/W [1] by which a model's mean is above weaker brakes, where it was trained.
+
+    Stops are as much stronger than their mean as a promise is weaker.
+    """
+    speed, grade = (a.ravel() for a in np.meshgrid(mean.speed_range, mean.grade_range))
+    difference = np.zeros(len(speed))
+    for sign, on in ((1.0, mean), (-1.0, weaker)):
+        uphill = on.uphill or on
+        slope = np.where(grade > 0.0, uphill.m_m, on.m_m) * speed
+        slope += np.where(grade > 0.0, uphill.b_m, on.b_m)
+        difference += sign * (slope * grade + on.m_b * speed + on.b_b)
+    return max(float(difference.max()), 0.0)
 
 
 def brake_table(model: GuardModel) -> SurfaceTable:

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from slopewise.models.force_design import design
 from slopewise.services.guard.guard_model import SPREAD, GuardModel, SurfaceTable, brake_table
 from slopewise.services.guard.stop_distances import Tables
-from slopewise.services.wire.parameter_messages import STOP_FACTOR, ParameterGroup
+from slopewise.services.wire.parameter_messages import FORCE_STD, STOP_FACTOR, ParameterGroup
 
 _FORCE = ("m_m", "b_m", "m_b", "b_b")
 _BRAKING, _LIMITS, _EFFECTS = "braking", "limits", "effects"
@@ -76,9 +77,20 @@ def _learn(table: SurfaceTable, k: int, group: ParameterGroup) -> None:
     steepest = max(-float(table.grade_min[k]), float(table.grade_max[k]))
     table.b_m[k] -= lower
     table.b_b[k] -= lower * steepest**3 / 6.0  # by which θ exceeds sin θ
-    if STOP_FACTOR not in group.values:
-        table.b_b[k] -= SPREAD * group.stds.get("b_b", 0.0)
+    promised = STOP_FACTOR in group.values
+    std = group.values.get(FORCE_STD, 0.0) if promised else group.stds.get("b_b", 0.0)
+    table.b_b[k] -= SPREAD * std
+    table.extra[k] = 2.0 * (SPREAD * std + _weaker_by(table, k, group))
     if as_downhill:
         table.up_m[k], table.up_b[k] = table.m_m[k], table.b_m[k]
     late = factor * group.values.get("dead_time", 0.0)
     table.dead_time[k] = max(late, table.dead_time[k])
+
+
+def _weaker_by(table: SurfaceTable, k: int, group: ParameterGroup) -> float:
+    """Largest F_b/W [1] by which the learned mean is above a row of a table."""
+    speed, grade = np.meshgrid(
+        (table.slowest[k], table.fastest[k]), (table.grade_min[k], table.grade_max[k])
+    )
+    names = np.array([group.values[name] - getattr(table, name)[k] for name in _FORCE])
+    return max(float(np.max(design(speed.ravel(), grade.ravel()) @ names)), 0.0)

@@ -76,6 +76,7 @@ class BrakingForces:
             publish=PublishSettings(rise=settings.rise, only_valid=True, most_share=math.inf),
         )
         self._updated: dict[str, float] = {}
+        self._last_stop: dict[str, float] = {}  # of any outcome
         self._rejections: dict[tuple[str, str], int] = {}
         self.dead_times: deque[float] = deque(maxlen=DEAD_TIME_COUNT)  # of the last stops [s]
         self._aged = time.monotonic()
@@ -90,6 +91,7 @@ class BrakingForces:
         clone = copy.copy(self)
         clone._online = copy.deepcopy(self._online, {id(self._start): self._start})
         clone._updated, clone._rejections = dict(self._updated), dict(self._rejections)
+        clone._last_stop = dict(self._last_stop)
         clone.dead_times = copy.copy(self.dead_times)
         clone._changed()
         return clone
@@ -97,28 +99,44 @@ class BrakingForces:
     # ------------------------------------------------------------------ learning
 
     def learn(
-        self, stop: StreamedStop, surface: str, source: str, distance: float | None
+        self,
+        stop: StreamedStop,
+        surface: str,
+        source: str,
+        distance: float | None,
+        *,
+        may_narrow: bool = True,
     ) -> LearnedStop:
-        """Learn from one stop; a ParameterError if there are too many surfaces."""
+        """Learn from one stop; a ParameterError if there are too many surfaces.
+
+        ``may_narrow``: False for stops that may only make plans slower.
+        """
         self._add_surface(surface)
-        predicted = predicted_distance(self._planning_surface(surface), self.dead_time(), stop)
+        used = self._planning_surface(surface)
+        predicted = predicted_distance(used, self.dead_time(), stop)
         if distance is None:
-            distance = measured_distance(stop, self.prior.dead_time)
+            distance = measured_distance(stop, max(used.dead_time, self.dead_time()))
         speed, grade = stop.onset_speed, stop.grade
         planned = self.planned_force(surface, speed, grade)
         now = time.monotonic()
-        if now - self._updated.get(surface, now) >= self._settings.oldest:
+        if now - self._last_stop.get(surface, now) >= self._settings.oldest:
             self._online.new_session(surface)
-        late = self.dead_time()
-        outcome = self._online.take(stop, surface, distance=distance, dead_time=late).outcome
+        self._last_stop[surface] = now
+        if 0.0 <= stop.dead_time <= MAX_DEAD_TIME:
+            self.dead_times.append(stop.dead_time)
+        outcome = self._online.take(
+            stop,
+            surface,
+            distance=distance,
+            dead_time=self.dead_time(),
+            may_narrow=may_narrow,
+        ).outcome
         if outcome is Acceptance.GATED and stop.force_ratio < planned:
             self._lower_after_rejections(stop, surface, source, planned)
         else:
             self._rejections.pop((surface, source), None)
         if outcome in (Acceptance.ACCEPTED, Acceptance.CHANGED):
             self._updated[surface] = now
-        if 0.0 <= stop.dead_time <= MAX_DEAD_TIME:
-            self.dead_times.append(stop.dead_time)
         self._changed()
         return LearnedStop(
             now, source, surface, speed, grade, predicted, distance, outcome=outcome.value
@@ -160,23 +178,34 @@ class BrakingForces:
         else:
             return False
         corners = self._corners("")
-        planned = corners @ coefficients_of(self.planning_braking({}))
+        used = self.planning_braking({})
+        planned = corners @ coefficients_of(used)
+        promise = used.on(surface).distance if surface in used.terrain else None
+        wider = promise is not None and self._online.widen("", promise)
         if "" not in learned and np.all(planned <= corners @ below + _TOLERANCE):
-            return False
+            if wider:
+                self._changed()
+            return wider
         self._online.doubt("", below)
         self._changed()
         return True
 
+    def new_session(self, surface: str) -> None:
+        """The ground may be another, under the same name."""
+        if surface in self.learned():
+            self._online.new_session(surface)
+            self._changed()
+
     def restrict_to_prior(self) -> list[str]:
         """Plan nowhere above the prior until stops make an estimate valid again; the surfaces."""
         ages = self.ages(time.monotonic())
-        used = {name: f for name, f in self.learned().items() if f.valid or f.session}
-        for surface, force in used.items():
+        may_be_faster = {name: f for name, f in self.learned().items() if f.valid or f.session}
+        for surface, force in may_be_faster.items():
             careful = dataclasses.replace(force, valid=False)
             self.put(surface, careful, ages[surface], confident=True)
             self._online.new_session(surface)
         self._changed()
-        return list(used)
+        return list(may_be_faster)
 
     def assume_untrained(self) -> list[str]:
         """Assume brakes that may be worn where nothing was learned; the surfaces that changed.
@@ -294,13 +323,14 @@ class BrakingForces:
         if force is None:
             self._online.forget(surface)
             self._updated.pop(surface, None)
+            self._last_stop.pop(surface, None)
             self._changed()
             return
         self._check(force, surface)
         if surface and surface not in self.learned():
             self._free_slot(surface)
         self._online.restore(force, surface, age=age, time_constant=self._settings.grows_old)
-        self._updated[surface] = time.monotonic() - age
+        self._updated[surface] = self._last_stop[surface] = time.monotonic() - age
         if not confident:
             self._online.doubt(surface)
         self._changed()

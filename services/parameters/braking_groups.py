@@ -20,7 +20,11 @@ from slopewise.services.parameters.braking_forces import DEAD_TIME_COUNT, Brakin
 from slopewise.services.parameters.parameter_group import GroupDescription, ParameterGroups, State
 from slopewise.services.parameters.stop_checks import MAX_DEAD_TIME
 from slopewise.services.settings.learning_settings import Learning
-from slopewise.services.wire.parameter_messages import STOP_FACTOR, STOP_FACTOR_QUANTILE
+from slopewise.services.wire.parameter_messages import (
+    FORCE_STD,
+    STOP_FACTOR,
+    STOP_FACTOR_QUANTILE,
+)
 
 BASE = "braking"
 _DEAD_TIME = "dead_time"
@@ -91,7 +95,8 @@ class BrakingGroups(ParameterGroups):
         unit = dict(zip((*NAMES, _DEAD_TIME), _UNITS, strict=True))
         if used.distance is not None:
             values[STOP_FACTOR] = used.distance.worst(STOP_FACTOR_QUANTILE)
-            unit[STOP_FACTOR] = "1"
+            values[FORCE_STD] = used.force_std
+            unit |= {STOP_FACTOR: "1", FORCE_STD: "1"}
         return GroupDescription(
             values=values,
             stds=stds,
@@ -134,8 +139,11 @@ class BrakingGroups(ParameterGroups):
         if set(values) & set(NAMES):
             coefficients = tuple({**known, **values}[name] for name in NAMES)
             matrix = self.forces.covariance_of(surface)
-            force = LearnedForce(coefficients, matrix, coefficients, False, 0, 0)
+            known_force = self.forces.learned().get(surface)
+            promise = None if known_force is None else known_force.distance
+            force = LearnedForce(coefficients, matrix, coefficients, False, 0, 0, distance=promise)
             self.forces.put(surface, force, 0.0, confident=True)
+            self.forces.new_session(surface)
         if _DEAD_TIME in values:
             self.forces.use_dead_times([values[_DEAD_TIME]] * DEAD_TIME_COUNT)
 
@@ -143,7 +151,8 @@ class BrakingGroups(ParameterGroups):
         self, surface: str, values: Mapping[str, float], known: Mapping[str, float]
     ) -> None:
         for name, value in values.items():
-            if name not in known or name == STOP_FACTOR or (surface and name == _DEAD_TIME):
+            is_common = not surface and name == _DEAD_TIME
+            if name not in known or not (name in NAMES or is_common):
                 raise ParameterError(name, f"one of {', '.join(NAMES)}")
             if name != _DEAD_TIME and not abs(value) <= _MAX_COEFFICIENT:
                 limit = f"{_MAX_COEFFICIENT:g} {_UNITS[NAMES.index(name)]}"

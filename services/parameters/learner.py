@@ -5,6 +5,7 @@ Knows neither versions nor disk: it returns the names of groups that changed, ot
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from collections import Counter, deque
@@ -115,8 +116,10 @@ class Learner:
         update = DriveUpdate(samples.source, columns, ground)
         changed = {name for kind in self.state.kinds() for name in kind.drive(update)}
         forces = self.state.braking.forces
-        if ground.changed and forces.lower_base("", self._last_surface):
-            changed.add(BASE)
+        if ground.changed:
+            forces.new_session(self._last_surface)
+            if forces.lower_base("", self._last_surface):
+                changed.add(BASE)
         changed |= self.follow_terrain(now)
         reason = "the ground changed" if ground.changed else "samples"
         surface = samples.surface or self.ground.surface(now)
@@ -135,20 +138,22 @@ class Learner:
             self.counters["stops_implausible"] += 1
             return set(), f"{NOT_LEARNED}expected {expected}"
         forces = self.state.braking.forces
-        # Weaker stops are always learned from: they only make plans slower.
-        if not self._rate.accepts(stop, arrived) and stop.force_ratio >= forces.planned_force(
+        # Weaker stops are always learned from, so that plans become slower and not faster.
+        in_time = self._rate.accepts(stop, arrived)
+        if not in_time and stop.force_ratio >= forces.planned_force(
             surface, stop.onset_speed, stop.grade
         ):
             self.counters["stops_too_many"] += 1
             self._warnings.add("more stops came than the vehicle can make")
             return set(), f"{NOT_LEARNED}more stops than the vehicle can make"
-        learned = forces.learn(stop, surface, source, distance)
+        learned = forces.learn(stop, surface, source, distance, may_narrow=in_time)
         self.stops.append(learned)
         self.counters["stops"] += 1
         changed = {group_of(surface)}
         # Where the map names no surfaces, the base represents all terrain.
         if surface and not any(self.state.map_surfaces()):
-            forces.learn(stop, "", source, distance)
+            known = dataclasses.replace(stop, dead_time=math.nan)  # its dead time counts once
+            forces.learn(known, "", source, learned.actual, may_narrow=in_time)
             changed.add(BASE)
         return changed, learned.outcome
 

@@ -15,6 +15,8 @@ Group = Annotated[str, Meta(min_length=1, max_length=80)]
 STOP_FACTOR, STOP_FACTOR_QUANTILE = "stop_factor", 0.977
 """Value of a braking group whose calibration promises distances: largest allowed over predicted
 distance of the current session at this quantile [1]."""
+FORCE_STD = "force_std"
+"""Likewise: standard deviation of F_b/W that its promise does not contain [1]."""
 
 
 class ParameterGroup(Message, frozen=True):

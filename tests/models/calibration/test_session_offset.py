@@ -200,3 +200,33 @@ def test_a_change_of_ground_ends_the_session() -> None:
     assert tight.worst(0.99) < table().worst(0.99)
     assert online.learned()[""].distance == table()
     assert online.learned()[""].session == ()
+
+
+@pytest.mark.parametrize(
+    "session", [((math.nan, 0.0, 1.0),), ((0.0, 0.0, 1.0),), ((1.0, 0.0, -1.0),)]
+)
+def test_stored_stops_that_are_no_stops_are_refused(
+    session: tuple[tuple[float, float, float], ...],
+) -> None:
+    law = tuple(LAW.tolist())
+    matrix = tuple((0.0,) * 4 for _ in range(4))
+    with pytest.raises(ParameterError, match="session"):
+        LearnedForce(law, matrix, law, True, 9, 0, session=session)
+
+
+def test_a_quantile_above_the_table_is_promised_more_than_its_last() -> None:
+    spread = math.hypot(SESSION, WITHIN)
+    expected = MEDIAN * math.exp(NormalDist().inv_cdf(0.99999) * spread)
+    assert table().worst(0.99999) == pytest.approx(expected, rel=1e-9)
+
+
+def test_an_invalid_estimate_has_the_promise_of_the_file() -> None:
+    online = OnlineBraking(known(table()))
+    drive(online, [FORCE] * 40)
+    assert online.valid()
+    assert online.learned()[""].distance != table()
+    drive(online, [0.6 * FORCE, 1.5 * FORCE] * 3)
+    assert not online.valid()
+    distance = online.learned()[""].distance
+    assert distance is not None
+    assert distance.worst(0.99) >= table().worst(0.99)
