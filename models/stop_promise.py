@@ -255,7 +255,7 @@ def _weakest(law: _Law, v: Floats, theta: Floats, allowed: Floats) -> PromisedLi
     min_pull -= float(np.max(theta - np.sin(theta)))
     slope = -1.0 / max(law.share, 1e-3)
     full = max(float(law.full(np.array(min_pull))), _MIN_LEVEL_FORCE)
-    # What brakes that hardly slow the vehicle cannot allow is added to each stop.
+    # Distance that such a force does not allow is added to each stop.
     pull = np.maximum(law.at_level(full + slope * theta) + np.sin(theta), 1e-3)
     short = allowed - _stop(v, pull, law.dead_time, 0.0)
     constant = max(float(np.max(short[finite])), 0.0) if finite.any() else 0.0

@@ -128,7 +128,7 @@ def _check_log(
     inside = is_inside(braking, *fresh[:2])
     speed, grade, actual = (column[inside] for column in fresh)
     known = inside[: true.shape[1]]
-    drawn = fresh[2][: true.shape[1]][known]
+    sampled = fresh[2][: true.shape[1]][known]
     allowed = np.array([allowed_distance(braking, speed, grade, q) for q in QUANTILES])
     peer = np.array([twenty_lines(log, speed, grade, q) for q in QUANTILES])
     mean = float(actual.mean())
@@ -141,7 +141,7 @@ def _check_log(
         np.mean(allowed - actual, axis=1) / mean,
         1.0 - beyond / len(actual),
         np.mean(peer, axis=1) / mean,
-        np.mean(true[:, known] - drawn, axis=1) / float(drawn.mean()),
+        np.mean(true[:, known] - sampled, axis=1) / float(sampled.mean()),
         "",
     )
 
@@ -207,8 +207,10 @@ def _pooled(rows: list[CaseResult]) -> dict[str, Any]:
     true = mean("true_excess")
     # One factor for all logs of the row, with which their bounds keep their promise together.
     peer = mean("peer_beyond")
-    kept = np.array([_FACTORS[np.argmax(row <= p)] for row, p in zip(peer, promised, strict=True)])
-    stretched = kept * mean("peer_bound") - 1.0
+    stretch = np.array(
+        [_FACTORS[np.argmax(row <= p)] for row, p in zip(peer, promised, strict=True)]
+    )
+    stretched = stretch * mean("peer_bound") - 1.0
     return {
         "calibrations": len(accepted),
         "beyond_over_promised": (mean("beyond") / promised).tolist(),

@@ -33,7 +33,7 @@ from slopewise.services.io.table import write_csv
 QUANTILES = (0.9, 0.99)  # promised [1]
 _SIXTHS = 6
 """Parts of the Husky's windows, which are one after the other and name no session."""
-_FEWEST = 6
+_MIN_STOPS = 6
 """Stops of other sessions from which the twenty lines are fitted."""
 
 
@@ -100,15 +100,15 @@ def leave_sessions_out(
 ) -> HeldOut:
     """Predict each session by all others; stops are measured as in the whole log."""
     columns = log.columns
-    whole = learn(columns, [run for runs in sessions for run in runs], known)
-    records = [r for surface in whole.surfaces for r in surface.records]
+    calibration = learn(columns, [run for runs in sessions for run in runs], known)
+    records = [r for surface in calibration.surfaces for r in surface.records]
     owner = np.array([_session_of(r, sessions) for r in records])
     excess, peer, actual, refused = [], [], [], 0
-    for k, runs in enumerate(sessions):
+    for k in range(len(sessions)):
         out = [r for r, o in zip(records, owner, strict=True) if o == k]
         if not out:
             continue
-        rest = [run for other in sessions if other is not runs for run in other]
+        rest = [run for k_other, more in enumerate(sessions) if k_other != k for run in more]
         try:
             learned = learn(columns, rest, known)
         except ParameterError:
@@ -142,7 +142,7 @@ def _session_of(record: StopRecord, sessions: Sequence[Sequence[slice]]) -> int:
 
 def _twenty_lines(rest: list[StopRecord], out: list[StopRecord], owner: Any) -> Floats:
     """(n, Q) bounds [m]; infinite from too few stops."""
-    if len(rest) < _FEWEST:
+    if len(rest) < _MIN_STOPS:
         return np.full((len(out), len(QUANTILES)), np.inf)
     speed, grade, distance = _columns(rest)
     session = np.unique(owner, return_inverse=True)[1].astype(np.int64)

@@ -13,12 +13,10 @@ from statistics import median
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.learned_force import LearnedForce, braking_in_use
 from slopewise.models.calibration.online import OnlineBraking
 from slopewise.models.calibration.published import PublishSettings
 from slopewise.models.calibration.recursive import Acceptance, RecursiveSettings
-from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.quantity import Matrix
@@ -29,6 +27,7 @@ from slopewise.services.parameters.force_limits import (
     limit_increase,
     prior_for_new_surface,
     select_surface_to_evict,
+    validate_force,
 )
 from slopewise.services.parameters.stop_checks import (
     MAX_DEAD_TIME,
@@ -44,7 +43,6 @@ _MAX_REJECTING_SOURCES = 64
 _MAX_LISTED = 5  # surfaces in one warning [1]
 DEAD_TIME_COUNT = 5  # last stops whose median dead time is used [1]: two odd ones change nothing
 _TOLERANCE = 1e-9  # rounding of F_b/W [1]
-_BOUND_TOLERANCE = 1e-6  # rounding of stored F_b/W at the bounds [1]
 
 _UNCERTAINTY = Uncertainty()
 """Share of the file's force on ground without stops, and drift of the force with age."""
@@ -124,13 +122,8 @@ class BrakingForces:
         self._last_stop[surface] = now
         if 0.0 <= stop.dead_time <= MAX_DEAD_TIME:
             self.dead_times.append(stop.dead_time)
-        outcome = self._online.take(
-            stop,
-            surface,
-            distance=distance,
-            dead_time=self.dead_time(),
-            may_narrow=may_narrow,
-        ).outcome
+        more = {"distance": distance, "dead_time": self.dead_time()}
+        outcome = self._online.take(stop, surface, may_narrow=may_narrow, **more).outcome
         if outcome is Acceptance.GATED and stop.force_ratio < planned:
             self._lower_after_rejections(stop, surface, source, planned)
         else:
@@ -326,7 +319,7 @@ class BrakingForces:
             self._last_stop.pop(surface, None)
             self._changed()
             return
-        self._check(force, surface)
+        validate_force(force, self.prior, self._corners(surface))
         if surface and surface not in self.learned():
             self._free_slot(surface)
         self._online.restore(force, surface, age=age, time_constant=self._settings.grows_old)
@@ -334,18 +327,6 @@ class BrakingForces:
         if not confident:
             self._online.doubt(surface)
         self._changed()
-
-    def _check(self, force: LearnedForce, surface: str) -> None:
-        """Raise unless the brakes slow the vehicle everywhere in the trained rectangle."""
-        bounds = PublishSettings()
-        forces = self._corners(surface) @ np.array(force.published)
-        low, high = bounds.least - _BOUND_TOLERANCE, bounds.most + _BOUND_TOLERANCE
-        if not np.all((forces >= low) & (forces <= high)):
-            expected = f"F_b/W of {bounds.least} … {bounds.most} at trained speeds and grades"
-            got = f"{forces.min():.3f} … {forces.max():.3f}"
-            raise ParameterError(", ".join(NAMES), f"{expected}, got {got}")
-        m_m, b_m, m_b, b_b = force.published
-        dataclasses.replace(self.prior, m_m=m_m, b_m=b_m, m_b=m_b, b_b=b_b)
 
     def prior_on(self, surface: str) -> Braking:
         """The prior on a surface."""

@@ -28,12 +28,26 @@ _MAX_INVENTED = 32
 
 _MAX_SURFACES = 96  # learned surfaces in all [1], so that plans, messages and store stay small
 _MIN_STOP_COUNT = PublishSettings().fewest
+_BOUND_TOLERANCE = 1e-6  # rounding of stored F_b/W at the bounds [1]
 _TOLERANCE = 1e-9  # rounding of F_b/W [1]
 
 
 def coefficients_of(known: Braking) -> Floats:
     """(4,) m_m, b_m, m_b, b_b."""
     return np.array([getattr(known, name) for name in NAMES])
+
+
+def validate_force(force: LearnedForce, prior: Braking, corners: Floats) -> None:
+    """Raise unless the brakes slow the vehicle at all corners (4, 4) of the trained rectangle."""
+    bounds = PublishSettings()
+    forces = corners @ np.array(force.published)
+    low, high = bounds.least - _BOUND_TOLERANCE, bounds.most + _BOUND_TOLERANCE
+    if not np.all((forces >= low) & (forces <= high)):
+        expected = f"F_b/W of {bounds.least} … {bounds.most} at trained speeds and grades"
+        got = f"{forces.min():.3f} … {forces.max():.3f}"
+        raise ParameterError(", ".join(NAMES), f"{expected}, got {got}")
+    m_m, b_m, m_b, b_b = force.published
+    dataclasses.replace(prior, m_m=m_m, b_m=b_m, m_b=m_b, b_b=b_b)
 
 
 def limit_increase(prior: Braking, used: Braking, share: float) -> tuple[Braking, list[str]]:

@@ -92,7 +92,7 @@ def test_a_session_that_confirms_is_allowed_less_by_a_rate() -> None:
     assert last[2] < 0.9 * factors(SessionOffset(table(), LAW))[2]
 
 
-def test_no_reported_distance_takes_the_scatter_of_a_session_away() -> None:
+def test_no_reported_distance_removes_the_scatter_of_a_session() -> None:
     shortest = MEDIAN * np.exp(Z * WITHIN - SESSION)
     assert np.all(factors(session_of([-2.0] * 50)) >= shortest * (1.0 - 1e-9))
     zero = SessionOffset(table(), LAW)

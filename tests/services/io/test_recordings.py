@@ -55,8 +55,8 @@ def test_stops_are_found_as_an_eye_finds_them(
 @pytest.mark.parametrize("name", ["Warthog", "Husky"])
 def test_stops_of_sessions_left_out_keep_their_promise(name: str) -> None:
     """At most what a binomial count of the promised share exceeds once in a hundred recordings."""
-    found = {n: (log, sessions) for n, log, sessions in recordings(real_data("."))}
-    held = leave_sessions_out(*found[name], KNOWN)
+    by_name = {n: (log, sessions) for n, log, sessions in recordings(real_data("."))}
+    held = leave_sessions_out(*by_name[name], KNOWN)
     count = len(held.distance)
     assert count >= 60
     assert held.refused == 0
