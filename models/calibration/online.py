@@ -1,7 +1,7 @@
-"""The braking model learned while driving: samples in, coefficients for planning out.
+"""The braking model learned while driving: stops in, coefficients for planning out.
 
-One stream of samples, one estimate and one published set for each surface. A surface that is seen
-for the first time starts from the model's own table for it, or from the base.
+One estimate and one published set for each surface. A surface that is seen for the first time
+starts from the model's own table for it, or from the base.
 
 Source: Braking Sec. 1.2 ("even autonomously by the robot") and 4.2, whose joint fit over a FIFO of
 stops is done here in constant time.
@@ -18,12 +18,11 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.calibration.force_fit import WEAK_PRIOR
 from slopewise.models.calibration.learned_force import LearnedForce
-from slopewise.models.calibration.low_stops import LowStops
-from slopewise.models.calibration.published import PublishedForce, PublishSettings
+from slopewise.models.calibration.published import LowStops, PublishedForce, PublishSettings
 from slopewise.models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
 from slopewise.models.calibration.session_offset import RECENT, SessionOffset, SessionStop
 from slopewise.models.parameters import Braking
-from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
+from slopewise.models.stop_logs.stop_stream import StreamedStop
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +57,6 @@ class OnlineBraking:
 
     Args:
         known: braking model to begin with, with its surfaces.
-        mount: offset of the pitch sensor [rad]. dive: pitch under braking [rad s²/m].
         recursive, publish: how to follow, bounds and rates.
     """
 
@@ -66,8 +64,6 @@ class OnlineBraking:
         self,
         known: Braking,
         *,
-        mount: float = 0.0,
-        dive: float = 0.0,
         recursive: RecursiveSettings | None = None,
         publish: PublishSettings | None = None,
     ) -> None:
@@ -75,28 +71,6 @@ class OnlineBraking:
         self._recursive = recursive or RecursiveSettings()
         self._publish = publish or PublishSettings()
         self._surfaces: dict[str, _Surface] = {}
-        self._stream = StopStream(
-            known.dead_time, least_speed=self._recursive.least_speed, mount=mount, dive=dive
-        )
-
-    def feed(
-        self,
-        time: float,
-        speed: float,
-        command: float,
-        pitch: float,
-        *,
-        grade: float = math.nan,
-        surface: str = "",
-    ) -> OnlineStop | None:
-        """One sample; the stop that it completes, if it does.
-
-        Args:
-            time: [s]. speed, command: [m/s]. pitch: of the body [rad], nose down positive.
-            grade: of the ground from a map [rad], NaN without. surface: "" without a name.
-        """
-        stop = self._stream.feed(time, speed, command, pitch, grade)
-        return None if stop is None else self.take(stop, surface)
 
     def take(
         self,
@@ -106,7 +80,7 @@ class OnlineBraking:
         distance: float | None = None,
         dead_time: float | None = None,
     ) -> OnlineStop:
-        """Learn from a stop that was measured elsewhere.
+        """Learn from a measured stop.
 
         Args:
             stop: measured. surface: "" without a name. distance: from the command on [m].
@@ -146,19 +120,6 @@ class OnlineBraking:
     def coefficients(self, surface: str = "") -> Floats:
         """(4,) m_m, b_m, m_b, b_b that may be planned with."""
         return self._on(surface).published.coefficients
-
-    def covariance(self, surface: str = "") -> Floats:
-        """(4, 4) covariance of the estimate behind them."""
-        return self._on(surface).estimate.covariance.copy()
-
-    def valid(self, surface: str = "") -> bool:
-        """Whether the estimate may be trusted; what is published is cautious either way."""
-        return self._on(surface).published.valid
-
-    def counts(self, surface: str = "") -> tuple[int, int]:
-        """Stops accepted and stops not believed."""
-        estimate = self._on(surface).estimate
-        return estimate.accepted, estimate.gated
 
     def learned(self) -> dict[str, LearnedForce]:
         """What each surface has taught; those that taught nothing are left out."""
