@@ -72,11 +72,6 @@ class LearnedForce:
         if self.accepted < 0 or self.gated < 0:
             raise ParameterError("accepted", "counts >= 0")
 
-    @property
-    def stds(self) -> tuple[float, ...]:
-        """(4,) standard deviations of the estimate."""
-        return tuple(math.sqrt(max(self.covariance[i][i], 0.0)) for i in range(4))
-
 
 def braking_in_use(
     prior: Braking, learned: Mapping[str, LearnedForce], older: Mapping[str, float] | None = None
