@@ -176,12 +176,12 @@ def _simulated(
 ) -> tuple[SimulatedStop, Knee | None]:
     """A stop with this force and dead time, and the fit of its speeds."""
     record, track = one.record, one.track
-    m_m, b_m, m_b, b_b = _coefficients(model, record, force)
+    b_m, b_b = _line(model, record, force)
     on = dataclasses.replace(
         model.braking,
-        m_m=m_m,
+        m_m=0.0,
         b_m=b_m,
-        m_b=m_b,
+        m_b=0.0,
         b_b=b_b,
         dead_time=dead,
         terrain={},
@@ -210,23 +210,21 @@ def _simulated(
     return stop, fit_knee(time, speed, grade, end, slope, record.knee.held_weight)
 
 
-def _coefficients(
-    model: Model, record: StopRecord, force: float
-) -> tuple[float, float, float, float]:
-    """m_m, b_m, m_b, b_b such that the force at the stop's own speed and mean grade is this one.
+def _line(model: Model, record: StopRecord, force: float) -> tuple[float, float]:
+    """b_m, b_b such that the force at the stop's own speed and mean grade is this one.
 
     The form that the coefficients take does not matter: only one speed is simulated.
     """
     slope = model.braking.m_m * record.onset_speed + model.braking.b_m
-    intercept = max(force - slope * record.grade, _LEAST)
-    return 0.0, slope, 0.0, intercept
+    return slope, max(force - slope * record.grade, _LEAST)
 
 
 def _by_effects(
     model: Model, record: StopRecord, force: float, dead: float, stop: SimulatedStop
 ) -> float:
     """By how much the effects make the stop longer, at the same coefficients [m]."""
-    own = np.array(_coefficients(model, record, force))
+    slope, intercept = _line(model, record, force)
+    own = np.array([0.0, slope, 0.0, intercept])
     plain = stopping_distance(record.samples.window.held_speed, dead, own, *record.path)
     longer = stop.distance - plain
     return longer if math.isfinite(longer) else 0.0

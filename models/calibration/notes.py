@@ -66,15 +66,12 @@ def notes(base: SurfaceFit, mount: Mount, known: Braking, uneven: Asymmetry | No
 
 def _corners(base: SurfaceFit) -> list[str]:
     """Corners of the trained rectangle that the stops do not reach, in a sentence."""
-    corners = base.corners
     told = ", ".join(
         f"{c.speed:.1f} m/s at {np.rad2deg(c.grade):+.0f}° (force {c.force:.2f} ± {c.std:.2f})"
-        for c in corners
+        for c in base.corners
     )
-    if not corners:
-        return []
     held = "" if base.speed_by_grade is None else ", and plans are no faster than what was driven"
-    return [f"no stop was near {told}: there the model extrapolates{held}"]
+    return [f"no stop was near {told}: there the model extrapolates{held}"] if told else []
 
 
 def objections(surfaces: tuple[SurfaceFit, ...], dead_time: DeadTime) -> tuple[str, ...]:

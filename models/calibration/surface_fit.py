@@ -153,18 +153,14 @@ def fit_surfaces(
     elif len(rest) >= settings.fewest_per_surface or not own:
         base = _surface("", rest, measured, known, mount, settings, levels)
     else:
-        weakest = min(own, key=_level_force)
+        # On level ground, from a speed in the middle.
+        weakest = min(own, key=lambda s: float(s.fit.force_ratio(0.5 * sum(s.speed_range), 0.0)))
         base = dataclasses.replace(weakest, name="")
         warnings.append(
             f"too few stops on ground without a name: it is taken to brake like {weakest.name}, "
             "the weakest surface of the log"
         )
     return [base, *own], warnings
-
-
-def _level_force(surface: SurfaceFit) -> float:
-    speed = 0.5 * sum(surface.speed_range)
-    return float(surface.fit.force_ratio(speed, 0.0))
 
 
 def _surface(
