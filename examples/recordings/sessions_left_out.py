@@ -21,7 +21,7 @@ from benchmarks.calibration.brake_kinds import StopLog
 from benchmarks.calibration.margins import twenty_lines
 from examples.recordings import cuadriga, f1tenth, husky_drive
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.allowed_distance import allowed_distance
+from slopewise.models.calibration.coverage import allowed_distance
 from slopewise.models.calibration.learn import learn
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking

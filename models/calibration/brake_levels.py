@@ -23,6 +23,7 @@ from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs.measure import Measured
 
+_FORCE = ("force_ratio", "force_std")
 _FEWEST = 6
 """Stops at a part of the brakes without which nothing is learned of it."""
 
@@ -86,34 +87,27 @@ def at_full_level(
     level = _levels(measured)
     found = _fit(measured, level, known, resistance)
     share = np.maximum(found.share(level), _LEAST_SHARE)
-    records = []
-    for r, g, u in zip(measured.records, share.tolist(), level.tolist(), strict=True):
-        full = found.resistance + (r.force_ratio - found.resistance) / g
-        off = full - found.resistance
-        width = found.saturation - found.dead_band
-        inside = 1.0 if g < 1.0 else 0.0
-        line = (
-            np.hypot(found.std[0] * (1.0 - g) / width, found.std[1] * g / width) * inside * off / g
-        )
-        rolling = found.std[2] * (1.0 / g - 1.0)
-        noise = float(np.sqrt((r.force_std / g) ** 2 + line**2 + rolling**2))
-        taught = u > found.dead_band + 1e-9
-        records.append(
-            dataclasses.replace(
-                r,
-                force_ratio=full if taught else known.level_force(r.onset_speed),
-                force_std=noise if taught else 1.0,
-                applied=g,
-                resistance=found.resistance,
-            )
-        )
-    return dataclasses.replace(measured, records=tuple(records)), found
+    force, noise = (np.array([getattr(r, n) for r in measured.records]) for n in _FORCE)
+    full = found.resistance + (force - found.resistance) / share
+    off, width = full - found.resistance, found.saturation - found.dead_band
+    band, saturation, rolling = found.std
+    line = np.hypot(band * (1.0 - share) / width, saturation * share / width) * off / share
+    line = np.where(share < 1.0, line, 0.0)
+    noise = np.sqrt((noise / share) ** 2 + line**2 + (rolling * (1.0 / share - 1.0)) ** 2)
+    taught = level > found.dead_band + 1e-9
+    full = np.where(taught, full, [known.level_force(r.onset_speed) for r in measured.records])
+    columns = (full.tolist(), np.where(taught, noise, 1.0).tolist(), share.tolist())
+    records = tuple(
+        dataclasses.replace(r, force_ratio=f, force_std=s, applied=g, resistance=found.resistance)
+        for r, f, s, g in zip(measured.records, *columns, strict=True)
+    )
+    return dataclasses.replace(measured, records=records), found
 
 
 def _fit(measured: Measured, level: Floats, known: Braking, resistance: float) -> BrakeLevels:
     speed, grade, force, noise = (
         np.array([getattr(r, n) for r in measured.records])
-        for n in ("onset_speed", "grade", "force_ratio", "force_std")
+        for n in ("onset_speed", "grade", *_FORCE)
     )
     x = design(speed, grade)
     width = np.hypot(noise, _SCATTER)

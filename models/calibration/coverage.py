@@ -8,6 +8,7 @@ Source: none; exact binomial test and interval.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,16 +16,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.special import ndtri
 
 from slopewise.models.arrays import Bools, Floats
-from slopewise.models.calibration.allowed_distance import allowed_distance
 from slopewise.models.calibration.effects_in_force import measured_beside
 from slopewise.models.calibration.promise import share_interval
-from slopewise.models.parameters import Model
+from slopewise.models.calibration.stopping import stopping_distance
+from slopewise.models.calibration.uphill import extra_force
+from slopewise.models.parameters import Braking, Model
 from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow
 from slopewise.models.stop_logs.measured_log import measure_stops
 from slopewise.models.stop_logs.stop_record import StopRecord
+from slopewise.models.stop_promise import promised_braking
 
+_LEVEL_STEP = 0.1
+"""To which brake levels are rounded down [1]: promises are computed once for each."""
 _CHANCE = 0.05
 """That so many stops are beyond by chance, below which a model does not cover them."""
 MIN_STOPS = 8
@@ -127,3 +133,44 @@ def sessions_of(
         at = [r.samples.window.command for r in records]
         return np.searchsorted(starts, at, side="right")
     return np.array([columns[name][r.samples.window.command] for r in records])
+
+
+def allowed_distance(
+    braking: Braking, record: StopRecord, quantile: float, rolling: float = 0.0
+) -> float:
+    """Distance that a plan at a quantile allows, the worst of the states of the surface [m].
+
+    ``rolling``: resistance that stays when the brakes are applied in part [1].
+    """
+    name = record.samples.terrain if record.samples.terrain in braking.terrain else ""
+    width = float(ndtri(quantile))
+    worst = 0.0
+    for state in (name, *braking.states_of(name)):
+        on = _promised(braking.on(state) if state else braking, record, quantile, rolling)
+        own = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
+        margin = np.zeros((4, 4)) if on.covariance is None else np.array(on.covariance)
+        margin = margin + on.force_scatter**2 * np.outer(own, own)
+        margin[3, 3] += on.force_std**2
+        held = record.samples.window.held_speed
+        more = extra_force(on, max(held, on.speed_range[0]), record.path[1])
+        distance = stopping_distance(
+            held,
+            on.dead_time + width * on.dead_time_std,
+            record.at_level(own),
+            *record.path,
+            (record.applied * width) ** 2 * margin,
+            None if more is None else record.applied * more,
+        )
+        worst = max(worst, distance + on.distance_offset + record.by_effects)
+    return worst
+
+
+def _promised(on: Braking, record: StopRecord, quantile: float, rolling: float) -> Braking:
+    """The surface with its promise at the level of the stop, the next lower of a few."""
+    if on.distance is None:
+        return on
+    level = 1.0
+    if record.applied < 1.0:
+        level = max(math.floor(record.samples.window.level / _LEVEL_STEP) * _LEVEL_STEP, 0.05)
+    at_level = replace(on, terrain={}, level=level)
+    return promised_braking(at_level, rolling, quantile)

@@ -104,41 +104,39 @@ class _Scale(NamedTuple):
         return result
 
 
+class _Grid(NamedTuple):
+    """(g,) hyperparameters ν, σ, s_s, s_f, a [m], and the logarithm of their density."""
+
+    freedom: Floats
+    sigma: Floats
+    session_std: Floats
+    form_std: Floats
+    short: Floats
+    log_density: Floats
+
+
 @dataclass(frozen=True, slots=True)
 class DistanceModel:
     """The posterior: g points of the grid with their weights and Gaussians.
 
     Attributes:
-        weight: (g,). freedom, sigma, session_std, short: (g,) ν, σ, s_s, a [m].
+        weight: (g,). grid: of the points.
         mean: (g, p) of the columns. covariance: (g, p, p).
         residual: (n,) of the stops beyond the mean curve.
         scale: how features become columns.
     """
 
     weight: Floats
-    freedom: Floats
-    sigma: Floats
-    session_std: Floats
-    short: Floats
+    grid: _Grid
     mean: Floats
     covariance: Floats
     residual: Floats
     scale: _Scale
 
     @property
-    def stop_count(self) -> int:
-        """Stops that it rests on."""
-        return len(self.residual)
-
-    @property
     def between_sessions(self) -> float:
         """Standard deviation of δ over the posterior [1]."""
-        return float(np.sqrt(self.weight @ self.session_std**2))
-
-    def curve(self, at: StopFeatures) -> Floats:
-        """(n,) mean of ln(actual / predicted) of a new session."""
-        result: Floats = self.scale.columns(at) @ (self.weight @ self.mean)
-        return result
+        return float(np.sqrt(self.weight @ self.grid.session_std**2))
 
     def log_ratio(self, at: StopFeatures, quantiles: Floats) -> Floats:
         """(Q, n) ln(allowed / predicted) in a new session.
@@ -146,51 +144,46 @@ class DistanceModel:
         Where more stops are promised than the log has, no bound is below the worst stop of the log,
         carried along the mean curve.
         """
-        columns = self.scale.columns(at)
+        columns, grid = self.scale.columns(at), self.grid
         middle = columns @ self.mean.T  # (n, g)
         variance = np.einsum("np,gpq,nq->ng", columns, self.covariance, columns)
-        normal = np.sqrt(variance + self.session_std**2)
-        scale = self.sigma * np.sqrt(1.0 + (self.short / at.distance[:, None]) ** 2)
+        normal = np.sqrt(variance + grid.session_std**2)
+        scale = grid.sigma * np.sqrt(1.0 + (grid.short / at.distance[:, None]) ** 2)
         result = np.empty((len(quantiles), len(columns)))
-        for i in range(len(columns)):
-            result[:, i] = _quantiles(
-                self.weight, middle[i], normal[i], scale[i], self.freedom, quantiles
-            )
-        worst = float(self.residual.max()) + self.curve(at)
-        beyond = quantiles >= self.stop_count / (self.stop_count + 1.0)
+        for i, one in enumerate(zip(middle, normal, scale, strict=True)):
+            result[:, i] = self._quantiles(*one, quantiles)
+        worst = float(self.residual.max()) + columns @ (self.weight @ self.mean)
+        beyond = quantiles >= len(self.residual) / (len(self.residual) + 1.0)
         result[beyond] = np.maximum(result[beyond], worst)
         increasing: Floats = np.maximum.accumulate(result, axis=0)
         return increasing
 
-
-def _quantiles(
-    weight: Floats,
-    middle: Floats,
-    normal: Floats,
-    scale: Floats,
-    freedom: Floats,
-    quantiles: Floats,
-) -> Floats:
-    """Quantiles of a mixture of Student-t, each convolved with a normal (g,), read off a ladder."""
-    nodes, share = np.polynomial.hermite_e.hermegauss(_NODES)
-    share = share / share.sum()
-    typical, reach = float(weight @ middle), float(weight @ np.hypot(normal, scale))
-    ladder = typical + reach * _LADDER
-    beyond = np.zeros(len(ladder))
-    for nu, log_survival in _SURVIVAL.items():
-        of = freedom == nu
-        center = middle[of, None] + normal[of, None] * nodes  # (k, nodes)
-        z = (ladder[:, None, None] - center) / scale[of, None]
-        at = np.clip(
-            (np.arcsinh(z) - _ARCSINH[0]) / (_ARCSINH[1] - _ARCSINH[0]), 0.0, len(_ARCSINH) - 1.001
-        )
-        below = at.astype(np.int64)
-        each = np.exp(log_survival[below] + (at - below) * np.diff(log_survival)[below])
-        beyond += np.einsum("ykh,k,h->y", each, weight[of], share)
-    # Between its rungs the logarithm of what is beyond is taken as linear.
-    falling = np.minimum.accumulate(np.log(np.maximum(beyond, 1e-300)))
-    result: Floats = np.interp(-np.log1p(-quantiles), -falling, ladder)
-    return result
+    def _quantiles(
+        self, middle: Floats, normal: Floats, scale: Floats, quantiles: Floats
+    ) -> Floats:
+        """Quantiles of a mixture of Student-t, each convolved with a normal (g,), off a ladder."""
+        weight = self.weight
+        nodes, share = np.polynomial.hermite_e.hermegauss(_NODES)
+        share = share / share.sum()
+        typical, reach = float(weight @ middle), float(weight @ np.hypot(normal, scale))
+        ladder = typical + reach * _LADDER
+        beyond = np.zeros(len(ladder))
+        for nu, log_survival in _SURVIVAL.items():
+            of = self.grid.freedom == nu
+            center = middle[of, None] + normal[of, None] * nodes  # (k, nodes)
+            z = (ladder[:, None, None] - center) / scale[of, None]
+            at = np.clip(
+                (np.arcsinh(z) - _ARCSINH[0]) / (_ARCSINH[1] - _ARCSINH[0]),
+                0.0,
+                len(_ARCSINH) - 1.001,
+            )
+            below = at.astype(np.int64)
+            each = np.exp(log_survival[below] + (at - below) * np.diff(log_survival)[below])
+            beyond += np.einsum("ykh,k,h->y", each, weight[of], share)
+        # Between its rungs the logarithm of what is beyond is taken as linear.
+        falling = np.minimum.accumulate(np.log(np.maximum(beyond, 1e-300)))
+        result: Floats = np.interp(-np.log1p(-quantiles), -falling, ladder)
+        return result
 
 
 def fit_distance(at: StopFeatures, log_ratio: Floats, session: Ints) -> DistanceModel:
@@ -209,36 +202,17 @@ def fit_distance(at: StopFeatures, log_ratio: Floats, session: Ints) -> Distance
         float(np.std(np.log(at.level))) > _MIN_LEVEL_STD,
     )
     x = scale.columns(at)
-    grid = _grid(log_ratio, at.distance, session)
     belongs = np.zeros((len(x), int(session.max()) + 1))
     belongs[np.arange(len(x)), session] = 1.0
-    posterior = _laplace(x, log_ratio, at.distance, belongs, grid)
-    keep = posterior.log_density > posterior.log_density.max() - _NEGLIGIBLE
-    weight = np.exp(posterior.log_density[keep] - posterior.log_density.max())
+    prior = _grid(log_ratio, at.distance, session)
+    grid, mean, covariance = _laplace(x, log_ratio, at.distance, belongs, prior)
+    best = grid.log_density.max()
+    keep = grid.log_density > best - _NEGLIGIBLE
+    weight = np.exp(grid.log_density[keep] - best)
     weight /= weight.sum()
-    residual = log_ratio - x @ (weight @ posterior.mean[keep])
-    return DistanceModel(
-        weight,
-        grid.freedom[keep],
-        grid.sigma[keep],
-        grid.session_std[keep],
-        grid.short[keep],
-        posterior.mean[keep],
-        posterior.covariance[keep],
-        residual,
-        scale,
-    )
-
-
-class _Grid(NamedTuple):
-    """(g,) hyperparameters and the logarithm of their prior."""
-
-    freedom: Floats
-    sigma: Floats
-    session_std: Floats
-    form_std: Floats
-    short: Floats
-    log_prior: Floats
+    residual = log_ratio - x @ (weight @ mean[keep])
+    grid = _Grid(*(values[keep] for values in grid))
+    return DistanceModel(weight, grid, mean[keep], covariance[keep], residual, scale)
 
 
 def _grid(y: Floats, distance: Floats, session: Ints) -> _Grid:
@@ -287,16 +261,13 @@ def _session_scale(y: Floats, session: Ints) -> float:
     return max(_SESSION_STD, float(np.sqrt(max(between, 0.0))))
 
 
-class _Laplace(NamedTuple):
-    """(g,) log density with the Gaussians (g, p), (g, p, p)."""
+def _laplace(
+    x: Floats, y: Floats, distance: Floats, belongs: Floats, grid: _Grid
+) -> tuple[_Grid, Floats, Floats]:
+    """The grid with posterior densities, modes (g, p) and covariances (g, p, p) at its points.
 
-    log_density: Floats
-    mean: Floats
-    covariance: Floats
-
-
-def _laplace(x: Floats, y: Floats, distance: Floats, belongs: Floats, grid: _Grid) -> _Laplace:
-    """Mode and curvature at each point of the grid; sessions are eliminated (Schur complement)."""
+    Sessions are eliminated (Schur complement).
+    """
     (n, p), g, m = x.shape, len(grid.sigma), belongs.shape[1]
     nu = grid.freedom[:, None]
     scale = grid.sigma[:, None] * np.sqrt(1.0 + (grid.short[:, None] / distance) ** 2)  # (g, n)
@@ -336,4 +307,5 @@ def _laplace(x: Floats, y: Floats, distance: Floats, belongs: Floats, grid: _Gri
     square = (curve @ pairs).reshape(g, p, p) + prior[:, :, None] * np.eye(p)
     schur = square - np.einsum("gmp,gmq->gpq", cross / own[:, :, None], cross)
     density += -0.5 * np.linalg.slogdet(schur)[1] - 0.5 * np.sum(np.log(own), axis=1)
-    return _Laplace(density + grid.log_prior, mean, np.linalg.inv(schur))
+    grid = grid._replace(log_density=density + grid.log_density)
+    return grid, mean, np.linalg.inv(schur)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.arrays import Floats, Ints
 from slopewise.models.calibration.brake_levels import BrakeLevels
 from slopewise.models.calibration.distance_model import DistanceModel, StopFeatures, fit_distance
 from slopewise.models.errors import ParameterError
@@ -84,27 +84,19 @@ class Stops(NamedTuple):
     predicted: Floats
     session: NDArray[np.str_]
 
-    def of(self, members: Bools) -> Stops:
-        """Some of the stops, (n,) whether to take each."""
-        speed, grade, level, actual, predicted = (c[members] for c in self[:5])
-        return Stops(speed, grade, level, actual, predicted, self.session[members])
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearnedDistance:
     """The distance distribution of one surface.
 
     Attributes:
-        model: posterior. at: features of its n stops. log_ratio: (n,) ln(actual / predicted).
-        session: (n,) index of the session of each. names: (m,) of the sessions.
-        table: for the model file.
+        at: features of its n stops. log_ratio: (n,) ln(actual / predicted).
+        session: (n,) index of the session of each, 0 … m − 1. table: for the model file.
     """
 
-    model: DistanceModel
     at: StopFeatures
     log_ratio: Floats
     session: Ints
-    names: tuple[str, ...]
     table: StopDistance
 
 
@@ -124,15 +116,14 @@ def learn_distance(
     if ends.sum() < FEWEST_STOPS:
         expected = f"at least {FEWEST_STOPS} stops that the fit can explain, got {ends.sum()}"
         raise ParameterError("stops", expected)
-    stops = stops.of(ends)
-    level = stops.level if law_of.levels is not None else np.ones_like(stops.level)
-    at = law_of.features(stops.speed, stops.grade, level, stops.predicted)
-    names, index = np.unique(stops.session, return_inverse=True)
-    session: Ints = index.astype(np.int64)
-    log_ratio = np.log(np.maximum(stops.actual, _MIN_DISTANCE) / stops.predicted)
+    speed, grade, level, actual, predicted = (column[ends] for column in stops[:5])
+    level = level if law_of.levels is not None else np.ones_like(level)
+    at = law_of.features(speed, grade, level, predicted)
+    session: Ints = np.unique(stops.session[ends], return_inverse=True)[1].astype(np.int64)
+    log_ratio = np.log(np.maximum(actual, _MIN_DISTANCE) / predicted)
     model = fit_distance(at, log_ratio, session)
     table = table_of(model, law_of, (*ranges, (float(level.min()), float(level.max()))))
-    return LearnedDistance(model, at, log_ratio, session, tuple(map(str, names)), table)
+    return LearnedDistance(at, log_ratio, session, table)
 
 
 def promise_keys(table: StopDistance) -> dict[str, Any]:

@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -63,63 +64,80 @@ def measured_beside(
     """
     if not model.effect or not measured.records:
         return measured
-    tracks = [_track(record, columns) for record in measured.records]
-    force = np.array([r.force_ratio for r in measured.records])
+    stops = [
+        _Stop(r, _track(r, columns), pull, r.force_ratio)
+        for r, pull in zip(measured.records, measured.by_dead_time.tolist(), strict=True)
+    ]
     common = measured.dead_time
     dead = common.value
-    shift = np.zeros(len(force))
-    seen: list[list[tuple[float, float]]] = [[] for _ in measured.records]
     # The dead time is the mean that :mod:`slopewise.models.stop_logs.dead_time` takes.
-    weight = np.array(
-        [
-            1.0
-            / (r.noise**2 * float(r.knee.covariance[1, 1]) + common.between_stops**2 + _LEAST_VAR)
-            for r in measured.records
-        ]
-    )
-    extra, shown = np.zeros(len(force)), np.ones(len(force))
-    for last in (False,) * _PASSES + (True,):
-        heat = _Heat(model)
-        for i, (record, track) in enumerate(zip(measured.records, tracks, strict=True)):
-            warm = heat.before(record)
-            stop, knee = _simulated(model, record, track, float(force[i]), dead, warm)
-            heat.after(record, stop)
-            if knee is None:
-                shown[i] = 0.0
-                continue
-            shift[i] = knee.onset_time - dead
-            if last:
-                extra[i] = _by_effects(model, record, float(force[i]), dead, stop)
-                more = _simulated(model, record, track, float(force[i]) + _CLEAR, dead, warm)[1]
-                shown[i] = 0.0 if more is None else (more.force_ratio - knee.force_ratio) / _CLEAR
-            else:
-                # Each force was measured with its onset pulled towards the common one.
-                pulled = measured.by_dead_time[i] * (common.value - knee.onset_time)
-                seen[i].append((float(force[i]), knee.force_ratio + pulled))
-                wanted = (record.force_ratio - seen[i][-1][1]) / _steepness(seen[i])
-                force[i] = max(force[i] + np.clip(wanted, -_LARGEST_STEP, _LARGEST_STEP), _LEAST)
-        if not last:
-            dead = max(common.value - float(np.average(shift, weights=weight)), 0.0)
-    records = tuple(
-        dataclasses.replace(
-            r,
-            force_ratio=float(f),
-            onset_shift=float(s),
-            by_effects=float(e),
-            force_std=r.force_std / share if share > _HIDDEN else _NO_WORD,
+    onset_variance = [r.noise**2 * float(r.knee.covariance[1, 1]) for r in measured.records]
+    weight = 1.0 / (np.array(onset_variance) + common.between_stops**2 + _LEAST_VAR)
+    for _ in range(_PASSES):
+        for one, _, knee, _ in _simulated_in_order(model, stops, dead):
+            if knee is not None:
+                one.follow(knee, dead, common.value)
+        dead = max(common.value - float(np.average([s.shift for s in stops], weights=weight)), 0.0)
+    records = []
+    for one, stop, knee, heat in _simulated_in_order(model, stops, dead):
+        extra = share = 0.0
+        if knee is not None:
+            one.shift = knee.onset_time - dead
+            extra = _by_effects(model, one.record, one.force, dead, stop)
+            more = _simulated(model, one, one.force + _CLEAR, dead, heat)[1]
+            share = 0.0 if more is None else (more.force_ratio - knee.force_ratio) / _CLEAR
+        records.append(
+            dataclasses.replace(
+                one.record,
+                force_ratio=one.force,
+                onset_shift=one.shift,
+                by_effects=extra,
+                force_std=one.record.force_std / share if share > _HIDDEN else _NO_WORD,
+            )
         )
-        for r, f, s, e, share in zip(
-            measured.records,
-            force.tolist(),
-            shift.tolist(),
-            extra.tolist(),
-            shown.tolist(),
-            strict=True,
-        )
-    )
     # Forces of stops cut short hold what the effects add, and are no bounds without it.
-    dead_time = dataclasses.replace(measured.dead_time, value=dead)
-    return dataclasses.replace(measured, records=records, dead_time=dead_time, bounds=())
+    dead_time = dataclasses.replace(common, value=dead)
+    return dataclasses.replace(measured, records=tuple(records), dead_time=dead_time, bounds=())
+
+
+@dataclass(slots=True)
+class _Stop:
+    """A stop on its ground, and what its coefficients have to explain so far.
+
+    Attributes:
+        pull: change of the measured force with the dead time [1/s]. force: F_b/W so far.
+        shift: how much later the onset looks [s]. seen: forces tried and what the fit made of them.
+    """
+
+    record: StopRecord
+    track: GroundTrack
+    pull: float
+    force: float
+    shift: float = 0.0
+    seen: list[tuple[float, float]] = field(default_factory=list)
+
+    def follow(self, knee: Knee, dead: float, common: float) -> None:
+        """Move the force towards the one whose fit is that of the measured stop."""
+        self.shift = knee.onset_time - dead
+        # Each force was measured with its onset pulled towards the common one.
+        self.seen.append((self.force, knee.force_ratio + self.pull * (common - knee.onset_time)))
+        wanted = (self.record.force_ratio - self.seen[-1][1]) / _steepness(self.seen)
+        step = float(np.clip(wanted, -_LARGEST_STEP, _LARGEST_STEP))
+        self.force = max(self.force + step, _LEAST)
+
+
+def _simulated_in_order(
+    model: Model, stops: list[_Stop], dead: float
+) -> Iterator[tuple[_Stop, SimulatedStop, Knee | None, float]]:
+    """Each stop simulated, with its fit, and the heat that it began with [J/kg]."""
+    tau = registry.motion(model.effect).fade_tau
+    heat, since = 0.0, -math.inf
+    for one in stops:
+        clock = one.record.samples.clock
+        warm = heat * math.exp(-max(clock - since, 0.0) / tau)
+        stop, knee = _simulated(model, one, one.force, dead, warm)
+        heat, since = stop.heat, clock + float(stop.time[-1])
+        yield one, stop, knee, warm
 
 
 def _steepness(seen: list[tuple[float, float]]) -> float:
@@ -133,23 +151,6 @@ def _steepness(seen: list[tuple[float, float]]) -> float:
     if abs(now - before) < _LEAST_STEP:
         return 1.0
     return float(np.clip((shown_now - shown_before) / (now - before), *_STEEPNESS))
-
-
-class _Heat:
-    """Heat of the brakes per mass from stop to stop [J/kg]."""
-
-    def __init__(self, model: Model) -> None:
-        self._tau = registry.motion(model.effect).fade_tau
-        self._heat, self._since = 0.0, -math.inf
-
-    def before(self, record: StopRecord) -> float:
-        """At the stop command."""
-        rest = record.samples.clock - self._since
-        return self._heat * math.exp(-max(rest, 0.0) / self._tau)
-
-    def after(self, record: StopRecord, stop: SimulatedStop) -> None:
-        self._heat = stop.heat
-        self._since = record.samples.clock + float(stop.time[-1])
 
 
 def _track(record: StopRecord, columns: Mapping[str, NDArray[Any]]) -> GroundTrack:
@@ -166,28 +167,21 @@ def _track(record: StopRecord, columns: Mapping[str, NDArray[Any]]) -> GroundTra
     speed = np.maximum(record.samples.speed[record.samples.at_command :][: len(station)], 0.3)
     turning = channel("yaw_rate") / speed[keep]
     bend = channel("vertical_curvature") if "vertical_curvature" in columns else None
-    return GroundTrack(
-        station[keep],
-        grade[keep],
-        channel("roll"),
-        channel("yaw"),
-        turning,
-        channel("x"),
-        channel("y"),
-        bend,
-    )
+    roll, yaw, x, y = map(channel, ("roll", "yaw", "x", "y"))
+    return GroundTrack(station[keep], grade[keep], roll, yaw, turning, x, y, bend)
 
 
 def _simulated(
-    model: Model, record: StopRecord, track: GroundTrack, force: float, dead: float, heat: float
+    model: Model, one: _Stop, force: float, dead: float, heat: float
 ) -> tuple[SimulatedStop, Knee | None]:
     """A stop with this force and dead time, and the fit of its speeds."""
-    m_m, b_m, m_b, b_b = _coefficients(model, record, force)
+    record, track = one.record, one.track
+    b_m, b_b = _line(model, record, force)
     on = dataclasses.replace(
         model.braking,
-        m_m=m_m,
+        m_m=0.0,
         b_m=b_m,
-        m_b=m_b,
+        m_b=0.0,
         b_b=b_b,
         dead_time=dead,
         terrain={},
@@ -216,23 +210,21 @@ def _simulated(
     return stop, fit_knee(time, speed, grade, end, slope, record.knee.held_weight)
 
 
-def _coefficients(
-    model: Model, record: StopRecord, force: float
-) -> tuple[float, float, float, float]:
-    """m_m, b_m, m_b, b_b such that the force at the stop's own speed and mean grade is this one.
+def _line(model: Model, record: StopRecord, force: float) -> tuple[float, float]:
+    """b_m, b_b such that the force at the stop's own speed and mean grade is this one.
 
     The form that the coefficients take does not matter: only one speed is simulated.
     """
     slope = model.braking.m_m * record.onset_speed + model.braking.b_m
-    intercept = max(force - slope * record.grade, _LEAST)
-    return 0.0, slope, 0.0, intercept
+    return slope, max(force - slope * record.grade, _LEAST)
 
 
 def _by_effects(
     model: Model, record: StopRecord, force: float, dead: float, stop: SimulatedStop
 ) -> float:
     """By how much the effects make the stop longer, at the same coefficients [m]."""
-    own = np.array(_coefficients(model, record, force))
+    slope, intercept = _line(model, record, force)
+    own = np.array([0.0, slope, 0.0, intercept])
     plain = stopping_distance(record.samples.window.held_speed, dead, own, *record.path)
     longer = stop.distance - plain
     return longer if math.isfinite(longer) else 0.0

@@ -26,11 +26,11 @@ from slopewise.models.calibration.distance_table import (
     learn_distance,
     promise_keys,
 )
-from slopewise.models.calibration.force_fit import NAMES
+from slopewise.models.calibration.force_fit import NAMES, by_mount
 from slopewise.models.calibration.hierarchy import Hierarchy
 from slopewise.models.calibration.margins import offset_for
 from slopewise.models.calibration.stopping import stopping_distance, stopping_time
-from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.calibration.surface_fit import CalibrationSettings, trained_ranges
 from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
@@ -42,9 +42,12 @@ from slopewise.models.surface_braking import SurfaceBraking
 FEWEST = 2
 """Stops of its own without which a vehicle gets the fleet's mean."""
 
-_PAD = 0.0087  # [rad] half a degree: a plane is level to no less than that
 _NO_STOPS = 2.0  # standard deviations by which the dead time of a vehicle without stops is longer
 _LEAST_STD = 1e-4  # [s] of a dead time
+_MEASURED = (
+    *("onset_speed", "grade", "force_ratio", "force_std"),
+    *("held_speed", "distance", "standstill_time"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,25 +104,21 @@ class FleetCalibration:
 def vehicle_stops(name: str, log: MeasuredLog, mapped: bool) -> VehicleStops:
     """The stops of a measured log; ``mapped`` says that the ground is known from a map."""
     m = log.measured
-    stops = []
-    for r in m.records:
-        s = r.samples
-        station, ground = r.path
-        stops.append(
-            FleetStop(
-                s.terrain,
-                s.window.held_speed,
-                r.onset_speed,
-                r.grade,
-                r.force_ratio,
-                r.force_std,
-                s.distance,
-                s.standstill_time,
-                station,
-                ground,
-                r.by_effects,
-            )
+    stops = [
+        FleetStop(
+            r.samples.terrain,
+            r.samples.window.held_speed,
+            r.onset_speed,
+            r.grade,
+            r.force_ratio,
+            r.force_std,
+            r.samples.distance,
+            r.samples.standstill_time,
+            *r.path,
+            r.by_effects,
         )
+        for r in m.records
+    ]
     common = abs(float(np.mean(m.by_dead_time))) * m.dead_time.std if stops else 0.0
     mount_std = 0.0 if mapped else log.mount.std
     return VehicleStops(name, tuple(stops), m.dead_time, common, mount_std)
@@ -181,10 +180,8 @@ def _dead_times(vehicles: Sequence[VehicleStops]) -> tuple[DeadTime, Floats]:
     )
     mean, between = float(fit.coefficients[0]), fit.scatter
     each = np.full(len(vehicles), mean + _NO_STOPS * between)
-    for i, vehicle in enumerate(vehicles):
-        if (d := vehicle.dead_time) is not None:
-            weight = between**2 / (between**2 + max(d.std, _LEAST_STD) ** 2)
-            each[i] = mean + weight * (d.value - mean)
+    known = np.array([v.dead_time is not None for v in vehicles])
+    each[known] = mean + between**2 / (between**2 + std**2) * (value - mean)
     return DeadTime(mean, float(np.sqrt(fit.covariance[0, 0])), between), np.maximum(each, 0.0)
 
 
@@ -197,19 +194,11 @@ def _surface(
     """The hierarchy of a surface, and for each vehicle the keys of its table."""
     pairs = [(i, s) for i, v in enumerate(vehicles) for s in v.stops if s.surface in surfaces]
     owner = np.array([i for i, _ in pairs], np.int64)
-    speed, grade, force, noise = (
-        np.array(
-            [(s.onset_speed, s.grade, s.force_ratio, s.force_std) for _, s in pairs], np.float64
-        )
-        .reshape(-1, 4)
-        .T
+    speed, grade, force, noise, held, actual, time = (
+        np.array([getattr(s, name) for _, s in pairs], np.float64) for name in _MEASURED
     )
-    x = design(speed, grade)
-    fit = hierarchy.fit(x, force, noise, owner, len(vehicles))
-    ranges = (
-        (float(speed[fit.kept].min()), float(speed[fit.kept].max())),
-        (float(grade[fit.kept].min()) - _PAD, float(grade[fit.kept].max()) + _PAD),
-    )
+    fit = hierarchy.fit(design(speed, grade), force, noise, owner, len(vehicles))
+    ranges = trained_ranges(speed[fit.kept], grade[fit.kept])
     predicted = np.array(
         [
             stopping_distance(s.held_speed, dead[i], fit.coefficients[i], s.station, s.ground)
@@ -217,40 +206,24 @@ def _surface(
             for i, s in pairs
         ]
     )
-    held, actual, time = np.array(
-        [(s.held_speed, s.distance, s.standstill_time) for _, s in pairs]
-    ).T
-    names = np.array([v.name for v in vehicles])
-    stops = Stops(held, grade, np.ones_like(held), actual, predicted, names[owner])
-    law = SurfaceLaw(fit.mean, float(np.mean(dead)))
-    table = learn_distance(stops, law, ranges).table
-    short = time - [
-        stopping_time(v, dead[i], d) for i, v, d in zip(owner, held, predicted, strict=True)
-    ]
-    time_offset = offset_for(settings.coverage, short[np.isfinite(short)])
+    names = np.array([v.name for v in vehicles])[owner]
+    stops = Stops(held, grade, np.ones_like(held), actual, predicted, names)
+    table = learn_distance(stops, SurfaceLaw(fit.mean, float(np.mean(dead))), ranges).table
+    short = time - stopping_time(held, dead[owner], predicted)
+    common = promise_keys(table) | {
+        "speed_range": ranges[0],
+        "grade_range": ranges[1],
+        "speed_by_grade": None,
+        "time_offset": offset_for(settings.coverage, short[np.isfinite(short)]),
+    }
     middle = design(np.array([np.mean(ranges[0])]), np.array([np.mean(ranges[1])]))[0]
     keys: list[dict[str, Any]] = []
-    for i, vehicle in enumerate(vehicles):
-        covariance = _doubt(vehicle, fit.coefficients[i], fit.covariance[i])
-        keys.append(
-            dict(zip(NAMES, fit.coefficients[i].tolist(), strict=True))
-            | promise_keys(table)
-            | {
-                "speed_range": ranges[0],
-                "grade_range": ranges[1],
-                "speed_by_grade": None,
-                "time_offset": time_offset,
-                "force_std": float(np.sqrt(middle @ covariance @ middle)),
-                "covariance": tuple(map(tuple, covariance.tolist())),
-            }
-        )
+    for vehicle, coefficients, own in zip(vehicles, fit.coefficients, fit.covariance, strict=True):
+        covariance = own + np.diag([0.0, 0.0, 0.0, vehicle.common_std**2])
+        covariance = covariance + by_mount(coefficients, vehicle.mount_std)
+        doubt = {
+            "force_std": float(np.sqrt(middle @ covariance @ middle)),
+            "covariance": tuple(map(tuple, covariance.tolist())),
+        }
+        keys.append(dict(zip(NAMES, coefficients.tolist(), strict=True)) | common | doubt)
     return fit, keys
-
-
-def _doubt(vehicle: VehicleStops, coefficients: Floats, covariance: Floats) -> Floats:
-    """What a vehicle's own coefficients leave open, with its dead time and its pitch sensor."""
-    m_m, b_m = coefficients[:2]
-    common = np.array([0.0, 0.0, 0.0, vehicle.common_std])
-    tilt = vehicle.mount_std * np.array([0.0, 0.0, m_m, 1.0 + b_m])
-    result: Floats = covariance + np.outer(common, common) + np.outer(tilt, tilt)
-    return result

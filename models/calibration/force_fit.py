@@ -8,7 +8,6 @@ labels the vector of (10) [m_m, m_b] where it is [m_m, b_m]. One stage is better
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +68,6 @@ def fit_force(
     *,
     common: tuple[Floats, float] | None = None,
     bounds: Bounds | None = None,
-    prior_std: tuple[float, ...] = WEAK_PRIOR,
 ) -> ForceFit:
     """Joint fit of all four coefficients.
 
@@ -80,9 +78,8 @@ def fit_force(
         common: what errs alike in all stops: (n,) change of the force with it, and its standard
             deviation.
         bounds: lower bounds of forces; none of them counts that the fit obeys.
-        prior_std: (4,) how well ``known`` is known.
     """
-    prior = np.diag(np.square(prior_std))
+    prior = np.diag(np.square(WEAK_PRIOR))
     regression = random_effects.fit_with_bounds(
         design(speed, grade), force_ratio, noise, known, prior, bounds
     )
@@ -100,18 +97,15 @@ def fit_force(
     )
 
 
-def with_mount(fit: ForceFit, mount_std: float) -> ForceFit:
-    """The same fit, aware that all its grades may be off alike.
+def by_mount(coefficients: Floats, mount_std: float) -> Floats:
+    """(4, 4) covariance that coefficients (4,) have because all their grades may be off alike.
 
     Grades that are e too low make F_b/W come out (1 + m) e too high, wherever the vehicle brakes.
-
-    Args:
-        fit: as if the mount of the pitch sensor were known.
-        mount_std: standard deviation of its offset [rad].
+    ``mount_std``: of the offset of the pitch sensor [rad].
     """
-    m_m, b_m = fit.coefficients[:2]
+    m_m, b_m = coefficients[:2]
     direction = mount_std * np.array([0.0, 0.0, m_m, 1.0 + b_m])
-    return dataclasses.replace(fit, covariance=fit.covariance + np.outer(direction, direction))
+    return np.outer(direction, direction)
 
 
 def fit_two_stages(

@@ -15,6 +15,7 @@ Source: none in the papers. Laird and Ware 1982; Patterson and Thompson 1971.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -60,18 +61,7 @@ class Hierarchy:
     kept: Bools
 
 
-@dataclass(frozen=True, slots=True)
-class _Sums:
-    """What the likelihood needs of the stops: XᵀWX (m, p, p), XᵀWy (m, p), yᵀWy and log det W⁻¹."""
-
-    info: Floats
-    score: Floats
-    square: float
-    log_variance: float
-
-
-@dataclass(frozen=True, slots=True)
-class _State:
+class _State(NamedTuple):
     """Everything that follows from sums and spread; the names are those of :class:`Hierarchy`."""
 
     mean: Floats
@@ -79,6 +69,97 @@ class _State:
     effects: Floats
     conditional: Floats
     cost: float
+
+
+class _Sums(NamedTuple):
+    """What the likelihood needs of the stops: XᵀWX (m, p, p), XᵀWy (m, p), yᵀWy and log det W⁻¹."""
+
+    info: Floats
+    score: Floats
+    square: float
+    log_variance: float
+
+    def solve(self, spread: Floats) -> _State:
+        """Mean and vehicles at a spread; nothing is inverted that a vehicle without stops has."""
+        grown = np.eye(len(spread)) + spread @ self.info  # (m, p, p), I + T A
+        conditional = np.linalg.solve(grown, np.broadcast_to(spread, self.info.shape))
+        turned = np.swapaxes(grown, -1, -2)  # I + A T
+        weight = np.linalg.solve(turned, self.info)
+        told = np.linalg.solve(turned, self.score[..., None])[..., 0]
+        mean_covariance: Floats = np.asarray(np.linalg.inv(weight.sum(axis=0)), np.float64)
+        mean: Floats = mean_covariance @ told.sum(axis=0)
+        left = self.score - self.info @ mean
+        effects = (conditional @ left[..., None])[..., 0]
+        quadratic = self.square - mean @ (2.0 * self.score - self.info @ mean).sum(axis=0)
+        quadratic -= float(np.sum(left * effects))
+        logs = np.linalg.slogdet(grown)[1].sum() - np.linalg.slogdet(mean_covariance)[1]
+        cost = float(self.log_variance + logs + quadratic)
+        return _State(mean, mean_covariance, effects, np.asarray(conditional, np.float64), cost)
+
+    def spread(self, spread: Floats, usual: Floats, imagined: float) -> Floats:
+        """Expectation-maximisation at a given scatter."""
+        vehicles = len(self.info)
+        for _ in range(_MOST_STEPS):
+            state = self.solve(spread)
+            known = state.conditional @ self.info
+            second = np.einsum("mi,mj->ij", state.effects, state.effects)
+            second = second + state.conditional.sum(axis=0)
+            second += (known @ state.mean_covariance @ np.swapaxes(known, -1, -2)).sum(axis=0)
+            better = (second + imagined * usual) / (vehicles + imagined)
+            better = 0.5 * (better + better.T)
+            size = np.sqrt(np.outer(*[np.diag(better)] * 2))
+            moved = float(np.max(np.abs(better - spread) / size))
+            spread = better
+            if moved < _STILL:
+                break
+        return spread
+
+    def errors(self, state: _State) -> Floats:
+        """(m, p, p): unknown of a vehicle at a known mean, and its share of the mean's error."""
+        share = np.eye(len(state.mean)) - state.conditional @ self.info
+        total = state.conditional + share @ state.mean_covariance @ np.swapaxes(share, -1, -2)
+        result: Floats = 0.5 * (total + np.swapaxes(total, -1, -2))
+        return result
+
+
+class _Stops(NamedTuple):
+    """Stops of a fleet, (n,) each; of them those in `kept` (n,) count."""
+
+    design: Floats
+    observed: Floats
+    noise: Floats
+    vehicle: Ints
+    vehicles: int
+
+    def sums(self, kept: Bools, scatter: float) -> _Sums:
+        x, y, i = self.design[kept], self.observed[kept], self.vehicle[kept]
+        variance = self.noise[kept] ** 2 + scatter**2
+        p = x.shape[1]
+        info, score = np.zeros((self.vehicles, p, p)), np.zeros((self.vehicles, p))
+        weighted = x / variance[:, None]
+        np.add.at(info, i, weighted[:, :, None] * x[:, None, :])
+        np.add.at(score, i, weighted * y[:, None])
+        return _Sums(info, score, float(y @ (y / variance)), float(np.log(variance).sum()))
+
+    def scatter(self, kept: Bools, spread: Floats, before: float) -> float:
+        """Restricted maximum likelihood of the scatter at a given spread."""
+
+        def cost(log_scatter: float) -> float:
+            return self.sums(kept, float(np.exp(log_scatter))).solve(spread).cost
+
+        typical = max(before, 0.1 * float(np.median(self.noise)), 1e-6)
+        bounds = (np.log(1e-2 * typical), np.log(10.0 * typical))
+        best = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-3})
+        return float(np.exp(best.x))
+
+    def within(self, state: _State, scatter: float) -> Bools:
+        """(n,) stops that are no gross errors."""
+        x = self.design
+        coefficients = (state.mean + state.effects)[self.vehicle]
+        residual = self.observed - np.einsum("np,np->n", x, coefficients)
+        doubt = np.einsum("ni,nij,nj->n", x, state.conditional[self.vehicle], x)
+        limit = _REJECT * np.sqrt(self.noise**2 + scatter**2 + doubt)
+        return np.asarray(np.abs(residual) <= limit)
 
 
 def fit(
@@ -102,150 +183,33 @@ def fit(
     Raises:
         ParameterError: stops of fewer than two vehicles, or fewer stops than coefficients.
     """
-    _check(design, observed, noise, vehicle, vehicles)
+    n, p = design.shape
+    if not all(np.isfinite(values).all() for values in (design, observed, noise)):
+        raise ParameterError("stops", "finite numbers")
+    if n <= p:
+        raise ParameterError("stops", f"more than {p} of the whole fleet, got {n}")
+    if (some := len(np.unique(vehicle))) < _FEWEST:
+        raise ParameterError("stops", f"stops of at least {_FEWEST} vehicles, got {some}")
+    stops = _Stops(design, observed, noise, vehicle, vehicles)
     usual = np.diag(np.square(usual_spread))
-    wide = _WIDE**2 * usual
-    start = random_effects.fit(design, observed, noise, np.zeros(design.shape[1]), wide)
-    kept = start.kept
-    spread, scatter = usual, max(start.scatter, 1e-9)
-    state = _solve(_sums(design, observed, noise, vehicle, vehicles, kept, scatter), spread)
+    start = random_effects.fit(design, observed, noise, np.zeros(p), _WIDE**2 * usual)
+    kept, spread, scatter = start.kept, usual, max(start.scatter, 1e-9)
     for _ in range(_MOST_PASSES):
         for _ in range(3):
-            sums = _sums(design, observed, noise, vehicle, vehicles, kept, scatter)
-            spread = _spread(sums, spread, usual, imagined)
-            scatter = _scatter(design, observed, noise, vehicle, vehicles, kept, spread, scatter)
-        state = _solve(_sums(design, observed, noise, vehicle, vehicles, kept, scatter), spread)
-        again = _within(design, observed, noise, vehicle, state, scatter)
+            spread = stops.sums(kept, scatter).spread(spread, usual, imagined)
+            scatter = stops.scatter(kept, spread, scatter)
+        again = stops.within(stops.sums(kept, scatter).solve(spread), scatter)
         if (again == kept).all():
             break
         kept = again
-    sums = _sums(design, observed, noise, vehicle, vehicles, kept, scatter)
-    state = _solve(sums, spread)
+    sums = stops.sums(kept, scatter)
+    state = sums.solve(spread)
     return Hierarchy(
         state.mean,
         state.mean_covariance,
         spread,
         scatter,
         state.mean + state.effects,
-        _errors(sums, state),
+        sums.errors(state),
         kept,
     )
-
-
-def _check(design: Floats, observed: Floats, noise: Floats, vehicle: Ints, vehicles: int) -> None:
-    n, p = design.shape
-    if not (len(observed) == len(noise) == len(vehicle) == n):
-        raise ParameterError("stops", f"{n} of each column")
-    if n and not (vehicle.min() >= 0 and vehicle.max() < vehicles):
-        raise ParameterError("vehicle", f"indices 0 … {vehicles - 1}")
-    for values in (design, observed, noise):
-        if not np.isfinite(values).all():
-            raise ParameterError("stops", "finite numbers")
-    if n <= p:
-        raise ParameterError("stops", f"more than {p} of the whole fleet, got {n}")
-    if (some := len(np.unique(vehicle))) < _FEWEST:
-        raise ParameterError("stops", f"stops of at least {_FEWEST} vehicles, got {some}")
-
-
-def _sums(
-    design: Floats,
-    observed: Floats,
-    noise: Floats,
-    vehicle: Ints,
-    vehicles: int,
-    kept: Bools,
-    scatter: float,
-) -> _Sums:
-    x, y, i = design[kept], observed[kept], vehicle[kept]
-    variance = noise[kept] ** 2 + scatter**2
-    p = x.shape[1]
-    info, score = np.zeros((vehicles, p, p)), np.zeros((vehicles, p))
-    weighted = x / variance[:, None]
-    np.add.at(info, i, weighted[:, :, None] * x[:, None, :])
-    np.add.at(score, i, weighted * y[:, None])
-    return _Sums(info, score, float(y @ (y / variance)), float(np.log(variance).sum()))
-
-
-def _solve(sums: _Sums, spread: Floats) -> _State:
-    """Mean and vehicles at a given spread; nothing is inverted that a vehicle without stops has."""
-    p = spread.shape[0]
-    grown = np.eye(p) + spread @ sums.info  # (m, p, p), I + T A
-    conditional: Floats = np.asarray(
-        np.linalg.solve(grown, np.broadcast_to(spread, sums.info.shape)), np.float64
-    )
-    turned = np.swapaxes(grown, -1, -2)  # I + A T
-    weight = np.linalg.solve(turned, sums.info)
-    told = np.linalg.solve(turned, sums.score[..., None])[..., 0]
-    mean_covariance: Floats = np.asarray(np.linalg.inv(weight.sum(axis=0)), np.float64)
-    mean: Floats = mean_covariance @ told.sum(axis=0)
-    left = sums.score - sums.info @ mean
-    effects = (conditional @ left[..., None])[..., 0]
-    quadratic = sums.square - mean @ (2.0 * sums.score - sums.info @ mean).sum(axis=0)
-    quadratic -= float(np.sum(left * effects))
-    logs = np.linalg.slogdet(grown)[1].sum() - np.linalg.slogdet(mean_covariance)[1]
-    return _State(
-        mean,
-        mean_covariance,
-        effects,
-        conditional,
-        float(sums.log_variance + logs + quadratic),
-    )
-
-
-def _spread(sums: _Sums, spread: Floats, usual: Floats, imagined: float) -> Floats:
-    """Expectation-maximisation at a given scatter."""
-    vehicles = len(sums.info)
-    for _ in range(_MOST_STEPS):
-        state = _solve(sums, spread)
-        known = state.conditional @ sums.info
-        second = np.einsum("mi,mj->ij", state.effects, state.effects)
-        second = second + state.conditional.sum(axis=0)
-        second = second + (known @ state.mean_covariance @ np.swapaxes(known, -1, -2)).sum(axis=0)
-        better = (second + imagined * usual) / (vehicles + imagined)
-        better = 0.5 * (better + better.T)
-        moved = float(np.max(np.abs(better - spread) / np.sqrt(np.outer(*[np.diag(better)] * 2))))
-        spread = better
-        if moved < _STILL:
-            break
-    return spread
-
-
-def _scatter(
-    design: Floats,
-    observed: Floats,
-    noise: Floats,
-    vehicle: Ints,
-    vehicles: int,
-    kept: Bools,
-    spread: Floats,
-    before: float,
-) -> float:
-    """Restricted maximum likelihood of the scatter at a given spread."""
-
-    def cost(log_scatter: float) -> float:
-        scatter = float(np.exp(log_scatter))
-        return _solve(_sums(design, observed, noise, vehicle, vehicles, kept, scatter), spread).cost
-
-    typical = max(before, 0.1 * float(np.median(noise)), 1e-6)
-    bounds = (np.log(1e-2 * typical), np.log(10.0 * typical))
-    best = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-3})
-    return float(np.exp(best.x))
-
-
-def _within(
-    design: Floats, observed: Floats, noise: Floats, vehicle: Ints, state: _State, scatter: float
-) -> Bools:
-    coefficients = state.mean + state.effects
-    residual = observed - np.einsum("np,np->n", design, coefficients[vehicle])
-    doubt = np.einsum("ni,nij,nj->n", design, state.conditional[vehicle], design)
-    kept: Bools = np.abs(residual) <= _REJECT * np.sqrt(noise**2 + scatter**2 + doubt)
-    return kept
-
-
-def _errors(sums: _Sums, state: _State) -> Floats:
-    """(m, p, p): what stays unknown of a vehicle at a known mean, and its share of the mean's."""
-    p = state.mean_covariance.shape[0]
-    share = np.eye(p) - state.conditional @ sums.info
-    total = state.conditional + share @ state.mean_covariance @ np.swapaxes(share, -1, -2)
-    result: Floats = 0.5 * (total + np.swapaxes(total, -1, -2))
-    return result

@@ -36,10 +36,9 @@ def extrapolated_corners(speed: Floats, grade: Floats, fit: ForceFit) -> tuple[C
 
     Stops along one line have no hull: then all corners are outside.
     """
-    low, span = _range(speed), _range(grade)
+    low, span = ((float(np.min(c)), float(np.max(c))) for c in (speed, grade))
     v = (speed - low[0]) / max(low[1] - low[0], 1e-9)
     theta = (grade - span[0]) / max(span[1] - span[0], 1e-9)
-    faces = None
     try:
         faces = ConvexHull(np.column_stack((v, theta))).equations
     except (QhullError, ValueError):
@@ -84,7 +83,7 @@ def speed_by_grade(
     # The ends of the ranges are the ends of the hull, so that nothing is left open between them.
     chain[0], chain[-1] = (grade_range[0], chain[0][1]), (grade_range[1], chain[-1][1])
     while len(chain) > _MOST:
-        lost = [_area(*chain[i : i + 3]) for i in range(len(chain) - 2)]
+        lost = [abs(_turn(*chain[i : i + 3])) for i in range(len(chain) - 2)]  # twice the area
         del chain[1 + int(np.argmin(lost))]
     return tuple((float(theta), float(v)) for theta, v in _upper_chain(np.array(chain)))
 
@@ -104,11 +103,3 @@ def _upper_chain(points: Floats) -> list[tuple[float, float]]:
 
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _area(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    return 0.5 * abs(_turn(a, b, c))
-
-
-def _range(values: Floats) -> tuple[float, float]:
-    return float(np.min(values)), float(np.max(values))

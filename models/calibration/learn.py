@@ -18,14 +18,12 @@ from typing import Any
 from numpy.typing import NDArray
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.allowed_distance import allowed_distance
-from slopewise.models.calibration.asymmetry import Asymmetry
 from slopewise.models.calibration.brake_levels import BrakeLevels, at_full_level, tells_levels
+from slopewise.models.calibration.coverage import allowed_distance
 from slopewise.models.calibration.distance_table import FEWEST_STOPS, promise_keys
 from slopewise.models.calibration.effects_in_force import measured_beside, tells_turns
 from slopewise.models.calibration.force_fit import NAMES
-from slopewise.models.calibration.notes import clear_asymmetry, notes
-from slopewise.models.calibration.plausible import objections
+from slopewise.models.calibration.notes import notes, objections
 from slopewise.models.calibration.speed_error import SpeedError, speed_error
 from slopewise.models.calibration.surface_fit import (
     CalibrationSettings,
@@ -33,7 +31,7 @@ from slopewise.models.calibration.surface_fit import (
     fit_records,
     fit_surfaces,
 )
-from slopewise.models.calibration.uphill import beside_uphill
+from slopewise.models.calibration.uphill import Asymmetry, beside_uphill, clear_asymmetry
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.stop_logs.dead_time import DeadTime
 from slopewise.models.stop_logs.drive_quality import Suspect, usable

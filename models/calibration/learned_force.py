@@ -1,4 +1,4 @@
-"""What one surface has taught, as it is kept over a restart, and what planning may make of it.
+"""Force and promise learned on one surface, as stored over a restart, and the model to plan with.
 
 Source: none; the braking model is Braking (7), (8).
 """
@@ -33,14 +33,14 @@ _NO_CLASS = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class LearnedForce:
-    """An estimate of m_m, b_m, m_b, b_b, and the coefficients published beside it.
+    """An estimate of m_m, b_m, m_b, b_b, and the coefficients published with it.
 
     Attributes:
-        estimate: (4,) as the stops tell. covariance: (4, 4) of it.
-        published: (4,) as may be planned with: down at once, up slowly.
-        valid: the estimate may be trusted. accepted, gated: stops believed and not believed.
-        last: of the last stops, which ones were not believed.
-        row: so many stops just now were not believed, > 0: stronger ones, < 0: weaker ones.
+        estimate: (4,) of the stops. covariance: (4, 4) of it.
+        published: (4,) as may be planned with: down immediately, up slowly.
+        valid: the estimate may be trusted. accepted, gated: stops accepted and rejected.
+        last: whether each of the last stops was rejected.
+        row: stops rejected in a row up to now, > 0: stronger ones, < 0: weaker ones.
         session: (n, 3) onset speed [m/s], grade [rad], distance [m] of the stops of this session.
         distance: the promise as this session has it; None without a promise.
         dead_time: with which that was found [s].
@@ -78,20 +78,15 @@ class LearnedForce:
         if self.accepted < 0 or self.gated < 0:
             raise ParameterError("accepted", "counts >= 0")
 
-    @property
-    def stds(self) -> tuple[float, ...]:
-        """(4,) standard deviations of the estimate."""
-        return tuple(math.sqrt(max(self.covariance[i][i], 0.0)) for i in range(4))
-
 
 def braking_in_use(
     prior: Braking, learned: Mapping[str, LearnedForce], older: Mapping[str, float] | None = None
 ) -> Braking:
-    """The braking model to plan with: the prior, and over it what each surface taught.
+    """The braking model to plan with: the prior, and over it the force learned on each surface.
 
     As long as an estimate is not valid it may lower the force at the corners of the trained
-    rectangle and raise it nowhere, and neither covariance may be undercut, so that doubt never
-    makes a plan faster.
+    rectangle and raise it nowhere, and neither covariance may be undercut, so that a larger
+    uncertainty never makes a plan faster.
 
     Args:
         prior: braking model of the model file, with its surfaces.
@@ -152,7 +147,7 @@ def _coefficients(known: Braking, one: LearnedForce) -> dict[str, object]:
 
 
 def _pin(prior: Braking, tables: dict[str, SurfaceBraking], base: Mapping[str, object]) -> None:
-    """Surfaces of the file take what they leave out from the file's base, not from the new one."""
+    """Surfaces of the file keep the file's base where they omit a key, not the new one."""
     for name, table in tables.items():
         kept = {
             key: getattr(prior, key)

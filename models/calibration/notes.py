@@ -1,24 +1,23 @@
-"""What a user has to know before trusting a calibration, in sentences."""
+"""What a user has to know before trusting a calibration, in sentences.
+
+Notes say what it rests on; objections, that no brakes have such numbers: then a log was misread.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from slopewise.models.calibration.asymmetry import Asymmetry, asymmetry
-from slopewise.models.calibration.force_fit import NAMES, WEAK_PRIOR
+from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.surface_fit import SurfaceFit
-from slopewise.models.effects import registry
-from slopewise.models.parameters import Braking, Model
+from slopewise.models.calibration.uphill import Asymmetry
+from slopewise.models.parameters import Braking
+from slopewise.models.stop_logs.dead_time import DeadTime
 from slopewise.models.stop_logs.mount_offset import Mount
 
-
-def clear_asymmetry(base: SurfaceFit, beside: Model | None) -> Asymmetry | None:
-    """The change of the slope coefficient uphill, where it is clear and nothing else has it."""
-    laws = () if beside is None else [registry.LAWS[effect.name] for effect in beside.effect]
-    if any(law.kinks_at_level and law.axis == "grade" for law in laws):
-        return None
-    found = _asymmetry(base)
-    return found if found is not None and found.clear else None
+_MOST_FORCE = 1.2  # [1] of the weight; tyres on dry tarmac reach one
+_LATEST = 1.5  # [s] no brakes of vehicles that plan take longer
+_TOO_LONG = 3.0
+"""Median factor of allowed over actual distance from which a promise is of little use [1]."""
 
 
 def notes(base: SurfaceFit, mount: Mount, known: Braking, uneven: Asymmetry | None) -> list[str]:
@@ -67,23 +66,36 @@ def notes(base: SurfaceFit, mount: Mount, known: Braking, uneven: Asymmetry | No
 
 def _corners(base: SurfaceFit) -> list[str]:
     """Corners of the trained rectangle that the stops do not reach, in a sentence."""
-    corners = base.corners
     told = ", ".join(
         f"{c.speed:.1f} m/s at {np.rad2deg(c.grade):+.0f}° (force {c.force:.2f} ± {c.std:.2f})"
-        for c in corners
+        for c in base.corners
     )
-    if not corners:
-        return []
     held = "" if base.speed_by_grade is None else ", and plans are no faster than what was driven"
-    return [f"no stop was near {told}: there the model extrapolates{held}"]
+    return [f"no stop was near {told}: there the model extrapolates{held}"] if told else []
 
 
-def _asymmetry(base: SurfaceFit) -> Asymmetry | None:
-    kept = [r for r in base.records if r.kept]
-    return asymmetry(
-        np.array([r.onset_speed for r in kept]),
-        np.array([r.grade for r in kept]),
-        np.array([r.force_ratio for r in kept]),
-        np.array([r.force_std for r in kept]),
-        WEAK_PRIOR,
-    )
+def objections(surfaces: tuple[SurfaceFit, ...], dead_time: DeadTime) -> tuple[str, ...]:
+    """What is wrong with a calibration, in sentences; none where nothing is.
+
+    Args:
+        surfaces: as learned, with what plans allow for each stop. dead_time: of the brakes.
+    """
+    said = []
+    if dead_time.value > _LATEST:
+        said.append(
+            f"a dead time of {dead_time.value:.2f} s, where {_LATEST:g} s is the longest that "
+            "brakes have: is v_cmd the command that the vehicle followed?"
+        )
+    for surface in surfaces:
+        on = f" on {surface.name}" if surface.name else ""
+        force = float(np.median([r.force_ratio for r in surface.records]))
+        if force > _MOST_FORCE:
+            said.append(
+                f"braking forces of {force:.2f} of the weight{on}, where {_MOST_FORCE:g} is a lot"
+            )
+        actual = np.array([r.samples.distance for r in surface.records])
+        bound = np.array([r.bound_distance for r in surface.records])
+        longer = float(np.median(bound / np.maximum(actual, 1e-6)))
+        if longer > _TOO_LONG:
+            said.append(f"plans allow {longer:.1f} times the length of the stops{on}")
+    return tuple(said)

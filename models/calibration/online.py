@@ -1,7 +1,7 @@
-"""The braking model learned while driving: samples in, coefficients for planning out.
+"""The braking model learned while driving: stops in, coefficients for planning out.
 
-One stream of samples, one estimate and one published set for each surface. A surface that is seen
-for the first time starts from the model's own table for it, or from the base.
+One estimate and one published set for each surface. A surface that is seen for the first time
+starts from the model's own table for it, or from the base.
 
 Source: Braking Sec. 1.2 ("even autonomously by the robot") and 4.2, whose joint fit over a FIFO of
 stops is done here in constant time.
@@ -18,18 +18,17 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.calibration.force_fit import WEAK_PRIOR
 from slopewise.models.calibration.learned_force import LearnedForce
-from slopewise.models.calibration.low_stops import LowStops
-from slopewise.models.calibration.published import PublishedForce, PublishSettings
+from slopewise.models.calibration.published import LowStops, PublishedForce, PublishSettings
 from slopewise.models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
 from slopewise.models.calibration.session_offset import RECENT, SessionOffset, SessionStop
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_distance import StopDistance
-from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
+from slopewise.models.stop_logs.stop_stream import StreamedStop
 
 
 @dataclass(frozen=True, slots=True)
 class OnlineStop:
-    """A stop that was just completed, and what became of it."""
+    """A stop that was just completed, and the outcome of its update."""
 
     surface: str
     measured: StreamedStop
@@ -78,7 +77,6 @@ class OnlineBraking:
 
     Args:
         known: braking model to begin with, with its surfaces.
-        mount: offset of the pitch sensor [rad]. dive: pitch under braking [rad s²/m].
         recursive, publish: how to follow, bounds and rates.
     """
 
@@ -86,8 +84,6 @@ class OnlineBraking:
         self,
         known: Braking,
         *,
-        mount: float = 0.0,
-        dive: float = 0.0,
         recursive: RecursiveSettings | None = None,
         publish: PublishSettings | None = None,
     ) -> None:
@@ -95,28 +91,6 @@ class OnlineBraking:
         self._recursive = recursive or RecursiveSettings()
         self._publish = publish or PublishSettings()
         self._surfaces: dict[str, _Surface] = {}
-        self._stream = StopStream(
-            known.dead_time, least_speed=self._recursive.least_speed, mount=mount, dive=dive
-        )
-
-    def feed(
-        self,
-        time: float,
-        speed: float,
-        command: float,
-        pitch: float,
-        *,
-        grade: float = math.nan,
-        surface: str = "",
-    ) -> OnlineStop | None:
-        """One sample; the stop that it completes, if it does.
-
-        Args:
-            time: [s]. speed, command: [m/s]. pitch: of the body [rad], nose down positive.
-            grade: of the ground from a map [rad], NaN without. surface: "" without a name.
-        """
-        stop = self._stream.feed(time, speed, command, pitch, grade)
-        return None if stop is None else self.take(stop, surface)
 
     def take(
         self,
@@ -127,7 +101,7 @@ class OnlineBraking:
         dead_time: float = 0.0,
         may_narrow: bool = True,
     ) -> OnlineStop:
-        """Learn from a stop that was measured elsewhere.
+        """Learn from a measured stop.
 
         Args:
             stop: measured. surface: "" without a name. distance: from the command on [m].
@@ -146,19 +120,19 @@ class OnlineBraking:
             after = max(float(state.published.corner_forces.mean()), self._publish.least)
             # The promise becomes shorter by what one stop may raise the force by, in all.
             fall = max(self._publish.rise - max(after - float(before), 0.0), 0.0) / after
-            believed = may_narrow and outcome is not Acceptance.GATED
+            is_accepted = may_narrow and outcome is not Acceptance.GATED
             state.session.take(
                 SessionStop(stop.onset_speed, stop.grade, distance),
                 state.published.coefficients,
                 state.dead_time,
-                fall if believed else 0.0,
+                fall if is_accepted else 0.0,
             )
         if was_valid and not state.published.valid:
             state.session.age(1.0)
         return OnlineStop(surface, stop, outcome)
 
     def age(self, seconds: float, time_constant: float = 3600.0) -> None:
-        """Let what was learned grow old: wider covariance, force back to the default if weaker."""
+        """Age all surfaces: wider covariance, force back to the default if weaker."""
         for on in self._surfaces.values():
             _age(on, seconds, time_constant)
 
@@ -166,30 +140,17 @@ class OnlineBraking:
         """(4,) m_m, b_m, m_b, b_b that may be planned with."""
         return self._on(surface).published.coefficients
 
-    def covariance(self, surface: str = "") -> Floats:
-        """(4, 4) covariance of the estimate behind them."""
-        return self._on(surface).estimate.covariance.copy()
-
-    def valid(self, surface: str = "") -> bool:
-        """Whether the estimate may be trusted; what is published is cautious either way."""
-        return self._on(surface).published.valid
-
-    def counts(self, surface: str = "") -> tuple[int, int]:
-        """Stops accepted and stops not believed."""
-        estimate = self._on(surface).estimate
-        return estimate.accepted, estimate.gated
-
     def learned(self) -> dict[str, LearnedForce]:
-        """What each surface has taught; those that taught nothing are left out."""
+        """Force learned on each surface that stops were made on."""
         return {name: _learned(on) for name, on in self._surfaces.items() if not on.pristine}
 
     def learned_of(self, surface: str) -> LearnedForce | None:
-        """What one surface has taught; None where it taught nothing."""
+        """Force learned on one surface; None without stops on it."""
         on = self._surfaces.get(surface)
         return None if on is None or on.pristine else _learned(on)
 
     def knows(self, surface: str) -> bool:
-        """Whether a surface taught anything."""
+        """Whether stops were made on a surface."""
         on = self._surfaces.get(surface)
         return on is not None and not on.pristine
 
@@ -201,7 +162,7 @@ class OnlineBraking:
         age: float = 0.0,
         time_constant: float = 3600.0,
     ) -> None:
-        """Go on from what a surface had taught ``age`` seconds ago."""
+        """Continue from the force learned on a surface ``age`` seconds ago."""
         on = self._on(surface)
         if on.session is not None:
             stops = tuple(SessionStop(*stop) for stop in learned.session)
@@ -223,15 +184,15 @@ class OnlineBraking:
         _age(on, age, time_constant)
 
     def forget(self, surface: str = "") -> None:
-        """Know of a surface what the model told in the beginning."""
+        """Return a surface to the model."""
         self._surfaces.pop(surface, None)
 
     def doubt(self, surface: str = "", below: Floats | None = None) -> None:
-        """The ground may be another: publish less, and be open to whatever the next stop tells.
+        """The ground may be another: publish less, and follow the next stop in full.
 
         Args:
-            surface: that is doubted.
-            below: (4,) coefficients not to exceed; the model's own if left out.
+            surface: its name.
+            below: (4,) coefficients not to exceed; the model's own if omitted.
         """
         on = self._on(surface)
         on.estimate.doubt()
@@ -248,10 +209,10 @@ class OnlineBraking:
             session.restart()
             session.age(1.0)
 
-    def widen(self, surface: str, other: StopDistance) -> bool:
+    def widen(self, surface: str, promise: StopDistance) -> bool:
         """Promise no less than another table does at its worst; True if that changed anything."""
         on = self._on(surface)
-        if on.session is None or not on.session.widen(other):
+        if on.session is None or not on.session.widen(promise):
             return False
         on.pristine = False
         return True
@@ -269,7 +230,7 @@ def _age(on: _Surface, seconds: float, time_constant: float) -> None:
     on.published.age(seconds, time_constant)
     if on.session is not None:
         on.session.age(-math.expm1(-max(seconds, 0.0) / time_constant))
-    # Growing older makes nothing valid that was not.
+    # Age makes no estimate valid.
     if on.published.valid:
         on.published.judge(on.estimate.covariance, on.estimate.accepted, 0.0)
 

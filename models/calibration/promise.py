@@ -104,7 +104,7 @@ def promise_of(learned: LearnedDistance, share: float) -> Promise:
     return Promise(
         share,
         len(learned.log_ratio),
-        len(learned.names),
+        int(learned.session.max()) + 1,
         count,
         beyond,
         interval,
@@ -114,8 +114,7 @@ def promise_of(learned: LearnedDistance, share: float) -> Promise:
 
 def _held_out(learned: LearnedDistance, share: float) -> Floats:
     """Allowed minus actual distance [m] of stops predicted by the other sessions."""
-    groups = np.arange(len(learned.names)) % _FOLDS
-    group_of = groups[learned.session]
+    group_of = learned.session % _FOLDS
     actual = np.exp(learned.log_ratio) * learned.at.distance
     excess = [np.empty(0)]
     for group in np.unique(group_of):

@@ -4,11 +4,17 @@ The force is bilinear in speed and grade, so its four values at the corners of t
 are the model. Bounds, rate and caution act on these four: a corner where the brakes turned out
 weaker takes the new value at once, one where they seem stronger rises by a step a stop, and no
 corner leaves its bounds. Between the corners the same holds, since the model is linear there.
+
+Weak stops that alternate with others are never two in a row, as after a change, and each alone may
+be an error: an estimate of the mean follows the others. Of the last stops all but one may therefore
+be no weaker than what is planned with, beyond their scatter; else that falls to the second weakest
+at once. Source: none; an order statistic of a moving window.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +22,12 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import design
+
+WINDOW = 24
+"""Stops that are remembered [1]: so many true stops after the last weak one a rise begins."""
+
+_GATE = 4.0  # standard deviations below which a stop is weak
+_LEAST = 0.02  # [1] of a force
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,3 +162,29 @@ class PublishedForce:
         raised = np.maximum(least - forces, 0.0).reshape(2, 2)
         lowered = (raised * self._other_end)[::-1].ravel()
         return np.asarray(np.clip(forces - lowered, least, most))
+
+
+class LowStops:
+    """The last stops of one surface."""
+
+    def __init__(self) -> None:
+        self._last: deque[tuple[Floats, float, float]] = deque(maxlen=WINDOW)
+
+    def take(self, speed: float, grade: float, force_ratio: float, std: float) -> None:
+        """One more stop: v_i [m/s], mean θ [rad], F_b/W and its measurement noise."""
+        self._last.append((np.array([speed * grade, grade, speed, 1.0]), force_ratio, std))
+
+    def share(self, coefficients: Floats, scatter: float) -> float:
+        """Share of the force by these coefficients (4,) that all but one of the last stops had.
+
+        1 where none is weaker than scatter makes it.
+
+        Args:
+            coefficients: estimate. scatter: of F_b/W from stop to stop.
+        """
+        shares = []
+        for x, force, std in self._last:
+            expected = max(float(x @ coefficients), _LEAST)
+            if force < expected - _GATE * float(np.hypot(std, scatter)):
+                shares.append(max(force, _LEAST) / expected)
+        return 1.0 if len(shares) < 2 else sorted(shares)[1]

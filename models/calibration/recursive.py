@@ -151,11 +151,6 @@ class RecursiveForce:
         grown = at_least_both(self.covariance, self._first_covariance)
         self.covariance = self.covariance + share * (grown - self.covariance)
 
-    def std(self, speed: float, grade: float) -> float:
-        """Standard deviation of F_b/W at a speed and grade, from the coefficients alone."""
-        x = np.array([speed * grade, grade, speed, 1.0])
-        return math.sqrt(max(float(x @ self.covariance @ x), 0.0))
-
 
 def at_least_both(first: Floats, second: Floats) -> Floats:
     """A covariance (n, n) that is nowhere below either of two: A + the positive part of B − A."""

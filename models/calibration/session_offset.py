@@ -40,7 +40,7 @@ RECENT = 2
 _MIN_SHARE = 0.3
 """The scatter from stop to stop is at least this share of the total spread [1]."""
 _PRIOR_STOPS = 6
-"""Stops that the scatter of the table counts for, beside that of the session [1]."""
+"""Stops that the scatter of the table counts for, in addition to that of the session [1]."""
 _QUANTILE = 0.9
 """At which the spread of a table is read off [1]: tails are part of what lies beyond."""
 _MIN_DISTANCE = 1e-3
@@ -66,7 +66,8 @@ class SessionOffset:
         stops: stops of this session, speed [m/s], grade [rad], distance [m].
 
     Attributes:
-        known, coefficients: of the file. stops: stops of this session, the newest last.
+        known: table of the calibration. coefficients: (4,) of the file.
+        stops: stops of this session, the newest last.
     """
 
     def __init__(
@@ -115,9 +116,9 @@ class SessionOffset:
         """Go back by a share [1] of the way to a new session's table where that allows more."""
         self._in_use += share * np.maximum(self._log - self._in_use, 0.0)
 
-    def widen(self, other: StopDistance) -> bool:
+    def widen(self, promise: StopDistance) -> bool:
         """Allow no less than another table at its worst; True if that changed anything."""
-        lower = np.log([other.worst(q) for q in self.known.quantiles])
+        lower = np.log([promise.worst(q) for q in self.known.quantiles])
         rows = np.repeat(lower, len(self._log) // len(lower))[:, None]
         changed = bool(np.any(self._in_use < rows))
         self._in_use = np.maximum(self._in_use, rows)
@@ -143,11 +144,11 @@ class SessionOffset:
         shortest = np.minimum(np.log(by_file / by_planned), 0.0) - std
         required = np.full(cells.shape, -np.inf)
         for part in (slice(None), slice(-RECENT, None)):
-            own, total = residual[part], precision[part].sum()
-            spread = float(precision[part] @ (own - (precision[part] @ own) / total) ** 2)
-            wider = max((_PRIOR_STOPS + spread) / (_PRIOR_STOPS + len(own) - 1), 1.0)
+            of_part, total = residual[part], precision[part].sum()
+            spread = float(precision[part] @ (of_part - (precision[part] @ of_part) / total) ** 2)
+            wider = max((_PRIOR_STOPS + spread) / (_PRIOR_STOPS + len(of_part) - 1), 1.0)
             variance = 1.0 / (std**-2 + total / wider)
-            mean = variance * float(precision[part] @ own) / wider
+            mean = variance * float(precision[part] @ of_part) / wider
             narrower = np.sqrt((variance + wider * within) / (std**2 + within))
             moved = middle + np.maximum(mean, shortest)
             required = np.maximum(required, moved + (cells - middle) * narrower)

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
+from slopewise.models.arrays import Elementwise, Floats
 from slopewise.models.force_design import design
 from slopewise.models.laws import braking
 from slopewise.models.quantity import GRAVITY
@@ -67,9 +67,9 @@ def stopping_distance(
         reach *= 2.0
 
 
-def stopping_time(speed: float, dead_time: float, distance: float) -> float:
+def stopping_time(speed: Elementwise, dead_time: Elementwise, distance: Elementwise) -> Elementwise:
     """Time from stop command to standstill [s] for a distance [m], at an even deceleration.
 
     Source: Braking (11), (12): v/a with the a that gives the distance.
     """
-    return dead_time + 2.0 * max(distance - speed * dead_time, 0.0) / speed
+    return dead_time + 2.0 * np.maximum(distance - speed * dead_time, 0.0) / speed

@@ -23,9 +23,9 @@ from slopewise.models.calibration.distance_table import (
 )
 from slopewise.models.calibration.force_fit import (
     ForceFit,
+    by_mount,
     fit_force,
     fit_two_stages,
-    with_mount,
 )
 from slopewise.models.calibration.hull import Corner, extrapolated_corners, speed_by_grade
 from slopewise.models.calibration.margins import offset_for
@@ -153,18 +153,14 @@ def fit_surfaces(
     elif len(rest) >= settings.fewest_per_surface or not own:
         base = _surface("", rest, measured, known, mount, settings, levels)
     else:
-        weakest = min(own, key=_level_force)
+        # On level ground, from a speed in the middle.
+        weakest = min(own, key=lambda s: float(s.fit.force_ratio(0.5 * sum(s.speed_range), 0.0)))
         base = dataclasses.replace(weakest, name="")
         warnings.append(
             f"too few stops on ground without a name: it is taken to brake like {weakest.name}, "
             "the weakest surface of the log"
         )
     return [base, *own], warnings
-
-
-def _level_force(surface: SurfaceFit) -> float:
-    speed = 0.5 * sum(surface.speed_range)
-    return float(surface.fit.force_ratio(speed, 0.0))
 
 
 def _surface(
@@ -183,10 +179,7 @@ def _surface(
     seen = _predicted(records, fit, law)
     kept = [r for r in seen if r.kept]
     speeds, grades = (np.array([getattr(r, n) for r in kept]) for n in ("onset_speed", "grade"))
-    ranges = (
-        (float(speeds.min()), float(speeds.max())),
-        (float(grades.min()) - _PAD, float(grades.max()) + _PAD),
-    )
+    ranges = trained_ranges(speeds, grades)
     stops = Stops(
         np.array([r.samples.window.held_speed for r in seen]),
         np.array([r.mean_grade for r in seen]),
@@ -199,7 +192,7 @@ def _surface(
     time = np.array([r.samples.standstill_time - r.predicted_time for r in seen])
     return SurfaceFit(
         name,
-        with_mount(fit, mount_std),
+        dataclasses.replace(fit, covariance=fit.covariance + by_mount(fit.coefficients, mount_std)),
         tuple(seen),
         distance,
         settings.coverage,
@@ -210,24 +203,30 @@ def _surface(
     )
 
 
+def trained_ranges(speed: Floats, grade: Floats) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Speeds [m/s] and grades [rad] that a model holds for, by those (n,) of its stops."""
+    return (
+        (float(speed.min()), float(speed.max())),
+        (float(grade.min()) - _PAD, float(grade.max()) + _PAD),
+    )
+
+
 def _predicted(records: Sequence[StopRecord], fit: ForceFit, law: SurfaceLaw) -> list[StopRecord]:
     """Each stop with the prediction of a fit that has not seen it (leave one out, closed form)."""
-    seen = []
     regression = fit.regression
+    x = design(*(np.array([getattr(r, n) for r in records]) for n in ("onset_speed", "grade")))
+    seen = []
     for i, record in enumerate(records):
         gain = regression.gain[:, i]
-        x = design(np.array([record.onset_speed]), np.array([record.grade]))[0]
-        leverage = min(float(x @ gain), 0.99)
+        leverage = min(float(x[i] @ gain), 0.99)
         without = fit.coefficients - gain * (float(regression.residuals[i]) / (1.0 - leverage))
-        distance = _distance(record, without, law.dead_time)
+        held, distance = record.samples.window.held_speed, _distance(record, without, law.dead_time)
         seen.append(
             dataclasses.replace(
                 record,
                 kept=bool(regression.kept[i]),
                 predicted_distance=distance,
-                predicted_time=stopping_time(
-                    record.samples.window.held_speed, law.dead_time, distance
-                ),
+                predicted_time=float(stopping_time(held, law.dead_time, distance)),
             )
         )
     return seen

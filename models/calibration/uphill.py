@@ -2,23 +2,76 @@
 
     F_b/W = (m_m v_i + b_m) θ + (m_b v_i + b_b) + k max(θ, 0)
 
-k is taken out of the stops, which then teach the four coefficients; uphill b_m + k holds. What k
-does to the length of a stop on slopes that vary is kept beside, as that of a named effect is.
-Source: Braking Sec. 2, which names coefficients for both ways as an extension.
+The braking model has one slope coefficient for both ways. Where stops clearly show another one
+uphill, it would leave the difference as scatter: k is taken out of the stops, which then teach the
+four coefficients; uphill b_m + k holds. What k does to the length of a stop on slopes that vary is
+kept beside, as that of a named effect is.
+Source: Braking Sec. 2, which names coefficients of their own for uphill and downhill.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.calibration.force_fit import WEAK_PRIOR
 from slopewise.models.calibration.stopping import stopping_distance
-from slopewise.models.parameters import Braking
+from slopewise.models.calibration.surface_fit import SurfaceFit
+from slopewise.models.effects import registry
+from slopewise.models.force_design import design
+from slopewise.models.parameters import Braking, Model
+from slopewise.models.stop_logs import random_effects
 from slopewise.models.stop_logs.measure import Measured
 from slopewise.models.stop_logs.stop_record import StopRecord
+
+_FEWEST = 8  # stops on each side
+_STEEP = 0.035  # [rad] from which a slope has a side
+_PRIOR = 1.0  # [1/rad] wide beside any asymmetry that brakes have
+_SURE = 3.5  # standard deviations
+
+
+@dataclass(frozen=True, slots=True)
+class Asymmetry:
+    """Change of the slope coefficient from downhill to uphill [1/rad], and its deviation."""
+
+    value: float
+    std: float
+
+    @property
+    def clear(self) -> bool:
+        """It is no chance."""
+        return abs(self.value) > _SURE * self.std
+
+
+def clear_asymmetry(base: SurfaceFit, beside: Model | None) -> Asymmetry | None:
+    """The change of the slope coefficient uphill, where it is clear and nothing else has it."""
+    laws = () if beside is None else [registry.LAWS[effect.name] for effect in beside.effect]
+    if any(law.kinks_at_level and law.axis == "grade" for law in laws):
+        return None
+    kept = [r for r in base.records if r.kept]
+    names = ("onset_speed", "grade", "force_ratio", "force_std")
+    found = asymmetry(*(np.array([getattr(r, n) for r in kept]) for n in names))
+    return found if found is not None and found.clear else None
+
+
+def asymmetry(speed: Floats, grade: Floats, force_ratio: Floats, noise: Floats) -> Asymmetry | None:
+    """Asymmetry of some stops, None where one side has too few.
+
+    Args:
+        speed: (n,) onset speeds [m/s]. grade: (n,) mean θ while braking [rad].
+        force_ratio: (n,) gravity-free F_b/W. noise: (n,) its measurement noise.
+    """
+    if min(int((grade > _STEEP).sum()), int((grade < -_STEEP).sum())) < _FEWEST:
+        return None
+    x = np.column_stack((design(speed, grade), np.maximum(grade, 0.0)))
+    fit = random_effects.fit(
+        x, force_ratio, noise, np.zeros(5), np.diag(np.square((*WEAK_PRIOR, _PRIOR)))
+    )
+    return Asymmetry(float(fit.coefficients[4]), float(np.sqrt(fit.covariance[4, 4])))
 
 
 def beside_uphill(measured: Measured, change: float, known: Braking) -> Measured:

@@ -22,6 +22,24 @@ def slip_track(v_right: Elementwise, v_left: Elementwise, yaw_rate: Elementwise)
     return (v_right - v_left) / yaw_rate
 
 
+def rotation_centres(
+    v_left: Elementwise, v_right: Elementwise, speed: Elementwise, yaw_rate: Elementwise
+) -> tuple[Elementwise, Elementwise]:
+    """Positions (left, right) y_ICR [m] of the sides' centres of rotation, y to the left.
+
+    Where the wheels of a side touch, the body moves with V_x − ω_z y along the vehicle; this is the
+    y at which that is the rim speed, y = (V_x − V_side)/ω_z. Left minus right is B_s of Slip (3);
+    sides that slip unlike lie unevenly about the middle. Validity: a speed measured apart from the
+    wheels. Source: Slip (1), (2), signs corrected: print has V_x,L − V_x, the negative of its (3).
+
+    Args:
+        v_left, v_right: rim speeds of the sides [m/s].
+        speed: V_x of the body, not of the wheels [m/s].
+        yaw_rate: ω_z [rad/s], counter-clockwise positive, not 0.
+    """
+    return (speed - v_left) / yaw_rate, (speed - v_right) / yaw_rate
+
+
 def wheel_speeds(
     speed: Elementwise, yaw_rate: Elementwise, slip_track: Elementwise
 ) -> tuple[Elementwise, Elementwise]:

@@ -6,7 +6,6 @@ spreads), 3 (confidence) and 4 (rules).
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -99,7 +98,7 @@ class TerrainClass:
             total += weight
             low, high = feature.rule
             met += weight * (low <= value <= high)
-        return met / total if total else math.nan
+        return met / total if total else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,30 +115,16 @@ class TerrainClasses:
                 raise ParameterError("terrain", f"each name once, got {name} twice")
 
 
-@dataclass(frozen=True, slots=True)
-class RuleAnswer:
-    """Class by the expert rules.
-
-    Attributes:
-        name: the class that meets most; empty if no rule is met, or two meet as much.
-        met: share of the rules met by class, in the order of the classes.
-    """
-
-    name: str
-    met: dict[str, float]
-
-
-def by_rules(classes: TerrainClasses, values: tuple[float, float, float]) -> RuleAnswer:
-    """Class by the expert rules. Source: Slip, Table 4, weighted by Table 3.
+def by_rules(classes: TerrainClasses, values: tuple[float, float, float]) -> str:
+    """Class that meets most of its rules; empty if none meets any, or two meet as much.
 
     A rule that decides alone comes first (Slip 4.2). Classes without rules never answer.
-    ``values``: (f_r, μ_t, B_s), NaN where not known.
+    Source: Slip, Table 4, weighted by Table 3. ``values``: (f_r, μ_t, B_s), NaN where not known.
     """
-    met = {terrain.name: terrain.share_met(values) for terrain in classes.terrain}
-    met = {name: share for name, share in met.items() if not math.isnan(share)}
     leaders = [terrain.name for terrain in classes.terrain if terrain.is_decided(values)]
     if len(leaders) == 1:
-        return RuleAnswer(leaders[0], met)
+        return leaders[0]
+    met = {terrain.name: terrain.share_met(values) for terrain in classes.terrain}
     best = max(met.values(), default=0.0)
     leaders = [name for name, share in met.items() if share == best]
-    return RuleAnswer(leaders[0] if best > 0.0 and len(leaders) == 1 else "", met)
+    return leaders[0] if best > 0.0 and len(leaders) == 1 else ""

@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 
 from slopewise.models.quantity import quantity, validate_quantities
-from slopewise.models.terrain.classes import TerrainClass, TerrainClasses
+from slopewise.models.terrain.classes import TerrainClasses
 from slopewise.models.terrain.evidence import EvidenceWindow, MeanEvidence
 from slopewise.models.terrain.observation import GroundObservation
 from slopewise.models.vehicle import Vehicle
@@ -174,27 +174,18 @@ def open_surfaces(
 ) -> tuple[str, ...]:
     """Names of the classes that a description does not contradict."""
     lever = vehicle.track_width / vehicle.wheelbase
-    return tuple(
-        terrain_class.name
-        for terrain_class in classes.terrain
-        if _is_open(terrain_class, settings, lever, description)
-    )
-
-
-def _is_open(
-    terrain: TerrainClass, settings: ThresholdSettings, lever: float, description: GroundDescription
-) -> bool:
-    f_r, mu_t = terrain.motion_resistance, terrain.lateral_resistance
-    sides = (
-        (description.hardness, HARDNESS, settings.soft_above, None if f_r is None else f_r.mean),
-        (
-            description.grip,
-            GRIP,
-            settings.slippery_below,
-            None if f_r is None or mu_t is None else mu_t.mean + lever * f_r.mean,
-        ),
-    )
-    return all(
-        text == UNDECIDED or value is None or threshold is None or text == texts[value > threshold]
-        for text, texts, threshold, value in sides
-    )
+    names = []
+    for terrain in classes.terrain:
+        f_r, mu_t = terrain.motion_resistance, terrain.lateral_resistance
+        rolling = None if f_r is None else f_r.mean
+        turning = None if f_r is None or mu_t is None else mu_t.mean + lever * f_r.mean
+        sides = (
+            (description.hardness, HARDNESS, settings.soft_above, rolling),
+            (description.grip, GRIP, settings.slippery_below, turning),
+        )
+        if all(
+            text == UNDECIDED or value is None or limit is None or text == texts[value > limit]
+            for text, texts, limit, value in sides
+        ):
+            names.append(terrain.name)
+    return tuple(names)

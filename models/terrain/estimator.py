@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slopewise.models.terrain.gyro_bias import GyroBias
 from slopewise.models.terrain.observation import (
     UNKNOWN,
     Features,
@@ -52,6 +51,26 @@ class DriveSample(NamedTuple):
     current_right: float
     pitch: float  # nose down positive [rad]
     roll: float  # left side up positive [rad]
+
+
+class GyroBias:
+    """Bias [rad/s] of a yaw rate gyroscope: the mean at rest, the past forgotten as it drifts.
+
+    Validity: rim speeds show rest, and the yaw rate a vehicle that is towed or slides. Omits:
+    temperature. Source: standard practice; Slip 2.1 takes the gyroscope as free of bias.
+    """
+
+    def __init__(self, memory: float = 60.0) -> None:
+        """Begin with bias 0; ``memory``: time constant of forgetting [s of rest]."""
+        self.bias = 0.0
+        self._memory = memory
+        self._samples = 0
+
+    def update(self, yaw_rate: float, elapsed: float) -> None:
+        """One sample at rest [rad/s], ``elapsed`` after the one before [s]."""
+        self._samples += 1
+        gain = max(1.0 / self._samples, min(1.0, elapsed / self._memory))
+        self.bias += gain * (yaw_rate - self.bias)
 
 
 class TerrainEstimator:
@@ -181,10 +200,7 @@ class TerrainEstimator:
         short = self._settings.motion.shortest_stretch
         if columns.shape[1] < 2 or columns[0, -1] - columns[0, 0] < short:
             return None
-        stretch = SteadyStretch(*columns)
-        measured = self._measure(phase, stretch)
-        self._learn(measured)
-        return self._observation(phase, stretch, measured)
+        return self._observation(phase, SteadyStretch(*columns))
 
     def _measure(self, phase: Phase, stretch: SteadyStretch) -> Features:
         settings = self._settings.resistance
@@ -217,13 +233,11 @@ class TerrainEstimator:
         news = {name: estimate for name, estimate in news.items() if estimate.is_known}
         self.known = dataclasses.replace(self.known, **news)
 
-    def _observation(
-        self, phase: Phase, stretch: SteadyStretch, measured: Features
-    ) -> GroundObservation:
-        time = stretch.time
-        turning = UNKNOWN
+    def _observation(self, phase: Phase, stretch: SteadyStretch) -> GroundObservation:
+        time, settings = stretch.time, self._settings.resistance
+        measured, turning = self._measure(phase, stretch), UNKNOWN
+        self._learn(measured)
         if phase in (Phase.TURN, Phase.SPOT):
-            settings = self._settings.resistance
             turning = turning_thrust_of(stretch, self._vehicle, self._drive, settings)
         onset = time <= time[0] + _ONSET
         current = np.abs(stretch.current_left[onset]) + np.abs(stretch.current_right[onset])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from slopewise.models.parameters import Model
 from slopewise.models.terrain.agreement import ALPHA, agreement, name_of
-from slopewise.models.terrain.classes import RuleAnswer, TerrainClasses, by_rules
+from slopewise.models.terrain.classes import TerrainClasses, by_rules
 from slopewise.models.terrain.description import (
     GroundChange,
     GroundDescriber,
@@ -38,7 +38,7 @@ class DescribedStretch:
         p_values: agreement by class.
         agrees_with: classes that are not rejected, in their order; empty while stuck.
         name: the single class where one may be named, else empty.
-        rules: answer of the paper's table, for its vehicle and site.
+        rules: class by the paper's table, for its vehicle and site; empty without one.
     """
 
     observation: GroundObservation
@@ -46,7 +46,7 @@ class DescribedStretch:
     p_values: dict[str, float]
     agrees_with: tuple[str, ...]
     name: str
-    rules: RuleAnswer
+    rules: str
 
     @property
     def is_stuck(self) -> bool:
@@ -115,28 +115,21 @@ class TerrainMonitor:
         return open_surfaces(self._classes, self._thresholds, self._model.vehicle, description)
 
     def _describe(self, observation: GroundObservation) -> tuple[Event, ...]:
-        classes = self._classes
+        classes, window = self._classes, self.describer.window
         if observation.phase is Phase.STUCK:
-            return (self._stretch(observation, {}, ""),)
+            return (DescribedStretch(observation, GroundDescription(), {}, (), "", ""),)
         self.vehicle_check.add(observation)
         changes = self.describer.add(observation)
         if changes:
             self.estimator.forget(observation.measured)
             observation = dataclasses.replace(observation, known=self.estimator.known)
-        window = self.describer.window
         p_values = agreement(classes, window)
-        return (*changes, self._stretch(observation, p_values, name_of(classes, window, p_values)))
-
-    def _stretch(
-        self, observation: GroundObservation, p_values: dict[str, float], name: str
-    ) -> DescribedStretch:
-        stuck = observation.phase is Phase.STUCK
-        nothing = (float("nan"),) * 3
-        return DescribedStretch(
+        stretch = DescribedStretch(
             observation,
-            GroundDescription() if stuck else self.describer.describe(),
+            self.describer.describe(),
             p_values,
             tuple(label for label, p_value in p_values.items() if p_value > ALPHA),
-            name,
-            by_rules(self._classes, nothing if stuck else observation.known.values),
+            name_of(classes, window, p_values),
+            by_rules(classes, observation.known.values),
         )
+        return (*changes, stretch)

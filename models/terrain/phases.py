@@ -48,7 +48,8 @@ class MotionPhases:
 
     def begin(self) -> None:
         """Forget everything: another run, or a gap in this one."""
-        self._started = False
+        self._fast: list[float] = []  # mean rim speed, ΔV and yaw rate, smoothed
+        self._slow: list[float] = []
         self._turning = False
         self._spun = self._held = self._stopped = 0.0
         self._kind = self.phase = Phase.OTHER
@@ -60,27 +61,20 @@ class MotionPhases:
         ``v_left``, ``v_right``: speeds at the rim [m/s]. ``yaw_rate``: ω_z without bias [rad/s].
         """
         s = self._settings
-        v, dv = 0.5 * (v_left + v_right), v_right - v_left
-        if not self._started:
-            self._started = True
-            self._v = self._v_slow = v
-            self._dv = self._dv_slow = dv
-            self._w = self._w_slow = yaw_rate
+        now = (0.5 * (v_left + v_right), v_right - v_left, yaw_rate)
+        if not self._fast:
+            self._fast = self._slow = [*now]
         fast = elapsed / (s.smoothing + elapsed)
         slow = elapsed / (_SLOWER * s.smoothing + elapsed)
-        self._v += fast * (v - self._v)
-        self._dv += fast * (dv - self._dv)
-        self._w += fast * (yaw_rate - self._w)
-        self._v_slow += slow * (v - self._v_slow)
-        self._dv_slow += slow * (dv - self._dv_slow)
-        self._w_slow += slow * (yaw_rate - self._w_slow)
+        self._fast = [a + fast * (x - a) for a, x in zip(self._fast, now, strict=True)]
+        self._slow = [a + slow * (x - a) for a, x in zip(self._slow, now, strict=True)]
+        self._v, self._dv, self._w = self._fast
         self._turning = abs(self._dv) > (s.turn_end if self._turning else s.turn_begin)
 
         standing = abs(v_left) < s.rest_speed and abs(v_right) < s.rest_speed
         # Wheels may stand while the body still slides or swings: a gyroscope at rest is quiet.
-        quiet = (
-            abs(self._w - self._w_slow) < 0.5 * s.steady_floor and abs(self._w) < s.rest_yaw_rate
-        )
+        change = abs(self._w - self._slow[2])
+        quiet = change < 0.5 * s.steady_floor and abs(self._w) < s.rest_yaw_rate
         self._stopped = self._stopped + elapsed if standing and quiet else 0.0
         spinning = self._spins()
         self._spun = self._spun + elapsed if spinning else 0.0
@@ -88,8 +82,8 @@ class MotionPhases:
         self._held = self._held + elapsed if kind is self._kind and self._is_steady() else 0.0
         self._kind = kind
         changed = (
-            abs(dv - self._dv) > 2.0 * (s.steady_change * abs(self._dv) + s.turn_end)
-            or abs(self._w - self._w_slow) > s.steady_change * abs(self._w) + s.steady_floor
+            abs(now[1] - self._dv) > 2.0 * (s.steady_change * abs(self._dv) + s.turn_end)
+            or change > s.steady_change * abs(self._w) + s.steady_floor
         )
         self.phase = self._phase_of(kind, standing)
         self.withheld = spinning or changed or self.phase not in (Phase.TURN, Phase.SPOT)
@@ -119,10 +113,11 @@ class MotionPhases:
         share = s.steady_change if self._held == 0.0 else 2.0 * s.steady_change
         floor = s.steady_floor if self._held == 0.0 else 2.0 * s.steady_floor
         rim = max(abs(self._v), 0.5 * abs(self._dv))
+        v, dv, w = self._slow
         return (
-            abs(self._v - self._v_slow) <= share * rim + floor * self._track
-            and abs(self._dv - self._dv_slow) <= share * abs(self._dv) + floor * self._track
-            and abs(self._w - self._w_slow) <= share * abs(self._w) + floor
+            abs(self._v - v) <= share * rim + floor * self._track
+            and abs(self._dv - dv) <= share * abs(self._dv) + floor * self._track
+            and abs(self._w - w) <= share * abs(self._w) + floor
         )
 
     def _phase_of(self, kind: Phase, standing: bool) -> Phase:

@@ -75,17 +75,10 @@ class VehicleCheck:
                 fact = f"{name} take a thrust of {median:.2g} of the weight, ground allows {limit}"
                 return _SENTENCE.format(fact)
         if len(uphill) >= _MIN_SLOPES and float(np.std(uphill)) > _MIN_SLOPE_STD:
-            factor, error = _slope(uphill, thrust)
+            (factor, _), covariance = np.polyfit(uphill, thrust, 1, cov=True)
+            error = math.sqrt(covariance[0, 0])
             margin = _CERTAIN * error
             if factor - margin > _TOLERANCE or factor + margin < 1.0 / _TOLERANCE:
                 share = f"{factor:.2g} ± {error:.2g} of what its weight asks for"
                 return _SENTENCE.format(f"on slopes the thrust changes by {share}")
         return ""
-
-
-def _slope(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Least-squares slope and its standard error."""
-    x, y = x - x.mean(), y - y.mean()
-    slope = float(x @ y / (x @ x))
-    residual = y - slope * x
-    return slope, math.sqrt(float(residual @ residual) / (len(x) - 2) / float(x @ x))

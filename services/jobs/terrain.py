@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from slopewise.models.laws.slip_track import rotation_centres
 from slopewise.models.parameters import Model
 from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
 from slopewise.models.terrain.description import GroundChange
@@ -16,7 +17,6 @@ from slopewise.models.terrain.log_checks import implausible
 from slopewise.models.terrain.monitor import DescribedStretch, Event, TerrainMonitor
 from slopewise.models.terrain.phases import Phase
 from slopewise.models.terrain.resistances import Drivetrain
-from slopewise.models.terrain.rotation_centres import rotation_centres
 from slopewise.models.terrain.trace import TerrainTrace, trace
 from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.files import fault, faults_of, shipped_files

@@ -110,7 +110,7 @@ def _stretch_row(run: str, event: DescribedStretch, centres: tuple[float, float]
         "agrees_with": " ".join(event.agrees_with),
         "terrain": event.name,
         "probability": 1.0 - ALPHA if event.name else np.nan,
-        "rules": event.rules.name,
+        "rules": event.rules,
         "note": _note(event),
         "centre_left": centres[0],
         "centre_right": centres[1],

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from slopewise.models.calibration.asymmetry import Asymmetry, asymmetry
 from slopewise.models.calibration.force_fit import (
-    WEAK_PRIOR,
+    by_mount,
     fit_force,
     fit_two_stages,
-    with_mount,
 )
 from slopewise.models.calibration.margins import normal_bound, offset_for
+from slopewise.models.calibration.uphill import Asymmetry, asymmetry
 from slopewise.models.force_design import design
 
 # ------------------------------------------------------------------------------- force fit
@@ -75,12 +74,11 @@ def test_an_error_that_all_stops_share_widens_the_covariance() -> None:
     grown = np.diag(shared.covariance - alone.covariance)
     assert grown[3] == pytest.approx(0.01**2, rel=0.05)
     assert np.all(np.abs(grown[:3]) < 1e-6)
-    misaligned = with_mount(alone, 0.01)
     # Refitting on grades that are all off by 0.01 shows what the covariance claims.
     shifted = fit_force(
         v, theta + 0.01, force - 0.01 * np.cos(theta), np.full(60, 0.004), np.zeros(4)
     )
-    claimed = np.sqrt(np.diag(misaligned.covariance - alone.covariance))
+    claimed = np.sqrt(np.diag(by_mount(alone.coefficients, 0.01)))
     np.testing.assert_allclose(
         np.abs(shifted.coefficients - alone.coefficients)[2:], claimed[2:], rtol=0.1, atol=2e-5
     )
@@ -106,7 +104,7 @@ def stops(k: float, n: int = 80, seed: int = 0, low: float = -0.25) -> Asymmetry
     v, theta = rng.uniform(1.0, 4.0, n), rng.uniform(low, 0.25, n)
     force = (-0.03 * v - 0.35) * theta + 0.015 * v + 0.4 + k * np.maximum(theta, 0.0)
     force += 0.005 * rng.standard_normal(n)
-    return asymmetry(v, theta, force, np.full(n, 0.003), WEAK_PRIOR)
+    return asymmetry(v, theta, force, np.full(n, 0.003))
 
 
 @pytest.mark.parametrize("k", [-0.3, 0.2])
@@ -129,9 +127,6 @@ def test_symmetric_brakes_are_not_suspected() -> None:
 def test_one_side_says_nothing() -> None:
     assert stops(0.3, low=0.0) is None
     assert stops(0.3, n=12) is None
-
-
-# --------------------------------------------------------------------------------- scatter
 
 
 # --------------------------------------------------------------------------------- margins

@@ -74,13 +74,13 @@ def test_nothing_learned_leaves_the_model_as_it_is() -> None:
 def test_until_it_is_valid_an_estimate_only_lowers_the_force() -> None:
     online = learning()
     braked(online, [0.45] * 3)
-    assert not online.valid()
+    assert not online.learned()[""].valid
     assert np.all(
         np.array(lower_bounds(braking_in_use(PRIOR, online.learned())))
         <= np.array(lower_bounds(PRIOR)) + 1e-9
     )
     braked(online, [0.45] * 20)
-    assert online.valid()
+    assert online.learned()[""].valid
     assert min(lower_bounds(braking_in_use(PRIOR, online.learned()))) > min(lower_bounds(PRIOR))
 
 

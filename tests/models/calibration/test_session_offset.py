@@ -223,10 +223,10 @@ def test_a_quantile_above_the_table_is_promised_more_than_its_last() -> None:
 def test_an_invalid_estimate_has_the_promise_of_the_file() -> None:
     online = OnlineBraking(known(table()))
     drive(online, [FORCE] * 40)
-    assert online.valid()
+    assert online.learned()[""].valid
     assert online.learned()[""].distance != table()
     drive(online, [0.6 * FORCE, 1.5 * FORCE] * 3)
-    assert not online.valid()
+    assert not online.learned()[""].valid
     distance = online.learned()[""].distance
     assert distance is not None
     assert distance.worst(0.99) >= table().worst(0.99)

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.terrain.estimator import DriveSample, TerrainEstimator
-from slopewise.models.terrain.gyro_bias import GyroBias
+from slopewise.models.terrain.estimator import DriveSample, GyroBias, TerrainEstimator
 from slopewise.models.terrain.observation import TerrainEstimate
 from slopewise.models.terrain.phases import Phase
 from tests.models.terrain import plant

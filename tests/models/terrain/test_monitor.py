@@ -114,7 +114,7 @@ def test_stuck_is_not_described():
     stuck = [e for e in estimates if isinstance(e, DescribedStretch) and e.is_stuck]
     assert stuck
     assert all(str(e.description) == UNDECIDED and not e.agrees_with for e in stuck)
-    assert all(e.rules.name == "" for e in stuck)
+    assert all(e.rules == "" for e in stuck)
 
 
 # ---------------------------------------------------------------------------- vehicle check
