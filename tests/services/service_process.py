@@ -39,7 +39,13 @@ class Running:
         return f"{self.namespace}/v1/{name}"
 
     def session(self) -> zenoh.Session:
-        return zenoh.open(zenoh_config(ZenohSettings(mode="client", connect=(self.endpoint,))))
+        """A client's session; a service that was suspended just now may refuse the first try."""
+        config = ZenohSettings(mode="client", connect=(self.endpoint,))
+        for _ in range(3):
+            with contextlib.suppress(zenoh.ZError):
+                return zenoh.open(zenoh_config(config))
+            time.sleep(0.5)
+        return zenoh.open(zenoh_config(config))
 
     def peer(self) -> zenoh.Session:
         """A session that lives on when the service is gone."""

@@ -275,6 +275,8 @@ def test_a_warm_up_that_is_killed_leaves_no_process(how: signal.Signals, tmp_pat
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
+        # As from a terminal: what runs in the background inherits that an interrupt is ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
     )
     try:
