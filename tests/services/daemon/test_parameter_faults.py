@@ -286,7 +286,7 @@ def test_a_start_that_fails_ends_all_threads(monkeypatch: pytest.MonkeyPatch) ->
     config = ServiceConfig(model="atv", zenoh=ZenohSettings(listen=endpoints))
     with pytest.raises(zenoh.ZError), Service(config):
         pass
-    until = time.monotonic() + 5.0  # callbacks of a closed session end by themselves
+    until = time.monotonic() + 5.0  # callbacks of a closed session end a little later
     while (left := set(threading.enumerate()) - before) and time.monotonic() < until:
         time.sleep(0.01)
     assert [thread.name for thread in left] == []
