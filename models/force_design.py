@@ -14,3 +14,12 @@ def design(speed: Floats, grade: Floats) -> Floats:
     """
     speed, grade = np.broadcast_arrays(speed, grade)
     return np.column_stack((speed * grade, grade, speed, np.ones_like(speed)))
+
+
+def corner_design(speed_range: tuple[float, float], grade_range: tuple[float, float]) -> Floats:
+    """(4, 4) rows at the corners of a rectangle of speeds [m/s] and grades [rad].
+
+    The force is bilinear in both: a bound at the corners is one everywhere in it.
+    """
+    speed, grade = np.meshgrid(speed_range, grade_range)
+    return design(speed.ravel(), grade.ravel())

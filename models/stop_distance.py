@@ -17,6 +17,10 @@ from slopewise.models.arrays import Floats, Ints
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import STEEPEST, Matrix, quantity, validate_quantities
 
+MIN_PULL = 0.01
+"""Deceleration as a share of gravity below which there is no finite stop [1]."""
+MIN_DISTANCE = 1e-3
+"""Of a stop [m]: a shorter one is raised to it, the log says that there was one."""
 MAX_FACTOR = 50.0
 """Largest factor [1]: a stop fifty times as long as predicted is no stop of the same brakes."""
 

@@ -23,15 +23,13 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.quantity import GRAVITY, Matrix
-from slopewise.models.stop_distance import StopDistance
+from slopewise.models.stop_distance import MIN_PULL, StopDistance
 
 _LATER = (1.0, 1.1, 1.25, 1.5, 2.0)
 """Dead times that are tried, as factors of the predicted one [1]: a longer one allows more where
 stops are short, by less than its share where they are long."""
 _CONSTANTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """Constants that are tried, as shares of the shortest promised stop [1]."""
-_MIN_FORCE = 0.01
-"""Least promised deceleration as a share of gravity [1]: below, there is no finite law."""
 _MIN_LEVEL_FORCE = 1e-3
 """Least promised F_b/W on level ground [1]: a model file holds no brakes that do nothing."""
 _MIN_GRADES, _MIN_SPEEDS = 0.035, 0.05
@@ -183,7 +181,7 @@ class _Law(NamedTuple):
         full = design(speed, grade) @ np.array(self.mean) + self.change(speed, grade)
         pull = self.at_level(full) + np.sin(grade)
         distance = _stop(speed, pull, self.dead_time, 0.0)
-        return np.where(pull > _MIN_FORCE, distance, np.inf)
+        return np.where(pull > MIN_PULL, distance, np.inf)
 
 
 def _stop(
@@ -209,7 +207,7 @@ def _best_line(law: _Law, v: Floats, theta: Floats, allowed: Floats) -> Promised
     )
     # Where dead time and constant alone allow more than the table, the force is no constraint.
     braked = np.maximum(allowed - v * dead[:, None] - constant[:, None], 1e-6)
-    needed = np.where(finite, v * v / (2.0 * GRAVITY * braked), _MIN_FORCE) - np.sin(theta)
+    needed = np.where(finite, v * v / (2.0 * GRAVITY * braked), MIN_PULL) - np.sin(theta)
     change, x, mean = law.change(v, theta), design(v, theta), np.array(law.mean)
     # Nowhere stronger than the prediction; nowhere stronger than the table needs.
     upper = np.minimum(law.full(needed) - change, x @ mean)
@@ -218,7 +216,7 @@ def _best_line(law: _Law, v: Floats, theta: Floats, allowed: Floats) -> Promised
     pull = law.at_level(coefficients @ x.T + change) + np.sin(theta)
     length = _stop(v, pull, dead[:, None], constant[:, None])[:, finite]
     excess = np.mean(length / allowed[finite] - 1.0, axis=1)
-    excess[np.any(pull[:, finite] <= 0.5 * _MIN_FORCE, axis=1)] = np.inf
+    excess[np.any(pull[:, finite] <= 0.5 * MIN_PULL, axis=1)] = np.inf
     k = int(np.argmin(excess))
     if not np.isfinite(excess[k]):
         return None
@@ -251,7 +249,7 @@ def _weakest(law: _Law, v: Floats, theta: Floats, allowed: Floats) -> PromisedLi
     """A line of even deceleration, where none that leans on the mean exists."""
     finite = np.isfinite(allowed)
     pull = v * v / (2.0 * GRAVITY * np.maximum(allowed - v * law.dead_time, 1e-6))
-    min_pull = float(np.min(pull[finite])) if finite.any() else _MIN_FORCE
+    min_pull = float(np.min(pull[finite])) if finite.any() else MIN_PULL
     min_pull -= float(np.max(theta - np.sin(theta)))
     slope = -1.0 / max(law.share, 1e-3)
     full = max(float(law.full(np.array(min_pull))), _MIN_LEVEL_FORCE)

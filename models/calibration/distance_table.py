@@ -19,7 +19,7 @@ from slopewise.models.calibration.distance_model import DistanceModel, StopFeatu
 from slopewise.models.errors import ParameterError
 from slopewise.models.laws import braking as law
 from slopewise.models.quantity import GRAVITY
-from slopewise.models.stop_distance import MAX_FACTOR, StopDistance
+from slopewise.models.stop_distance import MAX_FACTOR, MIN_DISTANCE, MIN_PULL, StopDistance
 
 FEWEST_STOPS = 6
 """Stops from which a surface is learned [1]: two more than its force has coefficients."""
@@ -35,10 +35,6 @@ _MIN_LEVELS = 0.02
 """Spread of levels likewise [1]."""
 _MIN_SHARE = 0.03
 """Of the brakes, below which a stop carries no information on them [1]."""
-_MIN_DISTANCE = 1e-3
-"""Of a stop [m]: the log says that there was one."""
-_MIN_PULL = 0.01
-"""Deceleration as a share of gravity below which there is no finite stop [1]."""
 
 
 class SurfaceLaw(NamedTuple):
@@ -60,7 +56,7 @@ class SurfaceLaw(NamedTuple):
         if self.levels is not None:
             share = np.maximum(self.levels.share(level), _MIN_SHARE)
             force = self.levels.resistance + share * (force - self.levels.resistance)
-        pull = np.maximum(force + np.sin(grade), _MIN_PULL)
+        pull = np.maximum(force + np.sin(grade), MIN_PULL)
         late, distance = speed * self.dead_time, predicted
         if distance is None:
             distance = law.stopping_distance(speed, GRAVITY * pull, self.dead_time, 0.0)
@@ -120,7 +116,7 @@ def learn_distance(
     level = level if law_of.levels is not None else np.ones_like(level)
     at = law_of.features(speed, grade, level, predicted)
     session: Ints = np.unique(stops.session[ends], return_inverse=True)[1].astype(np.int64)
-    log_ratio = np.log(np.maximum(actual, _MIN_DISTANCE) / predicted)
+    log_ratio = np.log(np.maximum(actual, MIN_DISTANCE) / predicted)
     model = fit_distance(at, log_ratio, session)
     table = table_of(model, law_of, (*ranges, (float(level.min()), float(level.max()))))
     return LearnedDistance(at, log_ratio, session, table)

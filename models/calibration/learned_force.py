@@ -15,7 +15,7 @@ import numpy as np
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.recursive import at_least_both
 from slopewise.models.errors import ParameterError
-from slopewise.models.force_design import design
+from slopewise.models.force_design import corner_design, design
 from slopewise.models.parameters import Braking
 from slopewise.models.quantity import Matrix
 from slopewise.models.stop_distance import StopDistance
@@ -134,8 +134,7 @@ def _coefficients(known: Braking, one: LearnedForce) -> dict[str, object]:
     published = np.array(one.published)
     covariance = np.array(one.covariance)
     if not one.valid:
-        speed, grade = np.meshgrid(known.speed_range, known.grade_range)
-        corners = design(speed.ravel(), grade.ravel())
+        corners = corner_design(known.speed_range, known.grade_range)
         default = np.array([getattr(known, name) for name in NAMES])
         lower = np.minimum(corners @ published, corners @ default)
         published = np.linalg.solve(corners, lower)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,15 +25,6 @@ from slopewise.models.stop_distance import StopDistance
 from slopewise.models.stop_logs.stop_stream import StreamedStop
 
 
-@dataclass(frozen=True, slots=True)
-class OnlineStop:
-    """A stop that was just completed, and the outcome of its update."""
-
-    surface: str
-    measured: StreamedStop
-    outcome: Acceptance
-
-
 class _Surface:
     def __init__(
         self, known: Braking, recursive: RecursiveSettings, publish: PublishSettings
@@ -47,8 +37,9 @@ class _Surface:
         self.last: deque[bool] = deque(maxlen=publish.window)
         self.low = LowStops()
         table = known.distance
-        has_sessions = table is not None and table.session_std > 0.0
-        self.session = SessionOffset(table, start) if table is not None and has_sessions else None
+        self.session: SessionOffset | None = None
+        if table is not None and table.session_std > 0.0:
+            self.session = SessionOffset(table, start)
         self.dead_time = self.known_dead_time = known.dead_time
         self.pristine = True
 
@@ -100,7 +91,7 @@ class OnlineBraking:
         distance: float | None = None,
         dead_time: float = 0.0,
         may_narrow: bool = True,
-    ) -> OnlineStop:
+    ) -> Acceptance:
         """Learn from a measured stop.
 
         Args:
@@ -112,7 +103,7 @@ class OnlineBraking:
         before, was_valid = state.published.corner_forces.mean(), state.published.valid
         outcome = state.take(stop, self._recursive.scatter, self._publish.window)
         if distance is None or state.session is None or outcome is Acceptance.UNINFORMATIVE:
-            return OnlineStop(surface, stop, outcome)
+            return outcome
         if outcome is Acceptance.CHANGED:
             state.session.restart(RECENT - 1)
         if outcome is not Acceptance.GATED or state.estimate.row < 0:
@@ -129,7 +120,7 @@ class OnlineBraking:
             )
         if was_valid and not state.published.valid:
             state.session.age(1.0)
-        return OnlineStop(surface, stop, outcome)
+        return outcome
 
     def age(self, seconds: float, time_constant: float = 3600.0) -> None:
         """Age all surfaces: wider covariance, force back to the default if weaker."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
-from slopewise.models.force_design import design
+from slopewise.models.force_design import corner_design
 
 WINDOW = 24
 """Stops that are remembered [1]: so many true stops after the last weak one a rise begins."""
@@ -86,8 +86,7 @@ class PublishedForce:
         # By how much the other end of the grades falls for each end raised: level ground stays.
         level = down < 0.0 < up
         self._other_end = np.array([[-up / down], [-down / up]]) if level else np.zeros((2, 1))
-        speed, grade = np.meshgrid(speed_range, grade_range)
-        self._corners = design(speed.ravel(), grade.ravel())
+        self._corners = corner_design(speed_range, grade_range)
         self._back = np.linalg.inv(self._corners)
         self._default = self._bounded(self._corners @ coefficients)
         self._force = self._default.copy()

@@ -31,7 +31,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import design
 from slopewise.models.laws import braking
 from slopewise.models.quantity import GRAVITY
-from slopewise.models.stop_distance import MAX_FACTOR, StopDistance
+from slopewise.models.stop_distance import MAX_FACTOR, MIN_DISTANCE, MIN_PULL, StopDistance
 
 WINDOW = 50
 """Stops that are remembered [1]: by then V is a few percent of w²."""
@@ -43,10 +43,6 @@ _PRIOR_STOPS = 6
 """Stops that the scatter of the table counts for, in addition to that of the session [1]."""
 _QUANTILE = 0.9
 """At which the spread of a table is read off [1]: tails are part of what lies beyond."""
-_MIN_DISTANCE = 1e-3
-"""Shorter distances are raised to it [m]."""
-_MIN_PULL = 0.01
-"""Deceleration as a share of gravity below which there is no finite stop [1]."""
 
 
 class SessionStop(NamedTuple):
@@ -130,7 +126,7 @@ class SessionOffset:
         speed, grade, distance = np.array(self.stops).T
         median = np.log(known.at(0.5, 1.0, speed, grade))
         width = np.log(known.at(_QUANTILE, 1.0, speed, grade)) - median
-        distance = np.maximum(distance, _MIN_DISTANCE)
+        distance = np.maximum(distance, MIN_DISTANCE)
         residual = np.log(distance / _predicted(speed, grade, coefficients, dead_time)) - median
         precision = 1.0 / _within(width, std)
 
@@ -158,7 +154,7 @@ class SessionOffset:
 
 def _predicted(speed: Floats, grade: Floats, coefficients: Floats, dead_time: float) -> Floats:
     """(n,) distances on even slopes [m]."""
-    pull = np.maximum(design(speed, grade) @ coefficients + np.sin(grade), _MIN_PULL)
+    pull = np.maximum(design(speed, grade) @ coefficients + np.sin(grade), MIN_PULL)
     result: Floats = braking.stopping_distance(speed, GRAVITY * pull, dead_time, 0.0)
     return result
 

@@ -8,7 +8,7 @@ clients and others, at rest and driving, several times in a row as from a robot.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -48,9 +48,11 @@ def as_calibrated(parameters: ActiveParameters) -> ActiveParameters:
     return replace(parameters, model=model, revision=-1_000_000 - parameters.revision)
 
 
-def requests() -> Iterator[tuple[MapSnapshot, PlanRequest]]:
-    """Maps and requests, in order."""
-    for elevation_map in _maps():
+def requests(
+    maps: Iterable[ElevationMap] | None = None,
+) -> Iterator[tuple[MapSnapshot, PlanRequest]]:
+    """Maps, all by default, and requests, in order."""
+    for elevation_map in _maps() if maps is None else maps:
         snapshot = MapSnapshot(elevation_map, 0, time.monotonic())
         yield snapshot, PlanRequest(speed=0.0, paths=_fan(1))
         yield snapshot, PlanRequest(speed=1.0, paths=_fan(1), clear=15.0)
@@ -63,16 +65,15 @@ def run(plans: PlanService) -> None:
     """Answer all of them, so that no later request waits for a compiler."""
     initial = plans.parameters
     calibrated = as_calibrated(initial)
-    everything = list(requests())
+    level, *uneven, classes = _maps()
     # A learned surface is separate from the base, and planned with other kernels than one alone.
-    one_surface = everything[:4] + everything[-4:]
-    for parameters, some in (
-        (as_learned(calibrated), everything),
-        (calibrated, one_surface),
-        (initial, one_surface),
+    for parameters, maps in (
+        (as_learned(calibrated), (level, *uneven, classes)),
+        (calibrated, (level, classes)),
+        (initial, (level, classes)),
     ):
         plans.learn(parameters)
-        for snapshot, request in some:
+        for snapshot, request in requests(maps):
             codec.encode(plans.answer(request, snapshot, CLIENT), Format.MESSAGEPACK)
     plans.drop(CLIENT)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.effects import registry
+from slopewise.models.force_design import corner_design
 from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.stop_promise import promised
 from slopewise.models.surface_braking import SurfaceBraking
@@ -163,14 +164,15 @@ def given_up(mean: Braking, weaker: Braking) -> float:
 
     Stops are as much stronger than their mean as a promise is weaker.
     """
-    speed, grade = (a.ravel() for a in np.meshgrid(mean.speed_range, mean.grade_range))
-    difference = np.zeros(len(speed))
-    for sign, on in ((1.0, mean), (-1.0, weaker)):
+    corners = corner_design(mean.speed_range, mean.grade_range)
+    forces = []
+    for on in (mean, weaker):
         uphill = on.uphill or on
-        slope = np.where(grade > 0.0, uphill.m_m, on.m_m) * speed
-        slope += np.where(grade > 0.0, uphill.b_m, on.b_m)
-        difference += sign * (slope * grade + on.m_b * speed + on.b_b)
-    return max(float(difference.max()), 0.0)
+        sides = np.array(
+            [[on.m_m, on.b_m, on.m_b, on.b_b], [uphill.m_m, uphill.b_m, on.m_b, on.b_b]]
+        )
+        forces.append(np.sum(corners * sides[(corners[:, 1] > 0.0).astype(int)], axis=1))
+    return max(float(np.max(forces[0] - forces[1])), 0.0)
 
 
 def brake_table(model: GuardModel) -> SurfaceTable:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slopewise.models.force_design import design
+from slopewise.models.force_design import corner_design
 from slopewise.services.guard.guard_model import SPREAD, GuardModel, SurfaceTable, brake_table
 from slopewise.services.guard.stop_distances import Tables
 from slopewise.services.wire.parameter_messages import FORCE_STD, STOP_FACTOR, ParameterGroup
@@ -89,8 +89,8 @@ def _learn(table: SurfaceTable, k: int, group: ParameterGroup) -> None:
 
 def _weaker_by(table: SurfaceTable, k: int, group: ParameterGroup) -> float:
     """Largest F_b/W [1] by which the learned mean is above a row of a table."""
-    speed, grade = np.meshgrid(
+    corners = corner_design(
         (table.slowest[k], table.fastest[k]), (table.grade_min[k], table.grade_max[k])
     )
-    names = np.array([group.values[name] - getattr(table, name)[k] for name in _FORCE])
-    return max(float(np.max(design(speed.ravel(), grade.ravel()) @ names)), 0.0)
+    difference = np.array([group.values[name] - getattr(table, name)[k] for name in _FORCE])
+    return max(float(np.max(corners @ difference)), 0.0)

@@ -17,7 +17,7 @@ from slopewise.models.calibration.learned_force import LearnedForce, braking_in_
 from slopewise.models.calibration.online import OnlineBraking
 from slopewise.models.calibration.published import PublishSettings
 from slopewise.models.calibration.recursive import Acceptance, RecursiveSettings
-from slopewise.models.force_design import design
+from slopewise.models.force_design import corner_design, design
 from slopewise.models.parameters import Braking
 from slopewise.models.quantity import Matrix
 from slopewise.models.stop_logs.stop_stream import StreamedStop
@@ -123,7 +123,7 @@ class BrakingForces:
         if 0.0 <= stop.dead_time <= MAX_DEAD_TIME:
             self.dead_times.append(stop.dead_time)
         more = {"distance": distance, "dead_time": self.dead_time()}
-        outcome = self._online.take(stop, surface, may_narrow=may_narrow, **more).outcome
+        outcome = self._online.take(stop, surface, may_narrow=may_narrow, **more)
         if outcome is Acceptance.GATED and stop.force_ratio < planned:
             self._lower_after_rejections(stop, surface, source, planned)
         else:
@@ -174,14 +174,13 @@ class BrakingForces:
         used = self.planning_braking({})
         planned = corners @ coefficients_of(used)
         promise = used.on(surface).distance if surface in used.terrain else None
-        wider = promise is not None and self._online.widen("", promise)
-        if "" not in learned and np.all(planned <= corners @ below + _TOLERANCE):
-            if wider:
-                self._changed()
-            return wider
-        self._online.doubt("", below)
-        self._changed()
-        return True
+        lowered = promise is not None and self._online.widen("", promise)
+        if "" in learned or np.any(planned > corners @ below + _TOLERANCE):
+            self._online.doubt("", below)
+            lowered = True
+        if lowered:
+            self._changed()
+        return lowered
 
     def new_session(self, surface: str) -> None:
         """The ground may be another, under the same name."""
@@ -344,5 +343,4 @@ class BrakingForces:
 
     def _corners(self, surface: str) -> Floats:
         known = self.prior_on(surface)
-        speed, grade = np.meshgrid(known.speed_range, known.grade_range)
-        return design(speed.ravel(), grade.ravel())
+        return corner_design(known.speed_range, known.grade_range)

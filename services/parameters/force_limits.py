@@ -13,7 +13,7 @@ from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.learned_force import LearnedForce
 from slopewise.models.calibration.published import PublishSettings
 from slopewise.models.errors import ParameterError
-from slopewise.models.force_design import design
+from slopewise.models.force_design import corner_design
 from slopewise.models.parameters import Braking
 from slopewise.models.surface_braking import SurfaceBraking
 
@@ -77,20 +77,16 @@ def _limit_surface(
 ) -> tuple[dict[str, Any], bool]:
     """Coefficients to replace, empty within the limit; True if the force exceeds the file."""
     speeds, grades = _value(used, table, "speed_range"), _value(used, table, "grade_range")
-    speed, grade = np.meshgrid(speeds, grades)
-    corners = design(speed.ravel(), grade.ravel())
+    corners = corner_design(speeds, grades)
     file = corners @ np.array([_value(prior, known, name) for name in NAMES])
     force = corners @ np.array([_value(used, table, name) for name in NAMES])
     limit = file + share * np.abs(file)
-    typical, excess = _REPORTED_EXCESS, np.minimum(force, limit) - file
-    distance = _value(prior, known, "distance")
+    excess, distance = np.minimum(force, limit) - file, _value(prior, known, "distance")
+    above = bool(np.any(excess > _REPORTED_EXCESS))
     if distance is not None:
         # Sessions differ, and corners more than the middle: neither is reported.
-        typical, excess = (
-            (_TYPICAL_EXCESS + 3.0 * distance.session_std) * file.mean(),
-            excess.mean(),
-        )
-    above = bool(np.any(excess > typical))
+        typical = (_TYPICAL_EXCESS + 3.0 * distance.session_std) * file.mean()
+        above = bool(excess.mean() > typical)
     if np.all(force <= limit + _TOLERANCE):
         return {}, above
     lower = np.linalg.solve(corners, np.minimum(force, limit))

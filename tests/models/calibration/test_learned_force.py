@@ -46,7 +46,7 @@ def braked(online: OnlineBraking, forces: list[float], surface: str = "") -> lis
     for i, level in enumerate(forces):
         v, g = 1.2 + 0.4 * (i % 7), 0.1 * (-1) ** i
         force = level + PRIOR.m_b * (v - 2.0) + (PRIOR.m_m * v + PRIOR.b_m) * g
-        outcomes.append(online.take(stop(force, v, g), surface).outcome)
+        outcomes.append(online.take(stop(force, v, g), surface))
     return outcomes
 
 
@@ -88,7 +88,7 @@ def test_until_it_is_valid_an_estimate_only_lowers_the_force() -> None:
 def test_two_stops_on_weaker_ground_are_followed_fully(weaker: float) -> None:
     online = learning()
     braked(online, [0.32] * 12)
-    outcomes = [online.take(stop(weaker)).outcome for _ in range(2)]
+    outcomes = [online.take(stop(weaker)) for _ in range(2)]
     assert outcomes == [Acceptance.GATED, Acceptance.CHANGED]
     used = braking_in_use(PRIOR, online.learned())
     assert used.m_b * 2.0 + used.b_b == pytest.approx(weaker, abs=0.02)
@@ -111,7 +111,7 @@ def test_uncertainty_reverts_the_gain_and_nothing_more() -> None:
     assert np.all(np.array(inflated) <= fast)
     assert np.all(np.array(inflated) <= np.array(lower_bounds(PRIOR)) + 1e-9)
     assert min(inflated) > 0.5 * min(lower_bounds(PRIOR)), "it must still be able to drive"
-    assert online.take(stop(0.10)).outcome is Acceptance.ACCEPTED, "open to the first stop"
+    assert online.take(stop(0.10)) is Acceptance.ACCEPTED, "open to the first stop"
     online.doubt("", np.array([0.0, 0.0, 0.0, 0.05]))
     used = braking_in_use(PRIOR, online.learned())
     assert used.b_b + 2.0 * used.m_b <= 0.05 + 1e-9
@@ -149,7 +149,7 @@ def test_restored_it_is_as_it_was_only_older(forces: list[float], age: float) ->
     np.testing.assert_allclose(restored.covariance, aged.covariance, rtol=1e-6, atol=1e-12)
     assert (restored.valid, restored.accepted) == (aged.valid, aged.accepted)
     if learned_force.accepted:
-        assert again.take(stop(0.3)).outcome == online.take(stop(0.3)).outcome
+        assert again.take(stop(0.3)) == online.take(stop(0.3))
 
 
 def test_surfaces_learn_separately_and_the_base_does_not_move_those_of_the_file() -> None:

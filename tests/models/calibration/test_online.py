@@ -42,7 +42,7 @@ def test_it_learns_while_driving() -> None:
     assert not online.learned()
     done = [online.take(stop) for stop in driven(plant, 120, 0)]
     assert len(done) == 120
-    assert sum(stop.outcome is Acceptance.ACCEPTED for stop in done) > 110
+    assert sum(stop is Acceptance.ACCEPTED for stop in done) > 110
     v, theta = np.meshgrid(np.linspace(1, 4, 5), np.linspace(-0.25, 0.25, 5))
     m_m, b_m, m_b, b_b = online.coefficients()
     force = (m_m * v + b_m) * theta + m_b * v + b_b

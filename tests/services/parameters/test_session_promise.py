@@ -19,7 +19,8 @@ from slopewise.services.guard.service_parameters import ServiceParameters
 from slopewise.services.io.model_file import model_to_dict
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.wire.model_proposal import ModelProposal
-from slopewise.services.wire.parameter_messages import STOP_FACTOR, ParameterGroup
+from slopewise.services.wire.parameter_messages import STOP_FACTOR
+from tests.services.guard.guard_fixtures import braking_group
 from tests.services.parameters.parameter_fixtures import ATV, G, started, stop
 
 QUANTILES = (0.5, 0.9, 0.99, 0.999, 0.9999)
@@ -212,19 +213,9 @@ def test_the_guard_stops_by_the_promise_of_the_session(grade: float) -> None:
     on, wide = FILE.braking, 1.3
     names = ("m_m", "b_m", "m_b", "b_b", "dead_time")
     values = {name: getattr(on, name) for name in names} | {STOP_FACTOR: wide}
-    group = ParameterGroup(
-        group="braking",
-        version=2,
-        valid=True,
-        age=0.0,
-        fingerprint="",
-        cause="",
-        who="",
-        values=values,
-    )
     file = guard_model(FILE)
     guard = ServiceParameters(file, trusted=True)
-    guard.take(group)
+    guard.take(braking_group(**values))
     (table,) = guard.tables()
     force = (on.m_m * SPEED + on.b_m) * grade + on.level_force(SPEED)
     pull = G * (force + np.sin(grade))
