@@ -39,13 +39,17 @@ class Running:
         return f"{self.namespace}/v1/{name}"
 
     def session(self) -> zenoh.Session:
-        """A client's session; a service that was suspended just now may refuse the first try."""
+        """A client's session; a service on a busy machine may refuse the first tries."""
         config = ZenohSettings(mode="client", connect=(self.endpoint,))
-        for _ in range(3):
-            with contextlib.suppress(zenoh.ZError):
+        until = time.monotonic() + 20.0
+        while True:
+            try:
                 return zenoh.open(zenoh_config(config))
+            except zenoh.ZError:
+                assert self.process.poll() is None, f"the service ended: {self.process.poll()}"
+                if time.monotonic() > until:
+                    raise
             time.sleep(0.5)
-        return zenoh.open(zenoh_config(config))
 
     def peer(self) -> zenoh.Session:
         """A session that lives on when the service is gone."""

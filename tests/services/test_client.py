@@ -48,16 +48,17 @@ def test_kill_minus_nine_and_the_client_stops_by_itself(tmp_path: Path) -> None:
         is_safe(outcome, 2.0)
 
 
-def test_a_hung_service_is_one_that_does_not_answer(service: Running) -> None:
+def test_a_hung_service_is_one_that_does_not_answer(tmp_path: Path) -> None:
     with (
-        service.session() as opened,
-        PlanClient(opened, namespace=service.namespace, timeout=0.3) as client,
+        running(tmp_path) as hung,
+        hung.session() as opened,
+        PlanClient(opened, namespace=hung.namespace, timeout=0.3) as client,
     ):
-        suspend(service.process.pid)
+        suspend(hung.process.pid)
         begun = time.monotonic()
         outcome = client.plan(1.5, fan())
         took = time.monotonic() - begun
-        service.process.send_signal(signal.SIGCONT)
+        hung.process.send_signal(signal.SIGCONT)
     is_safe(outcome, 1.5)
     assert 0.25 < took < 0.8
     assert outcome.stop is not None
