@@ -6,6 +6,7 @@ thousand candidates that takes as long as planning them. A block that comes back
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Any
 
@@ -38,7 +39,7 @@ class _Loan:
 
 def empty(*shape: int) -> Floats:
     """An array of floats whose values are whatever was there before."""
-    size = 8 * int(np.prod(shape, dtype=np.int64))
+    size = 8 * math.prod(shape)
     if size < _SMALL:
         return np.empty(shape)
     array: Floats = np.asarray(_Loan(_block(size), size)).view(np.float64).reshape(shape)
@@ -47,7 +48,7 @@ def empty(*shape: int) -> Floats:
 
 def empty_singles(*shape: int) -> Singles:
     """As :func:`empty`, of half the precision."""
-    count = int(np.prod(shape, dtype=np.int64))
+    count = math.prod(shape)
     array: Singles = empty((count + 1) // 2).view(np.float32)[:count].reshape(shape)
     return array
 
