@@ -7,8 +7,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 JOBS ?= 2
+CORE := hatch_build.py $(wildcard planner/core/*)
 
-.PHONY: demo test lint nightly bench docs format clean
+.PHONY: demo test lint core nightly bench docs format clean
 
 demo: $(VENV)/.installed  ## plan a dozen candidates over a generated hill, and say where the page is
 	$(BIN)/slopewise demo --out out/demo
@@ -21,6 +22,9 @@ lint: $(VENV)/.installed-dev  ## style, types, import contracts
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+core: $(VENV)/bin/python  ## the compiled core, again, and nothing else
+	$(PIP) install -e . --no-deps
 
 nightly: $(VENV)/.installed-dev  ## thousands of generated cases, all real terrain
 	$(BIN)/python -m pytest -n $(JOBS) -m nightly --timeout 7200
@@ -41,16 +45,16 @@ format: $(VENV)/.installed-dev
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) out build dist *.egg-info
+	rm -rf $(VENV) out build dist *.egg-info planner/_core.*so
 
 $(VENV)/bin/python:
 	$(if $(PYTHON),,$(error no Python of at least 3.11 runs here: install one, such as python3.12 with its venv, or name it with PYTHON=))
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt
+$(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt $(CORE)
 	$(PIP) install -e . -c constraints.txt
 	touch $@
 
-$(VENV)/.installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt
+$(VENV)/.installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt $(CORE)
 	$(PIP) install -e ".[dev]" -c constraints.txt
 	touch $@ $(VENV)/.installed

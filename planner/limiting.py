@@ -134,14 +134,14 @@ BOUNDS: dict[Limiting, Bound] = {
     ),
     Limiting.DECEL: Bound(
         "service braking as hard as allowed",
-        "slopewise.planner.profile.time_optimal:_slow_down",
+        "slopewise.planner.profile.time_optimal:time_optimal_profile",
         Lift(out_of_reach=("limits.decel",)),
         "#e6a100",
         dark_text=True,
     ),
     Limiting.JERK: Bound(
         "acceleration must change smoothly",
-        "slopewise.planner.profile.smoothing_program:program",
+        "slopewise.planner.profile.smoothing:smooth",
         Lift({"smooth": False}),
         "#2fa08c",
         dark_text=True,

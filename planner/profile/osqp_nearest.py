@@ -1,5 +1,4 @@
-"""The same nearest point by OSQP, which shares nothing with
-:mod:`slopewise.planner.profile.banded_nearest`.
+"""The nearest point by OSQP, which shares nothing with `planner/core/nearest_point.hpp`.
 
 A first-order method: slow where constraints are active over many stations, but it has no factors
 that could break down. It is asked where the interior-point method fails.
@@ -19,21 +18,29 @@ _ITERATIONS = 4000
 """In which it gets there nineteen times out of twenty; that nothing is feasible takes it 250."""
 
 
-def nearest_by_osqp(
-    wanted: Floats, fixed: Bools, rows: Floats, limit: Floats, x: Floats, force: Floats
-) -> int:
-    """As :func:`slopewise.planner.profile.banded_nearest.nearest`; constraints are kept within
-    1e-4.
+def nearest_by_osqp(target: Floats, fixed: Bools, rows: Floats, limit: Floats, x: Floats) -> int:
+    """Minimise |x − target|² / 2 over rows · x <= limit, which is kept within 1e-4.
+
+    Args:
+        target: (N,) the other point, N >= 3.
+        fixed: (N,) where x is as target.
+        rows: (K, 3, N) coefficients of x[k], x[k + 1] and x[k + 2] in K rows for each k; 0 behind
+            the last station, and in all of a row that there is not, whose limit is positive.
+        limit: (K, N) upper limits.
+        x: (N,) out, the answer.
+
+    Returns:
+        Iterations, at least one; negative if no point keeps the constraints.
     """
-    n = len(wanted)
+    n = len(target)
     a, right = matrix_of(rows), limit.ravel()
     # What is fixed moves to the right.
-    right = right - a @ np.where(fixed, wanted, 0.0)
+    right = right - a @ np.where(fixed, target, 0.0)
     a = a @ sparse.diags(np.where(fixed, 0.0, 1.0))
     solver = osqp.OSQP()
     solver.setup(
         sparse.eye(n, format="csc"),
-        -wanted,
+        -target,
         a.tocsc(),
         np.full(len(right), -np.inf),
         right,
@@ -49,8 +56,7 @@ def nearest_by_osqp(
     used = max(int(result.info.iter), 1)
     if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
         return -used
-    x[:] = np.where(fixed, wanted, result.x)
-    force[:] = np.maximum(result.y, 0.0).reshape(force.shape)
+    x[:] = np.where(fixed, target, result.x)
     return used
 
 

@@ -16,7 +16,7 @@ pytest.importorskip("hatchling", reason="the dev extra is not installed")
 
 ROOT = Path(__file__).parents[2]
 PARTS = ("slopewise", "models", "planner", "services", "configs", "benchmarks")
-FILES = ("pyproject.toml", "README.md", "LICENSE")
+FILES = ("hatch_build.py", "pyproject.toml", "README.md", "LICENSE")
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def pip(command: str, what: Path, *options: object) -> None:
         [sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
 
@@ -83,9 +83,22 @@ def test_a_source_archive_has_the_linked_folders(wheel: Path, tmp_path: Path) ->
     )
     with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as archive:
         names = {name.split("/", 1)[1] for name in archive.getnames()}
-    inside = {"slopewise/models/laws/braking.py", "slopewise/configs/vehicles/atv.toml"}
+    inside = {
+        "hatch_build.py",
+        "slopewise/models/laws/braking.py",
+        "slopewise/configs/vehicles/atv.toml",
+        "slopewise/planner/core/CMakeLists.txt",
+        "slopewise/planner/core/smoothing.hpp",
+    }
     assert inside <= names
     assert not any(name.startswith(("models/", "planner/", "services/")) for name in names)
+
+
+def test_it_holds_a_core_for_this_platform_alone(wheel: Path) -> None:
+    assert not wheel.name.endswith("-none-any.whl")
+    cores = [name for name in zipfile.ZipFile(wheel).namelist() if name.endswith(".so")]
+    assert len(cores) == 1
+    assert cores[0].startswith("slopewise/planner/_core.")
 
 
 def test_shipped_vehicles_and_benchmarks_are_inside(installed: Path, tmp_path: Path) -> None:

@@ -1,0 +1,101 @@
+// Random problems through the core, for the sanitizers and for what has to hold of every answer.
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "smoothing.hpp"
+#include "time_optimal.hpp"
+
+using namespace slopewise;
+
+namespace {
+
+std::mt19937_64 generator;
+
+double uniform(double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(generator);
+}
+
+Index whole(Index low, Index high) {
+  return std::uniform_int_distribution<Index>(low, high)(generator);
+}
+
+void expect(bool holds, const char* what) {
+  if (holds) return;
+  std::fprintf(stderr, "violated: %s\n", what);
+  std::exit(1);
+}
+
+// Memory of the exact size, so that a step beyond it is found.
+std::vector<double> numbers(Index count, double low, double high) {
+  std::vector<double> out(static_cast<std::size_t>(count));
+  for (double& number : out) number = uniform(low, high);
+  return out;
+}
+
+void time_optimal_batch() {
+  const Index n = whole(1, 90), m = whole(1, 150), size = n * m;
+  std::vector<std::vector<double>> rows;
+  const double low[] = {0, 0, -0.3, -0.04, 0.05, 0, 0, -0.1, -1};
+  const double high[] = {0, 9, 0.3, 0.04, 0.8, 2, 1.5, 0.3, -1};
+  Table table{n, m, {}};
+  for (std::size_t r = 0; r < row_count; ++r) rows.push_back(numbers(size, low[r], high[r]));
+  for (std::size_t r = 0; r < row_count; ++r) table.rows[r] = rows[r].data();
+  for (Index i = 0; i < size; ++i) {
+    rows[0][static_cast<std::size_t>(i)] = 0.25 * static_cast<double>(i / m);
+    if (uniform(0, 1) < 0.05) rows[1][static_cast<std::size_t>(i)] = 0.0;
+  }
+  const bool hard = uniform(0, 1) < 0.3, broken = uniform(0, 1) < 0.1;
+  if (broken) rows[1][static_cast<std::size_t>(whole(0, size - 1))] = std::nan("");
+  const auto start = numbers(m, 0, 9);
+  std::vector<double> reachable(start.size()), cost(start.size());
+  std::vector<double> memory(static_cast<std::size_t>(time_optimal_memory(n)));
+  const Limits limits{hard ? std::numeric_limits<double>::infinity() : uniform(0.3, 4),
+                      uniform(0.05, 2)};
+  solve_time_optimal(table, limits, start.data(), reachable.data(), memory.data());
+  add_travel_cost(rows[0].data(), rows[8].data(), n, m, 3.0, cost.data());
+  for (std::size_t i = 0; !broken && i < rows[8].size(); ++i) {
+    expect(rows[8][i] >= 0.0 && rows[8][i] <= rows[1][i], "0 <= v² <= bound");
+  }
+}
+
+void smoothing() {
+  const Index n = whole(min_stations, 200);
+  const auto ds = numbers(n - 1, 0.05, 0.5), accel = numbers(n - 1, 0.0, 2.0),
+             decel = numbers(n - 1, 0.3, 3.0);
+  auto top = numbers(n, 0.0, 9.0);
+  if (uniform(0, 1) < 0.5) top.back() = 0.0;
+  for (Index k = 0; uniform(0, 1) < 0.7 && k < 3; ++k) {
+    top[static_cast<std::size_t>(whole(0, n - 1))] = 0.0;
+  }
+  const double before = uniform(0, 1) < 0.5 ? std::nan("") : uniform(-6, 6);
+  const SmoothingProblem p{n,           ds.data(), top.data(), accel.data(), decel.data(),
+                           uniform(0.5, 10), before};
+  std::vector<double> memory(static_cast<std::size_t>(smoothing_memory(n))), answer(top.size()),
+      inside(top.size());
+  const int iterations = smooth(p, memory.data(), answer.data());
+  expect(std::abs(iterations) <= max_linearisations * max_iterations, "iterations are bounded");
+  if (iterations <= 0) return;
+  keep_inside(answer.data(), top.data(), n, inside.data());
+  for (std::size_t k = 0; k < inside.size(); ++k) {
+    expect(std::abs(inside[k] - answer[k]) < 1e-3, "the answer is below the time-optimal profile");
+  }
+}
+
+}  // namespace
+
+int main(int count, char** arguments) {
+  const double seconds = count > 1 ? std::atof(arguments[1]) : 1.0;
+  const auto start = std::chrono::steady_clock::now();
+  Index problems = 0;
+  while (std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() <
+         seconds) {
+    generator.seed(static_cast<unsigned long>(problems++));
+    time_optimal_batch();
+    smoothing();
+  }
+  std::printf("%td problems\n", problems);
+}
