@@ -28,6 +28,9 @@ class ElevationMap:
         terrain_class: (rows, cols) index into ``class_names``, or None without classes.
         class_names: name of each class; index 0 is the base surface.
         height_std: error of the heights of cells against each other [m], one for all.
+        height_std_is_assumed: nobody stated it, so that the heights themselves may tell less.
+        correlation_length: over which errors of cells are alike [m]: of two at a distance d their
+            correlation is exp(-d² / 2 L²). 0: errors are independent.
         assumed: assumptions made of its source, in sentences.
     """
 
@@ -37,6 +40,8 @@ class ElevationMap:
     terrain_class: Ints | None = None
     class_names: tuple[str, ...] = field(default=("",))
     height_std: float = 0.0
+    height_std_is_assumed: bool = False
+    correlation_length: float = 0.0
     assumed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -49,15 +54,17 @@ class ElevationMap:
             raise ParameterError("resolution", f"a cell edge > 0 [m], got {self.resolution!r}")
         if np.shape(self.origin) != (2,) or not np.all(np.isfinite(self.origin)):
             raise ParameterError("origin", f"two finite coordinates [m], got {self.origin!r}")
-        if not (np.isfinite(self.height_std) and self.height_std >= 0.0):
-            raise ParameterError("height_std", f"a length >= 0 [m], got {self.height_std!r}")
+        for name in ("height_std", "correlation_length"):
+            length = getattr(self, name)
+            if not (np.isfinite(length) and length >= 0.0):
+                raise ParameterError(name, f"a length >= 0 [m], got {length!r}")
+            object.__setattr__(self, name, float(length))
         if not np.any(np.isfinite(elevation)):
             raise ParameterError("elevation", "at least one known cell, all are unknown")
         # Kernels are compiled for floats; an int would cause another compilation.
         x, y = self.origin
         object.__setattr__(self, "origin", (float(x), float(y)))
         object.__setattr__(self, "resolution", float(self.resolution))
-        object.__setattr__(self, "height_std", float(self.height_std))
         elevation[np.isinf(elevation)] = np.nan
         object.__setattr__(self, "elevation", read_only(elevation))
         if self.terrain_class is not None:

@@ -1,5 +1,7 @@
 """The compiled core; `planner/core/` has its sources."""
 
+import numpy as np
+
 from slopewise.models.arrays import Floats
 
 DIGEST: str
@@ -25,6 +27,29 @@ def time_optimal(
     speed_sq: Floats,
     reachable_start_sq: Floats,
 ) -> None: ...
+def average_heights(
+    elevation: Floats,
+    wide_row: np.ndarray,
+    wide_column: np.ndarray,
+    wide_weights: np.ndarray,
+    wide_std: np.ndarray,
+    slopes: np.ndarray,
+    narrow_row: np.ndarray,
+    narrow_column: np.ndarray,
+    narrow_weights: np.ndarray,
+    narrow_std: np.ndarray,
+    row: np.ndarray,
+    column: np.ndarray,
+    start: np.ndarray,
+    variance: Floats,
+    stride: int,
+    reach: int,
+    noise: float,
+    block_noise: float,
+    significance: float,
+    known_share: float,
+    heights: Floats,
+) -> int: ...
 def travel_cost(
     station: Floats, speed_sq: Floats, horizon_penalty: float, cost: Floats
 ) -> None: ...

@@ -12,6 +12,7 @@
 #include <initializer_list>
 #include <string>
 
+#include "averaged_heights.hpp"
 #include "smoothing.hpp"
 #include "time_optimal.hpp"
 
@@ -117,6 +118,49 @@ void keep_profile_inside(const Input1& speed_sq, const Input1& speed_sq_max, con
   keep_inside(speed_sq.data(), speed_sq_max.data(), n, out.data());
 }
 
+using Taps1 = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Floats1 = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Floats2 = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Floats3 = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+
+Taps taps_of(const Taps1& row, const Taps1& column) {
+  const auto count = static_cast<Index>(row.shape(0));
+  expect_shape("column", column, {count});
+  return {count, row.data(), column.data()};
+}
+
+Contrasts contrasts_of(const Taps1& row, const Taps1& column, const Floats2& weights,
+                       const Floats1& std) {
+  const auto count = static_cast<Index>(weights.shape(0));
+  const Taps taps = taps_of(row, column);
+  expect_shape("weights", weights, {count, taps.count});
+  expect_shape("std", std, {count});
+  return {taps, count, 0, weights.data(), std.data(), nullptr, nullptr};
+}
+
+Index average(const Input2& elevation, const Taps1& wide_row, const Taps1& wide_column,
+              const Floats2& wide_weights, const Floats1& wide_std, const Floats3& slopes,
+              const Taps1& narrow_row, const Taps1& narrow_column, const Floats2& narrow_weights,
+              const Floats1& narrow_std, const Taps1& row, const Taps1& column, const Taps1& start,
+              const Input1& variance, Index stride, Index reach, double noise, double block_noise,
+              double significance, double known_share, const Output2& heights) {
+  const auto rows = static_cast<Index>(elevation.shape(0));
+  const auto columns = static_cast<Index>(elevation.shape(1));
+  const auto windows = static_cast<Index>(variance.shape(0));
+  expect_shape("heights", heights, {rows, columns});
+  expect_shape("start", start, {windows + 1});
+  AveragingTools tools{contrasts_of(wide_row, wide_column, wide_weights, wide_std),
+                       contrasts_of(narrow_row, narrow_column, narrow_weights, narrow_std),
+                       {taps_of(row, column), windows, start.data(), variance.data()},
+                       stride, noise, block_noise, significance, known_share};
+  tools.wide.jumps = static_cast<Index>(slopes.shape(1));
+  expect_shape("slopes", slopes, {2, tools.wide.jumps, tools.wide.taps.count});
+  tools.wide.slope_x = slopes.data();
+  tools.wide.slope_y = slopes.data() + tools.wide.jumps * tools.wide.taps.count;
+  const nb::gil_scoped_release release;
+  return average_heights(elevation.data(), rows, columns, reach, tools, heights.data());
+}
+
 nb::tuple rows() {
   nb::list table;
   for (const RowInfo& row : row_table) {
@@ -161,6 +205,11 @@ NB_MODULE(_core, m) {
         "force_lower_slope"_a, "force_lower_intercept"_a, "trained_speed_min"_a, "accel_max"_a,
         "required_thrust_ratio"_a, "start_sq"_a, "decel"_a, "specific_power"_a,
         "speed_sq"_a.noconvert(), "reachable_start_sq"_a.noconvert());
+  m.def("average_heights", &sw::average, "elevation"_a, "wide_row"_a, "wide_column"_a,
+        "wide_weights"_a, "wide_std"_a, "slopes"_a, "narrow_row"_a, "narrow_column"_a,
+        "narrow_weights"_a, "narrow_std"_a, "row"_a, "column"_a, "start"_a, "variance"_a,
+        "stride"_a, "reach"_a, "noise"_a, "block_noise"_a, "significance"_a, "known_share"_a,
+        "heights"_a.noconvert());
   m.def("travel_cost", &sw::travel_cost, "station"_a, "speed_sq"_a, "horizon_penalty"_a,
         "cost"_a.noconvert());
   m.def("smooth", &sw::smooth_profile, "ds"_a, "speed_sq_max"_a, "accel_max"_a, "decel_max"_a,

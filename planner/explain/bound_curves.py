@@ -16,6 +16,7 @@ from slopewise.models.laws import drive, rollover, slip_track, turning_resistanc
 from slopewise.models.parameters import Model
 from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
 from slopewise.planner.explain.contact_curves import contact_curves
+from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.limiting import Limiting
@@ -53,6 +54,7 @@ def bound_curves(
     width = terrain.slip_track if skid_steer else vehicle.track_width
     x, y = (np.ascontiguousarray(values[:, None]) for values in (plan.x, plan.y))
     count = np.array([len(plan.x)])
+    elevation_map = averaged_map(elevation_map, vehicle.wheel_radius)
     profile = terrain_profile(elevation_map, x, y, count, vehicle.wheelbase, vehicle.track_width)
     ground = ground_along(profile, model, elevation_map.class_names)
     stopping = _stopping(profile, ground, plan.clear_distance, model)

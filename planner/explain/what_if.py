@@ -17,6 +17,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.models.surface_names import resolve_class
+from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.planner.ground.uncertainty import Uncertainty
@@ -99,6 +100,7 @@ class WhatIf:
         part = batch([path], spacing, model.max_path_deviation)
         vehicle = model.vehicle
         self._vehicle, self._name, self._limit = vehicle, path.name, part.speed_limit
+        elevation_map = averaged_map(elevation_map, vehicle.wheel_radius)
         self._profile = terrain_profile(
             elevation_map, part.x, part.y, part.count, vehicle.wheelbase, vehicle.track_width
         )

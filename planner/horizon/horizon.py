@@ -18,6 +18,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
+from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
@@ -99,8 +100,9 @@ class Horizon:
         if offered is not None and len(offered.names) == 0:
             offered = None
         free = _checked_clear(clear, 0 if offered is None else len(offered.names))
+        felt = averaged_map(elevation_map, self.model.vehicle.wheel_radius)
         cycle = Cycle(
-            CyclePlanner(self._equipment, elevation_map, conditions, started), state, self._previous
+            CyclePlanner(self._equipment, felt, conditions, started), state, self._previous
         )
         answer, self._previous = cycle.run(offered, behind_the_front(free, self.model.vehicle))
         return replace(answer, seconds=cycle.seconds)

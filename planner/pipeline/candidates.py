@@ -16,6 +16,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
+from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.path import EvenPath, behind_the_front, resample, side_by_side
@@ -75,12 +76,13 @@ class CandidatePlanner:
             expected = f"one distance or {len(paths)}, got {np.shape(clear)}"
             raise ParameterError("clear", expected)
         free = np.broadcast_to(behind_the_front(clear, self.model.vehicle), (len(paths),))
+        felt = averaged_map(elevation_map, self.model.vehicle.wheel_radius)
         plans: list[SpeedPlan] = []
         for first in range(0, len(paths), _BATCH):
             part = slice(first, first + _BATCH)
             even = self.resampled(elevation_map, paths[part])
             solved = time_optimal_batch(
-                elevation_map,
+                felt,
                 side_by_side(even),
                 self.model,
                 start_speed=start_speed,

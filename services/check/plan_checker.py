@@ -9,6 +9,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.stop_promise import promised
+from slopewise.services.check.averaged_heights import averaged
 from slopewise.services.check.check_report import CheckReport, ViolationLog
 from slopewise.services.check.driving_checks import check_driving
 from slopewise.services.check.external_plan import ExternalPlan
@@ -59,6 +60,7 @@ def check_plan_on_map(
             plan.name, np.zeros(1, np.int64), np.zeros(1), notes=[_STANDSTILL_NOTE]
         )
         return _report(plan, at_rest, np.zeros(1), CheckedStops(np.zeros(1), np.ones(1), 0))
+    heights = averaged(heights, model.vehicle.wheel_radius)
     line, ends = _line_and_end(plan, max(clear - model.vehicle.shape.front, 0.0))
     ground = ground_under(heights, line, model.vehicle)
     first = 0.0 if plan.station is None else float(plan.station[0])

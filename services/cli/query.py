@@ -99,7 +99,8 @@ def _map_update(map_file: Path, nodata: NoData) -> MapUpdate:
         origin=ground.origin,
         terrain_class=ground.terrain_class,
         class_names=list(ground.class_names),
-        height_std=ground.height_std,
+        height_std=None if ground.height_std_is_assumed else ground.height_std,
+        correlation_length=ground.correlation_length or None,
     )
 
 

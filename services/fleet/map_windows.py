@@ -75,6 +75,7 @@ def ground_in(ground: GeotiffWindows, cells: Cells) -> ElevationMap:
         resolution=part.resolution,
         origin=part.origin,
         height_std=ground.height_std,
+        height_std_is_assumed=ground.stated_std is None,
     )
 
 

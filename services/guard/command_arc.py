@@ -10,7 +10,7 @@ import numpy as np
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.surface_names import resolve_class
-from slopewise.services.guard.guard_map import classes_at, heights_at
+from slopewise.services.guard.guard_map import classes_at, wheel_heights
 from slopewise.services.guard.guard_model import GuardModel, SurfaceTable
 
 _SAMPLES = 48
@@ -69,7 +69,7 @@ def arc_ahead(
     x_body = np.array([half, half, -half, -half, lead, lead, lead])[:, None]
     cos, sin = np.cos(yaw), np.sin(yaw)
     px, py = x + x_body * cos - y_body * sin, y + x_body * sin + y_body * cos
-    z = heights_at(ground, px, py)
+    z = wheel_heights(ground, vehicle.wheel_radius).at(px, py)
     fl, fr, rl, rr = z[:4]
     grade = np.arctan2(0.5 * (fl + fr - rl - rr), vehicle.wheelbase)
     roll = np.arctan2(0.5 * (fl - fr + rl - rr), vehicle.track_width)

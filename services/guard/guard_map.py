@@ -7,24 +7,34 @@ from pathlib import Path
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
+from slopewise.models.averaging_windows import disc_radius
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.height_noise import EXACT, noise_of
 from slopewise.services.io import npz_map
 from slopewise.services.io.files import faults_of
+
+_PAIRS = 10
+"""Pairs of places on a tyre [1]: a fifth of the noise of cells is left, as of a disc of 25."""
+
+_GOLDEN_ANGLE = 2.399963
+"""Angle between neighbours that spreads points evenly over a disc [rad]."""
 
 
 def read_guard_map(path: Path) -> ElevationMap:
     """Map in an .npz file."""
     info, cells = npz_map.read_info(path), slice(None)
-    heights, std, assumed, classes, names = npz_map.read_layers(path, cells, cells, None, None)
+    layers = npz_map.read_layers(path, cells, cells, None, None)
     with faults_of(path):
         return ElevationMap(
-            elevation=heights,
+            elevation=layers.heights,
             resolution=info.resolution,
             origin=info.origin,
-            terrain_class=classes,
-            class_names=names,
-            height_std=std,
-            assumed=assumed,
+            terrain_class=layers.classes,
+            class_names=layers.class_names,
+            height_std=layers.height_std,
+            height_std_is_assumed=layers.std_is_assumed,
+            correlation_length=layers.correlation_length,
+            assumed=layers.assumed,
         )
 
 
@@ -41,6 +51,47 @@ def heights_at(ground: ElevationMap, x: Floats, y: Floats) -> Floats:
     low = (1.0 - p) * flat[first] + p * flat[first + 1]
     high = (1.0 - p) * flat[first + columns] + p * flat[first + columns + 1]
     return np.where(inside, (1.0 - q) * low + q * high, np.nan)
+
+
+class WheelHeights:
+    """Heights as wheels feel them: means over a tyre where heights of a map have an error.
+
+    Pairs of places on opposite sides of a point count if both are known, so that a slope cancels.
+    """
+
+    def __init__(self, ground: ElevationMap, wheel_radius: float) -> None:
+        """Of one map, for wheels of one radius [m]."""
+        self._ground = ground
+        self._pairs = np.empty((2, 0))
+        if ground.resolution <= wheel_radius and noise_of(ground) > EXACT:
+            radius = disc_radius(ground.resolution, wheel_radius, ground.correlation_length)
+            n = np.arange(1, _PAIRS + 1)
+            away, angle = radius * np.sqrt(n / _PAIRS), _GOLDEN_ANGLE * n
+            self._pairs = np.array([away * np.cos(angle), away * np.sin(angle)])
+
+    def at(self, x: Floats, y: Floats) -> Floats:
+        """Heights at points of any shape [m]; NaN at unknown cells and off the map."""
+        total = heights_at(self._ground, x, y)
+        count = np.ones_like(total)
+        for east, north in self._pairs.T:
+            pair = heights_at(self._ground, x + east, y + north)
+            pair = pair + heights_at(self._ground, x - east, y - north)
+            known = np.isfinite(pair)
+            total = total + np.where(known, pair, 0.0)
+            count = count + 2.0 * known
+        return total / count
+
+
+_last: tuple[ElevationMap, float, WheelHeights] | None = None
+"""Of the map in use, whose noise is estimated once; replaced as a whole."""
+
+
+def wheel_heights(ground: ElevationMap, wheel_radius: float) -> WheelHeights:
+    """Heights as wheels of one radius feel them [m], the same object for the same map."""
+    global _last
+    if _last is None or _last[0] is not ground or _last[1] != wheel_radius:
+        _last = ground, wheel_radius, WheelHeights(ground, wheel_radius)
+    return _last[2]
 
 
 def classes_at(ground: ElevationMap, x: Floats, y: Floats) -> Ints:

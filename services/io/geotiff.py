@@ -48,7 +48,8 @@ def read_layers(
 ) -> MapLayers:
     """Some cells of a GeoTIFF; only these are read."""
     with opened(path, nodata) as ground:
-        return MapLayers(ground.read(rows, columns), ground.height_std, ground.assumed)
+        heights, assumed = ground.read(rows, columns), ground.stated_std is None
+        return MapLayers(heights, ground.height_std, ground.assumed, std_is_assumed=assumed)
 
 
 class GeotiffWindows:
@@ -119,16 +120,23 @@ class GeotiffWindows:
         heights: Floats = raw * scale + offset
         return np.ascontiguousarray(heights[::-1] if flipped else heights)
 
-    @cached_property
+    @property
     def height_std(self) -> float:
         """Error of heights relative to each other [m], of the whole file for any part of it."""
+        if self.stated_std is not None:
+            return self.stated_std
+        return height_error.assumed(self.info.resolution, surveyed=self.georeferenced)
+
+    @cached_property
+    def stated_std(self) -> float | None:
+        """The same where the file states it, else None."""
         for band, description in enumerate(self._dataset.descriptions[1:], start=2):
             kind = _ERRORS.search((description or "").lower())
             if kind is None:
                 continue
             if (std := self._std_of_band(band, kind[0] == "variance")) is not None:
                 return std
-        return height_error.assumed(self.info.resolution, surveyed=self.georeferenced)
+        return None
 
     def _std_of_band(self, band: int, squared: bool) -> float | None:
         """Error of most cells by a band, from a thinned read of it."""

@@ -44,7 +44,12 @@ def read_layers(
 ) -> MapLayers:
     """Some cells of a recorded map."""
     ground = map_and_frame(path, topics, nodata)[0]
-    return MapLayers(ground.elevation[rows, columns], ground.height_std, ground.assumed)
+    return MapLayers(
+        ground.elevation[rows, columns],
+        ground.height_std,
+        ground.assumed,
+        std_is_assumed=ground.height_std_is_assumed,
+    )
 
 
 def map_and_frame(
@@ -118,6 +123,7 @@ def elevation_map_of(message: Any, layer: str = "", nodata: NoData = None) -> El
         resolution=edge,
         origin=(x, y),
         height_std=height_error.assumed(edge) if std is None else std,
+        height_std_is_assumed=std is None,
         assumed=no_data.describe(markers),
     )
 

@@ -83,6 +83,8 @@ def read_map(
             terrain_class=layers.classes,
             class_names=layers.class_names,
             height_std=layers.height_std,
+            height_std_is_assumed=layers.std_is_assumed,
+            correlation_length=layers.correlation_length,
             assumed=layers.assumed,
         )
 
@@ -94,6 +96,8 @@ def write_map_npz(elevation_map: ElevationMap, path: Path) -> None:
         "resolution": np.float64(elevation_map.resolution),
         "origin": np.asarray(elevation_map.origin, np.float64),
         "height_std": np.float64(elevation_map.height_std),
+        "height_std_is_assumed": np.bool_(elevation_map.height_std_is_assumed),
+        "correlation_length": np.float64(elevation_map.correlation_length),
     }
     if elevation_map.terrain_class is not None:
         arrays["terrain_class"] = elevation_map.terrain_class

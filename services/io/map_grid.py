@@ -95,3 +95,5 @@ class MapLayers(NamedTuple):
     assumed: tuple[str, ...] = ()
     classes: Ints | None = None  # index into ``class_names``, None for the base surface everywhere
     class_names: tuple[str, ...] = ("",)
+    std_is_assumed: bool = False  # the source states no error
+    correlation_length: float = 0.0  # over which errors of cells are alike [m]

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.arrays import Bools, Ints
 from slopewise.models.surface_names import MAX_CLASSES, number_names
 from slopewise.services.io import height_error, no_data
 from slopewise.services.io.decode import unknown
@@ -29,7 +29,14 @@ from slopewise.services.io.map_grid import MAX_CELLS, MapInfo, MapLayers
 from slopewise.services.io.no_data import NoData
 
 _REQUIRED = ("elevation", "resolution", "origin")
-_OPTIONAL = ("known", "terrain_class", "terrain_names", "height_std")
+_OPTIONAL = (
+    "known",
+    "terrain_class",
+    "terrain_names",
+    "height_std",
+    "height_std_is_assumed",
+    "correlation_length",
+)
 
 
 def read_info(path: Path, _: Path | None = None) -> MapInfo:
@@ -42,19 +49,17 @@ def read_layers(
     path: Path, rows: slice, columns: slice, _: Path | None, nodata: NoData
 ) -> MapLayers:
     """Some cells of a map; markers of missing data are detected in the whole of it."""
-    heights, classes, names, std = read_raw(path)
-    heights, markers = no_data.known_heights(heights, nodata)
-    if std is None:
-        std = height_error.assumed(read_info(path).resolution)
+    raw = read_raw(path)
+    heights, markers = no_data.known_heights(raw.heights, nodata)
+    classes = raw.classes
     part = None if classes is None else classes[rows, columns]
-    return MapLayers(heights[rows, columns], std, no_data.describe(markers), part, names)
+    return raw._replace(
+        heights=heights[rows, columns], assumed=no_data.describe(markers), classes=part
+    )
 
 
-def read_raw(path: Path) -> tuple[Floats, Ints | None, tuple[str, ...], float | None]:
-    """(rows, columns) heights [m] with NaN where unknown, classes, their names, error of heights.
-
-    The error [m] is that of heights relative to each other, None if the file does not report it.
-    """
+def read_raw(path: Path) -> MapLayers:
+    """All cells of a map, as they are written; of ``known``, those that are not are NaN."""
     with _Archive(path) as archive:
         info = archive.info()
         shape = (info.rows, info.columns)
@@ -65,7 +70,11 @@ def read_raw(path: Path) -> tuple[Floats, Ints | None, tuple[str, ...], float | 
                 raise fault(path, "known", "expected true or false, got other whole numbers")
             heights[known == 0] = np.nan
         std = _height_std(archive, path, np.isfinite(heights))
-        return heights, *_classes(archive, path, shape), std
+        assumed = std is None or archive.flag("height_std_is_assumed")
+        std = height_error.assumed(info.resolution) if std is None else std
+        classes, names = _classes(archive, path, shape)
+        length = archive.length("correlation_length")
+        return MapLayers(heights, std, (), classes, names, assumed, length)
 
 
 def _height_std(archive: _Archive, path: Path, known: Bools) -> float | None:
@@ -163,6 +172,24 @@ class _Archive:
 
     def __exit__(self, *_: object) -> None:
         self._zip.close()
+
+    def flag(self, name: str) -> bool:
+        """One true or false, false where it is missing."""
+        if name not in self.names:
+            return False
+        value = self.array(name, None, "b", "true or false")
+        if value.size != 1:
+            raise fault(self._path, name, f"expected true or false, got shape {value.shape}")
+        return bool(value.item())
+
+    def length(self, name: str) -> float:
+        """One length [m], 0 where it is missing."""
+        if name not in self.names:
+            return 0.0
+        value = self.array(name, None, "iuf", "a length [m]").astype(np.float64)
+        if value.size != 1 or not (np.isfinite(value).all() and value.item() >= 0.0):
+            raise fault(self._path, name, f"expected a length >= 0 [m], got {value.ravel()[:4]}")
+        return float(value.item())
 
     def info(self) -> MapInfo:
         """The grid, from two small arrays and the header of `elevation`."""

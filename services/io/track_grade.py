@@ -57,13 +57,14 @@ def grade_by_map(
 
 
 def _along(elevation_map: ElevationMap, x: Floats, y: Floats, vehicle: Vehicle) -> Floats:
-    from slopewise.planner.ground.terrain_profile import terrain_profile  # compiled
+    from slopewise.planner.ground.averaged_map import averaged_map  # compiled
+    from slopewise.planner.ground.terrain_profile import terrain_profile
 
     marks = _marks(x, y)
     if len(marks) < _MIN_MARKS:
         return np.full(len(x), np.nan)
     profile = terrain_profile(
-        elevation_map,
+        averaged_map(elevation_map, vehicle.wheel_radius),
         np.ascontiguousarray(x[marks, None]),
         np.ascontiguousarray(y[marks, None]),
         np.array([len(marks)]),

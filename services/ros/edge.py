@@ -289,7 +289,8 @@ class RosEdge:
             elevation=ground.elevation,
             resolution=ground.resolution,
             origin=ground.origin,
-            height_std=ground.height_std,
+            height_std=None if ground.height_std_is_assumed else ground.height_std,
+            correlation_length=ground.correlation_length or None,
         )
         self._map_client.put_map(update)
 

@@ -44,6 +44,8 @@ def _whole_map(update: MapUpdate) -> ElevationMap:
         terrain_class=classes,
         class_names=tuple(update.class_names or ("",)),
         height_std=height_error.assumed(update.resolution) if std is None else std,
+        height_std_is_assumed=std is None,
+        correlation_length=update.correlation_length or 0.0,
         assumed=assumed,
     )
 
@@ -64,7 +66,13 @@ def _patched_map(update: MapUpdate, known: ElevationMap) -> ElevationMap:
         classes[cells] = _classes(update)
     std = max(known.height_std, update.height_std or 0.0)
     return replace(
-        known, elevation=elevation, terrain_class=classes, height_std=std, assumed=assumed
+        known,
+        elevation=elevation,
+        terrain_class=classes,
+        height_std=std,
+        height_std_is_assumed=known.height_std_is_assumed and update.height_std is None,
+        correlation_length=max(known.correlation_length, update.correlation_length or 0.0),
+        assumed=assumed,
     )
 
 
@@ -97,6 +105,7 @@ def digest(cells: ElevationMap | MapUpdate, before: str = "") -> str:
         list(cells.origin),
         list(cells.class_names or ()),
         cells.height_std,
+        *([cells.correlation_length] if cells.correlation_length else []),
     )
     sha256 = hashlib.sha256(json.dumps(head).encode())
     sha256.update(np.ascontiguousarray(cells.elevation, np.float64).data)

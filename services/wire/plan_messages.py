@@ -188,6 +188,7 @@ class MapUpdate(Message, frozen=True):
     terrain_class: np.ndarray | None = None  # index in class_names (rows, columns), 0 is the base
     class_names: Annotated[list[Text], Meta(min_length=1, max_length=62)] | None = None
     height_std: NotNegative | None = None  # relative error of heights [m]; null: as is typical
+    correlation_length: NotNegative | None = None  # over which errors are alike [m]; null: none
     time: float | None = None  # of measurement, on the source's clock, whose zero is arbitrary [s]
     instance: Instance = ""  # text that differs between starts of the source
 

@@ -1,0 +1,376 @@
+// Heights as a wheel feels them: the mean of the largest window around a cell that holds nothing
+// but noise.
+//
+// A contrast is a weighted sum of heights that is zero on every plane: a jump, a ridge, a block or a
+// cell against what is around it. Where none is significant, the height is that of the plane nearest
+// to the cells of a disc. Elsewhere each window around the cell is weighed by its risk: the variance
+// of its mean, and what its heights scatter beyond the noise, which is structure that a mean would
+// hide. The raw height is one of the windows, so that nothing significant is averaged away.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "batch.hpp"
+
+namespace slopewise {
+
+inline constexpr float unknown_height = std::numeric_limits<float>::quiet_NaN();
+// Scatter beyond the noise that counts as structure, in its standard deviations [1]: of a disc,
+// which is asked first, and of the finer windows.
+inline constexpr double disc_doubt = 2.0, window_doubt = 1.0;
+
+// Cells around one cell, as offsets in rows and columns.
+struct Taps {
+  Index count;
+  const std::int32_t *row, *column;
+};
+
+// K weighted sums over the same taps; the first `jumps` of them also tell the slope beside a jump.
+struct Contrasts {
+  Taps taps;
+  Index count, jumps;
+  const float* weight;           // (K, taps)
+  const float* std;              // (K,) for noise of standard deviation 1
+  const float *slope_x, *slope_y;  // (jumps, taps) rise a cell
+};
+
+// Windows one behind the other; the last one is the disc.
+struct Windows {
+  Taps taps;
+  Index count;
+  const std::int32_t* start;  // (count + 1,) of their taps
+  const double* variance;     // (count,) of their means, for noise of variance 1
+};
+
+// A map of floats with a rim of unknown cells around it.
+class Heights {
+ public:
+  Heights(Index rows, Index columns, Index rim)
+      : rows_(rows), columns_(columns), rim_(rim), width_(columns + 2 * rim),
+        cells_(static_cast<std::size_t>((rows + 2 * rim) * width_), unknown_height) {}
+
+  [[nodiscard]] Index rows() const noexcept { return rows_; }
+  [[nodiscard]] Index columns() const noexcept { return columns_; }
+  [[nodiscard]] const float* at(Index i, Index j) const noexcept {
+    return cells_.data() + (i + rim_) * width_ + j + rim_;
+  }
+  [[nodiscard]] float* at(Index i, Index j) noexcept {
+    return cells_.data() + (i + rim_) * width_ + j + rim_;
+  }
+  [[nodiscard]] Index width() const noexcept { return width_; }
+
+ private:
+  Index rows_, columns_, rim_, width_;
+  std::vector<float> cells_;
+};
+
+// What contrasts say of each cell of a map, row by row.
+struct Structure {
+  std::vector<float> jump;          // the strongest jump, in standard deviations; < 0 if unknown
+  std::vector<std::uint8_t> which;  // number of that contrast
+  std::vector<std::uint8_t> there;  // 1 where some contrast is significant, or unknown
+};
+
+namespace detail {
+
+// Add a weighted row of heights to a row of sums.
+inline void add_row(const float* heights, float weight, Index count, float* sums) noexcept {
+  for (Index j = 0; j < count; ++j) sums[j] += weight * heights[j];
+}
+
+// Take in one contrast along a row.
+inline void note_contrast(const float* sums, float scale, float significance, std::uint8_t number,
+                          bool is_jump, Index first, Structure& out, Index count) noexcept {
+  for (Index j = 0; j < count; ++j) {
+    const auto cell = static_cast<std::size_t>(first + j);
+    const float strength = std::abs(sums[j]) * scale;
+    if (!(strength <= significance)) out.there[cell] = 1;
+    if (is_jump && strength > out.jump[cell]) {
+      out.jump[cell] = strength;
+      out.which[cell] = number;
+    }
+  }
+}
+
+}  // namespace detail
+
+// Look at a map through contrasts; noise_std is that of its cells [m].
+inline Structure structure_of(const Heights& map, const Contrasts& contrasts, double noise_std,
+                              double significance) {
+  const Index rows = map.rows(), columns = map.columns();
+  const auto cells = static_cast<std::size_t>(rows * columns);
+  Structure out{std::vector<float>(cells, -1.0F), std::vector<std::uint8_t>(cells, 0),
+                std::vector<std::uint8_t>(cells, 0)};
+  std::vector<float> sums(static_cast<std::size_t>(contrasts.count * columns));
+  for (Index i = 0; i < rows; ++i) {
+    std::fill(sums.begin(), sums.end(), 0.0F);
+    for (Index t = 0; t < contrasts.taps.count; ++t) {
+      const float* heights = map.at(i + contrasts.taps.row[t], contrasts.taps.column[t]);
+      for (Index n = 0; n < contrasts.count; ++n) {
+        const float weight = contrasts.weight[n * contrasts.taps.count + t];
+        // What a jump does not weigh, the slope beside it does: it has to be known.
+        if (weight != 0.0F || n < contrasts.jumps) {
+          detail::add_row(heights, weight, columns, sums.data() + n * columns);
+        }
+      }
+    }
+    for (Index n = 0; n < contrasts.count; ++n) {
+      const float scale = 1.0F / (contrasts.std[n] * static_cast<float>(noise_std));
+      detail::note_contrast(sums.data() + n * columns, scale, static_cast<float>(significance),
+                            static_cast<std::uint8_t>(n), n < contrasts.jumps, i * columns, out,
+                            columns);
+    }
+  }
+  return out;
+}
+
+// A plane through heights around a cell: its height there, its slopes [m a cell], the variance of
+// the height for noise of variance 1, and what the heights scatter about it [m²].
+struct Plane {
+  double level = 0.0, slope_x = 0.0, slope_y = 0.0, variance = 0.0, scatter = 0.0, cells = 0.0;
+  bool known = false;
+};
+
+class Averaging {
+ public:
+  Averaging(const Heights& map, const Structure& coarse, const Heights& coarse_map,
+            const Contrasts& contrasts, Index stride, const Windows& windows, double noise_std,
+            double known_share)
+      : map_(map), coarse_(coarse), coarse_map_(coarse_map), contrasts_(contrasts), stride_(stride),
+        windows_(windows), noise_(noise_std * noise_std), known_share_(known_share) {}
+
+  // Height of a known cell that is near structure.
+  [[nodiscard]] double height(Index i, Index j) const noexcept {
+    const Plane plane = nearest_plane(i, j);
+    double risk = noise_, height = *map_.at(i, j);
+    if (plane.known) {
+      consider(plane.level, plane.variance, plane.scatter, disc_doubt, plane.cells - 3.0, risk,
+               height);
+    }
+    const std::array<double, 2> slope = slope_beside(i, j, plane);
+    for (Index w = 0; w + 1 < windows_.count; ++w) {
+      consider_window(i, j, w, slope, risk, height);
+    }
+    return height;
+  }
+
+ private:
+  void consider(double level, double variance, double scatter, double doubt, double freedoms,
+                double& risk, double& height) const noexcept {
+    const double spread = std::sqrt(2.0 / freedoms);
+    const double structure = scatter - noise_ * (1.0 + doubt * spread);
+    const double own = variance * noise_ + std::max(structure, 0.0);
+    if (own < risk) {
+      risk = own;
+      height = level;
+    }
+  }
+
+  void consider_window(Index i, Index j, Index w, const std::array<double, 2>& slope, double& risk,
+                       double& height) const noexcept {
+    const double middle = *map_.at(i, j);
+    double sum = 0.0, squares = 0.0;
+    Index known = 0;
+    for (Index t = windows_.start[w]; t < windows_.start[w + 1]; ++t) {
+      const Index row = windows_.taps.row[t], column = windows_.taps.column[t];
+      const double rise = *map_.at(i + row, j + column) - middle -
+                          slope[0] * static_cast<double>(column) -
+                          slope[1] * static_cast<double>(row);
+      if (std::isnan(rise)) continue;
+      sum += rise;
+      squares += rise * rise;
+      ++known;
+    }
+    const auto all = static_cast<double>(windows_.start[w + 1] - windows_.start[w]);
+    const auto count = static_cast<double>(known);
+    if (known < 2 || count < known_share_ * all) return;
+    const double mean = sum / count, variance = windows_.variance[w] * all / count;
+    // Of correlated noise a window shows less scatter than its standard deviation.
+    const double shown = std::max((1.0 - variance) * count / (count - 1.0), 1e-3);
+    consider(middle + mean, variance, (squares / count - mean * mean) * count / (count - 1.0) / shown,
+             window_doubt, count - 1.0, risk, height);
+  }
+
+  [[nodiscard]] Plane nearest_plane(Index i, Index j) const noexcept {
+    const Index begin = windows_.start[windows_.count - 1], end = windows_.start[windows_.count];
+    const double middle = *map_.at(i, j);
+    double n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0, z = 0, xz = 0, yz = 0, zz = 0;
+    for (Index t = begin; t < end; ++t) {
+      const auto u = static_cast<double>(windows_.taps.column[t]);
+      const auto v = static_cast<double>(windows_.taps.row[t]);
+      const double h = *map_.at(i + windows_.taps.row[t], j + windows_.taps.column[t]) - middle;
+      if (std::isnan(h)) continue;
+      n += 1.0, x += u, y += v, xx += u * u, xy += u * v, yy += v * v;
+      z += h, xz += u * h, yz += v * h, zz += h * h;
+    }
+    const auto all = static_cast<double>(end - begin);
+    const double a = xx * yy - xy * xy, b = xy * y - x * yy, c = x * xy - xx * y;
+    const double determinant = n * a + x * b + y * c;
+    Plane plane;
+    if (n < known_share_ * all || n < 4.0 || determinant < 1e-6 * n * a) return plane;
+    const double d = n * yy - y * y, e = x * y - n * xy, f = n * xx - x * x;
+    plane.level = (a * z + b * xz + c * yz) / determinant;
+    plane.slope_x = (b * z + d * xz + e * yz) / determinant;
+    plane.slope_y = (c * z + e * xz + f * yz) / determinant;
+    const double left = zz - plane.level * z - plane.slope_x * xz - plane.slope_y * yz;
+    const double lost = windows_.variance[windows_.count - 1] * all;
+    plane.variance = a / determinant * lost;
+    const double shown = std::max((1.0 - 3.0 * lost / n) * n / (n - 3.0), 1e-3);
+    plane.scatter = std::max(left, 0.0) / (n - 3.0) / shown;
+    plane.level += middle;
+    plane.cells = n;
+    plane.known = true;
+    return plane;
+  }
+
+  // Slope of the ground on both sides of the strongest jump in reach; the plane's if there is none.
+  [[nodiscard]] std::array<double, 2> slope_beside(Index i, Index j,
+                                                   const Plane& plane) const noexcept {
+    const Index begin = windows_.start[windows_.count - 1], end = windows_.start[windows_.count];
+    const Index rows = coarse_map_.rows(), columns = coarse_map_.columns();
+    float strongest = 0.0F;
+    Index row = -1, column = -1;
+    for (Index t = begin; t < end; ++t) {
+      const Index u = i + windows_.taps.row[t], v = j + windows_.taps.column[t];
+      if (u < 0 || v < 0) continue;
+      const Index p = u / stride_, q = v / stride_;
+      if (p >= rows || q >= columns) continue;
+      const float jump = coarse_.jump[static_cast<std::size_t>(p * columns + q)];
+      if (jump > strongest) strongest = jump, row = p, column = q;
+    }
+    if (row < 0) return {plane.slope_x, plane.slope_y};
+    const Index n = coarse_.which[static_cast<std::size_t>(row * columns + column)];
+    const Index taps = contrasts_.taps.count;
+    double x = 0.0, y = 0.0;
+    for (Index t = 0; t < taps; ++t) {
+      const double h =
+          *coarse_map_.at(row + contrasts_.taps.row[t], column + contrasts_.taps.column[t]);
+      x += contrasts_.slope_x[n * taps + t] * h;
+      y += contrasts_.slope_y[n * taps + t] * h;
+    }
+    const auto cells = static_cast<double>(stride_);
+    return {x / cells, y / cells};
+  }
+
+  const Heights& map_;
+  const Structure& coarse_;
+  const Heights& coarse_map_;
+  const Contrasts& contrasts_;
+  Index stride_;
+  const Windows& windows_;
+  double noise_, known_share_;
+};
+
+// What a map is averaged with.
+struct AveragingTools {
+  Contrasts wide;    // on a map of blocks of stride x stride cells
+  Contrasts narrow;  // of single cells
+  Windows windows;
+  Index stride;
+  double noise_std, block_noise_std, significance, known_share;
+};
+
+namespace detail {
+
+// Means of blocks; unknown where one of their cells is.
+inline Heights blocks_of(const Heights& map, Index stride, Index rim) {
+  const Index rows = (map.rows() + stride - 1) / stride;
+  const Index columns = (map.columns() + stride - 1) / stride;
+  Heights out(rows, columns, rim);
+  const auto share = 1.0F / static_cast<float>(stride * stride);
+  for (Index i = 0; i < rows; ++i) {
+    for (Index j = 0; j < columns; ++j) {
+      float sum = 0.0F;
+      for (Index u = 0; u < stride; ++u) {
+        for (Index v = 0; v < stride; ++v) sum += *map.at(i * stride + u, j * stride + v);
+      }
+      *out.at(i, j) = sum * share;
+    }
+  }
+  return out;
+}
+
+// Mark the cells in the disc around each cell of a structure, whose cells are blocks.
+inline void mark_around(const Structure& structure, Index stride, const Windows& windows,
+                        Index rows, Index columns, std::vector<std::uint8_t>& marked) {
+  const Index begin = windows.start[windows.count - 1], end = windows.start[windows.count];
+  const Index blocks = (columns + stride - 1) / stride;
+  for (Index i = 0; i < rows; ++i) {
+    for (Index j = 0; j < columns; ++j) {
+      if (structure.there[static_cast<std::size_t>(i / stride * blocks + j / stride)] == 0) continue;
+      for (Index t = begin; t < end; ++t) {
+        const Index u = i + windows.taps.row[t], v = j + windows.taps.column[t];
+        if (u < 0 || v < 0 || u >= rows || v >= columns) continue;
+        marked[static_cast<std::size_t>(u * columns + v)] = 1;
+      }
+    }
+  }
+}
+
+// Mean of the disc around each cell of a row.
+inline void average_row(const Heights& map, const Windows& windows, Index i,
+                        std::vector<float>& sums) noexcept {
+  const Index begin = windows.start[windows.count - 1], end = windows.start[windows.count];
+  const auto share = 1.0F / static_cast<float>(end - begin);
+  std::fill(sums.begin(), sums.end(), 0.0F);
+  for (Index t = begin; t < end; ++t) {
+    add_row(map.at(i + windows.taps.row[t], windows.taps.column[t]), share, map.columns(),
+            sums.data());
+  }
+}
+
+}  // namespace detail
+
+// Average a map (rows, columns) of heights [m], NaN where unknown; returns how many cells are near
+// structure. `rim` is as far as any tap reaches, in cells or blocks.
+inline Index average_heights(const double* elevation, Index rows, Index columns, Index rim,
+                             const AveragingTools& tools, double* out) {
+  const auto cells = static_cast<std::size_t>(rows * columns);
+  double level = 0.0;
+  for (std::size_t c = 0; c < cells; ++c) {
+    if (!std::isnan(elevation[c])) {
+      level = elevation[c];
+      break;
+    }
+  }
+  Heights map(rows, columns, rim * tools.stride);
+  for (Index i = 0; i < rows; ++i) {
+    for (Index j = 0; j < columns; ++j) {
+      *map.at(i, j) = static_cast<float>(elevation[i * columns + j] - level);
+    }
+  }
+  const Heights blocks = detail::blocks_of(map, tools.stride, rim);
+  const Structure wide =
+      structure_of(blocks, tools.wide, tools.block_noise_std, tools.significance);
+  const Structure narrow = structure_of(map, tools.narrow, tools.noise_std, tools.significance);
+  std::vector<std::uint8_t> marked(cells, 0);
+  detail::mark_around(wide, tools.stride, tools.windows, rows, columns, marked);
+  detail::mark_around(narrow, 1, tools.windows, rows, columns, marked);
+  const Averaging averaging(map, wide, blocks, tools.wide, tools.stride, tools.windows,
+                            tools.noise_std, tools.known_share);
+  std::vector<float> sums(static_cast<std::size_t>(columns));
+  Index near = 0;
+  for (Index i = 0; i < rows; ++i) {
+    detail::average_row(map, tools.windows, i, sums);
+    for (Index j = 0; j < columns; ++j) {
+      const auto cell = static_cast<std::size_t>(i * columns + j);
+      if (std::isnan(elevation[cell])) {
+        out[cell] = elevation[cell];
+      } else if (marked[cell] == 0) {
+        out[cell] = level + static_cast<double>(sums[static_cast<std::size_t>(j)]);
+      } else {
+        out[cell] = level + averaging.height(i, j);
+        ++near;
+      }
+    }
+  }
+  return near;
+}
+
+}  // namespace slopewise

@@ -1,0 +1,214 @@
+"""Heights as wheels feel them, for the checker: the same windows as planning has, its own sums.
+
+Where no contrast is significant the height is that of the plane nearest to the disc around a cell.
+Elsewhere it is the mean of the window with the least risk, the variance of its mean plus what its
+heights scatter beyond the noise; one cell by itself is a window, too.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.averaging_windows import AveragingWindows, Contrasts, averaging_windows
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.height_noise import EXACT, KNOWN_SHARE, SIGNIFICANCE, noise_of
+from slopewise.services.check.heights import Heights
+
+_DISC_DOUBT, _WINDOW_DOUBT = 2.0, 1.0
+"""Scatter beyond the noise that counts as structure, in its standard deviations [1]."""
+
+_CHUNK = 4096  # Cells whose windows are gathered together: 3 MB a window
+
+
+class AveragedHeights(NamedTuple):
+    """A map whose heights are averaged; see :class:`slopewise.services.check.heights.Heights`."""
+
+    elevation: Floats
+    resolution: float
+    origin: tuple[float, float]
+    terrain_class: Ints | None
+    class_names: tuple[str, ...]
+
+
+def averaged(heights: Heights, wheel_radius: float) -> Heights:
+    """A map as wheels feel it; the same map where its heights are exact or its cells large."""
+    if not isinstance(heights, ElevationMap) or heights.resolution > wheel_radius:
+        return heights
+    noise = noise_of(heights)
+    if noise <= EXACT:
+        return heights
+    windows = averaging_windows(heights.resolution, wheel_radius, heights.correlation_length)
+    return AveragedHeights(
+        _average(heights.elevation, windows, noise),
+        heights.resolution,
+        heights.origin,
+        heights.terrain_class,
+        heights.class_names,
+    )
+
+
+def _average(elevation: Floats, windows: AveragingWindows, noise: float) -> Floats:
+    margin = windows.reach * windows.stride
+    level = float(elevation[np.isfinite(elevation)][0])
+    z = np.pad(elevation - level, margin, constant_values=np.nan)
+    inner = (slice(margin, -margin), slice(margin, -margin))
+    rows, columns = elevation.shape
+    blocks = _blocks(z[inner], windows.stride)
+    jump, which, there = _structure(blocks, windows.wide, noise * windows.block_std)
+    near = np.repeat(np.repeat(there, windows.stride, 0), windows.stride, 1)[:rows, :columns]
+    near |= _structure(z[inner], windows.narrow, noise)[2]
+    disc = slice(int(windows.start[-2]), int(windows.start[-1]))
+    shape = np.zeros((2 * margin + 1, 2 * margin + 1), np.bool_)
+    shape[windows.taps.row[disc] + margin, windows.taps.column[disc] + margin] = True
+    near = ndimage.binary_dilation(near, shape) & np.isfinite(elevation)
+    out = elevation.copy()
+    plain = np.isfinite(elevation) & ~near
+    out[plain] = level + ndimage.correlate(z, shape / shape.sum(), mode="nearest")[inner][plain]
+    slopes = _Slopes(jump, which, blocks, windows)
+    cells = np.argwhere(near)
+    for first in range(0, len(cells), _CHUNK):
+        part = cells[first : first + _CHUNK]
+        chosen = _least_risk(z, part, margin, windows, noise, slopes)
+        out[part[:, 0], part[:, 1]] = level + chosen
+    return out
+
+
+def _blocks(z: Floats, stride: int) -> Floats:
+    """Means of blocks, NaN where one of their cells is unknown or beyond the map."""
+    if stride == 1:
+        return z
+    rows, columns = (-(-size // stride) for size in z.shape)
+    grown = np.full((rows * stride, columns * stride), np.nan)
+    grown[: z.shape[0], : z.shape[1]] = z
+    means: Floats = grown.reshape(rows, stride, columns, stride).mean(axis=(1, 3))
+    return means
+
+
+def _structure(z: Floats, contrasts: Contrasts, noise: float) -> tuple[Floats, Ints, Bools]:
+    """Strongest jump, −1 where unknown, and its number; whether any contrast is significant."""
+    jump, which = np.full(z.shape, -1.0), np.zeros(z.shape, np.int64)
+    # The slope beside a jump depends on all of its cells, also on those without a weight.
+    reach = _footprint(contrasts, np.ones(len(contrasts.taps.row)))
+    unknown = np.isnan(ndimage.correlate(z, reach, mode="constant", cval=np.nan))
+    there = unknown.copy()
+    for n, weights in enumerate(contrasts.weights):
+        strength = np.abs(
+            ndimage.correlate(z, _footprint(contrasts, weights), mode="constant", cval=np.nan)
+        ) / (noise * contrasts.std[n])
+        there |= ~(strength <= SIGNIFICANCE)
+        if n < contrasts.slopes.shape[1]:
+            stronger = (strength > jump) & ~unknown
+            jump[stronger], which[stronger] = strength[stronger], n
+    return jump, which, there
+
+
+def _footprint(contrasts: Contrasts, weights: np.ndarray) -> Floats:
+    reach = int(max(np.abs(contrasts.taps.row).max(), np.abs(contrasts.taps.column).max()))
+    kernel: Floats = np.zeros((2 * reach + 1, 2 * reach + 1))
+    kernel[contrasts.taps.row + reach, contrasts.taps.column + reach] = weights
+    return kernel
+
+
+class _Slopes(NamedTuple):
+    """Jumps of blocks, from which the slope beside one follows."""
+
+    jump: Floats
+    which: Ints
+    blocks: Floats
+    windows: AveragingWindows
+
+    def beside(self, cells: Ints, otherwise: Floats) -> Floats:
+        """(2, C) rise a cell to the east and north beside the strongest jump in a disc's reach."""
+        windows, contrasts = self.windows, self.windows.wide
+        disc = slice(int(windows.start[-2]), int(windows.start[-1]))
+        row = cells[:, 0, None] + windows.taps.row[disc]
+        column = cells[:, 1, None] + windows.taps.column[disc]
+        i, j = row // windows.stride, column // windows.stride
+        inside = (row >= 0) & (column >= 0)
+        inside &= (i < self.jump.shape[0]) & (j < self.jump.shape[1])
+        i, j = np.where(inside, i, 0), np.where(inside, j, 0)
+        jump = np.where(inside, self.jump[i, j], -1.0)
+        best = jump.argmax(axis=1)
+        at = np.arange(len(cells))
+        found = jump[at, best] > 0.0
+        i, j = np.where(found, i[at, best], 0), np.where(found, j[at, best], 0)
+        reach = windows.reach
+        around = np.pad(self.blocks, reach, constant_values=np.nan)
+        z = around[
+            i[:, None] + contrasts.taps.row + reach, j[:, None] + contrasts.taps.column + reach
+        ]
+        weights = contrasts.slopes[:, self.which[i, j]]
+        slopes = np.einsum("kct,ct->kc", weights, z) / windows.stride
+        chosen: Floats = np.where(found, slopes, otherwise)
+        return chosen
+
+
+def _least_risk(
+    z: Floats, cells: Ints, margin: int, windows: AveragingWindows, noise: float, slopes: _Slopes
+) -> Floats:
+    """(C,) heights of cells near structure."""
+    row, column = cells[:, 0, None] + margin, cells[:, 1, None] + margin
+    middle = z[row[:, 0], column[:, 0]]
+    height, risk = middle.copy(), np.full(len(cells), noise**2)
+
+    def take(
+        level: Floats, variance: Floats, scatter: Floats, freedoms: Floats, doubt: float
+    ) -> None:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            most = noise**2 * (1.0 + doubt * np.sqrt(2.0 / freedoms))
+            own = variance * noise**2 + np.maximum(scatter - most, 0.0)
+            better = own < risk
+        risk[better], height[better] = own[better], level[better]
+
+    def rises(window: int) -> tuple[Floats, Ints, Ints]:
+        taps = slice(int(windows.start[window]), int(windows.start[window + 1]))
+        i, j = windows.taps.row[taps], windows.taps.column[taps]
+        return z[row + i, column + j] - middle[:, None], i, j
+
+    disc = len(windows.variance) - 1
+    rise, i, j = rises(disc)
+    level, slope, variance, scatter, known = _planes(rise, i, j, windows.variance[disc])
+    take(middle + level, variance, scatter, known - 3.0, _DISC_DOUBT)
+    beside = slopes.beside(cells, slope)
+    for window in range(disc):
+        rise, i, j = rises(window)
+        left = rise - beside[0, :, None] * j - beside[1, :, None] * i
+        count = np.isfinite(left).sum(axis=1).astype(np.float64)
+        few = (count < 2.0) | (count < KNOWN_SHARE * len(i))
+        count[few] = np.nan
+        mean = np.nansum(left, axis=1) / count
+        squares = np.nansum(left**2, axis=1) / count - mean**2
+        variance = windows.variance[window] * len(i) / count
+        shown = np.maximum((1.0 - variance) * count / (count - 1.0), 1e-3)
+        scatter = squares * count / (count - 1.0) / shown
+        take(middle + mean, variance, scatter, count - 1.0, _WINDOW_DOUBT)
+    return height
+
+
+def _planes(
+    rise: Floats, i: Ints, j: Ints, variance: float
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Planes nearest to known heights: level, (2, C) slopes, variance, scatter, cells; or NaN."""
+    known = np.isfinite(rise)
+    count = known.sum(axis=1).astype(np.float64)
+    basis = np.stack([np.ones(len(i)), j, i])
+    normal = np.einsum("at,bt,ct->cab", basis, basis, known.astype(np.float64))
+    right = np.einsum("at,ct->ca", basis, np.where(known, rise, 0.0))
+    enough = (count >= KNOWN_SHARE * len(i)) & (count >= 4.0)
+    area = normal[:, 1, 1] * normal[:, 2, 2] - normal[:, 1, 2] ** 2
+    enough &= np.linalg.det(normal) >= 1e-6 * count * area
+    normal[~enough] = np.eye(3)
+    fit = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+    left = np.where(known, rise**2, 0.0).sum(axis=1) - (fit * right).sum(axis=1)
+    lost = variance * len(i)
+    own = np.linalg.inv(normal)[:, 0, 0] * lost
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shown = np.maximum((1.0 - 3.0 * lost / count) * count / (count - 3.0), 1e-3)
+        scatter = np.maximum(left, 0.0) / (count - 3.0) / shown
+    level = np.where(enough, fit[:, 0], np.nan)
+    slope = np.where(enough, fit[:, 1:].T, 0.0)
+    return level, slope, np.where(enough, own, np.nan), scatter, count
