@@ -50,7 +50,25 @@ def noise_of(elevation_map: ElevationMap) -> float:
     std = elevation_map.height_std
     if not elevation_map.height_std_is_assumed or std <= EXACT:
         return std
-    return min(std, estimated_noise(elevation_map.elevation))
+    return min(std, estimated_noise_of(elevation_map))
+
+
+_KEPT = 4
+"""Maps whose noise is kept [1]: one in use, the next, and those of two comparisons."""
+
+_recent: tuple[tuple[ElevationMap, float], ...] = ()
+"""Replaced as a whole, never changed: threads need no lock."""
+
+
+def estimated_noise_of(elevation_map: ElevationMap) -> float:
+    """:func:`estimated_noise` of a map, which never changes: it is looked over once [m]."""
+    global _recent
+    for known, noise in _recent:
+        if known is elevation_map:
+            return noise
+    noise = estimated_noise(elevation_map.elevation)
+    _recent = ((elevation_map, noise), *_recent[: _KEPT - 1])
+    return noise
 
 
 def estimated_noise(elevation: Floats) -> float:

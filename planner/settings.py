@@ -12,6 +12,10 @@ Solver = Literal["interior_point", "osqp", "ipopt"]
 """Who smooths: an interior-point method along the stations, OSQP, or IPOPT on the exact program."""
 
 
+UnseenSteps = Literal["slow", "tell"]
+"""Where noise hides steps far beyond the vehicle's limit: drive carefully, or only say so."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannerSettings:
     """Resolution of plans, weights of the ranking, and who smooths them."""
@@ -21,6 +25,7 @@ class PlannerSettings:
     )
     smooth: bool = True
     solver: Solver = "interior_point"
+    unseen_steps: UnseenSteps = "slow"
     horizon_penalty: float = quantity(
         "s/m",
         "Ranking: time charged for each metre of path not reached.",
@@ -45,6 +50,9 @@ class PlannerSettings:
         if self.solver not in get_args(Solver):
             words = f"one of {', '.join(get_args(Solver))}, got {self.solver!r}"
             raise ParameterError("solver", words)
+        if self.unseen_steps not in get_args(UnseenSteps):
+            words = f"one of {', '.join(get_args(UnseenSteps))}, got {self.unseen_steps!r}"
+            raise ParameterError("unseen_steps", words)
 
     def spacing_on(self, resolution: float) -> float:
         """Spacing on a map: a wheel sees two cells abreast, and steps over none even in a turn."""

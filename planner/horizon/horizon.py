@@ -20,6 +20,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import GroundConditions
+from slopewise.planner.ground.sight import within_sight
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
 from slopewise.planner.horizon.answer import HorizonSettings as HorizonSettings
@@ -101,9 +102,9 @@ class Horizon:
             offered = None
         free = _checked_clear(clear, 0 if offered is None else len(offered.names))
         felt = averaged_map(elevation_map, self.model.vehicle.wheel_radius)
-        cycle = Cycle(
-            CyclePlanner(self._equipment, felt, conditions, started), state, self._previous
-        )
+        model = within_sight(self.model, elevation_map, self.planner.unseen_steps)
+        equipment = replace(self._equipment, model=model)
+        cycle = Cycle(CyclePlanner(equipment, felt, conditions, started), state, self._previous)
         answer, self._previous = cycle.run(offered, behind_the_front(free, self.model.vehicle))
         return replace(answer, seconds=cycle.seconds)
 

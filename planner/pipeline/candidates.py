@@ -18,6 +18,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import GroundConditions
+from slopewise.planner.ground.sight import within_sight
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.path import EvenPath, behind_the_front, resample, side_by_side
 from slopewise.planner.path_deviation import path_deviation
@@ -76,6 +77,7 @@ class CandidatePlanner:
             expected = f"one distance or {len(paths)}, got {np.shape(clear)}"
             raise ParameterError("clear", expected)
         free = np.broadcast_to(behind_the_front(clear, self.model.vehicle), (len(paths),))
+        model = within_sight(self.model, elevation_map, self.settings.unseen_steps)
         felt = averaged_map(elevation_map, self.model.vehicle.wheel_radius)
         plans: list[SpeedPlan] = []
         for first in range(0, len(paths), _BATCH):
@@ -84,7 +86,7 @@ class CandidatePlanner:
             solved = time_optimal_batch(
                 felt,
                 side_by_side(even),
-                self.model,
+                model,
                 start_speed=start_speed,
                 clear=free[part],
                 settings=self.settings,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.smallest_seen import sight_notes
 from slopewise.models.vehicle import Shape, Vehicle
 from slopewise.planner.plan import Obstacle
 from slopewise.planner.swept.findings import BARS, Finding, Kind
@@ -55,9 +57,14 @@ def cannot_see(sizes: SweptSizes, resolution: float) -> str:
     )
 
 
-def notes(vehicle: Vehicle, resolution: float) -> tuple[str, ...]:
-    """What readers of plans have to know of the map, with cells of so many metres, and of sizes."""
-    told = (cannot_see(swept_sizes(vehicle, resolution), resolution), assumed_sizes(vehicle.shape))
+def notes(vehicle: Vehicle, elevation_map: ElevationMap) -> tuple[str, ...]:
+    """What readers of plans have to know of the map and of sizes."""
+    resolution = elevation_map.resolution
+    told = (
+        cannot_see(swept_sizes(vehicle, resolution), resolution),
+        *sight_notes(elevation_map, vehicle),
+        assumed_sizes(vehicle.shape),
+    )
     return tuple(note for note in told if note)
 
 

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 
 def doctor(
+    map_file: Annotated[
+        Path | None, typer.Argument(metavar="[MAP]", help="An elevation map to examine.")
+    ] = None,
     model: Annotated[
         str, typer.Option("--model", "-m", metavar="M.toml", help="Model file, or shipped vehicle.")
     ] = "",
@@ -40,15 +43,23 @@ def doctor(
     """Examine a robot, a recording or parameter files, and report settings that do not fit.
 
     Decelerations along the chain against the brakes learned, limits that are not obeyed, clocks,
-    frames, rates, map age, footprint. Status 3: an error was found.
+    frames, rates, map age, footprint; of a map, what its cells and its noise do not show. Status 3:
+    an error was found.
 
     [bold]Example[/]  slopewise doctor --nav2 nav2_params.yaml --model mine.toml --bag drive.mcap
+    [bold]Example[/]  slopewise doctor map.npz --model mine.toml
     """
     from slopewise.services.doctor.examine import CHECKS, examine
     from slopewise.services.doctor.robot_facts import IssueSeverity
 
-    facts = _facts(model, nav2 or [], bag, config, live)
-    sources = {"model": model, "edge": config, "parameters": nav2, "messages": bag or live > 0.0}
+    facts = _facts(map_file, model, nav2 or [], bag, config, live)
+    sources = {
+        "model": model,
+        "edge": config,
+        "parameters": nav2,
+        "messages": bag or live > 0.0,
+        "map": map_file,
+    }
     names = [name for name, given in sources.items() if given]
     issues = examine(facts)
     findings = [
@@ -62,18 +73,27 @@ def doctor(
 
 
 def _facts(
-    model: str, nav2: list[Path], bag: Path | None, config: Path | None, live: float
+    map_file: Path | None,
+    model: str,
+    nav2: list[Path],
+    bag: Path | None,
+    config: Path | None,
+    live: float,
 ) -> RobotFacts:
     """Read the sources; InputError without one."""
     from slopewise.models.errors import InputError
     from slopewise.services.doctor.message_collector import live_traffic, recorded_traffic
     from slopewise.services.doctor.nav2_file import read_nav2
     from slopewise.services.doctor.robot_facts import Nav2Facts, ObservedTraffic, RobotFacts
+    from slopewise.services.io.map_file import read_map
     from slopewise.services.io.model_file import find_model, read_model
     from slopewise.services.ros.settings import read_settings
 
-    if not (nav2 or bag or live > 0.0):
-        raise InputError("doctor", "", "expected --nav2, --bag or --live: a source to examine")
+    if not (map_file or nav2 or bag or live > 0.0):
+        expected = "expected a map, --nav2, --bag or --live: a source to examine"
+        raise InputError("doctor", "", expected)
+    if map_file and not model:
+        raise InputError("--model", "", "expected a model: whose wheels a map is examined for")
     edge = None if config is None else read_settings(config)
     if live > 0.0 and edge is None:
         raise InputError("--live", "", "expected --config ros.toml: where the robot is")
@@ -81,7 +101,8 @@ def _facts(
     if live > 0.0 and edge is not None:
         traffic = live_traffic(edge, live)
     robot = read_model(find_model(model)) if model else None
-    return RobotFacts(robot, edge, read_nav2(nav2) if nav2 else Nav2Facts(), traffic)
+    ground = read_map(map_file) if map_file else None
+    return RobotFacts(robot, edge, read_nav2(nav2) if nav2 else Nav2Facts(), traffic, ground)
 
 
 def _tables(names: list[str], check_count: int, issues: list[ConfigIssue]) -> Iterator[Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from slopewise.services.doctor import command_chain_checks as chain
+from slopewise.services.doctor import map_checks as ground
 from slopewise.services.doctor import observed_motion_checks as observed
 from slopewise.services.doctor import vehicle_checks as vehicle
 from slopewise.services.doctor.robot_facts import ConfigIssue, IssueSeverity, RobotFacts
@@ -24,6 +25,9 @@ CHECKS: tuple[Callable[[RobotFacts], Iterator[ConfigIssue]], ...] = (
     observed.check_map,
     observed.check_frames,
     observed.check_odometry,
+    ground.check_cells,
+    ground.check_noise,
+    ground.check_stated_error,
 )
 
 

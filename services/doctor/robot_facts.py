@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.services.ros.settings import EdgeSettings, Topics
 
@@ -106,6 +107,7 @@ class RobotFacts:
     edge: EdgeSettings | None = None
     nav2: Nav2Facts = field(default_factory=Nav2Facts)
     seen: ObservedTraffic = field(default_factory=ObservedTraffic)
+    ground: ElevationMap | None = None
 
     @property
     def topics(self) -> Topics:

@@ -53,7 +53,7 @@ class PlanResult:
     def notes(self) -> tuple[str, ...]:
         """Assumptions about map and vehicle, and what the map cannot show."""
         ground, limits = self.elevation_map, self.model.limits
-        notes = (*ground.assumed, *swept_notes(self.model.vehicle, ground.resolution))
+        notes = (*ground.assumed, *swept_notes(self.model.vehicle, ground))
         if limits.max_path_deviation is not None:
             return notes
         limit = f"{self.model.max_path_deviation:.3g} m from a given path"
