@@ -70,7 +70,7 @@ def read_raw(path: Path) -> MapLayers:
                 raise fault(path, "known", "expected true or false, got other whole numbers")
             heights[known == 0] = np.nan
         std = _height_std(archive, path, np.isfinite(heights))
-        assumed = std is None or archive.flag("height_std_is_assumed")
+        assumed = archive.flag("height_std_is_assumed") or std is None
         std = height_error.assumed(info.resolution) if std is None else std
         classes, names = _classes(archive, path, shape)
         length = archive.length("correlation_length")

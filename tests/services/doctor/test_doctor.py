@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
@@ -290,3 +291,37 @@ def test_parameter_names_with_dots_and_namespaces_are_nested(tmp_path: Path) -> 
     nav2 = read_nav2([file])
     assert nav2.controllers() == {"F": {"ax_min": -1.0, "vx_max": 2.0}}
     assert all(f.severity is IssueSeverity.ERROR for f in examine(RobotFacts(MODEL, None, nav2)))
+
+
+def noisy_map(tmp_path: Path, std: float, cell: float, **stated: Any) -> Path:
+    file = tmp_path / "map.npz"
+    heights = std * np.random.default_rng(1).standard_normal((80, 90))
+    np.savez(file, elevation=heights, resolution=cell, origin=(0.0, 0.0), **stated)
+    return file
+
+
+@pytest.mark.parametrize(
+    ("std", "cell", "stated", "check", "severity"),
+    [
+        (0.03, 0.1, {}, "map noise", "warning"),
+        (0.1, 0.1, {"height_std": 0.1}, "map noise", "error"),
+        (0.01, 0.5, {}, "map cells", "warning"),
+        (0.02, 0.1, {"height_std": 0.01}, "map error", "warning"),
+    ],
+)
+def test_what_a_map_does_not_show_is_told_before_planning(
+    tmp_path: Path, std: float, cell: float, stated: dict[str, float], check: str, severity: str
+) -> None:
+    file = noisy_map(tmp_path, std, cell, **stated)
+    done = here("doctor", file, "--model", "atv", "--json")
+    found = {f["check"]: f for f in json.loads(done.stdout)["findings"]}
+    assert found[check]["severity"] == severity
+    assert done.returncode == (3 if severity == "error" else 0)
+    if check == "map noise":
+        assert "scans" in found[check]["remedy"]
+
+
+def test_an_exact_map_has_no_issue_and_needs_a_model(tmp_path: Path) -> None:
+    file = noisy_map(tmp_path, 0.0, 0.1, height_std=0.0)
+    assert "everything that could be checked fits" in here("doctor", file, "-m", "atv").stdout
+    assert "--model" in here("doctor", file).stderr

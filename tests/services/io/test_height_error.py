@@ -81,6 +81,18 @@ def test_npz(tmp_path: Path) -> None:
     assert ground.height_std == pytest.approx(float(np.quantile(STDS[known].astype(float), 0.95)))
 
 
+def test_npz_says_whether_an_error_is_stated_and_how_far_it_is_shared(tmp_path: Path) -> None:
+    path = tmp_path / "m.npz"
+    assert read_map(npz(path)).height_std_is_assumed
+    stated = read_map(npz(path, height_std=0.03, correlation_length=0.3))
+    assert not stated.height_std_is_assumed
+    assert stated.correlation_length == 0.3
+    assert read_map(npz(path, height_std=0.03, height_std_is_assumed=True)).height_std_is_assumed
+    for name, given in (("correlation_length", -1.0), ("height_std_is_assumed", [True, False])):
+        with fault_in(path, name, "expected"):
+            read_map(npz(path, **{name: given}))
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

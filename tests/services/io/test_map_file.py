@@ -60,6 +60,8 @@ def same(a: ElevationMap, b: ElevationMap) -> bool:
         and a.origin == b.origin
         and a.class_names == b.class_names
         and a.height_std == b.height_std
+        and a.height_std_is_assumed == b.height_std_is_assumed
+        and a.correlation_length == b.correlation_length
         and (a.terrain_class is None) == (b.terrain_class is None)
         and (a.terrain_class is None or np.array_equal(a.terrain_class, b.terrain_class))
     )
@@ -408,6 +410,8 @@ def test_npz_round_trip(tmp_path: Path) -> None:
         terrain_class=classes,
         class_names=("", "sand", "#7"),
         height_std=0.03,
+        height_std_is_assumed=True,
+        correlation_length=0.4,
     )
     for elevation_map in (plain, classified):
         write_map_npz(elevation_map, tmp_path / "m.npz")

@@ -95,6 +95,17 @@ def test_a_patch_makes_a_map_no_more_exact() -> None:
         assert store.apply(update(n + 1, **changes), "map")
         assert store.snapshot is not None
         assert store.snapshot.elevation_map.height_std == pytest.approx(expected)
+        assert store.snapshot.elevation_map.height_std_is_assumed == (n == 0)
+
+
+def test_errors_of_a_map_are_shared_as_far_as_those_of_its_patches() -> None:
+    store = MapStore()
+    patch = {"patch": True, "elevation": np.zeros((2, 2))}
+    steps = ((None, {}, 0.0), (0.3, {}, 0.3), (0.1, patch, 0.3), (0.5, patch, 0.5))
+    for n, (length, part, expected) in enumerate(steps):
+        assert store.apply(update(n + 1, correlation_length=length, **part), "map")
+        assert store.snapshot is not None
+        assert store.snapshot.elevation_map.correlation_length == expected
 
 
 def test_a_lost_patch_is_flagged_until_the_next_whole_map() -> None:
