@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from msgspec import structs
 
+from slopewise.models.smallest_seen import hides_steps, sight_notes, smallest_seen
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import PlanarState
@@ -261,8 +262,15 @@ class PlanService:
             *(f"degraded: {reason}" for reason in self.degraded(snapshot)),
             *(["map is old"] if is_old else []),
             *(["map updates were lost"] if snapshot.incomplete else []),
+            *(f"map: {note}" for note in self._unseen(snapshot)),
             *snapshot.warnings.active(),
         ]
+
+    def _unseen(self, snapshot: MapSnapshot) -> tuple[str, ...]:
+        """What noise of the map hides, if that makes plans slower."""
+        vehicle, ground = self.parameters.model.vehicle, snapshot.elevation_map
+        hidden = hides_steps(smallest_seen(ground, vehicle), vehicle)
+        return sight_notes(ground, vehicle)[:1] if hidden else ()
 
     def degraded(self, snapshot: MapSnapshot | None) -> list[str]:
         """Reasons in the map for slower plans."""
