@@ -13,7 +13,7 @@ Solver = Literal["interior_point", "osqp", "ipopt"]
 
 
 UnseenSteps = Literal["slow", "tell"]
-"""Where noise hides steps far beyond the vehicle's limit: drive carefully, or only say so."""
+"""Where noise hides steps far beyond the vehicle's limit: drive carefully, or only report it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,11 +48,11 @@ class PlannerSettings:
     def __post_init__(self) -> None:
         validate_quantities(self)
         if self.solver not in get_args(Solver):
-            words = f"one of {', '.join(get_args(Solver))}, got {self.solver!r}"
-            raise ParameterError("solver", words)
+            expected = f"one of {', '.join(get_args(Solver))}, got {self.solver!r}"
+            raise ParameterError("solver", expected)
         if self.unseen_steps not in get_args(UnseenSteps):
-            words = f"one of {', '.join(get_args(UnseenSteps))}, got {self.unseen_steps!r}"
-            raise ParameterError("unseen_steps", words)
+            expected = f"one of {', '.join(get_args(UnseenSteps))}, got {self.unseen_steps!r}"
+            raise ParameterError("unseen_steps", expected)
 
     def spacing_on(self, resolution: float) -> float:
         """Spacing on a map: a wheel sees two cells abreast, and steps over none even in a turn."""

@@ -17,8 +17,9 @@ from slopewise.models.smallest_seen import (
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.doctor.robot_facts import ConfigIssue, RobotFacts, error, warning
 
-_WORTH = 1.2
-"""Lowest step that is seen, in steps that the vehicle may climb, from which on it is told [1]."""
+_REPORTED_RATIO = 1.2
+"""Ratio of the lowest step that is seen to the highest that may be climbed, above which it is
+reported [1]."""
 
 
 def check_cells(facts: RobotFacts) -> Iterator[ConfigIssue]:
@@ -41,7 +42,7 @@ def check_noise(facts: RobotFacts) -> Iterator[ConfigIssue]:
         return
     ground, vehicle = facts.ground, facts.model.vehicle
     seen = smallest_seen(ground, vehicle)
-    if seen is None or seen.step <= _WORTH * vehicle.shape.max_step:
+    if seen is None or seen.step <= _REPORTED_RATIO * vehicle.shape.max_step:
         return
     severity = error if hides_steps(seen, vehicle) else warning
     yield severity(
@@ -65,7 +66,7 @@ def check_stated_error(facts: RobotFacts) -> Iterator[ConfigIssue]:
 
 def _what_helps(seen: SmallestSeen, vehicle: Vehicle, cell: float, correlation: float) -> str:
     """Smaller cells, or fewer scans' noise, at which the vehicle's limit is nearly seen."""
-    enough, ways = _WORTH * vehicle.shape.max_step, []
+    enough, ways = _REPORTED_RATIO * vehicle.shape.max_step, []
     for part in (2.0, 4.0):
         if seen_at(vehicle, seen.noise, cell / part, correlation).step <= enough:
             ways.append(f"cells of {cell / part:g} m with the same noise")

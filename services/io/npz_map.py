@@ -59,7 +59,7 @@ def read_layers(
 
 
 def read_raw(path: Path) -> MapLayers:
-    """All cells of a map, as they are written; of ``known``, those that are not are NaN."""
+    """All cells of a map, with NaN where ``known`` is false."""
     with _Archive(path) as archive:
         info = archive.info()
         shape = (info.rows, info.columns)

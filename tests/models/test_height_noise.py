@@ -1,4 +1,4 @@
-"""The noise of a map is estimated from its heights, whatever lies under it."""
+"""The noise of a map is estimated from its heights, on any ground."""
 
 from __future__ import annotations
 

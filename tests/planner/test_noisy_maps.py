@@ -1,4 +1,4 @@
-"""Noise of a map neither stops nor slows a vehicle; what stands out of it does, and is told."""
+"""Noise of a map neither stops nor slows a vehicle; obstacles above it do, and limits are noted."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_what_the_map_says_to_show_is_found(vehicle: str) -> None:
             assert plan.clear_distance < 8.5
 
 
-def test_a_map_that_is_too_noisy_is_driven_carefully_or_only_told() -> None:
+def test_a_map_that_is_too_noisy_is_driven_carefully_or_only_noted() -> None:
     model, noisy = slopewise.read_model("husky"), measured(0.04)
     assert hides_steps(smallest_seen(noisy, model.vehicle), model.vehicle)
     fast = dataclasses.replace(model, limits=dataclasses.replace(model.limits, speed=3.0))
@@ -104,7 +104,7 @@ def test_a_map_that_is_too_noisy_is_driven_carefully_or_only_told() -> None:
     assert answer.chosen.speed.max() <= careful + 1e-9
 
 
-def test_what_may_be_missed_and_what_is_misstated_is_told() -> None:
+def test_what_may_be_missed_and_what_is_misstated_is_noted() -> None:
     vehicle = slopewise.read_model("atv").vehicle
     assert sight_notes(measured(0.0), vehicle) == ()
     (note,) = sight_notes(measured(0.03), vehicle)

@@ -309,16 +309,16 @@ def noisy_map(tmp_path: Path, std: float, cell: float, **stated: Any) -> Path:
         (0.02, 0.1, {"height_std": 0.01}, "map error", "warning"),
     ],
 )
-def test_what_a_map_does_not_show_is_told_before_planning(
+def test_what_a_map_does_not_show_is_reported_before_planning(
     tmp_path: Path, std: float, cell: float, stated: dict[str, float], check: str, severity: str
 ) -> None:
     file = noisy_map(tmp_path, std, cell, **stated)
     done = here("doctor", file, "--model", "atv", "--json")
-    found = {f["check"]: f for f in json.loads(done.stdout)["findings"]}
-    assert found[check]["severity"] == severity
+    issues = {f["check"]: f for f in json.loads(done.stdout)["findings"]}
+    assert issues[check]["severity"] == severity
     assert done.returncode == (3 if severity == "error" else 0)
     if check == "map noise":
-        assert "scans" in found[check]["remedy"]
+        assert "scans" in issues[check]["remedy"]
 
 
 def test_an_exact_map_has_no_issue_and_needs_a_model(tmp_path: Path) -> None:
