@@ -26,6 +26,10 @@ _FEWEST = 2.9
 _CORRELATED = 2.5
 """Least radius of a disc, in lengths over which the error is correlated [1]."""
 
+_FARTHEST = 1.0
+"""Largest radius of a disc that a correlated error calls for [m]: ground farther away is not under
+a tyre, and windows of a stated length without a limit would have cells without a limit."""
+
 _WIDE = 2.0
 """Radius within which contrasts are taken, in wheel radii."""
 
@@ -82,7 +86,7 @@ class AveragingWindows(NamedTuple):
 
 
 class _Grid(NamedTuple):
-    """Cells around a cell: rows and columns from it, and the correlation of their errors."""
+    """Square of cells: rows and columns from the one in the middle, correlation of their errors."""
 
     row: Floats
     column: Floats
@@ -103,11 +107,12 @@ class _Grid(NamedTuple):
         """Of a weighted sum, for noise of variance 1."""
         if self.correlation <= 0.0:
             return float(weights @ weights)
-        apart = np.hypot(
-            self.row[:, None] - self.row[None, :], self.column[:, None] - self.column[None, :]
-        )
-        shared = np.exp(-0.5 * (apart * self.edge / self.correlation) ** 2)
-        return max(float(weights @ shared @ weights), _LEAST)
+        # The correlation is a product of one along rows and one along columns.
+        side = math.isqrt(len(weights))
+        apart = np.arange(side) * self.edge / self.correlation
+        shared = np.exp(-0.5 * (apart[:, None] - apart[None, :]) ** 2)
+        square = weights.reshape(side, side)
+        return max(float((square * (shared @ square @ shared)).sum()), _LEAST)
 
 
 def _grid(reach: int, edge: float, correlation: float) -> _Grid:
@@ -124,7 +129,7 @@ def _coefficients(columns: list[Floats], inside: Bools) -> Floats:
 
 def disc_radius(resolution: float, wheel_radius: float, correlation: float = 0.0) -> float:
     """Radius of the disc whose mean is the height under a wheel [m]; lengths [m]."""
-    return max(wheel_radius, _FEWEST * resolution, _CORRELATED * correlation)
+    return max(wheel_radius, _FEWEST * resolution, min(_CORRELATED * correlation, _FARTHEST))
 
 
 @lru_cache(maxsize=32)

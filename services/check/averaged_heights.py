@@ -21,6 +21,9 @@ from slopewise.services.check.heights import Heights
 _DISC_DOUBT, _WINDOW_DOUBT = 2.0, 1.0
 """Scatter beyond the noise that counts as structure, in its standard deviations [1]."""
 
+_SLOPE_SHARE = 0.2
+"""Share of a disc's cells that shows its slope [1]: a quarter is known in the corner of a map."""
+
 _CHUNK = 4096  # Cells whose windows are gathered together: 3 MB a window
 
 
@@ -34,21 +37,31 @@ class AveragedHeights(NamedTuple):
     class_names: tuple[str, ...]
 
 
+_last: tuple[ElevationMap, float, AveragedHeights] | None = None
+"""Map, wheel radius and result of the last call, replaced as a whole: one map, many plans."""
+
+
 def averaged(heights: Heights, wheel_radius: float) -> Heights:
     """A map as wheels feel it; the same map where its heights are exact or its cells large."""
+    global _last
+    last = _last
+    if last is not None and last[0] is heights and last[1] == wheel_radius:
+        return last[2]
     if not isinstance(heights, ElevationMap) or heights.resolution > wheel_radius:
         return heights
     noise = noise_of(heights)
     if noise <= EXACT:
         return heights
     windows = averaging_windows(heights.resolution, wheel_radius, heights.correlation_length)
-    return AveragedHeights(
+    result = AveragedHeights(
         _average(heights.elevation, windows, noise),
         heights.resolution,
         heights.origin,
         heights.terrain_class,
         heights.class_names,
     )
+    _last = heights, wheel_radius, result
+    return result
 
 
 def _average(elevation: Floats, windows: AveragingWindows, noise: float) -> Floats:
@@ -155,28 +168,35 @@ def _least_risk(
     middle = z[row[:, 0], column[:, 0]]
     height, risk = middle.copy(), np.full(len(cells), noise**2)
 
+    every = np.arange(len(cells))
+    alone = _stands_out(z, row, column, windows.narrow, noise)
+
     def take(
-        level: Floats, variance: Floats, scatter: Floats, freedoms: Floats, doubt: float
+        part: Ints, level: Floats, variance: Floats, scatter: Floats, freedoms: Floats, doubt: float
     ) -> None:
         with np.errstate(invalid="ignore", divide="ignore"):
             most = noise**2 * (1.0 + doubt * np.sqrt(2.0 / freedoms))
             own = variance * noise**2 + np.maximum(scatter - most, 0.0)
-            better = own < risk
-        risk[better], height[better] = own[better], level[better]
+            better = (own < risk[part]) & ~alone[part]
+        risk[part[better]], height[part[better]] = own[better], level[better]
 
-    def rises(window: int) -> tuple[Floats, Ints, Ints]:
+    def rises(part: Ints, window: int) -> tuple[Floats, Ints, Ints]:
         taps = slice(int(windows.start[window]), int(windows.start[window + 1]))
         i, j = windows.taps.row[taps], windows.taps.column[taps]
-        return z[row + i, column + j] - middle[:, None], i, j
+        return z[row[part] + i, column[part] + j] - middle[part, None], i, j
 
     disc = len(windows.variance) - 1
-    rise, i, j = rises(disc)
+    rise, i, j = rises(every, disc)
     level, slope, variance, scatter, known = _planes(rise, i, j, windows.variance[disc])
-    take(middle + level, variance, scatter, known - 3.0, _DISC_DOUBT)
-    beside = slopes.beside(cells, slope)
+    take(every, middle + level, variance, scatter, known - 3.0, _DISC_DOUBT)
+    rough = np.flatnonzero(windows.variance[:disc].min() * noise**2 < risk)
+    beside = np.zeros((2, len(cells)))
+    beside[:, rough] = slopes.beside(cells[rough], slope[:, rough])
     for window in range(disc):
-        rise, i, j = rises(window)
-        left = rise - beside[0, :, None] * j - beside[1, :, None] * i
+        # The variance of a window is the least risk it can have.
+        part = rough[windows.variance[window] * noise**2 < risk[rough]]
+        rise, i, j = rises(part, window)
+        left = rise - beside[0, part, None] * j - beside[1, part, None] * i
         count = np.isfinite(left).sum(axis=1).astype(np.float64)
         few = (count < 2.0) | (count < KNOWN_SHARE * len(i))
         count[few] = np.nan
@@ -185,8 +205,19 @@ def _least_risk(
         variance = windows.variance[window] * len(i) / count
         shown = np.maximum((1.0 - variance) * count / (count - 1.0), 1e-3)
         scatter = squares * count / (count - 1.0) / shown
-        take(middle + mean, variance, scatter, count - 1.0, _WINDOW_DOUBT)
+        take(part, middle[part] + mean, variance, scatter, count - 1.0, _WINDOW_DOUBT)
     return height
+
+
+def _stands_out(z: Floats, row: Ints, column: Ints, narrow: Contrasts, noise: float) -> Bools:
+    """(C,) whether cells differ significantly from the plane of the known ones around them."""
+    ring = (narrow.taps.row != 0) | (narrow.taps.column != 0)
+    i, j = narrow.taps.row[ring], narrow.taps.column[ring]
+    rise = z[row + i, column + j] - z[row, column]
+    level, _, variance, _, _ = _planes(rise, i, j, 1.0 / len(i))
+    std = SIGNIFICANCE * noise * float(narrow.std[0])
+    alone: Bools = level**2 > std**2 * (1.0 + variance) * len(i) / (len(i) + 1.0)
+    return alone
 
 
 def _planes(
@@ -198,7 +229,7 @@ def _planes(
     basis = np.stack([np.ones(len(i)), j, i])
     normal = np.einsum("at,bt,ct->cab", basis, basis, known.astype(np.float64))
     right = np.einsum("at,ct->ca", basis, np.where(known, rise, 0.0))
-    enough = (count >= KNOWN_SHARE * len(i)) & (count >= 4.0)
+    enough = (count >= _SLOPE_SHARE * len(i)) & (count >= 4.0)
     area = normal[:, 1, 1] * normal[:, 2, 2] - normal[:, 1, 2] ** 2
     enough &= np.linalg.det(normal) >= 1e-6 * count * area
     normal[~enough] = np.eye(3)
@@ -209,6 +240,7 @@ def _planes(
     with np.errstate(invalid="ignore", divide="ignore"):
         shown = np.maximum((1.0 - 3.0 * lost / count) * count / (count - 3.0), 1e-3)
         scatter = np.maximum(left, 0.0) / (count - 3.0) / shown
+    slope = np.where(enough, fit[:, 1:].T, np.nan)
+    enough &= count >= KNOWN_SHARE * len(i)
     level = np.where(enough, fit[:, 0], np.nan)
-    slope = np.where(enough, fit[:, 1:].T, 0.0)
     return level, slope, np.where(enough, own, np.nan), scatter, count
