@@ -1,4 +1,4 @@
-"""Windows over which heights of a map may be averaged, and contrasts that tell where they may not.
+"""Windows over which heights of a map may be averaged, and contrasts that show where they may not.
 
 A tyre rests on an area of about its radius, not on a cell. So the height under a wheel is that of
 the plane nearest to the heights within a disc of that radius, unless they hold more than noise: a
@@ -20,11 +20,15 @@ from slopewise.models.arrays import Bools, Floats
 _DIRECTIONS = 8
 """Directions of jumps and ridges within half a turn [1]: to 11° of any edge."""
 
-_FEWEST = 2.9
-"""Least radius of a disc, in cells: 25 of them, so that noise of one is a fifth in the mean."""
+_MIN_CELLS = 2.9
+"""Radius of a disc at least, in cells: 25 of them, so that noise of one is a fifth in the mean."""
 
 _CORRELATED = 2.5
 """Least radius of a disc, in lengths over which the error is correlated [1]."""
+
+_FARTHEST = 1.0
+"""Largest radius of a disc that a correlated error calls for [m]: ground farther away is not under
+a tyre, and windows of a stated length without a limit would have cells without a limit."""
 
 _WIDE = 2.0
 """Radius within which contrasts are taken, in wheel radii."""
@@ -33,7 +37,7 @@ _BLOCKS = 5.0
 """Blocks within that radius at least [1]: contrasts of finer cells are taken of means of blocks."""
 
 
-_LEAST = 1e-12
+_MIN_VARIANCE = 1e-12
 """Variance of a sum at least [1]: rounding may leave less than nothing of a correlated error."""
 
 
@@ -50,7 +54,7 @@ class Contrasts(NamedTuple):
     Attributes:
         taps: cells. weights: (K, T) float32, 0 on every plane.
         std: (K,) float32 standard deviations for noise of standard deviation 1.
-        slopes: (2, jumps, T) float32: rise a cell to the east and to the north beside a jump.
+        slopes: (2, jumps, T) float32: rise a cell to the east and to the north on both sides of a jump.
     """
 
     taps: Taps
@@ -60,14 +64,14 @@ class Contrasts(NamedTuple):
 
 
 class AveragingWindows(NamedTuple):
-    """What a map is averaged with.
+    """Windows and contrasts of a map for a wheel.
 
     Attributes:
         wide: contrasts of blocks of ``stride`` × ``stride`` cells. narrow: of single cells.
         taps: cells of the windows one behind the other, the disc last.
         start: (W + 1,) int32, where each begins.
         variance: (W,) of their means, for noise of variance 1.
-        stride: see ``wide``. block_std: of the mean of a block, for noise of 1.
+        stride: see ``wide``. block_std: standard deviation of a block's mean, for noise of 1 [1].
         reach: farthest cell or block [1].
     """
 
@@ -82,7 +86,7 @@ class AveragingWindows(NamedTuple):
 
 
 class _Grid(NamedTuple):
-    """Cells around a cell: rows and columns from it, and the correlation of their errors."""
+    """Square of cells: rows and columns from the one in the middle, correlation of their errors."""
 
     row: Floats
     column: Floats
@@ -103,11 +107,12 @@ class _Grid(NamedTuple):
         """Of a weighted sum, for noise of variance 1."""
         if self.correlation <= 0.0:
             return float(weights @ weights)
-        apart = np.hypot(
-            self.row[:, None] - self.row[None, :], self.column[:, None] - self.column[None, :]
-        )
-        shared = np.exp(-0.5 * (apart * self.edge / self.correlation) ** 2)
-        return max(float(weights @ shared @ weights), _LEAST)
+        # The correlation is a product of one along rows and one along columns.
+        side = math.isqrt(len(weights))
+        place = np.arange(side) * self.edge / self.correlation
+        shared = np.exp(-0.5 * (place[:, None] - place[None, :]) ** 2)
+        square = weights.reshape(side, side)
+        return max(float((square * (shared @ square @ shared)).sum()), _MIN_VARIANCE)
 
 
 def _grid(reach: int, edge: float, correlation: float) -> _Grid:
@@ -124,7 +129,7 @@ def _coefficients(columns: list[Floats], inside: Bools) -> Floats:
 
 def disc_radius(resolution: float, wheel_radius: float, correlation: float = 0.0) -> float:
     """Radius of the disc whose mean is the height under a wheel [m]; lengths [m]."""
-    return max(wheel_radius, _FEWEST * resolution, _CORRELATED * correlation)
+    return max(wheel_radius, _MIN_CELLS * resolution, min(_CORRELATED * correlation, _FARTHEST))
 
 
 @lru_cache(maxsize=32)
@@ -170,7 +175,7 @@ def _taps(row: Floats, column: Floats) -> Taps:
 
 
 def _contrasts(grid: _Grid, weights: list[Floats], slopes: Floats) -> Contrasts:
-    """Without the cells that no contrast looks at."""
+    """Without the cells that have a weight in no contrast."""
     table = np.array(weights)
     used = np.any(table != 0.0, axis=0)
     std = np.sqrt([grid.variance(w) for w in weights])
@@ -192,9 +197,9 @@ def _one_cell(grid: _Grid) -> Floats:
 
 def _wide_contrasts(grid: _Grid, radius: float, wheel_radius: float) -> Contrasts:
     """Jumps, ridges and a block of the size of a wheel, each against what is around it."""
-    one, inside = np.ones_like(grid.row), grid.distance <= radius + 1e-9
+    ones, inside = np.ones_like(grid.row), grid.distance <= radius + 1e-9
     fits = [
-        _coefficients([one, grid.column, grid.row, 0.5 * np.sign(grid.along(n))], inside)
+        _coefficients([ones, grid.column, grid.row, 0.5 * np.sign(grid.along(n))], inside)
         for n in range(_DIRECTIONS)
     ]
     weights = [fit[3] for fit in fits]
@@ -203,13 +208,13 @@ def _wide_contrasts(grid: _Grid, radius: float, wheel_radius: float) -> Contrast
         away = np.abs(grid.along(n))
         near = grid.distance <= 0.5 * (radius + grid.edge)
         ridge = near & (away <= max(0.5, half))
-        beside = inside & (away > max(1.0, half + 0.5))
-        plane = _coefficients([one, grid.column, grid.row], beside)[0]
+        sides = inside & (away > max(1.0, half + 0.5))
+        plane = _coefficients([ones, grid.column, grid.row], sides)[0]
         weights.append(ridge / ridge.sum() - plane)
     side = max(round(0.5 * wheel_radius / grid.edge), 1)
     block = (np.abs(grid.row) <= side) & (np.abs(grid.column) <= side)
     if (inside & ~block).sum() >= len(block) // 4:
-        plane = _coefficients([one, grid.column, grid.row], inside & ~block)[0]
+        plane = _coefficients([ones, grid.column, grid.row], inside & ~block)[0]
         weights.append(block / block.sum() - plane)
     slopes = np.array([[fit[1] for fit in fits], [fit[2] for fit in fits]])
     return _contrasts(grid, weights, slopes)

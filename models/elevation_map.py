@@ -28,7 +28,8 @@ class ElevationMap:
         terrain_class: (rows, cols) index into ``class_names``, or None without classes.
         class_names: name of each class; index 0 is the base surface.
         height_std: error of the heights of cells against each other [m], one for all.
-        height_std_is_assumed: nobody stated it, so that the heights themselves may tell less.
+        height_std_is_assumed: its source does not state it; the heights themselves may
+            show a smaller one.
         correlation_length: over which errors of cells are alike [m]: of two at a distance d their
             correlation is exp(-d² / 2 L²). 0: errors are independent.
         assumed: assumptions made of its source, in sentences.

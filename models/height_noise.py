@@ -4,7 +4,7 @@ Third differences along rows and columns are 0 on every quadratic surface; of in
 standard deviation σ they have the variance (1 + 9 + 9 + 1) σ². Rough ground differs from its
 neighbours, too, so that the lower quartile of the blocks of a map counts: of 400 noisy maps of
 smooth ground it is within 3 % of σ, of rock 6 to 12 % and of gravel 9 to 58 % too large. An error
-that neighbouring cells share leaves no third differences: it cannot be told from ground.
+that neighbouring cells share leaves no third differences: it cannot be distinguished from ground.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ KNOWN_SHARE = 0.6
 """Share of a window's cells that have to be known [1]: fewer lie on one side of it."""
 
 EXACT = 1e-3
-"""Noise below which heights are used as they are [m]: a fortieth of the lowest step that bars."""
+"""Noise below which heights are used unchanged [m]: a fortieth of the lowest step that bars."""
 
 _THIRD = np.sqrt(20.0)
 """Standard deviation of third differences, in that of the heights [1]."""
@@ -33,7 +33,7 @@ _BLOCK = 8
 _QUANTILE = 0.25
 """Share of the blocks that are smoother [1]: rough ground shall not raise the noise."""
 
-_FEWEST = 0.5
+_MIN_KNOWN_SHARE = 0.5
 """Share of a block's differences that have to be known [1]."""
 
 
@@ -44,8 +44,8 @@ _UNBIASED = 0.904
 def noise_of(elevation_map: ElevationMap) -> float:
     """Standard deviation of the errors of cells that averaging may take for noise [m].
 
-    It is what the source of the map states. Where nobody did, it is what the heights themselves
-    scatter by, and never more than is assumed of such a map.
+    It is what the source of the map states. Without that, it is the scatter of the heights
+    themselves, at most the error that is assumed of such a map.
     """
     std = elevation_map.height_std
     if not elevation_map.height_std_is_assumed or std <= EXACT:
@@ -53,21 +53,21 @@ def noise_of(elevation_map: ElevationMap) -> float:
     return min(std, estimated_noise_of(elevation_map))
 
 
-_KEPT = 4
-"""Maps whose noise is kept [1]: one in use, the next, and those of two comparisons."""
+_CACHE_SIZE = 4
+"""Maps whose noise is cached [1]: one in use, the next, and those of two comparisons."""
 
 _recent: tuple[tuple[ElevationMap, float], ...] = ()
 """Replaced as a whole, never changed: threads need no lock."""
 
 
 def estimated_noise_of(elevation_map: ElevationMap) -> float:
-    """:func:`estimated_noise` of a map, which never changes: it is looked over once [m]."""
+    """:func:`estimated_noise` of a map, which never changes: it is estimated once [m]."""
     global _recent
     for known, noise in _recent:
         if known is elevation_map:
             return noise
     noise = estimated_noise(elevation_map.elevation)
-    _recent = ((elevation_map, noise), *_recent[: _KEPT - 1])
+    _recent = ((elevation_map, noise), *_recent[: _CACHE_SIZE - 1])
     return noise
 
 
@@ -89,7 +89,10 @@ def estimated_noise(elevation: Floats) -> float:
         known = np.isfinite(blocks)
         count = known.sum(axis=1)
         sums = np.where(known, blocks, 0.0).sum(axis=1)
-        variances.append(sums[count >= _FEWEST * _BLOCK**2] / count[count >= _FEWEST * _BLOCK**2])
+        variances.append(
+            sums[count >= _MIN_KNOWN_SHARE * _BLOCK**2]
+            / count[count >= _MIN_KNOWN_SHARE * _BLOCK**2]
+        )
     every = np.concatenate(variances) if variances else np.empty(0)
     if len(every) == 0:
         return 0.0

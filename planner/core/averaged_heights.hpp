@@ -5,7 +5,8 @@
 // cell against what is around it. Where none is significant, the height is that of the plane nearest
 // to the cells of a disc. Elsewhere each window around the cell is weighed by its risk: the variance
 // of its mean, and what its heights scatter beyond the noise, which is structure that a mean would
-// hide. The raw height is one of the windows, so that nothing significant is averaged away.
+// hide. The raw height is one of the windows, and the only one for a cell that stands out of those
+// around it: a post is little scatter in a disc of a hundred cells.
 #pragma once
 
 #include <algorithm>
@@ -14,6 +15,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "batch.hpp"
@@ -24,6 +26,8 @@ inline constexpr float unknown_height = std::numeric_limits<float>::quiet_NaN();
 // Scatter beyond the noise that counts as structure, in its standard deviations [1]: of a disc,
 // which is asked first, and of the finer windows.
 inline constexpr double disc_doubt = 2.0, window_doubt = 1.0;
+// Share of a disc's cells that tells its slope [1]: a quarter of one is known in a map's corner.
+inline constexpr double slope_share = 0.2;
 
 // Cells around one cell, as offsets in rows and columns.
 struct Taps {
@@ -133,29 +137,40 @@ inline Structure structure_of(const Heights& map, const Contrasts& contrasts, do
 // A plane through heights around a cell: its height there, its slopes [m a cell], the variance of
 // the height for noise of variance 1, and what the heights scatter about it [m²].
 struct Plane {
-  double level = 0.0, slope_x = 0.0, slope_y = 0.0, variance = 0.0, scatter = 0.0, cells = 0.0;
+  double level = 0.0, variance = 0.0, scatter = 0.0, cells = 0.0;
+  double slope_x = unknown_height, slope_y = unknown_height;
   bool known = false;
 };
 
 class Averaging {
  public:
   Averaging(const Heights& map, const Structure& coarse, const Heights& coarse_map,
-            const Contrasts& contrasts, Index stride, const Windows& windows, double noise_std,
-            double known_share)
-      : map_(map), coarse_(coarse), coarse_map_(coarse_map), contrasts_(contrasts), stride_(stride),
-        windows_(windows), noise_(noise_std * noise_std), known_share_(known_share) {}
+            const Contrasts& contrasts, const Contrasts& narrow, Index stride,
+            const Windows& windows, double noise_std, double significance, double known_share)
+      : map_(map), coarse_(coarse), coarse_map_(coarse_map), contrasts_(contrasts),
+        narrow_(narrow), stride_(stride), windows_(windows), noise_(noise_std * noise_std),
+        alone_(significance * significance * noise_ * narrow.std[0] * narrow.std[0]),
+        known_share_(known_share) {}
 
   // Height of a known cell that is near structure.
   [[nodiscard]] double height(Index i, Index j) const noexcept {
-    const Plane plane = nearest_plane(i, j);
     double risk = noise_, height = *map_.at(i, j);
+    if (stands_out(i, j)) return height;
+    const Index disc = windows_.start[windows_.count - 1];
+    const Index cells = windows_.start[windows_.count] - disc;
+    const Plane plane =
+        nearest_plane(i, j, {cells, windows_.taps.row + disc, windows_.taps.column + disc},
+                      windows_.variance[windows_.count - 1] * static_cast<double>(cells));
     if (plane.known) {
       consider(plane.level, plane.variance, plane.scatter, disc_doubt, plane.cells - 3.0, risk,
                height);
     }
-    const std::array<double, 2> slope = slope_beside(i, j, plane);
+    // A window has at least the risk of its variance: where the disc has less, none is worth its sum.
+    std::optional<std::array<double, 2>> slope;
     for (Index w = 0; w + 1 < windows_.count; ++w) {
-      consider_window(i, j, w, slope, risk, height);
+      if (windows_.variance[w] * noise_ >= risk) continue;
+      if (!slope) slope = slope_beside(i, j, plane);
+      consider_window(i, j, w, *slope, risk, height);
     }
     return height;
   }
@@ -197,35 +212,43 @@ class Averaging {
              window_doubt, count - 1.0, risk, height);
   }
 
-  [[nodiscard]] Plane nearest_plane(Index i, Index j) const noexcept {
-    const Index begin = windows_.start[windows_.count - 1], end = windows_.start[windows_.count];
+  // Whether a cell differs significantly from the plane of the known ones around it.
+  [[nodiscard]] bool stands_out(Index i, Index j) const noexcept {
+    const Plane around = nearest_plane(i, j, narrow_.taps, 0.0);
+    const double rise = *map_.at(i, j) - around.level;
+    const auto full = static_cast<double>(narrow_.taps.count - 1);
+    return around.known && rise * rise > alone_ * (1.0 + around.variance) * full / (full + 1.0);
+  }
+
+  // Plane nearest to the known heights of taps. lost: variance of their mean times their number,
+  // for noise of variance 1 (1 if it is white); 0: white, and without the cell in the middle.
+  [[nodiscard]] Plane nearest_plane(Index i, Index j, const Taps& taps, double lost) const noexcept {
     const double middle = *map_.at(i, j);
     double n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0, z = 0, xz = 0, yz = 0, zz = 0;
-    for (Index t = begin; t < end; ++t) {
-      const auto u = static_cast<double>(windows_.taps.column[t]);
-      const auto v = static_cast<double>(windows_.taps.row[t]);
-      const double h = *map_.at(i + windows_.taps.row[t], j + windows_.taps.column[t]) - middle;
-      if (std::isnan(h)) continue;
+    const bool is_ring = lost == 0.0;
+    for (Index t = 0; t < taps.count; ++t) {
+      const auto u = static_cast<double>(taps.column[t]), v = static_cast<double>(taps.row[t]);
+      const double h = *map_.at(i + taps.row[t], j + taps.column[t]) - middle;
+      if (std::isnan(h) || (is_ring && u == 0.0 && v == 0.0)) continue;
       n += 1.0, x += u, y += v, xx += u * u, xy += u * v, yy += v * v;
       z += h, xz += u * h, yz += v * h, zz += h * h;
     }
-    const auto all = static_cast<double>(end - begin);
+    const auto all = static_cast<double>(taps.count - (is_ring ? 1 : 0));
     const double a = xx * yy - xy * xy, b = xy * y - x * yy, c = x * xy - xx * y;
     const double determinant = n * a + x * b + y * c;
     Plane plane;
-    if (n < known_share_ * all || n < 4.0 || determinant < 1e-6 * n * a) return plane;
+    if (n < slope_share * all || n < 4.0 || determinant < 1e-6 * n * a) return plane;
     const double d = n * yy - y * y, e = x * y - n * xy, f = n * xx - x * x;
     plane.level = (a * z + b * xz + c * yz) / determinant;
     plane.slope_x = (b * z + d * xz + e * yz) / determinant;
     plane.slope_y = (c * z + e * xz + f * yz) / determinant;
     const double left = zz - plane.level * z - plane.slope_x * xz - plane.slope_y * yz;
-    const double lost = windows_.variance[windows_.count - 1] * all;
-    plane.variance = a / determinant * lost;
+    plane.variance = a / determinant * (is_ring ? 1.0 : lost);
     const double shown = std::max((1.0 - 3.0 * lost / n) * n / (n - 3.0), 1e-3);
     plane.scatter = std::max(left, 0.0) / (n - 3.0) / shown;
     plane.level += middle;
     plane.cells = n;
-    plane.known = true;
+    plane.known = n >= known_share_ * all;
     return plane;
   }
 
@@ -262,9 +285,10 @@ class Averaging {
   const Structure& coarse_;
   const Heights& coarse_map_;
   const Contrasts& contrasts_;
+  const Contrasts& narrow_;
   Index stride_;
   const Windows& windows_;
-  double noise_, known_share_;
+  double noise_, alone_, known_share_;
 };
 
 // What a map is averaged with.
@@ -352,8 +376,9 @@ inline Index average_heights(const double* elevation, Index rows, Index columns,
   std::vector<std::uint8_t> marked(cells, 0);
   detail::mark_around(wide, tools.stride, tools.windows, rows, columns, marked);
   detail::mark_around(narrow, 1, tools.windows, rows, columns, marked);
-  const Averaging averaging(map, wide, blocks, tools.wide, tools.stride, tools.windows,
-                            tools.noise_std, tools.known_share);
+  const Averaging averaging(map, wide, blocks, tools.wide, tools.narrow, tools.stride,
+                            tools.windows, tools.noise_std, tools.significance,
+                            tools.known_share);
   std::vector<float> sums(static_cast<std::size_t>(columns));
   Index near = 0;
   for (Index i = 0; i < rows; ++i) {

@@ -16,8 +16,8 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.height_noise import EXACT, KNOWN_SHARE, SIGNIFICANCE, noise_of
 from slopewise.planner.compiled_core import core
 
-_KEPT = 4
-"""Maps that are kept [1]: one in use, the next, and those of two comparisons."""
+_CACHE_SIZE = 4
+"""Maps that are cached [1]: one in use, the next, and those of two comparisons."""
 
 
 class _Recent(NamedTuple):
@@ -36,8 +36,8 @@ def averaged_map(elevation_map: ElevationMap, wheel_radius: float) -> ElevationM
     Cells larger than the wheel's radius are not averaged: each is one tyre's ground already.
 
     Args:
-        elevation_map: heights with their error. Where nobody stated it, the error is what the
-            heights themselves scatter by, and no more than is assumed.
+        elevation_map: heights with their error. Without a stated error it is the
+            scatter of the heights, at most the error that is assumed.
         wheel_radius: [m].
     """
     global _recent
@@ -48,7 +48,7 @@ def averaged_map(elevation_map: ElevationMap, wheel_radius: float) -> ElevationM
         ):
             return known.averaged
     averaged = _averaged(elevation_map, wheel_radius)
-    _recent = (_Recent(elevation_map, wheel_radius, averaged), *_recent[: _KEPT - 1])
+    _recent = (_Recent(elevation_map, wheel_radius, averaged), *_recent[: _CACHE_SIZE - 1])
     return averaged
 
 

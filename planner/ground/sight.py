@@ -9,8 +9,8 @@ from slopewise.models.parameters import Model
 from slopewise.models.smallest_seen import careful_speed, hides_steps, smallest_seen
 from slopewise.planner.settings import UnseenSteps
 
-_KEPT = 4
-"""Models that are kept [1]: of one map in use, the next, and those of two comparisons."""
+_CACHE_SIZE = 4
+"""Models that are cached [1]: of one map in use, the next, and those of two comparisons."""
 
 _recent: tuple[tuple[Model, Model], ...] = ()
 """Given ones and slower ones; replaced as a whole, never changed: threads need no lock."""
@@ -31,5 +31,5 @@ def within_sight(model: Model, elevation_map: ElevationMap, unseen_steps: Unseen
         if given is model:
             return slower
     slower = replace(model, limits=replace(limits, speed=speed))
-    _recent = ((model, slower), *_recent[: _KEPT - 1])
+    _recent = ((model, slower), *_recent[: _CACHE_SIZE - 1])
     return slower

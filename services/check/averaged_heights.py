@@ -1,8 +1,8 @@
 """Heights as wheels feel them, for the checker: the same windows as planning has, its own sums.
 
 Where no contrast is significant the height is that of the plane nearest to the disc around a cell.
-Elsewhere it is the mean of the window with the least risk, the variance of its mean plus what its
-heights scatter beyond the noise; one cell by itself is a window, too.
+Elsewhere it is the mean of the window with the smallest risk, the variance of its mean plus what its
+heights scatter beyond the noise; a single cell is a window, too.
 """
 
 from __future__ import annotations
@@ -18,8 +18,11 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.height_noise import EXACT, KNOWN_SHARE, SIGNIFICANCE, noise_of
 from slopewise.services.check.heights import Heights
 
-_DISC_DOUBT, _WINDOW_DOUBT = 2.0, 1.0
+_DISC_EXCESS, _WINDOW_EXCESS = 2.0, 1.0
 """Scatter beyond the noise that counts as structure, in its standard deviations [1]."""
+
+_SLOPE_SHARE = 0.2
+"""Share of a disc's cells that shows its slope [1]: a quarter is known in the corner of a map."""
 
 _CHUNK = 4096  # Cells whose windows are gathered together: 3 MB a window
 
@@ -34,21 +37,31 @@ class AveragedHeights(NamedTuple):
     class_names: tuple[str, ...]
 
 
+_last: tuple[ElevationMap, float, AveragedHeights] | None = None
+"""Map, wheel radius and result of the last call, replaced as a whole: one map, many plans."""
+
+
 def averaged(heights: Heights, wheel_radius: float) -> Heights:
     """A map as wheels feel it; the same map where its heights are exact or its cells large."""
+    global _last
+    last = _last
+    if last is not None and last[0] is heights and last[1] == wheel_radius:
+        return last[2]
     if not isinstance(heights, ElevationMap) or heights.resolution > wheel_radius:
         return heights
     noise = noise_of(heights)
     if noise <= EXACT:
         return heights
     windows = averaging_windows(heights.resolution, wheel_radius, heights.correlation_length)
-    return AveragedHeights(
+    result = AveragedHeights(
         _average(heights.elevation, windows, noise),
         heights.resolution,
         heights.origin,
         heights.terrain_class,
         heights.class_names,
     )
+    _last = heights, wheel_radius, result
+    return result
 
 
 def _average(elevation: Floats, windows: AveragingWindows, noise: float) -> Floats:
@@ -72,7 +85,7 @@ def _average(elevation: Floats, windows: AveragingWindows, noise: float) -> Floa
     cells = np.argwhere(near)
     for first in range(0, len(cells), _CHUNK):
         part = cells[first : first + _CHUNK]
-        chosen = _least_risk(z, part, margin, windows, noise, slopes)
+        chosen = _min_risk(z, part, margin, windows, noise, slopes)
         out[part[:, 0], part[:, 1]] = level + chosen
     return out
 
@@ -91,7 +104,7 @@ def _blocks(z: Floats, stride: int) -> Floats:
 def _structure(z: Floats, contrasts: Contrasts, noise: float) -> tuple[Floats, Ints, Bools]:
     """Strongest jump, −1 where unknown, and its number; whether any contrast is significant."""
     jump, which = np.full(z.shape, -1.0), np.zeros(z.shape, np.int64)
-    # The slope beside a jump depends on all of its cells, also on those without a weight.
+    # The slope on both sides of a jump depends on all of its cells, also on those without a weight.
     reach = _footprint(contrasts, np.ones(len(contrasts.taps.row)))
     unknown = np.isnan(ndimage.correlate(z, reach, mode="constant", cval=np.nan))
     there = unknown.copy()
@@ -114,15 +127,15 @@ def _footprint(contrasts: Contrasts, weights: np.ndarray) -> Floats:
 
 
 class _Slopes(NamedTuple):
-    """Jumps of blocks, from which the slope beside one follows."""
+    """Jumps of blocks, from which the slopes next to them follow."""
 
     jump: Floats
     which: Ints
     blocks: Floats
     windows: AveragingWindows
 
-    def beside(self, cells: Ints, otherwise: Floats) -> Floats:
-        """(2, C) rise a cell to the east and north beside the strongest jump in a disc's reach."""
+    def near_jumps(self, cells: Ints, otherwise: Floats) -> Floats:
+        """(2, C) rise a cell to the east and north next to the strongest jump in a disc's reach."""
         windows, contrasts = self.windows, self.windows.wide
         disc = slice(int(windows.start[-2]), int(windows.start[-1]))
         row = cells[:, 0, None] + windows.taps.row[disc]
@@ -134,8 +147,8 @@ class _Slopes(NamedTuple):
         jump = np.where(inside, self.jump[i, j], -1.0)
         best = jump.argmax(axis=1)
         at = np.arange(len(cells))
-        found = jump[at, best] > 0.0
-        i, j = np.where(found, i[at, best], 0), np.where(found, j[at, best], 0)
+        has_jump = jump[at, best] > 0.0
+        i, j = np.where(has_jump, i[at, best], 0), np.where(has_jump, j[at, best], 0)
         reach = windows.reach
         around = np.pad(self.blocks, reach, constant_values=np.nan)
         z = around[
@@ -143,11 +156,11 @@ class _Slopes(NamedTuple):
         ]
         weights = contrasts.slopes[:, self.which[i, j]]
         slopes = np.einsum("kct,ct->kc", weights, z) / windows.stride
-        chosen: Floats = np.where(found, slopes, otherwise)
+        chosen: Floats = np.where(has_jump, slopes, otherwise)
         return chosen
 
 
-def _least_risk(
+def _min_risk(
     z: Floats, cells: Ints, margin: int, windows: AveragingWindows, noise: float, slopes: _Slopes
 ) -> Floats:
     """(C,) heights of cells near structure."""
@@ -155,28 +168,35 @@ def _least_risk(
     middle = z[row[:, 0], column[:, 0]]
     height, risk = middle.copy(), np.full(len(cells), noise**2)
 
+    every = np.arange(len(cells))
+    alone = _is_alone(z, row, column, windows.narrow, noise)
+
     def take(
-        level: Floats, variance: Floats, scatter: Floats, freedoms: Floats, doubt: float
+        part: Ints, level: Floats, variance: Floats, scatter: Floats, freedoms: Floats, share: float
     ) -> None:
         with np.errstate(invalid="ignore", divide="ignore"):
-            most = noise**2 * (1.0 + doubt * np.sqrt(2.0 / freedoms))
-            own = variance * noise**2 + np.maximum(scatter - most, 0.0)
-            better = own < risk
-        risk[better], height[better] = own[better], level[better]
+            limit = noise**2 * (1.0 + share * np.sqrt(2.0 / freedoms))
+            own = variance * noise**2 + np.maximum(scatter - limit, 0.0)
+            better = (own < risk[part]) & ~alone[part]
+        risk[part[better]], height[part[better]] = own[better], level[better]
 
-    def rises(window: int) -> tuple[Floats, Ints, Ints]:
+    def rises(part: Ints, window: int) -> tuple[Floats, Ints, Ints]:
         taps = slice(int(windows.start[window]), int(windows.start[window + 1]))
         i, j = windows.taps.row[taps], windows.taps.column[taps]
-        return z[row + i, column + j] - middle[:, None], i, j
+        return z[row[part] + i, column[part] + j] - middle[part, None], i, j
 
     disc = len(windows.variance) - 1
-    rise, i, j = rises(disc)
+    rise, i, j = rises(every, disc)
     level, slope, variance, scatter, known = _planes(rise, i, j, windows.variance[disc])
-    take(middle + level, variance, scatter, known - 3.0, _DISC_DOUBT)
-    beside = slopes.beside(cells, slope)
+    take(every, middle + level, variance, scatter, known - 3.0, _DISC_EXCESS)
+    rough = np.flatnonzero(windows.variance[:disc].min() * noise**2 < risk)
+    slope_near = np.zeros((2, len(cells)))
+    slope_near[:, rough] = slopes.near_jumps(cells[rough], slope[:, rough])
     for window in range(disc):
-        rise, i, j = rises(window)
-        left = rise - beside[0, :, None] * j - beside[1, :, None] * i
+        # The variance of a window is the smallest risk it can have.
+        part = rough[windows.variance[window] * noise**2 < risk[rough]]
+        rise, i, j = rises(part, window)
+        left = rise - slope_near[0, part, None] * j - slope_near[1, part, None] * i
         count = np.isfinite(left).sum(axis=1).astype(np.float64)
         few = (count < 2.0) | (count < KNOWN_SHARE * len(i))
         count[few] = np.nan
@@ -185,8 +205,19 @@ def _least_risk(
         variance = windows.variance[window] * len(i) / count
         shown = np.maximum((1.0 - variance) * count / (count - 1.0), 1e-3)
         scatter = squares * count / (count - 1.0) / shown
-        take(middle + mean, variance, scatter, count - 1.0, _WINDOW_DOUBT)
+        take(part, middle[part] + mean, variance, scatter, count - 1.0, _WINDOW_EXCESS)
     return height
+
+
+def _is_alone(z: Floats, row: Ints, column: Ints, narrow: Contrasts, noise: float) -> Bools:
+    """(C,) whether cells differ significantly from the plane of the known ones around them."""
+    ring = (narrow.taps.row != 0) | (narrow.taps.column != 0)
+    i, j = narrow.taps.row[ring], narrow.taps.column[ring]
+    rise = z[row + i, column + j] - z[row, column]
+    level, _, variance, _, _ = _planes(rise, i, j, 1.0 / len(i))
+    std = SIGNIFICANCE * noise * float(narrow.std[0])
+    alone: Bools = level**2 > std**2 * (1.0 + variance) * len(i) / (len(i) + 1.0)
+    return alone
 
 
 def _planes(
@@ -198,17 +229,18 @@ def _planes(
     basis = np.stack([np.ones(len(i)), j, i])
     normal = np.einsum("at,bt,ct->cab", basis, basis, known.astype(np.float64))
     right = np.einsum("at,ct->ca", basis, np.where(known, rise, 0.0))
-    enough = (count >= KNOWN_SHARE * len(i)) & (count >= 4.0)
+    enough = (count >= _SLOPE_SHARE * len(i)) & (count >= 4.0)
     area = normal[:, 1, 1] * normal[:, 2, 2] - normal[:, 1, 2] ** 2
     enough &= np.linalg.det(normal) >= 1e-6 * count * area
     normal[~enough] = np.eye(3)
     fit = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
     left = np.where(known, rise**2, 0.0).sum(axis=1) - (fit * right).sum(axis=1)
     lost = variance * len(i)
-    own = np.linalg.inv(normal)[:, 0, 0] * lost
+    at_cell = np.linalg.inv(normal)[:, 0, 0] * lost
     with np.errstate(invalid="ignore", divide="ignore"):
         shown = np.maximum((1.0 - 3.0 * lost / count) * count / (count - 3.0), 1e-3)
         scatter = np.maximum(left, 0.0) / (count - 3.0) / shown
+    slope = np.where(enough, fit[:, 1:].T, np.nan)
+    enough &= count >= KNOWN_SHARE * len(i)
     level = np.where(enough, fit[:, 0], np.nan)
-    slope = np.where(enough, fit[:, 1:].T, 0.0)
-    return level, slope, np.where(enough, own, np.nan), scatter, count
+    return level, slope, np.where(enough, at_cell, np.nan), scatter, count

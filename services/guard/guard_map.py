@@ -89,9 +89,10 @@ _last: tuple[ElevationMap, float, WheelHeights] | None = None
 def wheel_heights(ground: ElevationMap, wheel_radius: float) -> WheelHeights:
     """Heights as wheels of one radius feel them [m], the same object for the same map."""
     global _last
-    if _last is None or _last[0] is not ground or _last[1] != wheel_radius:
-        _last = ground, wheel_radius, WheelHeights(ground, wheel_radius)
-    return _last[2]
+    last = _last
+    if last is None or last[0] is not ground or last[1] != wheel_radius:
+        _last = last = ground, wheel_radius, WheelHeights(ground, wheel_radius)
+    return last[2]
 
 
 def classes_at(ground: ElevationMap, x: Floats, y: Floats) -> Ints:

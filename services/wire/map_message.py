@@ -70,7 +70,8 @@ def _patched_map(update: MapUpdate, known: ElevationMap) -> ElevationMap:
         elevation=elevation,
         terrain_class=classes,
         height_std=std,
-        height_std_is_assumed=known.height_std_is_assumed and update.height_std is None,
+        # An assumed error stays one: the patch states that of its cells, not that of the others.
+        height_std_is_assumed=known.height_std_is_assumed,
         correlation_length=max(known.correlation_length, update.correlation_length or 0.0),
         assumed=assumed,
     )

@@ -1,0 +1,131 @@
+"""Averaged maps: planes stay, unknown cells stay unknown, noise shrinks, what is real is kept."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from slopewise.models.arrays import Floats
+from slopewise.models.averaging_windows import averaging_windows
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.planner.ground.averaged_map import averaged_map
+from slopewise.services.check.averaged_heights import averaged
+
+RADIUS = 0.28
+
+
+def map_of(
+    elevation: Floats, std: float = 0.02, cell: float = 0.1, length: float = 0.0
+) -> ElevationMap:
+    return ElevationMap(
+        elevation=elevation,
+        resolution=cell,
+        origin=(5e5, 5e6),
+        height_std=std,
+        correlation_length=length,
+    )
+
+
+def relief(rng: np.random.Generator, rows: int, columns: int) -> Floats:
+    """Noise on a slope with a step, a part of it unknown."""
+    i, j = np.mgrid[:rows, :columns]
+    z: Floats = rng.normal(0.0, 0.02, (rows, columns)) + 0.01 * j + 0.15 * (i > 0.4 * rows)
+    z[rng.random(z.shape) < rng.choice([0.0, 0.05, 0.2, 0.5])] = np.nan
+    z[0, 0] = 0.0
+    return z
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_checker_has_the_same_heights(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    z = relief(rng, *(rng.integers(2, 7, 2) if seed % 3 == 0 else rng.integers(20, 50, 2)))
+    z = np.round(z, 2) if seed % 5 == 0 else z + rng.choice([0.0, 2000.0])
+    cell = float(rng.choice([0.05, 0.1, 0.25]))
+    given = map_of(z, float(rng.choice([0.005, 0.02, 1.0])), cell, float(rng.choice([0.0, 0.2])))
+    heights = averaged_map(given, RADIUS).elevation
+    np.testing.assert_array_equal(np.isnan(heights), np.isnan(z))
+    np.testing.assert_allclose(averaged(given, RADIUS).elevation, heights, rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("cell", [0.05, 0.1, 0.25])
+@pytest.mark.parametrize("slope", [0.3, 1.0])
+def test_plane_stays_a_plane_to_its_corners(cell: float, slope: float) -> None:
+    """A corner knows a quarter of a disc: without its slope it was up to 5 cm off."""
+    i, j = np.mgrid[:40, :50]
+    z = 2000.0 + slope * cell * j - 0.2 * cell * i
+    z[10:13, 20] = np.nan
+    heights = averaged_map(map_of(z, cell=cell), RADIUS).elevation
+    np.testing.assert_allclose(heights, z, rtol=0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("cell", "length"), [(0.05, 0.0), (0.1, 0.0), (0.25, 0.0), (0.1, 0.2)])
+def test_noise_is_reduced_as_the_window_says(cell: float, length: float) -> None:
+    from scipy import ndimage
+
+    z = np.random.default_rng(1).standard_normal((400, 400))
+    if length > 0.0:
+        z = ndimage.gaussian_filter(z, length / cell / np.sqrt(2.0), mode="wrap")
+    heights = averaged_map(map_of(0.02 * z / z.std(), cell=cell, length=length), RADIUS).elevation
+    variance = averaging_windows(cell, RADIUS, length).variance[-1]
+    assert np.std(heights[20:-20, 20:-20]) == pytest.approx(0.02 * np.sqrt(variance), rel=0.1)
+
+
+@pytest.mark.parametrize("std", [0.01, 0.02])
+def test_step_of_ten_std_keeps_its_height(std: float) -> None:
+    z = np.random.default_rng(2).normal(0.0, std, (60, 60))
+    z[:, 30:] += 10.0 * std
+    heights = averaged_map(map_of(z, std), RADIUS).elevation
+    rise = heights[5:-5, 30] - heights[5:-5, 29]
+    assert np.mean(rise) == pytest.approx(10.0 * std, rel=0.1)
+    assert np.std(rise) < np.sqrt(2.0) * std
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.2])
+@pytest.mark.parametrize("cell", [0.05, 0.1, 0.25])
+def test_post_keeps_its_height(cell: float, share: float) -> None:
+    """A cell alone is little scatter in a large disc, which once hid it; next to holes as well."""
+    rng = np.random.default_rng(3)
+    z = rng.normal(0.0, 0.02, (80, 80))
+    z[rng.random(z.shape) < share] = np.nan
+    z[8:-8:9, 8:-8:9] = 0.2
+    heights = averaged_map(map_of(z, cell=cell), RADIUS).elevation
+    np.testing.assert_allclose(heights[8:-8:9, 8:-8:9], 0.2, rtol=0.0, atol=1e-6)
+
+
+def test_exact_maps_and_coarse_ones_are_the_same_objects() -> None:
+    z = np.random.default_rng(4).normal(0.0, 0.02, (30, 30))
+    for given in (map_of(z, std=0.0), map_of(z, std=1e-3), map_of(z, cell=0.3)):
+        assert averaged_map(given, RADIUS) is given
+
+
+def test_result_is_reused_and_not_averaged_again() -> None:
+    given = map_of(np.random.default_rng(5).normal(0.0, 0.02, (30, 30)))
+    heights = averaged_map(given, RADIUS)
+    assert averaged_map(given, RADIUS) is heights
+    assert averaged_map(heights, RADIUS) is heights
+    assert averaged_map(given, 0.4) is not heights
+
+
+def test_threads_get_the_map_they_ask_for() -> None:
+    rng = np.random.default_rng(6)
+    maps = [map_of(rng.normal(n, 0.02, (20, 20))) for n in range(12)]
+
+    def level(n: int) -> float:
+        return float(np.mean(averaged_map(maps[n], RADIUS).elevation))
+
+    with ThreadPoolExecutor(4) as pool:
+        asked = [n % 12 for n in range(240)]
+        np.testing.assert_allclose(list(pool.map(level, asked)), asked, atol=0.05)
+
+
+def test_sparse_map_takes_little_longer() -> None:
+    """Windows with more risk than the disc has are not summed: 16 s once, on the largest map."""
+    rng = np.random.default_rng(7)
+    z = rng.normal(0.0, 0.02, (400, 400))
+    z[rng.random(z.shape) < 0.1] = np.nan
+    start = time.process_time()
+    averaged_map(map_of(z, cell=0.05), RADIUS)
+    assert time.process_time() - start < 2.0
