@@ -35,7 +35,7 @@ _MARGIN = 3.0
 """Standard deviations of the noise by which 98 % of higher obstacles are detected [1]."""
 
 _EDGE, _ERRORS, _STEP, _ROCK = 1.15, 4.0, 0.55, 1.25
-"""Measured: share of the limit, standard deviations of a mean, shares of a contrast's height [1]."""
+"""Measured [1]: share of the limit, standard deviations of a mean, shares of a contrast."""
 
 _ROCK_SIZE, _FEW_CELLS, _RING = 0.3, 2.5, 0.87
 """Edge of a rock [m]; cells along it up to which they are single posts to averaging, with this

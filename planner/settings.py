@@ -12,7 +12,7 @@ Solver = Literal["interior_point", "osqp", "ipopt"]
 """Who smooths: an interior-point method along the stations, OSQP, or IPOPT on the exact program."""
 
 
-UnseenSteps = Literal["slow", "tell"]
+UnseenSteps = Literal["slow", "report"]
 """Where noise hides steps far beyond the vehicle's limit: drive carefully, or only report it."""
 
 

@@ -1,8 +1,7 @@
 // Heights as a wheel feels them: the mean of the largest window around a cell that holds nothing
 // but noise.
 //
-// A contrast is a weighted sum of heights that is zero on every plane: a jump, a ridge, a block or a
-// cell against what is around it. Where none is significant, the height is that of the plane nearest
+// Where no contrast is significant (height_contrasts.hpp), the height is that of the plane nearest
 // to the cells of a disc. Elsewhere each window around the cell is weighed by its risk: the variance
 // of its mean, and what its heights scatter beyond the noise, which is structure that a mean would
 // hide. The raw height is one of the windows, and the only one for a cell that stands out of those
@@ -14,35 +13,19 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <vector>
 
-#include "batch.hpp"
+#include "height_contrasts.hpp"
 
 namespace slopewise {
 
-inline constexpr float unknown_height = std::numeric_limits<float>::quiet_NaN();
 // Scatter beyond the noise that counts as structure, in its standard deviations [1]: of a disc,
 // which is asked first, and of the finer windows.
 inline constexpr double disc_doubt = 2.0, window_doubt = 1.0;
+
 // Share of a disc's cells that tells its slope [1]: a quarter of one is known in a map's corner.
 inline constexpr double slope_share = 0.2;
-
-// Cells around one cell, as offsets in rows and columns.
-struct Taps {
-  Index count;
-  const std::int32_t *row, *column;
-};
-
-// K weighted sums over the same taps; the first `jumps` of them also tell the slope beside a jump.
-struct Contrasts {
-  Taps taps;
-  Index count, jumps;
-  const float* weight;           // (K, taps)
-  const float* std;              // (K,) for noise of standard deviation 1
-  const float *slope_x, *slope_y;  // (jumps, taps) rise a cell
-};
 
 // Windows one behind the other; the last one is the disc.
 struct Windows {
@@ -51,88 +34,6 @@ struct Windows {
   const std::int32_t* start;  // (count + 1,) of their taps
   const double* variance;     // (count,) of their means, for noise of variance 1
 };
-
-// A map of floats with a rim of unknown cells around it.
-class Heights {
- public:
-  Heights(Index rows, Index columns, Index rim)
-      : rows_(rows), columns_(columns), rim_(rim), width_(columns + 2 * rim),
-        cells_(static_cast<std::size_t>((rows + 2 * rim) * width_), unknown_height) {}
-
-  [[nodiscard]] Index rows() const noexcept { return rows_; }
-  [[nodiscard]] Index columns() const noexcept { return columns_; }
-  [[nodiscard]] const float* at(Index i, Index j) const noexcept {
-    return cells_.data() + (i + rim_) * width_ + j + rim_;
-  }
-  [[nodiscard]] float* at(Index i, Index j) noexcept {
-    return cells_.data() + (i + rim_) * width_ + j + rim_;
-  }
-  [[nodiscard]] Index width() const noexcept { return width_; }
-
- private:
-  Index rows_, columns_, rim_, width_;
-  std::vector<float> cells_;
-};
-
-// What contrasts say of each cell of a map, row by row.
-struct Structure {
-  std::vector<float> jump;          // the strongest jump, in standard deviations; < 0 if unknown
-  std::vector<std::uint8_t> which;  // number of that contrast
-  std::vector<std::uint8_t> there;  // 1 where some contrast is significant, or unknown
-};
-
-namespace detail {
-
-// Add a weighted row of heights to a row of sums.
-inline void add_row(const float* heights, float weight, Index count, float* sums) noexcept {
-  for (Index j = 0; j < count; ++j) sums[j] += weight * heights[j];
-}
-
-// Take in one contrast along a row.
-inline void note_contrast(const float* sums, float scale, float significance, std::uint8_t number,
-                          bool is_jump, Index first, Structure& out, Index count) noexcept {
-  for (Index j = 0; j < count; ++j) {
-    const auto cell = static_cast<std::size_t>(first + j);
-    const float strength = std::abs(sums[j]) * scale;
-    if (!(strength <= significance)) out.there[cell] = 1;
-    if (is_jump && strength > out.jump[cell]) {
-      out.jump[cell] = strength;
-      out.which[cell] = number;
-    }
-  }
-}
-
-}  // namespace detail
-
-// Look at a map through contrasts; noise_std is that of its cells [m].
-inline Structure structure_of(const Heights& map, const Contrasts& contrasts, double noise_std,
-                              double significance) {
-  const Index rows = map.rows(), columns = map.columns();
-  const auto cells = static_cast<std::size_t>(rows * columns);
-  Structure out{std::vector<float>(cells, -1.0F), std::vector<std::uint8_t>(cells, 0),
-                std::vector<std::uint8_t>(cells, 0)};
-  std::vector<float> sums(static_cast<std::size_t>(contrasts.count * columns));
-  for (Index i = 0; i < rows; ++i) {
-    std::fill(sums.begin(), sums.end(), 0.0F);
-    for (Index t = 0; t < contrasts.taps.count; ++t) {
-      const float* heights = map.at(i + contrasts.taps.row[t], contrasts.taps.column[t]);
-      for (Index n = 0; n < contrasts.count; ++n) {
-        const float weight = contrasts.weight[n * contrasts.taps.count + t];
-        // What a jump does not weigh, the slope beside it does: it has to be known.
-        if (weight != 0.0F || n < contrasts.jumps) {
-          detail::add_row(heights, weight, columns, sums.data() + n * columns);
-        }
-      }
-    }
-    for (Index n = 0; n < contrasts.count; ++n) {
-      const float scale = 1.0F / (contrasts.std[n] * static_cast<float>(noise_std));
-      detail::note_contrast(sums.data() + n * columns, scale, static_cast<float>(significance),
-                            static_cast<std::uint8_t>(n), n < contrasts.jumps, i * columns, out,
-                            columns);
-    }
-  }
-  return out;
-}
 
 // A plane through heights around a cell: its height there, its slopes [m a cell], the variance of
 // the height for noise of variance 1, and what the heights scatter about it [m²].
@@ -145,11 +46,11 @@ struct Plane {
 class Averaging {
  public:
   Averaging(const Heights& map, const Structure& coarse, const Heights& coarse_map,
-            const Contrasts& contrasts, const Contrasts& narrow, Index stride,
+            const Contrasts& contrasts, const Contrasts& single, Index stride,
             const Windows& windows, double noise_std, double significance, double known_share)
       : map_(map), coarse_(coarse), coarse_map_(coarse_map), contrasts_(contrasts),
-        narrow_(narrow), stride_(stride), windows_(windows), noise_(noise_std * noise_std),
-        alone_(significance * significance * noise_ * narrow.std[0] * narrow.std[0]),
+        narrow_(single), stride_(stride), windows_(windows), noise_(noise_std * noise_std),
+        alone_(significance * significance * noise_ * single.std[0] * single.std[0]),
         known_share_(known_share) {}
 
   // Height of a known cell that is near structure.
@@ -370,13 +271,13 @@ inline Index average_heights(const double* elevation, Index rows, Index columns,
     }
   }
   const Heights blocks = detail::blocks_of(map, tools.stride, rim);
-  const Structure wide =
+  const Structure coarse =
       structure_of(blocks, tools.wide, tools.block_noise_std, tools.significance);
-  const Structure narrow = structure_of(map, tools.narrow, tools.noise_std, tools.significance);
+  const Structure fine = structure_of(map, tools.narrow, tools.noise_std, tools.significance);
   std::vector<std::uint8_t> marked(cells, 0);
-  detail::mark_around(wide, tools.stride, tools.windows, rows, columns, marked);
-  detail::mark_around(narrow, 1, tools.windows, rows, columns, marked);
-  const Averaging averaging(map, wide, blocks, tools.wide, tools.narrow, tools.stride,
+  detail::mark_around(coarse, tools.stride, tools.windows, rows, columns, marked);
+  detail::mark_around(fine, 1, tools.windows, rows, columns, marked);
+  const Averaging averaging(map, coarse, blocks, tools.wide, tools.narrow, tools.stride,
                             tools.windows, tools.noise_std, tools.significance,
                             tools.known_share);
   std::vector<float> sums(static_cast<std::size_t>(columns));

@@ -19,7 +19,7 @@ _recent: tuple[tuple[Model, Model], ...] = ()
 def within_sight(model: Model, elevation_map: ElevationMap, unseen_steps: UnseenSteps) -> Model:
     """The model with a speed limit that this map allows; the same object for the same model."""
     global _recent
-    if unseen_steps == "tell" or not hides_steps(
+    if unseen_steps == "report" or not hides_steps(
         smallest_seen(elevation_map, model.vehicle), model.vehicle
     ):
         return model

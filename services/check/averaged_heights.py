@@ -1,8 +1,8 @@
 """Heights as wheels feel them, for the checker: the same windows as planning has, its own sums.
 
 Where no contrast is significant the height is that of the plane nearest to the disc around a cell.
-Elsewhere it is the mean of the window with the smallest risk, the variance of its mean plus what its
-heights scatter beyond the noise; a single cell is a window, too.
+Elsewhere it is the mean of the window with the smallest risk: the variance of its mean and the
+scatter of its heights beyond the noise; a single cell is a window, too.
 """
 
 from __future__ import annotations
@@ -176,9 +176,9 @@ def _min_risk(
     ) -> None:
         with np.errstate(invalid="ignore", divide="ignore"):
             limit = noise**2 * (1.0 + share * np.sqrt(2.0 / freedoms))
-            own = variance * noise**2 + np.maximum(scatter - limit, 0.0)
-            better = (own < risk[part]) & ~alone[part]
-        risk[part[better]], height[part[better]] = own[better], level[better]
+            total = variance * noise**2 + np.maximum(scatter - limit, 0.0)
+            better = (total < risk[part]) & ~alone[part]
+        risk[part[better]], height[part[better]] = total[better], level[better]
 
     def rises(part: Ints, window: int) -> tuple[Floats, Ints, Ints]:
         taps = slice(int(windows.start[window]), int(windows.start[window + 1]))

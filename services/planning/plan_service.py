@@ -267,7 +267,7 @@ class PlanService:
         ]
 
     def _unseen(self, snapshot: MapSnapshot) -> tuple[str, ...]:
-        """What noise of the map hides, if that makes plans slower."""
+        """Notes on obstacles that noise of the map hides, if that makes plans slower."""
         vehicle, ground = self.parameters.model.vehicle, snapshot.elevation_map
         hidden = hides_steps(smallest_seen(ground, vehicle), vehicle)
         return sight_notes(ground, vehicle)[:1] if hidden else ()

@@ -50,7 +50,7 @@ def test_noise_neither_stops_nor_slows(vehicle: str, std: float) -> None:
     exact = planned(model, measured(0.0))
     for stated in ({}, {"height_std": 0.025, "height_std_is_assumed": True}):
         ground = measured(std, **stated)
-        plan = planned(model, ground, unseen_steps="tell")
+        plan = planned(model, ground, unseen_steps="report")
         assert plan.status.value == "ok", plan.reason
         assert plan.travel_time < exact.travel_time / 0.9
         assert abs(plan.station[-1] - exact.station[-1]) < 0.01 * exact.station[-1]
@@ -91,7 +91,7 @@ def test_a_map_that_is_too_noisy_is_driven_carefully_or_only_noted() -> None:
     slower = within_sight(fast, noisy, "slow")
     assert slower.limits.speed == pytest.approx(careful)
     assert slower is within_sight(fast, noisy, "slow")
-    assert within_sight(fast, noisy, "tell") is fast
+    assert within_sight(fast, noisy, "report") is fast
     assert within_sight(fast, measured(0.002), "slow") is fast
     level = measured(0.04, np.zeros_like(SWELL))
     assert planned(fast, level).speed.max() <= careful + 1e-9

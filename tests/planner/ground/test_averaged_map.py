@@ -121,7 +121,7 @@ def test_threads_get_the_map_they_ask_for() -> None:
         np.testing.assert_allclose(list(pool.map(level, asked)), asked, atol=0.05)
 
 
-def test_sparse_map_takes_little_longer() -> None:
+def test_sparse_map_needs_little_longer() -> None:
     """Windows with more risk than the disc has are not summed: 16 s once, on the largest map."""
     rng = np.random.default_rng(7)
     z = rng.normal(0.0, 0.02, (400, 400))

@@ -1,0 +1,1 @@
+"""Maps whose heights have an error: planned over, compared with maps without it."""

@@ -1,0 +1,141 @@
+"""Noisy maps, compared with the same maps without noise: false stops, speed, obstacles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from rich.console import Console
+
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.parameters import Model
+from slopewise.models.smallest_seen import smallest_seen
+from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.services.check.external_plan import plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
+from slopewise.services.io.model_file import read_model, shipped_models
+
+from ..common.campaign import BenchmarkRequest, Progress
+from ..common.text_tables import table_of
+from ..common.timing import machine
+from . import noisy_ground
+
+LEVELS = ((0.01, 0.0), (0.02, 0.0), (0.03, 0.0), (0.02, 0.3))
+"""Standard deviations of noise, lengths over which it is correlated [m]."""
+
+LOW = ((0.0, 0.0), (0.005, 0.0), (0.01, 0.0))  # the same
+COUNTS = (11, 15)  # paths of a map; obstacles of a kind on one vehicle, cell size and noise [1]
+LARGE, SMALL = 1.1, 0.9  # heights of obstacles where the noise is low, over the limit [1]
+MISSTATED = (0.7, 1.3)  # stated over true standard deviation [1]
+_CHECKED, _SEED = 4, 31  # plans of a map that are checked, which takes a second each [1]
+_LARGEST = {"atv": 0.03, "husky": 0.02, "ugv": 0.03}  # noise of vehicles [m]
+
+Result = dict[str, Any]
+
+
+class Setting(NamedTuple):
+    """A row of a table."""
+
+    vehicle: str
+    cell: float  # [m]
+    std: float  # of the noise [m]
+    length: float  # over which it is correlated [m]
+    stated: float = 1.0  # standard deviation that the map states, over the true one [1]
+    size: float | None = None  # height of obstacles over the limit; None: the lowest detected
+
+
+def run(request: BenchmarkRequest, progress: Progress) -> Result:
+    """Plan over paths and obstacles on exact and noisy maps."""
+    paths, obstacles = (3, 1) if request.quick else COUNTS
+    models = {name: read_model(shipped_models()[name]) for name in _LARGEST}
+    noisy, low = _settings(LEVELS), _settings(LOW)
+    exact = [s._replace(size=LARGE) for s in low if s.std == 0.0]
+    wrong = [s._replace(stated=share) for share in MISSTATED for s in noisy]
+    tables = (
+        ("paths", path_row, noisy, paths),
+        ("obstacles", obstacle_row, noisy + exact, obstacles),
+        ("small obstacles", obstacle_row, [s._replace(size=SMALL) for s in low], obstacles),
+        ("paths, error misstated", path_row, wrong, max(paths // 4, 1)),
+        ("obstacles, error misstated", obstacle_row, wrong, max(obstacles // 7, 1)),
+    )
+    planned: dict[str, list[Result]] = {title: [] for title, *_ in tables}
+
+    for title, row, settings, count in tables:
+        advance = progress(title, len(settings))
+        for s in settings:
+            counts = row(s, models[s.vehicle], count, np.random.default_rng(_SEED))
+            planned[title].append({**s._asdict(), **counts})
+            advance(1)
+    return {"quick": request.quick, "machine": machine(), "planned": planned}
+
+
+def _settings(levels: tuple[tuple[float, float], ...]) -> list[Setting]:
+    every = (Setting(v, c, *e) for v in _LARGEST for c in (0.05, 0.1, 0.25) for e in levels)
+    return [s for s in every if s.std <= _LARGEST[s.vehicle]]
+
+
+def _noisy(exact: ElevationMap, s: Setting, rng: noisy_ground.Random) -> ElevationMap:
+    z = exact.elevation + noisy_ground.noise(exact.elevation.shape, s.cell, s.std, s.length, rng)
+    return replace(exact, elevation=z, height_std=s.stated * s.std, correlation_length=s.length)
+
+
+def path_row(s: Setting, model: Model, count: int, rng: noisy_ground.Random) -> Result:
+    """Counts of paths that only noise blocks and of violations, mean speeds of the others [m/s]."""
+    row: Result = dict.fromkeys(("paths", "blocked", "checked", "violations"), 0)
+    planner, speeds = CandidatePlanner(model, uncertainty=Uncertainty(quantile=QUANTILE)), []
+    for ground in noisy_ground.GROUNDS:
+        exact = noisy_ground.long_ground(ground, s.cell, rng)
+        noisy = _noisy(exact, s, rng)
+        paths = [noisy_ground.long_path(n, rng) for n in range(count)]
+        plans = planner.plan(noisy, paths)
+        for plan in plans[: _CHECKED if s.stated == 1.0 else 0]:
+            given = plan_of_columns(plan.columns())
+            row["checked"] += 1
+            row["violations"] += not check_plan_on_map(given, model, noisy, quantile=QUANTILE).valid
+        for pair in zip(planner.plan(exact, paths), plans, strict=True):
+            is_ok, is_noisy_ok = (plan.status.value == "ok" for plan in pair)
+            row["paths"] += is_ok
+            row["blocked"] += is_ok and not is_noisy_ok
+            if is_ok and is_noisy_ok:
+                speeds.append([plan.progress / plan.travel_time for plan in pair])
+    exact_speed, speed = np.sum(speeds, axis=0) / len(speeds) if speeds else (0.0, 0.0)
+    return {**row, "exact_speed": round(exact_speed, 3), "speed": round(speed, 3)}
+
+
+def obstacle_row(s: Setting, model: Model, count: int, rng: noisy_ground.Random) -> Result:
+    """Counts of obstacles: planned, blocked without noise, and of these also with noise."""
+    planner = CandidatePlanner(model, uncertainty=Uncertainty(quantile=QUANTILE))
+    vehicle, row = model.vehicle, Result(cases=0, only_noisy=0)
+    flat = ElevationMap(elevation=np.zeros((4, 4)), resolution=s.cell, origin=(0.0, 0.0))
+    sizes = None if s.size else smallest_seen(_noisy(flat, s._replace(stated=1.0), rng), vehicle)
+    for kind in noisy_ground.SIZED if s.size else noisy_ground.KINDS:
+        height = (s.size or LARGE) * vehicle.shape.max_step
+        if sizes is not None:
+            height = getattr(sizes, {"hole": "rock"}.get(kind, kind), sizes.step)
+        blocked = detected = 0
+        for _ in range(count):
+            exact, path = noisy_ground.obstacle_map(kind, height, s.cell, vehicle, rng)
+            noisy = _noisy(exact, s, rng)
+            truth, plan = (planner.plan(m, [path])[0] for m in (exact, noisy))
+            # A wheel that is already on the obstacle is too late.
+            late = plan.clear_distance - truth.clear_distance > max(vehicle.wheel_radius, s.cell)
+            is_blocked, is_stopped = (p.status.value != "ok" for p in (truth, plan))
+            blocked += is_blocked
+            detected += is_blocked and is_stopped and not late
+            row["only_noisy"] += is_stopped and not is_blocked
+        row["cases"] += count
+        row[kind] = [detected, blocked]
+    return row
+
+
+def show(result: Result, console: Console) -> None:
+    """Print a table of each part; obstacles: detected of those blocked without noise."""
+    for title, rows in result["planned"].items():
+        columns = [key for key in rows[0] if key not in Setting._fields]
+        table = table_of(title, *columns, first="vehicle, cell, noise, length [m], × stated")
+        for row in rows:
+            name = " ".join(str(row[key]) for key in Setting._fields[:5])
+            table.add_row(name, *(str(row.get(key, "")) for key in columns))
+        console.print(table)
