@@ -23,9 +23,9 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.height_noise import EXACT, SIGNIFICANCE, estimated_noise_of, noise_of
 from slopewise.models.vehicle import Vehicle
 
-TOO_HIGH = 2.0
+TOO_HIGH = 3.0
 """Ratio of the lowest step that is detected to the highest that may be climbed, above which a map
-is too noisy to drive on at full speed [1]: a step twice the limit may be missed."""
+is too noisy to drive on at full speed [1]: by default a step as high as a wheel's radius."""
 
 _MISSTATED = 1.2
 """Ratio of the scatter of heights to the error stated, or the inverse, that is reported [1]:

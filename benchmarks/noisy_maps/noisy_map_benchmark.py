@@ -26,6 +26,7 @@ LEVELS = ((0.01, 0.0), (0.02, 0.0), (0.03, 0.0), (0.02, 0.3))
 """Standard deviations of noise, lengths over which it is correlated [m]."""
 
 LOW = ((0.0, 0.0), (0.005, 0.0), (0.01, 0.0))  # the same
+CELLS = (0.05, 0.1, 0.25)  # edges [m]; a quick run has the second one only
 COUNTS = (11, 15)  # paths of a map; obstacles of a kind on one vehicle, cell size and noise [1]
 LARGE, SMALL = 1.1, 0.9  # heights of obstacles where the noise is low, over the limit [1]
 MISSTATED = (0.7, 1.3)  # stated over true standard deviation [1]
@@ -50,7 +51,8 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
     """Plan over paths and obstacles on exact and noisy maps."""
     paths, obstacles = (3, 1) if request.quick else COUNTS
     models = {name: read_model(shipped_models()[name]) for name in _LARGEST}
-    noisy, low = _settings(LEVELS), _settings(LOW)
+    cells = CELLS[1:2] if request.quick else CELLS
+    noisy, low = _settings(LEVELS, cells), _settings(LOW, cells)
     exact = [s._replace(size=LARGE) for s in low if s.std == 0.0]
     wrong = [s._replace(stated=share) for share in MISSTATED for s in noisy]
     tables = (
@@ -71,8 +73,8 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
     return {"quick": request.quick, "machine": machine(), "planned": planned}
 
 
-def _settings(levels: tuple[tuple[float, float], ...]) -> list[Setting]:
-    every = (Setting(v, c, *e) for v in _LARGEST for c in (0.05, 0.1, 0.25) for e in levels)
+def _settings(levels: tuple[tuple[float, float], ...], cells: tuple[float, ...]) -> list[Setting]:
+    every = (Setting(v, c, *e) for v in _LARGEST for c in cells for e in levels)
     return [s for s in every if s.std <= _LARGEST[s.vehicle]]
 
 

@@ -304,7 +304,7 @@ def noisy_map(tmp_path: Path, std: float, cell: float, **stated: Any) -> Path:
     ("std", "cell", "stated", "check", "severity"),
     [
         (0.03, 0.1, {}, "map noise", "warning"),
-        (0.1, 0.1, {"height_std": 0.1}, "map noise", "error"),
+        (0.2, 0.1, {"height_std": 0.2}, "map noise", "error"),
         (0.01, 0.5, {}, "map cells", "warning"),
         (0.02, 0.1, {"height_std": 0.01}, "map error", "warning"),
     ],
