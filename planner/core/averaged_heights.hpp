@@ -35,6 +35,15 @@ struct Windows {
   const double* variance;     // (count,) of their means, for noise of variance 1
 };
 
+// What a map is averaged with.
+struct AveragingTools {
+  Contrasts wide;    // on a map of blocks of stride x stride cells
+  Contrasts narrow;  // of single cells
+  Windows windows;
+  Index stride;
+  double noise_std, block_noise_std, significance, known_share;
+};
+
 // A plane through heights around a cell: its height there, its slopes [m a cell], the variance of
 // the height for noise of variance 1, and what the heights scatter about it [m²].
 struct Plane {
@@ -45,13 +54,13 @@ struct Plane {
 
 class Averaging {
  public:
-  Averaging(const Heights& map, const Structure& coarse, const Heights& coarse_map,
-            const Contrasts& contrasts, const Contrasts& single, Index stride,
-            const Windows& windows, double noise_std, double significance, double known_share)
-      : map_(map), coarse_(coarse), coarse_map_(coarse_map), contrasts_(contrasts),
-        narrow_(single), stride_(stride), windows_(windows), noise_(noise_std * noise_std),
-        alone_(significance * significance * noise_ * single.std[0] * single.std[0]),
-        known_share_(known_share) {}
+  Averaging(const Heights& map, const Heights& blocks, const Structure& structure,
+            const AveragingTools& tools)
+      : map_(map), blocks_(blocks), structure_(structure), tools_(tools),
+        windows_(tools.windows), noise_(tools.noise_std * tools.noise_std) {
+    const double std = tools.significance * tools.narrow.std[0];
+    outlier_ = std * std * noise_;
+  }
 
   // Height of a known cell that is near structure.
   [[nodiscard]] double height(Index i, Index j) const noexcept {
@@ -105,7 +114,7 @@ class Averaging {
     }
     const auto all = static_cast<double>(windows_.start[w + 1] - windows_.start[w]);
     const auto count = static_cast<double>(known);
-    if (known < 2 || count < known_share_ * all) return;
+    if (known < 2 || count < tools_.known_share * all) return;
     const double mean = sum / count, variance = windows_.variance[w] * all / count;
     // Of correlated noise a window shows less scatter than its standard deviation.
     const double shown = std::max((1.0 - variance) * count / (count - 1.0), 1e-3);
@@ -115,10 +124,10 @@ class Averaging {
 
   // Whether a cell differs significantly from the plane of the known ones around it.
   [[nodiscard]] bool stands_out(Index i, Index j) const noexcept {
-    const Plane around = nearest_plane(i, j, narrow_.taps, 0.0);
+    const Plane around = nearest_plane(i, j, tools_.narrow.taps, 0.0);
     const double rise = *map_.at(i, j) - around.level;
-    const auto full = static_cast<double>(narrow_.taps.count - 1);
-    return around.known && rise * rise > alone_ * (1.0 + around.variance) * full / (full + 1.0);
+    const auto full = static_cast<double>(tools_.narrow.taps.count - 1);
+    return around.known && rise * rise > outlier_ * (1.0 + around.variance) * full / (full + 1.0);
   }
 
   // Plane nearest to the known heights of taps. lost: variance of their mean times their number,
@@ -149,7 +158,7 @@ class Averaging {
     plane.scatter = std::max(left, 0.0) / (n - 3.0) / shown;
     plane.level += middle;
     plane.cells = n;
-    plane.known = n >= known_share_ * all;
+    plane.known = n >= tools_.known_share * all;
     return plane;
   }
 
@@ -157,48 +166,37 @@ class Averaging {
   [[nodiscard]] std::array<double, 2> slope_beside(Index i, Index j,
                                                    const Plane& plane) const noexcept {
     const Index begin = windows_.start[windows_.count - 1], end = windows_.start[windows_.count];
-    const Index rows = coarse_map_.rows(), columns = coarse_map_.columns();
+    const Index rows = blocks_.rows(), columns = blocks_.columns();
     float strongest = 0.0F;
     Index row = -1, column = -1;
     for (Index t = begin; t < end; ++t) {
       const Index u = i + windows_.taps.row[t], v = j + windows_.taps.column[t];
       if (u < 0 || v < 0) continue;
-      const Index p = u / stride_, q = v / stride_;
+      const Index p = u / tools_.stride, q = v / tools_.stride;
       if (p >= rows || q >= columns) continue;
-      const float jump = coarse_.jump[static_cast<std::size_t>(p * columns + q)];
+      const float jump = structure_.jump[static_cast<std::size_t>(p * columns + q)];
       if (jump > strongest) strongest = jump, row = p, column = q;
     }
     if (row < 0) return {plane.slope_x, plane.slope_y};
-    const Index n = coarse_.which[static_cast<std::size_t>(row * columns + column)];
-    const Index taps = contrasts_.taps.count;
+    const Index n = structure_.which[static_cast<std::size_t>(row * columns + column)];
+    const Index taps = tools_.wide.taps.count;
     double x = 0.0, y = 0.0;
     for (Index t = 0; t < taps; ++t) {
       const double h =
-          *coarse_map_.at(row + contrasts_.taps.row[t], column + contrasts_.taps.column[t]);
-      x += contrasts_.slope_x[n * taps + t] * h;
-      y += contrasts_.slope_y[n * taps + t] * h;
+          *blocks_.at(row + tools_.wide.taps.row[t], column + tools_.wide.taps.column[t]);
+      x += tools_.wide.slope_x[n * taps + t] * h;
+      y += tools_.wide.slope_y[n * taps + t] * h;
     }
-    const auto cells = static_cast<double>(stride_);
+    const auto cells = static_cast<double>(tools_.stride);
     return {x / cells, y / cells};
   }
 
   const Heights& map_;
-  const Structure& coarse_;
-  const Heights& coarse_map_;
-  const Contrasts& contrasts_;
-  const Contrasts& narrow_;
-  Index stride_;
+  const Heights& blocks_;
+  const Structure& structure_;  // of the blocks
+  const AveragingTools& tools_;
   const Windows& windows_;
-  double noise_, alone_, known_share_;
-};
-
-// What a map is averaged with.
-struct AveragingTools {
-  Contrasts wide;    // on a map of blocks of stride x stride cells
-  Contrasts narrow;  // of single cells
-  Windows windows;
-  Index stride;
-  double noise_std, block_noise_std, significance, known_share;
+  double noise_, outlier_;
 };
 
 namespace detail {
@@ -252,9 +250,9 @@ inline void average_row(const Heights& map, const Windows& windows, Index i,
 
 }  // namespace detail
 
-// Average a map (rows, columns) of heights [m], NaN where unknown; returns how many cells are near
-// structure. `rim` is as far as any tap reaches, in cells or blocks.
-inline Index average_heights(const double* elevation, Index rows, Index columns, Index rim,
+// Average a map (rows, columns) of heights [m], NaN where unknown. `rim` is as far as any tap
+// reaches, in cells or blocks.
+inline void average_heights(const double* elevation, Index rows, Index columns, Index rim,
                              const AveragingTools& tools, double* out) {
   const auto cells = static_cast<std::size_t>(rows * columns);
   double level = 0.0;
@@ -277,11 +275,8 @@ inline Index average_heights(const double* elevation, Index rows, Index columns,
   std::vector<std::uint8_t> marked(cells, 0);
   detail::mark_around(coarse, tools.stride, tools.windows, rows, columns, marked);
   detail::mark_around(fine, 1, tools.windows, rows, columns, marked);
-  const Averaging averaging(map, coarse, blocks, tools.wide, tools.narrow, tools.stride,
-                            tools.windows, tools.noise_std, tools.significance,
-                            tools.known_share);
+  const Averaging averaging(map, blocks, coarse, tools);
   std::vector<float> sums(static_cast<std::size_t>(columns));
-  Index near = 0;
   for (Index i = 0; i < rows; ++i) {
     detail::average_row(map, tools.windows, i, sums);
     for (Index j = 0; j < columns; ++j) {
@@ -292,11 +287,9 @@ inline Index average_heights(const double* elevation, Index rows, Index columns,
         out[cell] = level + static_cast<double>(sums[static_cast<std::size_t>(j)]);
       } else {
         out[cell] = level + averaging.height(i, j);
-        ++near;
       }
     }
   }
-  return near;
 }
 
 }  // namespace slopewise

@@ -138,7 +138,7 @@ Contrasts contrasts_of(const Taps1& row, const Taps1& column, const Floats2& wei
   return {taps, count, 0, weights.data(), std.data(), nullptr, nullptr};
 }
 
-Index average(const Input2& elevation, const Taps1& wide_row, const Taps1& wide_column,
+void average(const Input2& elevation, const Taps1& wide_row, const Taps1& wide_column,
               const Floats2& wide_weights, const Floats1& wide_std, const Floats3& slopes,
               const Taps1& narrow_row, const Taps1& narrow_column, const Floats2& narrow_weights,
               const Floats1& narrow_std, const Taps1& row, const Taps1& column, const Taps1& start,
@@ -158,7 +158,7 @@ Index average(const Input2& elevation, const Taps1& wide_row, const Taps1& wide_
   tools.wide.slope_x = slopes.data();
   tools.wide.slope_y = slopes.data() + tools.wide.jumps * tools.wide.taps.count;
   const nb::gil_scoped_release release;
-  return average_heights(elevation.data(), rows, columns, reach, tools, heights.data());
+  average_heights(elevation.data(), rows, columns, reach, tools, heights.data());
 }
 
 nb::tuple rows() {

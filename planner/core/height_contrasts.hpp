@@ -47,7 +47,6 @@ class Heights {
   [[nodiscard]] float* at(Index i, Index j) noexcept {
     return cells_.data() + (i + rim_) * width_ + j + rim_;
   }
-  [[nodiscard]] Index width() const noexcept { return width_; }
 
  private:
   Index rows_, columns_, rim_, width_;
