@@ -13,6 +13,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.recent import Recent
 
 SIGNIFICANCE = 5.0
 """Contrast that noise does not reach, in its standard deviations [1]: one false alarm in a hundred
@@ -36,7 +37,6 @@ _QUANTILE = 0.25
 _MIN_KNOWN_SHARE = 0.5
 """Share of a block's differences that have to be known [1]."""
 
-
 _UNBIASED = 0.904
 """Lower quartile of the standard deviations of blocks of pure noise over that of all [1]."""
 
@@ -53,22 +53,24 @@ def noise_of(elevation_map: ElevationMap) -> float:
     return min(std, estimated_noise_of(elevation_map))
 
 
-_CACHE_SIZE = 4
-"""Maps whose noise is cached [1]: one in use, the next, and those of two comparisons."""
+def averaged_noise(elevation_map: ElevationMap, wheel_radius: float) -> float:
+    """Noise that is averaged away for wheels of a radius [m]; 0 where heights are used unchanged.
 
-_recent: tuple[tuple[ElevationMap, float], ...] = ()
-"""Replaced as a whole, never changed: threads need no lock."""
+    That is where it is below :data:`EXACT`, and where a cell is larger than the radius: it is the
+    ground of one tyre already.
+    """
+    if elevation_map.resolution > wheel_radius:
+        return 0.0
+    noise = noise_of(elevation_map)
+    return noise if noise > EXACT else 0.0
+
+
+_estimates: Recent[float] = Recent()
 
 
 def estimated_noise_of(elevation_map: ElevationMap) -> float:
     """:func:`estimated_noise` of a map, which never changes: it is estimated once [m]."""
-    global _recent
-    for known, noise in _recent:
-        if known is elevation_map:
-            return noise
-    noise = estimated_noise(elevation_map.elevation)
-    _recent = ((elevation_map, noise), *_recent[: _CACHE_SIZE - 1])
-    return noise
+    return _estimates.get(lambda: estimated_noise(elevation_map.elevation), elevation_map)
 
 
 def estimated_noise(elevation: Floats) -> float:
@@ -89,10 +91,8 @@ def estimated_noise(elevation: Floats) -> float:
         known = np.isfinite(blocks)
         count = known.sum(axis=1)
         sums = np.where(known, blocks, 0.0).sum(axis=1)
-        variances.append(
-            sums[count >= _MIN_KNOWN_SHARE * _BLOCK**2]
-            / count[count >= _MIN_KNOWN_SHARE * _BLOCK**2]
-        )
+        enough = count >= _MIN_KNOWN_SHARE * _BLOCK**2
+        variances.append(sums[enough] / count[enough])
     every = np.concatenate(variances) if variances else np.empty(0)
     if len(every) == 0:
         return 0.0

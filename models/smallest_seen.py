@@ -20,7 +20,12 @@ from typing import NamedTuple
 
 from slopewise.models.averaging_windows import averaging_windows
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.height_noise import EXACT, SIGNIFICANCE, estimated_noise_of, noise_of
+from slopewise.models.height_noise import (
+    EXACT,
+    SIGNIFICANCE,
+    averaged_noise,
+    estimated_noise_of,
+)
 from slopewise.models.vehicle import Vehicle
 
 TOO_HIGH = 3.0
@@ -60,10 +65,8 @@ class SmallestSeen(NamedTuple):
 
 def smallest_seen(elevation_map: ElevationMap, vehicle: Vehicle) -> SmallestSeen | None:
     """Smallest obstacles that a map shows to a vehicle; None where no noise hides any."""
-    if elevation_map.resolution > vehicle.wheel_radius:
-        return None
-    noise = noise_of(elevation_map)
-    if noise <= EXACT:
+    noise = averaged_noise(elevation_map, vehicle.wheel_radius)
+    if noise == 0.0:
         return None
     return seen_at(vehicle, noise, elevation_map.resolution, elevation_map.correlation_length)
 

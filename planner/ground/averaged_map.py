@@ -7,59 +7,37 @@ What is averaged where: :mod:`slopewise.models.averaging_windows`.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from slopewise.models.averaging_windows import averaging_windows
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.height_noise import EXACT, KNOWN_SHARE, SIGNIFICANCE, noise_of
+from slopewise.models.height_noise import KNOWN_SHARE, SIGNIFICANCE, averaged_noise
+from slopewise.models.recent import Recent
 from slopewise.planner.compiled_core import core
 
-_CACHE_SIZE = 4
-"""Maps that are cached [1]: one in use, the next, and those of two comparisons."""
-
-
-class _Recent(NamedTuple):
-    given: ElevationMap
-    wheel_radius: float
-    averaged: ElevationMap
-
-
-_recent: tuple[_Recent, ...] = ()
-"""Replaced as a whole, never changed: threads need no lock."""
+_averaged: Recent[ElevationMap] = Recent(8)
+"""Of four maps, and of what they became: an averaged map is not averaged again."""
 
 
 def averaged_map(elevation_map: ElevationMap, wheel_radius: float) -> ElevationMap:
     """The map as wheels feel it, which is the same object each time it is asked for.
-
-    Cells larger than the wheel's radius are not averaged: each is one tyre's ground already.
 
     Args:
         elevation_map: heights with their error. Without a stated error it is the
             scatter of the heights, at most the error that is assumed.
         wheel_radius: [m].
     """
-    global _recent
-    for known in _recent:
-        # An averaged map is not averaged again.
-        if known.wheel_radius == wheel_radius and (
-            known.given is elevation_map or known.averaged is elevation_map
-        ):
-            return known.averaged
-    averaged = _averaged(elevation_map, wheel_radius)
-    _recent = (_Recent(elevation_map, wheel_radius, averaged), *_recent[: _CACHE_SIZE - 1])
-    return averaged
+    return _averaged.get(lambda: _average(elevation_map, wheel_radius), elevation_map, wheel_radius)
 
 
-def _averaged(elevation_map: ElevationMap, wheel_radius: float) -> ElevationMap:
-    resolution = elevation_map.resolution
-    if resolution > wheel_radius:
+def _average(elevation_map: ElevationMap, wheel_radius: float) -> ElevationMap:
+    noise = averaged_noise(elevation_map, wheel_radius)
+    if noise == 0.0:
         return elevation_map
-    noise = noise_of(elevation_map)
-    if noise <= EXACT:
-        return elevation_map
-    windows = averaging_windows(resolution, wheel_radius, elevation_map.correlation_length)
+    windows = averaging_windows(
+        elevation_map.resolution, wheel_radius, elevation_map.correlation_length
+    )
     heights = np.empty_like(elevation_map.elevation)
     core.average_heights(
         elevation_map.elevation,
@@ -81,4 +59,6 @@ def _averaged(elevation_map: ElevationMap, wheel_radius: float) -> ElevationMap:
         KNOWN_SHARE,
         heights,
     )
-    return replace(elevation_map, elevation=heights)
+    averaged = replace(elevation_map, elevation=heights)
+    _averaged.put(averaged, averaged, wheel_radius)
+    return averaged

@@ -13,14 +13,11 @@ import numpy as np
 from slopewise.models.arrays import Floats, Ints, read_only
 from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
+from slopewise.models.recent import Recent
 from slopewise.planner.ground.force_margins import margins
 from slopewise.planner.ground.hull_speed import hull_lines
 from slopewise.planner.ground.surface_table import FRICTION, surface_table
 from slopewise.planner.ground.uncertainty import Uncertainty
-
-_KEPT = 4
-"""Models whose surface tables are kept [1]: a service plans with one, a comparison with two to
-four."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,22 +46,16 @@ class SurfaceCache:
     closed_form: bool
 
 
-_Key = tuple[Model, tuple[str, ...], Uncertainty | None]
-_recent: tuple[tuple[_Key, SurfaceCache], ...] = ()
-"""Replaced as a whole, never changed: threads need no lock."""
+_caches: Recent[SurfaceCache] = Recent()
 
 
 def surface_cache_of(
     model: Model, class_names: tuple[str, ...], uncertainty: Uncertainty | None
 ) -> SurfaceCache:
     """What this model, which never changes, knows of these classes."""
-    global _recent
-    for (known, names, doubt), cache in _recent:
-        if known is model and doubt is uncertainty and names == class_names:
-            return cache
-    cache = _gather(model, class_names, uncertainty)
-    _recent = (((model, class_names, uncertainty), cache), *_recent[: _KEPT - 1])
-    return cache
+    return _caches.get(
+        lambda: _gather(model, class_names, uncertainty), model, class_names, uncertainty
+    )
 
 
 def _gather(

@@ -15,7 +15,8 @@ from scipy import ndimage
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.averaging_windows import AveragingWindows, Contrasts, averaging_windows
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.height_noise import EXACT, KNOWN_SHARE, SIGNIFICANCE, noise_of
+from slopewise.models.height_noise import KNOWN_SHARE, SIGNIFICANCE, averaged_noise
+from slopewise.models.recent import Recent
 from slopewise.services.check.heights import Heights
 
 _DISC_EXCESS, _WINDOW_EXCESS = 2.0, 1.0
@@ -37,31 +38,29 @@ class AveragedHeights(NamedTuple):
     class_names: tuple[str, ...]
 
 
-_last: tuple[ElevationMap, float, AveragedHeights] | None = None
-"""Map, wheel radius and result of the last call, replaced as a whole: one map, many plans."""
+_averaged: Recent[AveragedHeights] = Recent(1)
+"""One map has many plans."""
 
 
 def averaged(heights: Heights, wheel_radius: float) -> Heights:
-    """A map as wheels feel it; the same map where its heights are exact or its cells large."""
-    global _last
-    last = _last
-    if last is not None and last[0] is heights and last[1] == wheel_radius:
-        return last[2]
-    if not isinstance(heights, ElevationMap) or heights.resolution > wheel_radius:
+    """A map as wheels feel it; the same map where its heights are used unchanged."""
+    if not isinstance(heights, ElevationMap):
         return heights
-    noise = noise_of(heights)
-    if noise <= EXACT:
+    noise = averaged_noise(heights, wheel_radius)
+    if noise == 0.0:
         return heights
     windows = averaging_windows(heights.resolution, wheel_radius, heights.correlation_length)
-    result = AveragedHeights(
-        _average(heights.elevation, windows, noise),
-        heights.resolution,
-        heights.origin,
-        heights.terrain_class,
-        heights.class_names,
+    return _averaged.get(
+        lambda: AveragedHeights(
+            _average(heights.elevation, windows, noise),
+            heights.resolution,
+            heights.origin,
+            heights.terrain_class,
+            heights.class_names,
+        ),
+        heights,
+        wheel_radius,
     )
-    _last = heights, wheel_radius, result
-    return result
 
 
 def _average(elevation: Floats, windows: AveragingWindows, noise: float) -> Floats:

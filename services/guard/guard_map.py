@@ -9,7 +9,8 @@ import numpy as np
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.averaging_windows import disc_radius
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.height_noise import EXACT, noise_of
+from slopewise.models.height_noise import averaged_noise
+from slopewise.models.recent import Recent
 from slopewise.services.io import npz_map
 from slopewise.services.io.files import faults_of
 
@@ -25,17 +26,7 @@ def read_guard_map(path: Path) -> ElevationMap:
     info, cells = npz_map.read_info(path), slice(None)
     layers = npz_map.read_layers(path, cells, cells, None, None)
     with faults_of(path):
-        return ElevationMap(
-            elevation=layers.heights,
-            resolution=info.resolution,
-            origin=info.origin,
-            terrain_class=layers.classes,
-            class_names=layers.class_names,
-            height_std=layers.height_std,
-            height_std_is_assumed=layers.std_is_assumed,
-            correlation_length=layers.correlation_length,
-            assumed=layers.assumed,
-        )
+        return layers.on(info)
 
 
 def heights_at(ground: ElevationMap, x: Floats, y: Floats) -> Floats:
@@ -63,7 +54,7 @@ class WheelHeights:
         """Of one map, for wheels of one radius [m]."""
         self._ground = ground
         self._pairs = np.empty((2, 0))
-        if ground.resolution <= wheel_radius and noise_of(ground) > EXACT:
+        if averaged_noise(ground, wheel_radius) > 0.0:
             radius = disc_radius(ground.resolution, wheel_radius, ground.correlation_length)
             n = np.arange(1, _PAIRS + 1)
             away, angle = radius * np.sqrt(n / _PAIRS), _GOLDEN_ANGLE * n
@@ -82,17 +73,12 @@ class WheelHeights:
         return total / count
 
 
-_last: tuple[ElevationMap, float, WheelHeights] | None = None
-"""Of the map in use, whose noise is estimated once; replaced as a whole."""
+_wheel_heights: Recent[WheelHeights] = Recent(1)
 
 
 def wheel_heights(ground: ElevationMap, wheel_radius: float) -> WheelHeights:
     """Heights as wheels of one radius feel them [m], the same object for the same map."""
-    global _last
-    last = _last
-    if last is None or last[0] is not ground or last[1] != wheel_radius:
-        _last = last = ground, wheel_radius, WheelHeights(ground, wheel_radius)
-    return last[2]
+    return _wheel_heights.get(lambda: WheelHeights(ground, wheel_radius), ground, wheel_radius)
 
 
 def classes_at(ground: ElevationMap, x: Floats, y: Floats) -> Ints:

@@ -20,6 +20,7 @@ from slopewise.services.io.map_grid import (
     MAX_CELLS,
     Around,
     MapInfo,
+    MapLayers,
     check_physical,
     describe_extent,
 )
@@ -70,23 +71,13 @@ def read_map(
     if part.rows * part.columns > MAX_CELLS:
         size = f"{part.rows} x {part.columns}"
         raise fault(path, "", f"expected at most {MAX_CELLS} cells in one part, got {size}")
-    layers = _format_of(path).read_layers(path, *cells, topics, nodata)
+    layers: MapLayers = _format_of(path).read_layers(path, *cells, topics, nodata)
     if not np.isfinite(layers.heights).any():
         where = "" if around is None else f" at {describe_extent(around)}"
         got = "; ".join(("unknown ones only", *layers.assumed))
         raise fault(path, "elevation", f"expected a known cell{where}, got {got}")
     with faults_of(path):
-        return ElevationMap(
-            elevation=layers.heights,
-            resolution=part.resolution,
-            origin=part.origin,
-            terrain_class=layers.classes,
-            class_names=layers.class_names,
-            height_std=layers.height_std,
-            height_std_is_assumed=layers.std_is_assumed,
-            correlation_length=layers.correlation_length,
-            assumed=layers.assumed,
-        )
+        return layers.on(part)
 
 
 def write_map_npz(elevation_map: ElevationMap, path: Path) -> None:

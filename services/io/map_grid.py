@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from slopewise.models.arrays import Floats, Ints
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.vehicle import Vehicle
 
@@ -97,3 +98,21 @@ class MapLayers(NamedTuple):
     class_names: tuple[str, ...] = ("",)
     std_is_assumed: bool = False  # the source states no error
     correlation_length: float = 0.0  # over which errors of cells are alike [m]
+
+    def on(self, grid: MapInfo) -> ElevationMap:
+        """The map of these layers, whose cells are those of a grid.
+
+        Raises:
+            ParameterError: the layers do not make a map.
+        """
+        return ElevationMap(
+            elevation=self.heights,
+            resolution=grid.resolution,
+            origin=grid.origin,
+            terrain_class=self.classes,
+            class_names=self.class_names,
+            height_std=self.height_std,
+            height_std_is_assumed=self.std_is_assumed,
+            correlation_length=self.correlation_length,
+            assumed=self.assumed,
+        )
