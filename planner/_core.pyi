@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
+from slopewise.models.arrays import Bools, Floats, Ints, Singles
 
 DIGEST: str
 ROWS: tuple[tuple[str, str, str, str], ...]
@@ -11,6 +11,47 @@ TIGHTENING: float
 MIN_STATIONS: int
 NO_PROFILE: int
 KIND_COUNT: int
+HEADING_COUNT: int
+
+class HeightGrid:
+    memory: int
+    def __init__(
+        self,
+        elevation: Floats,
+        origin_x: float,
+        origin_y: float,
+        resolution: float,
+        half_length: float,
+        half_width: float,
+        radius: float,
+    ) -> None: ...
+    def tyre_lifts(self, heading: int, out: Floats) -> None: ...
+    def sample_terrain(
+        self,
+        x: Floats,
+        y: Floats,
+        count: Ints,
+        length: float,
+        width: float,
+        rows: Floats,
+        known: Bools,
+        twist: Singles,
+        front: Singles,
+    ) -> None: ...
+    def stations(self, x: Floats, y: Floats, count: Ints, station: Floats) -> None: ...
+    def ground_behind(
+        self,
+        x: Floats,
+        y: Floats,
+        heading_x: Floats,
+        heading_y: Floats,
+        spacing: Floats,
+        level: Floats,
+        front: Singles,
+        length: float,
+        width: float,
+        behind: Singles,
+    ) -> None: ...
 
 def time_optimal(
     station: Floats,

@@ -114,8 +114,8 @@ def stages(scene: BenchmarkScene, solved: TimeOptimalBatch) -> dict[str, Callabl
     line = BrakingLine(b.m_m, b.b_m, b.m_b, b.b_b)
 
     def terrain() -> TerrainProfile:
-        size = (model.vehicle.wheelbase, model.vehicle.track_width)
-        return terrain_profile(scene.elevation_map, scene.x, scene.y, scene.count, *size)
+        vehicle = model.vehicle
+        return terrain_profile(scene.elevation_map, scene.x, scene.y, scene.count, vehicle)
 
     def fastest(decel: float) -> object:
         problem = profile_problem(profile, ground, bounds, scalars, start)

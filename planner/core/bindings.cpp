@@ -9,11 +9,16 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <initializer_list>
+#include <mutex>
 #include <string>
 
 #include "averaged_heights.hpp"
+#include "ground_behind.hpp"
+#include "height_grid.hpp"
 #include "smoothing.hpp"
+#include "terrain.hpp"
 #include "time_optimal.hpp"
 
 namespace nb = nanobind;
@@ -161,6 +166,94 @@ void average(const Input2& elevation, const Taps1& wide_row, const Taps1& wide_c
   average_heights(elevation.data(), rows, columns, reach, tools, heights.data());
 }
 
+using Counts1 = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Known2 = nb::ndarray<bool, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Singles2 = nb::ndarray<float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Singles3 = nb::ndarray<float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+
+// A map that stays while its grid does.
+struct MapGrid {
+  Input2 elevation;
+  HeightGrid grid;
+
+  MapGrid(const Input2& heights, double origin_x, double origin_y, double resolution,
+          double half_length, double half_width, double radius)
+      : elevation(heights),
+        grid(heights.data(), static_cast<Index>(heights.shape(0)),
+             static_cast<Index>(heights.shape(1)), origin_x, origin_y, resolution,
+             {half_length, half_width, radius}) {
+    if (heights.shape(0) < 2 || heights.shape(1) < 2) {
+      throw nb::value_error("elevation: expected two rows and two columns at least");
+    }
+  }
+};
+
+// Paths need a second station, and no more stations than they have rows.
+void expect_paths(const Input2& x, const Input2& y, const Counts1& count) {
+  const auto stations = static_cast<Index>(x.shape(0)), candidates = static_cast<Index>(x.shape(1));
+  expect_shape("y", y, {stations, candidates});
+  expect_shape("count", count, {candidates});
+  if (stations < 2) throw nb::value_error("x: expected two stations at least");
+}
+
+void terrain(MapGrid& map, const Input2& x, const Input2& y, const Counts1& count, double length,
+             double width, const Output3& rows, const Known2& known, const Singles2& twist,
+             const Singles3& front) {
+  expect_paths(x, y, count);
+  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
+  expect_shape("rows", rows, {9, n, m});
+  expect_shape("known", known, {n, m});
+  expect_shape("twist", twist, {n, m});
+  expect_shape("front", front, {n, 2, m});
+  std::array<double*, 9> row{};
+  for (std::size_t r = 0; r < row.size(); ++r) row[r] = rows.data() + static_cast<Index>(r) * n * m;
+  const TerrainTable table{n,      m,      x.data(), y.data(), count.data(), row[0],       row[1],
+                           row[2], row[3], row[4],   row[5],   row[6],       row[7],       row[8],
+                           known.data(),   twist.data(),       front.data()};
+  const nb::gil_scoped_release release;
+  sample_terrain(map.grid, table, length, width);
+}
+
+void stations(MapGrid& map, const Input2& x, const Input2& y, const Counts1& count,
+              const Output2& station) {
+  expect_paths(x, y, count);
+  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
+  expect_shape("station", station, {n, m});
+  const nb::gil_scoped_release release;
+  walk_stations(map.grid, x.data(), y.data(), count.data(), n, m, station.data());
+}
+
+void ground_behind(const MapGrid& map, const Input1& x, const Input1& y, const Input1& heading_x,
+                   const Input1& heading_y, const Input1& spacing, const Input1& level,
+                   const Floats2& front, double length, double width, const Singles3& behind) {
+  const auto m = static_cast<Index>(x.shape(0));
+  for (const Input1* column : {&y, &heading_x, &heading_y, &spacing, &level}) {
+    expect_shape("y, heading, spacing, level", *column, {m});
+  }
+  expect_shape("front", front, {2, m});
+  const auto n = static_cast<Index>(behind.shape(0));
+  expect_shape("behind", behind, {n, 2, m});
+  const WayBehind way{n, m, x.data(), y.data(), heading_x.data(), heading_y.data(), spacing.data(),
+                      level.data(), front.data(), behind.data()};
+  const nb::gil_scoped_release release;
+  sample_behind(map.grid, way, length, width);
+}
+
+void tyre_lifts(MapGrid& map, Index heading, const Output2& out) {
+  const Index rows = map.grid.rows(), columns = map.grid.columns();
+  expect_shape("out", out, {rows, columns});
+  if (heading < 0 || heading >= heading_count || !map.grid.resolves_wheels()) {
+    throw nb::value_error("heading: expected one of 16, of a map that resolves wheels");
+  }
+  const nb::gil_scoped_release release;
+  const std::scoped_lock lock(map.grid.mutex());
+  for (Index i = 0; i < rows; ++i) {
+    for (Index j = 0; j < columns; ++j) {
+      out.data()[i * columns + j] = map.grid.lift(heading, i, j, 0.0, 0.0);
+    }
+  }
+}
+
 nb::tuple rows() {
   nb::list table;
   for (const RowInfo& row : row_table) {
@@ -210,6 +303,22 @@ NB_MODULE(_core, m) {
         "narrow_weights"_a, "narrow_std"_a, "row"_a, "column"_a, "start"_a, "variance"_a,
         "stride"_a, "reach"_a, "noise"_a, "block_noise"_a, "significance"_a, "known_share"_a,
         "heights"_a.noconvert());
+  m.attr("HEADING_COUNT") = sw::heading_count;
+  nb::class_<sw::MapGrid>(m, "HeightGrid")
+      .def(nb::init<const sw::Input2&, double, double, double, double, double, double>(),
+           "elevation"_a.noconvert(), "origin_x"_a, "origin_y"_a, "resolution"_a, "half_length"_a,
+           "half_width"_a, "radius"_a)
+      .def_prop_ro("memory", [](sw::MapGrid& map) {
+        const std::scoped_lock lock(map.grid.mutex());
+        return map.grid.memory();
+      })
+      .def("tyre_lifts", &sw::tyre_lifts, "heading"_a, "out"_a.noconvert())
+      .def("sample_terrain", &sw::terrain, "x"_a, "y"_a, "count"_a, "length"_a, "width"_a,
+           "rows"_a.noconvert(), "known"_a.noconvert(), "twist"_a.noconvert(),
+           "front"_a.noconvert())
+      .def("stations", &sw::stations, "x"_a, "y"_a, "count"_a, "station"_a.noconvert())
+      .def("ground_behind", &sw::ground_behind, "x"_a, "y"_a, "heading_x"_a, "heading_y"_a,
+           "spacing"_a, "level"_a, "front"_a, "length"_a, "width"_a, "behind"_a.noconvert());
   m.def("travel_cost", &sw::travel_cost, "station"_a, "speed_sq"_a, "horizon_penalty"_a,
         "cost"_a.noconvert());
   m.def("smooth", &sw::smooth_profile, "ds"_a, "speed_sq_max"_a, "accel_max"_a, "decel_max"_a,

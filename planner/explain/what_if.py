@@ -101,9 +101,7 @@ class WhatIf:
         vehicle = model.vehicle
         self._vehicle, self._name, self._limit = vehicle, path.name, part.speed_limit
         elevation_map = averaged_map(elevation_map, vehicle.wheel_radius)
-        self._profile = terrain_profile(
-            elevation_map, part.x, part.y, part.count, vehicle.wheelbase, vehicle.track_width
-        )
+        self._profile = terrain_profile(elevation_map, part.x, part.y, part.count, vehicle)
         self._map, self._classes = elevation_map, elevation_map.class_names
         self._start_speed = start_speed
         self._conditions = conditions

@@ -76,7 +76,10 @@ class Cycle:
         # Plans rest at stations: what a path costs jumps by the distance from one to the next.
         step = float(np.hypot(np.diff(rest.x[1:3], axis=0), np.diff(rest.y[1:3], axis=0)).max())
         gain = self._settings.switch_gain + planner.equipment.planning.horizon_penalty * step
-        passed = passed_stations(candidates.paths, candidates.projection, planner.elevation_map)
+        vehicle = planner.equipment.model.vehicle
+        passed = passed_stations(
+            candidates.paths, candidates.projection, planner.elevation_map, vehicle
+        )
         index = self._find_previous(candidates, rest, passed)
         start = max(self._state.speed, 0.0)
         if self._continuation is not None:

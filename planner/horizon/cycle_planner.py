@@ -52,7 +52,8 @@ class CyclePlanner:
 
     def stations(self, path: PathBatch) -> Floats:
         """Stations of a single path along the ground, (N,) [m]."""
-        return stations_along(self.elevation_map, path.x, path.y, path.count)[:, 0]
+        vehicle = self.equipment.model.vehicle
+        return stations_along(self.elevation_map, path.x, path.y, path.count, vehicle)[:, 0]
 
     def solve(self, paths: PathBatch, clear: Floats, start: float | Floats) -> TimeOptimalBatch:
         """Time-optimal profiles of M candidates.

@@ -6,6 +6,7 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.vehicle import Vehicle
 from slopewise.planner.ground.terrain_profile import stations_along
 from slopewise.planner.horizon.path_projection import PathProjection
 from slopewise.planner.kernels.compiled import kernel
@@ -103,20 +104,20 @@ def _cut_limits(limit: Floats, count: Ints, kept: Ints, own: Bools, rows: int) -
 
 
 def passed_stations(
-    paths: PathBatch, projection: PathProjection, elevation_map: ElevationMap
+    paths: PathBatch, projection: PathProjection, elevation_map: ElevationMap, vehicle: Vehicle
 ) -> Floats:
     """Station of the vehicle on each candidate, along the ground; < 0 before it begins, (M,) [m].
 
     Args:
         paths: as they came. projection: the vehicle on them.
-        elevation_map: ground.
+        elevation_map: ground. vehicle: with its wheels.
     """
     if np.all(np.abs(projection.along) <= _HERE):
         return np.zeros(len(paths.names))
     lanes, i = np.arange(len(paths.names)), projection.segment
     rows = min(max(int(i.max()) + 2, FEWEST), len(paths.x))
     x, y = np.ascontiguousarray(paths.x[:rows]), np.ascontiguousarray(paths.y[:rows])
-    station = stations_along(elevation_map, x, y, np.minimum(paths.count, rows))
+    station = stations_along(elevation_map, x, y, np.minimum(paths.count, rows), vehicle)
     step = np.hypot(x[i + 1, lanes] - x[i, lanes], y[i + 1, lanes] - y[i, lanes])
     gone = np.hypot(projection.x - x[i, lanes], projection.y - y[i, lanes])
     share = np.minimum(gone / np.maximum(step, 1e-9), 1.0)

@@ -94,10 +94,7 @@ def time_optimal_batch(
         conditions: of the moment.
         uncertainty: what the plans are to survive; then ``model`` is its cautious one already.
     """
-    vehicle = model.vehicle
-    profile = terrain_profile(
-        elevation_map, paths.x, paths.y, paths.count, vehicle.wheelbase, vehicle.track_width
-    )
+    profile = terrain_profile(elevation_map, paths.x, paths.y, paths.count, model.vehicle)
     ground = ground_along(profile, model, elevation_map.class_names, conditions, uncertainty)
     return solve(
         profile,

@@ -106,14 +106,8 @@ def swept_hazards(
     rough = np.empty((0, 0))
     if sizes.fine:
         ride = ride_of(model, sizes, float(np.clip(spacing.min(), 0.5 * spacing.max(), None)))
-        behind = ground_behind(
-            ground,
-            profile,
-            run_up(sizes, ride.spacing),
-            spacing,
-            sizes.half_length,
-            sizes.half_width,
-        )
+        stations_behind = run_up(sizes, ride.spacing)
+        behind = ground_behind(elevation_map, profile, stations_behind, spacing, vehicle)
         rough = rough_speeds(behind, profile.front, ride, spacing)
 
     def obstacle(j: int, k: int) -> Obstacle | None:

@@ -8,7 +8,8 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.check.heights import Heights, cell_is_known, classes_around, height_of
+from slopewise.services.check.contact_heights import contact_height
+from slopewise.services.check.heights import Heights, cell_is_known, classes_around
 from slopewise.services.check.plan_line import Line
 
 _CURVATURE_SPAN = 0.25
@@ -24,8 +25,8 @@ class LineGround(NamedTuple):
     """M samples of a line; arrays are (M,) unless stated otherwise."""
 
     station: Floats  # metres along the ground, in three dimensions
-    z: Floats  # height of the path, NaN where unknown [m]
-    wheels: Floats  # (4, M) heights under the wheels [m]
+    z: Floats  # height that a wheel on the path would have, NaN where unknown [m]
+    wheels: Floats  # (4, M) contact heights of the wheels [m]
     grade: Floats  # slope of the plane nearest to the wheels, 0 where unknown [rad]
     roll: Floats  # the same sideways
     vertical_curvature: Floats  # change of the grade along the ground, negative over a crest [1/m]
@@ -46,7 +47,7 @@ def ground_under(heights: Heights, line: Line, vehicle: Vehicle) -> LineGround:
         offset_points(line, ahead * length, to_left * width)
         for ahead, to_left in (*_WHEELS, (0.0, 0.0))
     ]
-    points = np.array([height_of(heights, *place) for place in places])
+    points = np.array([contact_height(heights, *place, line.heading, vehicle) for place in places])
     wheels, z = points[:4], points[4]
     known = np.isfinite(points).all(axis=0)
     front, rear, left, right = (

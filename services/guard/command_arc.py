@@ -69,7 +69,8 @@ def arc_ahead(
     x_body = np.array([half, half, -half, -half, lead, lead, lead])[:, None]
     cos, sin = np.cos(yaw), np.sin(yaw)
     px, py = x + x_body * cos - y_body * sin, y + x_body * sin + y_body * cos
-    z = wheel_heights(ground, vehicle.wheel_radius).at(px, py)
+    felt = wheel_heights(ground, vehicle)
+    z = np.concatenate((felt.contact(px[:4], py[:4], yaw), felt.at(px[4:], py[4:])))
     fl, fr, rl, rr = z[:4]
     grade = np.arctan2(0.5 * (fl + fr - rl - rr), vehicle.wheelbase)
     roll = np.arctan2(0.5 * (fl - fr + rl - rr), vehicle.track_width)

@@ -68,8 +68,7 @@ def _along(elevation_map: ElevationMap, x: Floats, y: Floats, vehicle: Vehicle) 
         np.ascontiguousarray(x[marks, None]),
         np.ascontiguousarray(y[marks, None]),
         np.array([len(marks)]),
-        vehicle.wheelbase,
-        vehicle.track_width,
+        vehicle,
     )
     grade = np.where(profile.known[:, 0], profile.grade[:, 0], np.nan)
     # Distance from mark to mark, and along each leg for the samples between.

@@ -22,8 +22,7 @@ def profile_of(
 ) -> TerrainProfile:
     """Ground under paths, a straight one of 20 m if none is given."""
     side = batch(list(paths) or [straight(20.0)], spacing)
-    v = model.vehicle
-    return terrain_profile(elevation_map, side.x, side.y, side.count, v.wheelbase, v.track_width)
+    return terrain_profile(elevation_map, side.x, side.y, side.count, model.vehicle)
 
 
 def braking_ground_of(

@@ -18,7 +18,7 @@ from slopewise.planner.path import batch
 from slopewise.planner.plan import Status
 from tests.world.driving import Drive
 from tests.world.ground import plane, straight
-from tests.world.vehicles import tables_with
+from tests.world.vehicles import BASE, tables_with
 
 
 def located(paths: object, at: tuple[float, float], heading: float = 0.0) -> object:
@@ -70,10 +70,10 @@ def test_what_is_left_behind_counts_along_the_ground() -> None:
     paths = batch([straight(10.0), straight(10.0, heading=np.pi / 2, name="level")], 0.25)
     slope = 0.3
     east = located(paths, (4.1, 0.0))
-    left = passed_stations(paths, east, plane(slope))
+    left = passed_stations(paths, east, plane(slope), BASE.vehicle)
     assert left[0] == pytest.approx(4.1 * np.hypot(1.0, slope), abs=1e-9)
     ahead = located(paths, (-0.5, 0.0))
-    assert passed_stations(paths, ahead, plane(slope))[0] == pytest.approx(-0.5)
+    assert passed_stations(paths, ahead, plane(slope), BASE.vehicle)[0] == pytest.approx(-0.5)
 
 
 def vehicle_at(track: float, lateral: float, turned: float, course: float = 0.0) -> Drive:

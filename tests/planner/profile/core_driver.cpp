@@ -1,12 +1,17 @@
 // Random problems through the core, for the sanitizers and for what has to hold of every answer.
 #include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <limits>
+#include <memory>
 #include <random>
 #include <vector>
 
+#include "ground_behind.hpp"
+#include "height_grid.hpp"
 #include "smoothing.hpp"
+#include "terrain.hpp"
 #include "time_optimal.hpp"
 
 using namespace slopewise;
@@ -85,6 +90,40 @@ void smoothing() {
   }
 }
 
+// Paths on a map with holes, beyond its rim and with stations in one place.
+void terrain() {
+  const Index rows = whole(2, 90), columns = whole(2, 90), n = whole(2, 20), m = whole(1, 70);
+  auto heights = numbers(rows * columns, 0.0, 0.5);
+  for (double& height : heights) {
+    if (uniform(0, 1) < 0.02) height = std::nan("");
+  }
+  const double cell = uniform(0.03, 0.4);
+  const Footprint tyre{uniform(0, 0.25), uniform(0, 0.1), uniform(0, 1) < 0.2 ? 0.0 : 0.3};
+  HeightGrid grid(heights.data(), rows, columns, 0.0, 0.0, cell, tyre);
+  const double width = cell * static_cast<double>(columns);
+  auto x = numbers(n * m, -0.2 * width, 1.2 * width), y = numbers(n * m, -1.0, 9.0);
+  x[static_cast<std::size_t>(m)] = x[0];
+  y[static_cast<std::size_t>(m)] = y[0];
+  std::vector<std::int64_t> count(static_cast<std::size_t>(m));
+  for (auto& each : count) each = whole(2, n);
+  std::vector<std::vector<double>> out(9, std::vector<double>(x.size()));
+  const auto known = std::make_unique<bool[]>(x.size());
+  std::vector<float> twist(x.size()), front(2 * x.size()), behind(2 * x.size());
+  sample_terrain(grid,
+                 {n, m, x.data(), y.data(), count.data(), out[0].data(), out[1].data(),
+                  out[2].data(), out[3].data(), out[4].data(), out[5].data(), out[6].data(),
+                  out[7].data(), out[8].data(), known.get(), twist.data(), front.data()},
+                 1.2, 1.0);
+  for (const double grade : out[5]) expect(std::abs(grade) < 1.6, "grades are known");
+  sample_behind(grid,
+                {n, m, x.data(), y.data(), out[2].data(), out[3].data(), x.data(), out[0].data(),
+                 front.data(), behind.data()},
+                1.2, 1.0);
+  std::vector<double> station(x.size());
+  walk_stations(grid, x.data(), y.data(), count.data(), n, m, station.data());
+  expect(station == out[1], "stations are the same");
+}
+
 }  // namespace
 
 int main(int count, char** arguments) {
@@ -96,6 +135,7 @@ int main(int count, char** arguments) {
     generator.seed(static_cast<unsigned long>(problems++));
     time_optimal_batch();
     smoothing();
+    if (problems % 4 == 0) terrain();
   }
   std::printf("%td problems\n", problems);
 }

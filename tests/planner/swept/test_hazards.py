@@ -243,7 +243,7 @@ def test_a_short_first_step_is_no_spacing(short: float) -> None:
         x = np.asarray(along, np.float64)[:, None]
         y, counts = np.zeros_like(x), np.array([len(x)])
         vehicle = model.vehicle
-        profile = terrain_profile(scene, x, y, counts, vehicle.wheelbase, vehicle.track_width)
+        profile = terrain_profile(scene, x, y, counts, vehicle)
         hazards.append(swept_hazards(scene, profile, model).rows.rough_speed[:, 0])
     np.testing.assert_allclose(hazards[1][10:], hazards[0][10:], rtol=0.1)
     assert np.all(hazards[2] > 0.0)
