@@ -64,7 +64,7 @@ def test_smoothed_plans_are_fast_and_within_a_percent_of_the_optimum(
 ) -> None:
     assert result["instances"] == optimality.QUICK_INSTANCES
     assert not result["unsolved"]
-    assert len(result["above"]) <= 2
+    assert len(result["above"]) <= 3
     # A crest makes a dip of one station in the bounds, which a limit of jerk has to round.
     assert result["excess"]["most"] < 0.02
     # Faster than the optimum only within the tolerance of IPOPT.
