@@ -287,6 +287,7 @@ NB_MODULE(_core, m) {
   using namespace nb::literals;
   namespace sw = slopewise;
   sw::expect_processor();
+  nb::set_leak_warnings(false);  // grids of the last maps live until the process ends
   m.attr("DIGEST") = SLOPEWISE_DIGEST;
   m.attr("ROWS") = sw::rows();
   m.attr("STANDSTILL_SQ") = sw::standstill_sq;
