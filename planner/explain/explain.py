@@ -23,6 +23,7 @@ from slopewise.planner.explain.measurements import MEASURABLE
 from slopewise.planner.explain.relaxed import without
 from slopewise.planner.explain.what_if import Assumptions, WhatIf
 from slopewise.planner.ground.braking_ground import GroundConditions
+from slopewise.planner.ground.sight import within_sight
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.path import EvenPath
@@ -128,6 +129,7 @@ def explain(
         ParameterError: the path is malformed.
     """
     settings = settings or PlannerSettings()
+    model = within_sight(model, elevation_map, settings.unseen_steps)
     what_if = WhatIf(
         elevation_map,
         path,

@@ -10,11 +10,9 @@ import math
 from typing import NamedTuple
 
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.recent import Recent
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.compiled_core import core
-
-_GRID_COUNT = 4
-"""Maps with contact heights in memory [1]: one in use, the next, and those of two comparisons."""
 
 
 class Footprint(NamedTuple):
@@ -31,14 +29,7 @@ class Footprint(NamedTuple):
     radius: float
 
 
-class _Recent(NamedTuple):
-    elevation_map: ElevationMap
-    footprint: Footprint
-    grid: core.HeightGrid
-
-
-_recent: tuple[_Recent, ...] = ()
-"""Replaced as a whole, never changed: threads need no lock."""
+_grids: Recent[core.HeightGrid] = Recent()
 
 
 def tyre_footprint(vehicle: Vehicle, resolution: float) -> Footprint:
@@ -57,13 +48,10 @@ def tyre_footprint(vehicle: Vehicle, resolution: float) -> Footprint:
 
 def height_grid(elevation_map: ElevationMap, vehicle: Vehicle) -> core.HeightGrid:
     """Heights of this map, which never changes, as the wheels of a vehicle rest on them."""
-    global _recent
     footprint = tyre_footprint(vehicle, elevation_map.resolution)
-    for known in _recent:
-        if known.elevation_map is elevation_map and known.footprint == footprint:
-            return known.grid
-    grid = core.HeightGrid(
-        elevation_map.elevation, *elevation_map.origin, elevation_map.resolution, *footprint
+    heights, resolution = elevation_map.elevation, elevation_map.resolution
+    return _grids.get(
+        lambda: core.HeightGrid(heights, *elevation_map.origin, resolution, *footprint),
+        elevation_map,
+        footprint,
     )
-    _recent = (_Recent(elevation_map, footprint, grid), *_recent[: _GRID_COUNT - 1])
-    return grid

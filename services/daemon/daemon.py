@@ -67,8 +67,8 @@ class Service:
         """Read model and map, and plan once, so that the first request finds all code compiled."""
         self.config = config
         initial = read_map(Path(config.map)) if config.map else None
-        self.maps = MapStore(initial, Path(config.map).name)
         prior = read_model(find_model(config.model))
+        self.maps = MapStore(initial, Path(config.map).name, prior.vehicle.wheel_radius)
         self.plans = PlanService(config, ActiveParameters(prior))
         self.parameters = ParameterService(config, prior, self.plans.learn, self._surfaces_of_map)
         self.counters: Counter[str] = Counter()

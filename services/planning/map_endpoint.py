@@ -71,7 +71,8 @@ class MapEndpoint:
         update = codec.decode(
             MapUpdate, sample.payload, str(sample.encoding), self._key, self._max_bytes
         )
-        is_applied = self._maps.apply(update, self._key, arrived)
+        others_wait = len(self._queue) > 0
+        is_applied = self._maps.apply(update, self._key, arrived, others_wait=others_wait)
         self._counters["map_updates" if is_applied else "map_updates_ignored"] += 1
         if self._maps.restarts:
             self._counters["map_sources_anew"] = self._maps.restarts  # words: ok

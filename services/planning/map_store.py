@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.services.io.files import faults_of
 from slopewise.services.wire.arrival import (
     MessageOrder,
@@ -65,8 +66,18 @@ class _Source:
 class MapStore:
     """Applies updates from one thread; any thread may read :attr:`snapshot`."""
 
-    def __init__(self, elevation_map: ElevationMap | None = None, name: str = "") -> None:
-        """Begin with a map of that name, or without one."""
+    def __init__(
+        self,
+        elevation_map: ElevationMap | None = None,
+        name: str = "",
+        wheel_radius: float | None = None,
+    ) -> None:
+        """Begin with a map of that name, or without one.
+
+        With the radius of the wheels [m], maps are averaged for them before they come into use: no
+        plan waits for that.
+        """
+        self._wheel_radius = wheel_radius
         self.snapshot: MapSnapshot | None = None  # map in use; None before the first map
         self.restarts = 0  # number of restarted sources
         self.warnings = RecentWarnings(_WARNING_DURATION)  # also before the first map
@@ -74,6 +85,7 @@ class MapStore:
         self._sources = SenderTable[tuple[str, str], _Source](_Source, _MAX_SOURCES)
         self._lock = threading.Lock()
         if elevation_map is not None:
+            self._average(elevation_map)
             self.snapshot = MapSnapshot(
                 elevation_map,
                 1,
@@ -85,8 +97,18 @@ class MapStore:
             )
             self._warn_assumed(elevation_map)
 
-    def apply(self, update: MapUpdate, key: str, arrived: float | None = None) -> bool:
-        """Apply an update that came on ``key``; False if it is a duplicate or out of order."""
+    def apply(
+        self,
+        update: MapUpdate,
+        key: str,
+        arrived: float | None = None,
+        *,
+        others_wait: bool = False,
+    ) -> bool:
+        """Apply an update that came on ``key``; False if it is a duplicate or out of order.
+
+        Where ``others_wait`` the next one is at hand, and this one is averaged only if it is used.
+        """
         at = time.monotonic() if arrived is None else arrived
         content = zlib.crc32(np.ascontiguousarray(update.elevation).data)
         lead = 0.0 if update.time is None else update.time - at
@@ -103,6 +125,8 @@ class MapStore:
             known = None if self.snapshot is None else self.snapshot.elevation_map
             with faults_of(key):
                 elevation_map = apply_update(update, known)
+            if not others_wait:
+                self._average(elevation_map)
             delay = 0.0 if update.time is None else self._delay(source, update.source, lead)
             is_gap = has_begun or 0 <= last < update.sequence - 1
             self._replace(elevation_map, update, at, delay, is_gap=is_gap)
@@ -110,6 +134,10 @@ class MapStore:
             self.restarts += order is not MessageOrder.NEW
             warn_of_order(self.warnings, what, order, is_used=True)
             return True
+
+    def _average(self, elevation_map: ElevationMap) -> None:
+        if self._wheel_radius is not None:
+            averaged_map(elevation_map, self._wheel_radius)  # cached there
 
     def _source(self, update: MapUpdate) -> _Source:
         name = update.source, update.instance

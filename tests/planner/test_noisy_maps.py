@@ -13,6 +13,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.models.smallest_seen import careful_speed, hides_steps, sight_notes, smallest_seen
+from slopewise.planner.explain.explain import explain
 from slopewise.planner.ground.sight import within_sight
 from slopewise.planner.horizon.answer import PlanarState
 from slopewise.planner.plan import SpeedPlan
@@ -95,9 +96,11 @@ def test_a_map_that_is_too_noisy_is_driven_carefully_or_only_noted() -> None:
     assert within_sight(fast, measured(0.002), "slow") is fast
     level = measured(0.04, np.zeros_like(SWELL))
     assert planned(fast, level).speed.max() <= careful + 1e-9
+    path = CandidatePath(name="straight", points=STRAIGHT)
+    assert explain(fast, level, path).plan.speed.max() <= careful + 1e-9
     answer = slopewise.Horizon(fast).step(
         PlanarState(x=0.0, y=0.0, heading=0.0, speed=0.0),
-        [CandidatePath(name="straight", points=STRAIGHT)],
+        [path],
         level,
     )
     assert answer.chosen is not None

@@ -133,3 +133,19 @@ def test_time_is_bounded(cells: int, cell: float, length: float, unknown: float)
     start = time.process_time()
     averaged_map(map_of(z, cell=cell, length=length), RADIUS)
     assert time.process_time() - start < 4.0
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_patch_is_averaged_as_on_a_new_map(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cell, length = float(rng.choice([0.02, 0.05, 0.1])), float(rng.choice([0.0, 0.15]))
+    before = relief(rng, *rng.integers(60, 160, 2))
+    after = before.copy()
+    row, column = rng.integers(0, 60, 2)
+    part = after[row : row + 12, column : column + 9]
+    part[:] = np.where(rng.random(part.shape) < 0.2, np.nan, 1.0 - part)
+    averaged_map(map_of(before, cell=cell, length=length), RADIUS)
+    patched = averaged_map(map_of(after, cell=cell, length=length), RADIUS).elevation
+    averaged_map(map_of(np.zeros((3, 3))), RADIUS)
+    new = averaged_map(map_of(after, cell=cell, length=length), RADIUS).elevation
+    np.testing.assert_allclose(patched, new, rtol=0.0, atol=1e-6)

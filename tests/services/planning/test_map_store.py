@@ -7,6 +7,7 @@ import pytest
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
+from slopewise.planner.ground import averaged_map
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.wire.plan_messages import MapUpdate
 
@@ -46,6 +47,22 @@ def test_patches_change_their_cells_only() -> None:
     expected[1:3, 2:5] = 7.0
     np.testing.assert_array_equal(store.snapshot.elevation_map.elevation, expected)
     assert not store.snapshot.incomplete
+
+
+@pytest.mark.parametrize("others_wait", [False, True])
+def test_maps_are_averaged_before_they_come_into_use(
+    monkeypatch: pytest.MonkeyPatch, *, others_wait: bool
+) -> None:
+    store, noisy = (
+        MapStore(wheel_radius=0.6),
+        np.random.default_rng(others_wait).normal(0.0, 0.03, (20, 20)),
+    )
+    store.apply(update(1, elevation=noisy, height_std=0.03), "map", others_wait=others_wait)
+    assert store.snapshot is not None
+    counted: list[int] = []
+    monkeypatch.setattr(averaged_map, "_average_heights", lambda *_: counted.append(1) or noisy)
+    averaged_map.averaged_map(store.snapshot.elevation_map, 0.6)
+    assert len(counted) == others_wait
 
 
 @pytest.mark.parametrize(
