@@ -1,11 +1,14 @@
 """Where the lowest point of a tyre comes to rest: it bridges gaps, and meets edges early.
 
-A tyre in the middle of a cell rests on the highest facet under its rim, points of its footprint
-taken apart. Between cells heights are bilinear. On cells larger than the wheel's radius, a wheel
-rests on the bilinear surface.
+A tyre in the middle of a cell rests on the highest facet under its rim; of each cell that its
+footprint covers, the point nearest to the axle counts. Between cells heights are bilinear. On cells
+larger than the wheel's radius, a wheel rests on the bilinear surface.
 """
 
 from __future__ import annotations
+
+import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,7 +19,9 @@ from slopewise.services.check.heights import Heights, height_of, in_cells
 _HEADINGS = 16
 """Headings over half a turn [1]: between two the end of a tyre moves by a tenth of its length."""
 
-_POINTS_PER_CELL = 6  # along a tyre; across it its edges and its middle
+_GRAZED = 1e-6  # a cell that the footprint covers by less does not count [m]
+_ROUNDED = 1e-9  # distance between points that are one but for rounding [m]
+_INSIDE = 0.5 - 1e-9  # of a cell from its middle [cells]: its edge would be rounded to the next
 _CHUNK = 2048  # cells that are worked on together: 10 MB of points
 
 
@@ -47,26 +52,73 @@ def contact_height(
 def _at_cells(heights: Heights, cells: Ints, turn: Ints, vehicle: Vehicle) -> Floats:
     """(K,) heights of tyres in the middle of known cells, with one of the headings each [m]."""
     columns, radius, edge = heights.elevation.shape[1], vehicle.wheel_radius, heights.resolution
-    shape = vehicle.shape
-    half_length = np.sqrt(radius**2 - max(radius - shape.max_step, 0.0) ** 2)
+    half_length = math.sqrt(radius**2 - max(radius - vehicle.shape.max_step, 0.0) ** 2)
     # Between cells a tyre is as much as a cell wider than in the middle of one.
-    half_width = max(0.5 * (shape.wheel_width - edge), 0.0)
-    count = int(np.ceil(half_length / edge * _POINTS_PER_CELL))
-    along, across = np.meshgrid(
-        np.linspace(-half_length, half_length, 2 * count + 1),
-        half_width * np.linspace(-1.0, 1.0, 2 * int(np.ceil(half_width / edge)) + 1),
-    )
-    s, t = along.ravel(), across.ravel()
-    drop = radius - np.sqrt(radius**2 - s**2)
+    half_width = max(0.5 * (vehicle.shape.wheel_width - edge), 0.0)
     highest = np.empty(len(cells))
-    for first in range(0, len(cells), _CHUNK):
-        part = slice(first, first + _CHUNK)
-        angle = (np.pi / _HEADINGS) * turn[part, None]
-        row = cells[part, None] // columns + (np.sin(angle) * s + np.cos(angle) * t) / edge
-        column = cells[part, None] % columns + (np.cos(angle) * s - np.sin(angle) * t) / edge
-        under = np.nan_to_num(_facet_height(heights.elevation, row, column), nan=-np.inf)
-        highest[part] = (under - drop).max(axis=1)
+    for heading in range(_HEADINGS):
+        (those,) = np.nonzero(turn == heading)
+        s, up, right = _touched(half_length, half_width, edge, heading)
+        drop = radius - np.sqrt(radius**2 - s**2)
+        for first in range(0, len(those), _CHUNK):
+            part = those[first : first + _CHUNK]
+            row, column = cells[part, None] // columns + up, cells[part, None] % columns + right
+            under = np.nan_to_num(_facet_height(heights.elevation, row, column), nan=-np.inf)
+            highest[part] = (under - drop).max(axis=1)
     return highest
+
+
+@lru_cache(maxsize=256)
+def _touched(
+    half_length: float, half_width: float, edge: float, heading: int
+) -> tuple[Floats, Floats, Floats]:
+    """Of each cell under a tyre its point nearest to the axle, (P,) each.
+
+    Returns:
+        Distances along the tyre [m]; rows and columns from the cell in its middle [cells].
+    """
+    angle = math.pi * heading / _HEADINGS
+    along = np.array([math.cos(angle), math.sin(angle)])
+    axes = np.array([along, [-along[1], along[0]]])
+    sides = np.maximum(np.array([half_length, half_width]) - _GRAZED, _GRAZED)
+    reach = math.ceil(float(np.hypot(*sides)) / edge + 0.5)
+    points = []
+    for row in range(-reach, reach + 1):
+        for column in range(-reach, reach + 1):
+            middle = edge * np.array([column, row])
+            around = _overlap(middle, edge, axes, -sides, sides)
+            if len(around) == 0:
+                continue
+            nearest = np.clip(0.0, around[:, 0].min(), around[:, 0].max())
+            low, high = np.array([nearest, -sides[1]]), np.array([nearest, sides[1]])
+            beside = _overlap(middle, edge, axes, low, high)[:, 1]
+            s, t = nearest, np.clip(0.0, beside.min(), beside.max())
+            east, north = np.clip((axes.T @ [s, t] - middle) / edge, -_INSIDE, _INSIDE)
+            points.append([s, row + north, column + east])
+    s, rows, columns = np.array(points).T
+    return s, rows, columns
+
+
+def _overlap(middle: Floats, edge: float, axes: Floats, low: Floats, high: Floats) -> Floats:
+    """(V, 2) corners of what a cell and a rectangle have in common, in the rectangle's axes [m].
+
+    They are corners of one inside the other, and crossings of their edges.
+    """
+    corners = (middle + 0.5 * edge * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])) @ axes.T
+    sides = np.roll(corners, -1, axis=0) - corners
+    found = [corners, np.array([[s, t] for s in (low[0], high[0]) for t in (low[1], high[1])])]
+    for axis in (0, 1):
+        for limit in (low[axis], high[axis]):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = (limit - corners[:, axis]) / sides[:, axis]
+                found.append(corners + share[:, None] * sides)
+    points = np.concatenate(found)
+    points = points[np.isfinite(points).all(axis=1)]  # parallel edges do not cross
+    from_middle = np.abs(points @ axes - middle)
+    inside = np.all((points >= low - _ROUNDED) & (points <= high + _ROUNDED), axis=1)
+    inside &= np.all(from_middle <= 0.5 * edge + _ROUNDED, axis=1)
+    overlap: Floats = points[inside]
+    return overlap
 
 
 def _facet_height(z: Floats, row: Floats, column: Floats) -> Floats:

@@ -72,9 +72,9 @@ def test_agrees_with_the_profile_of_the_planner_at_its_stations() -> None:
     )
     rows = line.at_row
     for checked, planned, atol in (
-        (under.station, profile.station, 1e-3),  # facets of cells against points of the tyre
-        (under.grade, profile.grade, 4e-3),
-        (under.roll, profile.roll, 4e-3),
+        (under.station, profile.station, 1e-6),
+        (under.grade, profile.grade, 1e-6),
+        (under.roll, profile.roll, 1e-6),
         (line.curvature, profile.curvature, 1e-3),
     ):
         np.testing.assert_allclose(checked[rows][1:-1], planned[1:-1, 0], atol=atol)
