@@ -105,8 +105,8 @@ def check_plan(
 
     Returns:
         ``valid``; the violations by station, kind and size; stopping distances (N,) [m] and
-        smallest rear loads (N,) from each station, of the checker. Of a plan with status
-        infeasible only the columns are checked.
+        smallest rear loads (N,) from each station, of the checker. A plan with status infeasible
+        is never valid.
 
     Raises:
         ParameterError: fewer than two stations, columns of other lengths, or a start off the map.

@@ -36,6 +36,8 @@ class CheckReport:
 
     Attributes:
         violations: by station; empty if the plan keeps every rule that could be judged.
+        verified: columns of the plan that agree with positions, speeds, map and model, or are
+            among the violations; unverified: its other columns.
         station: (N,) own stations [m].
         stop_distance: (N,) nominal emergency stops, with the safety offset, 0 at rest [m]: speed
             held in the dead time, force as learned. Of a stop that was not followed to its end,
@@ -51,11 +53,21 @@ class CheckReport:
     stop_distance: Floats
     rear_load: Floats
     stops: int
+    verified: tuple[str, ...] = ()
+    unverified: tuple[str, ...] = ()
 
     @property
     def valid(self) -> bool:
         """Return True if the plan keeps every rule that was checked."""
         return not self.violations
+
+    @property
+    def refused_for(self) -> str | None:
+        """The violation that is most times its tolerance, as text; None without one."""
+        if not self.violations:
+            return None
+        v = max(self.violations, key=lambda v: v.size / TOLERANCES[v.kind].value)
+        return f"{v.kind} at {v.station:.2f} m: {v.sentence}"
 
     def worst(self) -> dict[str, Violation]:
         """The largest violation of each kind."""
@@ -76,6 +88,7 @@ class ViolationLog:
     station: Floats  # (M,) of the samples [m]
     _worst: dict[tuple[int, str], Violation] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    sparse: set[int] = field(default_factory=set)  # rows too far from the next to judge anything
 
     def add(
         self,
@@ -98,11 +111,20 @@ class ViolationLog:
         for i in np.flatnonzero(where & ~(excess <= tolerance.value)).tolist():
             k, size = (i if at is None else int(at[i])), float(excess[i])
             key = (int(self.row[k]), kind)
+            if key[0] in self.sparse:
+                continue
             known = self._worst.get(key)
             if known is None or size > known.size:
                 message = sentence.format(*(float(v[i]) for v in values))
                 place = (self.candidate, key[0], float(self.station[k]))
                 self._worst[key] = Violation(*place, kind, size, tolerance.unit, message)
+
+    def kinds(self, count: int) -> list[set[str]]:
+        """Kinds of violations at each of ``count`` rows."""
+        kinds: list[set[str]] = [set() for _ in range(count)]
+        for row, kind in self._worst:
+            kinds[row].add(kind)
+        return kinds
 
     def violations(self) -> tuple[Violation, ...]:
         """All of them, by station."""

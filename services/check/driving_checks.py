@@ -13,46 +13,41 @@ from slopewise.models.quantity import GRAVITY
 from slopewise.services.check.check_report import ViolationLog
 from slopewise.services.check.loads import (
     BodyAttitude,
-    attitude_of,
     braking_cap,
     shares_of,
     utilisation,
 )
 from slopewise.services.check.path_force import NO_LIMIT, PathForce
-from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line, Motion
 from slopewise.services.check.tolerances import TOLERANCES
+
+_HARD = 0.9
+"""Share of full braking from which a plan brakes as hard as it can [1]: slopes between rows."""
 
 _TINY_TURN = 0.1
 """Share of the lateral limit that v²|κ| has to reach: below it the path is straight."""
 
 
 def check_driving(
-    log: ViolationLog,
-    model: Model,
-    line: Line,
-    ground: LineGround,
-    brakes: PathForce,
-    motion: Motion,
-    speed_limit: Floats | None,
+    checks: DrivingChecks, speed_limit: Floats | None, *, too_fast: bool = False
 ) -> None:
-    """Note what the driven motion breaks; ``speed_limit`` (N,) is that of the path [m/s]."""
-    pose = attitude_of(ground.grade, ground.roll, ground.vertical_curvature, line.curvature)
-    checks = _DrivingChecks(log, model, line, pose, brakes, motion)
+    """Note what the driven motion breaks; ``speed_limit`` (N,) is that of the path [m/s].
+
+    A plan that says that it starts ``too_fast`` may break limits of comfort, not of safety, for as
+    long as it brakes as hard as it can.
+    """
+    motion = checks.motion
+    if too_fast:
+        checks = checks._replace(free=motion.moving & ~checks.braking_down())
     checks.speeds(speed_limit)
-    checks.turns()
     for accel in (motion.accel, motion.accel_before):
         checks.drive(accel)
         checks.brakes_at(accel)
         checks.loads(accel)
-        if (brakes.friction < NO_LIMIT).any():
-            along = accel / GRAVITY + pose.sine
-            used = utilisation(pose, brakes.friction, motion.speed**2, along)
-            sentence = "needs {0:.0%} of what friction gives"
-            log.add("friction", used - 1.0, sentence, used, where=motion.moving)
+        checks.friction(accel)
 
 
-class _DrivingChecks(NamedTuple):
+class DrivingChecks(NamedTuple):
     """Checks of the motion at M samples."""
 
     log: ViolationLog
@@ -61,11 +56,38 @@ class _DrivingChecks(NamedTuple):
     pose: BodyAttitude
     brakes: PathForce
     motion: Motion
+    free: Bools  # samples that move, and do not only brake down from a start that was too fast
 
-    @property
-    def free(self) -> Bools:
-        """(M,) samples that move, and do not only brake down from a start that was too fast."""
-        return self.motion.moving & ~self.motion.excused
+    def braking_down(self) -> Bools:
+        """(M,) samples from the start to the row after the last one that brakes fully."""
+        line, accel = self.line, self.motion.accel
+        full = np.minimum(self.model.limits.decel, self.braking_deceleration(self.motion.speed))
+        hard = np.minimum.accumulate((-accel >= _HARD * full)[line.at_row])
+        # Within the row's step it reaches the speed from which service braking suffices.
+        hard[1:] |= hard[:-1]
+        down: Bools = hard[line.row] & ((accel < 0.0) | (line.share == 0.0))
+        return down
+
+    def braking_deceleration(self, speed: Floats) -> Floats:
+        """Deceleration by the brakes [m/s²]; drag helps but is no reserve, and wind may push."""
+        model = self.model
+        cap = braking_cap(model.vehicle, self.pose, self.brakes.friction, speed**2)
+        force = np.minimum(self.brakes.force(speed), cap)
+        terms = registry.motion(model.effect)
+        pushed = registry.motion_deceleration(speed, self.line.curvature, self.line.heading, terms)
+        given: Floats = GRAVITY * (force + self.pose.sine) + np.minimum(pushed, 0.0)
+        return given
+
+    def thrust_and_resistance(self) -> tuple[Floats, Floats]:
+        """Highest thrust, and what slope, rolling and turning take of it [m/s²]."""
+        vehicle, terrain = self.model.vehicle, self.model.terrain
+        drags = 0.5 * terrain.lateral_resistance * vehicle.wheelbase
+        skids = vehicle.drive == "skid_steer"
+        turning = drags * np.abs(self.line.curvature) if skids else 0.0
+        resistance = (terrain.motion_resistance + turning) * self.pose.normal_ratio
+        speed = np.maximum(self.motion.speed, 1e-6)
+        thrust = np.minimum(vehicle.max_drive_force, vehicle.max_drive_power / speed) / vehicle.mass
+        return thrust, GRAVITY * (self.pose.sine + resistance)
 
     def speeds(self, speed_limit: Floats | None) -> None:
         line, speed = self.line, self.motion.speed
@@ -79,7 +101,9 @@ class _DrivingChecks(NamedTuple):
         sentence = "{0:.3f} m/s where {1:.3f} m/s is the highest"
         self.log.add("speed_limit", speed - allowed, sentence, speed, allowed, where=self.free)
 
-    def turns(self) -> None:
+        self._turns()
+
+    def _turns(self) -> None:
         vehicle, limits, speed = self.model.vehicle, self.model.limits, self.motion.speed
         turn = speed**2 * np.abs(self.pose.turn)
         outward = GRAVITY * self.pose.cross_slope_ratio * np.sign(self.line.curvature)
@@ -103,32 +127,27 @@ class _DrivingChecks(NamedTuple):
         self.log.add("wheel_speed", excess, sentence, rim, where=self.free)
 
     def drive(self, accel: Floats) -> None:
-        vehicle, terrain, moving = self.model.vehicle, self.model.terrain, self.motion.moving
-        drags = 0.5 * terrain.lateral_resistance * vehicle.wheelbase
-        skids = vehicle.drive == "skid_steer"
-        turning = drags * np.abs(self.line.curvature) if skids else 0.0
-        resistance = (terrain.motion_resistance + turning) * self.pose.normal_ratio
-        needed = accel + GRAVITY * (self.pose.sine + resistance)
-        speed = np.maximum(self.motion.speed, 1e-6)
-        thrust = np.minimum(vehicle.max_drive_force, vehicle.max_drive_power / speed) / vehicle.mass
+        (thrust, taken), moving = self.thrust_and_resistance(), self.motion.moving
+        needed = accel + taken
         sentence = "needs {0:.2f} m/s² of the drive, which gives {1:.2f} m/s²"
         self.log.add("traction", needed - thrust, sentence, needed, thrust, where=moving)
         excess = accel - self.model.limits.accel
         self.log.add("accel", excess, "speeds up at {0:.2f} m/s²", accel, where=moving)
 
     def brakes_at(self, accel: Floats) -> None:
-        model, line, speed = self.model, self.line, self.motion.speed
-        terms = registry.motion(model.effect)
-        cap = braking_cap(model.vehicle, self.pose, self.brakes.friction, speed**2)
-        force = np.minimum(self.brakes.force(speed), cap)
-        # Drag helps to slow down, which is no reserve; wind may push.
-        pushed = registry.motion_deceleration(speed, line.curvature, line.heading, terms)
-        given = GRAVITY * (force + self.pose.sine) + np.minimum(pushed, 0.0)
+        given = self.braking_deceleration(self.motion.speed)
         slows = self.motion.moving & (accel < 0.0)
         sentence = "slows down at {0:.2f} m/s²"
         by_brakes = f"{sentence}, the brakes give {{1:.2f}} m/s²"
         self.log.add("decel", -accel - given, by_brakes, -accel, given, where=slows)
-        self.log.add("decel", -accel - model.limits.decel, sentence, -accel, where=self.free)
+        self.log.add("decel", -accel - self.model.limits.decel, sentence, -accel, where=self.free)
+
+    def friction(self, accel: Floats) -> None:
+        if (self.brakes.friction < NO_LIMIT).any():
+            along, speed_sq = accel / GRAVITY + self.pose.sine, self.motion.speed**2
+            used = utilisation(self.pose, self.brakes.friction, speed_sq, along)
+            sentence = "needs {0:.0%} of what friction gives"
+            self.log.add("friction", used - 1.0, sentence, used, where=self.motion.moving)
 
     def loads(self, accel: Floats) -> None:
         """Loads while driving as planned; the front axle is checked under drive only."""

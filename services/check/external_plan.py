@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -25,9 +26,14 @@ COLUMNS: dict[str, str] = {
     "stop_distance": "m",
     "clear_distance": "m",
     "rear_load": "1",
+    "side_load": "1",
+    "speed_bound": "m/s",
     "speed_limit": "m/s",
 }
-"""Columns that are checked, with their units; the first three are needed."""
+"""Columns of numbers that are checked, with their units; the first three are needed."""
+
+TEXT = ("limiting", "status", "reason")
+"""Columns of text that are checked; the last two are the same in all rows."""
 
 NEEDED = ("x", "y", "speed")
 _SAME = 1e-6  # [m] rows closer than that are one place: rounding of coordinates of 1000 km
@@ -51,9 +57,13 @@ class ExternalPlan:
         time: since the start [s].
         stop_distance: emergency stop from each row, safety offset included [m].
         clear_distance: station before which every stop ends [m].
-        rear_load: least rear load on that stop, a share of the level static one.
+        rear_load, side_load: least loads on that stop, as shares of the level static ones.
+        speed_bound: highest speed that every bound allows [m/s].
         speed_limit: speed limit of the path [m/s].
+        limiting: (N,) names of what holds at each row.
         status: status as the planner calls it, "" if not reported.
+        reason: its sentence about the status, None if not reported.
+        unread: names of further columns, which are not verified.
     """
 
     name: str
@@ -70,8 +80,13 @@ class ExternalPlan:
     stop_distance: Floats | None = None
     clear_distance: Floats | None = None
     rear_load: Floats | None = None
+    side_load: Floats | None = None
+    speed_bound: Floats | None = None
     speed_limit: Floats | None = None
+    limiting: tuple[str, ...] | None = None
     status: str = ""
+    reason: str | None = None
+    unread: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         count = np.size(self.x)
@@ -107,11 +122,13 @@ class ExternalPlan:
         if moved.all():
             return self
         groups = np.cumsum(moved) - 1
-        changes: dict[str, Floats] = {
+        changes: dict[str, Any] = {
             name: getattr(self, name)[moved] for name in COLUMNS if getattr(self, name) is not None
         }
         np.maximum.at(changes["speed"], groups, self.speed)
-        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+        if self.limiting is not None:
+            changes["limiting"] = tuple(np.array(self.limiting)[moved].tolist())
+        return dataclasses.replace(self, **changes)
 
 
 GivenPlan = ExternalPlan  # The class under its public name
@@ -120,15 +137,23 @@ GivenPlan = ExternalPlan  # The class under its public name
 def plan_of_columns(
     columns: Mapping[str, Sequence[str] | Floats], name: str = "plan"
 ) -> ExternalPlan:
-    """One plan from columns by name, (N,) each, as plan files have them; unknown ones are ignored.
+    """One plan from columns by name, (N,) each, as plan files have them.
 
     ``name`` is that of the candidate where no column holds it.
     """
     for needed in NEEDED:
         if needed not in columns:
             raise ParameterError(needed, f"a column [{COLUMNS[needed]}]")
-    texts = {key: str(columns[key][0]) for key in ("candidate", "status") if key in columns}
-    numbers = {n: np.asarray(columns[n], np.float64) for n in COLUMNS if n in columns}
-    return ExternalPlan(
-        name=texts.get("candidate", name), status=texts.get("status", ""), **numbers
-    )
+    given: dict[str, Any] = {n: np.asarray(columns[n], np.float64) for n in COLUMNS if n in columns}
+    for key, column in (("name", "candidate"), ("status", "status"), ("reason", "reason")):
+        if column in columns:
+            cells = {str(cell) for cell in columns[column]}
+            if len(cells) > 1:
+                raise ParameterError(
+                    column, f"the same in all rows, got {' and '.join(sorted(cells))}"
+                )
+            given[key] = cells.pop()
+    if "limiting" in columns:
+        given["limiting"] = tuple(str(cell) for cell in columns["limiting"])
+    unread = tuple(n for n in columns if n not in (*COLUMNS, *TEXT, "candidate"))
+    return ExternalPlan(**{"name": name, **given}, unread=unread)

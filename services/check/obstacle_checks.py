@@ -7,13 +7,15 @@ tyre's width, its travel, and rocking of the body.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.arrays import Floats, Ints
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.check.check_report import ViolationLog
 from slopewise.services.check.heights import Heights, height_of
 from slopewise.services.check.path_ground import (
+    WHEELS,
     LineGround,
     below_body,
     offset_points,
@@ -26,36 +28,38 @@ _NOTHING = -np.inf
 _FINEST = 0.05  # [m] between points below the body
 
 
-def check_obstacles(
-    log: ViolationLog,
-    heights: Heights,
-    line: Line,
-    ground: LineGround,
-    vehicle: Vehicle,
-    moving: Bools,
-) -> None:
-    """Note what the vehicle would strike at samples (M,) where it moves."""
-    clearance = vehicle.shape.clearance
+class Struck(NamedTuple):
+    """Excess of a kind of obstacle over its limit at M samples, −inf where nothing is."""
+
+    kind: str
+    excess: Floats  # (M,) share of the limit
+    sentence: str
+    value: Floats  # (M,) that the sentence names [m]
+
+
+def obstacles_along(
+    heights: Heights, line: Line, ground: LineGround, vehicle: Vehicle
+) -> list[Struck]:
+    """Obstacles that the vehicle would strike at the known samples of a line."""
+    clearance, obstacles = vehicle.shape.clearance, []
     if clearance > 0.0:
-        samples = np.flatnonzero(moving & ground.known)
+        samples = np.flatnonzero(ground.known)
+        sentence = f"ground {{0:.3f}} m above the wheels, the underside is at {clearance:.3f} m"
         highest = _above_wheels(heights, line, ground, vehicle, samples)
         for kind, height in zip(("clearance", "body"), highest, strict=True):
-            log.add(
-                kind,
-                height / clearance - 1.0,
-                f"ground {{0:.3f}} m above the wheels, the underside is at {clearance:.3f} m",
-                height,
-            )
-    if heights.resolution > vehicle.wheel_radius:
-        log.notes.append(
-            f"steps were not checked: cells of {heights.resolution:g} m do not show any to "
-            f"wheels of radius {vehicle.wheel_radius:g} m"
-        )
-        return
-    for ahead in (0.5, -0.5):
-        for to_left in (0.5, -0.5):
-            x, y = offset_points(line, ahead * vehicle.wheelbase, to_left * vehicle.track_width)
-            _steps(log, heights, x, y, vehicle, moving)
+            obstacles.append(Struck(kind, height / clearance - 1.0, sentence, height))
+    limit = vehicle.shape.max_step
+    sentence = f"a step of {{0:.3f}} m at a wheel, {limit:.3f} m is the highest"
+    for ahead, to_left in WHEELS if shows_steps(heights, vehicle) else ():
+        x, y = offset_points(line, ahead * vehicle.wheelbase, to_left * vehicle.track_width)
+        highest_step = np.where(ground.known, _steps(heights, x, y, vehicle), 0.0)
+        obstacles.append(Struck("step", highest_step / limit - 1.0, sentence, highest_step))
+    return obstacles
+
+
+def shows_steps(heights: Heights, vehicle: Vehicle) -> bool:
+    """Whether cells are small enough to show a step to a wheel."""
+    return heights.resolution <= vehicle.wheel_radius
 
 
 def _above_wheels(
@@ -83,15 +87,13 @@ def _above_wheels(
     return highest
 
 
-def _steps(
-    log: ViolationLog, heights: Heights, x: Floats, y: Floats, vehicle: Vehicle, moving: Bools
-) -> None:
+def _steps(heights: Heights, x: Floats, y: Floats, vehicle: Vehicle) -> Floats:
     """Rise over a short length of a wheel's track, beyond that of the lengths before and after."""
     along = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))))
     window = max(1.5 * heights.resolution, 0.5 * vehicle.wheel_radius)
-    parts = 4
+    parts, highest = 4, np.zeros(len(along))
     if along[-1] < 3.0 * window:
-        return
+        return highest
     s = np.arange(0.0, along[-1], window / parts)
     z = height_of(heights, np.interp(s, along, x), np.interp(s, along, y))
     rise = z[parts:] - z[:-parts]
@@ -101,9 +103,6 @@ def _steps(
     slope = np.maximum(np.maximum(sign * before, sign * after), 0.0)
     step = np.nan_to_num(np.abs(middle_rise) - slope, nan=0.0)
     middle = s[parts : parts + len(middle_rise)] + 0.5 * window
-    highest = np.zeros(len(along))
     sample = np.clip(np.searchsorted(along, middle, "right") - 1, 0, len(along) - 1)
     np.maximum.at(highest, sample, step)
-    limit = vehicle.shape.max_step
-    sentence = f"a step of {{0:.3f}} m at a wheel, {limit:.3f} m is the highest"
-    log.add("step", highest / limit - 1.0, sentence, highest, where=moving)
+    return highest

@@ -17,7 +17,7 @@ _CURVATURE_SPAN = 0.25
 
 _CHUNK = 4096  # Samples whose ground below the body is sampled together: 30 MB of points
 
-_WHEELS = ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))
+WHEELS = ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))
 """Front left, front right, rear left, rear right: wheelbases ahead, track widths to the left."""
 
 
@@ -45,7 +45,7 @@ def ground_under(heights: Heights, line: Line, vehicle: Vehicle) -> LineGround:
     length, width = vehicle.wheelbase, vehicle.track_width
     places = [
         offset_points(line, ahead * length, to_left * width)
-        for ahead, to_left in (*_WHEELS, (0.0, 0.0))
+        for ahead, to_left in (*WHEELS, (0.0, 0.0))
     ]
     points = np.array([contact_height(heights, *place, line.heading, vehicle) for place in places])
     wheels, z = points[:4], points[4]

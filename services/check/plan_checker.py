@@ -9,18 +9,35 @@ from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.stop_promise import promised
+from slopewise.models.vehicle import Vehicle
 from slopewise.services.check.averaged_heights import averaged
 from slopewise.services.check.check_report import CheckReport, ViolationLog
 from slopewise.services.check.driving_checks import check_driving
 from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.heights import Heights, in_cells
-from slopewise.services.check.obstacle_checks import check_obstacles
+from slopewise.services.check.loads import attitude_of
+from slopewise.services.check.obstacle_checks import obstacles_along, shows_steps
 from slopewise.services.check.path_force import path_force_along
 from slopewise.services.check.path_ground import ground_under
-from slopewise.services.check.plan_line import Line, line_of, motion_along
-from slopewise.services.check.reported_columns import check_columns, check_reported_stops
+from slopewise.services.check.plan_line import Line, line_of, motion_along, widest_spacing
+from slopewise.services.check.reported_columns import (
+    check_clear_distance,
+    check_columns,
+    check_reported_stops,
+    check_status,
+    verified_columns,
+)
+from slopewise.services.check.speed_claims import SpeedTrial, check_limiting, check_speed_bound
 from slopewise.services.check.stop_dynamics import StopDynamics
-from slopewise.services.check.stop_ends import CheckedStops, check_places, check_stops
+from slopewise.services.check.stop_ends import (
+    CheckedStops,
+    blocking_ground,
+    check_places,
+    check_stops,
+    stops_at_rows,
+    worst_stops,
+)
+from slopewise.services.check.tolerances import TOLERANCES
 
 _MIN_TAIL = 0.3  # [m] of path behind the last row where stops may still end, at least
 _STANDSTILL_NOTE = "the plan stands in one place"
@@ -56,10 +73,7 @@ def check_plan_on_map(
     _check_begin(plan, heights)
     plan = plan.without_repeats()
     if len(plan.x) < 2:
-        at_rest = ViolationLog(
-            plan.name, np.zeros(1, np.int64), np.zeros(1), notes=[_STANDSTILL_NOTE]
-        )
-        return _report(plan, at_rest, np.zeros(1), CheckedStops(np.zeros(1), np.ones(1), 0))
+        return _at_rest(plan)
     heights = averaged(heights, model.vehicle.wheel_radius)
     line, ends = _line_and_end(plan, max(clear - model.vehicle.shape.front, 0.0))
     ground = ground_under(heights, line, model.vehicle)
@@ -68,24 +82,82 @@ def check_plan_on_map(
     if quantile > 0.5:
         model = promised(model, quantile)
     brakes = path_force_along(model, ground, line, heights.class_names, float(ndtri(quantile)))
+    field = StopDynamics.along(model, line, ground, brakes)
+    pose = attitude_of(ground.grade, ground.roll, ground.vertical_curvature, line.curvature)
+    clear_at = np.minimum(line.between(ends) + 0.0, ground.station[-1])
     log = ViolationLog(plan.name, line.row, ground.station)
     log.notes.append(_UNCHECKED)
+    _check_spacing(log, plan, line, model.vehicle, heights.resolution)
+    trial = SpeedTrial(plan, model, line, ground, pose, field, clear_at)
+    stops = _check_rules(log, heights, trial)
+    verified = verified_columns(plan)
+    where = ground.station[line.at_row]
+    return CheckReport(
+        plan.name,
+        plan.status,
+        log.violations(),
+        tuple(log.notes),
+        where,
+        stops.distance,
+        stops.rear,
+        stops.lanes,
+        *verified,
+    )
+
+
+def _check_rules(log: ViolationLog, heights: Heights, trial: SpeedTrial) -> CheckedStops:
+    """Note what motion, ground, stops and reported columns break; the stops from the rows."""
+    plan, model, line, ground, _, field, clear = trial
+    motion, brakes, rows = motion_along(line, ground.station, plan.speed), field.brakes, line.at_row
     check_columns(log, plan, line, ground)
-    motion = motion_along(line, ground.station, plan.speed, plan.status)
-    field = StopDynamics.along(model, line, ground, brakes)
-    rows = line.at_row
-    clear_at = np.minimum(line.between(ends) + 0.0, ground.station[-1])
-    if plan.status == "infeasible":
-        log.notes.append("the plan says that it cannot be made safe, so its stops were not checked")
-        unchecked = CheckedStops(np.zeros(len(rows)), np.zeros(len(rows)), 0)
-        return _report(plan, log, ground.station[rows], unchecked)
     check_places(log, model, ground, brakes, motion)
     driven = motion._replace(moving=motion.moving & ground.known)
-    check_driving(log, model, line, ground, brakes, driven, plan.speed_limit)
-    check_obstacles(log, heights, line, ground, model.vehicle, driven.moving)
-    nominal = check_stops(log, field, ground, motion, clear_at, rows)
-    check_reported_stops(log, plan, line, nominal, driven.moving)
-    return _report(plan, log, ground.station[rows], nominal)
+    check_driving(trial.checks(log, driven), plan.speed_limit, too_fast=plan.status == "degraded")
+    blocked = np.any([there for _, there, _ in blocking_ground(ground, brakes, model)], axis=0)
+    for struck in obstacles_along(heights, line, ground, model.vehicle):
+        kind, excess, sentence, value = struck
+        log.add(kind, excess, sentence, value, where=driven.moving)
+        blocked |= excess > TOLERANCES[kind].value
+    if not shows_steps(heights, model.vehicle):
+        log.notes.append(
+            f"steps were not checked: cells of {heights.resolution:g} m do not show any to "
+            f"wheels of radius {model.vehicle.wheel_radius:g} m"
+        )
+    motions = [motion, *(trial.motion_at(speed) for speed in trial.speeds())]
+    ends = worst_stops(field, ground, motions, float(clear.max()))
+    check_stops(log, field, ground, motion, clear, ends[0])
+    stops = stops_at_rows(field, ground, motion, rows, ends[0], float(clear.max()))
+    broken = [trial.breaches(m, e) for m, e in zip(motions[1:], ends[1:], strict=True)]
+    check_reported_stops(log, plan, line, stops, driven.moving)
+    check_clear_distance(log, plan, line, ground, blocked)
+    check_status(log, plan, line, ground, brakes.offset)
+    check_speed_bound(log, trial, broken[0])
+    check_limiting(log, trial, motion, *broken[1:])
+    return stops
+
+
+def _at_rest(plan: ExternalPlan) -> CheckReport:
+    """Report of a plan that stands in one place."""
+    log = ViolationLog(plan.name, np.zeros(1, np.int64), np.zeros(1), notes=[_STANDSTILL_NOTE])
+    if plan.status == "infeasible":
+        log.add("status", np.ones(1), "status is infeasible")
+    level, nothing = np.ones(1), np.zeros(1)
+    return CheckReport(
+        plan.name, plan.status, log.violations(), tuple(log.notes), nothing, nothing, level, 0
+    )
+
+
+def _check_spacing(
+    log: ViolationLog, plan: ExternalPlan, line: Line, vehicle: Vehicle, resolution: float
+) -> None:
+    """Note rows too far from the next one; nothing else is judged there."""
+    steps, widest = (
+        np.hypot(np.diff(plan.x), np.diff(plan.y)),
+        widest_spacing(plan, vehicle, resolution),
+    )
+    sentence = "rows are {0:.2f} m apart: too sparse to judge, {1:.2f} m are the most here"
+    log.add("spacing", steps / widest - 1.0, sentence, steps, widest, at=line.at_row[:-1])
+    log.sparse.update(np.flatnonzero(steps > (1.0 + TOLERANCES["spacing"].value) * widest).tolist())
 
 
 def _check_begin(plan: ExternalPlan, heights: Heights) -> None:
@@ -109,10 +181,3 @@ def _line_and_end(plan: ExternalPlan, clear: float) -> tuple[Line, Floats]:
     ends[:-1] = np.minimum(ends[:-1], ends[1:])
     finite = np.where(np.isfinite(ends), ends, 1e12)
     return line_of(plan, beyond), finite
-
-
-def _report(
-    plan: ExternalPlan, log: ViolationLog, station: Floats, stops: CheckedStops
-) -> CheckReport:
-    name, status = plan.name, plan.status
-    return CheckReport(name, status, log.violations(), tuple(log.notes), station, *stops)

@@ -7,11 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.vehicle import Vehicle
 from slopewise.services.check.external_plan import ExternalPlan
 
 _MIN_SAMPLES, _MAX_SAMPLES = 4, 40  # of each segment: a fifth of a wheel, or bounded memory
 _SPACING = 0.08  # [m] between samples within those bounds: a fifth of a wheel on the ground
 _MAX_NOISE = 0.02  # [1/m] noise that remains in the curvature: half its tolerance of columns
+_CHORD = 0.15  # of the body's width: as much as a clear gap beside the vehicle is judged by
 _MIN_ROWS = 12  # fifth differences of fewer do not separate noise from turns
 
 
@@ -106,10 +108,9 @@ class Motion(NamedTuple):
     accel: Floats  # from its sample on [m/s²]
     accel_before: Floats  # up to its sample [m/s²]
     moving: Bools  # the plan moves there
-    excused: Bools  # it brakes down from a start that was too fast
 
 
-def motion_along(line: Line, station: Floats, speed: Floats, status: str) -> Motion:
+def motion_along(line: Line, station: Floats, speed: Floats) -> Motion:
     """The motion of a plan with speeds (N,) at its rows, v² linear between them."""
     at_rows = station[line.at_row]
     energy = line.between(speed * speed)
@@ -118,8 +119,18 @@ def motion_along(line: Line, station: Floats, speed: Floats, status: str) -> Mot
     before = after.copy()
     before[line.at_row[1:]] = accel
     energy[line.driven :] = 0.0
-    moving = energy > 0.0
-    braking_down = np.minimum.accumulate(after < 0.0)
-    braking_down[1:] |= braking_down[:-1]  # up to where it ends
-    excused = braking_down & (status in ("degraded", "infeasible"))
-    return Motion(np.sqrt(energy), after, before, moving, excused)
+    return Motion(np.sqrt(energy), after, before, energy > 0.0)
+
+
+def widest_spacing(plan: ExternalPlan, vehicle: Vehicle, resolution: float) -> Floats:
+    """(N − 1,) distance of rows up to which what lies between them follows from them [m].
+
+    Farther apart than the body is long, and than a cell, rows do not say where the vehicle drives.
+    In a turn by δ an arc of length s leaves its chord by s δ/8: up to a share of the body's width.
+    """
+    x, y, shape = plan.x, plan.y, vehicle.shape
+    heading = np.arctan2(np.diff(y), np.diff(x))
+    turn = np.concatenate(([0.0], np.abs(np.angle(np.exp(1j * np.diff(heading)))), [0.0]))
+    turn = np.maximum(turn[:-1], turn[1:])
+    straight = max(shape.front + shape.rear, resolution)
+    return np.minimum(straight, 8.0 * _CHORD * shape.width / np.maximum(turn, 1e-9))

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.services.check.check_report import ViolationLog
-from slopewise.services.check.external_plan import STANDSTILL_SPEED, ExternalPlan
+from slopewise.services.check.external_plan import COLUMNS, STANDSTILL_SPEED, TEXT, ExternalPlan
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line
+from slopewise.services.check.speed_claims import MOTION
 from slopewise.services.check.stop_ends import CheckedStops
 
 _NOTED = 0.1  # [m] longer reported stops are worth a note: ten times the tolerance of stations
 _UNEVEN = 0.025  # share of a stop that grades between rows change, most where brakes are weak
 _EVEN = 0.02  # share of the step between rows: rounding in files
+_STATION, _STATION_SHARE = 0.01, 0.002  # [m], [1] of stations: heights between rows
+_MORE, _MORE_DISTANCE, _MORE_LOAD = 1.0, 0.5, 0.3  # [1], [m], [1] margins beyond the worst stop
+_SHORT = 3.0  # [m] before the end of its path where a plan may rest, next to the offset of stops
+_PLACE = 0.2  # [m] of a place in a reason: a digit after the point, and stations
+_STATUSES = ("ok", "blocked", "degraded", "infeasible")
 
 
 def check_columns(log: ViolationLog, plan: ExternalPlan, line: Line, ground: LineGround) -> None:
@@ -44,7 +52,8 @@ def check_columns(log: ViolationLog, plan: ExternalPlan, line: Line, ground: Lin
 
     # A row put between two others takes its height from the map, not from their chord.
     chord = 0.0 if _even_steps(line).all() else 0.03
-    compare("station", plan.station, station, 0.01 + chord + 0.002 * (station - station[0]))
+    allowed = _STATION + _STATION_SHARE * (station - station[0])
+    compare("station", plan.station, station, allowed + chord)
     compare("z", plan.z, ground.z[rows], 0.02, known)
     compare("grade", plan.grade, ground.grade[rows], np.deg2rad(0.6), known & even)
     compare("roll", plan.roll, ground.roll[rows], np.deg2rad(0.6), known & even)
@@ -77,27 +86,93 @@ def _even_steps(line: Line) -> Bools:
 
 
 def check_reported_stops(
-    log: ViolationLog, plan: ExternalPlan, line: Line, nominal: CheckedStops, moving: Bools
+    log: ViolationLog, plan: ExternalPlan, line: Line, stops: CheckedStops, moving: Bools
 ) -> None:
-    """Note where the plan reports shorter stops, or more rear load, than the model gives.
+    """Note reported stops and loads that the model does not give, between its mean and the worst.
 
-    Longer ones are right: a plan with margins allows for surfaces, crests and scatter.
+    A plan with margins allows for surfaces, crests and scatter: it reports more than the mean stop.
     """
     rows = line.at_row
     used = moving[rows] & (plan.speed > 0.0)
-    uneven = _UNEVEN * nominal.distance
-    for kind, reported, expected, sign, slack in (
-        ("stop_distance", plan.stop_distance, nominal.distance, 1.0, uneven),
-        ("rear_load", plan.rear_load, nominal.rear, -1.0, 0.0),
+    distance, uneven = plan.stop_distance, _UNEVEN * stops.distance
+    longest = stops.longest * (1.0 + _MORE) + _MORE_DISTANCE
+    for kind, reported, min_value, max_value, slack in (
+        ("stop_distance", distance, stops.distance, longest, uneven),
+        ("rear_load", plan.rear_load, stops.lightest_rear - _MORE_LOAD, stops.rear, 0.0),
+        ("side_load", plan.side_load, stops.lightest_side - _MORE_LOAD, stops.side, 0.0),
     ):
-        if reported is not None:
-            excess = sign * (expected - reported) - slack
-            sentence = f"{kind} is {{0:.3f}} in the plan, {{1:.3f}} by the model"
-            log.add(kind, excess, sentence, reported, expected, where=used, at=rows)
-    if plan.stop_distance is not None:
-        longer = np.where(used, plan.stop_distance - nominal.distance, 0.0)
+        if reported is None:
+            continue
+        expected = np.where(reported < min_value, min_value, max_value)
+        excess = np.where(reported < min_value, min_value - reported, reported - max_value) - slack
+        sentence = f"{kind} is {{0:.3f}} in the plan, {{1:.3f}} by the model"
+        log.add(kind, excess, sentence, reported, expected, where=used, at=rows)
+    if distance is not None:
+        longer = np.where(used, distance - stops.distance, 0.0)
         if longer.max() > _NOTED:
             log.notes.append(
                 f"reported stopping distances are up to {longer.max():.2f} m longer than by the "
                 "model's mean, as in a plan with margins"
             )
+
+
+def check_clear_distance(
+    log: ViolationLog, plan: ExternalPlan, line: Line, ground: LineGround, blocked: Bools
+) -> None:
+    """Note clear distances beyond the first ``blocked`` sample (M,), or beyond the rows."""
+    if plan.clear_distance is None:
+        return
+    rows, clear = line.at_row, plan.clear_distance
+    station = ground.station[rows]
+    step = 0.0 if plan.status == "ok" else float(np.diff(station).max())
+    allowed = _STATION + _STATION_SHARE * (station[-1] - station[0])
+    first = float(np.where(blocked, ground.station, np.inf).min())
+    end = min(float(station[-1]) + step, first) + allowed
+    cause = "rows end" if end - allowed < first else "known ground without obstacles ends"
+    sentence = f"clear_distance is {{0:.2f}} m in the plan, where {cause} at {end - allowed:.2f} m"
+    log.add("clear_distance", clear - end, sentence, clear, at=rows)
+
+
+def check_status(
+    log: ViolationLog, plan: ExternalPlan, line: Line, ground: LineGround, offset: float
+) -> None:
+    """Note a status or reason that rows, and each other, contradict; infeasible is never driven."""
+    rows, status, reason = line.at_row, plan.status, plan.reason
+    moving = np.flatnonzero(plan.speed > 0.0)
+    rest = min(int(moving[-1]) + 1, len(rows) - 1) if len(moving) else 0
+    at_rest, end = (float(ground.station[rows[k]]) for k in (rest, -1))
+    named = set() if plan.limiting is None else set(plan.limiting[rest:])
+    place = re.search(r"stops at ([\d.]+) m of ([\d.]+) m", reason or "")
+    wrong = {
+        "even full braking from the start speed needs more room than there is": (
+            status == "infeasible"
+        ),
+        "the plan is at rest well before its rows end": (
+            status == "ok" and end - at_rest > offset + _SHORT
+        ),
+        f"limiting is {', '.join(sorted(named))} where it rests": (
+            status == "ok" and not named <= {"stopping_path", *MOTION}
+        ),
+        "there is a reason not to be": status == "ok" and bool(reason),
+        "there is no reason": status in _STATUSES[1:] and reason == "",
+        "the place of the reason is not where the rows end": (
+            place is not None
+            and (
+                abs(float(place[1]) - at_rest + ground.station[0]) > _PLACE
+                or float(place[2]) + _PLACE < end - ground.station[0]
+                or float(place[1]) > float(place[2])
+            )
+        ),
+    }
+    for cause, false in wrong.items():
+        sentence = f"status is {status}: {cause}"
+        log.add("status", np.full(1, 1.0 * false), sentence, at=rows[rest : rest + 1])
+
+
+def verified_columns(plan: ExternalPlan) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Columns of a plan that were verified, and the others that it has."""
+    given = [name for name in COLUMNS if getattr(plan, name) is not None]
+    given += [name for name in TEXT if getattr(plan, name)]
+    trusted = {"speed_limit", *(() if plan.status in _STATUSES else ("status", "reason"))}
+    verified = tuple(name for name in given if name not in trusted)
+    return verified, (*(name for name in given if name in trusted), *plan.unread)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,14 +24,36 @@ _NOTHING = -np.inf
 
 
 class CheckedStops(NamedTuple):
-    """Nominal stops from the N rows: distances with the safety offset, and rear loads.
+    """Stops from the N rows, nominal and worst: distances with the safety offset, least loads.
 
-    Where the plan rests they are 0 and 1. ``lanes`` counts the stops from all samples.
+    Where the plan rests they are 0 and 1.
     """
 
     distance: Floats
     rear: Floats
-    lanes: int
+    side: Floats
+    longest: Floats  # at worst [m]
+    lightest_rear: Floats  # at worst
+    lightest_side: Floats  # at worst
+    lanes: int  # stops from all samples
+
+
+def worst_stops(
+    field: StopDynamics, ground: LineGround, motions: Sequence[Motion], give_up: float
+) -> list[StopEnds]:
+    """Emergency stops at worst from every sample that moves on known ground, of each motion."""
+    lanes = [_lanes(ground, motion) for motion in motions]
+    together = np.concatenate(lanes)
+    speed = np.concatenate([m.speed[at] for m, at in zip(motions, lanes, strict=True)])
+    start, dead_time = ground.station[together], field.brakes.dead_time[together]
+    stops = worst_case_stops(field, start, speed, dead_time, give_up + _OVERRUN)
+    ends = np.cumsum([len(at) for at in lanes])
+    parts = [np.split(values, ends[:-1]) for values in stops]
+    return [StopEnds(*columns) for columns in zip(*parts, strict=True)]
+
+
+def _lanes(ground: LineGround, motion: Motion) -> Ints:
+    return np.flatnonzero(motion.moving & ground.known)
 
 
 def check_stops(
@@ -39,26 +62,21 @@ def check_stops(
     ground: LineGround,
     motion: Motion,
     clear: Floats,
-    rows: Ints,
-) -> CheckedStops:
-    """Drive an emergency stop from every sample that moves, and note what it breaks.
+    stops: StopEnds,
+) -> None:
+    """Note what the stops of a motion break.
 
     A stop has to end before the station ``clear`` (M,) of its sample [m].
     """
-    brakes, model = field.brakes, field.model
-    lanes = np.flatnonzero(motion.moving & ground.known)
-    if len(lanes) == 0:
-        return CheckedStops(np.zeros(len(rows)), np.ones(len(rows)), 0)
+    brakes, model, lanes = field.brakes, field.model, _lanes(ground, motion)
     start = ground.station[lanes]
-    give_up = float(clear[lanes].max()) + _OVERRUN
-    stops = worst_case_stops(field, start, motion.speed[lanes], brakes.dead_time[lanes], give_up)
     end, speed = stops.end + brakes.offset, motion.speed[lanes]
     longest, free = end - start, clear[lanes]
     excess = np.where(stops.ended, end - free, np.maximum(end - free, _OVERRUN))
     sentence = "a stop from {0:.2f} m/s ends {1:.2f} m on"
     far = f"{sentence}, {{2:.2f}} m are clear"
     log.add("stopping_path", excess, far, speed, longest, free - start, at=lanes)
-    for kind, blocked, noun in _blocking_ground(ground, brakes, model):
+    for kind, blocked, noun in blocking_ground(ground, brakes, model):
         ahead = _next_blocked(blocked, ground.station)[lanes]
         beyond = f"{sentence}, beyond {noun} {{2:.2f}} m ahead"
         log.add(kind, end - ahead, beyond, speed, longest, ahead - start, at=lanes)
@@ -70,32 +88,52 @@ def check_stops(
         subject = f"on a stop the {noun} keeps"
         add_load(log, kind, subject, (share, even), model.limits.min_load, at=lanes)
     _hold_at(log, field, stops, lanes)
-    return _nominal_at_rows(field, ground, motion, rows, give_up)._replace(lanes=len(lanes))
 
 
-def _nominal_at_rows(
-    field: StopDynamics, ground: LineGround, motion: Motion, rows: Ints, give_up: float
+def stops_at_rows(
+    field: StopDynamics,
+    ground: LineGround,
+    motion: Motion,
+    rows: Ints,
+    worst: StopEnds,
+    give_up: float,
 ) -> CheckedStops:
-    brakes = field.brakes
-    distance, rear = np.zeros(len(rows)), np.ones(len(rows))
-    moves = (motion.moving & ground.known)[rows]
+    """Nominal stops from the rows, and those of ``worst`` that begin there."""
+    moving = motion.moving & ground.known
+    nothing, level = np.zeros(len(rows)), np.ones(len(rows))
+    moves = moving[rows]
     first = rows[moves]
-    start = ground.station[first]
-    stops = nominal_stops(field, start, motion.speed[first], brakes.dead_time[first], give_up)
-    distance[moves], rear[moves] = stops.end + brakes.offset - start, stops.rear
-    return CheckedStops(distance, rear, len(first))
+    start, offset = ground.station[first], field.brakes.offset
+    dead_time = field.brakes.dead_time[first]
+    stops = nominal_stops(field, start, motion.speed[first], dead_time, give_up + _OVERRUN)
+    lane = (np.cumsum(moving) - 1)[first]
+
+    def at_rows(values: Floats, otherwise: Floats) -> Floats:
+        out = otherwise.copy()
+        out[moves] = values
+        return out
+
+    return CheckedStops(
+        at_rows(stops.end + offset - start, nothing),
+        at_rows(stops.rear, level),
+        at_rows(stops.side, level),
+        at_rows(worst.end[lane] + offset - start, nothing),
+        at_rows(worst.rear[lane], level),
+        at_rows(worst.side[lane], level),
+        int(moving.sum()),
+    )
 
 
 def check_places(
     log: ViolationLog, model: Model, ground: LineGround, brakes: PathForce, motion: Motion
 ) -> None:
     """Note where the plan drives on ground that blocks it."""
-    for kind, blocked, noun in _blocking_ground(ground, brakes, model):
+    for kind, blocked, noun in blocking_ground(ground, brakes, model):
         length = _run_length(motion.moving & blocked, ground.station)
         log.add(kind, length, f"drives {{0:.2f}} m on {noun}", length)
 
 
-def _blocking_ground(
+def blocking_ground(
     ground: LineGround, brakes: PathForce, model: Model
 ) -> list[tuple[str, Bools, str]]:
     kinds = [

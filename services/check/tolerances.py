@@ -92,7 +92,25 @@ TOLERANCES: dict[str, Tolerance] = {
         "beyond 2.5 % of it: where brakes slow down little, the grade between rows matters",
     ),
     "rear_load": Tolerance(
-        0.03, "1", "the plan reports more rear load than the stop leaves", "slopes between rows"
+        0.03, "1", "the plan reports another rear load than the stop leaves", "slopes between rows"
+    ),
+    "side_load": Tolerance(
+        0.03, "1", "the plan reports another side load than the stop leaves", "as of rear_load"
+    ),
+    "clear_distance": Tolerance(
+        0.01, "m", "the plan calls clear what is not, or what it has no rows for", "as of stations"
+    ),
+    "speed_bound": Tolerance(
+        0.002, "m/s", "the plan's highest speed is below its speed, or breaks a rule", "rounding"
+    ),
+    "limiting": Tolerance(
+        0.5, "1", "the rule that the plan names is slack", "1 stands for a false name"
+    ),
+    "status": Tolerance(
+        0.5, "1", "status or reason is false, or infeasible", "1 stands for a false word"
+    ),
+    "spacing": Tolerance(
+        0.01, "share", "rows are too far apart to judge what is between them", "rounding in files"
     ),
     "columns": Tolerance(
         1.0,

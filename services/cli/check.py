@@ -41,7 +41,9 @@ def check(
 
     Ground, forces and an emergency stop from every row, and from between rows, are derived from
     map and model independently of the planner. Shared with it are the readers, the formulas of
-    named effects and gravity. Status 3: there is a violation.
+    named effects and gravity. Every column is compared with what follows from them, or named as
+    not verified. Status 3: a plan is refused, since it breaks a rule, says what is not so, is
+    infeasible, or has rows too far apart to judge.
 
     [bold]Example[/]  slopewise check plan.csv --map hill.tif --model atv --clear 20
     """
@@ -62,7 +64,7 @@ def check(
 
 
 def tables(result: CheckResult) -> Iterator[Any]:
-    """The largest violation of each kind, by plan."""
+    """Verdict on every plan, and the largest violation of each kind of those that are refused."""
     invalid = [report for report in result.reports if not report.valid]
     stops = sum(report.stops for report in result.reports)
     yield line(
@@ -71,6 +73,13 @@ def tables(result: CheckResult) -> Iterator[Any]:
         + (f"{len(invalid)} with violations" if invalid else "no violation"),
         "red" if invalid else "green",
     )
+    if len(result.reports) > 1:
+        verdicts = [
+            (r.candidate, r.status, "passes" if r.valid else "refused", r.refused_for or "")
+            for r in result.reports[:LISTED]
+        ]
+        columns = ("candidate", "status", "verdict", "why")
+        yield from table(columns, verdicts, left=("status", "verdict", "why"))
     rows = []
     for report in invalid[:LISTED]:
         kinds = [violation.kind for violation in report.violations]
@@ -78,10 +87,13 @@ def tables(result: CheckResult) -> Iterator[Any]:
             where, size = f"{v.station:.2f}", f"{v.size:.3g} {v.unit}"
             rows.append((report.candidate, kind, kinds.count(kind), where, size, v.sentence))
     if rows:
-        columns = ("candidate", "kind", "rows", "worst at\nm", "by", "what")
-        yield from table(columns, rows, left=("kind", "what"))
+        headings = ("candidate", "kind", "rows", "worst at\nm", "by", "what")
+        yield from table(headings, rows, left=("kind", "what"))
     if len(invalid) > LISTED:
         yield f"… and {len(invalid) - LISTED} more plans; --json gives all"
+    unverified = {name for report in result.reports for name in report.unverified}
+    if unverified:
+        yield line(f"columns that were not verified: {', '.join(sorted(unverified))}", "dim")
     of_plans = [note for report in result.reports for note in report.notes]
     for note in dict.fromkeys([*result.notes, *of_plans]):
         yield line(f"note: {note}", "dim")

@@ -16,7 +16,7 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.services.check.external_plan import COLUMNS as CHECKED
-from slopewise.services.check.external_plan import NEEDED, ExternalPlan
+from slopewise.services.check.external_plan import NEEDED, ExternalPlan, plan_of_columns
 from slopewise.services.io.files import faults_of
 from slopewise.services.io.table import Table, read_table, write_csv
 
@@ -62,17 +62,17 @@ def read_external_plans(path: Path) -> list[ExternalPlan]:
     table = read_table(path)
     table.require(NEEDED)
     numbers = {name: _numbers(table, name) for name in CHECKED if name in table.columns}
-    status = table.text("status") if "status" in table.columns else None
+    texts = {name: table.text(name) for name in table.columns if name not in numbers}
     plans = []
     for name, rows in table.rows_by_candidate().items():
         given = {
             column: table.all_or_none(column, values, rows, name, CHECKED[column])
             for column, values in numbers.items()
         }
-        first_status = "" if status is None else status[rows[0]]
         columns: Any = {column: v for column, v in given.items() if v is not None}
+        columns |= {column: [cells[i] for i in rows] for column, cells in texts.items()}
         with faults_of(path, f"candidate {name}, "):
-            plans.append(ExternalPlan(name=name, status=first_status, **columns))
+            plans.append(plan_of_columns(columns, name))
     return plans
 
 

@@ -40,7 +40,11 @@ class ViolationRow(Summary, frozen=True):
 
 
 class CheckedPlan(Summary, frozen=True):
-    """A plan in one row; `kinds` counts its violations by kind."""
+    """A plan in one row; `kinds` counts its violations by kind.
+
+    `refused_for` is the worst of its violations, null without one; `verified` and `unverified` are
+    the columns that were compared, and those that were not.
+    """
 
     candidate: str
     status: str
@@ -48,6 +52,9 @@ class CheckedPlan(Summary, frozen=True):
     stations: int
     stops: int
     kinds: dict[str, int]
+    refused_for: str | None
+    verified: list[str]
+    unverified: list[str]
     notes: list[str]
 
 
@@ -117,6 +124,9 @@ def _checked(report: CheckReport) -> CheckedPlan:
         len(report.station),
         report.stops,
         dict(Counter(violation.kind for violation in report.violations)),
+        report.refused_for,
+        list(report.verified),
+        list(report.unverified),
         list(report.notes),
     )
 

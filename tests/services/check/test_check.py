@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from slopewise.models.errors import ParameterError
-from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.check.tolerances import TOLERANCES
 from tests.services.check.drives import (
@@ -20,7 +17,6 @@ from tests.services.check.drives import (
     ground,
     hill,
     model_with,
-    round_turn,
     slope,
     straight,
     trapezoid,
@@ -215,6 +211,37 @@ SCENES: dict[str, tuple[str, Callable[[float], Scene]]] = {
         "rear_load",
         lambda u: driven(3.0, columns=lambda _, v: {"rear_load": rear_share(v) * u}),
     ),
+    "side load": (
+        "side_load",
+        lambda u: driven(3.0, columns=lambda s, _: {"side_load": np.full_like(s, u)}),
+    ),
+    "clear distance beyond the rows": (
+        "clear_distance",
+        lambda u: driven(3.0, columns=lambda s, _: {"clear_distance": np.full_like(s, 20.0 * u)}),
+    ),
+    "bound above the limit": (
+        "speed_bound",
+        lambda u: driven(
+            2.0,
+            limits={"speed": 3.0},
+            columns=lambda s, v: {"speed_bound": np.where(s < 9.0, 3.0 * u**0.5, v)},
+        ),
+    ),
+    "another rule": (
+        "limiting",
+        lambda u: driven(
+            3.0,
+            limits={"speed": 3.0},
+            columns=lambda s, _: {"limiting": ("speed_limit" if u < 1.0 else "lateral",) * len(s)},
+        ),
+    ),
+    "infeasible": (
+        "status",
+        lambda u: driven(
+            3.0, columns=lambda *_: {"status": "blocked" if u < 1.0 else "infeasible"}
+        ),
+    ),
+    "rows apart": ("spacing", lambda u: driven(1.0, shape={"spacing": 2.0 * FRONT * u})),
     "columns": (
         "columns",
         lambda u: driven(3.0, columns=lambda s, _: {"station": s * (1.1 if u > 1.0 else 1.001)}),
@@ -244,107 +271,3 @@ def test_a_sound_plan_has_no_violation() -> None:
         report = check_plan_on_map(straight(s, v), model_with(), ground(surface))
         assert report.valid, report.violations[:3]
         assert report.stops > 4 * np.count_nonzero(v) - 4
-
-
-def test_violation_names_row_station_kind_and_size() -> None:
-    s, v = trapezoid(3.0, begin=1.0)
-    report = check_plan_on_map(straight(s, 1.2 * v), model_with(limits={"speed": 3.0}), ground())
-    worst = report.worst()["speed_limit"]
-    assert worst.candidate == "straight"
-    assert worst.station == pytest.approx(s[worst.row], abs=0.1)
-    assert worst.size == pytest.approx(0.6, abs=1e-6)
-    assert worst.unit == "m/s"
-    assert worst.sentence == "3.600 m/s where 3.000 m/s is the highest"
-    rows = [violation.row for violation in report.violations]
-    assert rows == sorted(rows)
-
-
-def test_report_has_numbers_of_every_row() -> None:
-    s, v = trapezoid(3.0)
-    report = check_plan_on_map(straight(s, v), model_with(), ground())
-    np.testing.assert_allclose(report.station, s, atol=1e-9)
-    np.testing.assert_allclose(report.stop_distance, level_stop(v), atol=2e-4)
-    moving = v > 0.0
-    np.testing.assert_allclose(report.rear_load[moving], rear_share(v)[moving], atol=1e-9)
-
-
-def test_a_plan_that_does_not_rest_at_its_end_overruns_it() -> None:
-    s, v = trapezoid(3.0)
-    cut = straight(s[:100], v[:100])
-    assert "stopping_path" in {
-        x.kind for x in check_plan_on_map(cut, model_with(), ground()).violations
-    }
-    # A longer clear distance does not make the path longer.
-    violations = check_plan_on_map(cut, model_with(), ground(), clear=30.0).violations
-    assert "stopping_path" in {x.kind for x in violations}
-
-
-def test_columns_are_not_needed_and_station_may_begin_anywhere() -> None:
-    s, v = trapezoid(3.0)
-    clear = furthest(s, v) + 0.05
-    for first in (0.0, 5.0):
-        plan = straight(s, v, station=s + first, clear_distance=np.full_like(s, clear + first))
-        assert check_plan_on_map(plan, model_with(), ground()).valid
-        plan = replace(plan, clear_distance=plan.clear_distance - 0.2)
-        assert not check_plan_on_map(plan, model_with(), ground()).valid
-
-
-def test_degraded_plans_may_brake_hard_from_a_start_that_is_too_fast() -> None:
-    s, v = trapezoid(4.0, begin=4.0, decel=2.5, stop_at=3.2)
-    model = model_with(limits={"speed": 3.0})
-    assert {x.kind for x in check_plan_on_map(straight(s, v), model, ground()).violations} == {
-        "decel",
-        "speed_limit",
-    }
-    assert check_plan_on_map(straight(s, v, status="degraded"), model, ground()).valid
-
-
-def test_infeasible_plans_are_not_checked_for_stops() -> None:
-    s, v = trapezoid(4.0, begin=4.0, decel=4.0, stop_at=2.0)
-    report = check_plan_on_map(
-        straight(s, v, status="infeasible"), model_with(), ground(), clear=1.0
-    )
-    assert report.valid
-    assert any("cannot be made safe" in note for note in report.notes)
-
-
-def test_rows_at_one_place_count_once() -> None:
-    s, v = trapezoid(3.0)
-    s, v = np.repeat(s, 2), np.repeat(v, 2)
-    v[21] = 9.0
-    report = check_plan_on_map(straight(s, v), model_with(), ground())
-    assert "speed_limit" in {x.kind for x in report.violations}
-
-
-def test_coarse_maps_show_no_steps_and_the_report_notes_it() -> None:
-    s, v = trapezoid(1.0)
-    report = check_plan_on_map(straight(s, v), model_with(), ground(resolution=0.5))
-    assert sum("steps were not checked" in note for note in report.notes) == 1
-
-
-@pytest.mark.parametrize("decimals", [2, 3])
-def test_rounded_positions_are_not_turns(decimals: int) -> None:
-    s, v = trapezoid(2.5)
-    plan = round_turn(s, v, 4.0)
-    x, y = np.round(plan.x, decimals), np.round(plan.y, decimals)
-    assert check_plan_on_map(replace(plan, x=x, y=y), model_with(), ground()).valid
-
-
-def test_unusable_input_is_an_error() -> None:
-    s, v = trapezoid(3.0)
-    with pytest.raises(ParameterError, match="a first row on the map"):
-        check_plan_on_map(straight(s + 500.0, v), model_with(), ground())
-    with pytest.raises(ParameterError, match="clear: expected a distance"):
-        check_plan_on_map(straight(s, v), model_with(), ground(), clear=-1.0)
-
-
-def test_a_plan_at_rest_is_valid() -> None:
-    here = ExternalPlan(name="here", x=[1.0], y=[1.0], speed=[0.0])
-    report = check_plan_on_map(here, model_with(), ground())
-    assert (report.valid, report.stops) == (True, 0)
-    # So is one that stops where it starts.
-    x, y = np.array([1.0, 1.0 + 1e-9]), np.ones(2)
-    crawls = ExternalPlan(name="crawls", x=x, y=y, speed=np.array([6e-5, 0.0]))
-    assert check_plan_on_map(crawls, model_with(), ground()).valid
-    with pytest.raises(ParameterError, match="different places"):
-        ExternalPlan(name="jumps", x=x, y=y, speed=np.array([6e-3, 0.0]))

@@ -1,0 +1,149 @@
+"""Reports: rows, kinds and sizes, columns of plans, statuses, and input that is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slopewise.models.errors import ParameterError
+from slopewise.services.check.external_plan import ExternalPlan, plan_of_columns
+from slopewise.services.check.plan_checker import check_plan_on_map
+from tests.services.check.drives import (
+    ground,
+    model_with,
+    round_turn,
+    straight,
+    trapezoid,
+)
+from tests.services.check.test_check import furthest, level_stop, rear_share
+
+
+def test_violation_names_row_station_kind_and_size() -> None:
+    s, v = trapezoid(3.0, begin=1.0)
+    report = check_plan_on_map(straight(s, 1.2 * v), model_with(limits={"speed": 3.0}), ground())
+    worst = report.worst()["speed_limit"]
+    assert worst.candidate == "straight"
+    assert worst.station == pytest.approx(s[worst.row], abs=0.1)
+    assert worst.size == pytest.approx(0.6, abs=1e-6)
+    assert worst.unit == "m/s"
+    assert worst.sentence == "3.600 m/s where 3.000 m/s is the highest"
+    rows = [violation.row for violation in report.violations]
+    assert rows == sorted(rows)
+
+
+def test_report_has_numbers_of_every_row() -> None:
+    s, v = trapezoid(3.0)
+    report = check_plan_on_map(straight(s, v), model_with(), ground())
+    np.testing.assert_allclose(report.station, s, atol=1e-9)
+    np.testing.assert_allclose(report.stop_distance, level_stop(v), atol=2e-4)
+    moving = v > 0.0
+    np.testing.assert_allclose(report.rear_load[moving], rear_share(v)[moving], atol=1e-9)
+
+
+def test_a_plan_that_does_not_rest_at_its_end_overruns_it() -> None:
+    s, v = trapezoid(3.0)
+    cut = straight(s[:100], v[:100])
+    assert "stopping_path" in {
+        x.kind for x in check_plan_on_map(cut, model_with(), ground()).violations
+    }
+    # A longer clear distance does not make the path longer.
+    violations = check_plan_on_map(cut, model_with(), ground(), clear=30.0).violations
+    assert "stopping_path" in {x.kind for x in violations}
+
+
+def test_columns_are_not_needed_and_station_may_begin_anywhere() -> None:
+    s, v = trapezoid(3.0)
+    clear = furthest(s, v) + 0.05
+    for first in (0.0, 5.0):
+        plan = straight(s, v, station=s + first, clear_distance=np.full_like(s, clear + first))
+        assert check_plan_on_map(plan, model_with(), ground()).valid
+        plan = replace(plan, clear_distance=plan.clear_distance - 0.2)
+        assert not check_plan_on_map(plan, model_with(), ground()).valid
+
+
+def test_degraded_plans_may_brake_hard_from_a_start_that_is_too_fast() -> None:
+    s, v = trapezoid(4.0, begin=4.0, decel=2.5, stop_at=3.2)
+    model = model_with(limits={"speed": 3.0})
+    assert {x.kind for x in check_plan_on_map(straight(s, v), model, ground()).violations} == {
+        "decel",
+        "speed_limit",
+    }
+    assert check_plan_on_map(straight(s, v, status="degraded"), model, ground()).valid
+
+
+def test_a_status_switches_no_rule_off() -> None:
+    s, v = trapezoid(4.0, begin=4.0, decel=4.0, stop_at=2.0)
+    for status in ("ok", "blocked", "degraded", "infeasible"):
+        report = check_plan_on_map(straight(s, v, status=status), model_with(), ground(), clear=1.0)
+        assert "stopping_path" in {x.kind for x in report.violations}, status
+        assert ("decel" in {x.kind for x in report.violations}) is (status != "degraded")
+
+
+def test_a_degraded_plan_that_brakes_too_little_is_not_excused() -> None:
+    s, v = trapezoid(4.0, begin=4.0, decel=0.5, stop_at=16.0)
+    model = model_with(limits={"speed": 3.0})
+    kinds = {
+        x.kind
+        for x in check_plan_on_map(straight(s, v, status="degraded"), model, ground()).violations
+    }
+    assert kinds == {"speed_limit"}
+
+
+def test_columns_are_verified_or_named() -> None:
+    s, v = trapezoid(3.0)
+    columns = {
+        "x": s,
+        "y": 0.0 * s,
+        "speed": v,
+        "payload": s,
+        "z": 0.0 * s,
+        "status": ["fine"] * len(s),
+    }
+    report = check_plan_on_map(plan_of_columns(columns), model_with(), ground())
+    assert report.valid
+    assert report.verified == ("x", "y", "speed", "z")
+    assert report.unverified == ("status", "payload")
+
+
+def test_rows_at_one_place_count_once() -> None:
+    s, v = trapezoid(3.0)
+    s, v = np.repeat(s, 2), np.repeat(v, 2)
+    v[21] = 9.0
+    report = check_plan_on_map(straight(s, v), model_with(), ground())
+    assert "speed_limit" in {x.kind for x in report.violations}
+
+
+def test_coarse_maps_show_no_steps_and_the_report_notes_it() -> None:
+    s, v = trapezoid(1.0)
+    report = check_plan_on_map(straight(s, v), model_with(), ground(resolution=0.5))
+    assert sum("steps were not checked" in note for note in report.notes) == 1
+
+
+@pytest.mark.parametrize("decimals", [2, 3])
+def test_rounded_positions_are_not_turns(decimals: int) -> None:
+    s, v = trapezoid(2.5)
+    plan = round_turn(s, v, 4.0)
+    x, y = np.round(plan.x, decimals), np.round(plan.y, decimals)
+    assert check_plan_on_map(replace(plan, x=x, y=y), model_with(), ground()).valid
+
+
+def test_unusable_input_is_an_error() -> None:
+    s, v = trapezoid(3.0)
+    with pytest.raises(ParameterError, match="a first row on the map"):
+        check_plan_on_map(straight(s + 500.0, v), model_with(), ground())
+    with pytest.raises(ParameterError, match="clear: expected a distance"):
+        check_plan_on_map(straight(s, v), model_with(), ground(), clear=-1.0)
+
+
+def test_a_plan_at_rest_is_valid() -> None:
+    here = ExternalPlan(name="here", x=[1.0], y=[1.0], speed=[0.0])
+    report = check_plan_on_map(here, model_with(), ground())
+    assert (report.valid, report.stops) == (True, 0)
+    # So is one that stops where it starts.
+    x, y = np.array([1.0, 1.0 + 1e-9]), np.ones(2)
+    crawls = ExternalPlan(name="crawls", x=x, y=y, speed=np.array([6e-5, 0.0]))
+    assert check_plan_on_map(crawls, model_with(), ground()).valid
+    with pytest.raises(ParameterError, match="different places"):
+        ExternalPlan(name="jumps", x=x, y=y, speed=np.array([6e-3, 0.0]))
