@@ -44,7 +44,7 @@ MOTION = ("accel", "decel", "jerk", "traction")
 UNTRIED = ("step", "clearance", "body", "roughness", "holding")
 """Names that are not tried out."""
 
-_LESS, _LESS_SPEED = 0.97, 0.03  # [1], [m/s] below a bound that is tried: slopes between rows
+_LESS, _LESS_SPEED = 0.9, 0.05  # [1], [m/s] below a bound that is tried: slopes between rows
 _NEAR, _NEAR_SPEED = 1.05, 0.02  # [1], [m/s] above a speed where a rule binds
 _FAR, _FAR_SPEED = 2.0, 1.0  # [1], [m/s] above a speed where a rule that does not bind is slack
 _AT_BOUND = 5e-4  # of v²: half of what is at its bound to a planner

@@ -224,7 +224,7 @@ SCENES: dict[str, tuple[str, Callable[[float], Scene]]] = {
         lambda u: driven(
             2.0,
             limits={"speed": 3.0},
-            columns=lambda s, v: {"speed_bound": np.where(s < 9.0, 3.0 * u**0.5, v)},
+            columns=lambda s, v: {"speed_bound": np.where(s < 9.0, 3.0 * u**2, v)},
         ),
     ),
     "another rule": (
