@@ -59,8 +59,8 @@ def violations(
         # Under drive the front axle is bounded, and each side; a wheel that is on both is not.
         wheel = v.sentence.startswith("the lightest wheel")
         # An infeasible plan is never valid; its columns are still right.
-        judged = plan.status is not Status.INFEASIBLE or v.kind == "columns"
-        if judged and not wheel and v.size > slack * TOLERANCES[v.kind].value:
+        is_relevant = plan.status is not Status.INFEASIBLE or v.kind == "columns"
+        if is_relevant and not wheel and v.size > slack * TOLERANCES[v.kind].value:
             out.setdefault(v.kind, []).append(f"{v.station:.3f} m, {v.kind}: {v.sentence}")
     if jerk and (steps := _jerk_above(plan, 1.01 * model.limits.jerk + 1e-6)):
         out["jerk"] = steps
