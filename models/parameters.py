@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from slopewise.models.errors import ParameterError
+from slopewise.models.input_errors import Tracking
 from slopewise.models.quantity import (
     Matrix,
     quantity,
@@ -20,6 +21,7 @@ from slopewise.models.quantity import (
     validate_quantities,
     validate_range,
 )
+from slopewise.models.steering import Steering, SteeringGeometry, steering_geometry
 from slopewise.models.stop_distance import StopDistance
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking, validate_hull
 from slopewise.models.surface_names import states_of
@@ -300,6 +302,8 @@ class Model:
     braking: Braking
     terrain: Terrain
     limits: Limits
+    steering: Steering | None = None
+    tracking: Tracking | None = None
     effect: tuple[Effect, ...] = ()
 
     @property
@@ -310,7 +314,20 @@ class Model:
             return given
         return max(_DEFAULT_DEVIATION_SHARE * self.vehicle.shape.width, _MIN_DEFAULT_DEVIATION)
 
+    @property
+    def steering_geometry(self) -> SteeringGeometry:
+        """How the vehicle turns; keys omitted in the file follow its drive."""
+        return steering_geometry(self.steering, self.vehicle.drive, self.vehicle.wheelbase)
+
     def __post_init__(self) -> None:
+        drive = self.vehicle.drive
+        if self.steering is not None:
+            skids = self.steering.kind == "skid_steer"
+            if skids != (drive == "skid_steer"):
+                raise ParameterError(
+                    "steering.kind",
+                    f"a kind that fits vehicle.drive = '{drive}', got '{self.steering.kind}'",
+                )
         if self.terrain.slip_track < self.vehicle.track_width:
             raise ParameterError(
                 "terrain.slip_track",

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from slopewise.models.effects import registry
 from slopewise.models.errors import ParameterError
+from slopewise.models.input_errors import Tracking
 from slopewise.models.parameters import Braking, Limits, Terrain
 from slopewise.models.quantity import (
     GRAVITY,
@@ -22,6 +23,7 @@ from slopewise.models.quantity import (
     rounded,
     unit_guess,
 )
+from slopewise.models.steering import Steering
 from slopewise.models.surface_braking import UphillBraking
 from slopewise.models.vehicle import Vehicle
 
@@ -54,6 +56,16 @@ _MIN_ROLLOVER = 0.1
 """Half of the track over the height of the centre of gravity; below, 6° of roll tip the vehicle."""
 
 
+_KINDS: dict[str, type[Any]] = {
+    "vehicle": Vehicle,
+    "terrain": Terrain,
+    "limits": Limits,
+    "steering": Steering,
+    "tracking": Tracking,
+}
+"""Tables whose quantities have their ranges with them."""
+
+
 class _Bound(NamedTuple):
     """A key whose value other keys bound; `by` says which."""
 
@@ -72,8 +84,8 @@ def check_plausible(tables: Table) -> None:
         ParameterError: names the dotted key, what was expected, and the unit that would explain it.
     """
     vehicle, braking, limits = tables["vehicle"], tables["braking"], tables["limits"]
-    for name, kind in (("vehicle", Vehicle), ("terrain", Terrain), ("limits", Limits)):
-        _check_ranges(name, tables[name], kind)
+    for name, kind in _KINDS.items():
+        _check_ranges(name, tables.get(name) or {}, kind)
     for where, table in _surfaces(braking):
         _check_ranges(where, table, Braking)
         _check_ranges(f"{where}.uphill", table.get("uphill") or {}, UphillBraking)

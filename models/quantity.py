@@ -34,6 +34,7 @@ _FOREIGN: dict[str, tuple[tuple[str, float], ...]] = {
     "N": (("kN", 1e3), ("kgf", GRAVITY), ("lbf", 4.448222)),
     "W": (("kW", 1e3), ("hp", 745.7)),
     "rad": (("°", math.pi / 180.0),),
+    "rad/s": (("°/s", math.pi / 180.0),),
     "1": (("m/s²", 1.0 / GRAVITY), ("%", 1e-2)),
     "Hz": (("1/min", 1.0 / 60.0),),
     "A": (("mA", 1e-3),),

@@ -10,8 +10,10 @@ from typing import Any, get_args, get_type_hints
 
 import msgspec
 
+from slopewise.models.input_errors import Tracking
 from slopewise.models.parameters import Braking, Effect, Limits, Terrain
 from slopewise.models.quantity import describe_plausible, describe_range
+from slopewise.models.steering import Steering
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.discovery import investigation_process
@@ -33,6 +35,8 @@ def model_page() -> str:
         ("braking.terrain.NAME", SurfaceBraking),
         ("terrain", Terrain),
         ("limits", Limits),
+        ("steering", Steering),
+        ("tracking", Tracking),
     )
     parts = [
         "# Model file\n",

@@ -54,6 +54,8 @@ class PlanResult:
         """Assumptions about map and vehicle, and what the map cannot show."""
         ground, limits = self.elevation_map, self.model.limits
         notes = (*ground.assumed, *swept_notes(self.model.vehicle, ground))
+        if assumed := self.model.steering_geometry.assumed:
+            notes = (*notes, assumed)
         if limits.max_path_deviation is not None:
             return notes
         limit = f"{self.model.max_path_deviation:.3g} m from a given path"

@@ -37,7 +37,8 @@ USED: dict[type[Any], set[str]] = {
 """Fields from which a stop of the guard is computed."""
 
 UNUSED: dict[type[Any], set[str]] = {
-    Model: {"name"},
+    # Steering and tracking change what a stop sweeps, not how long it is.
+    Model: {"name", "steering", "tracking"},
     # Thrust, motors, suspension, and clearance below the body, which the guard does not check.
     Vehicle: {"mass", "drive", "max_drive_force", "max_drive_power", "motor_torque_constant"}
     | {"gear_ratio", "idle_current", "ground_clearance", "wheel_travel", "front_brake_share"}

@@ -1,0 +1,132 @@
+"""Errors of the pose and of the time at which a plan is used: lateral band and latency.
+
+Errors of heights are the map's (``height_std``, ``correlation_length`` of
+:class:`slopewise.models.elevation_map.ElevationMap`). Definitions: docs/vehicle_motion.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import NamedTuple
+
+from slopewise.models.quantity import quantity, validate_quantities
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracking:
+    """How exactly and how late the vehicle follows a plan; no table: exactly, without delay."""
+
+    cross_track_std: float = quantity(
+        "m",
+        "Standard deviation of the distance from the planned line, on straights.",
+        (0.0, 2.0),
+        default=0.0,
+        at_least=0.0,
+    )
+    cross_track_per_curvature: float = quantity(
+        "m²",
+        "What each 1/m of curvature adds to it.",
+        (0.0, 5.0),
+        default=0.0,
+        at_least=0.0,
+    )
+    heading_std: float = quantity(
+        "rad",
+        "Standard deviation of the heading of the body.",
+        (0.0, 0.3),
+        default=0.0,
+        at_least=0.0,
+        at_most=0.5,
+    )
+    along_track_std: float = quantity(
+        "m",
+        "Standard deviation of the measured station.",
+        (0.0, 5.0),
+        default=0.0,
+        at_least=0.0,
+    )
+    latency: float = quantity(
+        "s",
+        "From the measured state to its use; what dead_time of the brakes does not hold.",
+        (0.0, 2.0),
+        default=0.0,
+        at_least=0.0,
+    )
+    latency_std: float = quantity(
+        "s", "Standard deviation of the latency.", (0.0, 1.0), default=0.0, at_least=0.0
+    )
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
+class InputErrors(NamedTuple):
+    """The errors of a plan's inputs that it survives, at its quantile; none by default.
+
+    Attributes:
+        cross_track: distance of the reference point from the planned line, to either side [m].
+        cross_track_per_curvature: what each 1/m of curvature adds to it [m²].
+        heading: heading error, to either side [rad].
+        along_track: distance by which the vehicle may be farther along than measured [m].
+        latency: time from the measured state to its use [s].
+    """
+
+    cross_track: float = 0.0
+    cross_track_per_curvature: float = 0.0
+    heading: float = 0.0
+    along_track: float = 0.0
+    latency: float = 0.0
+
+    @property
+    def has_band(self) -> bool:
+        """Whether any point of the body may have a lateral offset."""
+        return max(self.cross_track, self.cross_track_per_curvature, self.heading) > 0.0
+
+    @property
+    def delays(self) -> bool:
+        """Whether a stop may begin beyond where it is planned."""
+        return max(self.along_track, self.latency) > 0.0
+
+
+def input_errors(tracking: Tracking | None, quantile: float | None) -> InputErrors:
+    """Errors at the quantile of a plan.
+
+    A band has two sides: k = Φ⁻¹((1 + q) / 2) standard deviations of cross-track and of heading
+    each. Their sum k σ_y + |x| sin(k σ_ψ) is kept by a share of at least q of independent normal
+    errors: P(w₁|z₁| + w₂|z₂| > k) is greatest where one of the two weights, which add to one, is 0,
+    for every k above 0.8. Position along the path and latency have one side: Φ⁻¹(q).
+
+    Args:
+        tracking: table of the model file, None where it has none.
+        quantile: one-sided probability that margins cover, 0.5 … 1; None plans with the mean,
+            which leaves the latency.
+    """
+    if tracking is None:
+        return InputErrors()
+    if quantile is None:
+        return InputErrors(latency=tracking.latency)
+    normal = NormalDist()
+    two_sided, one_sided = normal.inv_cdf(0.5 + 0.5 * quantile), normal.inv_cdf(quantile)
+    return InputErrors(
+        two_sided * tracking.cross_track_std,
+        two_sided * tracking.cross_track_per_curvature,
+        min(two_sided * tracking.heading_std, 0.5 * math.pi),
+        one_sided * tracking.along_track_std,
+        tracking.latency + one_sided * tracking.latency_std,
+    )
+
+
+def lateral_band(errors: InputErrors, x_body: float, curvature: float = 0.0) -> float:
+    """By how much a point of the body may be to either side of where it is planned [m].
+
+    |e_y| + |x| sin |e_ψ|; what a heading error moves a point at y to the side is of second order.
+
+    Args:
+        errors: at the quantile of the plan.
+        x_body: distance of the point ahead of the reference point [m].
+        curvature: path curvature [1/m].
+    """
+    across = errors.cross_track + errors.cross_track_per_curvature * abs(curvature)
+    return across + abs(x_body) * math.sin(errors.heading)
