@@ -26,6 +26,7 @@ BENCHMARKS: dict[str, tuple[str, tuple[str, ...]]] = {
     "margins": ("calibration.margins", ()),
     "streams": ("calibration.streams", ()),
     "obstacles": ("obstacles.obstacle_benchmark", ()),
+    "guard": ("guard.guard_benchmark", ()),
     "noise": ("noisy_maps.noisy_map_benchmark", ()),
 }
 """Modules with ``run(request, progress)`` and ``show(result, console)``; packages they need."""

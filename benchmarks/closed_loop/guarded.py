@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.parameters import Model
-from slopewise.services.guard.command_arc import Pose2d
 from slopewise.services.guard.decide import (
     BaseCommand,
     GuardDecision,
@@ -25,6 +24,7 @@ from slopewise.services.guard.decide import (
     decide,
 )
 from slopewise.services.guard.guard_model import brake_table, guard_model
+from slopewise.services.guard.stop_courses import Pose2d
 
 from .drive_loop import DrivenScene, dem_folder, run_drive, scene
 from .policies import CYCLE, RESERVE, View

@@ -69,13 +69,13 @@ class Guard:
         self.learned = ServiceParameters(model, settings.judgement.trust_learned)
         self.seconds: deque[float] = deque(maxlen=_SAMPLES)
         self.last = ""
-        dead = max(s.dead_time for s in model.surfaces.values())
+        dead = self._dead_time = max(s.dead_time for s in model.surfaces.values())
         tolerance = settings.judgement.disobedience
         self._overspeed = OverspeedMonitor(
             dead + timing.motion, _DECEL_SHARE * model.decel, tolerance
         )
         self._latched = ""
-        self._given: deque[tuple[float, float]] = deque(maxlen=_SAMPLES)
+        self._given: deque[tuple[float, BaseCommand]] = deque(maxlen=_SAMPLES)
         self.learn()
 
     def learn(self) -> None:
@@ -114,7 +114,7 @@ class Guard:
         if decision.reason:
             self.last = decision.reason
         self._overspeed.set_limit(abs(decision.command.speed), now)
-        self._given.append((now, decision.command.speed))
+        self._given.append((now, decision.command))
         return decision
 
     def _decide(self, now: float, command: BaseCommand | None, fault: str) -> GuardDecision:
@@ -144,19 +144,24 @@ class Guard:
             late=late,
             load=self.settings.judgement.load,
             reached=reached,
+            before=self._given_since(now - late - self._dead_time),
         )
         if decision.command == STILL and abs(motion.speed) < _ROLLING:
             decision = decision._replace(brake=True)  # commands cannot hold better than that
         return decision
 
     def _reached(self, since: float, motion: VehicleMotion) -> float:
-        """Speed that the vehicle may have by now: the largest given since then [m/s].
+        """Speed that the vehicle may have by now: the largest given since then [m/s]."""
+        return max((motion.speed, *(c.speed for c in self._given_since(since))), key=abs)
 
-        The last one given before that was in force as well.
-        """
-        while len(self._given) > 1 and self._given[1][0] <= since:
-            self._given.popleft()
-        return max((motion.speed, *(speed for _, speed in self._given)), key=abs)
+    def _given_since(self, since: float) -> tuple[BaseCommand, ...]:
+        """Commands since then; the last one given before that was in force as well."""
+        recent = []
+        for at, command in reversed(self._given):
+            recent.append(command)
+            if at <= since:
+                break
+        return tuple(recent)
 
     def _clear_now(self, now: float, motion: VehicleMotion, reached: float) -> float | None:
         """Rest of the clear distance [m]; None where one is required and none is fresh.

@@ -1,10 +1,10 @@
 """Decision on one command: pass it, limit it, or stop.
 
 A command passes if the vehicle, at the higher of its speed and the commanded one, can still stop
-after the command was in force for its hold time: on known ground, before the clear distance, with
-enough load on every axle and side. Otherwise it is limited to the highest speed from which this
-holds; where the vehicle could not stop from the speed at which it moves now, the brakes are applied
-immediately.
+after the command was in force for its hold time: on every course that the stop may take, with its
+whole body on known ground free of obstacles, before the clear distance, with enough load on every
+axle and side. Otherwise it is limited to the highest speed from which this holds; where the vehicle
+could not stop from the speed at which it moves now, the brakes are applied immediately.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.services.guard.command_arc import CommandArc, Pose2d, arc_ahead
-from slopewise.services.guard.guard_map import heights_at
+from slopewise.models.quantity import GRAVITY
 from slopewise.services.guard.guard_model import GuardModel
-from slopewise.services.guard.stop_distances import StopOutcomes, Tables, stops_along
+from slopewise.services.guard.stop_courses import Pose2d, StopCourses, Turning, courses_ahead
+from slopewise.services.guard.stop_distances import Tables, stops_along
 
 _SPEEDS = 10
 """Speeds that are tried up to the highest: a limited command is within a tenth of the best [1]."""
@@ -26,16 +26,21 @@ _SPEEDS = 10
 _STANDSTILL = 0.05
 """Speed below which a vehicle stands [m/s], and yaw rate below which it does not turn [rad/s]."""
 
-_MAX_CURVATURE = 20.0
-"""Curvature of the tightest arc: within 5 cm a vehicle turns on the spot [1/m]."""
+_CREEP = 0.3
+"""Speed of the fastest wheel next to obstacles closer than a cell of the map [m/s]: a stop from it
+takes a few centimetres more than the dead time."""
 
-_MAX_LENGTH = 80.0  # length of the longest arc: longer than the stop of any vehicle at 15 m/s [m]
+_MAX_LENGTH = (
+    80.0  # length of the longest course: longer than the stop of any vehicle at 15 m/s [m]
+)
 
 _SLOW_SHARE, _MIN_SLOW = 0.5, 0.05
 """Share of the weakest level force that slopes leave, and the lowest, for the length [1]."""
 
-_SPARE_LENGTH, _PAST_CLEAR = 2.0, 1.0
-"""Length of an arc beyond the stop, and beyond the clear distance [m]."""
+_PAST_STOP, _PAST_CLEAR = 0.5, 1.0
+"""Length of a course beyond the stop, and beyond the clear distance [m]."""
+
+_TOO_FAST = "faster than the limits of the model"
 
 _TOLERANCE = 1e-9  # speed by which a command may exceed the allowed one: rounding [m/s]
 
@@ -62,6 +67,7 @@ class GuardDecision(NamedTuple):
     brake: bool  # brake as hard as possible, and hold
     reason: str  # as text, empty where the command passes
     of: int = 0  # number of the command that it answers, 0 of none
+    where: tuple[float, float] | None = None  # place on the map that limits it, if one does [m]
 
 
 STILL = BaseCommand(0.0, 0.0)  # command of a stopped base [m/s, rad/s]
@@ -77,9 +83,27 @@ class GuardScene(NamedTuple):
     clear: float
 
 
-def stop(reason: str) -> GuardDecision:
+class _Course(NamedTuple):
+    """A command as the motion of the fastest wheel; speeds are of that wheel [m/s]."""
+
+    turning: Turning
+    requested: float  # speed that is commanded
+    moving: float  # speed of the vehicle
+    top: float  # higher of the two
+
+
+class _Verdict(NamedTuple):
+    """Outcome for one command."""
+
+    allowed: float  # share of the command that is allowed, 1 and more for all of it [1]
+    brakes: bool  # the vehicle could not stop from its own speed any more
+    reason: str
+    where: tuple[float, float] | None
+
+
+def stop(reason: str, where: tuple[float, float] | None = None) -> GuardDecision:
     """Brake, and hold."""
-    return GuardDecision("stop", STILL, True, reason)
+    return GuardDecision("stop", STILL, True, reason, where=where)
 
 
 def decide(
@@ -91,123 +115,192 @@ def decide(
     late: float,
     load: float,
     reached: float = 0.0,
+    before: tuple[BaseCommand, ...] = (),
 ) -> GuardDecision:
     """Decide on one command.
 
     ``hold_time``: time for which the command may stay in force [s]; ``late``: age of the motion,
     and transport time of a decision to the base [s]; ``load``: share of ``min_load`` that is kept
     in every stop [1]; ``reached``: speed to which the vehicle may have accelerated since the motion
-    [m/s].
+    [m/s]; ``before``: commands that the vehicle may still follow.
     """
     if not all(map(math.isfinite, (*motion.pose, motion.speed, *command))):
         return stop("command or odometry contains a value that is not finite")
+    command, reason = _within_limits(scene.model, command)
     fastest = max(motion.speed, reached, key=abs)
     requested, moving = abs(command.speed), abs(fastest)
-    if moving < _STANDSTILL and requested < _STANDSTILL:
-        if abs(command.yaw_rate) < _STANDSTILL:
-            return GuardDecision("pass", STILL, True, "")
-        return _turn_on_the_spot(scene, motion, command)
-    forward = command.speed >= 0.0 if moving < _STANDSTILL else fastest >= 0.0
-    reverses = min(moving, requested) >= _STANDSTILL and (command.speed >= 0.0) != forward
+    is_still = moving < _STANDSTILL
+    if is_still and max(requested, abs(command.yaw_rate)) < _STANDSTILL:
+        return GuardDecision("pass", STILL, True, "")
+    forward = command.speed >= 0.0 if is_still else fastest >= 0.0
     # Driving the other way is decided once the vehicle stands.
-    top = moving if reverses else max(moving, requested)
-    arc = _arc(scene, motion, command, top, hold_time + late, forward=forward)
-    end = min(scene.clear, max(arc.end - 1, 0) * arc.step if arc.reason else math.inf)
-    speeds = np.append(top * np.arange(1, _SPEEDS) / _SPEEDS, (top, moving))
-    held = np.append(np.full(_SPEEDS, hold_time + late), late)
-    min_load = load * scene.model.min_load
-    stops = stops_along(scene.model, scene.tables, arc, speeds, held, min_load)
-    inside = stops.distance <= end
-    fine = (inside & stops.loaded & stops.cornering)[:-1]
-    failed = _SPEEDS if fine.all() else int(np.argmin(fine))
-    allowed = min(float(speeds[failed - 1]) if failed else 0.0, _speed_cap(scene, arc))
-    if moving >= _STANDSTILL and not inside[-1]:
-        return stop(_end_reason(arc, scene.clear, end))
-    reason = "" if fine.all() else _stop_reason(stops, failed, arc, scene.clear, end)
+    reverses = min(moving, requested) >= _STANDSTILL and (command.speed >= 0.0) != forward
+    courses = _courses(scene.model, moving, command, before, forward=forward, reverses=reverses)
+    late += scene.model.errors.latency
+    held = hold_time + late
+    verdicts = [_checked(scene, motion.pose, course, held, late, load) for course in courses]
+    verdict = min(verdicts, key=lambda verdict: (not verdict.brakes, verdict.allowed))
+    if verdict.brakes:
+        return stop(verdict.reason, verdict.where)
     if reverses:
         return GuardDecision("slow", STILL, False, "it has to stand before it drives back")
-    return _limited(scene.model, motion, command, allowed, reason)
+    if reason and verdict.allowed >= 1.0 - _TOLERANCE:
+        return GuardDecision("slow", command, False, reason)
+    return _limited(scene.model, motion, command, verdict)
 
 
-def _arc(
-    scene: GuardScene,
-    motion: VehicleMotion,
+def _within_limits(model: GuardModel, command: BaseCommand) -> tuple[BaseCommand, str]:
+    """Command on the same arc that the model allows, and the reason if it is another."""
+    rim = abs(command.speed) + 0.5 * abs(command.yaw_rate) * model.vehicle.track_width
+    by_rim = model.vehicle.max_wheel_speed / max(rim, _TOLERANCE)
+    by_speed = model.speed / max(abs(command.speed), _TOLERANCE)
+    share = min(by_rim, by_speed)
+    if share >= 1.0:
+        return command, ""
+    reason = "a wheel would be faster than it can" if by_rim < by_speed else _TOO_FAST
+    return BaseCommand(share * command.speed, share * command.yaw_rate), reason
+
+
+def _courses(
+    model: GuardModel,
+    moving: float,
     command: BaseCommand,
-    top: float,
-    held: float,
+    before: tuple[BaseCommand, ...],
     *,
     forward: bool,
-) -> CommandArc:
-    """Arc of a command, as far as a stop from the highest speed may reach [m/s], [s]."""
-    turn = command.yaw_rate / max(abs(motion.speed), abs(command.speed), _STANDSTILL)
-    curvature = min(max(turn if forward else -turn, -_MAX_CURVATURE), _MAX_CURVATURE)
-    length = _arc_length(scene, top, held)
-    table, ground, pose = scene.tables[0], scene.ground, motion.pose
-    return arc_ahead(scene.model, table, ground, pose, curvature, forward=forward, length=length)
+    reverses: bool,
+) -> list[_Course]:
+    """Motions that a command may lead to: on its arc; of a slow base, turning before it drives."""
+    requested = 0.0 if reverses else abs(command.speed)
+    top = max(moving, requested)
+    if top < _STANDSTILL:
+        return [_on_the_spot(model, command, before)]
+    courses = [_on_an_arc(model, moving, requested, command, before, forward=forward)]
+    rim = 0.5 * abs(command.yaw_rate) * model.vehicle.track_width
+    if model.vehicle.drive == "skid_steer" and max(moving, _STANDSTILL) < min(rim, requested):
+        # The base may turn at the commanded rate before it has the commanded speed.
+        courses.append(_on_the_spot(model, command, ()))
+    return courses
 
 
-def _limited(
-    model: GuardModel, motion: VehicleMotion, command: BaseCommand, allowed: float, reason: str
-) -> GuardDecision:
-    """Command on the same arc, at the allowed speed at most."""
-    requested = abs(command.speed)
-    given = min(requested, allowed)
-    rim = given + 0.5 * abs(command.yaw_rate) * model.vehicle.track_width
-    if rim > model.vehicle.max_wheel_speed:
-        given *= model.vehicle.max_wheel_speed / rim
-        reason = reason or "a wheel would be faster than it can"
-    if given >= requested - _TOLERANCE:
-        return GuardDecision("pass", command, False, "")
-    reason = reason or "faster than the limits of the model"
-    if given < _STANDSTILL and abs(motion.speed) < _STANDSTILL:
-        return stop(reason)
-    share = given / requested
-    limited = BaseCommand(share * command.speed, share * command.yaw_rate)
-    return GuardDecision("slow", limited, False, reason)
+def _on_the_spot(
+    model: GuardModel, command: BaseCommand, before: tuple[BaseCommand, ...]
+) -> _Course:
+    radius = 0.5 * model.vehicle.track_width
+    rates = [c.yaw_rate for c in before if abs(c.yaw_rate) >= _STANDSTILL]
+    moving = radius * max(map(abs, rates), default=0.0)
+    low, high, commanded = (
+        math.copysign(1.0 / radius, rate)
+        for rate in (
+            min(rates, default=command.yaw_rate),
+            max(rates, default=command.yaw_rate),
+            command.yaw_rate,
+        )
+    )
+    low, high = min(low, commanded), max(high, commanded)
+    turning = Turning(0.0, commanded, low, high, forward=True)
+    requested = radius * abs(command.yaw_rate)
+    return _Course(turning, requested, moving, max(requested, moving))
 
 
-def _arc_length(scene: GuardScene, speed: float, held: float) -> float:
+def _on_an_arc(
+    model: GuardModel,
+    moving: float,
+    requested: float,
+    command: BaseCommand,
+    before: tuple[BaseCommand, ...],
+    *,
+    forward: bool,
+) -> _Course:
+    """Course between straight on and the turns of this command and of those before it."""
+    top = max(moving, requested)
+    turn = command.yaw_rate / top
+    # Turns tighter than the command's are as tight as the limit in turns lets a base be.
+    tightest = max(abs(turn), model.lateral / top**2)
+    rates = [command.yaw_rate, *(c.yaw_rate for c in before)]
+    slower = [
+        max(min(moving, requested), _STANDSTILL),
+        *(max(moving, abs(c.speed)) for c in before),
+    ]
+    other_turns = [
+        min(max(rate / max(speed, _STANDSTILL), -tightest), tightest)
+        for rate, speed in zip(rates, slower, strict=True)
+    ]
+    factor = max(1.0, 0.5 * model.vehicle.track_width * max(map(abs, (turn, *other_turns))))
+    ends = (0.0, turn, *other_turns)
+    turning = Turning(
+        1.0 / factor, turn / factor, min(ends) / factor, max(ends) / factor, forward=forward
+    )
+    return _Course(turning, factor * requested, factor * moving, factor * top)
+
+
+def _checked(
+    scene: GuardScene, pose: Pose2d, course: _Course, held: float, late: float, load: float
+) -> _Verdict:
+    """Try speeds up to the highest; the last one is that of the vehicle, on its way already."""
+    turning, model = course.turning, scene.model
+    clear = scene.clear / turning.share if turning.share else math.inf
+    length = _course_length(scene, course.top, held, clear)
+    ways = courses_ahead(model, scene.tables[0], scene.ground, pose, turning, length)
+    speeds = np.append(course.top * np.arange(1, _SPEEDS) / _SPEEDS, (course.top, course.moving))
+    times = np.append(np.full(_SPEEDS, held), late)
+    stops = stops_along(model, scene.tables, ways, speeds, times, load * model.min_load)
+    free = max(ways.end.sample - 1, 0) * ways.step if ways.end.reason else math.inf
+    inside = np.isfinite(stops.distance) & (stops.distance <= min(free, clear))
+    cornering = abs(turning.commanded) * turning.share * speeds**2 <= model.lateral
+    fine = (inside & stops.loaded & cornering)[:-1]
+    failed = _SPEEDS if fine.all() else int(np.argmin(fine))
+    cap = _CREEP if ways.end.touches else math.inf
+    if turning.share:
+        fastest = scene.tables[0].fastest[ways.possible].min()
+        cap = min(cap, float(min(model.speed, fastest)) / turning.share)
+    allowed = min(float(speeds[failed - 1]) if failed else 0.0, cap)
+    brakes = course.moving >= _STANDSTILL and not inside[-1]
+    k = _SPEEDS if brakes else failed
+    reason, where = "", None
+    if brakes or not fine.all():
+        reason, where = _reason(ways, bool(inside[k]), bool(stops.loaded[k]), free, clear)
+    elif ways.end.touches:
+        reason = "next to an obstacle it creeps"
+    return _Verdict(allowed / max(course.requested, _TOLERANCE), brakes, reason, where)
+
+
+def _reason(
+    ways: StopCourses, inside: bool, loaded: bool, free: float, clear: float
+) -> tuple[str, tuple[float, float] | None]:
+    """Reason why a speed is too high, and the place of it."""
+    if inside:
+        return "too fast for this turn" if loaded else "an axle or a side would lose its load", None
+    if math.isinf(min(free, clear)):
+        return "brakes do not stop the vehicle on this slope", None
+    if clear <= free:
+        return f"the clear distance ends {ways.share * clear:.2f} m ahead", None
+    if ways.share > 0.0:
+        return f"{ways.end.reason} {ways.share * free:.2f} m ahead", ways.end.where
+    angle = math.degrees(free * abs(float(ways.turn[-1])))
+    return f"{ways.end.reason} {angle:.0f}° ahead in the turn", ways.end.where
+
+
+def _course_length(scene: GuardScene, speed: float, held: float, clear: float) -> float:
     """Distance within which a stop from a speed ends, where it ends at all [m]."""
     surfaces = scene.model.surfaces.values()
     weakest = min(s.level * (s.b_b + min(s.m_b, 0.0) * speed) for s in surfaces)
-    decel = 9.8 * max(_SLOW_SHARE * weakest, _MIN_SLOW)
-    dead = max(s.dead_time for s in surfaces)
-    reach = speed * (held + dead) + speed * speed / (2.0 * decel) + _SPARE_LENGTH
-    return float(min(reach, scene.clear + _PAST_CLEAR, _MAX_LENGTH))
+    decel = GRAVITY * max(_SLOW_SHARE * weakest, _MIN_SLOW)
+    dead, offset = max(s.dead_time for s in surfaces), max(s.offset for s in surfaces)
+    reach = speed * (held + dead) + speed * speed / (2.0 * decel) + offset + _PAST_STOP
+    return float(min(reach, clear + _PAST_CLEAR, _MAX_LENGTH))
 
 
-def _speed_cap(scene: GuardScene, arc: CommandArc) -> float:
-    """Highest trained speed on the surfaces ahead, and that of the model [m/s]."""
-    return float(min(scene.model.speed, scene.tables[0].fastest[arc.possible].min()))
-
-
-def _end_reason(arc: CommandArc, clear: float, end: float) -> str:
-    if not math.isfinite(end):
-        return "brakes do not stop the vehicle on this slope"
-    return f"{'the clear distance ends' if clear <= end else arc.reason} {end:.2f} m ahead"
-
-
-def _stop_reason(
-    stops: StopOutcomes, failed: int, arc: CommandArc, clear: float, end: float
-) -> str:
-    if not stops.distance[failed] <= end:
-        return _end_reason(arc, clear, end)
-    if not stops.loaded[failed]:
-        return "an axle or a side would lose its load"
-    return "too fast for this turn"
-
-
-def _turn_on_the_spot(
-    scene: GuardScene, motion: VehicleMotion, command: BaseCommand
+def _limited(
+    model: GuardModel, motion: VehicleMotion, command: BaseCommand, verdict: _Verdict
 ) -> GuardDecision:
-    """Skid steering: ground has to be known as far as the corners reach."""
-    vehicle, shape = scene.model.vehicle, scene.model.shape
-    reach = np.hypot(max(shape.front, shape.rear), 0.5 * shape.width)
-    around = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    x, y = motion.pose.x + reach * np.cos(around), motion.pose.y + reach * np.sin(around)
-    if not np.isfinite(heights_at(scene.ground, x, y)).all():
-        return stop("ground beside the vehicle is unknown")
-    max_rate = 2.0 * vehicle.max_wheel_speed / vehicle.track_width
-    rate = min(max(command.yaw_rate, -max_rate), max_rate)
-    action = "pass" if rate == command.yaw_rate else "slow"
-    return GuardDecision(action, BaseCommand(0.0, rate), False, "")
+    """Command on the same arc, at the allowed speed at most."""
+    share, where = verdict.allowed, verdict.where
+    if share >= 1.0 - _TOLERANCE:
+        return GuardDecision("pass", command, False, "")
+    reason = verdict.reason or _TOO_FAST
+    rim = abs(command.speed) + 0.5 * abs(command.yaw_rate) * model.vehicle.track_width
+    if share * rim < _STANDSTILL and abs(motion.speed) < _STANDSTILL:
+        return stop(reason, where)
+    limited = BaseCommand(share * command.speed, share * command.yaw_rate)
+    return GuardDecision("slow", limited, False, reason, where=where)

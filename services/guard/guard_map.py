@@ -84,7 +84,7 @@ class WheelHeights:
         """Contact heights of wheels at points with headings [m]; NaN as of :meth:`at`.
 
         A tyre bridges a gap that ends under its rim on both sides. The edge of a drop does not
-        support it: the guard checks no steps, so that only a grade reports a cliff.
+        support it.
         """
         surface = self.at(x, y)
         behind, ahead = np.full_like(surface, -np.inf), np.full_like(surface, -np.inf)

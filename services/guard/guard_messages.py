@@ -54,6 +54,7 @@ class GuardOutput(Message, frozen=True):
     brake: bool  # brake as hard as possible, and hold
     action: str  # `pass`, `slow` or `stop`
     reason: str  # as text, empty where the command passes
+    where: tuple[float, float] | None = None  # place on the map that limits it, if one does [m]
 
 
 class GuardStatus(Message, frozen=True):

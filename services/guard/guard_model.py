@@ -16,6 +16,7 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.effects import registry
 from slopewise.models.force_design import corner_design
+from slopewise.models.input_errors import InputErrors, input_errors
 from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.stop_promise import promised
 from slopewise.models.surface_braking import SurfaceBraking
@@ -86,6 +87,8 @@ class GuardModel(NamedTuple):
     lateral: float
     decel: float  # service deceleration [m/s²]
     min_load: float  # share of its static load that every axle and side must keep [1]
+    turn_axis: float  # place abeam of which turns have their centre, behind mid-wheelbase [m]
+    errors: InputErrors  # of pose and time
 
 
 def read_guard_model(path: Path) -> GuardModel:
@@ -99,6 +102,7 @@ def guard_model(model: Model) -> GuardModel:
     model = promised(model, QUANTILE, as_mean=True)
     braking, terrain, limits, effects = model.braking, model.terrain, model.limits, model.effect
     motion, rolling = registry.motion(effects), terrain.rolling_while_braking
+    geometry = model.steering_geometry
     names = ["", *braking.terrain]
     states = {
         n: table.state_of for n, table in braking.terrain.items() if table.state_of is not None
@@ -119,6 +123,8 @@ def guard_model(model: Model) -> GuardModel:
         lateral=limits.lateral_accel,
         decel=limits.decel,
         min_load=limits.min_load,
+        turn_axis=geometry.centre_offset + geometry.body_offset,
+        errors=input_errors(model.tracking, QUANTILE),
     )
 
 

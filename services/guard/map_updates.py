@@ -14,7 +14,9 @@ from collections import Counter, OrderedDict, deque
 import zenoh
 
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.core import Guard
+from slopewise.services.guard.obstacle_layers import obstacle_layers
 from slopewise.services.guard.zenoh_transport import format_of
 from slopewise.services.wire import codec
 from slopewise.services.wire.map_message import apply_update
@@ -78,8 +80,11 @@ class KnownMap:
 class MapUpdates:
     """Subscriptions to maps and parameters, and their hand-over to the guard."""
 
-    def __init__(self, session: zenoh.Session, namespace: str, known: ElevationMap | None) -> None:
+    def __init__(
+        self, session: zenoh.Session, namespace: str, known: ElevationMap | None, vehicle: Vehicle
+    ) -> None:
         """Subscribe; :meth:`open` begins to read."""
+        self._vehicle = vehicle
         self._known, self._key = KnownMap(known), f"{namespace}/v1/map"
         self._maps: deque[zenoh.Sample] = deque()
         self._groups: OrderedDict[str, zenoh.Sample] = OrderedDict()
@@ -175,5 +180,7 @@ class MapUpdates:
             _log.warning("%s: %s", self._key, error)
             self._known.lose(reason=self._known.reason)
         known = self._known
+        if known.map is not None:
+            obstacle_layers(known.map, self._vehicle)  # here rather than in the first decision
         with self._news:
             self._new_map = known.map, known.reason, dict(known.counters)

@@ -12,11 +12,11 @@ from typing import Any
 import zenoh
 
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.guard.command_arc import Pose2d
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleMotion
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.settings import GuardRos
+from slopewise.services.guard.stop_courses import Pose2d
 from slopewise.services.io.bags import typestore
 from slopewise.services.ros.conversions import BOOL, ODOMETRY, flag, header, motion_of, stamp_of
 from slopewise.services.ros.inbox import Inbox, Received, decoded

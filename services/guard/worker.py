@@ -66,7 +66,7 @@ class Worker:
         self._begun = self._reported = time.monotonic()
         self._stopped = threading.Event()
         space = settings.zenoh.namespace
-        self._updates = MapUpdates(session, space, known)
+        self._updates = MapUpdates(session, space, known, model.vehicle)
         self._status = session.declare_publisher(
             f"{space}/v1/guard/status", congestion_control=zenoh.CongestionControl.DROP
         )

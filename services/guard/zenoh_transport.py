@@ -8,7 +8,6 @@ from typing import Any
 import zenoh
 
 from slopewise.models.errors import InputError
-from slopewise.services.guard.command_arc import Pose2d
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleMotion
 from slopewise.services.guard.guard_messages import (
@@ -18,6 +17,7 @@ from slopewise.services.guard.guard_messages import (
     GuardOutput,
 )
 from slopewise.services.guard.input_feed import InputFeed
+from slopewise.services.guard.stop_courses import Pose2d
 from slopewise.services.ros.inbox import Inbox, Received
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
@@ -64,6 +64,7 @@ class ZenohOutput:
             brake=decision.brake,
             action=decision.action,
             reason=decision.reason,
+            where=decision.where,
         )
         self._publisher.put(**codec.payload_of(message, Format.JSON))
 

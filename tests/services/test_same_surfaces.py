@@ -18,7 +18,6 @@ from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.path_force import path_force_along
 from slopewise.services.check.path_ground import ground_under
 from slopewise.services.check.plan_line import line_of
-from slopewise.services.guard.command_arc import Pose2d, arc_ahead
 from slopewise.services.guard.decide import (
     BaseCommand,
     GuardDecision,
@@ -28,6 +27,7 @@ from slopewise.services.guard.decide import (
 )
 from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_model import brake_table, read_guard_model
+from slopewise.services.guard.stop_courses import Pose2d, Turning, courses_ahead
 from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.planning.map_store import MapStore
@@ -79,10 +79,9 @@ def guarded(model_file: Path, name: str) -> set[str]:
     model = read_guard_model(model_file)
     classes = np.ones(SHAPE, np.int64)
     ground = ElevationMap(**FLAT, terrain_class=classes, class_names=("", name))  # type: ignore[arg-type]
-    way = arc_ahead(
-        model, brake_table(model), ground, Pose2d(5.0, 0.0, 0.0), 0.0, forward=True, length=6.0
-    )
-    return {list(model.surfaces)[kind] for kind in way.possible}
+    straight, pose = Turning(1.0, 0.0, 0.0, 0.0, forward=True), Pose2d(5.0, 0.0, 0.0)
+    courses = courses_ahead(model, brake_table(model), ground, pose, straight, 6.0)
+    return {list(model.surfaces)[kind] for kind in courses.possible}
 
 
 @pytest.mark.parametrize("seed", range(20))

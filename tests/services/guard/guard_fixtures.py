@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.services.guard.command_arc import Pose2d
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.decide import BaseCommand, VehicleMotion
 from slopewise.services.guard.guard_model import read_guard_model
 from slopewise.services.guard.settings import GuardJudgement, GuardSettings, GuardTiming
+from slopewise.services.guard.stop_courses import Pose2d
 from slopewise.services.io.model_file import find_model
 from slopewise.services.wire.lateness import WallClock
 from slopewise.services.wire.parameter_messages import ParameterGroup

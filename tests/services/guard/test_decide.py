@@ -64,7 +64,7 @@ def test_base_at_the_allowed_speed_stops_before_the_end(clear: float) -> None:
     [
         (np.nan, ("ground is unknown",)),
         (1.5, ("ground is steeper", "an obstacle")),
-        (-2.0, ("steeper",)),
+        (-2.0, ("steeper", "a step at a wheel")),
     ],
 )
 def test_unknown_ground_obstacles_and_steep_ground_end_the_arc(
@@ -80,13 +80,14 @@ def test_unknown_ground_obstacles_and_steep_ground_end_the_arc(
 
 def test_off_the_map_nothing_moves() -> None:
     assert decided(0.0, 1.0, x=500.0).action == "stop"
-    assert decided(0.0, 0.0, 0.5, x=500.0).reason == "ground beside the vehicle is unknown"
+    assert "ground is unknown" in decided(0.0, 0.0, 0.5, x=500.0).reason
 
 
 def test_turn_on_the_spot_is_limited_by_the_rim_speed() -> None:
     assert decided(0.0, 0.0, 0.5) == GuardDecision("pass", BaseCommand(0.0, 0.5), False, "")
     rate = 2.0 * MODEL.vehicle.max_wheel_speed / MODEL.vehicle.track_width
-    assert decided(0.0, 0.0, -99.0) == GuardDecision("slow", BaseCommand(0.0, -rate), False, "")
+    reason = "a wheel would be faster than it can"
+    assert decided(0.0, 0.0, -99.0) == GuardDecision("slow", BaseCommand(0.0, -rate), False, reason)
 
 
 @pytest.mark.parametrize(("speed", "requested", "rate"), [(1.0, 3.5, 3.5), (0.6, 0.8, 5.0)])
@@ -100,7 +101,7 @@ def test_lateral_acceleration_in_turns_is_limited(
 
 
 def test_rim_speed_in_tight_turns_is_limited() -> None:
-    result = decided(0.0, 0.3, 12.0)
+    result = decided(0.0, 0.1, 12.5)
     speed, rate = result.command
     rim = speed + 0.5 * rate * MODEL.vehicle.track_width
     assert (result.action, result.reason) == ("slow", "a wheel would be faster than it can")

@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 from slopewise.models.errors import InputError
+from slopewise.models.input_errors import Tracking
 from slopewise.models.parameters import Braking, Effect, Limits, Model, Terrain
+from slopewise.models.steering import Steering
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.guard_model import brake_table, read_guard_model
@@ -22,9 +24,13 @@ SPREAD = {"force_std", "force_scatter", "dead_time_std"}
 OF_SURFACE = FORCE | SPREAD | {"dead_time", "distance_offset", "speed_range", "grade_range"}
 OF_SURFACE |= {"roll_range", "sliding_friction", "uphill"}
 USED: dict[type[Any], set[str]] = {
-    Model: {"vehicle", "braking", "terrain", "limits", "effect"},
+    Model: {"vehicle", "braking", "terrain", "limits", "effect", "steering", "tracking"},
+    Steering: {"kind", "reference"},
+    Tracking: {"cross_track_std", "cross_track_per_curvature", "heading_std"}
+    | {"along_track_std", "latency", "latency_std"},
     Vehicle: {"wheelbase", "track_width", "cg_x", "cg_z", "wheel_radius", "max_wheel_speed"}
-    | {"width", "wheel_width", "front_overhang", "rear_overhang", "max_step"},
+    | {"width", "wheel_width", "front_overhang", "rear_overhang", "max_step"}
+    | {"ground_clearance", "drive"},
     Braking: OF_SURFACE
     | {"level", "dead_band", "saturation", "extrapolate", "extrapolation_margin"}
     | {"speed_error", "terrain"},
@@ -37,11 +43,13 @@ USED: dict[type[Any], set[str]] = {
 """Fields from which a stop of the guard is computed."""
 
 UNUSED: dict[type[Any], set[str]] = {
-    # Steering and tracking change what a stop sweeps, not how long it is.
-    Model: {"name", "steering", "tracking"},
-    # Thrust, motors, suspension, and clearance below the body, which the guard does not check.
-    Vehicle: {"mass", "drive", "max_drive_force", "max_drive_power", "motor_torque_constant"}
-    | {"gear_ratio", "idle_current", "ground_clearance", "wheel_travel", "front_brake_share"}
+    Model: {"name"},
+    # Limits of the steering: a base turns at most as commanded.
+    Steering: {"max_angle", "min_radius", "max_rate"},
+    Tracking: set(),
+    # Thrust, motors and suspension.
+    Vehicle: {"mass", "max_drive_force", "max_drive_power", "motor_torque_constant"}
+    | {"gear_ratio", "idle_current", "wheel_travel", "front_brake_share"}
     | {"ride_frequency", "ride_damping"},
     # Both speeds in the dead time are covered; two standard deviations stand for the covariance,
     # or the promised stop distance for the coefficients.

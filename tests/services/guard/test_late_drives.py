@@ -54,4 +54,4 @@ def test_planner_that_brakes_in_time_is_not_delayed_by_the_declared_latency() ->
             for n in range(12)
         ]
         speeds.append(sum(o.distance for o in outcomes) / sum(o.moving_time for o in outcomes))
-    assert speeds[1] == pytest.approx(speeds[0], rel=0.01)
+    assert speeds[1] > 0.99 * speeds[0]

@@ -19,7 +19,7 @@ from slopewise.services.wire.codec import Format
 from slopewise.services.wire.map_message import apply_update
 from slopewise.services.wire.parameter_messages import ParameterGroup
 from slopewise.services.wire.plan_messages import MapUpdate
-from tests.services.guard.guard_fixtures import braking_group, guard, map_update
+from tests.services.guard.guard_fixtures import MODEL, braking_group, guard, map_update
 
 SPACE = "test/updates"
 
@@ -105,7 +105,7 @@ def test_overflowing_queue_is_reported_and_parameters_are_not_crowded_out(
     session: zenoh.Session,
 ) -> None:
     it = guard(known=None)
-    updates = MapUpdates(session, SPACE, None)
+    updates = MapUpdates(session, SPACE, None, MODEL.vehicle)
     put(session, "map", map_update(1))
     put(session, "params/braking", braking_group(b_b=0.2))
     for k in range(2, MAX_WAITING + 10):

@@ -12,8 +12,8 @@ from slopewise.services.check.path_ground import ground_under
 from slopewise.services.check.plan_line import line_of
 from slopewise.services.check.stop_dynamics import StopDynamics
 from slopewise.services.check.stop_integration import worst_case_stops
-from slopewise.services.guard.command_arc import CommandArc, Pose2d, arc_ahead
 from slopewise.services.guard.guard_model import GuardModel, brake_table
+from slopewise.services.guard.stop_courses import Pose2d, StopCourses, Turning, courses_ahead
 from slopewise.services.guard.stop_distances import StopOutcomes, stops_along
 from slopewise.services.io.model_file import read_model
 from tests.services.guard.guard_fixtures import ATV, CELL, MODEL, hills, slope
@@ -23,20 +23,26 @@ ORIGIN = Pose2d(0.0, 0.0, 0.0)
 
 
 def arc_on(
-    model: GuardModel, ground: ElevationMap, pose: Pose2d = ORIGIN, curvature: float = 0.0
-) -> CommandArc:
-    table = brake_table(model)
-    return arc_ahead(model, table, ground, pose, curvature, forward=True, length=15.0)
+    model: GuardModel,
+    ground: ElevationMap,
+    pose: Pose2d = ORIGIN,
+    curvature: float = 0.0,
+    *,
+    forward: bool = True,
+) -> StopCourses:
+    """The one course of a turn that is held, left positive."""
+    turning = Turning(1.0, curvature, curvature, curvature, forward=forward)
+    return courses_ahead(model, brake_table(model), ground, pose, turning, 15.0)
 
 
 def stops(
-    model: GuardModel, arc: CommandArc, speed: float, held: float = 0.0, load: float = 0.0
+    model: GuardModel, arc: StopCourses, speed: float, held: float = 0.0, load: float = 0.0
 ) -> StopOutcomes:
     table = brake_table(model)
     return stops_along(model, (table,), arc, np.array([speed]), np.array([held]), load)
 
 
-def stop_from(model: GuardModel, arc: CommandArc, speed: float, held: float = 0.0) -> float:
+def stop_from(model: GuardModel, arc: StopCourses, speed: float, held: float = 0.0) -> float:
     return float(stops(model, arc, speed, held).distance[0])
 
 
@@ -68,7 +74,7 @@ def test_an_arc_lies_on_its_circle_with_the_slopes_along_it(
     radius = np.hypot(arc.x - centre[0], arc.y - centre[1])
     np.testing.assert_allclose(radius, 1.0 / abs(curvature))
     np.testing.assert_allclose(np.hypot(np.diff(arc.x), np.diff(arc.y)), arc.step, rtol=1e-3)
-    assert (arc.x[0], arc.y[0]) == pytest.approx((3.0, -2.0))
+    assert (arc.x[0, 0], arc.y[0, 0]) == pytest.approx((3.0, -2.0))
     cos, sin = np.cos(arc.yaw), np.sin(arc.yaw)
     np.testing.assert_allclose(arc.grade, np.arctan(0.1 * cos + 0.05 * sin), atol=1e-9)
     np.testing.assert_allclose(arc.roll, np.arctan(0.05 * cos - 0.1 * sin), atol=1e-9)
@@ -81,7 +87,7 @@ def test_stop_on_hills_is_not_shorter_than_the_checkers(seed: int) -> None:
     ground, heading = hills(seed), rng.uniform(-3.0, 3.0)
     speed = float(rng.uniform(0.8, 4.0))
     arc = arc_on(MODEL, ground, Pose2d(30.0, 30.0, heading))
-    if arc.end < 48:
+    if arc.end.reason:
         pytest.skip("steeper than trained")
     along = np.linspace(0.0, 14.0, 120)
     x, y = 30.0 + along * np.cos(heading), 30.0 + along * np.sin(heading)
@@ -126,10 +132,9 @@ def test_slope_that_brakes_do_not_hold_has_no_stop() -> None:
 
 @pytest.mark.parametrize("curvature", [0.0, 0.2])
 def test_reverse_arc_is_that_of_the_turned_vehicle(curvature: float) -> None:
-    table, ground = brake_table(MODEL), hills(3)
+    ground = hills(3)
     pose, turned = Pose2d(30.0, 30.0, 0.7), Pose2d(30.0, 30.0, 0.7 + np.pi)
-    back = arc_ahead(MODEL, table, ground, pose, curvature, forward=False, length=8.0)
-    forth = arc_ahead(MODEL, table, ground, turned, -curvature, forward=True, length=8.0)
-    assert back.curvature == forth.curvature
+    back = arc_on(MODEL, ground, pose, curvature, forward=False)
+    forth = arc_on(MODEL, ground, turned, curvature)
     for name in ("x", "y", "yaw", "grade", "roll", "vertical_curvature"):
         np.testing.assert_allclose(getattr(back, name), getattr(forth, name), atol=1e-9)

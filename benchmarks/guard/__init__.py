@@ -1,0 +1,1 @@
+"""Drives behind the guard among obstacles, on separate kinematics and geometry."""
