@@ -28,6 +28,7 @@ BENCHMARKS: dict[str, tuple[str, tuple[str, ...]]] = {
     "obstacles": ("obstacles.obstacle_benchmark", ()),
     "guard": ("guard.guard_benchmark", ()),
     "noise": ("noisy_maps.noisy_map_benchmark", ()),
+    "tracking": ("tracking.tracking_benchmark", ()),
 }
 """Modules with ``run(request, progress)`` and ``show(result, console)``; packages they need."""
 

@@ -121,7 +121,7 @@ METRES = (
         "δ",
         lambda s: 0.10,
         "either",
-        "nothing: take it off `--clear`",
+        "`[tracking] along_track_std`",
     ),
     Row(
         "a trailer without brakes",
@@ -137,7 +137,7 @@ METRES = (
         "v t",
         lambda s: 0.05 * s.speed,
         "longer",
-        "nothing: the request has the pose of the vehicle now",
+        "`[tracking] latency`",
     ),
     Row(
         "slow build-up of the force",
@@ -217,7 +217,7 @@ METRES = (
         "front · sin atan(0.1 L κ)",
         _corner,
         "a corner leaves the path sideways",
-        "nothing: paths need that much space",
+        "`[tracking] cross_track_per_curvature`",
     ),
 )
 

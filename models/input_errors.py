@@ -130,3 +130,15 @@ def lateral_band(errors: InputErrors, x_body: float, curvature: float = 0.0) -> 
     """
     across = errors.cross_track + errors.cross_track_per_curvature * abs(curvature)
     return across + abs(x_body) * math.sin(errors.heading)
+
+
+def describe_errors(errors: InputErrors, x_body: float) -> str:
+    """Sentence on the space that errors take at an end of the body, x_body [m]; "" without any."""
+    parts = []
+    if errors.has_band:
+        parts.append(f"{lateral_band(errors, x_body):.2f} m to either side of the body")
+    if errors.along_track > 0.0:
+        parts.append(f"{errors.along_track:.2f} m along the path")
+    if errors.latency > 0.0:
+        parts.append(f"{errors.latency:.2f} s of delay")
+    return f"kept free for errors of tracking: {', '.join(parts)}" if parts else ""

@@ -315,6 +315,11 @@ class Model:
         return max(_DEFAULT_DEVIATION_SHARE * self.vehicle.shape.width, _MIN_DEFAULT_DEVIATION)
 
     @property
+    def front(self) -> float:
+        """End of the body ahead of the reference point [m]."""
+        return self.vehicle.shape.front + self.steering_geometry.body_offset
+
+    @property
     def steering_geometry(self) -> SteeringGeometry:
         """How the vehicle turns; keys omitted in the file follow its drive."""
         return steering_geometry(self.steering, self.vehicle.drive, self.vehicle.wheelbase)

@@ -34,6 +34,7 @@ class Limiting(IntEnum):
     CREST = 16
     FRICTION = 17
     HOLDING = 18
+    STEERING = 19
 
     @property
     def label(self) -> str:
@@ -208,5 +209,12 @@ BOUNDS: dict[Limiting, Bound] = {
         Lift({"holds_anywhere": True}),
         "#9c2f4a",
         "#d9708a",
+    ),
+    Limiting.STEERING: Bound(
+        "a turn is tighter than the steering allows, or begins too suddenly",
+        "slopewise.planner.ground.steering_limits:steering_limits",
+        Lift(relaxation="any_turn"),
+        "#6a5acd",
+        "#9d90f0",
     ),
 }

@@ -16,7 +16,7 @@ import numpy as np
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
-from slopewise.models.vehicle import Vehicle
+from slopewise.models.parameters import Model
 from slopewise.planner.path_deviation import GivenPolyline, deviation_along
 from slopewise.planner.raw_polyline import STRAY, arc, clean, first_cusp, noise, without_noise
 from slopewise.planner.smooth_path import rounded, smooth
@@ -280,13 +280,13 @@ def _lowest_around(wanted: Floats, along: Floats, limit: Floats) -> Floats:
     return lowest
 
 
-def behind_the_front(clear: float | Floats, vehicle: Vehicle) -> Floats:
-    """Station up to which the middle of the wheelbase may come: its front stays on the free way.
+def behind_the_front(clear: float | Floats, model: Model) -> Floats:
+    """Station up to which the reference point may come: the vehicle's front stays on the free way.
 
     Args:
         clear: station up to which the way is known free, any shape; below 0 nothing is [m].
-        vehicle: with its front, half a wheelbase and the overhang ahead.
+        model: with the front of its vehicle, ahead of the reference point.
     """
     free = np.asarray(clear, np.float64)
-    reach: Floats = np.maximum(free - vehicle.shape.front, np.minimum(free, 0.0))
+    reach: Floats = np.maximum(free - model.front, np.minimum(free, 0.0))
     return reach

@@ -35,6 +35,7 @@ _UNKNOWN_TERRAIN = int(Limiting.UNKNOWN_TERRAIN)
 _CREST = int(Limiting.CREST)
 _FRICTION = int(Limiting.FRICTION)
 _HOLDING = int(Limiting.HOLDING)
+_STEERING = int(Limiting.STEERING)
 _ROUGHNESS = int(Limiting.ROUGHNESS)
 _MODEL_VALIDITY = int(Limiting.MODEL_VALIDITY)
 
@@ -82,6 +83,7 @@ class _PointRow(NamedTuple):
     limit: Floats
     hazard: Ints
     rough_speed: Floats
+    steering_speed: Floats
     vertical_curvature: Floats
     friction: Floats
     crest_sq: Floats
@@ -133,6 +135,7 @@ def pointwise_bounds(problem: PointProblem, limits: PlanningLimits, out: Pointwi
     limit, friction = np.full(candidates, np.inf), np.full(candidates, np.inf)
     excess = np.zeros(candidates)
     rough_speed, hazard = np.full(candidates, np.inf), np.zeros(candidates, np.int64)
+    steering_speed = np.full(candidates, np.inf)
     scratch[3], scratch[4] = np.inf, np.inf
     out.barrier[:] = _STOPPING_PATH
     copy_row(terrain.counts, out.barrier_station)
@@ -145,6 +148,8 @@ def pointwise_bounds(problem: PointProblem, limits: PlanningLimits, out: Pointwi
             hazard = hazards.code[k]
         if hazards.rough_speed.shape[0] > 0:
             rough_speed = hazards.rough_speed[k]
+        if hazards.steering_speed.shape[0] > 0:
+            steering_speed = hazards.steering_speed[k]
         if slips:
             friction = problem.friction[k]
         if problem.excess.shape[0] > 0:
@@ -162,6 +167,7 @@ def pointwise_bounds(problem: PointProblem, limits: PlanningLimits, out: Pointwi
             limit,
             hazard,
             rough_speed,
+            steering_speed,
             terrain.vertical_curvature[k],
             friction,
             scratch[2],
@@ -299,11 +305,7 @@ def _speeds(row: _PointRow, limits: PlanningLimits) -> None:
         bound = cap * cap
         bend = abs(row.curvature[j])
         per_bend = 1.0 / bend
-        # A bank that falls away from the turn is felt as well; of what it leaves, never nothing.
-        bank = row.cosine[j] * row.sin_roll[j]
-        outward = bank if row.curvature[j] > 0.0 else -bank
-        felt = limits.lateral_accel - GRAVITY * max(outward, 0.0)
-        felt = max(felt, LEAST_TURN * limits.lateral_accel)
+        felt = _lateral_reach(row.curvature[j], row.cosine[j] * row.sin_roll[j], limits)
         turning = felt * row.cos_lean[j] * per_bend if bend > 0.0 else np.inf
         why = _LATERAL if turning < bound else why
         bound = min(bound, turning)
@@ -327,11 +329,25 @@ def _speeds(row: _PointRow, limits: PlanningLimits) -> None:
         rough = row.rough_speed[j]
         why = _ROUGHNESS if rough * rough < bound else why
         bound = min(bound, rough * rough)
+        steered = row.steering_speed[j]
+        why = _STEERING if steered * steered < bound else why
+        bound = min(bound, steered * steered)
         why = _CREST if row.crest_sq[j] < bound else why
         bound = min(bound, row.crest_sq[j])
         why = _FRICTION if row.friction_sq[j] < bound else why
         row.speed_sq_max[j] = min(bound, row.friction_sq[j])
         row.limiting[j] = why
+
+
+@row_pass
+def _lateral_reach(curvature: float, bank: float, limits: PlanningLimits) -> float:
+    """Lateral acceleration that the limit leaves to a turn on a bank [m/s²].
+
+    A bank that falls away from the turn is felt as well; of what it leaves, never nothing.
+    """
+    outward = bank if curvature > 0.0 else -bank
+    felt = limits.lateral_accel - GRAVITY * max(outward, 0.0)
+    return max(felt, LEAST_TURN * limits.lateral_accel)
 
 
 @row_pass

@@ -161,10 +161,13 @@ def _stopping_path(
     """Lower v² to what stops before the clear distance, from the speed that it may really have."""
     profile, ground = track
     speed_sq_max, errors = found.speed_sq_max, ground.errors
+    forces = ground.forces
+    if errors.latency > 0.0:
+        forces = forces._replace(dead_time=ground.dead_time + errors.latency)
     problem = StopProblem(
         profile.rows,
-        ground.forces,
-        clear_distance - ground.distance_offset - STOP_GUARD,
+        forces,
+        clear_distance - ground.distance_offset - errors.along_track - STOP_GUARD,
         errors.height,
     )
     fastest = float(ground.fastest.max())
@@ -175,7 +178,7 @@ def _stopping_path(
     lose_on_crests(problem, fastest, limits, ground.motion, found)
     # Drag may allow more than the closed form, which knows of none: those stops are tried for.
     tried = (found.limiting.copy(), speed_sq_max.copy()) if ground.motion.moves else ()
-    stopping_bound(problem, fastest, float(ground.dead_time.max()), found)
+    stopping_bound(problem, fastest, float(forces.dead_time.max()), found)
     everywhere = not ground.closed_form
     integrated = np.arange(len(clear_distance))
     if not everywhere:

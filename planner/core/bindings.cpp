@@ -196,20 +196,25 @@ void expect_paths(const Input2& x, const Input2& y, const Counts1& count) {
   if (stations < 2) throw nb::value_error("x: expected two stations at least");
 }
 
-void terrain(MapGrid& map, const Input2& x, const Input2& y, const Counts1& count, double length,
+void terrain(MapGrid& map, const Input2& x, const Input2& y, const Counts1& count,
+             const Input2& body_x, const Input2& body_y, double body_offset, double length,
              double width, const Output3& rows, const Known2& known, const Singles2& twist,
              const Singles3& front) {
   expect_paths(x, y, count);
   const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
+  expect_shape("body_x", body_x, {n, m});
+  expect_shape("body_y", body_y, {n, m});
   expect_shape("rows", rows, {9, n, m});
   expect_shape("known", known, {n, m});
   expect_shape("twist", twist, {n, m});
   expect_shape("front", front, {n, 2, m});
   std::array<double*, 9> row{};
   for (std::size_t r = 0; r < row.size(); ++r) row[r] = rows.data() + static_cast<Index>(r) * n * m;
-  const TerrainTable table{n,      m,      x.data(), y.data(), count.data(), row[0],       row[1],
-                           row[2], row[3], row[4],   row[5],   row[6],       row[7],       row[8],
-                           known.data(),   twist.data(),       front.data()};
+  const TerrainTable table{n,           m,      x.data(),      y.data(),      count.data(),
+                           body_x.data(),       body_y.data(), body_offset,   row[0],
+                           row[1],      row[2], row[3],        row[4],        row[5],
+                           row[6],      row[7], row[8],        known.data(),  twist.data(),
+                           front.data()};
   const nb::gil_scoped_release release;
   sample_terrain(map.grid, table, length, width);
 }
@@ -314,8 +319,8 @@ NB_MODULE(_core, m) {
         return map.grid.memory();
       })
       .def("tyre_lifts", &sw::tyre_lifts, "heading"_a, "out"_a.noconvert())
-      .def("sample_terrain", &sw::terrain, "x"_a, "y"_a, "count"_a, "length"_a, "width"_a,
-           "rows"_a.noconvert(), "known"_a.noconvert(), "twist"_a.noconvert(),
+      .def("sample_terrain", &sw::terrain, "x"_a, "y"_a, "count"_a, "body_x"_a, "body_y"_a,
+           "body_offset"_a, "length"_a, "width"_a, "rows"_a.noconvert(), "known"_a.noconvert(), "twist"_a.noconvert(),
            "front"_a.noconvert())
       .def("stations", &sw::stations, "x"_a, "y"_a, "count"_a, "station"_a.noconvert())
       .def("ground_behind", &sw::ground_behind, "x"_a, "y"_a, "heading_x"_a, "heading_y"_a,

@@ -21,13 +21,16 @@ struct TerrainTable {
   Index stations, candidates;
   const double *x, *y;
   const std::int64_t* count;  // (M,) stations of each candidate, at least 3
+  // Heading of the body: of a vehicle that follows the path exactly, the rows written below.
+  const double *body_x, *body_y;
+  double body_offset;  // middle of the wheelbase ahead of the point on the path [m]
   double *z, *station, *heading_x, *heading_y, *curvature, *grade, *sin_grade, *sin_roll,
       *vertical_curvature;
   bool* known;
   float *twist, *front;  // front: (N, 2, M)
 };
 
-inline constexpr std::size_t footprint_points = 5;  // the wheels, and the middle of the wheelbase
+inline constexpr std::size_t footprint_points = 5;  // the wheels, and the point on the path
 inline constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
 namespace detail {
@@ -220,19 +223,26 @@ struct Ground {
   std::array<Lanes, footprint_points> surface, contact;
 };
 
-// Of points of the footprint: front left, front right, rear left, rear right, middle.
-inline void stand(HeightGrid& grid, const double* x, const double* y, const double* heading_x,
-                  const double* heading_y, double length, double width, Index lanes, Ground& out) {
+// Of points of the footprint: front left, front right, rear left, rear right, that on the path. The
+// last one has the heading of the path, the wheels that of the body.
+inline void stand(HeightGrid& grid, const TerrainTable& t, Index at, double length, double width,
+                  Index lanes, Ground& out) {
   Places places;
-  std::array<Index, wide> heading{};
-  if (grid.resolves_wheels()) nearest_headings(heading_x, heading_y, lanes, heading);
+  std::array<Index, wide> heading{}, path_heading{};
+  if (grid.resolves_wheels()) {
+    nearest_headings(t.body_x + at, t.body_y + at, lanes, heading);
+    nearest_headings(t.heading_x + at, t.heading_y + at, lanes, path_heading);
+  }
   for (std::size_t point = 0; point < footprint_points; ++point) {
-    const double ahead = point == 4 ? 0.0 : (point < 2 ? 0.5 : -0.5) * length;
-    const double aside = point == 4 ? 0.0 : (point % 2 == 0 ? 0.5 : -0.5) * width;
-    locate(grid, x, y, heading_x, heading_y, ahead, aside, lanes, places);
+    const bool is_wheel = point < 4;
+    const double ahead = is_wheel ? t.body_offset + (point < 2 ? 0.5 : -0.5) * length : 0.0;
+    const double aside = is_wheel ? (point % 2 == 0 ? 0.5 : -0.5) * width : 0.0;
+    locate(grid, t.x + at, t.y + at, t.body_x + at, t.body_y + at, ahead, aside, lanes, places);
     interpolate(grid, places, lanes, out.surface[point]);
     out.contact[point] = out.surface[point];
-    if (grid.resolves_wheels()) lift_tyre(grid, places, heading, lanes, out.contact[point]);
+    if (grid.resolves_wheels()) {
+      lift_tyre(grid, places, is_wheel ? heading : path_heading, lanes, out.contact[point]);
+    }
   }
 }
 
@@ -269,7 +279,7 @@ inline void sample_lanes(HeightGrid& grid, const TerrainTable& t, double length,
     double *heading_x = t.heading_x + at, *heading_y = t.heading_y + at;
     steps.turn(k, count, t.x + at, t.y + at, t.x + next, t.y + next, t.curvature + back, heading_x,
                heading_y, t.curvature + at);
-    stand(grid, t.x + at, t.y + at, heading_x, heading_y, length, width, lanes, ground);
+    stand(grid, t, at, length, width, lanes, ground);
     note_ground(t, k, first, lanes, ground);
     tilt(ground.contact, length, width, lanes, t.known + at, t.grade + at, t.sin_grade + at,
          t.sin_roll + at);

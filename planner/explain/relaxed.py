@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from slopewise.models.parameters import Model
+from slopewise.models.steering import Steering
 from slopewise.planner.explain.what_if import Assumptions
 from slopewise.planner.limiting import BOUNDS, Limiting
 
@@ -77,6 +78,14 @@ def _any_friction(model: Model) -> Model:
     return replace(model, braking=replace(base, sliding_friction=None, terrain=surfaces))
 
 
+def _any_turn(model: Model) -> Model:
+    """Steering as tight as any path, and as quick; the body stands on the path as before."""
+    kind = model.vehicle.drive
+    given = Steering(kind=kind) if model.steering is None else model.steering
+    free = replace(given, max_angle=None, min_radius=1.0 / _FAR, max_rate=None)
+    return replace(model, steering=free)
+
+
 def _stretched(model: Model, factor: float, cg_z: float) -> Model:
     v, terrain = model.vehicle, model.terrain
     vehicle = replace(v, cg_z=cg_z, cg_x=v.cg_x * factor, wheelbase=v.wheelbase * factor)
@@ -99,6 +108,7 @@ def _out_of_reach(limits: tuple[str, ...]) -> Callable[[Model], Model]:
 _RELAXATIONS: Mapping[str, Callable[[Model], Model]] = {
     "as_fast_as_trained": _as_fast_as_trained,
     "any_friction": _any_friction,
+    "any_turn": _any_turn,
     "far_axles": _far_axles,
     "far_sides": _far_sides,
 }

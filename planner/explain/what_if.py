@@ -20,7 +20,7 @@ from slopewise.models.surface_names import resolve_class
 from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from slopewise.planner.ground.terrain_profile import terrain_profile
-from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.path import EvenPath, batch, behind_the_front
 from slopewise.planner.pipeline.candidates import finished
@@ -68,6 +68,17 @@ class Assumptions:
     ground_even: bool = False
     holds_anywhere: bool = False
 
+    @property
+    def lifted(self) -> tuple[Limiting, ...]:
+        """Bounds of body and wheels that do not count."""
+        lifts = {
+            Limiting.UNKNOWN_TERRAIN: self.ground_known,
+            Limiting.STEP: self.no_steps,
+            Limiting.CLEARANCE: self.high_enough,
+            Limiting.BODY: self.narrow_enough,
+        }
+        return tuple(bound for bound, is_lifted in lifts.items() if is_lifted)
+
 
 class WhatIf:
     """One path on one map, planned under any number of assumptions."""
@@ -101,7 +112,9 @@ class WhatIf:
         vehicle = model.vehicle
         self._vehicle, self._name, self._limit = vehicle, path.name, part.speed_limit
         elevation_map = averaged_map(elevation_map, vehicle.wheel_radius)
-        self._profile = terrain_profile(elevation_map, part.x, part.y, part.count, vehicle)
+        self._profile = terrain_profile(
+            elevation_map, part.x, part.y, part.count, vehicle, model.steering_geometry
+        )
         self._map, self._classes = elevation_map, elevation_map.class_names
         self._start_speed = start_speed
         self._conditions = conditions
@@ -119,10 +132,6 @@ class WhatIf:
         if assumptions.ground_even:
             flat = np.zeros_like(profile.vertical_curvature)
             profile = replace(profile, vertical_curvature=flat)
-        lifted = [Limiting.UNKNOWN_TERRAIN] if assumptions.ground_known else []
-        lifted += [Limiting.STEP] if assumptions.no_steps else []
-        lifted += [Limiting.CLEARANCE] if assumptions.high_enough else []
-        lifted += [Limiting.BODY] if assumptions.narrow_enough else []
         classes = self._classes
         if assumptions.surfaces_known:
             classes = tuple(_learned_surface(model, name) for name in classes)
@@ -136,9 +145,15 @@ class WhatIf:
             ground,
             model,
             start_speed=self._start_speed,
-            clear=behind_the_front(assumptions.clear, self._vehicle),
+            clear=behind_the_front(assumptions.clear, as_large),
             speed_limit=self._limit if assumptions.path_limits else None,
-            hazards=swept_hazards(self._map, profile, as_large, lifted=lifted),
+            hazards=swept_hazards(
+                self._map,
+                profile,
+                as_large,
+                errors=survived_errors(model, uncertainty),
+                lifted=assumptions.lifted,
+            ),
             holds_anywhere=assumptions.holds_anywhere,
             settings=self._settings,
         )
@@ -165,4 +180,5 @@ def _stopping_at_once(ground: BrakingGround) -> BrakingGround:
         lower_intercept=np.full_like(ground.lower_intercept, _AT_ONCE),
         dead_time=nothing(ground.dead_time),
         distance_offset=nothing(ground.distance_offset),
+        errors=ground.errors._replace(along_track=0.0, latency=0.0),
     )

@@ -25,7 +25,7 @@ from slopewise.planner.ground.hull_speed import hold_below
 from slopewise.planner.ground.surface_cache import surface_cache_of
 from slopewise.planner.ground.surface_table import surface_bits
 from slopewise.planner.ground.terrain_profile import TerrainProfile
-from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +48,15 @@ class StopErrors(NamedTuple):
         speed: the vehicle may be faster than planned by this [m/s].
         drive_cut: the drive may be cut during the dead time, so that a slope speeds the vehicle up.
         height: the stop may fall by this much further than the map says [m].
+        along_track: it may begin so much farther along than planned [m].
+        latency: it may be commanded so much later than planned, at the speed held till then [s].
     """
 
     speed: float = 0.0
     drive_cut: bool = False
     height: float = 0.0
+    along_track: float = 0.0
+    latency: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,11 +166,14 @@ def ground_along(
         forces = forces._replace(upper_intercept=forces.upper_intercept + drag)
     forces = lower_force_over_dips(forces, profile)
     width = 0.0 if uncertainty is None else uncertainty.width
+    tracking = survived_errors(model, uncertainty)
     errors = StopErrors(
         width * braking.speed_error,
         braking.drive_in_dead_time != "held",
         # The height of one place against that of another: two errors.
         width * np.sqrt(2.0) * profile.height_std,
+        tracking.along_track,
+        tracking.latency,
     )
     return BrakingGround(*forces, push, motion, known.closed_form, friction, errors)
 

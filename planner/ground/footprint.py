@@ -8,7 +8,7 @@ from slopewise.models.arrays import Floats
 from slopewise.planner.kernels.compiled import inlined, row_pass
 
 POINTS = 5
-"""Front left, front right, rear left, rear right, and the middle of the wheelbase."""
+"""Front left, front right, rear left, rear right, and the reference point on the path."""
 
 
 class CellFrame(NamedTuple):

@@ -14,11 +14,16 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints, Singles
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.steering import SteeringGeometry
 from slopewise.models.vehicle import Vehicle
+from slopewise.planner.ground.body_pose import BodyRows, trailing_heading
 from slopewise.planner.ground.footprint import CellFrame
 from slopewise.planner.ground.height_grid import height_grid
 from slopewise.planner.ground.surface_bits import surfaces_under_wheels
 from slopewise.planner.kernels.workspace import empty, empty_singles
+
+_NEVER_OFF = SteeringGeometry()
+"""Of a vehicle whose middle is on the path, and whose heading is that of the path."""
 
 
 class TerrainRows(NamedTuple):
@@ -61,6 +66,7 @@ class TerrainProfile:
             plane of the others [m], float32; NaN where unknown.
         front: (N, 2, M) surface under the front wheels, left and right, above z of the first
             station [m], float32; what is unknown repeats the last known, or 0.
+        body: pose of the body, None where it is that of the path.
     """
 
     count: Ints
@@ -80,6 +86,12 @@ class TerrainProfile:
     twist: Singles
     front: Singles
     height_std: float = 0.0
+    body: BodyRows | None = None
+
+    @property
+    def body_rows(self) -> BodyRows:
+        """Pose of the body."""
+        return self.body or BodyRows(self.x, self.y, self.heading_x, self.heading_y)
 
     @property
     def rows(self) -> TerrainRows:
@@ -104,15 +116,21 @@ class TerrainProfile:
 
 
 def terrain_profile(
-    elevation_map: ElevationMap, x: Floats, y: Floats, count: Ints, vehicle: Vehicle
+    elevation_map: ElevationMap,
+    x: Floats,
+    y: Floats,
+    count: Ints,
+    vehicle: Vehicle,
+    steering: SteeringGeometry = _NEVER_OFF,
 ) -> TerrainProfile:
     """Sample an elevation map under the wheels along candidate paths.
 
     Args:
         elevation_map: heights; unknown cells are NaN.
-        x, y: (N, M) positions of the middle of the wheelbase [m], C-contiguous.
+        x, y: (N, M) positions of the reference point [m], C-contiguous.
         count: (M,) number of stations of each candidate, at least 3.
         vehicle: with the sizes of its wheels.
+        steering: how body and path belong together.
     """
     stations, candidates = x.shape
     out = empty(9, stations, candidates)
@@ -120,24 +138,28 @@ def terrain_profile(
     twist = empty_singles(stations, candidates)
     front = empty_singles(stations, 2, candidates)
     length, width = vehicle.wheelbase, vehicle.track_width
-    height_grid(elevation_map, vehicle).sample_terrain(
-        x, y, count, length, width, out, known, twist, front
-    )
     z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll, crests = out
+    body_x, body_y, body = heading_x, heading_y, None
+    if steering.centre_offset > 0.0:
+        body_x, body_y = trailing_heading(x, y, steering)
+        body = BodyRows(x, y, body_x, body_y)
+    height_grid(elevation_map, vehicle).sample_terrain(
+        x, y, count, body_x, body_y, steering.body_offset, length, width, out, known, twist, front
+    )
     for j in np.flatnonzero(np.isnan(z[0])):
         seen = np.flatnonzero(np.isfinite(z[:, j]))
         first = int(seen[0]) if len(seen) else stations
         z[:first, j] = z[first, j] if len(seen) else 0.0
+    if steering.body_offset > 0.0:
+        ahead = steering.body_offset
+        body = BodyRows(x + ahead * heading_x, y + ahead * heading_y, heading_x, heading_y)
     surfaces: Ints = np.broadcast_to(np.int64(1), x.shape)
     if elevation_map.terrain_class is not None:
         surfaces = empty(*x.shape).view(np.int64)
         surfaces_under_wheels(
             elevation_map.terrain_class,
             CellFrame(*elevation_map.origin, 1.0 / elevation_map.resolution),
-            x,
-            y,
-            heading_x,
-            heading_y,
+            *(body or BodyRows(x, y, heading_x, heading_y)),
             (0.5 * length, 0.5 * width),
             surfaces,
         )
@@ -159,6 +181,7 @@ def terrain_profile(
         twist,
         front,
         elevation_map.height_std,
+        body,
     )
 
 

@@ -15,6 +15,7 @@ from scipy.special import ndtri
 from slopewise.models.arrays import Floats
 from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS, validate
+from slopewise.models.input_errors import InputErrors, input_errors
 from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.quantity import GRAVITY, quantity, validate_quantities
 from slopewise.models.stop_promise import promised
@@ -171,3 +172,8 @@ class Uncertainty:
         if per_slope > 0.0:
             margin += self.width * self.slope_std * per_slope * abs(effect.parameters["k"])
         return margin
+
+
+def survived_errors(model: Model, uncertainty: Uncertainty | None) -> InputErrors:
+    """Errors of tracking that plans survive; None plans with the mean."""
+    return input_errors(model.tracking, None if uncertainty is None else uncertainty.quantile)

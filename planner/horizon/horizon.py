@@ -105,7 +105,7 @@ class Horizon:
         model = within_sight(self.model, elevation_map, self.planner.unseen_steps)
         equipment = replace(self._equipment, model=model)
         cycle = Cycle(CyclePlanner(equipment, felt, conditions, started), state, self._previous)
-        answer, self._previous = cycle.run(offered, behind_the_front(free, self.model.vehicle))
+        answer, self._previous = cycle.run(offered, behind_the_front(free, self.model))
         return replace(answer, seconds=cycle.seconds)
 
 

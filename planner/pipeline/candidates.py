@@ -76,7 +76,7 @@ class CandidatePlanner:
         if np.shape(clear) not in ((), (1,), (len(paths),)):
             expected = f"one distance or {len(paths)}, got {np.shape(clear)}"
             raise ParameterError("clear", expected)
-        free = np.broadcast_to(behind_the_front(clear, self.model.vehicle), (len(paths),))
+        free = np.broadcast_to(behind_the_front(clear, self.model), (len(paths),))
         model = within_sight(self.model, elevation_map, self.settings.unseen_steps)
         felt = averaged_map(elevation_map, self.model.vehicle.wheel_radius)
         plans: list[SpeedPlan] = []

@@ -28,7 +28,7 @@ def standing(column: CandidateColumn) -> tuple[Status, str]:
     if k >= len(station) or (k > 0 and column.clear < station[k - 1]):
         if column.clear <= 0.0:
             return Status.BLOCKED, "no way ahead of its front is known to be free"
-        free = column.clear + column.model.vehicle.shape.front
+        free = column.clear + column.model.front
         return Status.BLOCKED, f"the way is known to be free for its front only up to {free:.2f} m"
     return Status.BLOCKED, _why_barred(column, k)
 
@@ -55,10 +55,10 @@ def stop_reason(
 
 
 def _kept_free(column: CandidateColumn, k: int) -> float:
-    """What even the slowest stop before the end keeps free: its offset, and the map's error [m]."""
+    """What even the slowest stop keeps free: its offset, errors of map and place [m]."""
     braking = column.full_braking(k, 0.0)
     fall = GRAVITY * column.errors.height / braking if braking > 0.0 else 0.0
-    return column.offset + fall
+    return column.offset + column.errors.along_track + fall
 
 
 def _why_barred(column: CandidateColumn, k: int) -> str:
@@ -70,9 +70,13 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
     match column.barrier:
         case Limiting.UNKNOWN_TERRAIN if not column.known[k]:
             return f"unknown ground under the wheels {there}"
-        case Limiting.UNKNOWN_TERRAIN | Limiting.STEP | Limiting.CLEARANCE | Limiting.BODY if (
-            obstacle := column.obstacle
-        ):
+        case (
+            Limiting.UNKNOWN_TERRAIN
+            | Limiting.STEP
+            | Limiting.CLEARANCE
+            | Limiting.BODY
+            | Limiting.STEERING
+        ) if obstacle := column.obstacle:
             return f"{there} {obstacle.words}"
         case Limiting.MODEL_VALIDITY:
             braking = column.model.braking

@@ -16,7 +16,7 @@ from slopewise.models.parameters import Model
 from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
 from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
-from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.kernels.limits import PlanningLimits, planning_limits
 from slopewise.planner.path import PathBatch
 from slopewise.planner.profile.time_optimal import (
@@ -94,7 +94,9 @@ def time_optimal_batch(
         conditions: of the moment.
         uncertainty: what the plans are to survive; then ``model`` is its cautious one already.
     """
-    profile = terrain_profile(elevation_map, paths.x, paths.y, paths.count, model.vehicle)
+    profile = terrain_profile(
+        elevation_map, paths.x, paths.y, paths.count, model.vehicle, model.steering_geometry
+    )
     ground = ground_along(profile, model, elevation_map.class_names, conditions, uncertainty)
     return solve(
         profile,
@@ -104,7 +106,9 @@ def time_optimal_batch(
         clear=clear,
         speed_limit=paths.speed_limit,
         settings=settings,
-        hazards=swept_hazards(elevation_map, profile, model),
+        hazards=swept_hazards(
+            elevation_map, profile, model, errors=survived_errors(model, uncertainty)
+        ),
     )
 
 

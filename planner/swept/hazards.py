@@ -10,7 +10,9 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.input_errors import InputErrors
 from slopewise.models.parameters import Model
+from slopewise.planner.ground.steering_limits import SteeringLimits, steering_limits
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.kernels.workspace import empty
 from slopewise.planner.limiting import Limiting
@@ -20,12 +22,17 @@ from slopewise.planner.swept.ride import ride_of, run_up
 from slopewise.planner.swept.roughness import rough_speeds
 from slopewise.planner.swept.run_up import ground_behind
 from slopewise.planner.swept.screen_cache import screen_for
-from slopewise.planner.swept.sentences import cannot_see, obstacle_of
-from slopewise.planner.swept.sizes import swept_sizes
+from slopewise.planner.swept.sentences import cannot_see, obstacle_of, too_tight
+from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
 from slopewise.planner.swept.sweep import Swept, SweptPaths, scratch_for, sweep
+from slopewise.planner.swept.tube import tube_of
 from slopewise.planner.swept.wheel_path import Ground, Pose
 
 _BAR_OF_KIND = np.array([BARS.get(kind, 0) for kind in Kind], np.int64)
+
+_STEERING = int(Limiting.STEERING)
+
+_NO_ERRORS = InputErrors()
 
 _LEAST_SPACING = 0.001
 """Of stations [m], however short a path is: ground behind it is looked at in such steps."""
@@ -36,6 +43,7 @@ class HazardRows(NamedTuple):
 
     code: Ints
     rough_speed: Floats
+    steering_speed: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +54,7 @@ class Hazards:
         rows: ``code`` (N, M) is 0 where body and wheels may be, else what bars the pose, as
             :class:`slopewise.planner.limiting.Limiting`; it holds for all poses from the station
             before on. ``rough_speed`` (N, M) is the highest speed that the ground's roughness
-            allows [m/s].
+            allows [m/s]. ``steering_speed`` (N, M) likewise, that the steering can follow.
         unseen: what the map is too coarse to show, a sentence; empty where it shows all.
         obstacle: what bars station k of candidate j, None where nothing does.
         looked: poses that the screen of the map did not clear.
@@ -64,7 +72,8 @@ def _nothing_there(j: int, k: int) -> None:
 
 def nothing_looked_for() -> Hazards:
     """Ground taken as a plane under every pose, for what-if questions and tests of other bounds."""
-    return Hazards(HazardRows(np.empty((0, 0), np.int64), np.empty((0, 0))), "", _nothing_there)
+    none = np.empty((0, 0))
+    return Hazards(HazardRows(none.astype(np.int64), none, none), "", _nothing_there)
 
 
 def swept_hazards(
@@ -72,6 +81,7 @@ def swept_hazards(
     profile: TerrainProfile,
     model: Model,
     *,
+    errors: InputErrors = _NO_ERRORS,
     lifted: Collection[Limiting] = (),
 ) -> Hazards:
     """What bars wheels and body along candidates, and how fast rough ground may be driven.
@@ -83,9 +93,10 @@ def swept_hazards(
         elevation_map: ground.
         profile: M candidates of up to N stations on it.
         model: vehicle and limits.
+        errors: of tracking, at the quantile of the plan.
         lifted: bounds that do not count, for what-if questions.
     """
-    vehicle = model.vehicle
+    vehicle, geometry = model.vehicle, model.steering_geometry
     sizes = swept_sizes(vehicle, elevation_map.resolution)
     ground = Ground(elevation_map.elevation, *elevation_map.origin, 1.0 / elevation_map.resolution)
     stations, candidates = profile.x.shape
@@ -94,34 +105,56 @@ def swept_hazards(
     spacing = np.maximum(steps.max(axis=0), _LEAST_SPACING)
     code, found = empty(stations, candidates).view(np.int64), np.zeros((candidates, 4))
     bars = np.where(np.isin(_BAR_OF_KIND, list(lifted)), 0, _BAR_OF_KIND)
+    body = profile.body_rows
+    tube, widest = tube_of(errors, profile, geometry.body_offset, sizes, elevation_map.resolution)
     looked = sweep(
         ground,
-        SweptPaths(profile.x, profile.y, profile.rows),
+        SweptPaths(body, profile.rows, tube, geometry.centre_offset > 0.0),
         profile.twist,
-        screen_for(elevation_map, vehicle, sizes, profile.x, profile.y),
-        sizes,
+        screen_for(elevation_map, vehicle, widest, body.x, body.y),
+        (sizes, widest),
         scratch_for(sizes, float(spacing.max())),
         Swept(bars, code, found),
     )
-    rough = np.empty((0, 0))
+    rough = steering_speed = np.empty((0, 0))
     if sizes.fine:
         ride = ride_of(model, sizes, float(np.clip(spacing.min(), 0.5 * spacing.max(), None)))
         stations_behind = run_up(sizes, ride.spacing)
         behind = ground_behind(elevation_map, profile, stations_behind, spacing, vehicle)
         rough = rough_speeds(behind, profile.front, ride, spacing)
+    steering = steering_limits(profile, geometry)
+    if steering is not None:
+        code[steering.blocked & (code == 0)] = _STEERING
+        steering_speed = steering.speed
+    return Hazards(
+        HazardRows(code, rough, steering_speed),
+        cannot_see(sizes, elevation_map.resolution),
+        _obstacles(profile, (code, found), sizes, steering, geometry.max_curvature),
+        looked,
+    )
+
+
+def _obstacles(
+    profile: TerrainProfile,
+    met: tuple[Ints, Floats],
+    sizes: SweptSizes,
+    steering: SteeringLimits | None,
+    max_curvature: float,
+) -> Callable[[int, int], Obstacle | None]:
+    """Obstacles at stations of candidates, by the codes and findings of the sweep."""
+    code, found = met
+    body = profile.body_rows
 
     def obstacle(j: int, k: int) -> Obstacle | None:
-        kind, *where = found[j]
         if code[k, j] == 0:
             return None
-        pose = Pose(
-            float(profile.x[k, j]),
-            float(profile.y[k, j]),
-            float(profile.heading_x[k, j]),
-            float(profile.heading_y[k, j]),
-        )
+        if code[k, j] == _STEERING and steering is not None:
+            x, y = float(profile.x[k, j]), float(profile.y[k, j])
+            curvature = max(abs(profile.curvature[k, j]), abs(steering.curvature[k, j]))
+            message = too_tight(x, y, float(curvature), max_curvature)
+            return Obstacle(Limiting.STEERING, x, y, 0.0, message)
+        kind, *where = found[j]
+        pose = Pose(*(float(row[k, j]) for row in body))
         return obstacle_of(Finding(int(kind), *where), pose, sizes)
 
-    return Hazards(
-        HazardRows(code, rough), cannot_see(sizes, elevation_map.resolution), obstacle, looked
-    )
+    return obstacle

@@ -21,7 +21,7 @@ wheel may meet a step, and from there on the others; any wheel may."""
 
 
 @row_pass
-def _flat_block(screen: Screen, x: float, y: float) -> np.uint64:
+def flat_block(screen: Screen, x: float, y: float) -> np.uint64:
     """Of a point, in rows laid one behind the other; unsigned, as no index counts from the end."""
     rows, columns = screen.bits.shape
     u = min(max((x - screen.origin_x) * screen.per_metre, 0.0), columns - 1.0)
@@ -42,7 +42,7 @@ def looks_at(
     flat = screen.bits.reshape(screen.bits.size)
     some = 0
     for j in range(x.shape[0]):
-        block = _flat_block(screen, x[j], y[j])
+        block = flat_block(screen, x[j], y[j])
         goes_on = open_yet[j] & (np.uint8(255) if known[j] else np.uint8(0))
         open_yet[j] = goes_on
         look = flat[block] & goes_on
@@ -88,10 +88,10 @@ def wheel_looks(
         left_x, left_y = -width * heading_y[j], width * heading_x[j]
         front_x, front_y = x[j] + along_x, y[j] + along_y
         rear_x, rear_y = x[j] - along_x, y[j] - along_y
-        a = _flat_block(screen, front_x + left_x, front_y + left_y)
-        b = _flat_block(screen, front_x - left_x, front_y - left_y)
-        c = _flat_block(screen, rear_x + left_x, rear_y + left_y)
-        d = _flat_block(screen, rear_x - left_x, rear_y - left_y)
+        a = flat_block(screen, front_x + left_x, front_y + left_y)
+        b = flat_block(screen, front_x - left_x, front_y - left_y)
+        c = flat_block(screen, rear_x + left_x, rear_y + left_y)
+        d = flat_block(screen, rear_x - left_x, rear_y - left_y)
         hangs = abs(twist[j]) + lift[a] + lift[b] + lift[c] + lift[d] > travel
         met = np.uint8(TWIST) if hangs else none
         met |= np.uint8(WHEEL) if flat[a] > cleared else none
@@ -125,15 +125,23 @@ def looked_closer(pose: Pose, looks: int, screen: Screen, sizes: SweptSizes, aro
         radius = np.sqrt(0.25 * third * third + side * side)
         for n in range(3):
             x, y = place(pose, (n + 0.5) * third - rear, 0.0)
-            clear = clear and seen[_flat_block(screen, x, y)] >= radius
+            clear = clear and seen[flat_block(screen, x, y)] >= radius
         looks = looks & ~UNSEEN if clear else looks | (TWIST if sizes.fine else 0)
     for wheel in range(4):
         if looks & (WHEEL << wheel):
-            ahead, aside = wheel_at(wheel, sizes)
-            x, y = place(pose, ahead, aside)
-            block = _flat_block(screen, x, y)
-            east = screen.east.reshape(screen.east.size)[block]
-            north = screen.north.reshape(screen.north.size)[block]
-            around[wheel, 0] = east * pose.heading_x + north * pose.heading_y
-            around[wheel, 1] = north * pose.heading_x - east * pose.heading_y
+            around[wheel, 0], around[wheel, 1] = slopes_at(pose, wheel, screen, sizes)
     return looks
+
+
+@inlined
+def slopes_at(pose: Pose, wheel: int, screen: Screen, sizes: SweptSizes) -> tuple[float, float]:
+    """Slopes of the ground around a wheel, along its way and to the left [1]."""
+    ahead, aside = wheel_at(wheel, sizes)
+    x, y = place(pose, ahead, aside)
+    block = flat_block(screen, x, y)
+    east = screen.east.reshape(screen.east.size)[block]
+    north = screen.north.reshape(screen.north.size)[block]
+    return (
+        east * pose.heading_x + north * pose.heading_y,
+        north * pose.heading_x - east * pose.heading_y,
+    )

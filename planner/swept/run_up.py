@@ -29,11 +29,12 @@ def ground_behind(
         (B, 2, M) left and right, the first one farthest behind, as ``profile.front`` [m].
     """
     behind = np.empty((stations, *profile.front.shape[1:]), np.float32)
+    body = profile.body_rows
     height_grid(elevation_map, vehicle).ground_behind(
-        profile.x[0],
-        profile.y[0],
-        profile.heading_x[0],
-        profile.heading_y[0],
+        body.x[0],
+        body.y[0],
+        body.heading_x[0],
+        body.heading_y[0],
         spacing,
         profile.z[0],
         profile.front[0],

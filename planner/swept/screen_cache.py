@@ -16,7 +16,7 @@ _BESIDE = 0.1
 """Share of the candidates' extent by which more is looked over of a map that stays: whoever asks
 about it once more will do so again, and from farther along."""
 
-_Key = tuple[ElevationMap, Vehicle]
+_Key = tuple[ElevationMap, Vehicle, SweptSizes]
 _recent: tuple[tuple[_Key, Judged], ...] = ()
 """Replaced as a whole, never changed: threads need no lock."""
 
@@ -27,13 +27,13 @@ def screen_for(
     """The screen of this map, which never changes, around all positions (N, M) [m]."""
     global _recent
     wanted, known = around(elevation_map, sizes, x, y), None
-    for (ground, wheeled), judged in _recent:
-        if ground is elevation_map and wheeled == vehicle:
+    for (ground, *wheeled), judged in _recent:
+        if ground is elevation_map and wheeled == [vehicle, sizes]:
             if judged.around.holds(wanted):
                 return judged.screen
             known = known or judged
     if known is not None:
         wanted = around(elevation_map, sizes, x, y, _BESIDE)
     judged = screen_of(elevation_map, sizes, wanted, known)
-    _recent = (((elevation_map, vehicle), judged), *_recent[: _KEPT - 1])
+    _recent = (((elevation_map, vehicle, sizes), judged), *_recent[: _KEPT - 1])
     return judged.screen

@@ -39,6 +39,14 @@ def _sentence(found: Finding, kind: Kind, at: tuple[float, float], sizes: SweptS
     return f"{what} {where}, {_limit(kind, sizes)}"
 
 
+def too_tight(x: float, y: float, curvature: float, max_curvature: float) -> str:
+    """A turn that the steering cannot make; place [m], curvatures [1/m]."""
+    return (
+        f"at x {x:.2f} m, y {y:.2f} m the path turns tighter than the vehicle can: radius "
+        f"{1.0 / abs(curvature):.2f} m, at least {1.0 / max_curvature:.2f} m is needed"
+    )
+
+
 def _limit(kind: Kind, sizes: SweptSizes) -> str:
     if kind in (Kind.RISE, Kind.DROP):
         return f"the limit is {sizes.max_step:.3g} m"

@@ -23,6 +23,7 @@ from slopewise.planner.kernels.compiled import inlined, kernel
 from slopewise.planner.kernels.limits import planning_limits
 from slopewise.planner.kernels.motion_laws import motion_deceleration
 from slopewise.planner.limiting import Limiting
+from slopewise.planner.verify.steering import Steered, follow_steering, steering_terms
 from slopewise.planner.verify.stop_by_energy import (
     Shares,
     Target,
@@ -54,7 +55,9 @@ _TOLERANCE = 1e-6
     _VERTICAL,
     _FRICTION,
     _WHEEL_LOAD,
-) = range(11)
+    _TURNING,
+    _STEERING_RATE,
+) = range(13)
 _LEAST_TURN = 0.1
 """Share of the lateral acceleration that any bank leaves to a turn."""
 
@@ -75,6 +78,8 @@ class Violations(NamedTuple):
     vertical: float
     friction: float
     wheel_load: float
+    turning: float
+    steering_rate: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +157,17 @@ def terms_of(model: Model, motion: MotionTerms, errors: StopErrors, *, all_loads
     """What plans of a model are judged by, with these effects on the motion and these errors."""
     in_time = motion != registry.NO_MOTION._replace(heat=motion.heat)
     limits = planning_limits(model)
-    return Terms(body_of(model), limits, motion, errors, in_time, BETWEEN, TIME_STEP, all_loads)
+    return Terms(
+        body_of(model),
+        limits,
+        motion,
+        errors,
+        steering_terms(model),
+        in_time,
+        BETWEEN,
+        TIME_STEP,
+        all_loads,
+    )
 
 
 class JudgedPlan(NamedTuple):
@@ -181,7 +196,7 @@ class JudgeNotes(NamedTuple):
 
     Attributes:
         stop_distance, rear_load, side_load: (N,) as of :class:`Judgement`.
-        worst: (11,) worst breach of each kind, in the order of :class:`Violations`; only raised.
+        worst: (13,) worst breach of each kind, in the order of :class:`Violations`; only raised.
         bad: (N − 1,) segments in or at the start of which something is breached; only set.
     """
 
@@ -249,10 +264,11 @@ def judge_track(plan: JudgedPlan, terms: Terms, notes: JudgeNotes) -> None:
     stations = speed_sq.shape[0]
     fastest = _fastest(track, survey, terms, np.sqrt(speed_sq.max()))
     at_risk = _loads_at_risk(track, survey, terms, fastest)
+    steered, along_track = follow_steering(track, terms.steering), terms.errors.along_track
     sticks = np.empty(stations)
     _sticks(track, terms, fastest, sticks)
     watch = _Watch(
-        target_at(track, survey, plan.clear_distance - plan.distance_offset),
+        target_at(track, survey, plan.clear_distance - plan.distance_offset - along_track),
         max(plan.clear_distance, track.station[0]) + 5.0,
         at_risk,
         not (terms.in_time or at_risk),
@@ -288,11 +304,12 @@ def judge_track(plan: JudgedPlan, terms: Terms, notes: JudgeNotes) -> None:
                 )
                 notes.stop_distance[k] = planned - command.station + plan.distance_offset
                 notes.rear_load[k], notes.side_load[k] = least[0], least[1]
-            over = end + plan.distance_offset - plan.clear_distance
+            over = end + plan.distance_offset + along_track - plan.clear_distance
             bad = _judge_point(plan, terms, (i, u, energy), (over, top), shares, notes.worst)
             notes.bad[i] |= bad
         if k + 1 < stations and (speed_sq[k] > 0.0 or speed_sq[k + 1] > 0.0):
             notes.bad[k] |= _judge_segment(k, plan, terms, notes.worst)
+            notes.bad[k] |= _verify_steering(k, speed_sq, steered, notes.worst)
 
 
 @inlined
@@ -333,21 +350,22 @@ def _follow(
 def _as_it_may_be(
     track: Track, survey: Survey, terms: Terms, command: StopCommand, i: int
 ) -> StopCommand:
-    """The stop of a vehicle that is faster than planned and rolls on a slope in its dead time."""
+    """The stop of a vehicle that is faster than planned, late, and rolls on in its dead time."""
     errors, dead = terms.errors, command.dead_time
     speed, gain = command.speed + errors.speed, 0.0
+    late = speed * errors.latency
     if errors.drive_cut and dead > 0.0:
         last = track.station.shape[0] - 1
         m = i
         while True:
             gain = max(gain, -GRAVITY * (survey.sine[m] + terms.limits.resistance))
-            reached = command.station + (speed + 0.5 * gain * dead) * dead
+            reached = command.station + late + (speed + 0.5 * gain * dead) * dead
             if m >= last or (m > i and track.station[m] > reached):
                 break
             m += 1
     if gain <= 0.0:
-        return StopCommand(command.station, speed, dead, command.slowest)
-    distance = (speed + 0.5 * gain * dead) * dead
+        return StopCommand(command.station, speed, dead + errors.latency, command.slowest)
+    distance = late + (speed + 0.5 * gain * dead) * dead
     onset = speed + gain * dead
     return StopCommand(command.station, onset, distance / onset, command.slowest)
 
@@ -462,6 +480,15 @@ def _judge_segment(k: int, plan: JudgedPlan, terms: Terms, worst: Floats) -> boo
 
 
 @inlined
+def _verify_steering(k: int, speed_sq: Floats, steered: Steered, worst: Floats) -> bool:
+    """Return True if the segment from station k on turns too tightly, or too quickly."""
+    fast = np.sqrt(max(speed_sq[k], speed_sq[k + 1]))
+    bad = _breaks(worst, _TURNING, steered.excess[k + 1])
+    bad |= _breaks(worst, _STEERING_RATE, fast - steered.max_speed[k])
+    return bad
+
+
+@inlined
 def _slides_by(m: int, along: float, energy: float, plan: JudgedPlan) -> float:
     """By how much the force at station m, a share of the weight, exceeds friction there."""
     track = plan.track
@@ -484,5 +511,7 @@ VIOLATION_LIMITING: dict[str, Limiting] = {
     "vertical": Limiting.CREST,
     "friction": Limiting.FRICTION,
     "wheel_load": Limiting.ROLLOVER,
+    "turning": Limiting.STEERING,
+    "steering_rate": Limiting.STEERING,
 }
 """Which bound a breach belongs to."""

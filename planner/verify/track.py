@@ -64,11 +64,21 @@ class Body(NamedTuple):
     slip_track: float
 
 
+class SteeringTerms(NamedTuple):
+    """Limits of the steering, as of :class:`slopewise.models.steering.SteeringGeometry`."""
+
+    centre_offset: float
+    arm: float
+    max_curvature: float
+    max_rate: float
+
+
 class Terms(NamedTuple):
     """What plans are judged by.
 
     Attributes:
-        body, limits: of the model. motion: effects on the motion itself. errors: of speed and map.
+        body, limits: of the model. motion: effects on the motion itself. errors: of speed, map,
+            place and time. steering: what it can do.
         in_time: something acts on the motion, so stops are integrated in time; those that may slide
             are anyway.
         between: points inside each segment from which a stop is tried as well.
@@ -80,6 +90,7 @@ class Terms(NamedTuple):
     limits: PlanningLimits
     motion: MotionTerms
     errors: StopErrors
+    steering: SteeringTerms
     in_time: bool
     between: int
     time_step: float

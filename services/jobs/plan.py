@@ -11,10 +11,11 @@ import numpy as np
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.input_errors import describe_errors
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.planner.explain.explain import Explanation, explain
-from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.kernels.interpreted import is_interpreting
 from slopewise.planner.path import EvenPath
 from slopewise.planner.pipeline.candidates import CandidatePlanner
@@ -54,8 +55,10 @@ class PlanResult:
         """Assumptions about map and vehicle, and what the map cannot show."""
         ground, limits = self.elevation_map, self.model.limits
         notes = (*ground.assumed, *swept_notes(self.model.vehicle, ground))
-        if assumed := self.model.steering_geometry.assumed:
-            notes = (*notes, assumed)
+        errors = survived_errors(self.model, self.uncertainty)
+        ends = max(self.model.front, self.model.vehicle.shape.rear)
+        more = (self.model.steering_geometry.assumed, describe_errors(errors, ends))
+        notes = (*notes, *(note for note in more if note))
         if limits.max_path_deviation is not None:
             return notes
         limit = f"{self.model.max_path_deviation:.3g} m from a given path"

@@ -47,6 +47,14 @@ class Scene:
         return replace(self, tables=tables, ground=ground)
 
 
+def turn_after(length: float, radius: float) -> CandidatePath:
+    """A straight, then a quarter of a turn to the left [m]."""
+    angle = np.linspace(0.0, 0.5 * np.pi, 60)
+    x = np.concatenate((np.arange(0.0, length, 0.1), length + radius * np.sin(angle)))
+    y = np.concatenate((0.0 * np.arange(0.0, length, 0.1), radius * (1.0 - np.cos(angle))))
+    return CandidatePath("turn", np.column_stack([x, y]))
+
+
 def limits(**values: float) -> Tables:
     return tables_with(limits=values)
 
@@ -202,6 +210,15 @@ SCENES: dict[str, Scene] = {
         share=0.05,
         status=Status.BLOCKED,
         says="the brakes do not hold on grade 8",
+    ),
+    "a turn tighter than the steering": Scene(
+        "steering",
+        tables_with() | {"steering": {"kind": "skid_steer", "min_radius": 6.0}},
+        tables_with() | {"steering": {"kind": "skid_steer", "min_radius": 3.0}},
+        ground=ground_map(lambda x, y: 0.0 * x, x=(-5.0, 25.0), y=(-8.0, 14.0)),
+        path=turn_after(12.0, 4.0),
+        status=Status.BLOCKED,
+        says="at least 6.00 m is needed",
     ),
     "a step across the path": Scene(
         "step",

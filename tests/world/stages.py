@@ -22,7 +22,9 @@ def profile_of(
 ) -> TerrainProfile:
     """Ground under paths, a straight one of 20 m if none is given."""
     side = batch(list(paths) or [straight(20.0)], spacing)
-    return terrain_profile(elevation_map, side.x, side.y, side.count, model.vehicle)
+    return terrain_profile(
+        elevation_map, side.x, side.y, side.count, model.vehicle, model.steering_geometry
+    )
 
 
 def braking_ground_of(

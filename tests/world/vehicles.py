@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from slopewise.models.parameters import Braking, Effect, Limits, Model, Terrain
+from slopewise.models.steering import Steering
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.models.vehicle import Vehicle
 
@@ -95,6 +96,7 @@ def model_of(tables: Mapping[str, Any]) -> Model:
         braking=Braking(**typed(braking), terrain=surfaces),
         terrain=Terrain(**tables["terrain"]),
         limits=Limits(**tables["limits"]),
+        steering=Steering(**tables["steering"]) if "steering" in tables else None,
         effect=tuple(Effect(**effect) for effect in tables.get("effect", ())),
     )
 

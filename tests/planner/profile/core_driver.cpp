@@ -110,8 +110,9 @@ void terrain() {
   const auto known = std::make_unique<bool[]>(x.size());
   std::vector<float> twist(x.size()), front(2 * x.size()), behind(2 * x.size());
   sample_terrain(grid,
-                 {n, m, x.data(), y.data(), count.data(), out[0].data(), out[1].data(),
-                  out[2].data(), out[3].data(), out[4].data(), out[5].data(), out[6].data(),
+                 {n, m, x.data(), y.data(), count.data(), out[2].data(), out[3].data(),
+                  0.0, out[0].data(), out[1].data(), out[2].data(), out[3].data(),
+                   out[4].data(), out[5].data(), out[6].data(),
                   out[7].data(), out[8].data(), known.get(), twist.data(), front.data()},
                  1.2, 1.0);
   for (const double grade : out[5]) expect(std::abs(grade) < 1.6, "grades are known");
