@@ -1,5 +1,4 @@
 // What a vehicle stands on along each candidate: grade, roll and station.
-//
 // Where cells are not larger than the wheel's radius, wheels stand on contact heights; elsewhere on
 // the bilinear surface between the centres of cells. Articulation and the ground under the front
 // wheels, over which roughness rolls its own wheel, are those of the bilinear surface on all maps.
@@ -223,8 +222,8 @@ struct Ground {
   std::array<Lanes, footprint_points> surface, contact;
 };
 
-// Of points of the footprint: front left, front right, rear left, rear right, that on the path. The
-// last one has the heading of the path, the wheels that of the body.
+// Of the wheels with the heading of the body: front left, front right, rear left, rear right; of the
+// point on the path with that of the path.
 inline void stand(HeightGrid& grid, const TerrainTable& t, Index at, double length, double width,
                   Index lanes, Ground& out) {
   Places places;
@@ -234,15 +233,14 @@ inline void stand(HeightGrid& grid, const TerrainTable& t, Index at, double leng
     nearest_headings(t.heading_x + at, t.heading_y + at, lanes, path_heading);
   }
   for (std::size_t point = 0; point < footprint_points; ++point) {
-    const bool is_wheel = point < 4;
-    const double ahead = is_wheel ? t.body_offset + (point < 2 ? 0.5 : -0.5) * length : 0.0;
-    const double aside = is_wheel ? (point % 2 == 0 ? 0.5 : -0.5) * width : 0.0;
+    const bool is_wheel = point < 4, is_front = point < 2, is_left = point % 2 == 0;
+    const double ahead = is_wheel ? t.body_offset + (is_front ? 0.5 : -0.5) * length : 0.0;
+    const double aside = is_wheel ? (is_left ? 0.5 : -0.5) * width : 0.0;
     locate(grid, t.x + at, t.y + at, t.body_x + at, t.body_y + at, ahead, aside, lanes, places);
     interpolate(grid, places, lanes, out.surface[point]);
     out.contact[point] = out.surface[point];
-    if (grid.resolves_wheels()) {
-      lift_tyre(grid, places, is_wheel ? heading : path_heading, lanes, out.contact[point]);
-    }
+    if (!grid.resolves_wheels()) continue;
+    lift_tyre(grid, places, is_wheel ? heading : path_heading, lanes, out.contact[point]);
   }
 }
 
@@ -298,9 +296,9 @@ inline void walk_lanes(HeightGrid& grid, const double* x, const double* y, const
                        Index stations, Index stride, Index lanes, double* station) {
   Steps steps(x, y, stride, lanes);
   Places places;
+  std::array<Index, wide> heading{};
   Lanes before, height, heading_x, heading_y, curvature{};
   before.fill(unknown);
-  std::array<Index, wide> heading{};
   for (Index k = 0; k < stations; ++k) {
     const double *here_x = x + k * stride, *here_y = y + k * stride;
     const Index next = k + 1 < stations ? stride : 0;

@@ -20,7 +20,7 @@ _HEADINGS = 16
 """Headings over half a turn [1]: between two the end of a tyre moves by a tenth of its length."""
 
 _GRAZED = 1e-6  # a cell that the footprint covers by less does not count [m]
-_ROUNDED = 1e-9  # distance between points that are one but for rounding [m]
+_ROUNDED = 1e-9  # distance between points that are one apart from rounding [m]
 _INSIDE = 0.5 - 1e-9  # of a cell from its middle [cells]: its edge would be rounded to the next
 _CHUNK = 2048  # cells that are worked on together: 10 MB of points
 
@@ -91,8 +91,8 @@ def _touched(
                 continue
             nearest = np.clip(0.0, around[:, 0].min(), around[:, 0].max())
             low, high = np.array([nearest, -sides[1]]), np.array([nearest, sides[1]])
-            beside = _overlap(middle, edge, axes, low, high)[:, 1]
-            s, t = nearest, np.clip(0.0, beside.min(), beside.max())
+            across = _overlap(middle, edge, axes, low, high)[:, 1]
+            s, t = nearest, np.clip(0.0, across.min(), across.max())
             east, north = np.clip((axes.T @ [s, t] - middle) / edge, -_INSIDE, _INSIDE)
             points.append([s, row + north, column + east])
     s, rows, columns = np.array(points).T
@@ -106,13 +106,13 @@ def _overlap(middle: Floats, edge: float, axes: Floats, low: Floats, high: Float
     """
     corners = (middle + 0.5 * edge * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])) @ axes.T
     sides = np.roll(corners, -1, axis=0) - corners
-    found = [corners, np.array([[s, t] for s in (low[0], high[0]) for t in (low[1], high[1])])]
+    parts = [corners, np.array([[s, t] for s in (low[0], high[0]) for t in (low[1], high[1])])]
     for axis in (0, 1):
         for limit in (low[axis], high[axis]):
             with np.errstate(divide="ignore", invalid="ignore"):
                 share = (limit - corners[:, axis]) / sides[:, axis]
-                found.append(corners + share[:, None] * sides)
-    points = np.concatenate(found)
+                parts.append(corners + share[:, None] * sides)
+    points = np.concatenate(parts)
     points = points[np.isfinite(points).all(axis=1)]  # parallel edges do not cross
     from_middle = np.abs(points @ axes - middle)
     inside = np.all((points >= low - _ROUNDED) & (points <= high + _ROUNDED), axis=1)
