@@ -366,6 +366,9 @@ CLAIM_ABOVE: Annotated[
 SIMULATED_SPAN: Annotated[
     float, Row("1", _USUAL, "times a measured stop within which a simulated one has to end")
 ] = 2.0
+BY_CHANCE: Annotated[
+    float, Row("std", _THEORY, "distance by which one stop in ten thousand ends late by chance")
+] = 4.0
 SIMULATED_NODES: Annotated[int, Row("1", _COMPUTATION, "grid times of a simulated stop")] = 241
 OFFSET_COVERAGE: Annotated[
     float, Row("1", _USUAL, "share of stops that the safety offset covers, as in calibration")

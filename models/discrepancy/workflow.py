@@ -18,7 +18,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.data.prepare import prepare
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide import no_harm
-from slopewise.models.discrepancy.decide.gap import compared
+from slopewise.models.discrepancy.decide.gap import Gaps, compared, distance_floor
 from slopewise.models.discrepancy.decide.model_form import as_in_the_model
 from slopewise.models.discrepancy.decide.revised import revised
 from slopewise.models.discrepancy.decide.verdict import Decision, decide
@@ -37,10 +37,10 @@ from slopewise.models.discrepancy.search.identify import (
     identify,
     rescued,
 )
-from slopewise.models.discrepancy.search.locate import WITHIN, Followed, follow
+from slopewise.models.discrepancy.search.locate import WITHIN, Followed, follow, mainly_along
 from slopewise.models.discrepancy.search.refine import as_output, fit_base, start_of, with_build_up
 from slopewise.models.discrepancy.settings import DiscrepancySettings
-from slopewise.models.discrepancy.thresholds import WILD_SCATTER
+from slopewise.models.discrepancy.thresholds import BY_CHANCE, WILD_SCATTER
 from slopewise.models.parameters import Model
 
 
@@ -119,17 +119,19 @@ def _investigated(
     if decision.verdict in (Verdict.NONE, Verdict.TOO_NOISY):
         gaps = no_harm.as_configured(gaps)
     widths = extents(output, decision.explanation.fit)
-    if decision.verdict is Verdict.UNKNOWN and decision.axis is None and located:
-        decision = replace(decision, axis=located[0])
+    if decision.verdict is Verdict.UNKNOWN:
+        # The remainder after names that are not given is only a part of the disagreement.
+        first = located[0] if located else None
+        decision = replace(decision, axis=mainly_along(located) or decision.axis or first)
     better, added = revised(table, decision, gaps.held_out, widths, source)
     progress.reach(Stage.GAPS)
-    plan = _next(table, decision)
+    plan = _next(table, decision, _beyond(table, model, better, gaps, floor))
     above = float(np.mean(gaps.refit_squares)) - gaps.speed.noise_floor**2
     findings = Findings(
         decision.verdict,
-        summary(table, decision, gaps.distance, gaps.longer),
+        summary(table, decision, gaps.distance, gaps.ends),
         named_effects(decision, located, widths),
-        located_axes(decision, located, above),
+        located_axes(decision, located, above, wanted.structure),
         gaps.speed,
         gaps.distance,
         plan,
@@ -190,13 +192,22 @@ _QUIETER = (
 )
 
 
-def _next(table: StopTable, decision: Decision) -> Experiment:
+def _beyond(table: StopTable, model: Model, better: Model, gaps: Gaps, noise: Noise) -> float:
+    """By which stops end later than the finding predicts, 0 if a perfect model's do, too [m]."""
+    late, chance = table.distance - gaps.held_out, BY_CHANCE * np.sqrt(distance_floor(table, noise))
+    beyond = float(np.max(late, where=late > chance, initial=0.0))
+    offset = better.braking.distance_offset
+    added = offset > max(model.braking.distance_offset, float(chance.max()))
+    return max(beyond, offset) if added else beyond
+
+
+def _next(table: StopTable, decision: Decision, beyond: float) -> Experiment:
     fit = decision.explanation.fit
     match decision.verdict:
         case Verdict.AMBIGUOUS:
             return experiment.between(table, fit, [r.fit for r in decision.rivals])
         case Verdict.MISSING_EFFECT:
-            return experiment.sharpening(table, fit)
+            return experiment.sharpening(table, fit, beyond)
         case Verdict.UNIDENTIFIABLE:
             words = "; ".join(f"for {a.name}: {a.test}" for a in decision.absorbed)
             return Experiment(words)

@@ -59,15 +59,15 @@ class Gaps:
     Attributes:
         speed, distance: as reported. held_out: (S,) distances by fits that had not seen their stop.
         refit_squares: (S,) mean squared speed error of the refitted base, held out [m²/s²].
-        longer: 95 % quantile of how much longer stops are than configured [m]; where they are
-            shorter on the whole, the 5 % quantile.
+        ends: how much longer than configured stops are, the least and the most; negative where
+            they are shorter [m].
     """
 
     speed: Gap
     distance: Gap
     held_out: Floats
     refit_squares: Floats
-    longer: float
+    ends: tuple[float, float]
 
     @property
     def harmful(self) -> bool:
@@ -103,8 +103,8 @@ def compared(
         "stopping distance, rms", "m", (*lengths, distance_floor(table, noise)), draws
     )
     longer = table.distance - before[1]
-    end = 0.95 if float(np.mean(longer)) > 0.0 else 0.05
-    return Gaps(speed, distance, after[1], squares[1], float(np.quantile(longer, end)))
+    ends = float(longer.min()), float(longer.max())
+    return Gaps(speed, distance, after[1], squares[1], ends)
 
 
 def held_out(table: StopTable, parts: list[Bools], start: Fit) -> tuple[Floats, Floats]:

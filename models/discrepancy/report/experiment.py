@@ -69,8 +69,13 @@ def between(table: StopTable, best: Fit, rivals: Sequence[Fit]) -> Experiment:
     return Experiment(text, stops, repeats)
 
 
-def sharpening(table: StopTable, best: Fit) -> Experiment:
-    """Stops that make the numbers of named effects most certain."""
+def sharpening(table: StopTable, best: Fit, beyond: float = 0.0) -> Experiment:
+    """Stops that make the numbers of named effects most certain.
+
+    Args:
+        table: stops. best: explanation.
+        beyond: by which stops still end later than it predicts, 0 if no more than by chance [m].
+    """
     plans, sheet, white = _possible(table, best)
     slopes = white.by_stop(white.grid @ jacobian(sheet, best.hypothesis))
     information = np.linalg.pinv(best.covariance, hermitian=True)
@@ -86,7 +91,14 @@ def sharpening(table: StopTable, best: Fit) -> Experiment:
     stops = tuple(plans[i] for i in chosen)
     shrink = float(np.max(after / np.maximum(before, 1e-300)))
     if shrink > WORTH_DRIVING:
-        words = f"nothing is needed: {PROPOSED_STOPS} more stops would not make the numbers surer"
+        words = f"{PROPOSED_STOPS} more stops would not make the numbers surer"
+        if beyond > 0.0:
+            words += (
+                f", but stops still end up to {beyond:.2f} m beyond the prediction: repeat the "
+                "longest and the steepest ones, everything the same"
+            )
+            return Experiment(words, stops, 1)
+        words = f"nothing is needed: {words}"
         return Experiment(words, stops, 1)
     text = f"to sharpen the numbers by a factor of {1.0 / max(shrink, 1e-3):.1f}, drive "
     return Experiment(text + _words(stops), stops, 1)

@@ -21,6 +21,8 @@ from slopewise.models.discrepancy.thresholds import LOCATED
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Effect
 
+_UNSEEN = 0.005  # change of a stop that two decimals do not show [m]
+
 
 def named_effects(
     decision: Decision, located: Sequence[Followed], widths: Sequence[dict[str, float]]
@@ -63,15 +65,17 @@ def named_effects(
 
 
 def located_axes(
-    decision: Decision, located: Sequence[Followed], above_floor: float
+    decision: Decision, located: Sequence[Followed], above_floor: float, structure: float
 ) -> tuple[LocatedAxis, ...]:
     """Axes that the refitted base disagrees along, those that the named effects act along first.
 
     Args:
         decision: names, if there are any. located: what the refitted base follows.
         above_floor: mean square of its residual speeds above that of a perfect model [m²/s²].
+        structure: p-value below which an axis contradicts that nothing is missing.
     """
-    certain = [f for f in located if f.p_value < LOCATED]
+    calm = decision.verdict in (Verdict.NONE, Verdict.TOO_NOISY)
+    certain = [f for f in located if f.p_value < (structure if calm else LOCATED)]
     acting = [LAWS[n].axis for n in decision.names]
     if decision.axis is not None and not acting:
         acting = [decision.axis.axis.name]
@@ -97,12 +101,12 @@ def _where(effect: Effect, along: Followed | None) -> str:
     return f"along {axis}, most at {low:.3g} … {high:.3g} {along.axis.unit}".rstrip()
 
 
-def summary(table: StopTable, decision: Decision, distance: Gap, longer: float) -> str:
+def summary(table: StopTable, decision: Decision, distance: Gap, ends: tuple[float, float]) -> str:
     """One or two sentences.
 
     Args:
         table: stops. decision: verdict and names. distance: gap in stopping distance.
-        longer: how much longer stops are than configured, 95 % quantile [m].
+        ends: how much longer than configured stops are, the least and the most [m].
     """
     names = " and ".join(LAWS[n].missing for n in dict.fromkeys(decision.names))
     match decision.verdict:
@@ -126,11 +130,18 @@ def summary(table: StopTable, decision: Decision, distance: Gap, longer: float) 
             text = f"Something is missing that no known effect explains; it follows {axis}."
     if decision.verdict in (Verdict.NONE, Verdict.TOO_NOISY):
         return text
-    way = "longer" if longer >= 0.0 else "shorter"
     return (
-        f"{text} Stops of this log are up to {abs(longer):.2f} m {way} than the model said; "
+        f"{text} Stops of this log are {_both_ways(*ends)} than the model said; "
         f"typically {distance.before:.2f} m off before, {distance.after:.2f} m after."
     )
+
+
+def _both_ways(least: float, most: float) -> str:
+    """The largest change of each sign, the dangerous one first."""
+    longer, shorter = f"up to {most:.2f} m longer", f"up to {-least:.2f} m shorter"
+    if least >= -_UNSEEN:
+        return longer
+    return shorter if most <= _UNSEEN else f"{longer} and {shorter}"
 
 
 def _not_seen(table: StopTable, decision: Decision) -> str:

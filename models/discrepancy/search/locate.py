@@ -18,7 +18,7 @@ from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.model.prediction import integral
 from slopewise.models.discrepancy.search.axes import Axis, axes_of, shapes_of
 from slopewise.models.discrepancy.search.refine import Fit, prior_precision, residual
-from slopewise.models.discrepancy.thresholds import LEAST_DIRECTION, PERMUTATIONS
+from slopewise.models.discrepancy.thresholds import LEAST_DIRECTION, LOCATED, PERMUTATIONS
 from slopewise.models.quantity import GRAVITY
 
 WITHIN = ("speed", "time_since_onset", "brake_heat")
@@ -93,6 +93,12 @@ def follow(table: StopTable, fit: Fit, seed: int) -> list[Followed]:
         p_value = float(gumbel_r.sf(strength[best], place, scale))
         found.append(space.followed(axis, groups[best], rows, float(strength[best]), p_value))
     return sorted(found, key=lambda f: -f.strength)
+
+
+def mainly_along(located: list[Followed]) -> Followed | None:
+    """The axis that takes most of the disagreement away, of those that are no chance."""
+    certain = [f for f in located if f.p_value < LOCATED]
+    return max(certain, key=lambda f: f.removed, default=None)
 
 
 def _strengths(groups: list[_Group], residuals: Floats) -> Floats:

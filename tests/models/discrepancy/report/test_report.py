@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.decide.verdict import Decision
+from slopewise.models.discrepancy.findings import Gap, Verdict
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.report import experiment
-from slopewise.models.discrepancy.search.refine import fit_with_noise
+from slopewise.models.discrepancy.report.summary import located_axes, summary
+from slopewise.models.discrepancy.search.axes import Axis
+from slopewise.models.discrepancy.search.identify import ScoredExplanation
+from slopewise.models.discrepancy.search.locate import Followed, mainly_along
+from slopewise.models.discrepancy.search.refine import fit_base, fit_with_noise, start_of
 from slopewise.models.parameters import Effect
 from tests.world.logs import investigated, table
 from tests.world.vehicles import BASE
@@ -56,3 +63,53 @@ def test_a_lag_is_sharpened_by_stops_that_shrink_its_error() -> None:
     assert len(proposed.stops) == 6
     low, high = np.quantile(stops.held, [0.0, 1.0])
     assert all(low <= stop.speed <= high for stop in proposed.stops)
+
+
+def test_nothing_is_needed_only_where_stops_end_as_predicted() -> None:
+    stops = table("lag")
+    lag = Effect(name="brake_lag", parameters={"tau": 0.2})
+    best = fit_with_noise(stops, Hypothesis.configured(BASE).plus(lag))
+    known = replace(best, covariance=1e-8 * best.covariance)
+    assert experiment.sharpening(stops, known).text.startswith("nothing is needed")
+    late = experiment.sharpening(stops, known, 1.2).text
+    assert "nothing is needed" not in late
+    assert "1.20 m beyond" in late
+
+
+@pytest.mark.parametrize(
+    ("ends", "text"),
+    [
+        ((-0.41, 1.76), "up to 1.76 m longer and up to 0.41 m shorter"),
+        ((0.1, 0.3), "up to 0.30 m longer than"),
+        ((-0.3, -0.1), "up to 0.30 m shorter than"),
+    ],
+)
+def test_the_longest_stop_is_reported_whatever_the_mean(
+    ends: tuple[float, float], text: str
+) -> None:
+    stops = table("clean")
+    decision = _decision(Verdict.PARAMETER_DRIFT)
+    gap = Gap("stopping distance, rms", "m", 0.5, 0.1, 0.1, 0.1, None, None)
+    assert f"Stops of this log are {text}" in summary(stops, decision, gap, ends)
+
+
+def test_the_axis_with_the_largest_share_leads_and_calm_logs_list_none() -> None:
+    onset, heading = _followed("time_since_onset", 9.0, 0.1), _followed("heading", 5.0, 1.0)
+    chance = _followed("grade", 1.0, 2.0, p_value=0.4)
+    assert mainly_along([onset, heading, chance]) is heading
+    assert mainly_along([chance]) is None
+    weak = _followed("onset_speed", 3.0, 1.0, p_value=0.0095)
+    drift, none = _decision(Verdict.PARAMETER_DRIFT), _decision(Verdict.NONE)
+    assert [a.axis for a in located_axes(drift, [weak], 1.0, 0.002)] == ["onset_speed"]
+    assert located_axes(none, [weak], 1.0, 0.002) == ()
+
+
+def _decision(verdict: Verdict) -> Decision:
+    stops = table("clean")
+    return Decision(verdict, ScoredExplanation(fit_base(stops, start_of(stops, BASE)), 0.0))
+
+
+def _followed(name: str, strength: float, removed: float, p_value: float = 1e-4) -> Followed:
+    values = np.linspace(0.0, 1.0, 20)[:, None] * np.ones((20, 3))
+    axis = Axis(name, "1", values)
+    return Followed(axis, 30.0, 3, strength, p_value, values, removed, 0.1)
