@@ -19,6 +19,7 @@ from slopewise.services.check.loads import (
 )
 from slopewise.services.check.path_force import NO_LIMIT, PathForce
 from slopewise.services.check.plan_line import Line, Motion
+from slopewise.services.check.steering_checks import Turning
 from slopewise.services.check.tolerances import TOLERANCES
 
 _HARD = 0.9
@@ -56,6 +57,7 @@ class DrivingChecks(NamedTuple):
     pose: BodyAttitude
     brakes: PathForce
     motion: Motion
+    turning: Turning
     free: Bools  # samples that move, and do not only brake down from a start that was too fast
 
     def braking_down(self) -> Bools:
@@ -102,6 +104,11 @@ class DrivingChecks(NamedTuple):
         self.log.add("speed_limit", speed - allowed, sentence, speed, allowed, where=self.free)
 
         self._turns()
+        max_rate = self.model.steering_geometry.max_rate
+        needed = speed * self.turning.rate
+        sentence = f"the steering turns at {{0:.2f}} rad/s, {max_rate:.2f} rad/s is its most"
+        moving = self.motion.moving
+        self.log.add("steering_rate", needed / max_rate - 1.0, sentence, needed, where=moving)
 
     def _turns(self) -> None:
         vehicle, limits, speed = self.model.vehicle, self.model.limits, self.motion.speed

@@ -49,7 +49,7 @@ class ExternalPlan:
     Arrays are (N,), SI, and None where the plan does not report them.
 
     Attributes:
-        x, y: middle of the wheelbase in map coordinates [m].
+        x, y: reference point of the vehicle in map coordinates [m].
         speed: v >= 0; v² is linear between rows [m/s].
         station: metres along the ground, in three dimensions.
         z: height of the ground [m]. grade, roll: uphill and left side up positive [rad].

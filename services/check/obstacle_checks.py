@@ -7,25 +7,26 @@ tyre's width, its travel, and rocking of the body.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.vehicle import Vehicle
+from slopewise.services.check.body_on_line import Body
 from slopewise.services.check.heights import Heights, height_of
 from slopewise.services.check.path_ground import (
     WHEELS,
     LineGround,
     below_body,
     offset_points,
-    only,
     parts_of,
 )
-from slopewise.services.check.plan_line import Line
 
 _NOTHING = -np.inf
 _FINEST = 0.05  # [m] between points below the body
+_PARTS = 4  # of the length over which a step rises
 
 
 class Struck(NamedTuple):
@@ -38,21 +39,21 @@ class Struck(NamedTuple):
 
 
 def obstacles_along(
-    heights: Heights, line: Line, ground: LineGround, vehicle: Vehicle
+    heights: Heights, body: Body, ground: LineGround, vehicle: Vehicle
 ) -> list[Struck]:
     """Obstacles that the vehicle would strike at the known samples of a line."""
     clearance, obstacles = vehicle.shape.clearance, []
     if clearance > 0.0:
         samples = np.flatnonzero(ground.known)
         sentence = f"ground {{0:.3f}} m above the wheels, the underside is at {clearance:.3f} m"
-        highest = _above_wheels(heights, line, ground, vehicle, samples)
+        highest = _above_wheels(heights, body, ground, vehicle, samples)
         for kind, height in zip(("clearance", "body"), highest, strict=True):
             obstacles.append(Struck(kind, height / clearance - 1.0, sentence, height))
     limit = vehicle.shape.max_step
     sentence = f"a step of {{0:.3f}} m at a wheel, {limit:.3f} m is the highest"
     for ahead, to_left in WHEELS if shows_steps(heights, vehicle) else ():
-        x, y = offset_points(line, ahead * vehicle.wheelbase, to_left * vehicle.track_width)
-        highest_step = np.where(ground.known, _steps(heights, x, y, vehicle), 0.0)
+        wheel = ahead * vehicle.wheelbase, to_left * vehicle.track_width
+        highest_step = np.where(ground.known, _steps_of(heights, body, wheel, vehicle), 0.0)
         obstacles.append(Struck("step", highest_step / limit - 1.0, sentence, highest_step))
     return obstacles
 
@@ -63,46 +64,93 @@ def shows_steps(heights: Heights, vehicle: Vehicle) -> bool:
 
 
 def _above_wheels(
-    heights: Heights, line: Line, ground: LineGround, vehicle: Vehicle, samples: Ints
+    heights: Heights, body: Body, ground: LineGround, vehicle: Vehicle, samples: Ints
 ) -> Floats:
     """(2, M) highest ground above the plane of the wheels, between them and next to them [m].
 
     At points that cover the body, at these samples; −inf at all others.
     """
-    ahead, to_left = below_body(vehicle, max(0.5 * heights.resolution, _FINEST))
-    inside = np.abs(ahead) <= 0.5 * vehicle.wheelbase
-    inside &= np.abs(to_left) <= 0.5 * vehicle.track_width
-    highest = np.full((2, len(line.x)), _NOTHING)
+    highest = np.full((2, len(body.x)), _NOTHING)
     for part in parts_of(samples):
-        x, y = offset_points(only(line, part), ahead[:, None], to_left[:, None])
+        some = body.only(part)
+        ahead, to_left = below_body(vehicle, some, max(0.5 * heights.resolution, _FINEST))
+        inside = np.abs(ahead) <= 0.5 * vehicle.wheelbase
+        inside = inside & (np.abs(to_left) <= 0.5 * vehicle.track_width)
+        x, y = offset_points(some, ahead, to_left)
         wheels = ground.wheels[:, part]
         rise = (wheels[0] + wheels[1] - wheels[2] - wheels[3]) / (2.0 * vehicle.wheelbase)
         cross_slope = (wheels[0] + wheels[2] - wheels[1] - wheels[3]) / (2.0 * vehicle.track_width)
-        plane = wheels.mean(axis=0) + ahead[:, None] * rise + to_left[:, None] * cross_slope
+        plane = wheels.mean(axis=0) + ahead * rise + to_left * cross_slope
         # Below the body the vertical is longer than the clearance by the slope.
         above = (height_of(heights, x, y) - plane) / np.sqrt(1.0 + rise**2 + cross_slope**2)
         above = np.nan_to_num(above, nan=-1e3)
         for i, which in enumerate((inside, ~inside)):
-            highest[i, part] = np.max(above[which], axis=0)
+            highest[i, part] = np.where(which, above, _NOTHING).max(axis=0)
     return highest
+
+
+def _steps_of(heights: Heights, body: Body, wheel: tuple[float, float], vehicle: Vehicle) -> Floats:
+    """(M,) highest step that a wheel may meet, on its lines within the band and across them [m].
+
+    ``wheel`` is its place ahead of, and to the left of, the middle of the wheelbase [m].
+    """
+    band = body.band(wheel[0])
+    stride = max(heights.resolution, 0.5 * vehicle.shape.wheel_width)
+    count = math.ceil(float(band.max()) / stride)
+    highest = _edges(heights, body, wheel, vehicle) if count else np.zeros(len(band))
+    for share in np.linspace(-1.0, 1.0, 2 * count + 1) if count else (0.0,):
+        line = offset_points(body, wheel[0], wheel[1] + share * band)
+        np.maximum(highest, _steps(heights, *line, vehicle), out=highest)
+    return highest
+
+
+def _edges(heights: Heights, body: Body, wheel: tuple[float, float], vehicle: Vehicle) -> Floats:
+    """(M,) highest edge along the path within the band of a wheel [m].
+
+    Ground that rises counts where all of it is within the band, ground that falls where its middle
+    is: with its own middle beyond an edge a wheel no longer stands on it.
+    """
+    window, band = _window(heights, vehicle), body.band(wheel[0])
+    count = _PARTS * math.ceil(float(band.max()) / window + 1.5)
+    across = window / _PARTS * np.linspace(-count, count, 2 * count + 1)[:, None]
+    place = offset_points(body, wheel[0], wheel[1] + across)
+    rise = _rises(height_of(heights, *place))
+    middle = across[_PARTS : _PARTS + len(rise)] + 0.5 * window
+    outward = rise * np.sign(middle)
+    within = band - np.where(outward > 0.0, 0.5 * window, 0.0)
+    highest: Floats = np.where(np.abs(middle) <= within, np.abs(rise), 0.0).max(axis=0)
+    return highest
+
+
+def _window(heights: Heights, vehicle: Vehicle) -> float:
+    """Length over which a step rises [m]."""
+    return max(1.5 * heights.resolution, 0.5 * vehicle.wheel_radius)
+
+
+def _rises(z: Floats) -> Floats:
+    """Rise over each window beyond that of the windows before and after, 0 where unknown [m].
+
+    Heights are those of points along the first axis, :data:`_PARTS` a window.
+    """
+    rise = z[_PARTS:] - z[:-_PARTS]
+    before, middle, after = rise[: -2 * _PARTS], rise[_PARTS:-_PARTS], rise[2 * _PARTS :]
+    # A slope continues before or behind; a step does not.
+    sign = np.sign(middle)
+    slope = np.maximum(np.maximum(sign * before, sign * after), 0.0)
+    beyond: Floats = np.nan_to_num(sign * np.maximum(np.abs(middle) - slope, 0.0), nan=0.0)
+    return beyond
 
 
 def _steps(heights: Heights, x: Floats, y: Floats, vehicle: Vehicle) -> Floats:
     """Rise over a short length of a wheel's track, beyond that of the lengths before and after."""
     along = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))))
-    window = max(1.5 * heights.resolution, 0.5 * vehicle.wheel_radius)
-    parts, highest = 4, np.zeros(len(along))
+    window = _window(heights, vehicle)
+    highest = np.zeros(len(along))
     if along[-1] < 3.0 * window:
         return highest
-    s = np.arange(0.0, along[-1], window / parts)
-    z = height_of(heights, np.interp(s, along, x), np.interp(s, along, y))
-    rise = z[parts:] - z[:-parts]
-    before, middle_rise, after = rise[: -2 * parts], rise[parts:-parts], rise[2 * parts :]
-    # A slope continues before or behind; a step does not.
-    sign = np.sign(middle_rise)
-    slope = np.maximum(np.maximum(sign * before, sign * after), 0.0)
-    step = np.nan_to_num(np.abs(middle_rise) - slope, nan=0.0)
-    middle = s[parts : parts + len(middle_rise)] + 0.5 * window
+    s = np.arange(0.0, along[-1], window / _PARTS)
+    step = np.abs(_rises(height_of(heights, np.interp(s, along, x), np.interp(s, along, y))))
+    middle = s[_PARTS : _PARTS + len(step)] + 0.5 * window
     sample = np.clip(np.searchsorted(along, middle, "right") - 1, 0, len(along) - 1)
     np.maximum.at(highest, sample, step)
     return highest

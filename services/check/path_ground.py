@@ -8,6 +8,7 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.vehicle import Vehicle
+from slopewise.services.check.body_on_line import Body
 from slopewise.services.check.contact_heights import contact_height
 from slopewise.services.check.heights import Heights, cell_is_known, classes_around
 from slopewise.services.check.plan_line import Line
@@ -44,10 +45,16 @@ def ground_under(heights: Heights, line: Line, vehicle: Vehicle) -> LineGround:
     """
     length, width = vehicle.wheelbase, vehicle.track_width
     places = [
-        offset_points(line, ahead * length, to_left * width)
-        for ahead, to_left in (*WHEELS, (0.0, 0.0))
+        offset_points(line.body, ahead * length, to_left * width) for ahead, to_left in WHEELS
     ]
-    points = np.array([contact_height(heights, *place, line.heading, vehicle) for place in places])
+    headings = [line.body.heading] * len(places) + [line.heading]
+    places.append((line.x, line.y))
+    points = np.array(
+        [
+            contact_height(heights, *place, heading, vehicle)
+            for place, heading in zip(places, headings, strict=True)
+        ]
+    )
     wheels, z = points[:4], points[4]
     known = np.isfinite(points).all(axis=0)
     front, rear, left, right = (
@@ -66,17 +73,17 @@ def ground_under(heights: Heights, line: Line, vehicle: Vehicle) -> LineGround:
         roll,
         vertical_curvature,
         known,
-        _body_known(heights, line, vehicle),
+        _body_known(heights, line.body, vehicle),
         classes,
     )
 
 
 def offset_points(
-    line: Line, ahead: float | Floats, to_left: float | Floats
+    body: Body, ahead: float | Floats, to_left: float | Floats
 ) -> tuple[Floats, Floats]:
     """Points ahead of, and to the left of, the middle of the wheelbase [m]; offsets broadcast."""
-    cos, sin = np.cos(line.heading), np.sin(line.heading)
-    return line.x + ahead * cos - to_left * sin, line.y + ahead * sin + to_left * cos
+    cos, sin = np.cos(body.heading), np.sin(body.heading)
+    return body.x + ahead * cos - to_left * sin, body.y + ahead * sin + to_left * cos
 
 
 def _stations(line: Line, z: Floats) -> Floats:
@@ -109,18 +116,18 @@ def _vertical_curvature(
     return change / np.maximum(high - low, 0.5 * reach)
 
 
-def _body_known(heights: Heights, line: Line, vehicle: Vehicle) -> Bools:
+def _body_known(heights: Heights, body: Body, vehicle: Vehicle) -> Bools:
     """(M,) samples without an unknown cell below the body, except where it is at the first row."""
-    ahead, to_left = below_body(vehicle, heights.resolution)
-    cos, sin = np.cos(line.heading[0]), np.sin(line.heading[0])
+    cos, sin = np.cos(body.heading[0]), np.sin(body.heading[0])
     shape, margin = vehicle.shape, 0.5 * heights.resolution
-    known = np.ones(len(line.x), np.bool_)
-    for part in parts_of(np.arange(len(line.x))):
-        x, y = offset_points(only(line, part), ahead[:, None], to_left[:, None])
-        east, north = x - line.x[0], y - line.y[0]
+    known = np.ones(len(body.x), np.bool_)
+    for part in parts_of(np.arange(len(body.x))):
+        some = body.only(part)
+        x, y = offset_points(some, *below_body(vehicle, some, heights.resolution))
+        east, north = x - body.x[0], y - body.y[0]
         along, across = east * cos + north * sin, north * cos - east * sin
         under_start = (along > -shape.rear - margin) & (along < shape.front + margin)
-        under_start &= np.abs(across) < 0.5 * shape.width + margin
+        under_start &= np.abs(across) < 0.5 * shape.width + margin + body.band(0.0)[0]
         known[part] = np.all(cell_is_known(heights, x, y) | under_start, axis=0)
     return known
 
@@ -130,18 +137,21 @@ def parts_of(samples: Ints) -> list[Ints]:
     return [samples[first : first + _CHUNK] for first in range(0, len(samples), _CHUNK)]
 
 
-def only(line: Line, samples: Ints) -> Line:
-    """Places and headings of some samples."""
-    return line._replace(x=line.x[samples], y=line.y[samples], heading=line.heading[samples])
+def below_body(vehicle: Vehicle, body: Body, step: float) -> tuple[Floats, Floats]:
+    """Points that cover a body and its band at M samples, relative to the middle of the wheelbase.
 
-
-def below_body(vehicle: Vehicle, step: float) -> tuple[Floats, Floats]:
-    """Points (P,) that cover the body, ahead of and left of the middle of the wheelbase [m]."""
-    shape = vehicle.shape
-    ahead = _spread(-shape.rear, shape.front, step)
-    to_left = _spread(-0.5 * shape.width, 0.5 * shape.width, step)
-    a, b = np.meshgrid(ahead, to_left)
-    return a.ravel(), b.ravel()
+    Returns:
+        (P, 1) distances ahead and, (P, M) or without a band (P, 1), to the left [m].
+    """
+    shape, half = vehicle.shape, 0.5 * vehicle.shape.width
+    longer = half * body.turned
+    ahead = _spread(-shape.rear - longer, shape.front + longer, step)
+    if not body.has_band:
+        a, b = np.meshgrid(ahead, _spread(-half, half, step))
+        return a.reshape(-1, 1), b.reshape(-1, 1)
+    widest = half + max(float(body.band(end).max()) for end in (ahead[0], ahead[-1]))
+    a, b = (v.reshape(-1, 1) for v in np.meshgrid(ahead, _spread(-1.0, 1.0, step / widest)))
+    return a, b * (half + body.band(a))
 
 
 def _spread(low: float, high: float, step: float) -> Floats:

@@ -7,6 +7,7 @@ from scipy.special import ndtri
 
 from slopewise.models.arrays import Floats
 from slopewise.models.errors import ParameterError
+from slopewise.models.input_errors import input_errors
 from slopewise.models.parameters import Model
 from slopewise.models.stop_promise import promised
 from slopewise.models.vehicle import Vehicle
@@ -28,6 +29,7 @@ from slopewise.services.check.reported_columns import (
     verified_columns,
 )
 from slopewise.services.check.speed_claims import SpeedTrial, check_limiting, check_speed_bound
+from slopewise.services.check.steering_checks import too_tight, turning_along
 from slopewise.services.check.stop_dynamics import StopDynamics
 from slopewise.services.check.stop_ends import (
     CheckedStops,
@@ -75,20 +77,23 @@ def check_plan_on_map(
     if len(plan.x) < 2:
         return _at_rest(plan)
     heights = averaged(heights, model.vehicle.wheel_radius)
-    line, ends = _line_and_end(plan, max(clear - model.vehicle.shape.front, 0.0))
+    errors = input_errors(model.tracking, quantile if quantile > 0.5 else None)
+    beyond, ends = _tail_and_ends(plan, max(clear - model.front, 0.0))
+    line = line_of(plan, beyond, model.steering_geometry, errors)
     ground = ground_under(heights, line, model.vehicle)
     first = 0.0 if plan.station is None else float(plan.station[0])
     ground = ground._replace(station=ground.station + first)
     if quantile > 0.5:
         model = promised(model, quantile)
     brakes = path_force_along(model, ground, line, heights.class_names, float(ndtri(quantile)))
-    field = StopDynamics.along(model, line, ground, brakes)
+    field = StopDynamics.along(model, line, ground, brakes, errors)
     pose = attitude_of(ground.grade, ground.roll, ground.vertical_curvature, line.curvature)
     clear_at = np.minimum(line.between(ends) + 0.0, ground.station[-1])
     log = ViolationLog(plan.name, line.row, ground.station)
     log.notes.append(_UNCHECKED)
     _check_spacing(log, plan, line, model.vehicle, heights.resolution)
-    trial = SpeedTrial(plan, model, line, ground, pose, field, clear_at)
+    turning = turning_along(line, model.steering_geometry)
+    trial = SpeedTrial(plan, model, line, ground, pose, field, turning, clear_at)
     stops = _check_rules(log, heights, trial)
     verified = verified_columns(plan)
     where = ground.station[line.at_row]
@@ -107,15 +112,15 @@ def check_plan_on_map(
 
 def _check_rules(log: ViolationLog, heights: Heights, trial: SpeedTrial) -> CheckedStops:
     """Note what motion, ground, stops and reported columns break; the stops from the rows."""
-    plan, model, line, ground, _, field, clear = trial
+    plan, model, line, ground, _, field, turning, clear = trial
     motion, brakes, rows = motion_along(line, ground.station, plan.speed), field.brakes, line.at_row
     check_columns(log, plan, line, ground)
     check_places(log, model, ground, brakes, motion)
     driven = motion._replace(moving=motion.moving & ground.known)
     check_driving(trial.checks(log, driven), plan.speed_limit, too_fast=plan.status == "degraded")
     blocked = np.any([there for _, there, _ in blocking_ground(ground, brakes, model)], axis=0)
-    for struck in obstacles_along(heights, line, ground, model.vehicle):
-        kind, excess, sentence, value = struck
+    obstacles = obstacles_along(heights, line.body, ground, model.vehicle)
+    for kind, excess, sentence, value in (*obstacles, too_tight(turning, model)):
         log.add(kind, excess, sentence, value, where=driven.moving)
         blocked |= excess > TOLERANCES[kind].value
     if not shows_steps(heights, model.vehicle):
@@ -168,8 +173,8 @@ def _check_begin(plan: ExternalPlan, heights: Heights) -> None:
         raise ParameterError("x, y", f"a first row on the map, got {got}")
 
 
-def _line_and_end(plan: ExternalPlan, clear: float) -> tuple[Line, Floats]:
-    """Samples of a plan, and the station before which stops from its rows have to end, (N,)."""
+def _tail_and_ends(plan: ExternalPlan, clear: float) -> tuple[float, Floats]:
+    """Length behind the last row, and stations before which stops from rows have to end (N,)."""
     steps = np.hypot(np.diff(plan.x), np.diff(plan.y))
     ends = np.full(len(plan.x), clear)
     if plan.clear_distance is not None:
@@ -179,5 +184,4 @@ def _line_and_end(plan: ExternalPlan, clear: float) -> tuple[Line, Floats]:
         beyond = max(float(steps[-1]), _MIN_TAIL)
     # The end of a row, or that of the next: the nearer one.
     ends[:-1] = np.minimum(ends[:-1], ends[1:])
-    finite = np.where(np.isfinite(ends), ends, 1e12)
-    return line_of(plan, beyond), finite
+    return beyond, np.where(np.isfinite(ends), ends, 1e12)

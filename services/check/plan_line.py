@@ -7,7 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.input_errors import InputErrors
+from slopewise.models.steering import SteeringGeometry
 from slopewise.models.vehicle import Vehicle
+from slopewise.services.check.body_on_line import Body, body_along
 from slopewise.services.check.external_plan import ExternalPlan
 
 _MIN_SAMPLES, _MAX_SAMPLES = 4, 40  # of each segment: a fifth of a wheel, or bounded memory
@@ -15,6 +18,8 @@ _SPACING = 0.08  # [m] between samples within those bounds: a fifth of a wheel o
 _MAX_NOISE = 0.02  # [1/m] noise that remains in the curvature: half its tolerance of columns
 _CHORD = 0.15  # of the body's width: as much as a clear gap beside the vehicle is judged by
 _MIN_ROWS = 12  # fifth differences of fewer do not separate noise from turns
+
+_NEVER_OFF, _NO_ERRORS = SteeringGeometry(), InputErrors()
 
 
 class Line(NamedTuple):
@@ -28,6 +33,7 @@ class Line(NamedTuple):
     flat: Floats  # metres in the plan view
     heading: Floats  # heading without jumps [rad]
     curvature: Floats  # plan-view curvature, left positive [1/m]
+    body: Body
     driven: int  # samples up to the last row; those behind it continue it straight
 
     def between(self, values: Floats) -> Floats:
@@ -37,8 +43,16 @@ class Line(NamedTuple):
         return linear
 
 
-def line_of(plan: ExternalPlan, beyond: float) -> Line:
-    """Samples of a plan without repeated places, and for ``beyond`` metres straight behind it."""
+def line_of(
+    plan: ExternalPlan,
+    beyond: float,
+    steering: SteeringGeometry = _NEVER_OFF,
+    errors: InputErrors = _NO_ERRORS,
+) -> Line:
+    """Samples of a plan without repeated places, and for ``beyond`` metres straight behind it.
+
+    ``steering`` and ``errors``, at the quantile of the check, place the body.
+    """
     x, y = plan.x, plan.y
     steps = np.hypot(np.diff(x), np.diff(y))
     along = np.concatenate(([0.0], np.cumsum(steps)))
@@ -50,17 +64,19 @@ def line_of(plan: ExternalPlan, beyond: float) -> Line:
     extra = int(np.ceil(beyond / _SPACING)) if beyond > 0.0 else 0
     row = np.concatenate((row, np.full(1 + extra, count - 1)))
     share = np.concatenate((share, np.zeros(1 + extra)))
-    line = Line(
-        row, share, np.arange(count) * parts, x, y, along, heading, curvature, len(row) - extra
+    ahead = np.minimum(row + 1, count - 1)
+    x, y, flat, heading, curvature = (
+        v[row] + share * (v[ahead] - v[row]) for v in (x, y, along, heading, curvature)
     )
-    x, y, flat, heading, curvature = (line.between(v) for v in (x, y, along, heading, curvature))
     if extra:
         further = beyond * np.arange(1, extra + 1) / extra
         flat[-extra:] += further
         x[-extra:] += further * np.cos(heading[-1])
         y[-extra:] += further * np.sin(heading[-1])
         curvature[-extra:] = 0.0
-    return line._replace(x=x, y=y, flat=flat, heading=heading, curvature=curvature)
+    body = body_along((x, y, heading), flat, curvature, steering, errors)
+    place = x, y, flat, heading, curvature, body
+    return Line(row, share, np.arange(count) * parts, *place, len(row) - extra)
 
 
 def _turning(x: Floats, y: Floats, along: Floats, steps: Floats) -> tuple[Floats, Floats]:

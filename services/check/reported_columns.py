@@ -18,6 +18,7 @@ _NOTED = 0.1  # [m] longer reported stops are worth a note: ten times the tolera
 _UNEVEN = 0.025  # share of a stop that grades between rows change, most where brakes are weak
 _EVEN = 0.02  # share of the step between rows: rounding in files
 _STATION, _STATION_SHARE = 0.01, 0.002  # [m], [1] of stations: heights between rows
+_TURNED = np.deg2rad(2.0)  # [rad] of slopes where a body trails: its first heading is assumed
 _MORE, _MORE_DISTANCE, _MORE_LOAD = 1.0, 0.5, 0.3  # [1], [m], [1] margins beyond the worst stop
 _SHORT = 3.0  # [m] before the end of its path where a plan may rest, next to the offset of stops
 _PLACE = 0.2  # [m] of a place in a reason: a digit after the point, and stations
@@ -55,8 +56,9 @@ def check_columns(log: ViolationLog, plan: ExternalPlan, line: Line, ground: Lin
     allowed = _STATION + _STATION_SHARE * (station - station[0])
     compare("station", plan.station, station, allowed + chord)
     compare("z", plan.z, ground.z[rows], 0.02, known)
-    compare("grade", plan.grade, ground.grade[rows], np.deg2rad(0.6), known & even)
-    compare("roll", plan.roll, ground.roll[rows], np.deg2rad(0.6), known & even)
+    slopes = np.deg2rad(0.6) + _TURNED * line.body.start_error[rows]
+    compare("grade", plan.grade, ground.grade[rows], slopes, known & even)
+    compare("roll", plan.roll, ground.roll[rows], slopes, known & even)
     curvature = line.curvature[rows]
     compare("curvature", plan.curvature, curvature, 0.02 + 0.1 * np.abs(curvature), even)
     step = np.diff(station)

@@ -19,6 +19,7 @@ from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.loads import BodyAttitude
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line, Motion
+from slopewise.services.check.steering_checks import Turning
 from slopewise.services.check.stop_dynamics import StopDynamics
 from slopewise.services.check.stop_ends import check_stops
 from slopewise.services.check.stop_integration import StopEnds
@@ -35,6 +36,7 @@ RULES: dict[str, set[str]] = {
     "model_validity": {"speed_limit", "stopping_path", "model_validity"},
     "crest": {"crest", "dip", "tip_over", "rollover"},
     "friction": {"friction", "stopping_path", "rollover", "holding"},
+    "steering": {"steering_rate"},
 }
 """Kinds of violations that each rule's name stands for."""
 
@@ -63,6 +65,7 @@ class SpeedTrial(NamedTuple):
     ground: LineGround
     pose: BodyAttitude
     field: StopDynamics
+    turning: Turning
     clear: Floats  # (M,) station before which stops end [m]
 
     def speeds(self) -> list[Floats]:
@@ -99,7 +102,8 @@ class SpeedTrial(NamedTuple):
     def checks(self, log: ViolationLog, motion: Motion) -> DrivingChecks:
         """Checks of a motion."""
         brakes = self.field.brakes
-        return DrivingChecks(log, self.model, self.line, self.pose, brakes, motion, motion.moving)
+        ground = self.model, self.line, self.pose, brakes
+        return DrivingChecks(log, *ground, motion, self.turning, motion.moving)
 
 
 def check_speed_bound(log: ViolationLog, trial: SpeedTrial, broken: list[set[str]]) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.effects import registry
 from slopewise.models.effects.brake_fade import remaining_share
+from slopewise.models.input_errors import InputErrors
 from slopewise.models.laws.crest import remaining_force
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
@@ -18,6 +19,8 @@ from slopewise.services.check.loads import BodyAttitude, attitude_of, braking_ca
 from slopewise.services.check.path_force import PathForce
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line
+
+_NO_ERRORS = InputErrors()
 
 
 class PathState(NamedTuple):
@@ -47,11 +50,19 @@ class StopDynamics:
     table: Floats
     motion: registry.MotionTerms
     crest_share: float | None
+    errors: InputErrors
     nominal: bool = False
 
     @classmethod
-    def along(cls, model: Model, line: Line, ground: LineGround, brakes: PathForce) -> StopDynamics:
-        """Collect it."""
+    def along(
+        cls,
+        model: Model,
+        line: Line,
+        ground: LineGround,
+        brakes: PathForce,
+        errors: InputErrors = _NO_ERRORS,
+    ) -> StopDynamics:
+        """Collect it; ``errors`` make stops begin late."""
         pose = attitude_of(ground.grade, ground.roll, ground.vertical_curvature, line.curvature)
         first = brakes.slope[0], brakes.intercept[0] + brakes.extra
         table = np.stack((*pose, line.curvature, line.heading, brakes.friction, *first), axis=1)
@@ -62,6 +73,7 @@ class StopDynamics:
             table,
             registry.motion(model.effect),
             registry.crest_share(model.effect),
+            errors,
         )
 
     @cached_property

@@ -70,7 +70,7 @@ def check_stops(
     """
     brakes, model, lanes = field.brakes, field.model, _lanes(ground, motion)
     start = ground.station[lanes]
-    end, speed = stops.end + brakes.offset, motion.speed[lanes]
+    end, speed = stops.end + brakes.offset + field.errors.along_track, motion.speed[lanes]
     longest, free = end - start, clear[lanes]
     excess = np.where(stops.ended, end - free, np.maximum(end - free, _OVERRUN))
     sentence = "a stop from {0:.2f} m/s ends {1:.2f} m on"

@@ -187,6 +187,10 @@ def _driven(
     zero = np.zeros(count)
     lowest = np.full((6, count), np.inf)
     state = State(np.arange(count), station, speed, speed, zero, zero, dead_time, lowest.copy())
+    if field.errors.latency > 0.0 and not field.nominal:
+        # Before the command nothing cuts the drive.
+        late = state._replace(time=np.full(count, field.errors.latency))
+        state = coast(field, late, cut=False)._replace(time=dead_time)
     state = coast(field, state, cut=cut)
     end, ended = station.copy(), np.zeros(count, np.bool_)
     for _ in range(int(_MAX_STOP_TIME / TIME_STEP)):

@@ -85,6 +85,12 @@ TOLERANCES: dict[str, Tolerance] = {
         "the body strikes ground ahead of, behind or beside the wheels",
         "as of step",
     ),
+    "turning": Tolerance(
+        0.05, "share", "turns tighter than the steering can", "curvature of rows that are rounded"
+    ),
+    "steering_rate": Tolerance(
+        0.05, "share", "turns begin faster than the steering follows", "as of turning"
+    ),
     "stop_distance": Tolerance(
         0.02,
         "m",

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from slopewise.models.input_errors import Tracking
 from slopewise.models.parameters import Braking, Effect, Limits, Model, Terrain
 from slopewise.models.steering import Steering
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
@@ -97,6 +98,7 @@ def model_of(tables: Mapping[str, Any]) -> Model:
         terrain=Terrain(**tables["terrain"]),
         limits=Limits(**tables["limits"]),
         steering=Steering(**tables["steering"]) if "steering" in tables else None,
+        tracking=Tracking(**tables["tracking"]) if "tracking" in tables else None,
         effect=tuple(Effect(**effect) for effect in tables.get("effect", ())),
     )
 

@@ -25,7 +25,7 @@ def model_with(**tables: Mapping[str, Any]) -> Model:
         if table == "effect":
             out[table] = values
         else:
-            out[table].update(values)
+            out.setdefault(table, {}).update(values)
     return model_of(out)
 
 
@@ -80,6 +80,7 @@ class Scene(NamedTuple):
     model: Model
     heights: ElevationMap
     clear: float = np.inf
+    quantile: float = 0.5
 
 
 def driven(
@@ -89,6 +90,7 @@ def driven(
     radius: float | None = None,
     resolution: float = 0.2,
     clear: float = np.inf,
+    quantile: float = 0.5,
     columns: Columns | None = None,
     shape: Mapping[str, float] = MappingProxyType({}),
     **tables: Mapping[str, Any],
@@ -101,7 +103,8 @@ def driven(
     s, v = trapezoid(top, **shape)
     further = {} if columns is None else columns(s, v)
     plan = straight(s, v, **further) if radius is None else round_turn(s, v, radius, **further)
-    return Scene(plan, model_with(**tables), ground(surface, resolution=resolution), clear)
+    heights = ground(surface, resolution=resolution)
+    return Scene(plan, model_with(**tables), heights, clear, quantile)
 
 
 def at(place: Surface, height: float) -> Surface:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.check.tolerances import TOLERANCES
 from tests.services.check.drives import (
@@ -56,6 +57,23 @@ def front_axle_under_drive(u: float) -> Scene:
     return driven(1.0, slope(0.2), shape={"decel": 0.1}, braking=braking, limits=limits)
 
 
+def slalom(u: float, reference: str) -> Scene:
+    """Curvature grows by 0.05 1/m a metre: straight ahead the wheels turn by 0.06 rad a metre."""
+    s, v = trapezoid(1.0, length=10.0, stop_at=9.0)
+    heading = 0.025 * (s[:-1] + 0.05) ** 2
+    x, y = (np.append(0.0, np.cumsum(0.1 * part)) for part in (np.cos(heading), np.sin(heading)))
+    steering = {"kind": "ackermann", "reference": reference, "max_rate": 0.06 / u}
+    plan = ExternalPlan(name="slalom", x=x, y=y, speed=v)
+    return Scene(plan, model_with(vehicle=CAR, steering=steering), ground())
+
+
+def late(share: float) -> float:
+    """Station before which stops end that begin late, and use a share of the way they have [m]."""
+    s, speed = SOFT
+    distance = level_stop(speed) + speed * (0.2 + Z * 0.05) + Z * 0.1
+    return float(np.max((s + distance / share)[speed > 0.0]))
+
+
 def rear_share(speed: np.ndarray | float) -> np.ndarray:
     """Rear load of the quad on level ground under full brakes, a share of the static one."""
     return 1.0 - 0.55 / 0.6 * (0.015 * np.maximum(speed, 1.0) + 0.40)
@@ -66,6 +84,12 @@ FRONT = 0.60 + 0.28  # [m] of the vehicle ahead of its middle: the path has to b
 HULL = {"speed_by_grade": [[-0.26, 3.0], [0.0, 3.0], [0.26, 2.0]]}  # 2.5 m/s on 0.13 rad
 NEEDED_FORCE = 500.0 * (0.9 + 0.13 * G)  # [N] that the drive has to give
 BRAKES_DOWNHILL = G * (0.40 + 0.38 * 0.2 - np.sin(0.2))
+CAR = {"drive": "ackermann"}
+REAR = {"reference": "rear_axle"}
+Z = 2.0  # standard deviations: one-sided at a quantile of 0.97725, two-sided at 0.9545
+LATE = {"along_track_std": 0.1, "latency": 0.2, "latency_std": 0.05}
+OFF_LINE = {"cross_track_std": 0.1, "heading_std": 0.03}
+BAND = 0.598 + Z * 0.1 + FRONT * np.sin(Z * 0.03)  # [m] to the side of the front corners
 SIDE = 1.0 - 1.1 * 9.0 / (8.0 * G)
 
 SCENES: dict[str, tuple[str, Callable[[float], Scene]]] = {
@@ -203,6 +227,57 @@ SCENES: dict[str, tuple[str, Callable[[float], Scene]]] = {
             1.0, at(lambda x, y: (np.abs(x - 8.0) < 0.2) & (y > 0.59), 0.21 * u**2), resolution=0.05
         ),
     ),
+    "a tight turn": (
+        "turning",
+        lambda u: driven(
+            1.0, radius=4.0, vehicle=CAR, steering={"kind": "ackermann", "min_radius": 4.0 * u}
+        ),
+    ),
+    "a tight turn of the rear axle": (
+        "turning",
+        lambda u: driven(
+            1.0,
+            radius=4.0,
+            vehicle=CAR,
+            steering={"kind": "ackermann", "max_angle": np.arctan(0.3 / u), **REAR},
+        ),
+    ),
+    "a sudden turn": ("steering_rate", lambda u: slalom(u, "mid")),
+    "a sudden turn of the rear axle": ("steering_rate", lambda u: slalom(u, "rear_axle")),
+    "late": (
+        "stopping_path",
+        lambda u: driven(3.0, clear=late(u) + FRONT, quantile=0.97725, tracking=LATE),
+    ),
+    "wall next to the band": (
+        "body",
+        lambda u: driven(
+            1.0,
+            at(lambda x, y: (np.abs(x - 8.0) < 0.2) & (y > BAND / u), 0.5),
+            resolution=0.05,
+            quantile=0.9545,
+            tracking=OFF_LINE,
+        ),
+    ),
+    "step within the band": (
+        "step",
+        lambda u: driven(
+            1.0,
+            at(lambda x, y: (x > 8.0) & (y > 0.65), 0.28 / 3.0 * u**2),
+            resolution=0.05,
+            quantile=0.9545,
+            tracking=OFF_LINE,
+        ),
+    ),
+    "edge within the band": (
+        "step",
+        lambda u: driven(
+            1.0,
+            at(lambda x, y: y > 0.6, -0.28 / 3.0 * u**2),
+            resolution=0.05,
+            quantile=0.9545,
+            tracking=OFF_LINE,
+        ),
+    ),
     "stop distance": (
         "stop_distance",
         lambda u: driven(3.0, columns=lambda _, v: {"stop_distance": level_stop(v) / u}),
@@ -250,7 +325,8 @@ SCENES: dict[str, tuple[str, Callable[[float], Scene]]] = {
 
 
 def kinds(scene: Scene) -> set[str]:
-    report = check_plan_on_map(scene.plan, scene.model, scene.heights, clear=scene.clear)
+    plan, model, heights, clear, quantile = scene
+    report = check_plan_on_map(plan, model, heights, clear=clear, quantile=quantile)
     return {violation.kind for violation in report.violations}
 
 
