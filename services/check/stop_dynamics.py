@@ -32,8 +32,7 @@ class PathState(NamedTuple):
     curvature: Floats  # curvature of the path [1/m]
     yaw: Floats  # heading [rad]
     friction: Floats
-    slope: Floats  # of the force where the line has one surface; else ignored
-    intercept: Floats  # as slope
+    first: Floats  # (7, L) terms of the force, where the line has one surface; else ignored
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class StopDynamics:
     model: Model
     brakes: PathForce
     station: Floats
-    table: Floats
+    table: Floats  # (15, M) pose and curvature, heading, friction, terms of the force
     motion: registry.MotionTerms
     crest_share: float | None
     errors: InputErrors
@@ -64,8 +63,9 @@ class StopDynamics:
     ) -> StopDynamics:
         """Collect it; ``errors`` make stops begin late."""
         pose = attitude_of(ground.grade, ground.roll, ground.vertical_curvature, line.curvature)
-        first = brakes.slope[0], brakes.intercept[0] + brakes.extra
-        table = np.stack((*pose, line.curvature, line.heading, brakes.friction, *first), axis=1)
+        first = brakes.slope[0], brakes.intercept[0], brakes.force_surplus[0]
+        first = *first, *brakes.variance_terms[0], brakes.extra
+        table = np.stack((*pose, line.curvature, line.heading, brakes.friction, *first))
         return cls(
             model,
             brakes,
@@ -88,21 +88,25 @@ class StopDynamics:
         k = np.minimum(np.maximum(k, 0), len(self.station) - 2)
         share = (s - self.station[k]) / (self.station[k + 1] - self.station[k])
         share = np.minimum(np.maximum(share, 0.0), 1.0)
-        row = self.table[k]
-        row += share[:, None] * (self.table[k + 1] - row)
-        columns = row.T
-        return PathState(k, share, BodyAttitude(*columns[:5]), *columns[5:])
+        rows = self.table.take(k, axis=1)
+        rows += share * (self.table.take(k + 1, axis=1) - rows)
+        curvature, yaw, friction = rows[5:8]
+        return PathState(k, share, BodyAttitude(*rows[:5]), curvature, yaw, friction, rows[8:])
 
     def force(self, here: PathState, onset_speed: Floats, *, upper: bool = False) -> Floats:
         """Demanded F_b/W, before build-up, heat, friction and crests; or its upper bound."""
         b = self.brakes
-        if not self.two_sided:
-            only: Floats = (
-                here.slope * np.maximum(onset_speed, b.trained_speed_min[0, 0]) + here.intercept
-            )
-            return only
+        if len(b.on) == 1:
+            slope, intercept, surplus, square, double, constant, extra = here.first
+            speed = np.maximum(onset_speed, b.trained_speed_min[0, 0])
+            force: Floats = slope * speed + intercept + extra
+            if self.two_sided:
+                width = np.sqrt(np.maximum((square * speed + 2.0 * double) * speed + constant, 0.0))
+                width += surplus * np.abs(force - extra)
+                force = force + width if upper else force - width
+            return force
         ends = [self._force_at(here.sample + i, onset_speed, upper) for i in (0, 1)]
-        force: Floats = ends[0] + here.share * (ends[1] - ends[0])
+        force = ends[0] + here.share * (ends[1] - ends[0])
         return force
 
     def _force_at(self, sample: Ints, onset_speed: Floats, upper: bool) -> Floats:

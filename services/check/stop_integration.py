@@ -17,7 +17,7 @@ from slopewise.models.quantity import GRAVITY
 from slopewise.services.check.loads import shares_of
 from slopewise.services.check.stop_dynamics import PathState, StopDynamics
 
-TIME_STEP = 0.02  # Step of the integrator [s]; halving it moves stops by less than a millimetre
+TIME_STEP = 0.04  # Step of the integrator [s]; halving it moves stops by less than a millimetre
 _MAX_STOP_TIME = 60.0  # [s] of a stop: brakes that take longer do not hold the vehicle
 
 
@@ -160,7 +160,7 @@ def worst_case_stops(
     that gets to the station ``give_up`` is not followed further [m].
     """
     held = _driven(field, station, speed, dead_time, give_up, False)
-    steepest = -float(field.table[:, 0].min())
+    steepest = -float(field.table[0].min())
     runs_on = steepest > field.model.terrain.motion_resistance
     if field.model.braking.drive_in_dead_time == "held" or not runs_on:
         return held

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -11,7 +11,9 @@ import numpy as np
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.input_errors import Tracking
 from slopewise.models.parameters import Model
+from slopewise.models.steering import Steering
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import PlanarState
 from slopewise.planner.horizon.horizon import Horizon
@@ -63,7 +65,23 @@ def arc(name: str, start: tuple[float, float], course: float, turn: float, lengt
 
 @cache
 def vehicle(name: str) -> Model:
-    return read_model(shipped_models()[name])
+    """A shipped vehicle; or the quad with steered wheels, tracking errors and latency."""
+    model = read_model(shipped_models()["atv" if name == "car" else name])
+    if name != "car":
+        return model
+    return replace(
+        model,
+        vehicle=replace(model.vehicle, drive="ackermann"),
+        steering=Steering(kind="ackermann", max_rate=0.3),
+        tracking=Tracking(
+            cross_track_std=0.05,
+            cross_track_per_curvature=0.1,
+            heading_std=0.02,
+            along_track_std=0.08,
+            latency=0.1,
+            latency_std=0.03,
+        ),
+    )
 
 
 @cache
@@ -88,7 +106,7 @@ def bases() -> tuple[Base, ...]:
 def clean_plans() -> list[tuple[str, Base]]:
     """Short plans of our planner, with other settings, resumed, and a trapezoid."""
     rng, out = np.random.default_rng(8), []
-    for name, seed in (("atv", 1), ("husky", 2), ("ugv", 3), ("atv", 0)):
+    for name, seed in (("atv", 1), ("husky", 2), ("ugv", 3), ("atv", 0), ("car", 1)):
         model, where = vehicle(name), hills(seed) if seed else hillside()
         margins = Uncertainty()
         for kind, planner, quantile in (
@@ -102,7 +120,7 @@ def clean_plans() -> list[tuple[str, Base]]:
         ):
             paths = [
                 arc(f"{kind} {i}", tuple(rng.uniform(8.0, 30.0, 2)), *rng.uniform(*_ARCS))
-                for i in range(20)
+                for i in range(6)
             ]
             starts: tuple[Any, ...] = ({}, {"start_speed": 0.8, "clear": 5.0})
             for half, options in zip((paths[::2], paths[1::2]), starts, strict=True):
@@ -134,7 +152,7 @@ def resumed(model: Model, where: ElevationMap, rng: np.random.Generator) -> list
 def trapezoids(model: Model, rng: np.random.Generator) -> list[Base]:
     """Plain plans on level ground, at a half of what the limits allow."""
     sound, limits = [], model.limits
-    for _ in range(16):
+    for _ in range(3):
         top, spacing = float(rng.uniform(0.3, 0.6)) * limits.speed, float(rng.uniform(0.1, 0.5))
         s, v = trapezoid(
             top,

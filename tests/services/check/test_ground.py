@@ -208,7 +208,7 @@ def test_agrees_with_the_slow_reference(effect: tuple[str, Mapping[str, Any]]) -
     name, parameters = effect
     model = model_with(effect=[{"name": name, "parameters": parameters}])
     field = field_of(model, waves)
-    pose = BodyAttitude(*field.table[:, :5].T)
+    pose = BodyAttitude(*field.table[:5])
     grade, zero = np.arcsin(pose.sine), np.zeros_like(pose.sine)
     roll = np.arctan2(pose.cross_slope_ratio, pose.normal_ratio)
     x = np.linspace(0.0, 35.0, len(field.station))
