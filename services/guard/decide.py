@@ -138,8 +138,12 @@ def decide(
     courses = _courses(scene.model, moving, command, before, forward=forward, reverses=reverses)
     late += scene.model.errors.latency
     held = hold_time + late
-    verdicts = [_checked(scene, motion.pose, course, held, late, load) for course in courses]
-    verdict = min(verdicts, key=lambda verdict: (not verdict.brakes, verdict.allowed))
+    verdict = _Verdict(math.inf, False, "", None)
+    for course in courses:
+        checked = _checked(scene, motion.pose, course, held, late, load)
+        verdict = min(verdict, checked, key=lambda of: (not of.brakes, of.allowed))
+        if verdict.brakes or verdict.allowed == 0.0:
+            break  # no other course can make it worse
     if verdict.brakes:
         return stop(verdict.reason, verdict.where)
     if reverses:
@@ -277,7 +281,7 @@ def _reason(
         return f"the clear distance ends {ways.share * clear:.2f} m ahead", None
     if ways.share > 0.0:
         return f"{ways.end.reason} {ways.share * free:.2f} m ahead", ways.end.where
-    angle = math.degrees(free * abs(float(ways.turn[-1])))
+    angle = math.degrees(free * abs(float(ways.turn[0])))
     return f"{ways.end.reason} {angle:.0f}° ahead in the turn", ways.end.where
 
 

@@ -20,8 +20,15 @@ SPACING = 0.1
 """Distance between the points of swept bodies [m]: an obstacle, two facets wide, is never between
 them, because smaller cells are joined to blocks of that edge."""
 
+TILE = 0.6
+"""Edge of the tiles of a body that are looked up as a whole [m]: six cover that of a quad."""
+
+HALF_DIAGONAL = 0.5 * math.sqrt(2.0) * TILE  # distance of a tile's corners from its middle [m]
+
 _SECOND_DIFFERENCE = math.sqrt(6.0)
 """Standard deviation of z − 2 z' + z'' in that of one height [1]: the contrast of a step."""
+
+_ROUNDING = 1e-3  # of places in single precision on maps of up to 10,000 cells [cells]
 
 _NEAR_WHEEL = 0.5
 """Length in wheel radii over which a rise is a step rather than a slope [1]."""
@@ -45,6 +52,9 @@ class ObstacleLayers:
         self._cells = _framed(height, np.nan)
         edges = _blocks(_edges(z, ground.resolution, vehicle, self.noise), block, 0.0)
         self._edges = _framed(_of_corners(edges), 0.0)
+        barred = np.isnan(self._facets) | (self._edges > 0.0)
+        barred_or_top = np.where(barred, np.float32(np.inf), self._facets)
+        self._near = _spread(barred_or_top, HALF_DIAGONAL / self.cell)
 
     def heights(self, x: Floats, y: Floats, *, exact: bool) -> Floats:
         """Highest ground at points [cells from :attr:`origin`], above :attr:`datum` [m]; NaN.
@@ -52,6 +62,13 @@ class ObstacleLayers:
         ``exact``: of the cell that holds the point, instead of the facet.
         """
         return _at(self._cells, x + 0.5, y + 0.5) if exact else _at(self._facets, x, y)
+
+    def highest_near(self, x: Floats, y: Floats) -> Floats:
+        """Highest ground within :data:`HALF_DIAGONAL` of points [cells], above the datum [m].
+
+        Infinite near unknown ground and near steps at wheels.
+        """
+        return _at(self._near, x, y)
 
     def edges(self, x: Floats, y: Floats) -> Bools:
         """Return True at points [cells from :attr:`origin`] where a wheel would meet a step."""
@@ -62,8 +79,10 @@ def _at(layer: Floats, x: Floats, y: Floats) -> Floats:
     """Values of a framed layer; off the map those of its frame."""
     rows, columns = layer.shape
     # The frame is one wide, and truncation rounds down what is positive.
-    column = np.clip(x + np.float32(1.0), 0.0, columns - 1.0).astype(np.int32)
-    row = np.clip(y + np.float32(1.0), 0.0, rows - 1.0).astype(np.int32)
+    column, row = (
+        np.minimum(np.maximum(of + np.float32(1.0), 0.0), size - 1.0).astype(np.int32)
+        for of, size in ((x, columns), (y, rows))
+    )
     values: Floats = layer.ravel().take(row * np.int32(columns) + column)
     return values
 
@@ -76,6 +95,23 @@ def _of_corners(z: Floats) -> Floats:
     """Highest of the four cells around each facet, NaN if one is unknown."""
     rows = np.maximum(z[1:], z[:-1])
     highest: Floats = np.maximum(rows[:, 1:], rows[:, :-1])
+    return highest
+
+
+def _spread(layer: Floats, radius: float) -> Floats:
+    """Highest value at the facets that a disc of a radius [cells] around each facet touches."""
+    reach = 1 + math.floor(radius + _ROUNDING)
+    rows, columns = layer.shape
+    padded = np.pad(layer, reach, constant_values=np.inf)
+    wide = [padded[:, reach : reach + columns]]
+    for k in range(1, reach + 1):
+        sides = padded[:, reach - k :][:, :columns], padded[:, reach + k :][:, :columns]
+        wide.append(np.maximum(wide[-1], np.maximum(*sides)))
+    highest: Floats = wide[reach][reach : reach + rows]
+    for k in range(1, reach + 1):
+        across = 1 + math.floor(math.sqrt(max(radius**2 - (k - 1) ** 2, 0.0)) + _ROUNDING)
+        for first in (reach - k, reach + k):
+            highest = np.maximum(highest, wide[min(across, reach)][first : first + rows])
     return highest
 
 

@@ -26,6 +26,10 @@ _HEADINGS = 0.2
 """Angle between neighbouring courses where they end [rad]: their bodies overlap by far, and at the
 corner of a body 1.2 m wide the nearest is 6 cm from each course between them."""
 
+_MANY = 600
+"""Samples from which the first quarter of all courses is tried first [1]: obstacles are often
+there, and fewer samples take no less time."""
+
 _MAX_COURSES = 24  # more than turns of half a revolution need [1]
 
 
@@ -80,45 +84,75 @@ def courses_ahead(
     length: float,
 ) -> StopCourses:
     """Sample the ground along all courses for ``length`` of the fastest wheel [m]."""
-    vehicle, shape = model.vehicle, model.shape
-    front, rear = (shape.front, shape.rear)[:: 1 if turning.forward else -1]
     turn, axis = _turns(turning, length), -model.turn_axis if turning.forward else model.turn_axis
-    corner = math.hypot(max(front, rear) + abs(axis), 0.5 * shape.width)
+    corner = math.hypot(
+        max(model.shape.front, model.shape.rear) + abs(axis), 0.5 * model.shape.width
+    )
     step = SPACING / (turning.share + corner * float(np.abs(turn).max()))
     station = step * np.arange(math.ceil(length / step) + 1, dtype=np.float64)
-    x, y, yaw = _along(pose, turning, turn[:, None], station, axis)
-    wheels = _wheel_places(model, x, y, yaw)
-    under = map_surfaces(model, ground)[classes_at(ground, *wheels)]
-    felt = wheel_heights(ground, vehicle)
-    z = felt.at(*wheels)
-    grade, roll = _tilt(z, vehicle)
-    steep = _too_steep(table, grade, roll, under)
-    if steep.any():  # it may be the edge of a crack that tyres bridge
-        z = felt.contact(*wheels, yaw)
+    on = _Ground(model, table, ground, pose, turning, axis, step)
+    if len(turn) * len(station) > _MANY:
+        courses = _along(on, turn, station[: len(station) // 4])
+        if courses.end.reason:
+            return courses
+    return _along(on, turn, station)
+
+
+class _Ground(NamedTuple):
+    """What all courses of a decision share; see :func:`courses_ahead`."""
+
+    model: GuardModel
+    table: SurfaceTable
+    ground: ElevationMap
+    pose: Pose2d
+    turning: Turning
+    axis: float  # see :class:`slopewise.services.guard.swept_contact.BodyPoses` [m]
+    step: float  # distance of samples, of the fastest wheel [m]
+
+
+def _along(on: _Ground, turn: Floats, station: Floats) -> StopCourses:
+    """Ground on courses of some turns (N,) at stations (S,), up to what is first in the way."""
+    vehicle, share = on.model.vehicle, on.turning.share
+    x, y, yaw = _poses(on, turn[:, None], station)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    front, rear = on.model.shape.front, on.model.shape.rear
+    reach = (front, rear) if on.turning.forward else (rear, front)
+    felt = wheel_heights(on.ground, vehicle)
+
+    def contact(z: Floats) -> tuple[Floats, Floats, Contact]:
         grade, roll = _tilt(z, vehicle)
-        steep = _too_steep(table, grade, roll, under)
-    rise, cross_rise = np.tan(grade), np.tan(roll)
-    height = _extended(z.mean(axis=0), turning.share * step * rise)
-    poses = BodyPoses(x, y, yaw, height, rise, cross_rise, turn, turning.share, axis)
-    contact = first_contact(vehicle, ground, poses, (front, rear), model.errors)
-    k = int(np.argmax(steep))
-    if steep[k] and k < contact.sample:
-        contact = contact._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
-    # What lies behind the end does not matter to stops before it.
-    x, y, yaw, grade, roll = (of[:, : contact.sample + 1] for of in (x, y, yaw, grade, roll))
+        rise, cross_rise = np.tan(grade), np.tan(roll)
+        height = _extended(z.mean(axis=0), share * on.step * rise)
+        poses = BodyPoses(x, y, cos, sin, height, rise, cross_rise, turn[:, None], share, on.axis)
+        return grade, roll, first_contact(vehicle, on.ground, poses, reach, on.model.errors)
+
+    wheels = _wheel_places(vehicle, x, y, cos, sin)
+    grade, roll, end = contact(felt.at(*wheels))
+    ahead = slice(end.sample + 1)  # what lies behind the end does not matter to stops before it
+    under = map_surfaces(on.model, on.ground)[classes_at(on.ground, *wheels)]
+    steep = _too_steep(on.table, grade[:, ahead], roll[:, ahead], under[..., ahead])
+    if steep.any():  # it may be the edge of a crack that tyres bridge
+        grade, roll, end = contact(felt.contact(*wheels, yaw))
+        steep = _too_steep(on.table, grade, roll, under)
+        k = int(np.argmax(steep))
+        if steep[k] and k < end.sample:
+            where = float(x[-1, k]), float(y[-1, k])
+            end = end._replace(sample=k, reason=STEEP, where=where)
+        ahead = slice(end.sample + 1)
+    grade = grade[:, ahead]
     return StopCourses(
-        step=step,
-        share=turning.share,
+        step=on.step,
+        share=share,
         turn=turn,
         grade=grade,
-        roll=roll,
-        vertical_curvature=_vertical_curvature(grade, turning.share, step, vehicle.wheelbase),
-        x=x,
-        y=y,
-        yaw=yaw,
-        under=under[:, :, : contact.sample + 1],
-        possible=_possible(model, under),
-        end=contact,
+        roll=roll[:, ahead],
+        vertical_curvature=_vertical_curvature(grade, share, on.step, vehicle.wheelbase),
+        x=x[:, ahead],
+        y=y[:, ahead],
+        yaw=yaw[:, ahead],
+        under=under[..., ahead],
+        possible=_possible(on.model, under[..., ahead]),
+        end=end,
     )
 
 
@@ -130,12 +164,13 @@ def _tilt(wheels: Floats, vehicle: Vehicle) -> tuple[Floats, Floats]:
     return _extended(grade), _extended(roll)
 
 
-def _wheel_places(model: GuardModel, x: Floats, y: Floats, yaw: Floats) -> tuple[Floats, Floats]:
+def _wheel_places(
+    vehicle: Vehicle, x: Floats, y: Floats, cos: Floats, sin: Floats
+) -> tuple[Floats, Floats]:
     """Places of the wheels (4, N, S) [m]: front left, front right, rear left, rear right."""
-    half, left = 0.5 * model.vehicle.wheelbase, 0.5 * model.vehicle.track_width
+    half, left = 0.5 * vehicle.wheelbase, 0.5 * vehicle.track_width
     x_body = np.array([half, half, -half, -half])[:, None, None]
     y_body = np.array([left, -left, left, -left])[:, None, None]
-    cos, sin = np.cos(yaw), np.sin(yaw)
     return x + x_body * cos - y_body * sin, y + x_body * sin + y_body * cos
 
 
@@ -147,24 +182,25 @@ def map_surfaces(model: GuardModel, ground: ElevationMap) -> Ints:
 
 
 def _turns(turning: Turning, length: float) -> Floats:
-    """Turns of the courses (N,), that of the command last."""
+    """Turns of the courses (N,), that of the command among them."""
+    ends = turning.low, turning.high, turning.commanded
+    if turning.share == 0.0:
+        return np.array(sorted(set(ends)))  # slower turns on the spot end within faster ones
     span = (turning.high - turning.low) * length
     count = min(math.ceil(span / _HEADINGS), _MAX_COURSES)
-    between = np.linspace(turning.low, turning.high, count + 1) if count else np.empty(0)
-    return np.append(between, turning.commanded)
+    between = np.linspace(turning.low, turning.high, count + 1)
+    return between if turning.commanded in ends[:2] else np.append(between, turning.commanded)
 
 
-def _along(
-    pose: Pose2d, turning: Turning, turn: Floats, station: Floats, axis: float
-) -> tuple[Floats, Floats, Floats]:
-    """x, y [m], direction of motion [rad], (N, S) each; the point at ``axis`` moves straight on."""
-    start = pose.heading + (0.0 if turning.forward else math.pi)
+def _poses(on: _Ground, turn: Floats, station: Floats) -> tuple[Floats, Floats, Floats]:
+    """x, y [m], direction of motion [rad], (N, S) each; the point at the axis moves straight on."""
+    start = on.pose.heading + (0.0 if on.turning.forward else math.pi)
     yaw = start + turn * station
     # A chord of the circle lies in the mean direction, shorter than the arc by the factor sinc.
-    chord = turning.share * station * np.sinc(0.5 * turn * station / np.pi)
+    chord = on.turning.share * station * np.sinc(0.5 * turn * station / np.pi)
     mean = start + 0.5 * turn * station
-    x = pose.x + chord * np.cos(mean) + (math.cos(start) - np.cos(yaw)) * axis
-    y = pose.y + chord * np.sin(mean) + (math.sin(start) - np.sin(yaw)) * axis
+    x = on.pose.x + chord * np.cos(mean) + (math.cos(start) - np.cos(yaw)) * on.axis
+    y = on.pose.y + chord * np.sin(mean) + (math.sin(start) - np.sin(yaw)) * on.axis
     return x, y, yaw
 
 
@@ -190,7 +226,8 @@ def _vertical_curvature(grade: Floats, share: float, step: float, wheelbase: flo
 
 
 def _possible(model: GuardModel, under: Ints) -> list[int]:
-    seen = set(np.unique(under).tolist())
+    # Indices are few: counting them takes less than sorting.
+    seen = set(np.flatnonzero(np.bincount(under.ravel() + 1)) - 1)
     if -1 in seen:
         return list(range(len(model.surfaces)))
     return [k for k, of in enumerate(model.governing) if k in seen or of in seen]

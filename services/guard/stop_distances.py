@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.arrays import Bools, Floats
 from slopewise.models.effects import registry
 from slopewise.models.effects.effect_law import Place
 from slopewise.models.quantity import GRAVITY
@@ -59,7 +59,7 @@ def stops_along(
     covered = v * (held[:, None] + dead) - step * np.arange(sine.shape[-1])
     holds = np.minimum(np.maximum(covered / step, 0.0), 1.0)
     gain = GRAVITY * np.maximum(-sine - model.resistance, 0.0) * step
-    onset_sq = v * v + 2.0 * np.cumsum(holds * gain, axis=-1)[..., -1:]
+    onset_sq = v * v + 2.0 * np.sum(holds * gain, axis=-1, keepdims=True)
     onset = np.sqrt(onset_sq)
     weakest, strongest = _force(model, tables, courses, onset)
     if model.motion.fade > 0.0:
@@ -85,9 +85,9 @@ def stops_along(
 
 
 def _by_speed(courses: StopCourses) -> StopCourses:
-    """Up to four of the courses, with an axis of speeds, (N, 1, S)."""
-    last = len(courses.turn) - 1
-    chosen = sorted({0, last // 2, max(last - 1, 0), last})
+    """The outermost courses, one between them and the last one, by speeds, (N, 1, S)."""
+    turn, last = courses.turn, len(courses.turn) - 1
+    chosen = sorted({int(np.argmin(turn)), last // 2, int(np.argmax(turn)), last})
     names = ("grade", "roll", "vertical_curvature", "x", "y", "yaw")
     shaped = {name: getattr(courses, name)[chosen, None, :] for name in names}
     under = courses.under[:, chosen, None, :]
@@ -133,19 +133,14 @@ def _push(model: GuardModel, courses: StopCourses, onset: Floats) -> Floats | fl
 
 def _rest(energy: Floats, decel: Floats, onset_sq: Floats, holds: Floats, step: float) -> Floats:
     """Distance at which each stop ends; inf where it does not, (N, K) [m]."""
-    ended = energy <= 0.0
-    last = np.argmax(ended, axis=-1)[..., None]
-
-    def at(values: Floats, k: Ints) -> Floats:
-        picked: Floats = np.take_along_axis(np.broadcast_to(values, energy.shape), k, -1)
-        return picked[..., 0]
-
-    onset = onset_sq[..., 0]
-    before = np.where(last[..., 0] > 0, at(energy, np.maximum(last - 1, 0)), onset)
-    before = np.minimum(np.maximum(before, 0.0), onset)
-    braked = before / (2.0 * np.maximum(at(decel, last), _MIN_DECEL))
-    part = np.minimum(at(holds, last) * step + braked, step)
-    return np.where(ended.any(axis=-1), last[..., 0] * step + part, np.inf)
+    n, k = np.ogrid[: energy.shape[0], : energy.shape[1]]
+    last = np.argmax(energy <= 0.0, axis=-1)
+    before = np.where(last > 0, energy[n, k, last - 1], onset_sq[..., 0])
+    before = np.minimum(np.maximum(before, 0.0), onset_sq[..., 0])
+    braked = before / (2.0 * np.maximum(decel[n, k, last], _MIN_DECEL))
+    part = np.minimum(holds[k, last] * step + braked, step)
+    distance: Floats = np.where(energy[n, k, last] <= 0.0, last * step + part, np.inf)
+    return distance
 
 
 def _loads(

@@ -12,11 +12,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slopewise.models.arrays import Bools, Floats
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.input_errors import InputErrors, lateral_band
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.guard.obstacle_layers import SPACING, ObstacleLayers, obstacle_layers
+from slopewise.services.guard.obstacle_layers import (
+    HALF_DIAGONAL,
+    SPACING,
+    TILE,
+    ObstacleLayers,
+    obstacle_layers,
+)
 
 UNKNOWN, OBSTACLE, EDGE = "ground is unknown", "an obstacle stands", "a step at a wheel lies"
 """Reasons to end a course."""
@@ -27,29 +33,29 @@ moves the outline of a body 2 m long out by 3 cm."""
 
 _TENTH = 0.1  # step of the curvature by which lateral bands grow [1/m]
 
-_WHEELS = 12  # points under the wheels, three across each tyre [1]
-
 _FACET = math.sqrt(2.0)
 """Rise of a facet along the steepest slope across its diagonal, in cells [1]."""
+
+
+_TOGETHER = 400
+"""Tiles whose points are looked up together [1]: most of a course lies behind the first contact."""
+
+_ROUNDING = 1e-3  # of heights in single precision up to 1 km above the datum, ten times [m]
 
 
 class BodyPoses(NamedTuple):
     """Poses of N courses of S samples, (N, S) each where no other shape is given."""
 
-    x: Floats  # x, y, yaw: middle of the wheelbase [m], direction of motion [rad]
+    x: Floats  # x, y: middle of the wheelbase [m]
     y: Floats
-    yaw: Floats
+    cos: Floats  # cos, sin: of the direction of motion [1]
+    sin: Floats
     height: Floats  # of the ground at the middle of the wheels [m]
     rise: Floats  # slope of the plane of the wheels along the motion [1]
     cross_rise: Floats  # slope of that plane to the left [1]
-    turn: Floats  # (N,) yaw per distance, left positive [rad/m]
+    turn: Floats  # (N, 1) yaw per distance, left positive [rad/m]
     share: float  # speed of the middle of the wheelbase over that of the fastest wheel [1]
     axis: float  # place abeam of which the centre of turns lies, ahead of the middle [m]
-
-    def on(self, courses: list[int]) -> BodyPoses:
-        """Poses of some courses."""
-        arrays = {name: getattr(self, name)[courses] for name in self._fields[:7]}
-        return self._replace(**arrays)
 
 
 class Contact(NamedTuple):
@@ -62,18 +68,15 @@ class Contact(NamedTuple):
 
 
 class _Points(NamedTuple):
-    """P points of the body, (P,) each: first the wheels, then the leading edge."""
+    """Points of the body, Q in each of the T tiles that cover it, (T, Q) each; some repeat."""
 
     ahead: Floats  # ahead, left: place in the body [m]
     left: Floats
     normal_ahead: Floats  # outward normal of the outline, 0 within it [1]
     normal_left: Floats
-    leading: int  # number of points of wheels and leading edge
-
-    def first(self, count: int) -> _Points:
-        """First points."""
-        arrays = {name: getattr(self, name)[:count] for name in self._fields[:4]}
-        return self._replace(**arrays)
+    wheel: Bools  # under a wheel
+    middle_ahead: Floats  # middle_ahead, middle_left: of the tiles, (T,) each [m]
+    middle_left: Floats
 
 
 def first_contact(
@@ -85,31 +88,18 @@ def first_contact(
 ) -> Contact:
     """First contact of a body that reaches so far ahead and behind of mid-wheelbase [m].
 
-    Errors of the pose widen and lengthen it. The whole body is moved along the outermost courses
-    and the last one; along the others, whose bodies lie between, the leading edge and the wheels.
+    Errors of the pose widen and lengthen it.
     """
     layers, bare = obstacle_layers(ground, vehicle), _points(vehicle, reach, 0.0, 0.0, 0.0)
     points = bare
     if errors.has_band or errors.along_track > 0.0:
         points = _points(vehicle, reach, *_bands(vehicle, poses, errors))
-    count = len(poses.x)
-    outer = sorted({0, max(count - 2, 0), count - 1})
-    between = [n for n in range(count) if n not in outer]
-
-    def contact(body: _Points, *, exact: bool) -> Contact:
-        parts = [(outer, body), (between, body.first(body.leading))]
-        contacts = [
-            _contact(layers, poses.on(courses), part, vehicle.shape.clearance, exact=exact)
-            for courses, part in parts
-            if courses
-        ]
-        return min(contacts)._replace(touches=any(c.touches for c in contacts))
-
-    first = contact(points, exact=False)
+    first = _contact(layers, poses, points, vehicle.shape.clearance, exact=False)
     if not first.touches:
         return first
     # What is closer than the next cell is judged by the cells alone, or nothing could leave it.
-    return contact(bare, exact=True)._replace(touches=True)
+    contact = _contact(layers, poses, bare, vehicle.shape.clearance, exact=True)
+    return contact._replace(touches=True)
 
 
 def _bands(vehicle: Vehicle, poses: BodyPoses, errors: InputErrors) -> tuple[float, float, float]:
@@ -146,76 +136,126 @@ def _points(
     columns = [np.array(np.broadcast_arrays(*part, np.zeros(1))) for part in parts]
     place_and_normal: Floats = np.concatenate(columns, axis=1).astype(np.float32)
     x, y, normal_x, normal_y = place_and_normal[:4]
-    return _Points(x, y, normal_x, normal_y, 2 * len(tyres) + len(across))
+    wheel = np.arange(len(x)) < 2 * len(tyres)
+    return _by_tiles(np.array((x, y, normal_x, normal_y, wheel)), front, rear)
+
+
+def _by_tiles(points: Floats, front: float, rear: float) -> _Points:
+    """Points (5, P) by the tiles of their bounding rectangle."""
+    side = float(points[1].max())
+    columns, rows = math.ceil((front + rear) / TILE), math.ceil(2.0 * side / TILE)
+    length, width = (front + rear) / columns, 2.0 * side / rows
+    i = np.clip((points[0] + rear) / length, 0, columns - 1).astype(int)
+    j = np.clip((points[1] + side) / width, 0, rows - 1).astype(int)
+    tiles, tile_of, counts = np.unique(i + columns * j, return_inverse=True, return_counts=True)
+    chosen = [np.resize(np.flatnonzero(tile_of == t), counts.max()) for t in range(len(tiles))]
+    ahead, left, normal_ahead, normal_left, wheel = points[:, chosen]
+    middle_ahead: Floats = ((tiles % columns + 0.5) * length - rear).astype(np.float32)
+    middle_left: Floats = ((tiles // columns + 0.5) * width - side).astype(np.float32)
+    return _Points(ahead, left, normal_ahead, normal_left, wheel > 0.0, middle_ahead, middle_left)
 
 
 def _contact(
-    layers: ObstacleLayers,
-    poses: BodyPoses,
-    points: _Points,
-    clearance: float,
-    *,
-    exact: bool,
-) -> Contact:
-    """First contact on some courses; ``exact``: with cells instead of facets."""
-    at = _places(layers, poses, points)
-    top = layers.heights(*at, exact=exact)
-    unknown = np.isnan(top)
-    struck = top > _underside(layers, poses, points, clearance + layers.noise, exact=exact)
-    edge = layers.edges(at[0][..., :_WHEELS], at[1][..., :_WHEELS])
-    touches = bool(struck[:, 0].any() or edge[:, 0].any())
-    if unknown.any() or struck.any():
-        _exempt_start(unknown, struck, poses, points, layers.cell)
-    # An edge on which a wheel stands already does not hold it there.
-    edge &= ~np.logical_and.accumulate(edge, axis=1)
-    first: list[Bools] = [np.any(hit, axis=(0, 2)) for hit in (unknown, struck, edge)]
-    blocked: Bools = first[0] | first[1] | first[2]
-    if not blocked.any():
-        return Contact(len(blocked), "", None, touches)
-    k = int(np.argmax(blocked))
-    kind = next(i for i in range(3) if first[i][k])
-    n, p = np.argwhere((unknown, struck, edge)[kind][:, k])[0]
-    x, y = (float(o + layers.cell * q[n, k, p]) for o, q in zip(layers.origin, at, strict=True))
-    return Contact(k, (UNKNOWN, OBSTACLE, EDGE)[kind], (x, y), touches)
-
-
-def _places(layers: ObstacleLayers, poses: BodyPoses, points: _Points) -> tuple[Floats, Floats]:
-    """Points (N, S, P) on the map, in cells."""
-    x, y, cos, sin = (
-        of[..., None].astype(np.float32)
-        for of in (
-            (poses.x - layers.origin[0]) / layers.cell,
-            (poses.y - layers.origin[1]) / layers.cell,
-            np.cos(poses.yaw) / layers.cell,
-            np.sin(poses.yaw) / layers.cell,
-        )
-    )
-    return (
-        x + points.ahead * cos - points.left * sin,
-        y + points.ahead * sin + points.left * cos,
-    )
-
-
-def _underside(
     layers: ObstacleLayers, poses: BodyPoses, points: _Points, clearance: float, *, exact: bool
-) -> Floats:
-    """Height (N, S, P) from which ground strikes the body, above the datum of the layers [m]."""
+) -> Contact:
+    """First contact on all courses; ``exact``: with cells instead of facets."""
+    of_all, cell = _in_cells(layers, poses, clearance + layers.noise, exact=exact), layers.cell
+    order = np.nonzero(_is_near(layers, of_all, points).transpose(1, 0, 2))
+    touches, standing = False, None
+    for first in range(0, len(order[0]), _TOGETHER):
+        s, n, t = (of[first : first + _TOGETHER] for of in order)
+        some, ahead, left = of_all[:, n, s, None], points.ahead[t], points.left[t]
+        x, y = _places(some, ahead / cell, left / cell)
+        top = layers.heights(x, y, exact=exact)
+        hits = np.array((np.isnan(top), top > _underside(some, ahead, left), layers.edges(x, y)))
+        unknown, struck, edge = hits
+        edge &= points.wheel[t]
+        if not hits.any():
+            continue
+        touches |= bool((struck | edge)[s == 0].any())
+        _exempt_start(unknown, struck, of_all[:, 0, 0], some, poses, points, t, cell)
+        if edge.any():
+            standing = _standing_on_edges(layers, of_all, points) if standing is None else standing
+            edge &= ~standing[n, s, t]
+        blocked = hits.any(axis=(0, 2))
+        if blocked.any():
+            k = int(np.argmax(blocked))
+            kind, p = divmod(int(np.argmax(hits[:, k])), x.shape[1])
+            where = (
+                float(layers.origin[0] + cell * x[k, p]),
+                float(layers.origin[1] + cell * y[k, p]),
+            )
+            return Contact(int(s[k]), (UNKNOWN, OBSTACLE, EDGE)[kind], where, touches)
+    return Contact(poses.x.shape[1], "", None, touches)
+
+
+def _standing_on_edges(layers: ObstacleLayers, of_all: Floats, points: _Points) -> Bools:
+    """Points (N, S, T, Q) that are still at the step at which they are at the start.
+
+    An edge on which a wheel stands already does not hold it there.
+    """
+    at = points.ahead / layers.cell, points.left / layers.cell
+    if not layers.edges(*_places(of_all[:4, 0, 0, None, None], *at)).any():
+        return np.broadcast_to(np.False_, (*of_all.shape[1:], *points.ahead.shape))
+    at_edges = layers.edges(*_places(of_all[..., None, None], *at))
+    still: Bools = np.logical_and.accumulate(at_edges, axis=1)
+    return still
+
+
+def _in_cells(layers: ObstacleLayers, poses: BodyPoses, clearance: float, *, exact: bool) -> Floats:
+    """Poses (8, N, S): x, y [cells], cos, sin, lowest underside [m], rise, cross rise, turn.
+
+    Ground above the underside of the middle strikes the body there; heights are above the datum of
+    the layers.
+    """
     slope = np.hypot(poses.rise, poses.cross_rise)
     # The vertical below the body is longer than the clearance by the slope.
     lowest = poses.height - layers.datum + clearance * np.sqrt(1.0 + slope**2)
-    lowest = lowest + (0.5 if exact else 1.0) * _FACET * layers.cell * slope
-    height, rise, cross_rise = (
-        of[..., None].astype(np.float32) for of in (lowest, poses.rise, poses.cross_rise)
-    )
-    underside: Floats = height + rise * points.ahead + cross_rise * points.left
+    lowest += (0.5 if exact else 1.0) * _FACET * layers.cell * slope
+    in_cells: Floats = np.empty((8, *poses.x.shape), np.float32)
+    in_cells[0] = (poses.x - layers.origin[0]) / layers.cell
+    in_cells[1] = (poses.y - layers.origin[1]) / layers.cell
+    rest = poses.cos, poses.sin, lowest, poses.rise, poses.cross_rise, poses.turn
+    for row, values in zip(in_cells[2:], rest, strict=True):
+        row[...] = values
+    return in_cells
+
+
+def _is_near(layers: ObstacleLayers, of_all: Floats, points: _Points) -> Bools:
+    """Poses of tiles (N, S, T) near which ground may strike their lowest corner, or is barred.
+
+    Most tiles need no look at their points.
+    """
+    ahead, left = points.middle_ahead, points.middle_left
+    poses = of_all[..., None]
+    lowest = _underside(poses, ahead, left)
+    lowest -= (HALF_DIAGONAL * np.hypot(of_all[5], of_all[6]) + np.float32(_ROUNDING))[..., None]
+    highest = layers.highest_near(*_places(poses, ahead / layers.cell, left / layers.cell))
+    near: Bools = highest > lowest
+    return near
+
+
+def _places(poses: Floats, ahead: Floats, left: Floats) -> tuple[Floats, Floats]:
+    """Points of the body on the map; all in cells."""
+    x, y, cos, sin = poses[:4]
+    return x + ahead * cos - left * sin, y + ahead * sin + left * cos
+
+
+def _underside(poses: Floats, ahead: Floats, left: Floats) -> Floats:
+    """Height from which ground strikes points of the body, above the datum of the layers [m]."""
+    lowest, rise, cross_rise = poses[4:7]
+    underside: Floats = lowest + rise * ahead + cross_rise * left
     return underside
 
 
 def _exempt_start(
     unknown: Bools,
     struck: Bools,
-    poses: BodyPoses,
+    start: Floats,
+    poses: Floats,
+    moved: BodyPoses,
     points: _Points,
+    t: Ints,
     cell: float,
 ) -> None:
     """Clear what lies below the body or a cell from it where it stands, unless it moves there.
@@ -225,17 +265,19 @@ def _exempt_start(
     """
     front, rear = float(points.ahead.max()), -float(points.ahead.min())
     side = float(points.left.max())
-    n, s, p = np.nonzero(unknown | struck)
-    ahead, left, yaw = points.ahead[p], points.left[p], poses.yaw[n, s]
-    east = poses.x[n, s] + ahead * np.cos(yaw) - left * np.sin(yaw) - poses.x[0, 0]
-    north = poses.y[n, s] + ahead * np.sin(yaw) + left * np.cos(yaw) - poses.y[0, 0]
-    cos, sin = math.cos(poses.yaw[0, 0]), math.sin(poses.yaw[0, 0])
+    m, p = np.nonzero(unknown | struck)
+    at = t[m], p
+    ahead, left = points.ahead[at], points.left[at]
+    x, y, cos, sin = poses[:4, m, 0]
+    east = cell * (x - start[0]) + ahead * cos - left * sin
+    north = cell * (y - start[1]) + ahead * sin + left * cos
+    cos, sin = start[2:4]
     along, across = east * cos + north * sin, north * cos - east * sin
     within = (along < front + cell) & (along > -rear - cell) & (np.abs(across) < side + cell)
-    turn, normal = poses.turn[n], points.normal_ahead[p]
-    outward = normal * (poses.share - turn * left) + points.normal_left[p] * turn * (
-        ahead - poses.axis
+    turn, normal = poses[7, m, 0], points.normal_ahead[at]
+    outward = normal * (moved.share - turn * left) + points.normal_left[at] * turn * (
+        ahead - moved.axis
     )
-    leading = (normal > 0.0) & (poses.share > 0.0)
-    unknown[n, s, p] &= ~within | leading
-    struck[n, s, p] &= ~within | (outward > _OUTWARD)
+    leading = (normal > 0.0) & (moved.share > 0.0)
+    unknown[m, p] &= ~within | leading
+    struck[m, p] &= ~within | (outward > _OUTWARD)
