@@ -52,9 +52,9 @@ class ObstacleLayers:
         self._cells = _framed(height, np.nan)
         edges = _blocks(_edges(z, ground.resolution, vehicle, self.noise), block, 0.0)
         self._edges = _framed(_of_corners(edges), 0.0)
-        barred = np.isnan(self._facets) | (self._edges > 0.0)
-        barred_or_top = np.where(barred, np.float32(np.inf), self._facets)
-        self._near = _spread(barred_or_top, HALF_DIAGONAL / self.cell)
+        blocked = np.isnan(self._facets) | (self._edges > 0.0)
+        highest = np.where(blocked, np.float32(np.inf), self._facets)
+        self._near = _spread(highest, HALF_DIAGONAL / self.cell)
 
     def heights(self, x: Floats, y: Floats, *, exact: bool) -> Floats:
         """Highest ground at points [cells from :attr:`origin`], above :attr:`datum` [m]; NaN.

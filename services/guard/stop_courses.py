@@ -99,7 +99,7 @@ def courses_ahead(
 
 
 class _Ground(NamedTuple):
-    """What all courses of a decision share; see :func:`courses_ahead`."""
+    """Inputs that all courses of a decision share, see :func:`courses_ahead`."""
 
     model: GuardModel
     table: SurfaceTable
@@ -111,7 +111,7 @@ class _Ground(NamedTuple):
 
 
 def _along(on: _Ground, turn: Floats, station: Floats) -> StopCourses:
-    """Ground on courses of some turns (N,) at stations (S,), up to what is first in the way."""
+    """Ground on courses of some turns (N,) at stations (S,), up to the first contact."""
     vehicle, share = on.model.vehicle, on.turning.share
     x, y, yaw = _poses(on, turn[:, None], station)
     cos, sin = np.cos(yaw), np.sin(yaw)

@@ -36,7 +36,6 @@ _TENTH = 0.1  # step of the curvature by which lateral bands grow [1/m]
 _FACET = math.sqrt(2.0)
 """Rise of a facet along the steepest slope across its diagonal, in cells [1]."""
 
-
 _TOGETHER = 400
 """Tiles whose points are looked up together [1]: most of a course lies behind the first contact."""
 
@@ -48,7 +47,7 @@ class BodyPoses(NamedTuple):
 
     x: Floats  # x, y: middle of the wheelbase [m]
     y: Floats
-    cos: Floats  # cos, sin: of the direction of motion [1]
+    cos: Floats  # cos, sin: components of the direction of motion [1]
     sin: Floats
     height: Floats  # of the ground at the middle of the wheels [m]
     rise: Floats  # slope of the plane of the wheels along the motion [1]
@@ -75,7 +74,7 @@ class _Points(NamedTuple):
     normal_ahead: Floats  # outward normal of the outline, 0 within it [1]
     normal_left: Floats
     wheel: Bools  # under a wheel
-    middle_ahead: Floats  # middle_ahead, middle_left: of the tiles, (T,) each [m]
+    middle_ahead: Floats  # middle_ahead, middle_left: place of the tiles, (T,) each [m]
     middle_left: Floats
 
 
@@ -134,16 +133,15 @@ def _points(
         *((place, across[1:-1], 0.0, 0.0) for place in (half, 0.0, -half)),
     ]
     columns = [np.array(np.broadcast_arrays(*part, np.zeros(1))) for part in parts]
-    place_and_normal: Floats = np.concatenate(columns, axis=1).astype(np.float32)
-    x, y, normal_x, normal_y = place_and_normal[:4]
-    wheel = np.arange(len(x)) < 2 * len(tyres)
-    return _by_tiles(np.array((x, y, normal_x, normal_y, wheel)), front, rear)
+    points: Floats = np.concatenate(columns, axis=1).astype(np.float32)
+    points[4] = np.arange(points.shape[1]) < 2 * len(tyres)
+    return _by_tiles(points, front, rear)
 
 
 def _by_tiles(points: Floats, front: float, rear: float) -> _Points:
-    """Points (5, P) by the tiles of their bounding rectangle."""
+    """Points (5, P), see :class:`_Points`, by the tiles of their bounding rectangle."""
     side = float(points[1].max())
-    columns, rows = math.ceil((front + rear) / TILE), math.ceil(2.0 * side / TILE)
+    columns, rows = (math.ceil(size / TILE - 1e-6) for size in (front + rear, 2.0 * side))
     length, width = (front + rear) / columns, 2.0 * side / rows
     i = np.clip((points[0] + rear) / length, 0, columns - 1).astype(int)
     j = np.clip((points[1] + side) / width, 0, rows - 1).astype(int)
@@ -222,9 +220,9 @@ def _in_cells(layers: ObstacleLayers, poses: BodyPoses, clearance: float, *, exa
 
 
 def _is_near(layers: ObstacleLayers, of_all: Floats, points: _Points) -> Bools:
-    """Poses of tiles (N, S, T) near which ground may strike their lowest corner, or is barred.
+    """Poses of tiles (N, S, T) near which ground may strike their lowest corner, or is unknown.
 
-    Most tiles need no look at their points.
+    The points of most tiles need no look-up.
     """
     ahead, left = points.middle_ahead, points.middle_left
     poses = of_all[..., None]
