@@ -19,6 +19,7 @@ from slopewise.services.guard.settings import GuardSettings, GuardTiming
 from slopewise.services.guard.stop_courses import Pose2d
 from slopewise.services.wire.lateness import WallClock
 
+from .hard_swerves import Swerve, draw_swerve, obstacle_off_arc, run_without_guard
 from .moving_base import MovingBase
 
 KINDS = ("forest", "pivot", "swerve")
@@ -27,6 +28,7 @@ _HEIGHTS = {"tree": 1.5, "unknown": math.nan, "hole": -0.8}  # of discs on the m
 CONTACT = 0.05  # speed of the body from which an overlap is a collision [m/s]
 
 _STEP = 0.01  # of the simulation [s]
+_CORRIDOR = 0.3  # free on each side of the run of a swerve that has one obstacle only [m]
 _EDGE = 26.0  # of the map [m]
 _LATENCY = 0.2  # longest delay without stamps on a shared clock, as declared [s]
 _WALL_TIME = 1.7e9  # [s]
@@ -59,7 +61,13 @@ class GuardedDrive:
 class _World:
     """Discs on level ground: trees, unknown patches and holes; none where the base stands."""
 
-    def __init__(self, scene: GuardScene, rng: np.random.Generator, base: MovingBase) -> None:
+    def __init__(
+        self,
+        scene: GuardScene,
+        rng: np.random.Generator,
+        base: MovingBase,
+        swerve: Swerve | None = None,
+    ) -> None:
         count = int(rng.integers(20, 100))
         x, y = rng.uniform(1.0, _EDGE - 1.0, (2, count))
         what = rng.choice(["tree", "unknown", "hole"], count, p=(0.7, 0.15, 0.15))
@@ -71,6 +79,11 @@ class _World:
             x[:near], y[:near] = base.x + reach * np.cos(angle), base.y + reach * np.sin(angle)
             radius[:near] = np.minimum(radius[:near], 0.3)
         free = ~base.overlaps(x, y, radius + float(rng.uniform(0.02, 0.3)))
+        if swerve is not None:
+            for state in run_without_guard(base, swerve, brakes=True)[::5]:
+                free &= ~state.overlaps(x, y, radius + _CORRIDOR)
+            x[0], y[0], radius[0] = obstacle_off_arc(rng, base, swerve)
+            what[0], free[0] = "tree", True
         self.x, self.y, self.radius, self.what = x[free], y[free], radius[free], what[free]
         self.ground = ElevationMap(
             elevation=self._heights(scene.cell), resolution=scene.cell, origin=(0.0, 0.0)
@@ -97,12 +110,20 @@ class _Reckless:
     """A source of commands that knows no obstacles."""
 
     def __init__(
-        self, scene: GuardScene, rng: np.random.Generator, model: Model, world: _World
+        self,
+        scene: GuardScene,
+        rng: np.random.Generator,
+        model: Model,
+        world: _World,
+        swerve: Swerve | None,
     ) -> None:
+        self._swerve = swerve
         self._kind, self._rng, self._model, self._world = scene.kind, rng, model, world
         self._until, self._command = 0.0, (0.0, 0.0)
 
     def command(self, now: float, base: MovingBase) -> tuple[float, float]:
+        if self._swerve is not None:
+            return self._swerve.command(now)
         if now >= self._until:
             self._until = now + float(self._rng.uniform(0.2, 2.0))
             self._command = self._draw(base)
@@ -113,13 +134,10 @@ class _Reckless:
         if self._kind == "pivot":
             return 0.0, float(rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 3.0))
         speed = float(rng.uniform(0.5, 4.0))
-        if rng.random() < 0.1 and self._kind == "forest":
+        if rng.random() < 0.1:
             speed = -0.5 * speed
         rate = float(rng.uniform(-1.0, 1.0)) * lateral / abs(speed)
-        if self._kind == "swerve":
-            straight = rng.random() < 0.4
-            rate = 0.0 if straight else float(rng.choice([-1.0, 1.0])) * lateral / abs(speed)
-        elif rng.random() < 0.7:
+        if rng.random() < 0.7:
             rate = speed * self._to_an_obstacle(base)
         return speed, min(max(rate, -2.0), 2.0)
 
@@ -155,7 +173,7 @@ def _base(rng: np.random.Generator, model: Model) -> MovingBase:
 class _Feeds:
     """Odometry and commands on their way to the guard."""
 
-    def __init__(self, scene: GuardScene, rng: np.random.Generator) -> None:
+    def __init__(self, scene: GuardScene, rng: np.random.Generator, swerve: Swerve | None) -> None:
         self._stamps = scene.stamps
         longest = 2.0 if scene.stamps == "late" and rng.random() < 0.3 else _LATENCY
         self.delay = float(rng.uniform(0.0, longest)) if scene.stamps != "prompt" else 0.0
@@ -163,6 +181,8 @@ class _Feeds:
         self._at = float(rng.uniform(1.0, 4.0))
         self.cut = float(rng.uniform(1.5, 7.0))
         self.cuts = rng.choice([True, False], 2) if rng.random() < 0.8 else np.array([True, True])
+        if swerve is not None:
+            self.cut, self.cuts = swerve.cut, np.array([True, True])
         self._waiting: list[tuple[float, int, str, Any, float | None]] = []
         self._count = 0
         self._frozen: tuple[Any, float | None] | None = None
@@ -204,8 +224,12 @@ def drive(scene: GuardScene, model: Model, seconds: float = 10.0) -> GuardedDriv
     rng = np.random.default_rng((17, scene.seed, KINDS.index(scene.kind)))
     model = replace(model, vehicle=replace(model.vehicle, drive=scene.drive))
     base, clock = _base(rng, model), [0.0]
-    world, feeds = _World(scene, rng, base), _Feeds(scene, rng)
-    source, guard = _Reckless(scene, rng, model, world), _guard(scene, model, world.ground, clock)
+    swerve = None
+    if scene.kind == "swerve":
+        swerve = draw_swerve(rng, base, model.limits.lateral_accel, _EDGE)
+    world, feeds = _World(scene, rng, base, swerve), _Feeds(scene, rng, swerve)
+    source = _Reckless(scene, rng, model, world, swerve)
+    guard = _guard(scene, model, world.ground, clock)
     driven, turned, top, contact, what = 0.0, 0.0, 0.0, -1.0, ""
     sent: list[tuple[float, float, float, bool]] = []
     seconds_spent: list[float] = []

@@ -9,7 +9,7 @@ from benchmarks.guard.guard_scenes import drive
 from slopewise.services.io.model_file import read_model, shipped_models
 
 ATV = read_model(shipped_models()["atv"])
-STRONGEST = {"forest": (9, 28, 39), "pivot": (2, 5, 7, 8, 24, 27, 30), "swerve": (11,)}
+STRONGEST = {"forest": (9, 28, 39), "pivot": (2, 5, 7, 8, 24, 27, 30), "swerve": (9, 10, 16, 31)}
 
 
 @pytest.mark.parametrize("kind", STRONGEST)

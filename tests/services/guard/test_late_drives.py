@@ -9,6 +9,10 @@ import pytest
 
 from tests.services.guard.late_drives import CONTACT, Outcome, Scene, drive, scenes
 
+SENSITIVE = (17, 18, 21, 25, 28, 29, 33, 40, 42, 45, 61, 71, 78, 85, 92, 93, 95, 103, 119, 130, 131)
+"""Drives of the first 136 that end in the wall where the guard neglects the delay (14 of them), the
+stamps (11) or the declared latency (3)."""
+
 
 def collisions(drives: list[Scene]) -> tuple[list[str], dict[tuple[str, str], list[Outcome]]]:
     """Drives that ended in the wall at speed, and all outcomes by clock and delay."""
@@ -24,7 +28,8 @@ def collisions(drives: list[Scene]) -> tuple[list[str], dict[tuple[str, str], li
 
 def test_late_messages_end_no_drive_in_the_wall() -> None:
     """Constant, growing and jittering delay, frozen sensors, set clocks, lost odometry."""
-    ended, outcomes = collisions(scenes(136))
+    drives = scenes(136)
+    ended, outcomes = collisions([*drives[:17], *(drives[n] for n in SENSITIVE)])
     assert not ended
     for (clock, kind), group in outcomes.items():
         moved = sum(outcome.distance > 1.0 for outcome in group)
@@ -51,7 +56,7 @@ def test_planner_that_brakes_in_time_is_not_delayed_by_the_declared_latency() ->
     for latency in (0.0, 0.2):
         outcomes = [
             drive(Scene(n, "unknown", "constant", no_delay=True, slows=True, max_latency=latency))
-            for n in range(12)
+            for n in range(6)
         ]
         speeds.append(sum(o.distance for o in outcomes) / sum(o.moving_time for o in outcomes))
     assert speeds[1] > 0.99 * speeds[0]
