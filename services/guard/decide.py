@@ -30,9 +30,7 @@ _CREEP = 0.3
 """Speed of the fastest wheel next to obstacles closer than a cell of the map [m/s]: a stop from it
 takes a few centimetres more than the dead time."""
 
-_MAX_LENGTH = (
-    80.0  # length of the longest course: longer than the stop of any vehicle at 15 m/s [m]
-)
+_MAX_LENGTH = 80.0  # of the longest course: more than the stop of any vehicle at 15 m/s [m]
 
 _SLOW_SHARE, _MIN_SLOW = 0.5, 0.05
 """Share of the weakest level force that slopes leave, and the lowest, for the length [1]."""
@@ -193,16 +191,8 @@ def _on_the_spot(
     radius = 0.5 * model.vehicle.track_width
     rates = [c.yaw_rate for c in before if abs(c.yaw_rate) >= _STANDSTILL]
     moving = radius * max(map(abs, rates), default=0.0)
-    low, high, commanded = (
-        math.copysign(1.0 / radius, rate)
-        for rate in (
-            min(rates, default=command.yaw_rate),
-            max(rates, default=command.yaw_rate),
-            command.yaw_rate,
-        )
-    )
-    low, high = min(low, commanded), max(high, commanded)
-    turning = Turning(0.0, commanded, low, high, forward=True)
+    turns = [math.copysign(1.0 / radius, rate) for rate in (command.yaw_rate, *rates)]
+    turning = Turning(0.0, turns[0], min(turns), max(turns), forward=True)
     requested = radius * abs(command.yaw_rate)
     return _Course(turning, requested, moving, max(requested, moving))
 
@@ -222,10 +212,7 @@ def _on_an_arc(
     # Turns tighter than the command's are as tight as the limit in turns lets a base be.
     tightest = max(abs(turn), model.lateral / top**2)
     rates = [command.yaw_rate, *(c.yaw_rate for c in before)]
-    slower = [
-        max(min(moving, requested), _STANDSTILL),
-        *(max(moving, abs(c.speed)) for c in before),
-    ]
+    slower = [min(moving, requested), *(max(moving, abs(c.speed)) for c in before)]
     other_turns = [
         min(max(rate / max(speed, _STANDSTILL), -tightest), tightest)
         for rate, speed in zip(rates, slower, strict=True)

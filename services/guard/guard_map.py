@@ -115,9 +115,12 @@ def wheel_heights(ground: ElevationMap, vehicle: Vehicle) -> WheelHeights:
 
 
 def classes_at(ground: ElevationMap, x: Floats, y: Floats) -> Ints:
-    """Indices into ``class_names`` at points; off the map those of the nearest cell."""
+    """Indices into ``class_names`` at points (4, N, S); off the map those of the nearest cell.
+
+    (1, N, S) where a map has one class.
+    """
     if ground.terrain_class is None:
-        return np.zeros(np.shape(x), np.int64)
+        return np.zeros((1, *np.shape(x)[1:]), np.int64)
     rows, columns = ground.elevation.shape
     j = np.clip(np.rint((x - ground.origin[0]) / ground.resolution), 0, columns - 1)
     i = np.clip(np.rint((y - ground.origin[1]) / ground.resolution), 0, rows - 1)

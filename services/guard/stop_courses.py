@@ -70,7 +70,8 @@ class StopCourses(NamedTuple):
     x: Floats  # x, y, yaw: middle of the wheelbase [m], direction of motion [rad]
     y: Floats
     yaw: Floats
-    under: Ints  # (4, N, S) surface under each wheel as index into the model, -1 for any
+    # (4, N, S) surface under each wheel as index into the model, -1 for any; (1, N, S) of one class
+    under: Ints
     possible: list[int]  # indices of all surfaces that may be under a wheel, with their states
     end: Contact  # what is first in the way of all courses
 
@@ -136,8 +137,7 @@ def _along(on: _Ground, turn: Floats, station: Floats) -> StopCourses:
         steep = _too_steep(on.table, grade, roll, under)
         k = int(np.argmax(steep))
         if steep[k] and k < end.sample:
-            where = float(x[-1, k]), float(y[-1, k])
-            end = end._replace(sample=k, reason=STEEP, where=where)
+            end = end._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
         ahead = slice(end.sample + 1)
     grade = grade[:, ahead]
     return StopCourses(
