@@ -366,6 +366,9 @@ CLAIM_ABOVE: Annotated[
 SIMULATED_SPAN: Annotated[
     float, Row("1", _USUAL, "times a measured stop within which a simulated one has to end")
 ] = 2.0
+MINOR_SHARE: Annotated[
+    float, Row("1", _USUAL, "part of the main axis's share below which an axis is not named")
+] = 0.1
 BY_CHANCE: Annotated[
     float, Row("std", _THEORY, "distance by which one stop in ten thousand ends late by chance")
 ] = 4.0

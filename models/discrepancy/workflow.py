@@ -40,7 +40,7 @@ from slopewise.models.discrepancy.search.identify import (
 from slopewise.models.discrepancy.search.locate import WITHIN, Followed, follow, mainly_along
 from slopewise.models.discrepancy.search.refine import as_output, fit_base, start_of, with_build_up
 from slopewise.models.discrepancy.settings import DiscrepancySettings
-from slopewise.models.discrepancy.thresholds import BY_CHANCE, WILD_SCATTER
+from slopewise.models.discrepancy.thresholds import BY_CHANCE, MINOR_SHARE, WILD_SCATTER
 from slopewise.models.parameters import Model
 
 
@@ -120,9 +120,7 @@ def _investigated(
         gaps = no_harm.as_configured(gaps)
     widths = extents(output, decision.explanation.fit)
     if decision.verdict is Verdict.UNKNOWN:
-        # The remainder after names that are not given is only a part of the disagreement.
-        first = located[0] if located else None
-        decision = replace(decision, axis=mainly_along(located) or decision.axis or first)
+        decision = replace(decision, axis=_axis_of_the_unknown(decision.axis, located))
     better, added = revised(table, decision, gaps.held_out, widths, source)
     progress.reach(Stage.GAPS)
     plan = _next(table, decision, _beyond(table, model, better, gaps, floor))
@@ -199,6 +197,15 @@ def _beyond(table: StopTable, model: Model, better: Model, gaps: Gaps, noise: No
     offset = better.braking.distance_offset
     added = offset > max(model.braking.distance_offset, float(chance.max()))
     return max(beyond, offset) if added else beyond
+
+
+def _axis_of_the_unknown(left: Followed | None, located: list[Followed]) -> Followed | None:
+    """Axis of the remainder after unnamed effects; the main axis where that is minor."""
+    main = mainly_along(located)
+    if left is None or main is None:
+        return left or main or (located[0] if located else None)
+    same = [f.removed for f in located if f.axis.name == left.axis.name]
+    return main if max(same, default=0.0) < MINOR_SHARE * main.removed else left
 
 
 def _next(table: StopTable, decision: Decision, beyond: float) -> Experiment:

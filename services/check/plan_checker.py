@@ -134,7 +134,7 @@ def _check_rules(log: ViolationLog, heights: Heights, trial: SpeedTrial) -> Chec
     stops = stops_at_rows(field, ground, motion, rows, ends[0], float(clear.max()))
     broken = [trial.breaches(m, e) for m, e in zip(motions[1:], ends[1:], strict=True)]
     check_reported_stops(log, plan, line, stops, driven.moving)
-    check_clear_distance(log, plan, line, ground, blocked)
+    check_clear_distance(log, plan, line, ground, blocked, heights.resolution)
     check_status(log, plan, line, ground, brakes.offset)
     check_speed_bound(log, trial, broken[0])
     check_limiting(log, trial, motion, *broken[1:])

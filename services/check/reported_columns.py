@@ -119,14 +119,23 @@ def check_reported_stops(
 
 
 def check_clear_distance(
-    log: ViolationLog, plan: ExternalPlan, line: Line, ground: LineGround, blocked: Bools
+    log: ViolationLog,
+    plan: ExternalPlan,
+    line: Line,
+    ground: LineGround,
+    blocked: Bools,
+    cell: float,
 ) -> None:
-    """Note clear distances beyond the first ``blocked`` sample (M,), or beyond the rows."""
+    """Note clear distances beyond the first ``blocked`` sample (M,), or beyond the rows.
+
+    ``cell``: edge of a cell of the map [m].
+    """
     if plan.clear_distance is None:
         return
     rows, clear = line.at_row, plan.clear_distance
     station = ground.station[rows]
-    step = 0.0 if plan.status == "ok" else float(np.diff(station).max())
+    # A plan that is blocked may end up to two rows, or a cell, before the clear distance does.
+    step = 0.0 if plan.status == "ok" else max(2.0 * float(np.diff(station).max()), cell)
     allowed = _STATION + _STATION_SHARE * (station[-1] - station[0])
     first = float(np.where(blocked, ground.station, np.inf).min())
     end = min(float(station[-1]) + step, first) + allowed

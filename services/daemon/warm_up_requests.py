@@ -17,7 +17,9 @@ import numpy as np
 from slopewise.models.effects.registry import LAWS, MOTION_LAWS
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Effect
+from slopewise.models.steering import SteeringGeometry
 from slopewise.models.surface_braking import SurfaceBraking
+from slopewise.planner.ground.body_pose import trailing_heading
 from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.planning.plan_service import PlanService
@@ -76,6 +78,9 @@ def run(plans: PlanService) -> None:
         for snapshot, request in requests(maps):
             codec.encode(plans.answer(request, snapshot, CLIENT), Format.MESSAGEPACK)
     plans.drop(CLIENT)
+    # Vehicles with steered wheels only.
+    way = np.linspace(0.0, 1.0, 3)[:, None]
+    trailing_heading(way, np.zeros_like(way), SteeringGeometry(centre_offset=1.0))
 
 
 def _fan(count: int) -> list[Candidate]:

@@ -111,7 +111,7 @@ def test_a_robot_driving_on_an_ageing_map_stops_without_full_brakes() -> None:
         x, speed, clock = x + 0.5 * (speed + after) * period, after, clock + period
         speeds.append(speed)
     assert max(speeds) > 1.0
-    assert speeds[-1] < 0.5
+    assert speeds[-1] < 0.55  # one step of service braking from standing
     assert ask(plans, of_age(4.1), speed, x, "robot").command.stop  # type: ignore[union-attr]
 
 
