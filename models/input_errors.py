@@ -84,11 +84,6 @@ class InputErrors(NamedTuple):
         """Whether any point of the body may have a lateral offset."""
         return max(self.cross_track, self.cross_track_per_curvature, self.heading) > 0.0
 
-    @property
-    def delays(self) -> bool:
-        """Whether a stop may begin beyond where it is planned."""
-        return max(self.along_track, self.latency) > 0.0
-
 
 def input_errors(tracking: Tracking | None, quantile: float | None) -> InputErrors:
     """Errors at the quantile of a plan.

@@ -11,6 +11,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+import numpy as np
+
+from slopewise.models.arrays import Elementwise
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import quantity, validate_quantities
 
@@ -136,7 +139,7 @@ def min_turning_radius(max_angle: float, arm: float, centre_offset: float) -> fl
     return math.hypot(arm / math.tan(max_angle), centre_offset)
 
 
-def body_heading_offset(curvature: float, centre_offset: float) -> float:
+def body_heading_offset(curvature: Elementwise, centre_offset: float) -> Elementwise:
     """Heading of the path less that of the body in a steady turn [rad]: asin(e κ).
 
     In a left turn (κ > 0) an Ackermann vehicle points to the right of the tangent of the path that
@@ -146,14 +149,13 @@ def body_heading_offset(curvature: float, centre_offset: float) -> float:
         curvature: κ of the path of the reference point, left turns positive [1/m].
         centre_offset: e [m].
     """
-    return math.asin(min(max(curvature * centre_offset, -1.0), 1.0))
+    return np.arcsin(np.clip(curvature * centre_offset, -1.0, 1.0))
 
 
-def steering_angle(curvature: float, geometry: SteeringGeometry) -> float:
+def steering_angle(curvature: Elementwise, geometry: SteeringGeometry) -> Elementwise:
     """Steering angle δ in a steady turn, left positive [rad].
 
     tan δ = arm · κ_c with κ_c = κ / √(1 − e²κ²), the curvature that the steering centre describes.
     """
-    sine = math.sin(body_heading_offset(curvature, geometry.centre_offset))
-    cosine = math.sqrt(max(1.0 - sine * sine, 0.0))
-    return math.atan2(geometry.arm * curvature, cosine)
+    offset = body_heading_offset(curvature, geometry.centre_offset)
+    return np.arctan2(geometry.arm * curvature, np.cos(offset))

@@ -222,15 +222,15 @@ struct Ground {
   std::array<Lanes, footprint_points> surface, contact;
 };
 
-// Of the wheels with the heading of the body: front left, front right, rear left, rear right; of the
-// point on the path with that of the path.
+// Of the wheels, with the heading of the body, and of the point on the path, with that of the path.
 inline void stand(HeightGrid& grid, const TerrainTable& t, Index at, double length, double width,
                   Index lanes, Ground& out) {
   Places places;
   std::array<Index, wide> heading{}, path_heading{};
   if (grid.resolves_wheels()) {
-    nearest_headings(t.body_x + at, t.body_y + at, lanes, heading);
     nearest_headings(t.heading_x + at, t.heading_y + at, lanes, path_heading);
+    heading = path_heading;
+    if (t.body_x != t.heading_x) nearest_headings(t.body_x + at, t.body_y + at, lanes, heading);
   }
   for (std::size_t point = 0; point < footprint_points; ++point) {
     const bool is_wheel = point < 4, is_front = point < 2, is_left = point % 2 == 0;

@@ -62,7 +62,7 @@ def bound_curves(
     x, y = (np.ascontiguousarray(values[:, None]) for values in (plan.x, plan.y))
     count = np.array([len(plan.x)])
     elevation_map = averaged_map(elevation_map, vehicle.wheel_radius)
-    profile = terrain_profile(elevation_map, x, y, count, vehicle)
+    profile = terrain_profile(elevation_map, x, y, count, vehicle, model.steering_geometry)
     ground = ground_along(profile, model, elevation_map.class_names)
     stopping = _stopping(profile, ground, plan.clear_distance, model)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
-from slopewise.models.steering import SteeringGeometry
+from slopewise.models.steering import SteeringGeometry, steering_angle
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 
 _CURVATURE_TOLERANCE = 0.01
@@ -51,8 +51,7 @@ def steering_limits(profile: TerrainProfile, steering: SteeringGeometry) -> Stee
     blocked[0] = False
     speed = np.full_like(curvature, np.inf)
     if math.isfinite(steering.max_rate):
-        cosine = np.sqrt(np.maximum(1.0 - (offset * curvature) ** 2, 0.0))
-        angle = np.arctan2(steering.arm * curvature, cosine)
+        angle = steering_angle(curvature, steering)
         step = np.hypot(np.diff(profile.x, axis=0), np.diff(profile.y, axis=0))
         turned = np.abs(np.diff(angle, axis=0))
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -111,7 +111,7 @@ def swept_hazards(
         ground,
         SweptPaths(body, profile.rows, tube, geometry.centre_offset > 0.0),
         profile.twist,
-        screen_for(elevation_map, vehicle, widest, body.x, body.y),
+        screen_for(elevation_map, widest, body.x, body.y),
         (sizes, widest),
         scratch_for(sizes, float(spacing.max())),
         Swept(bars, code, found),

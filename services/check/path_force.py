@@ -8,6 +8,7 @@ the highest. Source: Braking (6)–(8); order of the effects as in
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -44,16 +45,26 @@ class PathForce(NamedTuple):
     def force(self, onset_speed: Floats, *, upper: bool = False) -> Floats:
         """F_b/W (M,) before friction caps it, for speeds (M,) at onset [m/s]."""
         speed = np.maximum(onset_speed, self.trained_speed_min)
-        force = speed * self.slope + self.intercept
-        sign = 1.0 if upper else -1.0
-        force = force + sign * self.force_surplus * np.abs(force)
-        square, double, constant = self.variance_terms.transpose(1, 0, 2)
-        force = force + sign * np.sqrt(
-            np.maximum((square * speed + 2.0 * double) * speed + constant, 0)
-        )
-        ends = np.where(self.on, force, -sign * np.inf)
+        variance_terms = self.variance_terms.transpose(1, 0, 2)
+        terms = self.slope, self.intercept, self.force_surplus, *variance_terms
+        force = surface_force(terms, speed, upper=upper)
+        ends = np.where(self.on, force, -np.inf if upper else np.inf)
         total: Floats = (ends.max(axis=0) if upper else ends.min(axis=0)) + self.extra
         return total
+
+
+def surface_force(terms: Sequence[Floats], speed: Floats, *, upper: bool) -> Floats:
+    """Lower or upper bound of F_b/W of surfaces, without ground terms.
+
+    Args:
+        terms: slope, intercept, force_surplus and the three variance_terms of :class:`PathForce`.
+        speed: at onset, in the trained range [m/s].
+    """
+    slope, intercept, surplus, square, double, constant = terms
+    force = speed * slope + intercept
+    variance = np.maximum((square * speed + 2.0 * double) * speed + constant, 0.0)
+    width = surplus * np.abs(force) + np.sqrt(variance)
+    return force + width if upper else force - width
 
 
 def path_force_along(

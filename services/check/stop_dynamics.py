@@ -16,7 +16,7 @@ from slopewise.models.laws.crest import remaining_force
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.services.check.loads import BodyAttitude, attitude_of, braking_cap
-from slopewise.services.check.path_force import PathForce
+from slopewise.services.check.path_force import PathForce, surface_force
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line
 
@@ -97,13 +97,9 @@ class StopDynamics:
         """Demanded F_b/W, before build-up, heat, friction and crests; or its upper bound."""
         b = self.brakes
         if len(b.on) == 1:
-            slope, intercept, surplus, square, double, constant, extra = here.first
+            *terms, extra = here.first
             speed = np.maximum(onset_speed, b.trained_speed_min[0, 0])
-            force: Floats = slope * speed + intercept + extra
-            if self.two_sided:
-                width = np.sqrt(np.maximum((square * speed + 2.0 * double) * speed + constant, 0.0))
-                width += surplus * np.abs(force - extra)
-                force = force + width if upper else force - width
+            force: Floats = surface_force(terms, speed, upper=upper) + extra
             return force
         ends = [self._force_at(here.sample + i, onset_speed, upper) for i in (0, 1)]
         force = ends[0] + here.share * (ends[1] - ends[0])

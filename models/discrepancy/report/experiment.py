@@ -97,8 +97,8 @@ def sharpening(table: StopTable, best: Fit, beyond: float = 0.0) -> Experiment:
                 f", but stops still end up to {beyond:.2f} m beyond the prediction: repeat the "
                 "longest and the steepest ones, everything the same"
             )
-            return Experiment(words, stops, 1)
-        words = f"nothing is needed: {words}"
+        else:
+            words = f"nothing is needed: {words}"
         return Experiment(words, stops, 1)
     text = f"to sharpen the numbers by a factor of {1.0 / max(shrink, 1e-3):.1f}, drive "
     return Experiment(text + _words(stops), stops, 1)

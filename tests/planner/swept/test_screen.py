@@ -153,13 +153,10 @@ def test_smooth_ground_needs_no_exact_check() -> None:
 def test_a_screen_is_made_once_for_a_map_and_a_vehicle() -> None:
     scene, vehicle = ground(lambda x, y: 0.0 * x), MODELS[0].vehicle
     sizes, x = swept_sizes(vehicle, scene.resolution), np.zeros((3, 2))
-    first = screen_for(scene, vehicle, sizes, x, x)
-    assert screen_for(scene, replace(vehicle), sizes, x, x) is first
+    first = screen_for(scene, sizes, x, x)
+    assert screen_for(scene, swept_sizes(replace(vehicle), scene.resolution), x, x) is first
     low_vehicle: Vehicle = replace(vehicle, ground_clearance=0.1)
-    assert (
-        screen_for(scene, low_vehicle, swept_sizes(low_vehicle, scene.resolution), x, x)
-        is not first
-    )
+    assert screen_for(scene, swept_sizes(low_vehicle, scene.resolution), x, x) is not first
 
 
 def test_a_large_map_is_screened_around_the_candidates() -> None:
@@ -167,9 +164,9 @@ def test_a_large_map_is_screened_around_the_candidates() -> None:
     vehicle = MODELS[0].vehicle
     sizes = swept_sizes(vehicle, scene.resolution)
     x, y = np.array([[20.0], [30.0]]), np.array([[20.0], [25.0]])
-    screen = screen_for(scene, vehicle, sizes, x, y)
+    screen = screen_for(scene, sizes, x, y)
     assert screen.bits.size < 0.1 * scene.elevation.size
-    assert screen_for(scene, vehicle, sizes, x[:1] + 0.01, y[:1]) is screen
-    further = screen_for(scene, vehicle, sizes, x + 15.0, y)
+    assert screen_for(scene, sizes, x[:1] + 0.01, y[:1]) is screen
+    further = screen_for(scene, sizes, x + 15.0, y)
     assert further is not screen
-    assert screen_for(scene, vehicle, sizes, x + 15.3, y + 0.2) is further
+    assert screen_for(scene, sizes, x + 15.3, y + 0.2) is further
