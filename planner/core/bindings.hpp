@@ -1,0 +1,43 @@
+// Arrays that Python hands to the core, and what each file of bindings adds to the module.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <string>
+
+#include "batch.hpp"
+
+namespace slopewise {
+
+namespace nb = nanobind;
+
+using Input1 = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Input2 = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Output1 = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Output2 = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Output3 = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+
+using Counts1 = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Known2 = nb::ndarray<bool, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+template <class Array>
+void expect_shape(const char* name, const Array& array, std::initializer_list<Index> shape) {
+  std::size_t axis = 0;
+  for (const Index size : shape) {
+    const auto found = static_cast<Index>(array.shape(axis++));
+    if (found == size) continue;
+    std::string text = name;
+    text.append(": expected ").append(std::to_string(size)).append(" along axis ");
+    text.append(std::to_string(axis - 1)).append(", got ").append(std::to_string(found));
+    throw nb::value_error(text.c_str());
+  }
+}
+
+void bind_profile(nb::module_& m);
+void bind_ground(nb::module_& m);
+
+}  // namespace slopewise
