@@ -16,6 +16,9 @@ from slopewise.models.errors import ParameterError
 _MIN_CELL_COUNT = 2
 """Cells along an edge that bilinear heights need [1]."""
 
+_MAX_CLASS_COUNT = 63
+"""Classes of terrain [1]: a station's are bits of one signed integer."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElevationMap:
@@ -68,6 +71,10 @@ class ElevationMap:
         object.__setattr__(self, "resolution", float(self.resolution))
         elevation[np.isinf(elevation)] = np.nan
         object.__setattr__(self, "elevation", read_only(elevation))
+        if len(self.class_names) > _MAX_CLASS_COUNT:
+            raise ParameterError(
+                "class_names", f"at most {_MAX_CLASS_COUNT} names, got {len(self.class_names)}"
+            )
         if self.terrain_class is not None:
             classes = np.array(self.terrain_class, dtype=np.int64, order="C")
             if classes.shape != elevation.shape:

@@ -3,6 +3,11 @@
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints, Singles
+from slopewise.planner.ground.braking_ground import BrakingGround
+from slopewise.planner.ground.surface_cache import SurfaceCache
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.kernels.limits import PlanningLimits
+from slopewise.planner.swept.hazards import HazardRows
 
 DIGEST: str
 ROWS: tuple[tuple[str, str, str, str], ...]
@@ -12,6 +17,9 @@ MIN_STATIONS: int
 NO_PROFILE: int
 KIND_COUNT: int
 HEADING_COUNT: int
+STOP_GUARD: float
+HOLDING: float
+SPENT: float
 
 class HeightGrid:
     memory: int
@@ -118,3 +126,49 @@ def smoothing_program(
     limit: Floats,
 ) -> None: ...
 def keep_inside(speed_sq: Floats, speed_sq_max: Floats, out: Floats) -> None: ...
+
+# Forces and bounds along candidates.
+def trailing_heading(
+    x: Floats, y: Floats, rod: float, heading_x: Floats, heading_y: Floats
+) -> None: ...
+def surface_bits(
+    classes: Ints,
+    origin_x: float,
+    origin_y: float,
+    per_metre: float,
+    x: Floats,
+    y: Floats,
+    heading_x: Floats,
+    heading_y: Floats,
+    half_length: float,
+    half_width: float,
+    bits: Ints,
+) -> None: ...
+def braking_forces(
+    profile: TerrainProfile,
+    surfaces: SurfaceCache,
+    margin: float,
+    least_term: Floats | None,
+    most_term: Floats | None,
+    drag: Floats | None,
+    rows: Floats,
+    trained: Bools,
+    distance_offset: Floats,
+) -> None: ...
+def speed_bounds(
+    profile: TerrainProfile,
+    ground: BrakingGround,
+    hazards: HazardRows,
+    speed_limit: Floats | None,
+    clear: Floats,
+    vehicle: PlanningLimits,
+    rows: Floats,
+    limiting: Ints,
+    barrier: Ints,
+    barrier_station: Ints,
+    clear_distance: Floats,
+) -> None: ...
+def speed_excess(
+    profile: TerrainProfile, ground: BrakingGround, resistance: float, excess: Floats
+) -> None: ...
+def onset_speed(slope_sum: float, intercept_sum: float, slowest: float) -> float: ...

@@ -1,8 +1,8 @@
 """What can limit a plan at a station: every bound, and what is known of it beside its kernel.
 
-To add a bound: its law in `slopewise.models.laws` (or a row pass of its own), a member and an entry
-here, and the line of the fused kernel that lowers v² by it. Files, screens, pages and explanations
-take its name, words, colour and what lifts it from here.
+To add a bound: a member and an entry here, its code in `planner/core/limiting.hpp`, and the line
+that lowers v² by it in `planner/core/pointwise.hpp`. Files, screens, pages and explanations take
+its name, words, colour and what lifts it from here.
 """
 
 from __future__ import annotations
@@ -80,14 +80,14 @@ class Bound:
 BOUNDS: dict[Limiting, Bound] = {
     Limiting.SPEED_LIMIT: Bound(
         "the speed limit of the vehicle or of the path",
-        "slopewise.planner.bounds.pointwise:_speeds",
+        "slopewise.planner.bounds.speed_bounds:speed_bounds",
         Lift({"path_limits": False}, relaxation="as_fast_as_trained"),
         "#8d949b",
         dark_text=True,
     ),
     Limiting.STOPPING_PATH: Bound(
         "an emergency stop must end before the clear distance does",
-        "slopewise.planner.bounds.closed_form_stop:stopping_bound",
+        "slopewise.planner.bounds.speed_bounds:speed_bounds",
         Lift({"stops_at_once": True}),
         "#d55e00",
     ),
@@ -128,7 +128,7 @@ BOUNDS: dict[Limiting, Bound] = {
     ),
     Limiting.ACCEL: Bound(
         "speeding up as fast as allowed",
-        "slopewise.planner.bounds.pointwise:_drive",
+        "slopewise.planner.bounds.speed_bounds:speed_bounds",
         Lift(out_of_reach=("limits.accel",)),
         "#56b4e9",
         dark_text=True,
@@ -149,14 +149,14 @@ BOUNDS: dict[Limiting, Bound] = {
     ),
     Limiting.UNKNOWN_TERRAIN: Bound(
         "unknown ground ahead blocks the path",
-        "slopewise.planner.bounds.pointwise:_bars",
+        "slopewise.planner.bounds.speed_bounds:speed_bounds",
         Lift({"ground_known": True}),
         "#3a3f44",
         "#a9afb5",
     ),
     Limiting.MODEL_VALIDITY: Bound(
         "beyond the speeds or grades that the model was trained on",
-        "slopewise.planner.bounds.pointwise:_bars",
+        "slopewise.planner.bounds.speed_bounds:speed_bounds",
         Lift({"trained_everywhere": True}),
         "#4b3f9e",
         "#8f83e6",

@@ -44,4 +44,6 @@ NB_MODULE(_core, m) {
   m.attr("ROWS") = slopewise::rows();
   slopewise::bind_profile(m);
   slopewise::bind_ground(m);
+  slopewise::bind_bounds(m);
+  slopewise::bind_forces(m);
 }

@@ -39,5 +39,7 @@ void expect_shape(const char* name, const Array& array, std::initializer_list<In
 
 void bind_profile(nb::module_& m);
 void bind_ground(nb::module_& m);
+void bind_bounds(nb::module_& m);
+void bind_forces(nb::module_& m);
 
 }  // namespace slopewise

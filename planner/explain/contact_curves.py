@@ -15,8 +15,7 @@ from slopewise.models.laws.wheel_loads import (
     right_load_share,
 )
 from slopewise.models.parameters import Model
-from slopewise.planner.bounds.contact import HOLDING, SPENT
-from slopewise.planner.bounds.speed_excess import speed_excess
+from slopewise.planner.bounds.speed_bounds import HOLDING, SPENT, speed_excess
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.kernels.limits import planning_limits
@@ -66,9 +65,8 @@ def _crests(profile: TerrainProfile, ground: BrakingGround, model: Model) -> Flo
     with np.errstate(divide="ignore", invalid="ignore"):
         left = np.where(force > 0.0, spare / (force * limits.crest_share), np.inf)
     brakes = crest_speed_sq(up * np.minimum(left, 1.0 / np.finfo(float).eps), 0.0, bend)
-    excess = speed_excess(profile, ground, limits)
-    begun = 0.0 if excess is None else excess[:, 0]
     passed = np.sqrt(np.minimum(loads, brakes))
+    begun = speed_excess(profile, ground, limits.resistance)[:, 0]
     reached = begun + limits.decel * forces.dead_time[:, 0]
     crest: Floats = np.maximum(passed - reached, 0.5 * passed)
     dip: Floats = np.sqrt(dip_speed_sq(limits.vertical_accel, bend))

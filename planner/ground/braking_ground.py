@@ -18,14 +18,13 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
-from slopewise.planner.ground.force_margins import capped, frictions_on, ground_terms, widened
-from slopewise.planner.ground.forces import Forces, on_many_surfaces, on_one_surface
-from slopewise.planner.ground.grade_dips import lower_force_over_dips
-from slopewise.planner.ground.hull_speed import hold_below
+from slopewise.planner.compiled_core import core
+from slopewise.planner.ground.forces import Forces
+from slopewise.planner.ground.ground_terms import ground_terms
 from slopewise.planner.ground.surface_cache import surface_cache_of
-from slopewise.planner.ground.surface_table import surface_bits
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
+from slopewise.planner.kernels.workspace import empty
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,39 +131,21 @@ def ground_along(
         uncertainty: what to survive; left out, the model's mean counts.
     """
     now = conditions or GroundConditions()
-    braking = model.braking
+    braking, shape = model.braking, profile.grade.shape
     known = surface_cache_of(model, class_names, uncertainty)
-    table = known.table
-    margin = braking.extrapolation_margin if braking.extrapolate else -1.0
-    bits = surface_bits(profile, known.class_bits)
-    if len(table) == 1:
-        forces = on_one_surface(profile.grade, profile.sin_roll, table[0], margin)
-    else:
-        forces = on_many_surfaces(profile.grade, profile.sin_roll, bits, table, margin)
-    if known.hull is not None:
-        hold_below(forces.fastest, profile.grade, bits, known.hull)
     motion = known.motion._replace(heat=now.brake_heat)
-    yaw = np.arctan2(profile.heading_y, profile.heading_x) if model.effect else None
-    if yaw is not None:
-        forces = _with_ground_terms(forces, profile, model, uncertainty, yaw, now.session_time)
-    push = None
-    if yaw is not None and motion.moves:
-        pushes = [
-            registry.motion_deceleration(speed, profile.curvature, yaw, motion) / GRAVITY
-            for speed in (0.0, model.limits.speed)
-        ]
-        push = np.minimum(0.0, np.minimum(*pushes))
-    if known.margins is not None:
-        forces = widened(forces, profile.grade, bits, known.margins)
-    friction = None
-    if known.slides:
-        friction, most_friction = frictions_on(bits, table)
-        forces = capped(forces, profile, friction, most_friction)
-    if uncertainty is not None and motion.moves:
-        # Drag needs no friction: it adds to a force that is capped.
-        drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
-        forces = forces._replace(upper_intercept=forces.upper_intercept + drag)
-    forces = lower_force_over_dips(forces, profile)
+    least = most = push = drag = None
+    if model.effect:
+        yaw = np.arctan2(profile.heading_y, profile.heading_x)
+        least, most = _survived_terms(profile, model, uncertainty, yaw, now.session_time)
+        if motion.moves:
+            push = _push(profile, model, yaw, motion)
+            if uncertainty is not None:
+                drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
+    rows = empty(8 if known.slides else 7, *shape)
+    trained, distance_offset = np.empty(shape, np.bool_), np.empty(shape[1])
+    margin = braking.extrapolation_margin if braking.extrapolate else -1.0
+    core.braking_forces(profile, known, margin, least, most, drag, rows, trained, distance_offset)
     width = 0.0 if uncertainty is None else uncertainty.width
     tracking = survived_errors(model, uncertainty)
     errors = StopErrors(
@@ -175,23 +156,47 @@ def ground_along(
         tracking.along_track,
         tracking.latency,
     )
-    return BrakingGround(*forces, push, motion, known.closed_form, friction, errors)
+    low_slope, low, up_slope, up, dead_time, slowest, fastest = rows[:7]
+    return BrakingGround(
+        low_slope,
+        low,
+        up_slope,
+        up,
+        dead_time,
+        slowest,
+        fastest,
+        trained,
+        distance_offset,
+        push,
+        motion,
+        known.closed_form,
+        rows[7] if known.slides else None,
+        errors,
+    )
 
 
-def _with_ground_terms(
-    forces: Forces,
+def _push(
+    profile: TerrainProfile, model: Model, yaw: Floats, motion: registry.MotionTerms
+) -> Floats:
+    """What motion terms may take away from planned braking, <= 0, (N, M) [1]."""
+    pushes = (
+        registry.motion_deceleration(speed, profile.curvature, yaw, motion) / GRAVITY
+        for speed in (0.0, model.limits.speed)
+    )
+    push: Floats = np.minimum(0.0, np.minimum(*pushes))
+    return push
+
+
+def _survived_terms(
     profile: TerrainProfile,
     model: Model,
     uncertainty: Uncertainty | None,
     yaw: Floats,
     session_time: float,
-) -> Forces:
-    """Both bounds with what effects of the ground add to them."""
-    lowest, highest = ground_terms(model, profile, yaw, session_time)
-    if uncertainty is not None:
-        margin = sum(uncertainty.ground_margin(e) for e in model.effect)
-        lowest, highest = lowest - margin, highest + margin
-    return forces._replace(
-        lower_intercept=forces.lower_intercept + lowest,
-        upper_intercept=forces.upper_intercept + highest,
-    )
+) -> tuple[Floats, Floats]:
+    """Least and most that effects of the ground add to the force, (N, M) [1]."""
+    least, most = ground_terms(model, profile, yaw, session_time)
+    if uncertainty is None:
+        return least, most
+    margin = sum(uncertainty.ground_margin(e) for e in model.effect)
+    return least - margin, most + margin

@@ -1,4 +1,4 @@
-"""What a model knows of a map's surfaces, in the shape that compiled code wants.
+"""What a model knows of a map's surfaces, in the shape that the core wants.
 
 It depends on the model, the uncertainty and the names of the map's classes only, which stay the
 same for many cycles: the last few answers are kept.
@@ -14,9 +14,8 @@ from slopewise.models.arrays import Floats, Ints, read_only
 from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.models.recent import Recent
-from slopewise.planner.ground.force_margins import margins
 from slopewise.planner.ground.hull_speed import hull_lines
-from slopewise.planner.ground.surface_table import FRICTION, surface_table
+from slopewise.planner.ground.surface_table import FRICTION, braking_on, surface_table
 from slopewise.planner.ground.uncertainty import Uncertainty
 
 
@@ -27,11 +26,9 @@ class SurfaceCache:
     Attributes:
         table: (S, columns) as of :mod:`slopewise.planner.ground.surface_table`.
         class_bits: for each class of the map the bits of the surfaces that it may be.
-        margins: (S, 4, 4) as of :func:`slopewise.planner.ground.force_margins.margins`; None where
-        all are
-            zero.
+        margins: (S, 4, 4) matrices of the margin of F_b/W; None where all are zero.
         hull: (S, K, 2) as of :func:`slopewise.planner.ground.hull_speed.hull_lines`, None without
-        one.
+            one.
         motion: terms that act on the motion itself, without friction, brakes cold.
         slides: friction caps the force of some surface.
         closed_form: nothing acts on the motion.
@@ -62,7 +59,7 @@ def _gather(
     model: Model, class_names: tuple[str, ...], uncertainty: Uncertainty | None
 ) -> SurfaceCache:
     table, class_bits = surface_table(model, class_names, uncertainty)
-    doubt = None if uncertainty is None else margins(len(table), model, uncertainty)
+    doubt = None if uncertainty is None else _margins(len(table), model, uncertainty)
     motion = registry.motion(model.effect)._replace(friction=np.inf)
     return SurfaceCache(
         read_only(table),
@@ -73,3 +70,15 @@ def _gather(
         bool(np.isfinite(table[:, FRICTION]).any()),
         motion == registry.NO_MOTION,
     )
+
+
+def _margins(surfaces: int, model: Model, uncertainty: Uncertainty) -> Floats:
+    """Matrices of the margin of F_b/W on each surface, (S, 4, 4), of Uncertainty.force_matrix."""
+    names = ["", *model.braking.terrain]
+    scale = registry.force_scale(model.effect)
+    matrices = np.empty((surfaces, 4, 4))
+    for i in range(surfaces):
+        # Ground that was never braked on is as uncertain as the ground that is known best of it.
+        name = names[i] if i < len(names) else ""
+        matrices[i] = scale**2 * uncertainty.force_matrix(braking_on(model, name))
+    return matrices

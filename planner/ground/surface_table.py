@@ -10,7 +10,6 @@ from slopewise.models.effects.effect_law import Enters
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.surface_names import candidate_surfaces, resolve_class
-from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.ground.uncertainty import Uncertainty
 
 (
@@ -102,21 +101,3 @@ def frictions(model: Model, uncertainty: Uncertainty | None) -> tuple[float, flo
 def braking_on(model: Model, surface: str) -> Braking:
     """The braking model on a named surface; "" is the base."""
     return model.braking.on(surface) if surface else model.braking
-
-
-def surface_bits(profile: TerrainProfile, class_bits: Ints) -> Ints:
-    """Surfaces that each station may be on, (N, M) as bits.
-
-    A surface may begin anywhere between two stations: it counts for both.
-    """
-    if len(class_bits) == 1:
-        return np.broadcast_to(class_bits, profile.grade.shape)
-    classes = profile.surfaces.copy()
-    inside = np.arange(len(classes))[:, None] < profile.count
-    own = np.where(inside, profile.surfaces, 0)
-    classes[1:] |= own[:-1]
-    classes[:-1] |= own[1:]
-    bits = np.zeros_like(classes)
-    for index, surfaces in enumerate(class_bits):
-        bits |= np.where((classes >> index) & 1, surfaces, 0)
-    return np.where(bits == 0, 1, bits)

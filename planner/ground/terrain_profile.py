@@ -16,10 +16,9 @@ from slopewise.models.arrays import Bools, Floats, Ints, Singles
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.steering import SteeringGeometry
 from slopewise.models.vehicle import Vehicle
+from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.body_pose import BodyRows, trailing_heading
-from slopewise.planner.ground.footprint import CellFrame
 from slopewise.planner.ground.height_grid import height_grid
-from slopewise.planner.ground.surface_bits import surfaces_under_wheels
 from slopewise.planner.kernels.workspace import empty, empty_singles
 
 _NEVER_OFF = SteeringGeometry()
@@ -156,11 +155,13 @@ def terrain_profile(
     surfaces: Ints = np.broadcast_to(np.int64(1), x.shape)
     if elevation_map.terrain_class is not None:
         surfaces = empty(*x.shape).view(np.int64)
-        surfaces_under_wheels(
+        core.surface_bits(
             elevation_map.terrain_class,
-            CellFrame(*elevation_map.origin, 1.0 / elevation_map.resolution),
+            *elevation_map.origin,
+            1.0 / elevation_map.resolution,
             *(body or BodyRows(x, y, heading_x, heading_y)),
-            (0.5 * length, 0.5 * width),
+            0.5 * length,
+            0.5 * width,
             surfaces,
         )
     return TerrainProfile(

@@ -30,6 +30,8 @@ def sections() -> dict[str, list[tuple[str, str]]]:
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
     ignore = shutil.ignore_patterns("__pycache__")
+    (tmp_path / "tree").mkdir()
+    shutil.copy(ROOT / "hatch_build.py", tmp_path / "tree")
     for part in PARTS:
         shutil.copytree(ROOT / part, tmp_path / "tree" / part, ignore=ignore, symlinks=True)
     return tmp_path / "tree"
@@ -56,6 +58,9 @@ def test_a_diff_applies_and_its_check_passes(title: str, tree: Path) -> None:
     assert 1 <= len(changed) <= MAX_FILES
     for diff in diffs:
         done = run(tree, "git", "apply", "--whitespace=error", "-", text=diff)
+        assert done.returncode == 0, done.stderr
+    if any(file.startswith("planner/core/") for file in changed):
+        done = run(tree, sys.executable, "hatch_build.py")
         assert done.returncode == 0, done.stderr
     for check in checks:
         done = run(tree, sys.executable, "-P", "-c", check)

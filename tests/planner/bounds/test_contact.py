@@ -20,8 +20,7 @@ from slopewise.models.laws import (
     wheel_lockup,
 )
 from slopewise.models.parameters import Model
-from slopewise.planner.bounds.contact import HOLDING
-from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
+from slopewise.planner.bounds.speed_bounds import HOLDING, SpeedBounds, speed_bounds
 from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting

@@ -20,7 +20,7 @@ from slopewise.models.laws import (
     wheel_loads,
 )
 from slopewise.models.parameters import Model
-from slopewise.planner.bounds.pointwise import HOLDING
+from slopewise.planner.bounds.speed_bounds import HOLDING
 from slopewise.planner.limiting import Limiting
 from tests.world.ground import plane, straight
 from tests.world.stages import bounds_of

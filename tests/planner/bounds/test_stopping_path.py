@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from slopewise.planner.bounds.speed_bounds import STOP_GUARD
-from slopewise.planner.bounds.stopping_path import onset_speed
+from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
 from tests.world.ground import ground_map, plane, straight
@@ -181,4 +181,5 @@ def test_a_tip_over_on_the_way_limits_the_speed_before_it() -> None:
 def test_the_speed_at_onset_solves_its_quadratic(
     speed_part: float, intercept_part: float, slowest: float, expected: float
 ) -> None:
-    assert onset_speed(speed_part, intercept_part, slowest) == pytest.approx(expected, abs=1e-12)
+    speed = core.onset_speed(speed_part, intercept_part, slowest)
+    assert speed == pytest.approx(expected, abs=1e-12)

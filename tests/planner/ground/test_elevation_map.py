@@ -9,23 +9,27 @@ import pytest
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.planner.ground.bilinear import height_at
+from slopewise.planner.ground.terrain_profile import terrain_profile
+from tests.world.vehicles import BASE
 
 
 def height(ground: ElevationMap, x: float, y: float) -> float:
-    column = (x - ground.origin[0]) / ground.resolution
-    row = (y - ground.origin[1]) / ground.resolution
-    return height_at(ground.elevation, column, row)
+    """Height at a point, from which a path leads to the middle of the map."""
+    x_min, x_max, y_min, y_max = ground.extent
+    share = 1e-9 * np.arange(3.0)[:, None]
+    middle = 0.5 * (x_min + x_max), 0.5 * (y_min + y_max)
+    path = [start + share * (end - start) for start, end in zip((x, y), middle, strict=True)]
+    return float(terrain_profile(ground, *path, np.array([3]), BASE.vehicle).z[0, 0])
 
 
 def test_row_0_is_at_minimum_y_and_column_0_at_minimum_x() -> None:
     elevation = np.array([[1.0, 2.0, 3.0], [10.0, 20.0, 30.0]])
     ground = ElevationMap(elevation=elevation, resolution=0.5, origin=(100.0, 50.0))
     assert ground.extent == (100.0, 101.0, 50.0, 50.5)
-    assert height(ground, 100.0, 50.0) == 1.0
-    assert height(ground, 101.0, 50.0) == 3.0
-    assert height(ground, 100.0, 50.5) == 10.0
-    assert height(ground, 101.0, 50.5) == 30.0
+    assert height(ground, 100.0, 50.0) == pytest.approx(1.0)
+    assert height(ground, 101.0, 50.0) == pytest.approx(3.0)
+    assert height(ground, 100.0, 50.5) == pytest.approx(10.0)
+    assert height(ground, 101.0, 50.5) == pytest.approx(30.0)
     assert height(ground, 100.25, 50.25) == pytest.approx((1.0 + 2.0 + 10.0 + 20.0) / 4.0)
 
 
@@ -49,6 +53,7 @@ def test_maps_cannot_be_changed_afterwards() -> None:
         ({"terrain_class": np.zeros((2, 3), int)}, "terrain_class"),
         ({"terrain_class": np.full((3, 3), 1)}, "terrain_class"),
         ({"terrain_class": np.full((3, 3), -1)}, "terrain_class"),
+        ({"class_names": ("",) * 64}, "class_names"),
     ],
 )
 def test_malformed_maps_name_what_is_wrong(changes: dict[str, Any], field: str) -> None:

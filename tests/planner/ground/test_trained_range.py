@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slopewise.models.effects.registry import NO_MOTION
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking
 from slopewise.models.quantity import Matrix
-from slopewise.planner.ground.grade_between import grade_between
-from slopewise.planner.ground.hull_speed import hold_below, hull_lines, lines
+from slopewise.planner.compiled_core import core
+from slopewise.planner.ground.hull_speed import hull_lines, lines
+from slopewise.planner.ground.surface_cache import SurfaceCache
+from slopewise.planner.ground.surface_table import (
+    FASTEST,
+    M_M,
+    STEEPEST_DOWN,
+    STEEPEST_UP,
+    UP_M_M,
+    surface_table,
+)
 from slopewise.planner.limiting import Limiting
 from tests.models.driven_hull import highest_speed
 from tests.world.ground import ground_map, straight
@@ -21,6 +33,40 @@ from tests.world.plans import assert_sound, labels, plan_one
 from tests.world.vehicles import BASE, model_of, tables_with
 
 slopes = st.floats(-0.5, 0.5)
+
+
+def forces_on(
+    grade: np.ndarray, cache: SurfaceCache, margin: float, bits: np.ndarray
+) -> np.ndarray:
+    """Rows of the force along candidates, whose surfaces (M,) are the same at all stations."""
+    n, m = grade.shape
+    profile: Any = SimpleNamespace(
+        count=np.full(m, n),
+        grade=grade,
+        sin_grade=np.sin(grade),
+        sin_roll=np.zeros((n, m)),
+        known=np.ones((n, m), np.bool_),
+        surfaces=np.ascontiguousarray(np.broadcast_to(bits, (n, m)).astype(np.int64)),
+    )
+    rows = np.empty((7, n, m))
+    trained, offset = np.empty((n, m), np.bool_), np.empty(m)
+    core.braking_forces(profile, cache, margin, None, None, None, rows, trained, offset)
+    return rows
+
+
+def surfaces_of(table: np.ndarray, hull: np.ndarray | None) -> SurfaceCache:
+    """Surfaces, and for each a class of the map."""
+    bits = 1 << np.arange(len(table))
+    return SurfaceCache(table, bits, None, hull, NO_MOTION, False, True)
+
+
+def extrapolates(grade: np.ndarray, down: float, up: float) -> np.ndarray:
+    """Stations (N,) that leave the trained grades, where alone the slopes of both bounds differ."""
+    table, _ = surface_table(BASE, ("",), None)
+    table[0, [M_M, UP_M_M, STEEPEST_DOWN, STEEPEST_UP]] = 0.0, 0.0, down, up
+    rows = forces_on(grade[:, None], surfaces_of(table, None), 1.0, np.ones(1))
+    differ: np.ndarray = rows[0, :, 0] != rows[2, :, 0]
+    return differ
 
 
 @given(st.floats(0.05, 5.95), slopes, slopes, st.floats(-0.3, 0.3))
@@ -32,15 +78,18 @@ def test_one_kink_is_found_wherever_it_is(
     def grade(s: np.ndarray) -> np.ndarray:
         return at + np.where(s < kink, before * (s - kink), after * (s - kink))
 
-    lowest, highest = grade_between(grade(stations)[:, None])
+    steps = grade(stations)
     for k in range(1, 7):
-        around = grade(np.linspace(k - 1, k + 1, 2001))
-        inner = 2 <= k <= 5 or not (k - 1 < kink < k + 1)
-        if inner:
-            assert lowest[k, 0] <= around.min() + 2e-3 * abs(after - before)
-            assert highest[k, 0] >= around.max() - 2e-3 * abs(after - before)
-        assert lowest[k, 0] <= min(grade(stations)[k - 1 : k + 2])
-        assert highest[k, 0] >= max(grade(stations)[k - 1 : k + 2])
+        near = steps[k - 1 : k + 2]
+        assert extrapolates(steps, near.min() + 1e-9, 1.0)[k]
+        assert extrapolates(steps, -1.0, near.max() - 1e-9)[k]
+        between = grade(np.linspace(k - 1, k + 1, 2001))
+        shown = 2e-3 * abs(after - before) + 1e-9
+        if 2 <= k <= 5 or not (k - 1 < kink < k + 1):
+            assert extrapolates(steps, between.min() + shown, 1.0)[k]
+            assert extrapolates(steps, -1.0, between.max() - shown)[k]
+    one_more = abs(before) + abs(after) + 1e-9
+    assert not extrapolates(steps, steps.min() - one_more, steps.max() + one_more).any()
 
 
 HULL: Matrix = ((-0.26, 1.5), (-0.1, 3.0), (0.1, 4.0), (0.26, 3.5))
@@ -86,8 +135,9 @@ def test_each_station_counts_with_its_neighbours() -> None:
     model = model_of(tables_with(braking={"speed_by_grade": SPEED_BY_GRADE}))
     hull = hull_lines(1, model)
     assert hull is not None
-    fastest = np.full(grade.shape, 3.2)
-    hold_below(fastest, grade, np.ones(grade.shape, np.int64), hull)
+    table, _ = surface_table(model, ("",), None)
+    table[:, FASTEST] = 3.2
+    fastest = forces_on(grade, surfaces_of(table, hull), -1.0, np.ones(70))[6]
     expected = np.minimum(
         3.2, np.min([highest_speed(SPEED_BY_GRADE, g) for g in around(grade)], axis=0)
     )
@@ -100,10 +150,11 @@ def test_of_several_surfaces_the_slowest_counts() -> None:
     model = model_of(tables_with(braking={"speed_by_grade": SPEED_BY_GRADE, "terrain": tables}))
     hull = hull_lines(4, model)  # one more for ground never braked on
     assert hull is not None
-    grade = np.random.default_rng(1).uniform(-0.26, 0.26, (30, 20))
-    bits = np.random.default_rng(2).integers(1, 16, grade.shape)
-    fastest = np.full(grade.shape, 4.0)
-    hold_below(fastest, grade, bits, hull)
+    grade = np.random.default_rng(1).uniform(-0.26, 0.26, (30, 15))
+    bits = np.arange(1, 16)
+    table = np.tile(surface_table(model, ("",), None)[0][:1], (4, 1))
+    table[:, FASTEST] = 4.0
+    fastest = forces_on(grade, surfaces_of(table, hull), -1.0, bits)[6]
     base = np.min([highest_speed(SPEED_BY_GRADE, g) for g in around(grade)], axis=0)
     ice = np.full(grade.shape, 2.0)
     expected = np.full(grade.shape, 4.0)

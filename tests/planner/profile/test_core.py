@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import shutil
-import subprocess
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,9 +20,9 @@ from slopewise.planner.profile.time_optimal import (
 )
 from tests.planner.profile import reference_profile as reference
 from tests.world.roads import problem_of, wavy
+from tests.world.sanitized import run_under_sanitizers
 
 HERE = Path(__file__).parent
-CORE = HERE.parents[2] / "planner" / "core"
 
 
 def random_problem(seed: int, n: int = 40, m: int = 3) -> ProfileProblem:
@@ -150,13 +148,4 @@ def test_rows_are_declared_with_type_and_unit() -> None:
 
 
 def test_random_problems_pass_the_sanitizers(tmp_path: Path) -> None:
-    if not all(map(shutil.which, ("c++", "cmake", "ninja"))):
-        pytest.skip("no compiler with sanitizers on the path")
-    driver = f"-DSLOPEWISE_DRIVER={HERE / 'core_driver.cpp'}"
-    for command in (
-        ["cmake", "-G", "Ninja", "-S", str(CORE), "-B", str(tmp_path), driver],
-        ["cmake", "--build", str(tmp_path)],
-        [str(tmp_path / "driver"), "15"],
-    ):
-        done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    run_under_sanitizers(HERE / "core_driver.cpp", 15, tmp_path)

@@ -19,7 +19,7 @@ from slopewise.models.laws import braking
 from slopewise.models.parameters import Effect, Model
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from slopewise.models.surface_braking import SurfaceBraking
-from slopewise.planner.bounds.contact import HOLDING
+from slopewise.planner.bounds.speed_bounds import HOLDING
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner

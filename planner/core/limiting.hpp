@@ -1,0 +1,30 @@
+// What can limit a plan at a station, by the codes of planner/limiting.py; a test compares them.
+#pragma once
+
+#include <cstdint>
+
+namespace slopewise {
+
+using Label = std::int64_t;
+
+namespace limiting {
+
+inline constexpr Label none = -1;  // of a station that nothing blocks
+inline constexpr Label speed_limit = 0;
+inline constexpr Label stopping_path = 1;
+inline constexpr Label tip_over = 2;
+inline constexpr Label rollover = 3;
+inline constexpr Label lateral = 4;
+inline constexpr Label wheel_speed = 5;
+inline constexpr Label traction = 6;
+inline constexpr Label unknown_terrain = 10;
+inline constexpr Label model_validity = 11;
+inline constexpr Label roughness = 15;
+inline constexpr Label crest = 16;
+inline constexpr Label friction = 17;
+inline constexpr Label holding = 18;
+inline constexpr Label steering = 19;
+
+}  // namespace limiting
+
+}  // namespace slopewise

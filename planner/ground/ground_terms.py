@@ -1,0 +1,63 @@
+"""What effects of the ground add to the braking force around each station."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.models.effects import registry
+from slopewise.models.effects.effect_law import Place
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+
+_SLOWEST, _STOP = 0.25, 15.0
+"""Mean speed of the slowest plan [m/s] and its longest stop [s]: how late it is at a station."""
+
+
+def ground_terms(
+    model: Model, profile: TerrainProfile, yaw: Floats, session_time: float
+) -> tuple[Floats, Floats]:
+    """Least and most that the ground terms can be around each station, (N, M).
+
+    Terms that bend where grade or roll change sign are zero in between. What has a sharp edge may
+    lie between two stations: it counts as larger by a step where that is the safe side, and for
+    the neighbours as well. What changes with time counts from now until the vehicle has surely come
+    by and stopped.
+    """
+    place = Place(profile.grade, profile.roll, profile.x, profile.y, yaw, session_time)
+    lowest, highest = np.zeros_like(profile.grade), np.zeros_like(profile.grade)
+    step = float(np.max(np.diff(profile.station, axis=0)))
+    for effect in model.effect:
+        law = registry.LAWS[effect.name]
+        own = registry.ground_term([effect], place)
+        least, most = own, own
+        if "session_time" in law.depends_on:
+            late = session_time + profile.station / _SLOWEST + _STOP
+            later = registry.ground_term([effect], place._replace(session_time=late))
+            least, most = np.minimum(own, later), np.maximum(own, later)
+        if law.kinks_at_level:
+            grade, roll = (level_between(slope) for slope in (profile.grade, profile.roll))
+            level = registry.ground_term([effect], place._replace(grade=grade, roll=roll))
+            least, most = np.minimum(own, level), np.maximum(own, level)
+        elif law.grown is not None:
+            grown = [replace(effect, parameters=law.grown(effect.parameters, step))]
+            near = registry.ground_term(grown, place)
+            least, _ = spread_to_neighbours(np.minimum(own, near))
+            _, most = spread_to_neighbours(np.maximum(own, near))
+        lowest, highest = lowest + least, highest + most
+    return lowest, highest
+
+
+def level_between(slope: Floats) -> Floats:
+    """The slope, but level where it changes sign on the way to a neighbour, (N, M) [rad]."""
+    lowest, highest = spread_to_neighbours(slope)
+    return np.where((lowest < 0.0) & (highest > 0.0), 0.0, slope)
+
+
+def spread_to_neighbours(term: Floats) -> tuple[Floats, Floats]:
+    """Lowest and highest value among each station and its neighbours."""
+    padded = np.pad(term, ((1, 1), (0, 0)), mode="edge")
+    stack = np.stack((padded[:-2], term, padded[2:]))
+    return stack.min(axis=0), stack.max(axis=0)
