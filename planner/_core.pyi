@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from slopewise.models.arrays import Bools, Floats, Ints, Singles
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.surface_cache import SurfaceCache
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.kernels.limits import PlanningLimits
 from slopewise.planner.swept.hazards import HazardRows
+from slopewise.models.arrays import Bools, Bytes, Floats, Ints, Singles
 
 DIGEST: str
 ROWS: tuple[tuple[str, str, str, str], ...]
@@ -20,6 +20,9 @@ HEADING_COUNT: int
 STOP_GUARD: float
 HOLDING: float
 SPENT: float
+CHECK_UNKNOWN: int
+CHECK_BODY: int
+SLOPE_MARGIN: float
 
 class HeightGrid:
     memory: int
@@ -50,20 +53,63 @@ class HeightGrid:
         front: Singles,
     ) -> None: ...
     def stations(self, x: Floats, y: Floats, count: Ints, station: Floats) -> None: ...
-    def ground_behind(
+
+class BroadPhase:
+    bits: Bytes
+    relief: Singles
+    lift: Singles
+    east: Singles
+    north: Singles
+    seen: Singles
+    screened: list[tuple[int, int, int]]
+    first_column: int
+    def __init__(
+        self,
+        elevation: Floats,
+        origin_x: float,
+        origin_y: float,
+        resolution: float,
+        sizes: object,
+        band: tuple[float, float, float] | None,
+        x: Floats,
+        y: Floats,
+        beside: float,
+    ) -> None: ...
+    def covers(self, x: Floats, y: Floats) -> bool: ...
+    def sweep(
         self,
         x: Floats,
         y: Floats,
         heading_x: Floats,
         heading_y: Floats,
-        spacing: Floats,
-        level: Floats,
-        front: Singles,
-        length: float,
-        width: float,
-        behind: Singles,
-    ) -> None: ...
+        station: Floats,
+        count: Ints,
+        known: Bools,
+        twist: Singles,
+        spacing: float,
+        trails: bool,
+        across: Floats | None,
+        code_of_kind: Ints,
+        code: Ints,
+        found: Floats,
+    ) -> int: ...
 
+def roughness_speeds(
+    grid: HeightGrid,
+    x: Floats,
+    y: Floats,
+    heading_x: Floats,
+    heading_y: Floats,
+    level: Floats,
+    spacing: Floats,
+    front: Singles,
+    sizes: object,
+    frequency: float,
+    damping: float,
+    vertical_accel: float,
+    max_speed: float,
+    held: Floats,
+) -> None: ...
 def time_optimal(
     station: Floats,
     speed_sq_max: Floats,

@@ -26,6 +26,8 @@ using Index = std::ptrdiff_t;
 // As std::min and std::max, by value: through references gcc does not vectorise all loops.
 constexpr double min_of(double a, double b) noexcept { return b < a ? b : a; }
 constexpr double max_of(double a, double b) noexcept { return a < b ? b : a; }
+constexpr float min_of(float a, float b) noexcept { return b < a ? b : a; }
+constexpr float max_of(float a, float b) noexcept { return a < b ? b : a; }
 
 // Rows of M candidates in the memory of the caller: (N, M), stations behind one another.
 struct Table {

@@ -4,8 +4,7 @@
 
 #include "averaged_heights.hpp"
 #include "bindings.hpp"
-#include "ground_behind.hpp"
-#include "height_grid.hpp"
+#include "map_grid.hpp"
 #include "terrain.hpp"
 
 namespace slopewise {
@@ -57,23 +56,6 @@ void average(const Input2& elevation, const Taps1& wide_row, const Taps1& wide_c
 using Singles2 = nb::ndarray<float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Singles3 = nb::ndarray<float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
-// A map that stays while its grid does.
-struct MapGrid {
-  Input2 elevation;
-  HeightGrid grid;
-
-  MapGrid(const Input2& heights, double origin_x, double origin_y, double resolution,
-          double half_length, double half_width, double radius)
-      : elevation(heights),
-        grid(heights.data(), static_cast<Index>(heights.shape(0)),
-             static_cast<Index>(heights.shape(1)), origin_x, origin_y, resolution,
-             {half_length, half_width, radius}) {
-    if (heights.shape(0) < 2 || heights.shape(1) < 2) {
-      throw nb::value_error("elevation: expected two rows and two columns at least");
-    }
-  }
-};
-
 // Paths need a second station, and no more stations than they have rows.
 void expect_paths(const Input2& x, const Input2& y, const Counts1& count) {
   const auto stations = static_cast<Index>(x.shape(0)), candidates = static_cast<Index>(x.shape(1));
@@ -114,22 +96,6 @@ void stations(MapGrid& map, const Input2& x, const Input2& y, const Counts1& cou
   walk_stations(map.grid, x.data(), y.data(), count.data(), n, m, station.data());
 }
 
-void ground_behind(const MapGrid& map, const Input1& x, const Input1& y, const Input1& heading_x,
-                   const Input1& heading_y, const Input1& spacing, const Input1& level,
-                   const Floats2& front, double length, double width, const Singles3& behind) {
-  const auto m = static_cast<Index>(x.shape(0));
-  for (const Input1* column : {&y, &heading_x, &heading_y, &spacing, &level}) {
-    expect_shape("y, heading, spacing, level", *column, {m});
-  }
-  expect_shape("front", front, {2, m});
-  const auto n = static_cast<Index>(behind.shape(0));
-  expect_shape("behind", behind, {n, 2, m});
-  const WayBehind way{n, m, x.data(), y.data(), heading_x.data(), heading_y.data(), spacing.data(),
-                      level.data(), front.data(), behind.data()};
-  const nb::gil_scoped_release release;
-  sample_behind(map.grid, way, length, width);
-}
-
 void tyre_lifts(MapGrid& map, Index heading, const Output2& out) {
   const Index rows = map.grid.rows(), columns = map.grid.columns();
   expect_shape("out", out, {rows, columns});
@@ -167,9 +133,7 @@ void bind_ground(nb::module_& m) {
       .def("sample_terrain", &terrain, "x"_a, "y"_a, "count"_a, "body_x"_a, "body_y"_a,
            "body_offset"_a, "length"_a, "width"_a, "rows"_a.noconvert(), "known"_a.noconvert(), "twist"_a.noconvert(),
            "front"_a.noconvert())
-      .def("stations", &stations, "x"_a, "y"_a, "count"_a, "station"_a.noconvert())
-      .def("ground_behind", &ground_behind, "x"_a, "y"_a, "heading_x"_a, "heading_y"_a,
-           "spacing"_a, "level"_a, "front"_a, "length"_a, "width"_a, "behind"_a.noconvert());
+      .def("stations", &stations, "x"_a, "y"_a, "count"_a, "station"_a.noconvert());
 }
 
 }  // namespace slopewise

@@ -46,4 +46,5 @@ NB_MODULE(_core, m) {
   slopewise::bind_ground(m);
   slopewise::bind_bounds(m);
   slopewise::bind_forces(m);
+  slopewise::bind_swept(m);
 }

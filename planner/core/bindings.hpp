@@ -41,5 +41,6 @@ void bind_profile(nb::module_& m);
 void bind_ground(nb::module_& m);
 void bind_bounds(nb::module_& m);
 void bind_forces(nb::module_& m);
+void bind_swept(nb::module_& m);
 
 }  // namespace slopewise

@@ -1,4 +1,4 @@
-"""What bars a pose, as compiled code notes it."""
+"""What bars a pose, as the core notes it."""
 
 from __future__ import annotations
 
@@ -47,3 +47,12 @@ class Finding(NamedTuple):
     height: float
     ahead: float
     aside: float
+
+
+class Pose(NamedTuple):
+    """Middle of the wheelbase [m], unit vector of travel."""
+
+    x: float
+    y: float
+    heading_x: float
+    heading_y: float

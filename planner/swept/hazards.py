@@ -17,16 +17,12 @@ from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.kernels.workspace import empty
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import Obstacle
-from slopewise.planner.swept.findings import BARS, Finding, Kind
-from slopewise.planner.swept.ride import ride_of, run_up
+from slopewise.planner.swept.broad_phase import broad_phase_for
+from slopewise.planner.swept.findings import BARS, Finding, Kind, Pose
 from slopewise.planner.swept.roughness import rough_speeds
-from slopewise.planner.swept.run_up import ground_behind
-from slopewise.planner.swept.screen_cache import screen_for
 from slopewise.planner.swept.sentences import cannot_see, obstacle_of, too_tight
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
-from slopewise.planner.swept.sweep import Swept, SweptPaths, scratch_for, sweep
 from slopewise.planner.swept.tube import tube_of
-from slopewise.planner.swept.wheel_path import Ground, Pose
 
 _BAR_OF_KIND = np.array([BARS.get(kind, 0) for kind in Kind], np.int64)
 
@@ -98,7 +94,6 @@ def swept_hazards(
     """
     vehicle, geometry = model.vehicle, model.steering_geometry
     sizes = swept_sizes(vehicle, elevation_map.resolution)
-    ground = Ground(elevation_map.elevation, *elevation_map.origin, 1.0 / elevation_map.resolution)
     stations, candidates = profile.x.shape
     # The first station may be next to the second one, where a vehicle is on its previous plan.
     steps = np.hypot(np.diff(profile.x[:3], axis=0), np.diff(profile.y[:3], axis=0))
@@ -106,22 +101,24 @@ def swept_hazards(
     code, found = empty(stations, candidates).view(np.int64), np.zeros((candidates, 4))
     bars = np.where(np.isin(_BAR_OF_KIND, list(lifted)), 0, _BAR_OF_KIND)
     body = profile.body_rows
-    tube, widest = tube_of(errors, profile, geometry.body_offset, sizes, elevation_map.resolution)
-    looked = sweep(
-        ground,
-        SweptPaths(body, profile.rows, tube, geometry.centre_offset > 0.0),
+    tube = tube_of(errors, profile, geometry.body_offset, elevation_map.resolution)
+    across, band = (None, None) if tube is None else tube
+    looked = broad_phase_for(elevation_map, sizes, band, body.x, body.y).sweep(
+        *body,
+        profile.station,
+        profile.count,
+        profile.known,
         profile.twist,
-        screen_for(elevation_map, widest, body.x, body.y),
-        (sizes, widest),
-        scratch_for(sizes, float(spacing.max())),
-        Swept(bars, code, found),
+        float(spacing.max()),
+        geometry.centre_offset > 0.0,
+        across,
+        bars,
+        code,
+        found,
     )
     rough = steering_speed = np.empty((0, 0))
     if sizes.fine:
-        ride = ride_of(model, sizes, float(np.clip(spacing.min(), 0.5 * spacing.max(), None)))
-        stations_behind = run_up(sizes, ride.spacing)
-        behind = ground_behind(elevation_map, profile, stations_behind, spacing, vehicle)
-        rough = rough_speeds(behind, profile.front, ride, spacing)
+        rough = rough_speeds(elevation_map, profile, model, sizes, spacing)
     steering = steering_limits(profile, geometry)
     if steering is not None:
         code[steering.blocked & (code == 0)] = _STEERING

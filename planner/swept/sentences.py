@@ -6,9 +6,8 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.smallest_seen import sight_notes
 from slopewise.models.vehicle import Shape, Vehicle
 from slopewise.planner.plan import Obstacle
-from slopewise.planner.swept.findings import BARS, Finding, Kind
+from slopewise.planner.swept.findings import BARS, Finding, Kind, Pose
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
-from slopewise.planner.swept.wheel_path import Pose
 
 _WHAT = {
     Kind.RISE: "a step of {height:.2f} m up under the {wheel} wheel",

@@ -63,28 +63,6 @@ class SweptSizes(NamedTuple):
     tyres: int
     fine: bool
 
-    @property
-    def reach(self) -> float:
-        """Radius around the middle of the wheelbase within which the body is."""
-        return math.hypot(max(self.front, self.rear) + self.margin, self.side + self.margin)
-
-    @property
-    def sight(self) -> float:
-        """Radius around the middle of the wheelbase within which body and tyres touch cells."""
-        length = max(self.front, self.rear, self.half_length + self.radius)
-        width = max(self.side, self.half_width + self.half_tyre)
-        return math.hypot(length + self.touch, width + self.touch)
-
-    @property
-    def wheel_reach(self) -> float:
-        """Radius around the middle of the wheelbase on which the wheels are."""
-        return math.hypot(self.half_length, self.half_width)
-
-    @property
-    def wheel_look(self) -> float:
-        """Length of ground along its way that tells whether a wheel meets a step there."""
-        return 2.0 * self.trend + 3.0 * self.radius + self.chord
-
 
 def swept_sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
     """Sizes of a vehicle on a map.

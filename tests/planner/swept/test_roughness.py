@@ -1,0 +1,104 @@
+"""Roughness speeds against the quarter car in float64, by the exponential of its matrix."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from slopewise.models.arrays import Floats
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.parameters import Model
+from slopewise.planner.swept.hazards import swept_hazards
+from tests.world.ground import straight
+from tests.world.hazards import MODELS
+from tests.world.stages import profile_of
+
+RATIO = 0.7
+"""Of a speed that is tried to the next."""
+
+
+def mean_squares(path: Floats, dt: float, frequency: float, damping: float, start: int) -> Floats:
+    """Running mean square of the vertical acceleration at each station, (N,) [m²/s⁴]."""
+    w, z, keep = frequency, damping, math.exp(-0.5 * frequency * dt * 3.0 / math.pi)
+    # State y, y' - 2 ζ ω h, h, and the rise of h over a step.
+    change = np.zeros((4, 4))
+    change[0, 1:3] = 1.0, 2.0 * z * w
+    change[1, :3] = -w * w, -2.0 * z * w, w * w * (1.0 - 4.0 * z * z)
+    change[2, 3] = 1.0 / dt
+    step = expm(change * dt)
+    rate = (path[start] - path[0]) / (start * dt)
+    state = np.array([path[0], rate - 2.0 * z * w * path[0], 0.0, 0.0])
+    mean, out = 0.0, np.zeros(len(path))
+    for k in range(1, len(path)):
+        rise = path[k] - path[k - 1]
+        state[2:] = path[k - 1], rise
+        following = step @ state
+        accel = (following[1] - state[1] + 2.0 * z * w * rise) / dt
+        mean = accel**2 + keep * (mean - accel**2)
+        state, out[k] = following, mean
+    return out
+
+
+def defined_speeds(model: Model, grounds: list[Floats], spacing: float, stations: int) -> Floats:
+    """Highest speeds at the last N stations, (N,); ground under the left and right wheels."""
+    vehicle, radius = model.vehicle, model.vehicle.wheel_radius
+    count, places = len(grounds[0]), np.arange(len(grounds[0]))
+    reach = math.sqrt(radius**2 - max(radius - vehicle.shape.max_step, 0.0) ** 2)
+    patch = int(0.25 * radius / spacing)
+    rear, ahead = math.ceil(vehicle.wheelbase / spacing), max(math.ceil(radius / spacing), 1)
+    levels = [model.limits.speed * RATIO**n for n in (3, 2, 1, 0)]
+    felt = np.zeros((4, count))
+    for ground in grounds:
+        padded = np.pad(ground, count, mode="edge")
+        rolled = ground.copy()
+        for n in range(1, int(reach / spacing) + 1):
+            drop = radius - math.sqrt(radius**2 - (n * spacing) ** 2)
+            sides = np.maximum(padded[count - n :][:count], padded[count + n :][:count])
+            rolled = np.maximum(rolled, sides - drop)
+        evened = np.convolve(
+            np.pad(rolled, patch, mode="edge"), np.full(2 * patch + 1, 1 / (2 * patch + 1)), "valid"
+        )
+        path = evened - 0.125 * np.diff(np.pad(evened, 1, mode="edge"), 2)
+        for level, speed in enumerate(levels):
+            bounce = (2.0 * math.pi * vehicle.ride_frequency, vehicle.ride_damping)
+            mean = mean_squares(path, spacing / speed, *bounce, min(count - 1, rear + ahead))
+            felt[level] = np.maximum(felt[level], mean)
+    limit, reached = 0.5 * model.limits.vertical_accel**2, np.full(count, np.inf)
+    for k in places:
+        level = int(np.argmax(felt[:, k] > limit))
+        if felt[level, k] > limit:
+            at, below = felt[level, k], felt[level - 1, k]
+            between = RATIO**2 + (1.0 - RATIO**2) * (limit - below) / (at - below)
+            reached[k] = levels[level] * math.sqrt(limit / at if level == 0 else between)
+    windows = (reached[max(k - rear, 0) : k + ahead + 1].min() for k in places[-stations:])
+    return np.array(list(windows))
+
+
+@pytest.mark.parametrize("spacing", [0.03, 0.1, 0.25])
+@pytest.mark.parametrize("candidates", [1, 9, 70])
+def test_roughness_speeds_are_as_defined(spacing: float, candidates: int) -> None:
+    rng, model = np.random.default_rng(candidates), MODELS[0]
+    model = replace(model, limits=replace(model.limits, vertical_accel=1.5))
+    across, width = np.arange(0.0, 4.1, 0.1), 0.5 * model.vehicle.track_width
+    heights = np.cumsum(0.012 * rng.standard_normal((len(across), 260)), axis=1)
+    scene = ElevationMap(elevation=heights, resolution=0.1, origin=(-10.0, -2.0))
+    path: CandidatePath = straight(8.0)
+    profile = profile_of(model, scene, *[path] * candidates, spacing=spacing)
+    computed = swept_hazards(scene, profile, model).rows.rough_speed
+    step = float(np.hypot(*(np.diff(row[:3, 0]) for row in (profile.x, profile.y))).max())
+    before = math.ceil(2.0 * model.vehicle.wheelbase / step)
+    x = np.concatenate([profile.x[0, 0] - step * np.arange(before, 0, -1), profile.x[:, 0]])
+    x_cells = np.arange(heights.shape[1]) * 0.1 - 10.0
+    row = np.round((np.array([width, -width]) + 2.0) / 0.1).astype(int)
+    ahead = x + 0.5 * model.vehicle.wheelbase
+    grounds = [np.interp(ahead, x_cells, heights[r]) - profile.z[0, 0] for r in row]
+    expected = defined_speeds(model, grounds, step, len(profile.x))
+    assert np.isfinite(expected).any()
+    for j in range(candidates):
+        # Between two speeds that are tried, float32 counts by the difference of their squares.
+        np.testing.assert_allclose(computed[:, j], expected, rtol=3e-4)
