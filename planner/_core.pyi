@@ -218,3 +218,93 @@ def speed_excess(
     profile: TerrainProfile, ground: BrakingGround, resistance: float, excess: Floats
 ) -> None: ...
 def onset_speed(slope_sum: float, intercept_sum: float, slowest: float) -> float: ...
+# Verification and labels; `terms` is a `Terms`, `limits` a `PlanningLimits`, `track` a `Track`.
+def copy_track(
+    count: Ints,
+    rows: tuple[Floats, ...],
+    friction: Floats,
+    candidate: int,
+    first: int,
+    columns: Floats,
+) -> None: ...
+def verify(
+    track: tuple[Floats, ...],
+    even: tuple[Floats, ...],
+    speed_sq: Floats,
+    clear_distance: float,
+    distance_offset: float,
+    terms: object,
+    told: Floats,
+    worst: Floats,
+    bad: Bools,
+) -> None: ...
+def verify_batch(
+    count: Ints,
+    rows: tuple[Floats, ...],
+    friction: Floats,
+    speed_sq: Floats,
+    clear_distance: Floats,
+    distance_offset: Floats,
+    terms: object,
+    worst: Floats,
+) -> None: ...
+def segment_limits(
+    track: tuple[Floats, ...],
+    speed_sq: Floats,
+    accel_max: Floats,
+    demand: Floats,
+    braking_intercept: Floats,
+    limits: object,
+    accel: Floats,
+    decel: Floats,
+) -> None: ...
+def motion(station: Floats, speed_sq: Floats, accel: Floats, time: Floats) -> None: ...
+def labels(
+    speed_sq: Floats,
+    accel: Floats,
+    bound: Floats,
+    bound_label: Ints,
+    accel_max: Floats,
+    decel_max: Floats,
+    most_accel: float,
+    smoothed: bool,
+    codes: tuple[int, int, int, int],
+    out: Ints,
+) -> None: ...
+
+# Paths of a moving horizon.
+def feet_on_line(
+    line_x: Floats,
+    line_y: Floats,
+    x: Floats,
+    y: Floats,
+    low: int,
+    high: int,
+    segment: Ints,
+    share: Floats,
+    distance: Floats,
+) -> None: ...
+def locate_on_paths(
+    x: Floats,
+    y: Floats,
+    count: Ints,
+    at_x: float,
+    at_y: float,
+    heading: float,
+    segment: Ints,
+    values: Floats,
+) -> None: ...
+def cut_paths(
+    x: Floats,
+    y: Floats,
+    count: Ints,
+    segment: Ints,
+    start_x: Floats,
+    start_y: Floats,
+    fewest: int,
+    rest: Floats,
+    kept: Ints,
+    near: Bools,
+    new_count: Ints,
+) -> None: ...
+def find_sound(x: Floats, y: Floats, count: Ints, finite: Bools, moving: Bools) -> None: ...

@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
-from slopewise.planner.kernels.compiled import kernel
+from slopewise.planner.compiled_core import core
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.path_deviation import PathDeviation
 
@@ -172,15 +172,6 @@ def motion_of(station: Floats, speed_sq: Floats) -> tuple[Floats, Floats]:
     Returns:
         accel (N,), 0 at the last station [m/s²]; time (N,), constant once the profile rests [s].
     """
-    accel, time = np.zeros((2, len(station)))
-    _motion(station, speed_sq, accel, time)
+    accel, time = np.empty((2, len(station)))
+    core.motion(station, speed_sq, accel, time)
     return accel, time
-
-
-@kernel
-def _motion(station: Floats, speed_sq: Floats, accel: Floats, time: Floats) -> None:
-    for k in range(station.shape[0] - 1):
-        ds = station[k + 1] - station[k]
-        both = np.sqrt(speed_sq[k]) + np.sqrt(speed_sq[k + 1])
-        accel[k] = (speed_sq[k + 1] - speed_sq[k]) / (2.0 * ds)
-        time[k + 1] = time[k] + (2.0 * ds / both if both > 0.0 else 0.0)

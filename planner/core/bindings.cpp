@@ -47,4 +47,6 @@ NB_MODULE(_core, m) {
   slopewise::bind_bounds(m);
   slopewise::bind_forces(m);
   slopewise::bind_swept(m);
+  slopewise::bind_verify(m);
+  slopewise::bind_horizon(m);
 }

@@ -42,5 +42,7 @@ void bind_ground(nb::module_& m);
 void bind_bounds(nb::module_& m);
 void bind_forces(nb::module_& m);
 void bind_swept(nb::module_& m);
+void bind_verify(nb::module_& m);
+void bind_horizon(nb::module_& m);
 
 }  // namespace slopewise

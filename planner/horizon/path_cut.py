@@ -7,9 +7,9 @@ import numpy as np
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
+from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.terrain_profile import stations_along
 from slopewise.planner.horizon.path_projection import PathProjection
-from slopewise.planner.kernels.compiled import kernel
 from slopewise.planner.path import PathBatch
 
 FEWEST = 3
@@ -34,57 +34,16 @@ def cut(paths: PathBatch, projection: PathProjection, at: tuple[float, float]) -
     stations, candidates = paths.x.shape
     ahead = projection.along < 0.0
     start = np.where(ahead, at[0], projection.x), np.where(ahead, at[1], projection.y)
-    x, y = np.empty((2, stations + 1, candidates))
-    kept, near, count = _cut(
-        paths.x, paths.y, paths.count, np.where(ahead, -1, projection.segment), start, x, y
-    )
+    rest = np.empty((2, stations + 1, candidates))
+    kept, count = np.empty((2, candidates), np.int64)
+    near = np.empty(candidates, np.bool_)
+    behind = np.where(ahead, -1, projection.segment)
+    core.cut_paths(paths.x, paths.y, paths.count, behind, *start, FEWEST, rest, kept, near, count)
     most = int(count.max())
     limit = paths.speed_limit
     if limit is not None:
         limit = _cut_limits(limit, paths.count, kept, near | ahead, most)
-    return PathBatch(paths.names, x[:most], y[:most], count, limit)
-
-
-@kernel
-def _cut(
-    x: Floats,
-    y: Floats,
-    count: Ints,
-    segment: Ints,
-    start: tuple[Floats, Floats],
-    new_x: Floats,
-    new_y: Floats,
-) -> tuple[Ints, Bools, Ints]:
-    """Lay ``new_x`` and ``new_y``, (N + 1, M) each [m].
-
-    Args:
-        x, y: (N, M) paths [m]; count: (M,) stations of each.
-        segment: (M,) station behind the vehicle, −1 where the path begins ahead of it.
-        start: x and y of the first station, (M,) each [m].
-
-    Returns:
-        (M,) index of the first station that is kept; whether one before it was left out, because
-        it is too near; number of stations.
-    """
-    candidates = x.shape[1]
-    kept, new_count = np.empty(candidates, np.int64), np.empty(candidates, np.int64)
-    near = np.empty(candidates, np.bool_)
-    for j in range(candidates):
-        last, first = count[j] - 1, segment[j] + 1
-        # A first step that is too short would have no direction.
-        spacing = np.hypot(x[1, j] - x[0, j], y[1, j] - y[0, j])
-        near[j] = np.hypot(x[first, j] - start[0][j], y[first, j] - start[1][j]) < 0.3 * spacing
-        kept[j] = min(first + int(near[j]), last)
-        new_count[j] = max(count[j] - kept[j] + 1, FEWEST)
-        new_x[0, j], new_y[0, j] = start[0][j], start[1][j]
-        for i in range(1, new_x.shape[0]):
-            k = min(kept[j] + i - 1, last)
-            new_x[i, j], new_y[i, j] = x[k, j], y[k, j]
-        if kept[j] == last:
-            # Only its end is left of it.
-            new_x[1, j] = 0.5 * (start[0][j] + new_x[2, j])
-            new_y[1, j] = 0.5 * (start[1][j] + new_y[2, j])
-    return kept, near, new_count
+    return PathBatch(paths.names, rest[0, :most], rest[1, :most], count, limit)
 
 
 def _cut_limits(limit: Floats, count: Ints, kept: Ints, own: Bools, rows: int) -> Floats:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
-from slopewise.planner.kernels.compiled import kernel
-from slopewise.planner.raw_polyline import arc, project
+from slopewise.planner.compiled_core import core
+from slopewise.planner.raw_polyline import arc
 
 _WINDOW = 1.0
 """Half length of the path searched for the vehicle [m], besides its odometry's drift."""
@@ -41,23 +41,10 @@ class Polyline(NamedTuple):
         Returns:
             (n,) nearest segments; shares of them, < 0 before and > 1 beyond; distances [m].
         """
-        return _foot(self, points, low, len(self.x) - 1 if high is None else high)
-
-
-@kernel
-def _foot(line: Polyline, points: Polyline, low: int, high: int) -> tuple[Ints, Floats, Floats]:
-    n = points.x.shape[0]
-    segment, share, distance = np.empty(n, np.int64), np.empty(n), np.empty(n)
-    for j in range(n):
-        segment[j], share[j], least = low, 0.0, np.inf
-        for i in range(low, high):
-            u, away = project(
-                line.x[i], line.y[i], line.x[i + 1], line.y[i + 1], points.x[j], points.y[j]
-            )
-            if away < least:
-                segment[j], share[j], least = i, u, away
-        distance[j] = np.sqrt(least)
-    return segment, share, distance
+        n, high = len(points.x), len(self.x) - 1 if high is None else high
+        segment, (share, distance) = np.empty(n, np.int64), np.empty((2, n))
+        core.feet_on_line(*self, *points, low, high, segment, share, distance)
+        return segment, share, distance
 
 
 def window(expected: float) -> float:

@@ -7,19 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.arrays import Floats
+from slopewise.planner.compiled_core import core
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState, Ranked
 from slopewise.planner.horizon.path_cut import FEWEST
 from slopewise.planner.horizon.path_projection import PathProjection, locate
-from slopewise.planner.kernels.compiled import kernel
 from slopewise.planner.path import PathBatch
 from slopewise.planner.path_deviation import PathDeviation, path_deviation
 
 _ENDS = 0.01
 """A path that ends this close to the vehicle is driven [m]."""
-
-_STEP = 1e-4
-"""Stations closer than that are one place [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +85,7 @@ def drivable_of(
 def malformed(paths: PathBatch, clear: Floats, max_deviation: float) -> list[str]:
     """Why candidates cannot be planned at all, empty for those that can."""
     finite, moving = np.empty((2, len(clear)), np.bool_)
-    _soundness(paths.x, paths.y, paths.count, finite, moving)
+    core.find_sound(paths.x, paths.y, paths.count, finite, moving)
     long, known = paths.count >= FEWEST, ~np.isnan(clear)
     reasons = [""] * len(clear)
     for j in np.flatnonzero(~(finite & moving & long & known)):
@@ -137,14 +134,3 @@ def _refusal(beside: float, gap: float, turned: float, most: HorizonSettings) ->
         error = f"{math.degrees(turned):.0f}° off the heading ({turned:.3f} rad)"
         return f"the path points {error}, {most.turned:g} rad at most"
     return "the path ends here"
-
-
-@kernel
-def _soundness(x: Floats, y: Floats, count: Ints, finite: Bools, moving: Bools) -> None:
-    for j in range(x.shape[1]):
-        finite[j] = moving[j] = True
-        for i in range(count[j]):
-            finite[j] &= np.isfinite(x[i, j] + y[i, j])
-            if i > 0:
-                step_sq = (x[i, j] - x[i - 1, j]) ** 2 + (y[i, j] - y[i - 1, j]) ** 2
-                moving[j] &= not step_sq < _STEP * _STEP

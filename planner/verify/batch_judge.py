@@ -6,19 +6,17 @@ columns of a plan file.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.parameters import Model
 from slopewise.planner.bounds.speed_bounds import SpeedBounds
+from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import BrakingGround
-from slopewise.planner.ground.forces import Forces
-from slopewise.planner.ground.terrain_profile import TerrainProfile, TerrainRows
-from slopewise.planner.kernels.compiled import kernel
-from slopewise.planner.verify.judge import JudgedPlan, JudgeNotes, Violations, judge_track, terms_of
-from slopewise.planner.verify.track import Terms, Track, copy_columns, survey_of
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.verify.judge import Violations
+from slopewise.planner.verify.terms import terms_of
+from slopewise.planner.verify.track import track_rows
 
 
 def screen(
@@ -47,65 +45,12 @@ def screen(
     limit = ground.fastest
     for own in (speed_limit, rough_speed):
         limit = limit if own is None or own.size == 0 else np.minimum(limit, own)
-    friction = np.empty((0, 0)) if ground.friction is None else ground.friction
-    batch = ProfileBatch(
-        profile.rows,
-        ground.forces._replace(fastest=limit),
-        friction,
+    core.verify_batch(
+        *track_rows(profile, ground, limit),
         speed_sq,
         bounds.clear_distance,
+        ground.distance_offset,
+        terms_of(model, ground.motion, ground.errors, all_loads=False),
+        worst,
     )
-    _screen(batch, terms_of(model, ground.motion, ground.errors, all_loads=False), worst)
     return worst
-
-
-class ProfileBatch(NamedTuple):
-    """M profiles to be judged; (N, M), friction (0, 0) if unknown, the clear distance (M,) [m]."""
-
-    terrain: TerrainRows
-    forces: Forces
-    friction: Floats
-    speed_sq: Floats
-    clear_distance: Floats
-
-
-@kernel
-def _screen(batch: ProfileBatch, terms: Terms, worst: Floats) -> None:
-    terrain, forces = batch.terrain, batch.forces
-    stations, candidates = terrain.station.shape
-    column, memory = np.empty((15, stations)), np.empty((8, stations))
-    answers = np.empty((3, stations))
-    bad = np.zeros(stations, np.bool_)
-    turns = terms.motion.moves
-    for j in range(candidates):
-        m = terrain.counts[j]
-        copy_columns(0, j, terrain, forces, batch.friction, turns, column)
-        for k in range(m):
-            column[14, k] = batch.speed_sq[k, j]
-        track = Track(
-            column[0, :m],
-            column[1, :m],
-            column[2, :m],
-            column[3, :m],
-            column[4, :m],
-            column[5, :m],
-            column[6, :m],
-            column[7, :m],
-            column[8, :m],
-            column[9, :m],
-            column[10, :m],
-            column[11, :m],
-            column[12, :m],
-            column[13, :m],
-        )
-        survey = survey_of(track, terms.body, memory)
-        plan = JudgedPlan(
-            track,
-            survey,
-            track,
-            survey,
-            column[14, :m],
-            batch.clear_distance[j],
-            forces.distance_offset[j],
-        )
-        judge_track(plan, terms, JudgeNotes(answers[0], answers[1], answers[2], worst[j], bad))

@@ -55,4 +55,4 @@ def test_arrays_that_do_not_fit_are_named() -> None:
 
 
 def test_random_problems_pass_the_sanitizers(tmp_path: Path) -> None:
-    run_under_sanitizers(HERE / "core_driver.cpp", 8, tmp_path)
+    run_under_sanitizers(HERE / "core_driver.cpp", 4, tmp_path)

@@ -48,20 +48,20 @@ def test_compiled_kernels_are_in_the_cache_and_unknown_ones_are_reported(
 ) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(cores))
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    motion = "slopewise.planner.plan:_motion"
+    arc = "slopewise.planner.raw_polyline:arc"
     strange = {
         "slopewise.planner.plan:not_there": [["d"]],
         "slopewise.planner.nowhere:kernel": [["d"]],
     }
     wrong = {
-        "slopewise.planner.horizon.polyline:_arc": [["d"]],
-        "slopewise.planner.horizon.polyline:_foot": [["d"]],
+        "slopewise.planner.raw_polyline:_arc": [["d"]],
+        "slopewise.planner.raw_polyline:noise": [["d"]],
     }
     done: list[int] = []
-    left = compile_ahead({motion: written_down()[motion], **strange, **wrong}, done.append)
+    left = compile_ahead({arc: written_down()[arc], **strange, **wrong}, done.append)
     assert left == [*strange, *wrong]
     assert sum(done) == 5
-    assert [file.name.split(".")[0] for file in tmp_path.glob("**/*.nbi")] == ["plan"]
+    assert [file.name.split(".")[0] for file in tmp_path.glob("**/*.nbi")] == ["raw_polyline"]
 
 
 @inlined

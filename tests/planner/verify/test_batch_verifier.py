@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time
 from slopewise.planner.verify.batch_judge import screen
 from slopewise.planner.verify.judge import Violations, check
 from slopewise.planner.verify.track import track_of
+from tests.world.sanitized import run_under_sanitizers
 from tests.world import generated
 from tests.world.generated import between
 from tests.world.ground import arc, ground_map, plane, straight
@@ -106,3 +108,7 @@ def test_each_kind_of_breach_is_found_in_the_right_candidate(
     assert_agree(together, single)
     assert together[0].max() == 0.0
     assert together[1, Violations._fields.index(kind)] > 0.0
+
+
+def test_random_plans_pass_the_sanitizers(tmp_path: Path) -> None:
+    run_under_sanitizers(Path(__file__).parent / "verify_driver.cpp", 4, tmp_path)

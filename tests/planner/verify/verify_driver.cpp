@@ -1,0 +1,151 @@
+// Random plans and paths through verifier, labels and paths of a horizon, for the sanitizers and for
+// what has to hold of every answer.
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "labels.hpp"
+#include "polyline.hpp"
+#include "verify.hpp"
+
+using namespace slopewise;
+
+namespace {
+
+std::mt19937_64 generator;
+
+double uniform(double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(generator);
+}
+
+Index whole(Index low, Index high) {
+  return std::uniform_int_distribution<Index>(low, high)(generator);
+}
+
+bool sometimes(double share) { return uniform(0.0, 1.0) < share; }
+
+void expect(bool holds, const char* what) {
+  if (holds) return;
+  std::fprintf(stderr, "violated: %s\n", what);
+  std::exit(1);
+}
+
+// Memory of the exact size, so that a step beyond it is found.
+std::vector<double> numbers(Index count, double low, double high) {
+  std::vector<double> out(static_cast<std::size_t>(count));
+  for (double& number : out) number = uniform(low, high);
+  return out;
+}
+
+Vehicle vehicle() {
+  return {1.2,  1.1, 0.9,  uniform(0.05, 0.3), 0.05, 0.1, 0.5, uniform(1, 5), 0.6, 2.0,
+          uniform(1, 5), 1.0, sometimes(0.2) ? infinite : uniform(0.5, 3), uniform(0.5, 3), 3.0,
+          0.5,  0.4, sometimes(0.5) ? -1.0 : 0.6, 1.0,  1.0};
+}
+
+VerifyTerms terms() {
+  MotionTerms motion;
+  motion.friction = sometimes(0.5) ? infinite : uniform(0.2, 0.8);
+  motion.lag = sometimes(0.3) ? 0.2 : 0.0;
+  motion.moves = sometimes(0.3);
+  if (motion.moves) motion.values[0] = 0.05;
+  const bool in_time = motion.moves || motion.lag > 0.0 || motion.friction < infinite;
+  return {{1.2, 1.0, 0.6, 0.5, 1.3}, vehicle(), motion,
+          {uniform(0, 0.2), sometimes(0.5), uniform(0, 0.05), uniform(0, 0.2), uniform(0, 0.1)},
+          {sometimes(0.5) ? 0.6 : 0.0, 1.2, sometimes(0.5) ? infinite : 0.3, 0.5},
+          in_time, whole(0, 3), 0.02, sometimes(0.5)};
+}
+
+// M tracks of up to N stations, sometimes with a number that is none.
+struct Tracks {
+  Index n = whole(2, 60), m = whole(1, 12);
+  std::vector<std::vector<double>> rows;
+  std::vector<std::int64_t> count;
+
+  Tracks() {
+    const double low[] = {0, -1, -1, -0.3, -0.3, -0.2, -0.2, -0.04, 0.2, -0.04, 0.3, 0, 0, 0.5, 0.2};
+    const double high[] = {0, 1, 1, 0.3, 0.3, 0.2, 0.2, 0.04, 0.7, 0.04, 0.8, 0.5, 1, 5, 0.9};
+    for (std::size_t r = 0; r < 15; ++r) rows.push_back(numbers(n * m, low[r], high[r]));
+    for (Index i = 0; i < n * m; ++i) rows[0][static_cast<std::size_t>(i)] = 0.25 * static_cast<double>(i / m);
+    if (sometimes(0.2)) rows[static_cast<std::size_t>(whole(3, 14))].back() = std::nan("");
+    for (Index j = 0; j < m; ++j) count.push_back(whole(2, n));
+  }
+
+  [[nodiscard]] TrackRows view(bool slips) const {
+    const auto& r = rows;
+    return {n, m, count.data(), r[0].data(), r[1].data(), r[2].data(), r[3].data(), r[4].data(),
+            r[5].data(), r[6].data(), r[7].data(), r[8].data(), r[9].data(), r[10].data(),
+            r[11].data(), r[12].data(), r[13].data(), slips ? r[14].data() : nullptr};
+  }
+};
+
+void plans() {
+  const Tracks batch;
+  const VerifyTerms by = terms();
+  const Index n = batch.n, m = batch.m;
+  const TrackRows rows = batch.view(sometimes(0.5));
+  auto speed_sq = numbers(n * m, -0.1, 9.0);
+  if (sometimes(0.1)) speed_sq[static_cast<std::size_t>(whole(0, n * m - 1))] = std::nan("");
+  const auto clear = numbers(m, 0, 20), offset = numbers(m, 0, 0.2);
+  std::vector<double> worst(static_cast<std::size_t>(m) * breach_count),
+      memory(static_cast<std::size_t>(verify_batch_memory(n)));
+  verify_batch(rows, {speed_sq.data(), clear.data(), offset.data()}, by, memory.data(), worst.data());
+  for (const double each : worst) expect(each >= 0.0, "breaches are not negative");
+  const Index j = whole(0, m - 1), stations = static_cast<Index>(batch.count[static_cast<std::size_t>(j)]);
+  std::vector<double> columns(static_cast<std::size_t>(track_columns * stations));
+  copy_columns(rows, j, 0, true, columns.data(), stations);
+  std::array<const double*, track_columns> column{};
+  for (std::size_t c = 0; c < column.size(); ++c) column[c] = columns.data() + static_cast<Index>(c) * stations;
+  const Track track = track_at(stations, column);
+  auto accel = numbers(stations, -1, 1), most = numbers(stations - 1, 0, 1), least = most;
+  const auto bound = numbers(stations, 0, 9);
+  limit_segments(track, bound.data(), {bound.data(), accel.data(), accel.data()}, by.limits,
+                 most.data(), least.data());
+  std::vector<std::int64_t> label(static_cast<std::size_t>(stations), 99), code(label);
+  label_stations({stations, bound.data(), accel.data(), bound.data(), label.data(), most.data(),
+                  least.data(), 1.0, sometimes(0.5)}, {6, 7, 8, 9}, code.data());
+}
+
+void horizon() {
+  const Index n = whole(2, 40), m = whole(1, 20);
+  const auto x = numbers(n * m, -9, 9), y = numbers(n * m, -9, 9);
+  std::vector<std::int64_t> count, behind;
+  for (Index j = 0; j < m; ++j) {
+    count.push_back(whole(2, n));
+    behind.push_back(whole(-1, static_cast<Index>(count.back()) - 2));
+  }
+  const Paths paths{n, m, x.data(), y.data(), count.data()};
+  std::vector<std::int64_t> segment(count), kept(count), rest_count(count);
+  std::vector<double> values(static_cast<std::size_t>(6 * m)), rest_x(static_cast<std::size_t>((n + 1) * m)),
+      rest_y(rest_x);
+  const auto near = std::make_unique<bool[]>(count.size()), moving = std::make_unique<bool[]>(count.size());
+  double* v = values.data();
+  locate_on_paths(paths, {uniform(-9, 9), uniform(-9, 9)}, uniform(-4, 4),
+                  {segment.data(), v, v + m, v + 2 * m, v + 3 * m, v + 4 * m, v + 5 * m});
+  cut_paths(paths, {behind.data(), v, v + m}, 3,
+            {rest_x.data(), rest_y.data(), kept.data(), near.get(), rest_count.data()});
+  find_sound(paths, near.get(), moving.get());
+  for (std::size_t j = 0; j < count.size(); ++j) {
+    expect(segment[j] >= 0 && segment[j] + 1 < count[j], "a place is on a segment");
+    expect(rest_count[j] >= 3 && rest_count[j] <= n + 1, "what is left has stations");
+    expect(near[j] && moving[j], "random paths are sound");
+  }
+}
+
+}  // namespace
+
+int main(int count, char** arguments) {
+  const double seconds = count > 1 ? std::atof(arguments[1]) : 1.0;
+  const auto start = std::chrono::steady_clock::now();
+  Index problems = 0;
+  while (std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() <
+         seconds) {
+    generator.seed(static_cast<unsigned long>(problems++));
+    plans();
+    horizon();
+  }
+  std::printf("%td problems\n", problems);
+}
