@@ -233,6 +233,7 @@ def verify(
     speed_sq: Floats,
     clear_distance: float,
     distance_offset: float,
+    beyond: int,
     terms: object,
     told: Floats,
     worst: Floats,
@@ -248,6 +249,19 @@ def verify_batch(
     terms: object,
     worst: Floats,
 ) -> None: ...
+def first_barred(
+    elevation: Floats,
+    origin_x: float,
+    origin_y: float,
+    resolution: float,
+    sizes: object,
+    line: tuple[Floats, Floats, Floats],
+    resting: tuple[Floats, Floats, Floats],
+    limits: tuple[float, ...],
+    tolerance: tuple[float, float, float, float],
+    begin: float,
+    end: float,
+) -> tuple[int, float, float, float, float]: ...
 def segment_limits(
     track: tuple[Floats, ...],
     speed_sq: Floats,

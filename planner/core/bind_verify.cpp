@@ -4,6 +4,7 @@
 #include "bind_vehicle.hpp"
 #include "labels.hpp"
 #include "verify.hpp"
+#include "verify_ground.hpp"
 
 namespace slopewise {
 namespace {
@@ -76,8 +77,9 @@ void copy_track(const Counts1& count, const Rows& rows, const Input2& friction, 
 }
 
 void verify_one(const Columns& track, const Columns& even, const Input1& speed_sq,
-            double clear_distance, double distance_offset, const nb::handle& terms,
-            const Output2& told, const Output1& worst, const Flags1& bad) {
+                double clear_distance, double distance_offset, Index beyond,
+                const nb::handle& terms, const Output2& told, const Output1& worst,
+                const Flags1& bad) {
   const Track on = track_of(track), on_even = track_of(even);
   const Index n = on.stations;
   if (on_even.stations != n) throw nb::value_error("even: expected the stations of the track");
@@ -86,7 +88,11 @@ void verify_one(const Columns& track, const Columns& even, const Input1& speed_s
   expect_shape("worst", worst, {static_cast<Index>(breach_count)});
   expect_shape("bad", bad, {n - 1});
   const VerifyTerms by = terms_of(terms);
-  const VerifiedPlan plan{on, on_even, speed_sq.data(), clear_distance, distance_offset};
+  if (beyond < 0 || beyond >= static_cast<Index>(breach_count)) {
+    throw nb::value_error("beyond: expected a kind of violation");
+  }
+  const VerifiedPlan plan{on,       on_even, speed_sq.data(), clear_distance, distance_offset,
+                          static_cast<Breach>(beyond)};
   double* out = told.data();
   const VerifyNotes notes{out, out + n, out + 2 * n, worst.data(), bad.data()};
   double* memory = Workspace::of_thread().reserve(verify_memory(n));
@@ -111,6 +117,45 @@ void verify_all(const Counts1& count, const Rows& rows, const Input2& friction,
   const nb::gil_scoped_release release;
   verify_batch(source, {speed_sq.data(), clear_distance.data(), distance_offset.data()}, by, memory,
                worst.data());
+}
+
+BodySizes sizes_of(const nb::handle& sizes) {
+  return {number(sizes, "wheelbase"),     number(sizes, "track_width"),
+          number(sizes, "wheel_radius"),  number(sizes, "wheel_width"),
+          number(sizes, "front"),         number(sizes, "rear"),
+          number(sizes, "width"),         number(sizes, "clearance"),
+          number(sizes, "max_step"),      number(sizes, "wheel_travel"),
+          number(sizes, "centre_offset"), number(sizes, "body_offset")};
+}
+
+nb::tuple barred(const Input2& elevation, double origin_x, double origin_y, double resolution,
+                 const nb::handle& sizes, const std::array<Input1, 3>& line,
+                 const std::array<Input1, 3>& resting, const std::array<double, 7>& limits,
+                 const std::array<double, 4>& tolerance, double begin, double end) {
+  const MapView map{elevation.data(), static_cast<Index>(elevation.shape(0)),
+                    static_cast<Index>(elevation.shape(1)), origin_x, origin_y, resolution,
+                    1.0 / resolution};
+  if (map.rows < 2 || map.columns < 2) {
+    throw nb::value_error("elevation: expected two rows and two columns at least");
+  }
+  const auto n = static_cast<Index>(line[0].shape(0));
+  if (n < 2) throw nb::value_error("x: expected two stations at least");
+  for (const Input1& column : line) expect_shape("line", column, {n});
+  for (const Input1& column : resting) expect_shape("resting", column, {n});
+  const BodySizes body = sizes_of(sizes);
+  const auto& [low, high, roll_low, roll_high, across, per_curvature, turned] = limits;
+  const PlannedLine path{n, line[0].data(), line[1].data(), line[2].data()};
+  const Index poses = count_poses(path, pose_step(map, body));
+  double* memory = Workspace::of_thread().reserve(ground_memory(path, poses, map.columns));
+  GroundFinding found;
+  {
+    const nb::gil_scoped_release release;
+    found = first_barred(
+        map, body, path, {resting[0].data(), resting[1].data(), resting[2].data()},
+        {low, high, roll_low, roll_high, across, per_curvature, turned},
+        {tolerance[0], tolerance[1], tolerance[2], tolerance[3]}, {begin, end}, memory);
+  }
+  return nb::make_tuple(static_cast<int>(found.kind), found.station, found.value, found.x, found.y);
 }
 
 void segment_limits(const Columns& track, const Input1& speed_sq, const Input1& accel_max,
@@ -164,10 +209,12 @@ void bind_verify(nb::module_& m) {
   m.def("copy_track", &copy_track, "count"_a, "rows"_a, "friction"_a, "candidate"_a, "first"_a,
         "columns"_a.noconvert());
   m.def("verify", &verify_one, "track"_a, "even"_a, "speed_sq"_a, "clear_distance"_a,
-        "distance_offset"_a, "terms"_a, "told"_a.noconvert(), "worst"_a.noconvert(),
+        "distance_offset"_a, "beyond"_a, "terms"_a, "told"_a.noconvert(), "worst"_a.noconvert(),
         "bad"_a.noconvert());
   m.def("verify_batch", &verify_all, "count"_a, "rows"_a, "friction"_a, "speed_sq"_a,
         "clear_distance"_a, "distance_offset"_a, "terms"_a, "worst"_a.noconvert());
+  m.def("first_barred", &barred, "elevation"_a, "origin_x"_a, "origin_y"_a, "resolution"_a,
+        "sizes"_a, "line"_a, "resting"_a, "limits"_a, "tolerance"_a, "begin"_a, "end"_a);
   m.def("segment_limits", &segment_limits, "track"_a, "speed_sq"_a, "accel_max"_a, "demand"_a,
         "braking_intercept"_a, "limits"_a, "accel"_a.noconvert(), "decel"_a.noconvert());
   m.def("motion", &motion, "station"_a, "speed_sq"_a, "accel"_a.noconvert(),

@@ -17,7 +17,7 @@ from typing import Any
 import casadi
 
 from slopewise.models.effects.registry import LAWS, MOTION_LAWS
-from slopewise.models.laws import friction_ellipse, slip_track, wheel_loads
+from slopewise.models.laws import friction_ellipse, holding, slip_track, wheel_loads
 
 HEADER = Path(__file__).parent / "generated" / "laws.hpp"
 
@@ -30,6 +30,8 @@ _LAWS: tuple[Callable[..., Any], ...] = (
     friction_ellipse.normal_ratio,
     friction_ellipse.braking_left,
     slip_track.outer_wheel_speed_ratio,
+    holding.brakes_hold,
+    holding.friction_holds,
 )
 _STATE = ("speed", "curvature", "yaw")
 """What every motion law is given before its own parameters."""

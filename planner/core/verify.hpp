@@ -181,7 +181,7 @@ class Verifier {
     if (terms_.all_loads && !inside) tell_stop(k, i, command);
     const double over =
         end + plan_.distance_offset + terms_.errors.along_track - plan_.clear_distance;
-    const bool overruns = breaks(Breach::overrun, over), unloads = judge_loads(shares);
+    const bool overruns = breaks(plan_.beyond, over), unloads = judge_loads(shares);
     return judge_point(i, u, energy, top) || overruns || unloads;
   }
 

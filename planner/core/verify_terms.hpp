@@ -9,9 +9,10 @@ namespace slopewise {
 // Kinds of breaches, in the order of `Violations` in Python.
 enum class Breach : std::size_t {
   overrun, axle_load, side_load, speed, lateral, wheel_speed, accel, decel, vertical, friction,
-  wheel_load, turning, steering_rate,
+  wheel_load, turning, steering_rate, unknown_terrain, model_validity, holding, step, clearance,
+  body,
 };
-inline constexpr std::size_t breach_count = 13;
+inline constexpr std::size_t breach_count = 19;
 
 // Smallest violation [SI unit of the limit]: rounding of sums along a path.
 inline constexpr double breach_tolerance = 1e-6;
@@ -48,6 +49,7 @@ struct VerifiedPlan {
   const double* speed_sq;  // (N,) v², linear between stations [m²/s²]
   double clear_distance;   // station before which every stop must end [m]
   double distance_offset;  // safety offset of the model, added to every stop [m]
+  Breach beyond = Breach::overrun;  // as what it counts if a stop ends beyond the clear distance
 };
 
 // What the verifier fills in.

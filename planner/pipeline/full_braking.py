@@ -48,7 +48,7 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Judged:
     verdict = column.judge(answer, decel=np.inf)
     breach = verdict.violation
     loads = max(breach.axle_load, breach.side_load, breach.wheel_load)
-    if max(breach.overrun, loads, breach.decel) > 0.0:
+    if max(verdict.overrun, loads, breach.decel) > 0.0:
         return emergency_stop(column)
     if column.bound[0] < start_sq:
         label = Limiting(int(column.label[0])).label

@@ -6,7 +6,7 @@ from here; the second half is :mod:`slopewise.planner.pipeline.plan_finalizer`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from slopewise.planner.profile.time_optimal import (
 )
 from slopewise.planner.settings import PlannerSettings, Solver
 from slopewise.planner.swept.hazards import Hazards, nothing_looked_for, swept_hazards
+from slopewise.planner.verify.ground import GroundView
 
 _ROUNDING = 1e-9
 """By so much v² at the start may exceed what service braking can bring down [m²/s²]."""
@@ -45,6 +46,7 @@ class TimeOptimalBatch:
         cost: (M,) travel time plus the charge for what is not reached [s].
         hazards: what body and wheels meet.
         solver: that smooths what is emitted.
+        view: map and errors that finished plans are verified by; None for what-if questions.
     """
 
     model: Model
@@ -59,6 +61,7 @@ class TimeOptimalBatch:
     cost: Floats
     hazards: Hazards
     solver: Solver = "interior_point"
+    view: GroundView | None = None
 
     @property
     def reachable(self) -> Bools:
@@ -98,7 +101,8 @@ def time_optimal_batch(
         elevation_map, paths.x, paths.y, paths.count, model.vehicle, model.steering_geometry
     )
     ground = ground_along(profile, model, elevation_map.class_names, conditions, uncertainty)
-    return solve(
+    errors = survived_errors(model, uncertainty)
+    solved = solve(
         profile,
         ground,
         model,
@@ -106,10 +110,9 @@ def time_optimal_batch(
         clear=clear,
         speed_limit=paths.speed_limit,
         settings=settings,
-        hazards=swept_hazards(
-            elevation_map, profile, model, errors=survived_errors(model, uncertainty)
-        ),
+        hazards=swept_hazards(elevation_map, profile, model, errors=errors),
     )
+    return replace(solved, view=GroundView(elevation_map, errors))
 
 
 def solve(

@@ -38,7 +38,7 @@ def screen(
         rough_speed: (N, M) limits of rough ground [m/s].
 
     Returns:
-        (M, 13) worst breaches in the order of :class:`slopewise.planner.verify.judge.Violations`, 0
+        (M, 19) worst breaches in the order of :class:`slopewise.planner.verify.judge.Violations`, 0
         where there is none.
     """
     worst = np.zeros((speed_sq.shape[1], len(Violations._fields)))

@@ -24,7 +24,10 @@ from slopewise.planner.verify.track import Track
 
 
 class Violations(NamedTuple):
-    """The worst breach of one kind: by how much, in the unit of what is breached; 0 is none."""
+    """The worst breach of one kind: by how much, in the unit of what is breached; 0 is none.
+
+    The last six are by how much stops end beyond ground of that kind [m].
+    """
 
     overrun: float
     axle_load: float
@@ -39,6 +42,12 @@ class Violations(NamedTuple):
     wheel_load: float
     turning: float
     steering_rate: float
+    unknown_terrain: float
+    model_validity: float
+    holding: float
+    step: float
+    clearance: float
+    body: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +70,20 @@ class Judgement:
     where: Ints
 
     @property
+    def overrun(self) -> float:
+        """How far any stop ends beyond the clear distance, whatever ends it [m]."""
+        v = self.violation
+        return max(
+            v.overrun,
+            v.unknown_terrain,
+            v.model_validity,
+            v.holding,
+            v.step,
+            v.clearance,
+            v.body,
+        )
+
+    @property
     def valid(self) -> bool:
         """No constraint is breached."""
         return max(self.violation) <= 0.0
@@ -77,6 +100,7 @@ def check(
     even: Track | None = None,
     errors: StopErrors | None = None,
     decel: float | None = None,
+    barrier: Limiting | None = None,
     between: int = BETWEEN,
     time_step: float = TIME_STEP,
 ) -> Judgement:
@@ -93,6 +117,8 @@ def check(
             left out.
         errors: of speed and map that every stop has to survive; none if left out.
         decel: planned deceleration allowed, inf for an emergency; that of the model if left out.
+        barrier: bound of the ground that ends the clear distance, where the verifier itself found
+            it: a stop that ends beyond counts as a violation of that.
         between: points inside each segment to try as well.
         time_step: of the integrator [s].
 
@@ -105,8 +131,18 @@ def check(
     terms = terms._replace(between=between, time_step=time_step)
     if decel is not None:
         terms = terms._replace(limits=terms.limits._replace(decel=decel))
+    beyond = Violations._fields.index("overrun" if barrier is None else barrier.label)
     core.verify(
-        track, even or track, speed_sq, clear_distance, distance_offset, terms, told, worst, bad
+        track,
+        even or track,
+        speed_sq,
+        clear_distance,
+        distance_offset,
+        beyond,
+        terms,
+        told,
+        worst,
+        bad,
     )
     stop_distance, rear_load, side_load = told
     found = Violations(*worst.tolist())
@@ -127,5 +163,11 @@ VIOLATION_LIMITING: dict[str, Limiting] = {
     "wheel_load": Limiting.ROLLOVER,
     "turning": Limiting.STEERING,
     "steering_rate": Limiting.STEERING,
+    "unknown_terrain": Limiting.UNKNOWN_TERRAIN,
+    "model_validity": Limiting.MODEL_VALIDITY,
+    "holding": Limiting.HOLDING,
+    "step": Limiting.STEP,
+    "clearance": Limiting.CLEARANCE,
+    "body": Limiting.BODY,
 }
 """Which bound a breach belongs to."""

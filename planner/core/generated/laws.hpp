@@ -59,6 +59,15 @@ namespace slopewise::laws {
   return 1.0 + ((0.5 * std::fabs(curvature)) * slip_track);
 }
 
+[[nodiscard]] inline double brakes_hold(double force_ratio, double grade) noexcept {
+  return force_ratio - std::fabs(std::sin(grade));
+}
+
+[[nodiscard]] inline double friction_holds(double friction, double grade, double roll) noexcept {
+  return ((friction * std::cos(grade)) * std::cos(roll)) - std::sqrt(square(std::sin(grade)) +
+      square(std::sin(roll) * std::cos(grade)));
+}
+
 [[nodiscard]] inline double aerodynamic_drag(double speed, double, double, double c) noexcept {
   return (c * speed) * speed;
 }

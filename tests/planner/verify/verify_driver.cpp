@@ -10,6 +10,7 @@
 #include "labels.hpp"
 #include "polyline.hpp"
 #include "verify.hpp"
+#include "verify_ground.hpp"
 
 using namespace slopewise;
 
@@ -109,6 +110,38 @@ void plans() {
                   least.data(), 1.0, sometimes(0.5)}, {6, 7, 8, 9}, code.data());
 }
 
+// Lines on a map with holes, and beyond its rim.
+void ground() {
+  const Index rows = whole(2, 90), columns = whole(2, 90), n = whole(2, 60);
+  auto heights = numbers(rows * columns, 0.0, sometimes(0.5) ? 0.02 : 0.5);
+  for (double& height : heights) {
+    if (sometimes(0.005)) height = std::nan("");
+  }
+  const double cell = uniform(0.03, 0.6), width = cell * static_cast<double>(columns);
+  const MapView map{heights.data(), rows, columns, 0.0, 0.0, cell, 1.0 / cell};
+  const BodySizes sizes{1.2, 1.0, uniform(0.1, 0.5), 0.2, 0.9, 0.9, 1.2, 0.25, 0.09, 0.1,
+                        sometimes(0.5) ? 0.6 : 0.0, sometimes(0.5) ? 0.6 : 0.0};
+  auto x = numbers(n, -1.0, 1.0), y = numbers(n, 0.0, 0.1), station = x;
+  const double start = uniform(-0.2, 0.9) * width, step = uniform(0.0, 0.3);
+  for (Index k = 0; k < n; ++k) {
+    x[static_cast<std::size_t>(k)] = start + step * static_cast<double>(k);
+    y[static_cast<std::size_t>(k)] += 0.5 * cell * static_cast<double>(rows);
+    station[static_cast<std::size_t>(k)] = step * static_cast<double>(k);
+  }
+  const PlannedLine line{n, x.data(), y.data(), station.data()};
+  const auto force = numbers(n, 0.1, 0.6), friction = numbers(n, 0.2, 1.0);
+  std::vector<double> memory(static_cast<std::size_t>(
+      ground_memory(line, count_poses(line, pose_step(map, sizes)), columns)));
+  const GroundRange range{uniform(0.0, 1.0), uniform(0.0, 20.0)};
+  const GroundFinding found = first_barred(
+      map, sizes, line, {force.data(), friction.data(), y.data()},
+      {-0.26, 0.26, -0.26, 0.26, uniform(0.0, 0.2), 0.0, 0.02}, {0.01, 0.01, 0.1, 0.25}, range,
+      memory.data());
+  expect(found.kind == GroundKind::none ||
+             (found.station >= range.begin && found.station <= range.end),
+         "what bars the way is in the range");
+}
+
 void horizon() {
   const Index n = whole(2, 40), m = whole(1, 20);
   const auto x = numbers(n * m, -9, 9), y = numbers(n * m, -9, 9);
@@ -145,6 +178,7 @@ int main(int count, char** arguments) {
          seconds) {
     generator.seed(static_cast<unsigned long>(problems++));
     plans();
+    ground();
     horizon();
   }
   std::printf("%td problems\n", problems);

@@ -1,0 +1,209 @@
+"""Ground that bars a candidate, judged once more from the map alone.
+
+Unknown ground, slopes beyond the trained range or on which the vehicle is not held, steps, and
+ground that reaches underside or body bar the way. The bounds end the clear distance before them;
+`planner/core/verify_ground.hpp` looks for them with heights, poses and rules of its own, at
+stations and between.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.input_errors import InputErrors
+from slopewise.models.parameters import Model
+from slopewise.planner.compiled_core import core
+from slopewise.planner.ground.braking_ground import BrakingGround
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.limiting import Limiting
+
+_SLOPE_TOLERANCE = math.radians(0.6)
+"""Of trained slopes [rad]: a hundredth of a wheelbase, by which contact heights may differ."""
+
+_HOLDING_TOLERANCE = 0.01
+"""Of what holds the vehicle [1]: as a share of the weight the same as of the slopes."""
+
+_HEIGHT_TOLERANCE = 0.1
+"""Share by which a step, or ground under the body, may pass its limit [1]: heights between cells
+are those of other samples than the planner's."""
+
+_TWIST_TOLERANCE = 0.25
+"""Share by which a wheel may hang lower than it travels [1]: it depends on four heights, and is
+greatest between stations."""
+
+
+class GroundKind(IntEnum):
+    """Kinds of places, in the order of `GroundKind` of the core."""
+
+    NONE = 0
+    UNKNOWN = 1
+    UNTRAINED = 2
+    HOLDING = 3
+    STEP = 4
+    TWIST = 5
+    CLEARANCE = 6
+    BODY = 7
+
+
+class BodySizes(NamedTuple):
+    """Sizes of body and wheels, and offsets of the steering [m]."""
+
+    wheelbase: float
+    track_width: float
+    wheel_radius: float
+    wheel_width: float
+    front: float
+    rear: float
+    width: float
+    clearance: float
+    max_step: float
+    wheel_travel: float
+    centre_offset: float
+    body_offset: float
+
+
+class GroundView(NamedTuple):
+    """What the verifier looks at: the map that wheels feel, and errors of tracking to survive."""
+
+    elevation_map: ElevationMap
+    errors: InputErrors
+
+
+class GroundFinding(NamedTuple):
+    """The first place that bars a candidate.
+
+    Attributes:
+        kind: of :class:`GroundKind`.
+        station: of the vehicle there [m].
+        value: height, slope or lacking force [m], [rad], [1].
+        x, y: position of the obstacle [m].
+    """
+
+    kind: GroundKind
+    station: float
+    value: float
+    x: float
+    y: float
+
+    @property
+    def bound(self) -> Limiting:
+        """Bound that it belongs to."""
+        return _BOUNDS[self.kind]
+
+    def sentence(self, model: Model) -> str:
+        """Obstacle, its place and the limit that it passes."""
+        shape = model.vehicle.shape
+        clearance = f"the clearance is {shape.clearance:.3g} m"
+        found = {
+            GroundKind.UNKNOWN: "unknown ground",
+            GroundKind.UNTRAINED: f"an untrained slope of {math.degrees(self.value):.1f}°",
+            GroundKind.HOLDING: f"a slope that lacks {self.value:.3f} of the weight to be held on",
+            GroundKind.STEP: f"a step of {self.value:.2f} m beyond the slope around it, "
+            f"the limit is {shape.max_step:.3g} m",
+            GroundKind.TWIST: f"a wheel {self.value:.2f} m in the air, its travel is "
+            f"{shape.wheel_travel:.3g} m",
+            GroundKind.CLEARANCE: f"ground {self.value:.2f} m high between the wheels, {clearance}",
+            GroundKind.BODY: f"ground {self.value:.2f} m high under the body, {clearance}",
+        }[self.kind]
+        where = f"at x {self.x:.2f} m, y {self.y:.2f} m"
+        return f"ahead at {self.station:.2f} m {found}, {where} (found by the verifier alone)"
+
+
+_BOUNDS = {
+    GroundKind.UNKNOWN: Limiting.UNKNOWN_TERRAIN,
+    GroundKind.UNTRAINED: Limiting.MODEL_VALIDITY,
+    GroundKind.HOLDING: Limiting.HOLDING,
+    GroundKind.STEP: Limiting.STEP,
+    GroundKind.TWIST: Limiting.STEP,
+    GroundKind.CLEARANCE: Limiting.CLEARANCE,
+    GroundKind.BODY: Limiting.BODY,
+}
+
+
+def first_barred(
+    view: GroundView,
+    profile: TerrainProfile,
+    ground: BrakingGround,
+    model: Model,
+    candidate: int,
+    reach: tuple[int, float],
+) -> GroundFinding | None:
+    """The first place of a candidate that the vehicle must not come to, None without one.
+
+    Args:
+        view: map and errors.
+        profile, ground: of the batch; only positions, stations, curvature and braking force at
+            rest are used.
+        model: vehicle and braking.
+        candidate: index in the batch.
+        reach: index of the station where the vehicle stands, where nothing bars it, and the last
+            station to look at [m].
+    """
+    (first, end), j = reach, candidate
+    n = int(profile.count[j])
+    grid, errors = view.elevation_map, view.errors
+
+    def column(rows: Floats) -> Floats:
+        return np.ascontiguousarray(rows[:n, j])
+
+    force = column(ground.lower_intercept) + column(ground.slowest) * column(ground.lower_slope)
+    friction = np.full(n, np.inf) if ground.friction is None else column(ground.friction)
+    kind, *where = core.first_barred(
+        grid.elevation,
+        *grid.origin,
+        grid.resolution,
+        body_sizes(model),
+        (column(profile.x), column(profile.y), column(profile.station)),
+        (force, friction, column(profile.curvature)),
+        (
+            *_trained_slopes(model),
+            errors.cross_track,
+            errors.cross_track_per_curvature,
+            math.sin(errors.heading),
+        ),
+        (_SLOPE_TOLERANCE, _HOLDING_TOLERANCE, _HEIGHT_TOLERANCE, _TWIST_TOLERANCE),
+        float(profile.station[min(first + 1, n - 1), j]),
+        end,
+    )
+    return None if kind == GroundKind.NONE else GroundFinding(GroundKind(kind), *where)
+
+
+def _trained_slopes(model: Model) -> tuple[float, float, float, float]:
+    """Lowest and highest grade and roll of any surface [rad]; unlimited if it extrapolates."""
+    braking = model.braking
+    if braking.extrapolate:
+        return -np.inf, np.inf, -np.inf, np.inf
+    surfaces = tuple(braking.terrain.values())
+    grades = [braking.grade_range, *(s.grade_range for s in surfaces if s.grade_range is not None)]
+    rolls = [braking.trained_roll, *(s.roll_range for s in surfaces if s.roll_range is not None)]
+    return (
+        min(low for low, _ in grades),
+        max(high for _, high in grades),
+        min(low for low, _ in rolls),
+        max(high for _, high in rolls),
+    )
+
+
+def body_sizes(model: Model) -> BodySizes:
+    """Sizes of a vehicle."""
+    vehicle, shape, geometry = model.vehicle, model.vehicle.shape, model.steering_geometry
+    return BodySizes(
+        vehicle.wheelbase,
+        vehicle.track_width,
+        vehicle.wheel_radius,
+        shape.wheel_width,
+        shape.front,
+        shape.rear,
+        shape.width,
+        shape.clearance,
+        shape.max_step,
+        shape.wheel_travel,
+        geometry.centre_offset,
+        geometry.body_offset,
+    )

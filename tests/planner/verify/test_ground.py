@@ -1,0 +1,187 @@
+"""The verifier finds ground that bars the way by itself, where a planner did not see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.input_errors import InputErrors
+from slopewise.planner.limiting import Limiting
+from slopewise.planner.path import batch
+from slopewise.planner.pipeline.candidate_column import CandidateColumn
+from slopewise.planner.pipeline.candidates import finished
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
+from slopewise.planner.plan import Status
+from slopewise.planner.verify.ground import GroundView
+from slopewise.planner.verify.judge import VIOLATION_LIMITING
+from tests.world.ground import Height, ground_map, straight
+from tests.world.vehicles import Tables, model_of, tables_with
+
+FACE = 10.0
+"""Where the ground changes [m]."""
+
+FRONT, HALF = 0.88, 0.6
+"""Of the quad: end of its body and front wheels, from the middle of the wheelbase [m]."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Ground, the bound that it belongs to, and where at the latest a vehicle is barred [m]."""
+
+    bound: Limiting
+    height: Height
+    barred: float
+    unknown: Height | None = None
+    changes: Tables = field(default_factory=dict)
+    words: str = ""
+
+
+def post(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.where((np.abs(x - FACE) < 0.16) & (np.abs(y) < 0.16), 0.5, 0.0)
+
+
+STEEP = {"grade_range": [-0.6, 0.6], "roll_range": [-0.6, 0.6], "extrapolate": False}
+SCENES = {
+    "unknown ground": Scene(
+        Limiting.UNKNOWN_TERRAIN,
+        lambda x, y: 0.0 * x,
+        FACE - 0.5,
+        lambda x, y: x > FACE,
+        words="unknown ground",
+    ),
+    "a grade beyond the trained ones": Scene(
+        Limiting.MODEL_VALIDITY,
+        lambda x, y: 0.4 * np.maximum(x - FACE, 0.0),
+        FACE + 0.6,
+        words="untrained slope",
+    ),
+    "a bank beyond the trained ones": Scene(
+        Limiting.MODEL_VALIDITY,
+        lambda x, y: 0.35 * y * np.clip((x - FACE) / 4.0, 0.0, 1.0),
+        FACE + 4.0,
+        words="untrained slope",
+    ),
+    "a slope that weak brakes do not hold": Scene(
+        Limiting.HOLDING,
+        lambda x, y: 0.3 * np.maximum(x - FACE, 0.0),
+        FACE + 0.6,
+        changes={"braking": {"m_b": 0.0, "b_b": 0.2, "b_m": 0.0, "m_m": 0.0} | STEEP},
+        words="to be held on",
+    ),
+    "a slope with too little friction": Scene(
+        Limiting.HOLDING,
+        lambda x, y: 0.3 * np.maximum(x - FACE, 0.0),
+        FACE + 0.6,
+        changes={"braking": {"sliding_friction": 0.2} | STEEP},
+        words="to be held on",
+    ),
+    "a step up": Scene(
+        Limiting.STEP,
+        lambda x, y: np.where(x > FACE, 0.2, 0.0),
+        FACE,
+        words="a step of 0.1",
+    ),
+    "a drop": Scene(
+        Limiting.STEP, lambda x, y: np.where(x > FACE, -0.2, 0.0), FACE, words="a step of 0.1"
+    ),
+    "a hole under one wheel": Scene(
+        Limiting.STEP,
+        lambda x, y: np.where((x > FACE) & (x < FACE + 1.0) & (y > 0.2), -0.25, 0.0),
+        FACE + 0.3,
+    ),
+    "a ridge between the axles": Scene(
+        Limiting.CLEARANCE,
+        lambda x, y: np.maximum(0.46 - 0.55 * np.abs(x - FACE), 0.0),
+        FACE + 0.2,
+        changes={
+            "braking": {"m_b": 0.0, "b_b": 0.8, "b_m": 0.0, "m_m": 0.0} | STEEP,
+            "vehicle": {"front_overhang": 0.05, "rear_overhang": 0.05, "cg_z": 0.3},
+        },
+        words="between the wheels",
+    ),
+    "a post": Scene(Limiting.BODY, post, FACE - FRONT + 0.3, words="under the body"),
+}
+
+
+def solved_on(ground: ElevationMap, scene: Scene) -> TimeOptimalBatch:
+    model = model_of(tables_with(**scene.changes))
+    return time_optimal_batch(ground, batch([straight(20.0)], 0.1), model)
+
+
+def maps(scene: Scene) -> tuple[ElevationMap, ElevationMap]:
+    """Level ground and that of the scene."""
+    size = {"x": (-3.0, 24.0), "y": (-3.0, 3.0), "resolution": 0.1}
+    there = ground_map(scene.height, unknown=scene.unknown, **size)
+    return ground_map(lambda x, y: 0.0 * x, **size), there
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_plan_whose_bounds_saw_nothing_stops_before_it_all_the_same(name: str) -> None:
+    """All bounds of the ground are lifted: they were computed on a level map."""
+    scene = SCENES[name]
+    level, there = maps(scene)
+    blind = solved_on(level, scene)
+    free = finished(blind, 0, "free", smooth=True)
+    assert free.status is Status.OK
+    plan = finished(replace(blind, view=GroundView(there, InputErrors())), 0, "p", smooth=True)
+    assert plan.status is Status.BLOCKED, plan.reason
+    assert scene.words in plan.reason
+    assert "found by the verifier" in plan.reason
+    assert FACE - FRONT - 0.7 < plan.clear_distance <= scene.barred
+    moving = plan.speed > 0.0
+    assert np.all((plan.station + plan.stop_distance)[moving] <= plan.clear_distance + 1e-6)
+    assert plan.progress > 5.0
+    assert np.all(plan.speed <= free.speed + 1e-4)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_clear_distance_that_is_too_long_is_a_violation_of_its_kind(name: str) -> None:
+    """The rest of the bounds is that of the scene; the profile is that of level ground."""
+    scene = SCENES[name]
+    level, there = maps(scene)
+    honest, blind = solved_on(there, scene), solved_on(level, scene)
+    assert CandidateColumn(honest, 0, np.zeros(1)).barred is None
+    bounds = replace(honest.bounds, clear_distance=honest.bounds.clear_distance + 4.0)
+    column = CandidateColumn(replace(honest, bounds=bounds), 0, np.zeros(1))
+    assert column.barred is not None
+    assert column.barred.bound is scene.bound
+    assert column.barred.station >= honest.bounds.clear_distance[0]
+    violation = column.judge(blind.profile_of(0)).violation._asdict()
+    kind = scene.bound.label
+    assert VIOLATION_LIMITING[kind] is scene.bound
+    assert violation[kind] > 1.0
+    assert violation["overrun"] == 0.0
+
+
+SMALLER = {
+    "a step that it climbs": lambda x, y: np.where(x > FACE, 0.085, 0.0),
+    "a ramp": lambda x, y: 0.24 * np.clip(x - FACE, 0.0, 1.5),
+    "a narrow crack": lambda x, y: np.where(np.abs(x - FACE) < 0.09, -0.4, 0.0),
+    "a stone that it straddles": lambda x, y: 0.4 * post(x, y),
+    "a bank": lambda x, y: 0.2 * y,
+}
+
+
+@pytest.mark.parametrize("name", SMALLER)
+def test_ground_that_it_can_pass_bars_nothing(name: str) -> None:
+    scene = Scene(Limiting.STEP, SMALLER[name], FACE)
+    _, there = maps(scene)
+    assert CandidateColumn(solved_on(there, scene), 0, np.zeros(1)).barred is None
+    level_bounds = replace(solved_on(maps(scene)[0], scene), view=GroundView(there, InputErrors()))
+    assert CandidateColumn(level_bounds, 0, np.zeros(1)).barred is None
+
+
+def test_the_band_of_tracking_is_looked_at_as_well() -> None:
+    scene = Scene(Limiting.BODY, lambda x, y: post(x, y - 0.9), FACE)
+    level, there = maps(scene)
+    blind = solved_on(level, scene)
+    found = [
+        CandidateColumn(replace(blind, view=GroundView(there, errors)), 0, np.zeros(1)).barred
+        for errors in (InputErrors(), InputErrors(cross_track=0.3))
+    ]
+    assert found[0] is None
+    assert found[1] is not None
+    assert found[1].bound is Limiting.BODY
