@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from slopewise.models.arrays import Bools, Bytes, Floats, Ints, Singles
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.surface_cache import SurfaceCache
 from slopewise.planner.ground.terrain_profile import TerrainProfile
-from slopewise.planner.kernels.limits import PlanningLimits
+from slopewise.planner.planning_limits import PlanningLimits
 from slopewise.planner.swept.hazards import HazardRows
-from slopewise.models.arrays import Bools, Bytes, Floats, Ints, Singles
 
 DIGEST: str
 ROWS: tuple[tuple[str, str, str, str], ...]
@@ -218,6 +218,7 @@ def speed_excess(
     profile: TerrainProfile, ground: BrakingGround, resistance: float, excess: Floats
 ) -> None: ...
 def onset_speed(slope_sum: float, intercept_sum: float, slowest: float) -> float: ...
+
 # Verification and labels; `terms` is a `Terms`, `limits` a `PlanningLimits`, `track` a `Track`.
 def copy_track(
     count: Ints,
@@ -249,7 +250,7 @@ def verify_batch(
     terms: object,
     worst: Floats,
 ) -> None: ...
-def first_barred(
+def first_blocked(
     elevation: Floats,
     origin_x: float,
     origin_y: float,

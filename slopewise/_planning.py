@@ -6,23 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
-from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
-from slopewise.planner.horizon.horizon import Horizon as PlannersHorizon
-from slopewise.planner.path import EvenPath, PathBatch
+from slopewise.planner.horizon.horizon import Horizon as Horizon
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.check.check_report import CheckReport
 from slopewise.services.check.external_plan import ExternalPlan, plan_of_columns
 from slopewise.services.check.plan_checker import check_plan_on_map
-from slopewise.services.jobs.cold_start import sooner, stations_of
 from slopewise.services.jobs.plan import plan_paths
 
 
@@ -55,30 +50,6 @@ def plan(
     planner = CandidatePlanner(model, settings, uncertainty)
     plans, *_ = plan_paths(planner, elevation_map, paths, start_speed=start_speed, clear=clear)
     return plans
-
-
-class Horizon(PlannersHorizon):
-    """Plans from cycle to cycle: one object per vehicle, one thread at a time.
-
-    Until everything is compiled, once after an installation, a cycle takes seconds and has no time
-    left to smooth its plans.
-    """
-
-    def step(
-        self,
-        state: PlanarState,
-        paths: PathBatch | Sequence[CandidatePath | EvenPath],
-        elevation_map: ElevationMap,
-        *,
-        clear: float | Floats = np.inf,
-        conditions: GroundConditions | None = None,
-    ) -> CycleAnswer:
-        """As :meth:`slopewise.planner.horizon.horizon.Horizon.step`."""
-        spacing, step = self.planner.spacing_on(elevation_map.resolution), super().step
-        return sooner(
-            lambda: step(state, paths, elevation_map, clear=clear, conditions=conditions),
-            lambda: stations_of(paths, spacing),
-        )
 
 
 def check_plan(

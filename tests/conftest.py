@@ -13,7 +13,6 @@ from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture.providers import Constants, HypothesisProvider
 
 from slopewise.models.parameters import Model
-from slopewise.services.jobs.cold_start import compile_first
 from tests.world.real_terrain import data_folder
 from tests.world.vehicles import ATV, Tables, model_of, tables_with
 
@@ -29,15 +28,6 @@ def pytest_configure(config: pytest.Config) -> None:
     # with them on the tests that it happened to run before.
     assert "_local_constants" in vars(HypothesisProvider)
     HypothesisProvider._local_constants = Constants()
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile the kernels on all cores before several workers would each compile all of them, and
-    before a plan is made without the compiler.
-    """
-    if not hasattr(session.config, "workerinput"):
-        compile_first("tests begin after that")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

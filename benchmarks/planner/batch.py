@@ -12,15 +12,15 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.bounds.speed_bounds import speed_bounds
 from slopewise.planner.ground.braking_ground import ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
-from slopewise.planner.kernels.compiled import TILE, kernel
-from slopewise.planner.kernels.limits import planning_limits
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, solve
+from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.profile.time_optimal import (
     profile_problem,
     time_optimal_profile,
@@ -30,6 +30,11 @@ from slopewise.planner.swept.hazards import swept_hazards
 
 from ..common.scene import SPACING, BenchmarkScene
 from ..common.timing import interleave, peak_memory, summary
+
+TILE = 64
+"""Candidates worked on together: a tile of rows stays in the first-level cache."""
+
+_compiled = njit(nogil=True, error_model="numpy", cache=True)
 
 
 class BrakingLine(NamedTuple):
@@ -41,7 +46,7 @@ class BrakingLine(NamedTuple):
     b_b: float
 
 
-@kernel
+@_compiled
 def plain_pass(
     speed_sq_max: Floats, ds: float, accel: float, decel: float, speed_sq: Floats
 ) -> None:
@@ -62,7 +67,7 @@ def plain_pass(
                 speed_sq[k + 1, j] = min(speed_sq[k + 1, j], speed_sq[k, j] + gain)
 
 
-@kernel
+@_compiled
 def braking_pass(
     speed_sq_max: Floats,
     station: Floats,

@@ -19,9 +19,9 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
-from slopewise.planner.kernels.limits import planning_limits
 from slopewise.planner.pipeline.candidates import finished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.profile.reference import (
     JerkLimitedReference,
     TimeOptimalProblem,

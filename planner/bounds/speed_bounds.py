@@ -28,9 +28,9 @@ from slopewise.models.parameters import Model
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
-from slopewise.planner.kernels.limits import planning_limits
-from slopewise.planner.kernels.workspace import empty
+from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.swept.hazards import Hazards, nothing_looked_for
+from slopewise.planner.workspace import empty
 
 HOLDING = core.HOLDING
 """Least F_b/W + sin θ: below it the brakes hardly slow the vehicle, let alone stop it."""

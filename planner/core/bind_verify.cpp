@@ -128,7 +128,7 @@ BodySizes sizes_of(const nb::handle& sizes) {
           number(sizes, "centre_offset"), number(sizes, "body_offset")};
 }
 
-nb::tuple barred(const Input2& elevation, double origin_x, double origin_y, double resolution,
+nb::tuple blocked(const Input2& elevation, double origin_x, double origin_y, double resolution,
                  const nb::handle& sizes, const std::array<Input1, 3>& line,
                  const std::array<Input1, 3>& resting, const std::array<double, 7>& limits,
                  const std::array<double, 4>& tolerance, double begin, double end) {
@@ -150,7 +150,7 @@ nb::tuple barred(const Input2& elevation, double origin_x, double origin_y, doub
   GroundFinding found;
   {
     const nb::gil_scoped_release release;
-    found = first_barred(
+    found = first_blocked(
         map, body, path, {resting[0].data(), resting[1].data(), resting[2].data()},
         {low, high, roll_low, roll_high, across, per_curvature, turned},
         {tolerance[0], tolerance[1], tolerance[2], tolerance[3]}, {begin, end}, memory);
@@ -213,7 +213,7 @@ void bind_verify(nb::module_& m) {
         "bad"_a.noconvert());
   m.def("verify_batch", &verify_all, "count"_a, "rows"_a, "friction"_a, "speed_sq"_a,
         "clear_distance"_a, "distance_offset"_a, "terms"_a, "worst"_a.noconvert());
-  m.def("first_barred", &barred, "elevation"_a, "origin_x"_a, "origin_y"_a, "resolution"_a,
+  m.def("first_blocked", &blocked, "elevation"_a, "origin_x"_a, "origin_y"_a, "resolution"_a,
         "sizes"_a, "line"_a, "resting"_a, "limits"_a, "tolerance"_a, "begin"_a, "end"_a);
   m.def("segment_limits", &segment_limits, "track"_a, "speed_sq"_a, "accel_max"_a, "demand"_a,
         "braking_intercept"_a, "limits"_a, "accel"_a.noconvert(), "decel"_a.noconvert());

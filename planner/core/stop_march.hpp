@@ -14,6 +14,8 @@
 
 namespace slopewise {
 
+static_assert(laws::motion_value_count <= most_motion_values);
+
 // One path as a stop is marched along it.
 struct StopStation {
   double station, grade, sin_grade;                   // [m], [rad], [1]

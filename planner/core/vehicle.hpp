@@ -35,7 +35,7 @@ struct VehicleField {
   double Vehicle::* member;
 };
 
-// By the names of planner/kernels/limits.py.
+// By the names of planner/planning_limits.py.
 inline constexpr auto vehicle_fields = std::to_array<VehicleField>({
     {"rear_lever", &Vehicle::rear_lever},
     {"front_lever", &Vehicle::front_lever},

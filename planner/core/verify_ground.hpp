@@ -82,7 +82,7 @@ class GroundVerifier {
   }
 
   // Ground that a wheel cannot climb or fall: what its lowest point rises within a short length,
-  // beyond what the ground before or after it does. It bars the pose that has all of it behind it.
+  // beyond what the ground before or after it does. It blocks the pose that has all of it behind it.
   void find_step(std::size_t w) noexcept {
     const double *way = wheels_[w].way, *z = wheels_[w].contact;
     const double length = max_of(step_radii * sizes_.wheel_radius, step_cells * map_.cell);
@@ -282,8 +282,8 @@ class GroundVerifier {
   return line;
 }
 
-// The first place of a candidate within a range that bars the way; `memory` is ground_memory.
-[[nodiscard]] inline GroundFinding first_barred(const MapView& map, const BodySizes& sizes,
+// The first place of a candidate within a range that blocks the path; `memory` is ground_memory.
+[[nodiscard]] inline GroundFinding first_blocked(const MapView& map, const BodySizes& sizes,
                                                 const PlannedLine& line,
                                                 const RestingGround& resting,
                                                 const GroundLimits& limits,

@@ -43,7 +43,7 @@ struct GroundRange {
   double begin, end;
 };
 
-// The first place that bars the way.
+// The first place that blocks the path.
 struct GroundFinding {
   GroundKind kind = GroundKind::none;
   double station = infinite;  // where the middle of the wheelbase then is [m]

@@ -18,8 +18,8 @@ from slopewise.models.parameters import Model
 from slopewise.planner.bounds.speed_bounds import HOLDING, SPENT, speed_excess
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
-from slopewise.planner.kernels.limits import planning_limits
 from slopewise.planner.limiting import Limiting
+from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.swept.hazards import swept_hazards
 
 
@@ -57,17 +57,16 @@ def _crests(profile: TerrainProfile, ground: BrakingGround, model: Model) -> Flo
         left_load_share(grade, roll, 0.0, *across), right_load_share(grade, roll, 0.0, *across)
     )
     loads = crest_speed_sq(axle + side - up, limits.min_load, bend)
-    forces = ground.forces
-    slow, slope = forces.slowest[:, 0], forces.lower_slope[:, 0]
-    fast = np.maximum(np.minimum(limits.speed, forces.fastest[:, 0]), slow)
-    force = forces.lower_intercept[:, 0] + np.minimum(slow * slope, fast * slope)
+    slow, slope = ground.slowest[:, 0], ground.lower_slope[:, 0]
+    fast = np.maximum(np.minimum(limits.speed, ground.fastest[:, 0]), slow)
+    force = ground.lower_intercept[:, 0] + np.minimum(slow * slope, fast * slope)
     spare = SPENT * np.maximum(force + np.sin(grade) - HOLDING, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         left = np.where(force > 0.0, spare / (force * limits.crest_share), np.inf)
     brakes = crest_speed_sq(up * np.minimum(left, 1.0 / np.finfo(float).eps), 0.0, bend)
     passed = np.sqrt(np.minimum(loads, brakes))
     begun = speed_excess(profile, ground, limits.resistance)[:, 0]
-    reached = begun + limits.decel * forces.dead_time[:, 0]
+    reached = begun + limits.decel * ground.dead_time[:, 0]
     crest: Floats = np.maximum(passed - reached, 0.5 * passed)
     dip: Floats = np.sqrt(dip_speed_sq(limits.vertical_accel, bend))
     return np.minimum(crest, dip)

@@ -19,12 +19,11 @@ from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.compiled_core import core
-from slopewise.planner.ground.forces import Forces
 from slopewise.planner.ground.ground_terms import ground_terms
 from slopewise.planner.ground.surface_cache import surface_cache_of
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
-from slopewise.planner.kernels.workspace import empty
+from slopewise.planner.workspace import empty
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,21 +91,6 @@ class BrakingGround:
     closed_form: bool
     friction: Floats | None
     errors: StopErrors
-
-    @property
-    def forces(self) -> Forces:
-        """The arrays for kernels."""
-        return Forces(
-            self.lower_slope,
-            self.lower_intercept,
-            self.upper_slope,
-            self.upper_intercept,
-            self.dead_time,
-            self.slowest,
-            self.fastest,
-            self.trained,
-            self.distance_offset,
-        )
 
     @property
     def braking_intercept(self) -> Floats:

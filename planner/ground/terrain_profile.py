@@ -8,7 +8,6 @@ does not tilt it. Twist (one wheel off the plane of the other three) is left to 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,28 +18,10 @@ from slopewise.models.vehicle import Vehicle
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.body_pose import BodyRows, trailing_heading
 from slopewise.planner.ground.height_grid import height_grid
-from slopewise.planner.kernels.workspace import empty, empty_singles
+from slopewise.planner.workspace import empty, empty_singles
 
 _NEVER_OFF = SteeringGeometry()
 """Of a vehicle whose middle is on the path, and whose heading is that of the path."""
-
-
-class TerrainRows(NamedTuple):
-    """Arrays of a :class:`TerrainProfile` for kernels, under the same names; see there.
-
-    Arrays are (N, M); ``counts`` is its ``count``, (M,).
-    """
-
-    counts: Ints
-    station: Floats
-    heading_x: Floats
-    heading_y: Floats
-    curvature: Floats
-    grade: Floats
-    sin_grade: Floats
-    sin_roll: Floats
-    vertical_curvature: Floats
-    known: Bools
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,22 +72,6 @@ class TerrainProfile:
     def body_rows(self) -> BodyRows:
         """Pose of the body."""
         return self.body or BodyRows(self.x, self.y, self.heading_x, self.heading_y)
-
-    @property
-    def rows(self) -> TerrainRows:
-        """The arrays for kernels."""
-        return TerrainRows(
-            self.count,
-            self.station,
-            self.heading_x,
-            self.heading_y,
-            self.curvature,
-            self.grade,
-            self.sin_grade,
-            self.sin_roll,
-            self.vertical_curvature,
-            self.known,
-        )
 
     @property
     def roll(self) -> Floats:

@@ -18,7 +18,7 @@ from slopewise.planner.pipeline.momentum import momentum_over
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from slopewise.planner.plan import Momentum, Obstacle
 from slopewise.planner.profile.time_optimal import ProfileProblem, time_optimal_profile
-from slopewise.planner.verify.ground import GroundFinding, first_barred
+from slopewise.planner.verify.ground import GroundFinding, first_blocked
 from slopewise.planner.verify.judge import Judgement, check
 from slopewise.planner.verify.track import track_of
 
@@ -37,7 +37,7 @@ class CandidateColumn:
         label: which bound that is, as :class:`Limiting`.
         demand: thrust that holds the speed, as a share of the weight.
         errors: of speed and map that every stop survives.
-        barred: ground before the end of the clear distance of the bounds that the verifier alone
+        blocked: ground before the end of the clear distance of the bounds that the verifier alone
             found; the clear distance ends there.
         known: the ground under path and wheels is.
     """
@@ -79,19 +79,19 @@ class CandidateColumn:
         )
         self._motion, self.errors = ground.motion, ground.errors
         self._sine = np.sin(self.track.grade)
-        self.barred: GroundFinding | None = None
+        self.blocked: GroundFinding | None = None
         if solved.view is not None:
             reach = first, float(bounds.clear_distance[j])
-            found = first_barred(solved.view, profile, bounds.even_ground, solved.model, j, reach)
+            found = first_blocked(solved.view, profile, bounds.even_ground, solved.model, j, reach)
             if found is not None:
                 self._stop_before(found._replace(station=found.station - profile.station[first, j]))
 
     def _stop_before(self, found: GroundFinding) -> None:
-        """End the clear distance where the verifier found what bars the way.
+        """End the clear distance where the verifier found what blocks the path.
 
         Bounds before it are lowered to stops with the weakest brakes of the way there.
         """
-        self.barred, self.clear, self.barrier = found, found.station, found.bound
+        self.blocked, self.clear, self.barrier = found, found.station, found.bound
         track, errors = self.track, self.errors
         self.barrier_station = k = int(np.searchsorted(track.station, found.station))
         fastest = float(self.bound.max())
@@ -147,7 +147,7 @@ class CandidateColumn:
             even=self.even,
             errors=self.errors,
             decel=decel,
-            barrier=None if self.barred is None else self.barrier,
+            barrier=None if self.blocked is None else self.barrier,
         )
 
     def fastest(self) -> tuple[Floats, bool]:

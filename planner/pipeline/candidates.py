@@ -28,7 +28,7 @@ from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 
 _BATCH = 256
-"""Candidates planned together [1]: four tiles of the kernels bound the memory of a large file."""
+"""Candidates planned together [1]: four tiles of the core bound the memory of a large file."""
 
 
 class CandidatePlanner:

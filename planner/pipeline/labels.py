@@ -6,8 +6,8 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.planner.compiled_core import core
-from slopewise.planner.kernels.limits import PlanningLimits
 from slopewise.planner.limiting import Limiting
+from slopewise.planner.planning_limits import PlanningLimits
 from slopewise.planner.verify.track import Track
 
 _CODES = (Limiting.TRACTION, Limiting.ACCEL, Limiting.DECEL, Limiting.JERK)

@@ -14,8 +14,8 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
-from slopewise.planner.kernels.limits import PlanningLimits
 from slopewise.planner.plan import Momentum
+from slopewise.planner.planning_limits import PlanningLimits
 from slopewise.planner.verify.track import Track
 
 _CRAWL = 1e-3

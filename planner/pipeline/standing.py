@@ -23,8 +23,8 @@ def standing(column: CandidateColumn) -> tuple[Status, str]:
     station = column.track.station
     length = float(station[-1])
     k = column.barrier_station
-    if column.barred is not None:
-        return Status.BLOCKED, column.barred.sentence(column.model)
+    if column.blocked is not None:
+        return Status.BLOCKED, column.blocked.sentence(column.model)
     if k >= len(station) and column.clear >= length:
         return Status.OK, ""
     if k >= len(station) or (k > 0 and column.clear < station[k - 1]):

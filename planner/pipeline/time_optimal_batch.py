@@ -17,8 +17,8 @@ from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
 from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
-from slopewise.planner.kernels.limits import PlanningLimits, planning_limits
 from slopewise.planner.path import PathBatch
+from slopewise.planner.planning_limits import PlanningLimits, planning_limits
 from slopewise.planner.profile.time_optimal import (
     profile_problem,
     time_optimal_profile,

@@ -14,8 +14,8 @@ from slopewise.planner.bounds.speed_bounds import SpeedBounds
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
-from slopewise.planner.kernels.limits import PlanningLimits
-from slopewise.planner.kernels.workspace import empty
+from slopewise.planner.planning_limits import PlanningLimits
+from slopewise.planner.workspace import empty
 
 
 class ProfileProblem(NamedTuple):

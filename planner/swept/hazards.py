@@ -14,7 +14,6 @@ from slopewise.models.input_errors import InputErrors
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.steering_limits import SteeringLimits, steering_limits
 from slopewise.planner.ground.terrain_profile import TerrainProfile
-from slopewise.planner.kernels.workspace import empty
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import Obstacle
 from slopewise.planner.swept.broad_phase import broad_phase_for
@@ -23,6 +22,7 @@ from slopewise.planner.swept.roughness import rough_speeds
 from slopewise.planner.swept.sentences import cannot_see, obstacle_of, too_tight
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
 from slopewise.planner.swept.tube import tube_of
+from slopewise.planner.workspace import empty
 
 _BAR_OF_KIND = np.array([BARS.get(kind, 0) for kind in Kind], np.int64)
 
@@ -35,7 +35,7 @@ _LEAST_SPACING = 0.001
 
 
 class HazardRows(NamedTuple):
-    """What kernels read of :class:`Hazards`; (N, M) each, or (0, 0) where there is nothing."""
+    """What the core reads of :class:`Hazards`; (N, M) each, or (0, 0) where there is nothing."""
 
     code: Ints
     rough_speed: Floats

@@ -11,8 +11,8 @@ from slopewise.models.parameters import Model
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.height_grid import height_grid
 from slopewise.planner.ground.terrain_profile import TerrainProfile
-from slopewise.planner.kernels.workspace import empty
 from slopewise.planner.swept.sizes import SweptSizes
+from slopewise.planner.workspace import empty
 
 
 def rough_speeds(

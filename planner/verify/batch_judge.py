@@ -1,4 +1,4 @@
-"""The judge on all candidates of a batch at once: valid or not.
+"""Verifier of all candidates of a batch together: valid or not.
 
 The same judge as of a plan that is emitted (:mod:`slopewise.planner.verify.judge`), without the
 columns of a plan file.

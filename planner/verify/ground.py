@@ -1,8 +1,8 @@
-"""Ground that bars a candidate, judged once more from the map alone.
+"""Ground that blocks a candidate, judged once more from the map alone.
 
 Unknown ground, slopes beyond the trained range or on which the vehicle is not held, steps, and
-ground that reaches underside or body bar the way. The bounds end the clear distance before them;
-`planner/core/verify_ground.hpp` looks for them with heights, poses and rules of its own, at
+ground that reaches underside or body block a path. The bounds end the clear distance before them;
+`planner/core/verify_ground.hpp` looks for them with separate heights, poses and rules, at
 stations and between.
 """
 
@@ -69,14 +69,14 @@ class BodySizes(NamedTuple):
 
 
 class GroundView(NamedTuple):
-    """What the verifier looks at: the map that wheels feel, and errors of tracking to survive."""
+    """Input of the verifier: the map that wheels feel, and errors of tracking to survive."""
 
     elevation_map: ElevationMap
     errors: InputErrors
 
 
 class GroundFinding(NamedTuple):
-    """The first place that bars a candidate.
+    """The first place that blocks a candidate.
 
     Attributes:
         kind: of :class:`GroundKind`.
@@ -126,7 +126,7 @@ _BOUNDS = {
 }
 
 
-def first_barred(
+def first_blocked(
     view: GroundView,
     profile: TerrainProfile,
     ground: BrakingGround,
@@ -142,8 +142,8 @@ def first_barred(
             rest are used.
         model: vehicle and braking.
         candidate: index in the batch.
-        reach: index of the station where the vehicle stands, where nothing bars it, and the last
-            station to look at [m].
+        reach: index of the station where the vehicle stands, where nothing blocks it, and the last
+            station to check [m].
     """
     (first, end), j = reach, candidate
     n = int(profile.count[j])
@@ -154,7 +154,7 @@ def first_barred(
 
     force = column(ground.lower_intercept) + column(ground.slowest) * column(ground.lower_slope)
     friction = np.full(n, np.inf) if ground.friction is None else column(ground.friction)
-    kind, *where = core.first_barred(
+    kind, *where = core.first_blocked(
         grid.elevation,
         *grid.origin,
         grid.resolution,

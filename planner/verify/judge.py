@@ -1,4 +1,4 @@
-"""The judge of a finished plan: is every constraint kept, at the stations and between them?
+"""Verifier of a finished plan: is every constraint kept, at the stations and between them?
 
 It shares no approximation with what made the plan: bounds work with tangents and chords of v² and
 with sums of sines, the verifier (`planner/core/verify.hpp`) follows every emergency stop to its

@@ -1,4 +1,4 @@
-"""What plans of a model are judged by, as numbers for the compiled verifier."""
+"""Numbers of a model for the compiled verifier."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from slopewise.models.effects import registry
 from slopewise.models.effects.registry import MotionTerms
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.braking_ground import StopErrors
-from slopewise.planner.kernels.limits import PlanningLimits, planning_limits
+from slopewise.planner.planning_limits import PlanningLimits, planning_limits
 
 TIME_STEP = 0.02
 """Step of the integrator in time [s]; halving it moves a stop by less than 10 µm."""
@@ -37,7 +37,7 @@ class SteeringTerms(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """What plans are judged by.
+    """Numbers that plans are verified with.
 
     Attributes:
         body, limits: of the model. motion: effects on the motion itself. errors: of speed, map,
@@ -46,7 +46,7 @@ class Terms(NamedTuple):
             are anyway.
         between: points inside each segment from which a stop is tried as well.
         time_step: of the integrator [s].
-        all_loads: the loads of every stop are wanted, not only those that may run short.
+        all_loads: the loads of every stop are required, not only those that may run short.
     """
 
     body: Body
@@ -61,7 +61,7 @@ class Terms(NamedTuple):
 
 
 def terms_of(model: Model, motion: MotionTerms, errors: StopErrors, *, all_loads: bool) -> Terms:
-    """What plans of a model are judged by, with these effects on the motion and these errors."""
+    """Terms of a model with these effects on the motion and these errors."""
     v, geometry = model.vehicle, model.steering_geometry
     rim = model.terrain.slip_track if v.drive == "skid_steer" else v.track_width
     return Terms(

@@ -41,7 +41,7 @@ class Track(NamedTuple):
 
 
 class TrackRows(NamedTuple):
-    """What the columns of tracks come from, of M candidates of up to N stations.
+    """Source of the columns of tracks: M candidates of up to N stations.
 
     Attributes:
         counts: (M,) stations of each.
@@ -85,13 +85,13 @@ def track_of(
     speed_limit: Floats | None = None,
     first: int = 0,
 ) -> Track:
-    """One candidate out of a batch, without its first stations.
+    """One candidate from a batch, without its first stations.
 
     Args:
         profile, ground: of the batch.
         candidate: its index.
         speed_limit: (N, M) limits of the paths themselves [m/s].
-        first: stations at the beginning that are left out.
+        first: stations at the beginning that are omitted.
     """
     n = int(profile.count[candidate])
     columns = np.empty((len(Track._fields), n - first))

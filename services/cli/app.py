@@ -63,7 +63,6 @@ for _command in (
     discrepancy.discrepancy,
     demo.demo,
     run.serve,
-    run.warm_up,
     run.ros,
     run.guard,
     doctor.doctor,

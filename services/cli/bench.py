@@ -8,12 +8,17 @@ from typing import Annotated, Any
 
 import typer
 
+from slopewise.models.errors import InputError
+
 CONTEXT: dict[str, Any] = {
     "allow_extra_args": True,
     "ignore_unknown_options": True,
     "help_option_names": [],
 }
 """Every option, `--help` too, is that of the benchmarks."""
+
+_EXTRA = ("commonroad", "mujoco", "numba", "toppra", "trajectory_planning_helpers")
+"""What the extras `bench` and `sim` bring."""
 
 
 def bench(
@@ -26,7 +31,13 @@ def bench(
 
     Times depend on the machine, so ratios are the result.
     """
-    benchmarks().main(arguments or [])
+    try:
+        benchmarks().main(arguments or [])
+    except ModuleNotFoundError as missing:
+        if missing.name not in _EXTRA:
+            raise
+        expected = f"needs {missing.name}: pip install '.[bench,sim]' in a clone"
+        raise InputError("bench", "", expected) from None
 
 
 def benchmarks() -> Any:

@@ -1,10 +1,9 @@
-"""Commands that run until a signal: `slopewise serve`, `ros`, `guard`; and `warm-up` before."""
+"""Commands that run until a signal: `slopewise serve`, `ros` and `guard`."""
 
 from __future__ import annotations
 
 import contextlib
 import signal
-import time
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Annotated
 import typer
 
 from slopewise.services.cli import options
-from slopewise.services.cli.command import print_ready, print_result
+from slopewise.services.cli.command import print_ready
 
 
 def serve(
@@ -109,27 +108,3 @@ def _require_zenoh(name: str) -> None:
 
     if find_spec("zenoh") is None:
         raise InputError(name, "", "needs zenoh: pip install eclipse-zenoh")
-
-
-def warm_up(as_json: options.AsJson = False) -> None:
-    """Compile all that plans need, once after an installation, so that no plan waits for it.
-
-    [bold]Example[/]  slopewise warm-up
-    """
-    begin = time.perf_counter()
-    from slopewise.services.daemon import warm_up_requests as requests
-    from slopewise.services.io.model_file import find_model, read_model
-    from slopewise.services.jobs.cold_start import compile_first
-    from slopewise.services.parameters.active_parameters import ActiveParameters
-    from slopewise.services.planning.plan_service import PlanService
-    from slopewise.services.settings.service_settings import ServiceConfig
-
-    compile_first("on all cores")
-    plans = PlanService(ServiceConfig(model="atv"), ActiveParameters(read_model(find_model("atv"))))
-    requests.run(plans)
-    compiled = time.perf_counter()
-    ground, request = next(requests.requests())
-    plans.answer(request, ground, requests.CLIENT)
-    seconds, plan_seconds = compiled - begin, time.perf_counter() - compiled
-    message = f"ready after {seconds:.1f} s; a plan takes {1e3 * plan_seconds:.1f} ms from now on"
-    print_result(as_json, {"seconds": seconds, "plan_seconds": plan_seconds}, [message])

@@ -23,14 +23,13 @@ from uuid import uuid4
 import zenoh
 
 from slopewise.models.errors import InputError
-from slopewise.services.daemon import allocator, systemd, warm_up_requests
+from slopewise.services.daemon import allocator, systemd
 from slopewise.services.daemon.log_rate_limit import RateLimitFilter
 from slopewise.services.dashboard.live_state import LiveState
 from slopewise.services.dashboard.parameter_state import ParameterFeed
 from slopewise.services.io.files import read_text
 from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.jobs.cold_start import compile_first
 from slopewise.services.parameters.active_parameters import ActiveParameters, with_max_speed
 from slopewise.services.parameters.parameter_endpoint import ParameterEndpoint
 from slopewise.services.parameters.parameter_service import ParameterService
@@ -84,7 +83,6 @@ class Service:
         self._instance = uuid4().hex
         self._warnings: list[str] = []
         self._running = contextlib.ExitStack()
-        warm_up_requests.run(self.plans)
 
     def __enter__(self) -> Service:
         """Open the session and start to answer; what was started is ended if that fails."""
@@ -254,7 +252,6 @@ def serve(
 
     _log.addFilter(RateLimitFilter())
     allocator.limit_malloc_arenas()
-    compile_first("no request is answered until that is done (slopewise warm-up does it ahead)")
     service = Service(config)
     # Objects created up to now stay: the collector need not check them again between requests.
     gc.collect()

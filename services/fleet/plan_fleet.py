@@ -26,7 +26,6 @@ from slopewise.services.fleet.scheduler import Task, Workers, check_installed, e
 from slopewise.services.io.files import fault
 from slopewise.services.io.map_grid import MapInfo
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
-from slopewise.services.jobs.cold_start import compile_first
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import Summary
 
@@ -68,8 +67,6 @@ def plan_fleet(request: FleetPlanRequest, *, quiet: bool = True) -> FleetPlanSum
     missing = [name for name in names if not is_finished(out, name.file)]
     candidates = sum(name.size for name in names)
     resumed = candidates - sum(name.size for name in missing)
-    if missing and not request.scheduler:
-        compile_first("plans come after that")
     with progress_bar("planning", candidates, quiet=quiet) as advance:
         advance(resumed)
         tasks = _tasks(request, model, digest, info, missing)

@@ -16,7 +16,6 @@ from slopewise.models.parameters import Braking, Model
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.planner.explain.explain import Explanation, explain
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
-from slopewise.planner.kernels.interpreted import is_interpreting
 from slopewise.planner.path import EvenPath
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank
@@ -30,7 +29,6 @@ from slopewise.services.io.no_data import NoData
 from slopewise.services.io.path_file import read_paths
 from slopewise.services.io.plan_file import driven, read_external_plans
 from slopewise.services.jobs.check import CheckResult, check_plans
-from slopewise.services.jobs.cold_start import sooner, stations_of
 from slopewise.services.jobs.ground import read_ground, refuse_topics
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import input_errors
@@ -139,28 +137,20 @@ def plan_paths(
     *,
     start_speed: float = 0.0,
     clear: float = np.inf,
-    quiet: bool | None = None,
+    quiet: bool = True,
 ) -> tuple[list[SpeedPlan], list[EvenPath], float]:
     """Plan on ground that is in memory; plans best first, the resampled paths, and the time [s].
-
-    `quiet` None: with a progress bar while kernels run as Python, which takes long.
 
     Raises:
         ParameterError: names the candidate or the argument, and what was expected.
     """
-    spacing = planner.settings.spacing_on(ground.resolution)
-
-    def planned() -> tuple[list[EvenPath], list[SpeedPlan], float]:
-        begin = time.perf_counter()
-        hidden = not is_interpreting() if quiet is None else quiet
-        with progress_bar("planning", len(paths), quiet=hidden) as advance:
-            resampled = planner.resampled(ground, paths)
-            plans = planner.plan(
-                ground, resampled, start_speed=start_speed, clear=clear, progress=advance
-            )
-        return resampled, plans, time.perf_counter() - begin
-
-    resampled, plans, seconds = sooner(planned, lambda: stations_of(paths, spacing))
+    begin = time.perf_counter()
+    with progress_bar("planning", len(paths), quiet=quiet) as advance:
+        resampled = planner.resampled(ground, paths)
+        plans = planner.plan(
+            ground, resampled, start_speed=start_speed, clear=clear, progress=advance
+        )
+    seconds = time.perf_counter() - begin
     return rank(plans, planner.settings), resampled, seconds
 
 

@@ -20,7 +20,6 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.explain.bound_curves import bound_curves
 from slopewise.planner.explain.explain import Explanation
-from slopewise.planner.kernels.interpreted import is_interpreting
 from slopewise.planner.limiting import BOUNDS, Limiting
 from slopewise.planner.plan import Obstacle, SpeedPlan, Status
 from slopewise.services.jobs.plan import PlanResult
@@ -75,7 +74,7 @@ def write_job_page(
         "path known to be free": "to its end" if math.isinf(clear) else f"{clear:g} m",
         "margins cover": _covered(result),
         "stations every": f"{spacing:g} m",
-        "planned in": f"{result.seconds:.2f} s{', not compiled yet' * is_interpreting()}",
+        "planned in": f"{result.seconds:.2f} s",
         "date": time.strftime("%Y-%m-%d %H:%M"),
     }
     write_plan_page(path, result, f"{path_file.stem} on {map_file.stem}", facts)

@@ -12,6 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slopewise.models.effects.registry import LAWS, MOTION_LAWS, motion, motion_deceleration
+from slopewise.models.parameters import Effect
+
 CORE = Path(__file__).parents[2] / "planner" / "core"
 
 
@@ -26,14 +29,22 @@ def test_generated_laws_are_those_of_python(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     calls, expected = [], []
     laws = {law.__name__: law for law in generator["_LAWS"]}
-    laws |= {name: generator["LAWS"][name].law for name in generator["MOTION_LAWS"]}
+    laws |= {name: LAWS[name].law for name in MOTION_LAWS}
     for name, law in laws.items():
         # Falling, so that the centre of gravity lies between the axles.
         arguments = np.sort(rng.uniform(0.1, 0.9, len(inspect.signature(law).parameters)))[::-1]
         calls.append(f"laws::{name}({', '.join(map(repr, map(float, arguments)))})")
         expected.append(float(law(*arguments)))
+    effects = [
+        Effect(name=name, parameters=dict.fromkeys(LAWS[name].parameters, 0.01 * (k + 2)))
+        for k, name in enumerate(MOTION_LAWS)
+    ]
+    terms = motion(effects)
+    values = ", ".join(map(repr, terms.values))
+    calls.append(f"laws::motion_deceleration(3.0, -0.2, 0.7, std::array{{{values}}}.data())")
+    expected.append(float(motion_deceleration(3.0, -0.2, 0.7, terms)))
     program = (
-        "#include <cstdio>\n#include <initializer_list>\n"
+        "#include <array>\n#include <cstdio>\n#include <initializer_list>\n"
         '#include "generated/laws.hpp"\nusing namespace slopewise;\n'
         f"int main() {{ for (const double value : {{{', '.join(calls)}}}) "
         'std::printf("%.17g\\n", value); }'

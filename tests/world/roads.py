@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from slopewise.planner.kernels.limits import PlanningLimits, planning_limits
+from slopewise.planner.planning_limits import PlanningLimits, planning_limits
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.profile.time_optimal import ProfileProblem, time_optimal_profile
 from tests.world.vehicles import G, model_of, tables_with

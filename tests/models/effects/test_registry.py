@@ -22,14 +22,10 @@ from slopewise.models.discrepancy.search.refine import fit_base, start_of, with_
 from slopewise.models.effects.effect_law import CHANNELS, EffectLaw, Enters, Place
 from slopewise.models.effects.registry import (
     LAWS,
-    MOTION_LAWS,
-    motion,
-    motion_deceleration,
     validate,
 )
 from slopewise.models.parameters import Effect
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
-from slopewise.planner.kernels.motion_laws import motion_deceleration as compiled_deceleration
 from tests.world.formulas import FORMULAS, Moment
 from tests.world.logs import table
 from tests.world.vehicles import BASE, with_effect
@@ -188,18 +184,6 @@ def test_every_file_of_the_folder_is_registered() -> None:
     folder = Path(effects.__file__).parent
     helpers = {"__init__", "registry", "effect_law", "stops_seen"}
     assert {file.stem for file in folder.glob("*.py")} - helpers == set(LAWS)
-
-
-def test_compiled_motion_laws_are_those_of_python() -> None:
-    effects = [Effect(name=name, parameters=some(LAWS[name])) for name in MOTION_LAWS]
-    rng = np.random.default_rng(1)
-    for used in (effects[:1], effects[1:], effects):
-        terms = motion(used)
-        assert terms.moves
-        for speed, curvature, yaw in rng.uniform(-2.0, 4.0, (20, 3)):
-            want = motion_deceleration(abs(speed), curvature, yaw, terms)
-            got = compiled_deceleration(abs(speed), curvature, yaw, terms)
-            assert got == pytest.approx(want, rel=1e-14, abs=1e-14)
 
 
 def _literals(file: Path) -> Iterator[tuple[int, str]]:

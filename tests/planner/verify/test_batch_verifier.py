@@ -15,10 +15,10 @@ from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time
 from slopewise.planner.verify.batch_judge import screen
 from slopewise.planner.verify.judge import Violations, check
 from slopewise.planner.verify.track import track_of
-from tests.world.sanitized import run_under_sanitizers
 from tests.world import generated
 from tests.world.generated import between
 from tests.world.ground import arc, ground_map, plane, straight
+from tests.world.sanitized import run_under_sanitizers
 from tests.world.vehicles import model_of, tables_with
 
 

@@ -1,4 +1,4 @@
-"""The verifier finds ground that bars the way by itself, where a planner did not see it."""
+"""The verifier reports ground that blocks the path, where the bounds saw none."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ FRONT, HALF = 0.88, 0.6
 
 @dataclass(frozen=True)
 class Scene:
-    """Ground, the bound that it belongs to, and where at the latest a vehicle is barred [m]."""
+    """Ground, the bound that it belongs to, and where at the latest a vehicle is blocked [m]."""
 
     bound: Limiting
     height: Height
-    barred: float
+    blocked: float
     unknown: Height | None = None
     changes: Tables = field(default_factory=dict)
-    words: str = ""
+    message: str = ""
 
 
 def post(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -50,42 +50,42 @@ SCENES = {
         lambda x, y: 0.0 * x,
         FACE - 0.5,
         lambda x, y: x > FACE,
-        words="unknown ground",
+        message="unknown ground",
     ),
     "a grade beyond the trained ones": Scene(
         Limiting.MODEL_VALIDITY,
         lambda x, y: 0.4 * np.maximum(x - FACE, 0.0),
         FACE + 0.6,
-        words="untrained slope",
+        message="untrained slope",
     ),
     "a bank beyond the trained ones": Scene(
         Limiting.MODEL_VALIDITY,
         lambda x, y: 0.35 * y * np.clip((x - FACE) / 4.0, 0.0, 1.0),
         FACE + 4.0,
-        words="untrained slope",
+        message="untrained slope",
     ),
     "a slope that weak brakes do not hold": Scene(
         Limiting.HOLDING,
         lambda x, y: 0.3 * np.maximum(x - FACE, 0.0),
         FACE + 0.6,
         changes={"braking": {"m_b": 0.0, "b_b": 0.2, "b_m": 0.0, "m_m": 0.0} | STEEP},
-        words="to be held on",
+        message="to be held on",
     ),
     "a slope with too little friction": Scene(
         Limiting.HOLDING,
         lambda x, y: 0.3 * np.maximum(x - FACE, 0.0),
         FACE + 0.6,
         changes={"braking": {"sliding_friction": 0.2} | STEEP},
-        words="to be held on",
+        message="to be held on",
     ),
     "a step up": Scene(
         Limiting.STEP,
         lambda x, y: np.where(x > FACE, 0.2, 0.0),
         FACE,
-        words="a step of 0.1",
+        message="a step of 0.1",
     ),
     "a drop": Scene(
-        Limiting.STEP, lambda x, y: np.where(x > FACE, -0.2, 0.0), FACE, words="a step of 0.1"
+        Limiting.STEP, lambda x, y: np.where(x > FACE, -0.2, 0.0), FACE, message="a step of 0.1"
     ),
     "a hole under one wheel": Scene(
         Limiting.STEP,
@@ -100,9 +100,9 @@ SCENES = {
             "braking": {"m_b": 0.0, "b_b": 0.8, "b_m": 0.0, "m_m": 0.0} | STEEP,
             "vehicle": {"front_overhang": 0.05, "rear_overhang": 0.05, "cg_z": 0.3},
         },
-        words="between the wheels",
+        message="between the wheels",
     ),
-    "a post": Scene(Limiting.BODY, post, FACE - FRONT + 0.3, words="under the body"),
+    "a post": Scene(Limiting.BODY, post, FACE - FRONT + 0.3, message="under the body"),
 }
 
 
@@ -128,9 +128,9 @@ def test_a_plan_whose_bounds_saw_nothing_stops_before_it_all_the_same(name: str)
     assert free.status is Status.OK
     plan = finished(replace(blind, view=GroundView(there, InputErrors())), 0, "p", smooth=True)
     assert plan.status is Status.BLOCKED, plan.reason
-    assert scene.words in plan.reason
+    assert scene.message in plan.reason
     assert "found by the verifier" in plan.reason
-    assert FACE - FRONT - 0.7 < plan.clear_distance <= scene.barred
+    assert FACE - FRONT - 0.7 < plan.clear_distance <= scene.blocked
     moving = plan.speed > 0.0
     assert np.all((plan.station + plan.stop_distance)[moving] <= plan.clear_distance + 1e-6)
     assert plan.progress > 5.0
@@ -143,12 +143,12 @@ def test_a_clear_distance_that_is_too_long_is_a_violation_of_its_kind(name: str)
     scene = SCENES[name]
     level, there = maps(scene)
     honest, blind = solved_on(there, scene), solved_on(level, scene)
-    assert CandidateColumn(honest, 0, np.zeros(1)).barred is None
+    assert CandidateColumn(honest, 0, np.zeros(1)).blocked is None
     bounds = replace(honest.bounds, clear_distance=honest.bounds.clear_distance + 4.0)
     column = CandidateColumn(replace(honest, bounds=bounds), 0, np.zeros(1))
-    assert column.barred is not None
-    assert column.barred.bound is scene.bound
-    assert column.barred.station >= honest.bounds.clear_distance[0]
+    assert column.blocked is not None
+    assert column.blocked.bound is scene.bound
+    assert column.blocked.station >= honest.bounds.clear_distance[0]
     violation = column.judge(blind.profile_of(0)).violation._asdict()
     kind = scene.bound.label
     assert VIOLATION_LIMITING[kind] is scene.bound
@@ -166,22 +166,22 @@ SMALLER = {
 
 
 @pytest.mark.parametrize("name", SMALLER)
-def test_ground_that_it_can_pass_bars_nothing(name: str) -> None:
+def test_ground_that_it_can_pass_blocks_nothing(name: str) -> None:
     scene = Scene(Limiting.STEP, SMALLER[name], FACE)
     _, there = maps(scene)
-    assert CandidateColumn(solved_on(there, scene), 0, np.zeros(1)).barred is None
+    assert CandidateColumn(solved_on(there, scene), 0, np.zeros(1)).blocked is None
     level_bounds = replace(solved_on(maps(scene)[0], scene), view=GroundView(there, InputErrors()))
-    assert CandidateColumn(level_bounds, 0, np.zeros(1)).barred is None
+    assert CandidateColumn(level_bounds, 0, np.zeros(1)).blocked is None
 
 
-def test_the_band_of_tracking_is_looked_at_as_well() -> None:
+def test_the_band_of_tracking_x_at_as_well() -> None:
     scene = Scene(Limiting.BODY, lambda x, y: post(x, y - 0.9), FACE)
     level, there = maps(scene)
     blind = solved_on(level, scene)
-    found = [
-        CandidateColumn(replace(blind, view=GroundView(there, errors)), 0, np.zeros(1)).barred
+    findings = [
+        CandidateColumn(replace(blind, view=GroundView(there, errors)), 0, np.zeros(1)).blocked
         for errors in (InputErrors(), InputErrors(cross_track=0.3))
     ]
-    assert found[0] is None
-    assert found[1] is not None
-    assert found[1].bound is Limiting.BODY
+    assert findings[0] is None
+    assert findings[1] is not None
+    assert findings[1].bound is Limiting.BODY

@@ -133,13 +133,13 @@ void ground() {
   std::vector<double> memory(static_cast<std::size_t>(
       ground_memory(line, count_poses(line, pose_step(map, sizes)), columns)));
   const GroundRange range{uniform(0.0, 1.0), uniform(0.0, 20.0)};
-  const GroundFinding found = first_barred(
+  const GroundFinding found = first_blocked(
       map, sizes, line, {force.data(), friction.data(), y.data()},
       {-0.26, 0.26, -0.26, 0.26, uniform(0.0, 0.2), 0.0, 0.02}, {0.01, 0.01, 0.1, 0.25}, range,
       memory.data());
   expect(found.kind == GroundKind::none ||
              (found.station >= range.begin && found.station <= range.end),
-         "what bars the way is in the range");
+         "what blocks the path is in the range");
 }
 
 void horizon() {

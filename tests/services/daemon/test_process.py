@@ -20,14 +20,8 @@ import numpy as np
 import pytest
 
 from slopewise.services.client import PlanClient
-from slopewise.services.daemon import systemd, warm_up_requests
+from slopewise.services.daemon import systemd
 from slopewise.services.daemon.log_rate_limit import RateLimitFilter
-from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.jobs.cold_start import compile_first
-from slopewise.services.parameters.active_parameters import ActiveParameters
-from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire import codec
 from tests.services.service_process import fan, flat, running
 
 UNIT = Path(__file__).parents[3] / "configs" / "systemd" / "slopewise.service"
@@ -124,18 +118,7 @@ def resident(process: int) -> float:
     return int(line[1]) / 1024
 
 
-@pytest.mark.nightly
-def test_memory_where_nothing_was_compiled_before(tmp_path: Path) -> None:
-    """The compiler's own memory is that of another process."""
-    cache = tmp_path / "compiled"
-    cache.mkdir()
-    with running(tmp_path, environment={"NUMBA_CACHE_DIR": str(cache)}) as started:
-        assert resident(started.process.pid) < MAX_RESIDENT
-    assert list(cache.glob("**/*.nbi"))
-
-
 def test_memory_after_a_hundred_questions(tmp_path: Path) -> None:
-    compile_first("for a test")
     with running(tmp_path, fresh=True) as started, started.session() as session:
         begin = resident(started.process.pid)
         uneven = 0.05 * np.random.default_rng(0).standard_normal((240, 480))
@@ -176,14 +159,3 @@ def test_the_number_of_remembered_lines_is_bounded() -> None:
     for line in range(1000):
         written(log, line, "x")
     assert len(log) <= 256
-
-
-def test_replies_of_the_warm_up_can_be_encoded() -> None:
-    plans = PlanService(ServiceConfig(model="atv"), ActiveParameters(read_model(find_model("atv"))))
-    snapshots = {}
-    for snapshot, request in warm_up_requests.requests():
-        reply = plans.answer(request, snapshot, "warm-up")
-        snapshots[id(snapshot)] = snapshot  # kept alive, so that no other one gets its id
-        for written_as in codec.Format:
-            assert codec.encode(reply, written_as)
-    assert len(snapshots) == 6
