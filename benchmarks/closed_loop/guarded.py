@@ -19,11 +19,10 @@ from slopewise.models.parameters import Model
 from slopewise.services.guard.decide import (
     BaseCommand,
     GuardDecision,
-    GuardScene,
     VehicleMotion,
     decide,
 )
-from slopewise.services.guard.guard_model import brake_table, guard_model
+from slopewise.services.guard.guard_model import GuardScene, brake_table, guard_model
 from slopewise.services.guard.stop_courses import Pose2d
 
 from .drive_loop import DrivenScene, dem_folder, run_drive, scene

@@ -7,6 +7,7 @@ scatter of its heights beyond the noise; a single cell is a window, too.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,6 @@ from slopewise.models.averaging_windows import AveragingWindows, Contrasts, aver
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.height_noise import KNOWN_SHARE, SIGNIFICANCE, averaged_noise
 from slopewise.models.recent import Recent
-from slopewise.services.check.heights import Heights
 
 _DISC_EXCESS, _WINDOW_EXCESS = 2.0, 1.0
 """Scatter beyond the noise that counts as structure, in its standard deviations [1]."""
@@ -28,35 +28,19 @@ _SLOPE_SHARE = 0.2
 _CHUNK = 4096  # Cells whose windows are gathered together: 3 MB a window
 
 
-class AveragedHeights(NamedTuple):
-    """A map whose heights are averaged; see :class:`slopewise.services.check.heights.Heights`."""
-
-    elevation: Floats
-    resolution: float
-    origin: tuple[float, float]
-    terrain_class: Ints | None
-    class_names: tuple[str, ...]
-
-
-_averaged: Recent[AveragedHeights] = Recent(1)
+_averaged: Recent[ElevationMap] = Recent(1)
 """One map has many plans."""
 
 
-def averaged(heights: Heights, wheel_radius: float) -> Heights:
+def averaged(heights: ElevationMap, wheel_radius: float) -> ElevationMap:
     """A map as wheels feel it; the same map where its heights are used unchanged."""
-    if not isinstance(heights, ElevationMap):
-        return heights
     noise = averaged_noise(heights, wheel_radius)
     if noise == 0.0:
         return heights
     windows = averaging_windows(heights.resolution, wheel_radius, heights.correlation_length)
     return _averaged.get(
-        lambda: AveragedHeights(
-            _average(heights.elevation, windows, noise),
-            heights.resolution,
-            heights.origin,
-            heights.terrain_class,
-            heights.class_names,
+        lambda: replace(
+            heights, elevation=_average(heights.elevation, windows, noise), height_std=0.0
         ),
         heights,
         wheel_radius,

@@ -13,8 +13,9 @@ from functools import lru_cache
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.check.heights import Heights, height_of, in_cells
+from slopewise.services.physics.heights import height_of, in_cells
 
 _HEADINGS = 16
 """Headings over half a turn [1]: between two the end of a tyre moves by a tenth of its length."""
@@ -26,7 +27,7 @@ _CHUNK = 2048  # cells that are worked on together: 10 MB of points
 
 
 def contact_height(
-    heights: Heights, x: Floats, y: Floats, heading: Floats, vehicle: Vehicle
+    heights: ElevationMap, x: Floats, y: Floats, heading: Floats, vehicle: Vehicle
 ) -> Floats:
     """(M,) heights of wheels at points with headings [rad]; NaN where the surface is unknown."""
     surface = height_of(heights, x, y)
@@ -49,7 +50,7 @@ def contact_height(
     return out
 
 
-def _at_cells(heights: Heights, cells: Ints, turn: Ints, vehicle: Vehicle) -> Floats:
+def _at_cells(heights: ElevationMap, cells: Ints, turn: Ints, vehicle: Vehicle) -> Floats:
     """(K,) heights of tyres in the middle of known cells, with one of the headings each [m]."""
     columns, radius, edge = heights.elevation.shape[1], vehicle.wheel_radius, heights.resolution
     half_length = math.sqrt(radius**2 - max(radius - vehicle.shape.max_step, 0.0) ** 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,16 +12,17 @@ from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.services.check.check_report import ViolationLog
-from slopewise.services.check.loads import (
+from slopewise.services.check.checked_drive import CheckedDrive
+from slopewise.services.check.path_force import PathForce
+from slopewise.services.check.plan_line import Line, Motion
+from slopewise.services.check.tolerances import TOLERANCES
+from slopewise.services.physics.force import NO_FRICTION_LIMIT
+from slopewise.services.physics.loads import (
     BodyAttitude,
     braking_cap,
     shares_of,
     utilisation,
 )
-from slopewise.services.check.path_force import NO_LIMIT, PathForce
-from slopewise.services.check.plan_line import Line, Motion
-from slopewise.services.check.steering_checks import Turning
-from slopewise.services.check.tolerances import TOLERANCES
 
 _HARD = 0.9
 """Share of full braking from which a plan brakes as hard as it can [1]: slopes between rows."""
@@ -28,21 +30,27 @@ _HARD = 0.9
 _TINY_TURN = 0.1
 """Share of the lateral limit that v²|κ| has to reach: below it the path is straight."""
 
+LOADS = {
+    "rear axle": "tip_over",
+    "front axle": "tip_over",
+    "lighter side": "rollover",
+    "lightest wheel": "rollover",
+}
+"""Kinds of violations by what loses its load, in the order of load shares."""
 
-def check_driving(
-    checks: DrivingChecks, speed_limit: Floats | None, *, too_fast: bool = False
-) -> None:
-    """Note what the driven motion breaks; ``speed_limit`` (N,) is that of the path [m/s].
 
-    A plan that says that it starts ``too_fast`` may break limits of comfort, not of safety, for as
-    long as it brakes as hard as it can.
+def check_driving(log: ViolationLog, drive: CheckedDrive, motion: Motion) -> None:
+    """Note what the driven motion breaks.
+
+    A plan that says that it starts too fast may break limits of comfort, not of safety, for as long
+    as it brakes as hard as it can.
     """
-    motion = checks.motion
-    if too_fast:
+    checks = DrivingChecks(log, drive, motion, motion.moving)
+    if drive.plan.status == "degraded":
         checks = checks._replace(free=motion.moving & ~checks.braking_down())
-    checks.speeds(speed_limit)
+    checks.speeds()
     for accel in (motion.accel, motion.accel_before):
-        checks.drive(accel)
+        checks.traction(accel)
         checks.brakes_at(accel)
         checks.loads(accel)
         checks.friction(accel)
@@ -52,48 +60,50 @@ class DrivingChecks(NamedTuple):
     """Checks of the motion at M samples."""
 
     log: ViolationLog
-    model: Model
-    line: Line
-    pose: BodyAttitude
-    brakes: PathForce
+    drive: CheckedDrive
     motion: Motion
-    turning: Turning
     free: Bools  # samples that move, and do not only brake down from a start that was too fast
 
     def braking_down(self) -> Bools:
         """(M,) samples from the start to the row after the last one that brakes fully."""
-        line, accel = self.line, self.motion.accel
-        full = np.minimum(self.model.limits.decel, self.braking_deceleration(self.motion.speed))
+        line, accel = self.drive.line, self.motion.accel
+        full = np.minimum(self.drive.model.limits.decel, self.braking_deceleration())
         hard = np.minimum.accumulate((-accel >= _HARD * full)[line.at_row])
         # Within the row's step it reaches the speed from which service braking suffices.
         hard[1:] |= hard[:-1]
         down: Bools = hard[line.row] & ((accel < 0.0) | (line.share == 0.0))
         return down
 
-    def braking_deceleration(self, speed: Floats) -> Floats:
+    def braking_deceleration(self) -> Floats:
         """Deceleration by the brakes [m/s²]; drag helps but is no reserve, and wind may push."""
-        model = self.model
-        cap = braking_cap(model.vehicle, self.pose, self.brakes.friction, speed**2)
-        force = np.minimum(self.brakes.force(speed), cap)
-        terms = registry.motion(model.effect)
-        pushed = registry.motion_deceleration(speed, self.line.curvature, self.line.heading, terms)
-        given: Floats = GRAVITY * (force + self.pose.sine) + np.minimum(pushed, 0.0)
+        model, line, pose, brakes = self._along()
+        speed, terms = self.motion.speed, registry.motion(model.effect)
+        cap = braking_cap(model.vehicle, pose, brakes.friction, speed**2)
+        force = np.minimum(brakes.force(speed), cap)
+        pushed = registry.motion_deceleration(speed, line.curvature, line.heading, terms)
+        given: Floats = GRAVITY * (force + pose.sine) + np.minimum(pushed, 0.0)
         return given
 
     def thrust_and_resistance(self) -> tuple[Floats, Floats]:
         """Highest thrust, and what slope, rolling and turning take of it [m/s²]."""
-        vehicle, terrain = self.model.vehicle, self.model.terrain
+        model, line, pose, _ = self._along()
+        vehicle, terrain = model.vehicle, model.terrain
         drags = 0.5 * terrain.lateral_resistance * vehicle.wheelbase
-        skids = vehicle.drive == "skid_steer"
-        turning = drags * np.abs(self.line.curvature) if skids else 0.0
-        resistance = (terrain.motion_resistance + turning) * self.pose.normal_ratio
+        turning = drags * np.abs(line.curvature) if vehicle.drive == "skid_steer" else 0.0
+        resistance = (terrain.motion_resistance + turning) * pose.normal_ratio
         speed = np.maximum(self.motion.speed, 1e-6)
         thrust = np.minimum(vehicle.max_drive_force, vehicle.max_drive_power / speed) / vehicle.mass
-        return thrust, GRAVITY * (self.pose.sine + resistance)
+        return thrust, GRAVITY * (pose.sine + resistance)
 
-    def speeds(self, speed_limit: Floats | None) -> None:
-        line, speed = self.line, self.motion.speed
-        allowed = np.minimum(self.model.limits.speed, self.brakes.trained_speed_max)
+    def _along(self) -> tuple[Model, Line, BodyAttitude, PathForce]:
+        return self.drive.model, self.drive.line, self.drive.pose, self.drive.brakes
+
+    def speeds(self) -> None:
+        """Speed limits, turns, dips, rim speed and steering."""
+        model, line, pose, brakes = self._along()
+        log, limits, vehicle, free = self.log, model.limits, model.vehicle, self.free
+        speed, speed_limit = self.motion.speed, self.drive.plan.speed_limit
+        allowed = np.minimum(limits.speed, brakes.trained_speed_max)
         if speed_limit is not None:
             # A limit holds from its row to its neighbours: between rows the higher one may be due.
             here = speed_limit[line.row]
@@ -101,83 +111,71 @@ class DrivingChecks(NamedTuple):
             due = np.where(line.share > 0.0, np.maximum(here, ahead), here)
             allowed = np.minimum(allowed, due)
         sentence = "{0:.3f} m/s where {1:.3f} m/s is the highest"
-        self.log.add("speed_limit", speed - allowed, sentence, speed, allowed, where=self.free)
-
-        self._turns()
-        max_rate = self.model.steering_geometry.max_rate
-        needed = speed * self.turning.rate
-        sentence = f"the steering turns at {{0:.2f}} rad/s, {max_rate:.2f} rad/s is its most"
-        moving = self.motion.moving
-        self.log.add("steering_rate", needed / max_rate - 1.0, sentence, needed, where=moving)
-
-    def _turns(self) -> None:
-        vehicle, limits, speed = self.model.vehicle, self.model.limits, self.motion.speed
-        turn = speed**2 * np.abs(self.pose.turn)
-        outward = GRAVITY * self.pose.cross_slope_ratio * np.sign(self.line.curvature)
+        log.add("speed_limit", speed - allowed, sentence, speed, allowed, where=free)
+        turn = speed**2 * np.abs(pose.turn)
+        outward = GRAVITY * pose.cross_slope_ratio * np.sign(line.curvature)
         lateral, limit = turn + outward, limits.lateral_accel
         beyond = np.minimum(lateral / limit - 1.0, turn / limit - _TINY_TURN)
         sentence = "lateral acceleration of {0:.2f} m/s², {1:.2f} of it by the bank"
-        self.log.add("lateral", beyond, sentence, lateral, outward, where=self.free)
-        pressed = speed**2 * self.pose.vertical_curvature
-        excess, sentence = (
-            pressed / limits.vertical_accel - 1.0,
-            "vertical acceleration of {0:.2f} m/s²",
-        )
-        self.log.add("dip", excess, sentence, pressed, where=self.free)
+        log.add("lateral", beyond, sentence, lateral, outward, where=free)
+        pressed = speed**2 * pose.vertical_curvature
+        sentence = "vertical acceleration of {0:.2f} m/s²"
+        log.add("dip", pressed / limits.vertical_accel - 1.0, sentence, pressed, where=free)
         skids = vehicle.drive == "skid_steer"
-        track = self.model.terrain.slip_track if skids else vehicle.track_width
-        rim = speed * (1.0 + 0.5 * np.abs(self.line.curvature) * track)
-        excess, sentence = (
-            rim / vehicle.max_wheel_speed - 1.0,
-            "the outer wheels turn at {0:.2f} m/s",
-        )
-        self.log.add("wheel_speed", excess, sentence, rim, where=self.free)
+        track = model.terrain.slip_track if skids else vehicle.track_width
+        rim = speed * (1.0 + 0.5 * np.abs(line.curvature) * track)
+        sentence = "the outer wheels turn at {0:.2f} m/s"
+        log.add("wheel_speed", rim / vehicle.max_wheel_speed - 1.0, sentence, rim, where=free)
+        max_rate, needed = model.steering_geometry.max_rate, speed * self.drive.turning.rate
+        sentence = f"the steering turns at {{0:.2f}} rad/s, {max_rate:.2f} rad/s is its most"
+        moving = self.motion.moving
+        log.add("steering_rate", needed / max_rate - 1.0, sentence, needed, where=moving)
 
-    def drive(self, accel: Floats) -> None:
+    def traction(self, accel: Floats) -> None:
+        """Thrust of the drive, and the limit of acceleration."""
         (thrust, taken), moving = self.thrust_and_resistance(), self.motion.moving
         needed = accel + taken
         sentence = "needs {0:.2f} m/s² of the drive, which gives {1:.2f} m/s²"
         self.log.add("traction", needed - thrust, sentence, needed, thrust, where=moving)
-        excess = accel - self.model.limits.accel
+        excess = accel - self.drive.model.limits.accel
         self.log.add("accel", excess, "speeds up at {0:.2f} m/s²", accel, where=moving)
 
     def brakes_at(self, accel: Floats) -> None:
-        given = self.braking_deceleration(self.motion.speed)
+        """Force of the brakes, and the limit of deceleration."""
+        given, sentence = self.braking_deceleration(), "slows down at {0:.2f} m/s²"
         slows = self.motion.moving & (accel < 0.0)
-        sentence = "slows down at {0:.2f} m/s²"
         by_brakes = f"{sentence}, the brakes give {{1:.2f}} m/s²"
         self.log.add("decel", -accel - given, by_brakes, -accel, given, where=slows)
-        self.log.add("decel", -accel - self.model.limits.decel, sentence, -accel, where=self.free)
+        excess = -accel - self.drive.model.limits.decel
+        self.log.add("decel", excess, sentence, -accel, where=self.free)
 
     def friction(self, accel: Floats) -> None:
-        if (self.brakes.friction < NO_LIMIT).any():
-            along, speed_sq = accel / GRAVITY + self.pose.sine, self.motion.speed**2
-            used = utilisation(self.pose, self.brakes.friction, speed_sq, along)
+        """Friction under slope, turn and drive or brakes."""
+        pose, friction = self.drive.pose, self.drive.brakes.friction
+        if (friction < NO_FRICTION_LIMIT).any():
+            along = accel / GRAVITY + pose.sine
+            used = utilisation(pose, friction, self.motion.speed**2, along)
             sentence = "needs {0:.0%} of what friction gives"
             self.log.add("friction", used - 1.0, sentence, used, where=self.motion.moving)
 
     def loads(self, accel: Floats) -> None:
         """Loads while driving as planned; the front axle is checked under drive only."""
+        model, _, pose, _ = self._along()
+        speed_sq, moving = self.motion.speed**2, self.motion.moving
         crest, even = (
-            shares_of(self.model.vehicle, self.pose, self.motion.speed**2, -accel, crest=crest)
-            for crest in (True, False)
+            shares_of(model.vehicle, pose, speed_sq, -accel, crest=crest) for crest in (True, False)
         )
-        moving, min_load = self.motion.moving, self.model.limits.min_load
-        for kind, noun, name, used in (
-            ("tip_over", "rear axle", "rear", moving),
-            ("tip_over", "front axle", "front", moving & (accel > 0.0)),
-            ("rollover", "lighter side", "side", moving),
-            ("rollover", "lightest wheel", "wheel", moving),
-        ):
-            shares = getattr(crest, name), getattr(even, name)
-            add_load(self.log, kind, f"the {noun} keeps", shares, min_load, where=used)
+        for (noun, kind), *shares in zip(LOADS.items(), crest, even, strict=True):
+            used = moving & (accel > 0.0) if noun == "front axle" else moving
+            subject = f"the {noun} keeps"
+            add_load(self.log, kind, subject, shares, model.limits.min_load, where=used)
 
 
 def add_load(
     log: ViolationLog,
     kind: str,
     subject: str,
-    shares: tuple[Floats, Floats],
+    shares: Sequence[Floats],
     min_load: float,
     *,
     where: Bools | bool = True,

@@ -13,16 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.check.body_on_line import Body
-from slopewise.services.check.heights import Heights, height_of
 from slopewise.services.check.path_ground import (
-    WHEELS,
     LineGround,
     below_body,
     offset_points,
     parts_of,
 )
+from slopewise.services.physics.body import WHEELS, plane_of
+from slopewise.services.physics.heights import height_of
 
 _NOTHING = -np.inf
 _FINEST = 0.05  # [m] between points below the body
@@ -39,7 +40,7 @@ class Struck(NamedTuple):
 
 
 def obstacles_along(
-    heights: Heights, body: Body, ground: LineGround, vehicle: Vehicle
+    heights: ElevationMap, body: Body, ground: LineGround, vehicle: Vehicle
 ) -> list[Struck]:
     """Obstacles that the vehicle would strike at the known samples of a line."""
     clearance, obstacles = vehicle.shape.clearance, []
@@ -58,13 +59,13 @@ def obstacles_along(
     return obstacles
 
 
-def shows_steps(heights: Heights, vehicle: Vehicle) -> bool:
+def shows_steps(heights: ElevationMap, vehicle: Vehicle) -> bool:
     """Whether cells are small enough to show a step to a wheel."""
     return heights.resolution <= vehicle.wheel_radius
 
 
 def _above_wheels(
-    heights: Heights, body: Body, ground: LineGround, vehicle: Vehicle, samples: Ints
+    heights: ElevationMap, body: Body, ground: LineGround, vehicle: Vehicle, samples: Ints
 ) -> Floats:
     """(2, M) highest ground above the plane of the wheels, between them and next to them [m].
 
@@ -78,18 +79,19 @@ def _above_wheels(
         inside = inside & (np.abs(to_left) <= 0.5 * vehicle.track_width)
         x, y = offset_points(some, ahead, to_left)
         wheels = ground.wheels[:, part]
-        rise = (wheels[0] + wheels[1] - wheels[2] - wheels[3]) / (2.0 * vehicle.wheelbase)
-        cross_slope = (wheels[0] + wheels[2] - wheels[1] - wheels[3]) / (2.0 * vehicle.track_width)
-        plane = wheels.mean(axis=0) + ahead * rise + to_left * cross_slope
+        rise, cross_rise = plane_of(wheels, vehicle)
+        plane = wheels.mean(axis=0) + ahead * rise + to_left * cross_rise
         # Below the body the vertical is longer than the clearance by the slope.
-        above = (height_of(heights, x, y) - plane) / np.sqrt(1.0 + rise**2 + cross_slope**2)
+        above = (height_of(heights, x, y) - plane) / np.sqrt(1.0 + rise**2 + cross_rise**2)
         above = np.nan_to_num(above, nan=-1e3)
         for i, which in enumerate((inside, ~inside)):
             highest[i, part] = np.where(which, above, _NOTHING).max(axis=0)
     return highest
 
 
-def _steps_of(heights: Heights, body: Body, wheel: tuple[float, float], vehicle: Vehicle) -> Floats:
+def _steps_of(
+    heights: ElevationMap, body: Body, wheel: tuple[float, float], vehicle: Vehicle
+) -> Floats:
     """(M,) highest step that a wheel may meet, on its lines within the band and across them [m].
 
     ``wheel`` is its place ahead of, and to the left of, the middle of the wheelbase [m].
@@ -104,7 +106,9 @@ def _steps_of(heights: Heights, body: Body, wheel: tuple[float, float], vehicle:
     return highest
 
 
-def _edges(heights: Heights, body: Body, wheel: tuple[float, float], vehicle: Vehicle) -> Floats:
+def _edges(
+    heights: ElevationMap, body: Body, wheel: tuple[float, float], vehicle: Vehicle
+) -> Floats:
     """(M,) highest edge along the path within the band of a wheel [m].
 
     Ground that rises counts where all of it is within the band, ground that falls where its middle
@@ -122,7 +126,7 @@ def _edges(heights: Heights, body: Body, wheel: tuple[float, float], vehicle: Ve
     return highest
 
 
-def _window(heights: Heights, vehicle: Vehicle) -> float:
+def _window(heights: ElevationMap, vehicle: Vehicle) -> float:
     """Length over which a step rises [m]."""
     return max(1.5 * heights.resolution, 0.5 * vehicle.wheel_radius)
 
@@ -141,7 +145,7 @@ def _rises(z: Floats) -> Floats:
     return beyond
 
 
-def _steps(heights: Heights, x: Floats, y: Floats, vehicle: Vehicle) -> Floats:
+def _steps(heights: ElevationMap, x: Floats, y: Floats, vehicle: Vehicle) -> Floats:
     """Rise over a short length of a wheel's track, beyond that of the lengths before and after."""
     along = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))))
     window = _window(heights, vehicle)

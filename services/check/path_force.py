@@ -8,20 +8,18 @@ the highest. Source: Braking (6)–(8); order of the effects as in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.effects import registry
-from slopewise.models.effects.effect_law import Enters, Place
+from slopewise.models.effects.effect_law import Place
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.surface_names import candidate_surfaces
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line
-
-NO_LIMIT = 1e6  # Friction coefficient of a model that has none: above any demand
+from slopewise.services.physics.force import NO_FRICTION_LIMIT, applied_share, force_line
 
 
 class PathForce(NamedTuple):
@@ -29,14 +27,13 @@ class PathForce(NamedTuple):
 
     names: tuple[str, ...]
     on: Bools  # (R, M) samples where a wheel may be on them
-    slope: Floats  # (R, M) coefficient of F_b/W over the speed at onset [s/m]
-    intercept: Floats  # (R, M) without ground terms [1]
-    force_surplus: Floats  # (R, M) share by which it may be off where the model extrapolates
-    variance_terms: Floats  # (R, 3, M) variance of F_b/W: coefficients of v², 2 v and 1
+    # (6, R, M) F_b/W over the speed at onset v: slope [s/m], intercept without ground terms, share
+    # by which it may be off where the model extrapolates, and its variance over v², 2 v and 1
+    terms: Floats
     trained_speed_min: Floats  # (R, 1) speeds below which the force no longer changes [m/s]
     trained_speed_max: Floats  # (M,) highest trained speed of them all, by grade [m/s]
     extra: Floats  # (M,) ground terms [1]
-    friction: Floats  # (M,) lowest μ of them all, :data:`NO_LIMIT` where unknown
+    friction: Floats  # (M,) lowest μ of them all, :data:`NO_FRICTION_LIMIT` where unknown
     dead_time: Floats  # (M,) longest of them all [s]
     offset: float  # safety offset, the longest along the line [m]
     grade_excess: Floats  # (M,) grade outside the trained range [rad]
@@ -45,26 +42,20 @@ class PathForce(NamedTuple):
     def force(self, onset_speed: Floats, *, upper: bool = False) -> Floats:
         """F_b/W (M,) before friction caps it, for speeds (M,) at onset [m/s]."""
         speed = np.maximum(onset_speed, self.trained_speed_min)
-        variance_terms = self.variance_terms.transpose(1, 0, 2)
-        terms = self.slope, self.intercept, self.force_surplus, *variance_terms
-        force = surface_force(terms, speed, upper=upper)
+        force = surface_force(self.terms, speed, upper=upper)
         ends = np.where(self.on, force, -np.inf if upper else np.inf)
         total: Floats = (ends.max(axis=0) if upper else ends.min(axis=0)) + self.extra
         return total
 
 
-def surface_force(terms: Sequence[Floats], speed: Floats, *, upper: bool) -> Floats:
-    """Lower or upper bound of F_b/W of surfaces, without ground terms.
-
-    Args:
-        terms: slope, intercept, force_surplus and the three variance_terms of :class:`PathForce`.
-        speed: at onset, in the trained range [m/s].
-    """
+def surface_force(terms: Floats, speed: Floats, *, upper: bool) -> Floats:
+    """Lower or upper bound of F_b/W by terms (6, …) of :class:`PathForce`, without ground terms."""
     slope, intercept, surplus, square, double, constant = terms
     force = speed * slope + intercept
     variance = np.maximum((square * speed + 2.0 * double) * speed + constant, 0.0)
     width = surplus * np.abs(force) + np.sqrt(variance)
-    return force + width if upper else force - width
+    bound: Floats = force + width if upper else force - width
+    return bound
 
 
 def path_force_along(
@@ -81,36 +72,36 @@ def path_force_along(
     names, on = _touched(model, ground, class_names)
     tables = [model.braking.on(name) if name else model.braking for name in names]
     scale = registry.force_scale(model.effect)
-    forces = [_force_of(table, model, ground.grade, scale) for table in tables]
     place = Place(ground.grade, ground.roll, line.x, line.y, line.heading, 0.0)
     outside = np.array([_outside(t.grade_range, ground.grade) for t in tables])
     rolled = np.array([_outside(t.trained_roll, ground.roll) for t in tables])
+    rolls = model.terrain.rolling_while_braking
     margin = model.braking.extrapolation_margin if model.braking.extrapolate else 0.0
-    friction = np.array([_friction(model, table) for table in tables])
+    caps = [registry.motion(model.effect, table.sliding_friction).friction for table in tables]
 
-    def highest(values: list[float]) -> Floats:
-        column: Floats = np.where(on, np.asarray(values)[:, None], -np.inf).max(axis=0)
+    def lowest(values: list[float] | Floats) -> Floats:
+        """(M,) of numbers (R,) or rows (R, M) the lowest of the surfaces that are touched."""
+        rows = np.reshape(values, (len(on), -1))
+        column: Floats = np.where(on, rows, np.inf).min(axis=0)
         return column
+
+    def terms(table: Braking, beyond: Floats) -> list[Floats]:
+        force = _force_of(table, rolls, ground.grade, scale)
+        variance = width**2 * scale**2 * _variance_terms(table, ground.grade)
+        return [*force, np.where(beyond > 0.0, margin, 0.0), *variance]
 
     return PathForce(
         names=names,
         on=on,
-        slope=np.array([slope for slope, _ in forces]),
-        intercept=np.array([intercept for _, intercept in forces]),
-        force_surplus=np.where(outside > 0.0, margin, 0.0),
-        variance_terms=np.array(
-            [width**2 * scale**2 * _variance_terms(t, ground.grade) for t in tables]
-        ),
+        terms=np.stack([terms(*of) for of in zip(tables, outside, strict=True)], axis=1),
         trained_speed_min=np.array([[t.speed_range[0]] for t in tables]),
-        trained_speed_max=np.where(on, _trained_speed_max(tables, ground.grade), np.inf).min(
-            axis=0
-        ),
+        trained_speed_max=lowest(np.array([_trained_speed_max(t, ground.grade) for t in tables])),
         extra=np.broadcast_to(registry.ground_term(model.effect, place), ground.grade.shape),
-        friction=np.where(on, friction[:, None], np.inf).min(axis=0),
-        dead_time=highest([t.dead_time + width * t.dead_time_std for t in tables]),
-        offset=float(highest([t.distance_offset for t in tables])[: line.driven].max()),
-        grade_excess=np.where(on, outside, 0.0).max(axis=0),
-        roll_excess=np.where(on, rolled, 0.0).max(axis=0),
+        friction=lowest(np.minimum(caps, NO_FRICTION_LIMIT)),
+        dead_time=-lowest([-t.dead_time - width * t.dead_time_std for t in tables]),
+        offset=-float(lowest([-t.distance_offset for t in tables])[: line.driven].min()),
+        grade_excess=-lowest(-outside),
+        roll_excess=-lowest(-rolled),
     )
 
 
@@ -130,28 +121,21 @@ def _touched(
     return tuple(names[i] for i in touched), on[touched]
 
 
-def _trained_speed_max(tables: list[Braking], grade: Floats) -> Floats:
-    """(R, M) highest speed that each surface was driven at, by grade where the model has it."""
-    rows = []
-    for table in tables:
-        highest = np.full(len(grade), table.speed_range[1])
-        if table.speed_by_grade is not None and not table.extrapolate:
-            corners = np.array(table.speed_by_grade)
-            highest = np.minimum(highest, np.interp(grade, corners[:, 0], corners[:, 1]))
-        rows.append(highest)
-    return np.array(rows)
+def _trained_speed_max(table: Braking, grade: Floats) -> Floats:
+    """(M,) highest speed that a surface was driven at, by grade where the model has it."""
+    if table.speed_by_grade is None or table.extrapolate:
+        return np.full(len(grade), table.speed_range[1])
+    grades, speeds = np.array(table.speed_by_grade).T
+    highest: Floats = np.minimum(table.speed_range[1], np.interp(grade, grades, speeds))
+    return highest
 
 
-def _force_of(table: Braking, model: Model, grade: Floats, scale: float) -> tuple[Floats, Floats]:
-    """Slope and intercept of F_b/W over the speed at onset, (M,) each."""
-    up = table.uphill or table
-    uphill = grade > 0.0
-    slope = np.where(uphill, up.m_m, table.m_m) * grade + table.m_b
-    intercept = np.where(uphill, up.b_m, table.b_m) * grade + table.b_b
-    level = (table.level - table.dead_band) / (table.saturation - table.dead_band)
-    level = min(max(level, 0.0), 1.0)
-    rolls = (1.0 - level) * model.terrain.rolling_while_braking
-    return scale * level * slope, scale * (level * intercept + rolls)
+def _force_of(table: Braking, rolls: float, grade: Floats, scale: float) -> tuple[Floats, Floats]:
+    """Slope and intercept of F_b/W over the speed at onset, (M,) each; without brakes it rolls."""
+    up, level = table.uphill or table, applied_share(table)
+    downhill, uphill = (table.m_m, table.b_m), (up.m_m, up.b_m)
+    slope, intercept = force_line(downhill, uphill, (table.m_b, table.b_b), grade)
+    return scale * level * slope, scale * (level * intercept + (1.0 - level) * rolls)
 
 
 def _variance_terms(table: Braking, grade: Floats) -> Floats:
@@ -166,20 +150,12 @@ def _variance_terms(table: Braking, grade: Floats) -> Floats:
     for m_m, b_m in sides:
         scatter = table.force_scatter * np.array([m_m, b_m, table.m_b, table.b_b])
         c = c + np.outer(scatter, scatter)
-    c = c * table.share_at() ** 2
+    c = c * applied_share(table) ** 2
     c[3, 3] += table.force_std**2
     square = (c[0, 0] * grade + 2.0 * c[0, 2]) * grade + c[2, 2]
     double = (c[0, 1] * grade + c[0, 3] + c[1, 2]) * grade + c[2, 3]
     constant = (c[1, 1] * grade + 2.0 * c[1, 3]) * grade + c[3, 3]
     return np.stack((square, double, constant))
-
-
-def _friction(model: Model, table: Braking) -> float:
-    known = [NO_LIMIT if table.sliding_friction is None else table.sliding_friction]
-    for effect in model.effect:
-        if registry.law_of(effect).enters is Enters.CAP:
-            known.extend(registry.validate(effect).values())
-    return min(known)
 
 
 def _outside(bounds: tuple[float, float], values: Floats) -> Floats:

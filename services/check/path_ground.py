@@ -7,11 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.check.body_on_line import Body
 from slopewise.services.check.contact_heights import contact_height
-from slopewise.services.check.heights import Heights, cell_is_known, classes_around
 from slopewise.services.check.plan_line import Line
+from slopewise.services.physics.body import plane_of, points_of, wheel_places
+from slopewise.services.physics.heights import in_cells
 
 _CURVATURE_SPAN = 0.25
 """Of the wheelbase, on either side: over that the vertical curvature is taken."""
@@ -19,9 +21,6 @@ _CURVATURE_SPAN = 0.25
 _CHUNK = 4096  # Samples whose ground below the body is sampled together: 30 MB of points
 
 _TRAILED = 0.01  # [m] that corners of a body are uncertain whose heading trails: 0.007 rad of rows
-
-WHEELS = ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))
-"""Front left, front right, rear left, rear right: wheelbases ahead, track widths to the left."""
 
 
 class LineGround(NamedTuple):
@@ -38,45 +37,34 @@ class LineGround(NamedTuple):
     classes: Bools  # (C, M) terrain classes that path or wheels touch
 
 
-def ground_under(heights: Heights, line: Line, vehicle: Vehicle) -> LineGround:
+def ground_under(heights: ElevationMap, line: Line, vehicle: Vehicle) -> LineGround:
     """Sample the map along a line.
 
-    The plane nearest to four contact points rises by the mean of front minus rear over the
-    wheelbase, and leans by the mean of left minus right over the track width. Roll turns about
-    the inclined axis of the body, so its tangent is the lean times cos θ.
+    Roll turns about the inclined axis of the body, so its tangent is the cross rise times cos θ.
     """
-    length, width = vehicle.wheelbase, vehicle.track_width
-    places = [
-        offset_points(line.body, ahead * length, to_left * width) for ahead, to_left in WHEELS
-    ]
-    headings = [line.body.heading] * len(places) + [line.heading]
-    places.append((line.x, line.y))
+    body, yaw = line.body, line.body.heading
+    x, y = wheel_places(vehicle, (body.x, body.y, np.cos(yaw), np.sin(yaw)))
+    x, y = np.vstack((x, line.x)), np.vstack((y, line.y))
+    headings = (yaw, yaw, yaw, yaw, line.heading)
     points = np.array(
-        [
-            contact_height(heights, *place, heading, vehicle)
-            for place, heading in zip(places, headings, strict=True)
-        ]
+        [contact_height(heights, *at, vehicle) for at in zip(x, y, headings, strict=True)]
     )
     wheels, z = points[:4], points[4]
     known = np.isfinite(points).all(axis=0)
-    front, rear, left, right = (
-        0.5 * (wheels[a] + wheels[b]) for a, b in ((0, 1), (2, 3), (0, 2), (1, 3))
-    )
-    grade = np.where(known, np.arctan((front - rear) / length), 0.0)
-    roll = np.where(known, np.arctan((left - right) / width * np.cos(grade)), 0.0)
+    rise, cross_rise = plane_of(wheels, vehicle)
+    grade = np.where(known, np.arctan(rise), 0.0)
+    roll = np.where(known, np.arctan(cross_rise * np.cos(grade)), 0.0)
     station = _stations(line, z)
-    classes = np.any([classes_around(heights, *place) for place in places], axis=0)
-    vertical_curvature = _vertical_curvature(station, grade, known, length, line)
     return LineGround(
         station,
         z,
         wheels,
         grade,
         roll,
-        vertical_curvature,
+        _vertical_curvature(station, grade, known, vehicle.wheelbase, line),
         known,
-        _body_known(heights, line.body, vehicle),
-        classes,
+        _body_known(heights, body, vehicle),
+        np.any(classes_around(heights, x, y), axis=1),
     )
 
 
@@ -84,8 +72,8 @@ def offset_points(
     body: Body, ahead: float | Floats, to_left: float | Floats
 ) -> tuple[Floats, Floats]:
     """Points ahead of, and to the left of, the middle of the wheelbase [m]; offsets broadcast."""
-    cos, sin = np.cos(body.heading), np.sin(body.heading)
-    return body.x + ahead * cos - to_left * sin, body.y + ahead * sin + to_left * cos
+    pose = body.x, body.y, np.cos(body.heading), np.sin(body.heading)
+    return points_of(pose, ahead, to_left)
 
 
 def _stations(line: Line, z: Floats) -> Floats:
@@ -118,7 +106,7 @@ def _vertical_curvature(
     return change / np.maximum(high - low, 0.5 * reach)
 
 
-def _body_known(heights: Heights, body: Body, vehicle: Vehicle) -> Bools:
+def _body_known(heights: ElevationMap, body: Body, vehicle: Vehicle) -> Bools:
     """(M,) samples without an unknown cell below the body, except where it is at the first row."""
     cos, sin = np.cos(body.heading[0]), np.sin(body.heading[0])
     shape, margin = vehicle.shape, 0.5 * heights.resolution
@@ -131,8 +119,43 @@ def _body_known(heights: Heights, body: Body, vehicle: Vehicle) -> Bools:
         along, across = east * cos + north * sin, north * cos - east * sin
         under_start = (along > -shape.rear - margin) & (along < shape.front + margin)
         under_start &= np.abs(across) < 0.5 * shape.width + margin + body.band(0.0)[0]
-        known[part] = np.all(cell_is_known(heights, x, y) | under_start, axis=0)
+        known[part] = np.all(_cell_is_known(heights, x, y) | under_start, axis=0)
     return known
+
+
+def _cell_is_known(heights: ElevationMap, x: Floats, y: Floats) -> Bools:
+    """Whether the one cell that holds each point is known; any shape.
+
+    Less than a cell beyond its outermost centres the cell at its rim is used.
+    """
+    z = heights.elevation
+    rows, columns = z.shape
+    u, v = in_cells(heights, x, y)
+    inside = (u > -1.0) & (v > -1.0) & (u < columns) & (v < rows)
+    i = np.clip(np.floor(np.where(inside, v, 0.0) + 0.5).astype(np.int64), 0, rows - 1)
+    j = np.clip(np.floor(np.where(inside, u, 0.0) + 0.5).astype(np.int64), 0, columns - 1)
+    known: Bools = inside & np.isfinite(z[i, j])
+    return known
+
+
+def classes_around(heights: ElevationMap, x: Floats, y: Floats) -> Bools:
+    """Which terrain classes the four cells around points have, (classes, …).
+
+    Without classes all ground is class 0; so is ground off the map.
+    """
+    touched = np.zeros((len(heights.class_names), *np.shape(x)), np.bool_)
+    classes = heights.terrain_class
+    if classes is None:
+        touched[0] = True
+        return touched
+    rows, columns = classes.shape
+    u, v = in_cells(heights, np.asarray(x), np.asarray(y))
+    for right in (0, 1):
+        for up in (0, 1):
+            i = np.clip(np.floor(v).astype(np.int64) + up, 0, rows - 1)
+            j = np.clip(np.floor(u).astype(np.int64) + right, 0, columns - 1)
+            np.put_along_axis(touched, classes[i, j][None], True, axis=0)
+    return touched
 
 
 def parts_of(samples: Ints) -> list[Ints]:

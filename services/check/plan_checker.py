@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.input_errors import input_errors
 from slopewise.models.parameters import Model
@@ -13,10 +14,9 @@ from slopewise.models.stop_promise import promised
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.check.averaged_heights import averaged
 from slopewise.services.check.check_report import CheckReport, ViolationLog
+from slopewise.services.check.checked_drive import CheckedDrive
 from slopewise.services.check.driving_checks import check_driving
 from slopewise.services.check.external_plan import ExternalPlan
-from slopewise.services.check.heights import Heights, in_cells
-from slopewise.services.check.loads import attitude_of
 from slopewise.services.check.obstacle_checks import obstacles_along, shows_steps
 from slopewise.services.check.path_force import path_force_along
 from slopewise.services.check.path_ground import ground_under
@@ -28,7 +28,13 @@ from slopewise.services.check.reported_columns import (
     check_status,
     verified_columns,
 )
-from slopewise.services.check.speed_claims import SpeedTrial, check_limiting, check_speed_bound
+from slopewise.services.check.speed_claims import (
+    breaches,
+    check_limiting,
+    check_speed_bound,
+    held_at_rows,
+    tried_speeds,
+)
 from slopewise.services.check.steering_checks import too_tight, turning_along
 from slopewise.services.check.stop_dynamics import StopDynamics
 from slopewise.services.check.stop_ends import (
@@ -40,6 +46,7 @@ from slopewise.services.check.stop_ends import (
     worst_stops,
 )
 from slopewise.services.check.tolerances import TOLERANCES
+from slopewise.services.physics.heights import in_cells
 
 _MIN_TAIL = 0.3  # [m] of path behind the last row where stops may still end, at least
 _STANDSTILL_NOTE = "the plan stands in one place"
@@ -49,7 +56,7 @@ _UNCHECKED = "jerk, and vertical acceleration on rough ground, are comfort and w
 def check_plan_on_map(
     plan: ExternalPlan,
     model: Model,
-    heights: Heights,
+    heights: ElevationMap,
     *,
     clear: float = np.inf,
     quantile: float = 0.5,
@@ -87,40 +94,31 @@ def check_plan_on_map(
         model = promised(model, quantile)
     brakes = path_force_along(model, ground, line, heights.class_names, float(ndtri(quantile)))
     field = StopDynamics.along(model, line, ground, brakes, errors)
-    pose = attitude_of(ground.grade, ground.roll, ground.vertical_curvature, line.curvature)
     clear_at = np.minimum(line.between(ends) + 0.0, ground.station[-1])
     log = ViolationLog(plan.name, line.row, ground.station)
     log.notes.append(_UNCHECKED)
     _check_spacing(log, plan, line, model.vehicle, heights.resolution)
     turning = turning_along(line, model.steering_geometry)
-    trial = SpeedTrial(plan, model, line, ground, pose, field, turning, clear_at)
-    stops = _check_rules(log, heights, trial)
-    verified = verified_columns(plan)
-    where = ground.station[line.at_row]
+    drive = CheckedDrive(plan, line, ground, field, turning, clear_at)
+    stops = _check_rules(log, heights, drive)
+    columns = ground.station[line.at_row], stops.nominal[0], stops.nominal[1]
+    texts = log.violations(), tuple(log.notes)
     return CheckReport(
-        plan.name,
-        plan.status,
-        log.violations(),
-        tuple(log.notes),
-        where,
-        stops.distance,
-        stops.rear,
-        stops.lanes,
-        *verified,
+        plan.name, plan.status, *texts, *columns, stops.lanes, *verified_columns(plan)
     )
 
 
-def _check_rules(log: ViolationLog, heights: Heights, trial: SpeedTrial) -> CheckedStops:
+def _check_rules(log: ViolationLog, heights: ElevationMap, drive: CheckedDrive) -> CheckedStops:
     """Note what motion, ground, stops and reported columns break; the stops from the rows."""
-    plan, model, line, ground, _, field, turning, clear = trial
-    motion, brakes, rows = motion_along(line, ground.station, plan.speed), field.brakes, line.at_row
-    check_columns(log, plan, line, ground)
-    check_places(log, model, ground, brakes, motion)
+    plan, model, ground = drive.plan, drive.model, drive.ground
+    motion = motion_along(drive.line, ground.station, plan.speed)
+    check_columns(log, drive)
+    check_places(log, drive, motion)
     driven = motion._replace(moving=motion.moving & ground.known)
-    check_driving(trial.checks(log, driven), plan.speed_limit, too_fast=plan.status == "degraded")
-    blocked = np.any([there for _, there, _ in blocking_ground(ground, brakes, model)], axis=0)
-    obstacles = obstacles_along(heights, line.body, ground, model.vehicle)
-    for kind, excess, sentence, value in (*obstacles, too_tight(turning, model)):
+    check_driving(log, drive, driven)
+    blocked = np.any([there for _, there, _ in blocking_ground(drive)], axis=0)
+    obstacles = obstacles_along(heights, drive.line.body, ground, model.vehicle)
+    for kind, excess, sentence, value in (*obstacles, too_tight(drive.turning, model)):
         log.add(kind, excess, sentence, value, where=driven.moving)
         blocked |= excess > TOLERANCES[kind].value
     if not shows_steps(heights, model.vehicle):
@@ -128,16 +126,16 @@ def _check_rules(log: ViolationLog, heights: Heights, trial: SpeedTrial) -> Chec
             f"steps were not checked: cells of {heights.resolution:g} m do not show any to "
             f"wheels of radius {model.vehicle.wheel_radius:g} m"
         )
-    motions = [motion, *(trial.motion_at(speed) for speed in trial.speeds())]
-    ends = worst_stops(field, ground, motions, float(clear.max()))
-    check_stops(log, field, ground, motion, clear, ends[0])
-    stops = stops_at_rows(field, ground, motion, rows, ends[0], float(clear.max()))
-    broken = [trial.breaches(m, e) for m, e in zip(motions[1:], ends[1:], strict=True)]
-    check_reported_stops(log, plan, line, stops, driven.moving)
-    check_clear_distance(log, plan, line, ground, blocked, heights.resolution)
-    check_status(log, plan, line, ground, brakes.offset)
-    check_speed_bound(log, trial, broken[0])
-    check_limiting(log, trial, motion, *broken[1:])
+    tried = [held_at_rows(drive, speed) for speed in tried_speeds(plan)]
+    worst, *ends = worst_stops(drive, (motion, *tried))
+    check_stops(log, drive, motion, worst)
+    stops = stops_at_rows(drive, motion, worst)
+    below, near, far = (breaches(drive, *of) for of in zip(tried, ends, strict=True))
+    check_reported_stops(log, drive, stops, driven.moving)
+    check_clear_distance(log, drive, blocked, heights.resolution)
+    check_status(log, drive)
+    check_speed_bound(log, drive, below)
+    check_limiting(log, drive, motion, near, far)
     return stops
 
 
@@ -165,7 +163,7 @@ def _check_spacing(
     log.sparse.update(np.flatnonzero(steps > (1.0 + TOLERANCES["spacing"].value) * widest).tolist())
 
 
-def _check_begin(plan: ExternalPlan, heights: Heights) -> None:
+def _check_begin(plan: ExternalPlan, heights: ElevationMap) -> None:
     u, v = in_cells(heights, plan.x[:1], plan.y[:1])
     rows, columns = heights.elevation.shape
     if not (0.0 <= u[0] <= columns - 1 and 0.0 <= v[0] <= rows - 1):

@@ -8,8 +8,8 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.services.check.check_report import ViolationLog
+from slopewise.services.check.checked_drive import CheckedDrive
 from slopewise.services.check.external_plan import COLUMNS, STANDSTILL_SPEED, TEXT, ExternalPlan
-from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line
 from slopewise.services.check.speed_claims import MOTION
 from slopewise.services.check.stop_ends import CheckedStops
@@ -25,11 +25,12 @@ _PLACE = 0.2  # [m] of a place in a reason: a digit after the point, and station
 _STATUSES = ("ok", "blocked", "degraded", "infeasible")
 
 
-def check_columns(log: ViolationLog, plan: ExternalPlan, line: Line, ground: LineGround) -> None:
+def check_columns(log: ViolationLog, drive: CheckedDrive) -> None:
     """Note where stations, heights, slopes, turns, accelerations and times contradict the rest.
 
     Sizes are shares of what is allowed, see :data:`slopewise.services.check.tolerances.TOLERANCES`.
     """
+    plan, line, ground = drive.plan, drive.line, drive.ground
     rows = line.at_row
     station, known, even = ground.station[rows], ground.known[rows], _evenly_between(line)
 
@@ -88,20 +89,21 @@ def _even_steps(line: Line) -> Bools:
 
 
 def check_reported_stops(
-    log: ViolationLog, plan: ExternalPlan, line: Line, stops: CheckedStops, moving: Bools
+    log: ViolationLog, drive: CheckedDrive, stops: CheckedStops, moving: Bools
 ) -> None:
     """Note reported stops and loads that the model does not give, between its mean and the worst.
 
     A plan with margins allows for surfaces, crests and scatter: it reports more than the mean stop.
     """
-    rows = line.at_row
+    plan, rows = drive.plan, drive.line.at_row
     used = moving[rows] & (plan.speed > 0.0)
-    distance, uneven = plan.stop_distance, _UNEVEN * stops.distance
-    longest = stops.longest * (1.0 + _MORE) + _MORE_DISTANCE
+    distance, (shortest, rear, side) = plan.stop_distance, stops.nominal
+    longest, lightest_rear, lightest_side = stops.worst
+    longest, uneven = longest * (1.0 + _MORE) + _MORE_DISTANCE, _UNEVEN * shortest
     for kind, reported, min_value, max_value, slack in (
-        ("stop_distance", distance, stops.distance, longest, uneven),
-        ("rear_load", plan.rear_load, stops.lightest_rear - _MORE_LOAD, stops.rear, 0.0),
-        ("side_load", plan.side_load, stops.lightest_side - _MORE_LOAD, stops.side, 0.0),
+        ("stop_distance", distance, shortest, longest, uneven),
+        ("rear_load", plan.rear_load, lightest_rear - _MORE_LOAD, rear, 0.0),
+        ("side_load", plan.side_load, lightest_side - _MORE_LOAD, side, 0.0),
     ):
         if reported is None:
             continue
@@ -110,7 +112,7 @@ def check_reported_stops(
         sentence = f"{kind} is {{0:.3f}} in the plan, {{1:.3f}} by the model"
         log.add(kind, excess, sentence, reported, expected, where=used, at=rows)
     if distance is not None:
-        longer = np.where(used, distance - stops.distance, 0.0)
+        longer = np.where(used, distance - shortest, 0.0)
         if longer.max() > _NOTED:
             log.notes.append(
                 f"reported stopping distances are up to {longer.max():.2f} m longer than by the "
@@ -119,20 +121,16 @@ def check_reported_stops(
 
 
 def check_clear_distance(
-    log: ViolationLog,
-    plan: ExternalPlan,
-    line: Line,
-    ground: LineGround,
-    blocked: Bools,
-    cell: float,
+    log: ViolationLog, drive: CheckedDrive, blocked: Bools, cell: float
 ) -> None:
     """Note clear distances beyond the first ``blocked`` sample (M,), or beyond the rows.
 
     ``cell``: edge of a cell of the map [m].
     """
+    plan, ground, rows = drive.plan, drive.ground, drive.line.at_row
     if plan.clear_distance is None:
         return
-    rows, clear = line.at_row, plan.clear_distance
+    clear = plan.clear_distance
     station = ground.station[rows]
     # A plan that is blocked may end up to two rows, or a cell, before the clear distance does.
     step = 0.0 if plan.status == "ok" else max(2.0 * float(np.diff(station).max()), cell)
@@ -144,11 +142,10 @@ def check_clear_distance(
     log.add("clear_distance", clear - end, sentence, clear, at=rows)
 
 
-def check_status(
-    log: ViolationLog, plan: ExternalPlan, line: Line, ground: LineGround, offset: float
-) -> None:
+def check_status(log: ViolationLog, drive: CheckedDrive) -> None:
     """Note a status or reason that rows, and each other, contradict; infeasible is never driven."""
-    rows, status, reason = line.at_row, plan.status, plan.reason
+    plan, ground, rows = drive.plan, drive.ground, drive.line.at_row
+    status, reason = plan.status, plan.reason
     moving = np.flatnonzero(plan.speed > 0.0)
     rest = min(int(moving[-1]) + 1, len(rows) - 1) if len(moving) else 0
     at_rest, end = (float(ground.station[rows[k]]) for k in (rest, -1))
@@ -159,7 +156,7 @@ def check_status(
             status == "infeasible"
         ),
         "the plan is at rest well before its rows end": (
-            status == "ok" and end - at_rest > offset + _SHORT
+            status == "ok" and end - at_rest > drive.brakes.offset + _SHORT
         ),
         f"limiting is {', '.join(sorted(named))} where it rests": (
             status == "ok" and not named <= {"stopping_path", *MOTION}

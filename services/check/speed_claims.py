@@ -7,20 +7,14 @@ that rests are not verified.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
-from slopewise.models.parameters import Model
 from slopewise.services.check.check_report import ViolationLog
+from slopewise.services.check.checked_drive import CheckedDrive
 from slopewise.services.check.driving_checks import DrivingChecks
 from slopewise.services.check.external_plan import ExternalPlan
-from slopewise.services.check.loads import BodyAttitude
-from slopewise.services.check.path_ground import LineGround
-from slopewise.services.check.plan_line import Line, Motion
-from slopewise.services.check.steering_checks import Turning
-from slopewise.services.check.stop_dynamics import StopDynamics
+from slopewise.services.check.plan_line import Motion
 from slopewise.services.check.stop_ends import check_stops
 from slopewise.services.check.stop_integration import StopEnds
 
@@ -56,62 +50,46 @@ _FULL = 0.99  # of the acceleration that is allowed: rounding
 _SOME, _HALF = 0.1, 0.5  # of how fast speed may fall, and rise: less is not held back by that
 
 
-class SpeedTrial(NamedTuple):
-    """A plan of N rows on its ground, M samples, where other speeds are tried out."""
-
-    plan: ExternalPlan
-    model: Model
-    line: Line
-    ground: LineGround
-    pose: BodyAttitude
-    field: StopDynamics
-    turning: Turning
-    clear: Floats  # (M,) station before which stops end [m]
-
-    def speeds(self) -> list[Floats]:
-        """(N,) speeds to try: below the reported bound, above the speed, and far above it [m/s]."""
-        plan, none = self.plan, np.zeros(len(self.plan.speed))
-        bound = none if plan.speed_bound is None else plan.speed_bound
-        lower = _LESS * bound - _LESS_SPEED
-        # Where the bound is the speed itself it is judged as that.
-        tried = [np.where(lower > plan.speed, lower, 0.0), none, none]
-        if plan.limiting is not None:
-            here = (plan.speed > 0.0) & np.isin(plan.limiting, list(RULES))
-            tried[1] = np.where(here, _NEAR * plan.speed + _NEAR_SPEED, 0.0)
-            tried[2] = np.where(here, _FAR * plan.speed + _FAR_SPEED, 0.0)
-        return tried
-
-    def motion_at(self, speed: Floats) -> Motion:
-        """Speeds (N,) that are held at the rows, and rest between them."""
-        tried = np.zeros(len(self.line.x))
-        tried[self.line.at_row] = speed
-        still = np.zeros_like(tried)
-        return Motion(tried, still, still, (tried > 0.0) & self.ground.known)
-
-    def breaches(self, motion: Motion, stops: StopEnds) -> list[set[str]]:
-        """(N,) kinds of rules that a motion of :meth:`motion_at` breaks."""
-        log = ViolationLog(self.plan.name, self.line.row, self.ground.station)
-        checks = self.checks(log, motion)
-        checks.speeds(self.plan.speed_limit)
-        checks.drive(motion.accel)
-        checks.loads(motion.accel)
-        checks.friction(motion.accel)
-        check_stops(log, self.field, self.ground, motion, self.clear, stops)
-        return log.kinds(len(self.plan.x))
-
-    def checks(self, log: ViolationLog, motion: Motion) -> DrivingChecks:
-        """Checks of a motion."""
-        brakes = self.field.brakes
-        ground = self.model, self.line, self.pose, brakes
-        return DrivingChecks(log, *ground, motion, self.turning, motion.moving)
+def tried_speeds(plan: ExternalPlan) -> list[Floats]:
+    """(N,) speeds to try: below the reported bound, above the speed, and far above it [m/s]."""
+    none = np.zeros(len(plan.speed))
+    bound = none if plan.speed_bound is None else plan.speed_bound
+    lower = _LESS * bound - _LESS_SPEED
+    # Where the bound is the speed itself it is judged as that.
+    tried = [np.where(lower > plan.speed, lower, 0.0), none, none]
+    if plan.limiting is not None:
+        here = (plan.speed > 0.0) & np.isin(plan.limiting, list(RULES))
+        tried[1] = np.where(here, _NEAR * plan.speed + _NEAR_SPEED, 0.0)
+        tried[2] = np.where(here, _FAR * plan.speed + _FAR_SPEED, 0.0)
+    return tried
 
 
-def check_speed_bound(log: ViolationLog, trial: SpeedTrial, broken: list[set[str]]) -> None:
+def held_at_rows(drive: CheckedDrive, speed: Floats) -> Motion:
+    """Speeds (N,) that are held at the rows, and rest between them."""
+    tried = np.zeros(len(drive.line.x))
+    tried[drive.line.at_row] = speed
+    still = np.zeros_like(tried)
+    return Motion(tried, still, still, (tried > 0.0) & drive.ground.known)
+
+
+def breaches(drive: CheckedDrive, motion: Motion, stops: StopEnds) -> list[set[str]]:
+    """(N,) kinds of rules that a motion of :func:`held_at_rows` breaks."""
+    log = ViolationLog(drive.plan.name, drive.line.row, drive.ground.station)
+    checks = DrivingChecks(log, drive, motion, motion.moving)
+    checks.speeds()
+    checks.traction(motion.accel)
+    checks.loads(motion.accel)
+    checks.friction(motion.accel)
+    check_stops(log, drive, motion, stops)
+    return log.kinds(len(drive.plan.x))
+
+
+def check_speed_bound(log: ViolationLog, drive: CheckedDrive, broken: list[set[str]]) -> None:
     """Note bounds below the speed, and those that a rule forbids; lower ones are right.
 
     ``broken`` has the rules that a speed a little below the bound breaks at each row.
     """
-    plan, rows = trial.plan, trial.line.at_row
+    plan, rows = drive.plan, drive.line.at_row
     if plan.speed_bound is None:
         return
     bound, speed = plan.speed_bound, plan.speed
@@ -125,7 +103,7 @@ def check_speed_bound(log: ViolationLog, trial: SpeedTrial, broken: list[set[str
 
 def check_limiting(
     log: ViolationLog,
-    trial: SpeedTrial,
+    drive: CheckedDrive,
     motion: Motion,
     near: list[set[str]],
     far: list[set[str]],
@@ -134,12 +112,12 @@ def check_limiting(
 
     ``near`` and ``far`` have the rules that speeds above the plan's break at each row.
     """
-    plan, rows, speed = trial.plan, trial.line.at_row, trial.plan.speed
+    plan, rows, speed = drive.plan, drive.line.at_row, drive.plan.speed
     if plan.limiting is None:
         return
     names = np.array(plan.limiting)
-    moves = motion.moving[rows] & trial.ground.known[rows]
-    slower, faster, steady = _against_motion(trial, motion)
+    moves = motion.moving[rows] & drive.ground.known[rows]
+    slower, faster, steady = _against_motion(drive, motion)
     for name in sorted(set(plan.limiting)):
         here = moves & (names == name)
         sentence = f"limiting is {name}, which still allows {{0:.2f}} m/s; another rule holds"
@@ -151,7 +129,7 @@ def check_limiting(
             _false(log, here & slack, sentence, _FAR * speed + _FAR_SPEED, rows)
         elif name not in (*MOTION, *UNTRIED):
             _false(log, names == name, f"limiting is {name!r}, which is no rule", speed, rows)
-        _against_bound(log, trial, name, here)
+        _against_bound(log, drive, name, here)
         if name in MOTION:
             wrong = {"decel": slower, "accel": faster, "jerk": steady}.get(name, ~moves)
             what = "slows down" if name == "decel" else "speeds up"
@@ -159,9 +137,9 @@ def check_limiting(
             _false(log, here & wrong, sentence, motion.accel[rows], rows)
 
 
-def _against_bound(log: ViolationLog, trial: SpeedTrial, name: str, here: Bools) -> None:
+def _against_bound(log: ViolationLog, drive: CheckedDrive, name: str, here: Bools) -> None:
     """Note names of bounds below the plan's named bound, and of changes of speed at it."""
-    plan = trial.plan
+    plan = drive.plan
     if plan.speed_bound is None or name == "traction":
         return
     energy, max_energy = plan.speed**2, plan.speed_bound**2
@@ -169,19 +147,19 @@ def _against_bound(log: ViolationLog, trial: SpeedTrial, name: str, here: Bools)
     sentence = f"limiting is {name} at {{0:.3f}} m/s, where speed_bound is {{1:.3f}} m/s"
     lower = (short > _BELOW_BOUND) & (plan.status not in ("degraded", "infeasible"))
     wrong = here & (short < _AT_BOUND if name in MOTION else lower)
-    _false(log, wrong, sentence, plan.speed, trial.line.at_row, plan.speed_bound)
+    _false(log, wrong, sentence, plan.speed, drive.line.at_row, plan.speed_bound)
 
 
-def _against_motion(trial: SpeedTrial, motion: Motion) -> tuple[Bools, Bools, Bools]:
+def _against_motion(drive: CheckedDrive, motion: Motion) -> tuple[Bools, Bools, Bools]:
     """(N,) rows that plainly do not slow down or speed up as is allowed, or steadily do so."""
-    rows, limits = trial.line.at_row, trial.model.limits
+    rows, limits = drive.line.at_row, drive.model.limits
     lowest = np.minimum(motion.accel, motion.accel_before)
     highest = np.maximum(motion.accel, motion.accel_before)
-    checks = trial.checks(ViolationLog("", rows, motion.speed), motion)
+    checks = DrivingChecks(ViolationLog("", rows, motion.speed), drive, motion, motion.moving)
     thrust, taken = checks.thrust_and_resistance()
-    max_decel = np.minimum(limits.decel, checks.braking_deceleration(motion.speed))
+    max_decel = np.minimum(limits.decel, checks.braking_deceleration())
     max_accel = np.minimum(limits.accel, thrust - taken)
-    smoothed = "jerk" in (trial.plan.limiting or ())
+    smoothed = "jerk" in (drive.plan.limiting or ())
     slower = lowest > _STILL - smoothed * _SOME * np.maximum(max_decel, 0.0)
     faster = (lowest < -_STILL) | (highest < smoothed * _HALF * max_accel - _STILL)
     steady = np.abs(motion.accel - motion.accel_before) < _STILL

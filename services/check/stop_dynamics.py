@@ -15,10 +15,10 @@ from slopewise.models.input_errors import InputErrors
 from slopewise.models.laws.crest import remaining_force
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
-from slopewise.services.check.loads import BodyAttitude, attitude_of, braking_cap
 from slopewise.services.check.path_force import PathForce, surface_force
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line
+from slopewise.services.physics.loads import BodyAttitude, attitude_of, braking_cap
 
 _NO_ERRORS = InputErrors()
 
@@ -63,24 +63,20 @@ class StopDynamics:
     ) -> StopDynamics:
         """Collect it; ``errors`` make stops begin late."""
         pose = attitude_of(ground.grade, ground.roll, ground.vertical_curvature, line.curvature)
-        first = brakes.slope[0], brakes.intercept[0], brakes.force_surplus[0]
-        first = *first, *brakes.variance_terms[0], brakes.extra
+        first = *brakes.terms[:, 0], brakes.extra
         table = np.stack((*pose, line.curvature, line.heading, brakes.friction, *first))
-        return cls(
-            model,
-            brakes,
-            ground.station,
-            table,
-            registry.motion(model.effect),
-            registry.crest_share(model.effect),
-            errors,
-        )
+        effects = registry.motion(model.effect), registry.crest_share(model.effect)
+        return cls(model, brakes, ground.station, table, *effects, errors)
+
+    @property
+    def pose(self) -> BodyAttitude:
+        """How the vehicle stands at the samples."""
+        return BodyAttitude(*self.table[:5])
 
     @cached_property
     def two_sided(self) -> bool:
         """The force is known by bounds only: of several surfaces, or with a margin."""
-        b = self.brakes
-        return len(b.on) > 1 or bool(b.force_surplus.any()) or bool(b.variance_terms.any())
+        return len(self.brakes.on) > 1 or bool(self.brakes.terms[2:].any())
 
     def at(self, s: Floats) -> PathState:
         """Linear between samples; as at the first and the last beyond them."""
@@ -97,9 +93,8 @@ class StopDynamics:
         """Demanded F_b/W, before build-up, heat, friction and crests; or its upper bound."""
         b = self.brakes
         if len(b.on) == 1:
-            *terms, extra = here.first
             speed = np.maximum(onset_speed, b.trained_speed_min[0, 0])
-            force: Floats = surface_force(terms, speed, upper=upper) + extra
+            force: Floats = surface_force(here.first[:6], speed, upper=upper) + here.first[6]
             return force
         ends = [self._force_at(here.sample + i, onset_speed, upper) for i in (0, 1)]
         force = ends[0] + here.share * (ends[1] - ends[0])
@@ -109,11 +104,8 @@ class StopDynamics:
         b = self.brakes
         part = b._replace(
             on=b.on[:, sample],
-            slope=b.slope[:, sample],
-            intercept=b.intercept[:, sample],
-            force_surplus=b.force_surplus[:, sample],
+            terms=b.terms[..., sample],
             extra=b.extra[sample],
-            variance_terms=b.variance_terms[:, :, sample],
         )
         return part.force(onset_speed, upper=upper)
 

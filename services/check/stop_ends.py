@@ -8,15 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
-from slopewise.models.parameters import Model
 from slopewise.services.check.check_report import ViolationLog
-from slopewise.services.check.driving_checks import add_load
-from slopewise.services.check.loads import braking_cap
-from slopewise.services.check.path_force import PathForce
+from slopewise.services.check.checked_drive import CheckedDrive
+from slopewise.services.check.driving_checks import LOADS, add_load
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Motion
 from slopewise.services.check.stop_dynamics import StopDynamics
 from slopewise.services.check.stop_integration import StopEnds, nominal_stops, worst_case_stops
+from slopewise.services.physics.loads import braking_cap
 
 _TRAINED = np.deg2rad(0.6)  # [rad] beyond the trained range: slopes between two rows
 _OVERRUN = 2.0  # [m] that a stop is followed beyond the clear distance, for the size of a violation
@@ -24,31 +23,25 @@ _NOTHING = -np.inf
 
 
 class CheckedStops(NamedTuple):
-    """Stops from the N rows, nominal and worst: distances with the safety offset, least loads.
+    """Stops from the N rows: distance with the safety offset [m], least rear and side load [1].
 
     Where the plan rests they are 0 and 1.
     """
 
-    distance: Floats
-    rear: Floats
-    side: Floats
-    longest: Floats  # at worst [m]
-    lightest_rear: Floats  # at worst
-    lightest_side: Floats  # at worst
+    nominal: Floats  # (3, N)
+    worst: Floats  # (3, N)
     lanes: int  # stops from all samples
 
 
-def worst_stops(
-    field: StopDynamics, ground: LineGround, motions: Sequence[Motion], give_up: float
-) -> list[StopEnds]:
+def worst_stops(drive: CheckedDrive, motions: Sequence[Motion]) -> list[StopEnds]:
     """Emergency stops at worst from every sample that moves on known ground, of each motion."""
-    lanes = [_lanes(ground, motion) for motion in motions]
+    lanes = [_lanes(drive.ground, motion) for motion in motions]
     together = np.concatenate(lanes)
     speed = np.concatenate([m.speed[at] for m, at in zip(motions, lanes, strict=True)])
-    start, dead_time = ground.station[together], field.brakes.dead_time[together]
-    stops = worst_case_stops(field, start, speed, dead_time, give_up + _OVERRUN)
+    start, dead_time = drive.ground.station[together], drive.brakes.dead_time[together]
+    stops = worst_case_stops(drive.field, start, speed, dead_time, _give_up(drive))
     ends = np.cumsum([len(at) for at in lanes])
-    parts = [np.split(values, ends[:-1]) for values in stops]
+    parts = [np.split(values, ends[:-1], axis=-1) for values in stops]
     return [StopEnds(*columns) for columns in zip(*parts, strict=True)]
 
 
@@ -56,91 +49,66 @@ def _lanes(ground: LineGround, motion: Motion) -> Ints:
     return np.flatnonzero(motion.moving & ground.known)
 
 
-def check_stops(
-    log: ViolationLog,
-    field: StopDynamics,
-    ground: LineGround,
-    motion: Motion,
-    clear: Floats,
-    stops: StopEnds,
-) -> None:
-    """Note what the stops of a motion break.
+def _give_up(drive: CheckedDrive) -> float:
+    """Station behind which stops are not followed [m]."""
+    return float(drive.clear.max()) + _OVERRUN
 
-    A stop has to end before the station ``clear`` (M,) of its sample [m].
-    """
-    brakes, model, lanes = field.brakes, field.model, _lanes(ground, motion)
+
+def check_stops(log: ViolationLog, drive: CheckedDrive, motion: Motion, stops: StopEnds) -> None:
+    """Note what the stops of a motion break."""
+    ground, field, lanes = drive.ground, drive.field, _lanes(drive.ground, motion)
     start = ground.station[lanes]
-    end, speed = stops.end + brakes.offset + field.errors.along_track, motion.speed[lanes]
-    longest, free = end - start, clear[lanes]
+    end, speed = stops.end + drive.brakes.offset + field.errors.along_track, motion.speed[lanes]
+    longest, free = end - start, drive.clear[lanes]
     excess = np.where(stops.ended, end - free, np.maximum(end - free, _OVERRUN))
     sentence = "a stop from {0:.2f} m/s ends {1:.2f} m on"
     far = f"{sentence}, {{2:.2f}} m are clear"
     log.add("stopping_path", excess, far, speed, longest, free - start, at=lanes)
-    for kind, blocked, noun in blocking_ground(ground, brakes, model):
+    for kind, blocked, noun in blocking_ground(drive):
         ahead = _next_blocked(blocked, ground.station)[lanes]
         beyond = f"{sentence}, beyond {noun} {{2:.2f}} m ahead"
         log.add(kind, end - ahead, beyond, speed, longest, ahead - start, at=lanes)
-    for kind, noun, share, even in (
-        ("tip_over", "rear axle", stops.rear, stops.rear_even),
-        ("rollover", "lighter side", stops.side, stops.side_even),
-        ("rollover", "lightest wheel", stops.wheel, stops.wheel_even),
-    ):
-        subject = f"on a stop the {noun} keeps"
-        add_load(log, kind, subject, (share, even), model.limits.min_load, at=lanes)
+    nouns = ("rear axle", "lighter side", "lightest wheel")
+    for noun, *shares in zip(nouns, stops.min_loads, stops.even, strict=True):
+        kind, subject = LOADS[noun], f"on a stop the {noun} keeps"
+        add_load(log, kind, subject, shares, drive.model.limits.min_load, at=lanes)
     _hold_at(log, field, stops, lanes)
 
 
-def stops_at_rows(
-    field: StopDynamics,
-    ground: LineGround,
-    motion: Motion,
-    rows: Ints,
-    worst: StopEnds,
-    give_up: float,
-) -> CheckedStops:
+def stops_at_rows(drive: CheckedDrive, motion: Motion, worst: StopEnds) -> CheckedStops:
     """Nominal stops from the rows, and those of ``worst`` that begin there."""
+    ground, rows = drive.ground, drive.line.at_row
     moving = motion.moving & ground.known
-    nothing, level = np.zeros(len(rows)), np.ones(len(rows))
     moves = moving[rows]
     first = rows[moves]
-    start, offset = ground.station[first], field.brakes.offset
-    dead_time = field.brakes.dead_time[first]
-    stops = nominal_stops(field, start, motion.speed[first], dead_time, give_up + _OVERRUN)
+    start, speed = ground.station[first], motion.speed[first]
+    stops = nominal_stops(drive.field, start, speed, drive.brakes.dead_time[first], _give_up(drive))
     lane = (np.cumsum(moving) - 1)[first]
 
-    def at_rows(values: Floats, otherwise: Floats) -> Floats:
-        out = otherwise.copy()
-        out[moves] = values
+    def at_rows(end: Floats, min_loads: Floats) -> Floats:
+        out = np.tile([[0.0], [1.0], [1.0]], len(rows))
+        out[:, moves] = end + drive.brakes.offset - start, *min_loads[:2]
         return out
 
-    return CheckedStops(
-        at_rows(stops.end + offset - start, nothing),
-        at_rows(stops.rear, level),
-        at_rows(stops.side, level),
-        at_rows(worst.end[lane] + offset - start, nothing),
-        at_rows(worst.rear[lane], level),
-        at_rows(worst.side[lane], level),
-        int(moving.sum()),
-    )
+    worst_case = at_rows(worst.end[lane], worst.min_loads[:, lane])
+    return CheckedStops(at_rows(stops.end, stops.min_loads), worst_case, int(moving.sum()))
 
 
-def check_places(
-    log: ViolationLog, model: Model, ground: LineGround, brakes: PathForce, motion: Motion
-) -> None:
+def check_places(log: ViolationLog, drive: CheckedDrive, motion: Motion) -> None:
     """Note where the plan drives on ground that blocks it."""
-    for kind, blocked, noun in blocking_ground(ground, brakes, model):
-        length = _run_length(motion.moving & blocked, ground.station)
+    for kind, blocked, noun in blocking_ground(drive):
+        length = _run_length(motion.moving & blocked, drive.ground.station)
         log.add(kind, length, f"drives {{0:.2f}} m on {noun}", length)
 
 
-def blocking_ground(
-    ground: LineGround, brakes: PathForce, model: Model
-) -> list[tuple[str, Bools, str]]:
+def blocking_ground(drive: CheckedDrive) -> list[tuple[str, Bools, str]]:
+    """Kinds of violations by ground that must not be driven: (M,) where, and a noun."""
+    ground, brakes = drive.ground, drive.brakes
     kinds = [
         ("unknown_terrain", ~ground.known, "unknown ground"),
         ("unknown_terrain", ~ground.body_known, "unknown ground below the body"),
     ]
-    if model.braking.extrapolate:
+    if drive.model.braking.extrapolate:
         return kinds
     return [
         *kinds,

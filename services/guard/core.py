@@ -14,12 +14,11 @@ from slopewise.services.guard.decide import (
     STILL,
     BaseCommand,
     GuardDecision,
-    GuardScene,
     VehicleMotion,
     decide,
     stop,
 )
-from slopewise.services.guard.guard_model import GuardModel
+from slopewise.services.guard.guard_model import GuardModel, GuardScene
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.overspeed_monitor import OverspeedMonitor
 from slopewise.services.guard.service_parameters import ServiceParameters

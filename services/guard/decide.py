@@ -14,11 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.quantity import GRAVITY
-from slopewise.services.guard.guard_model import GuardModel
+from slopewise.services.guard.guard_model import GuardModel, GuardScene
 from slopewise.services.guard.stop_courses import Pose2d, StopCourses, Turning, courses_ahead
-from slopewise.services.guard.stop_distances import Tables, stops_along
+from slopewise.services.guard.stop_distances import stops_along
 
 _SPEEDS = 10
 """Speeds that are tried up to the highest: a limited command is within a tenth of the best [1]."""
@@ -69,16 +68,6 @@ class GuardDecision(NamedTuple):
 
 
 STILL = BaseCommand(0.0, 0.0)  # command of a stopped base [m/s, rad/s]
-
-
-class GuardScene(NamedTuple):
-    """Vehicle and ground."""
-
-    model: GuardModel  # worst case of the vehicle
-    tables: Tables  # its surfaces, the first table by the model file
-    ground: ElevationMap  # map
-    # distance to which the path of the middle of the wheelbase is known to be free [m]
-    clear: float
 
 
 class _Course(NamedTuple):
@@ -232,10 +221,10 @@ def _checked(
     turning, model = course.turning, scene.model
     clear = scene.clear / turning.share if turning.share else math.inf
     length = _course_length(scene, course.top, held, clear)
-    ways = courses_ahead(model, scene.tables[0], scene.ground, pose, turning, length)
+    ways = courses_ahead(scene, pose, turning, length)
     speeds = np.append(course.top * np.arange(1, _SPEEDS) / _SPEEDS, (course.top, course.moving))
     times = np.append(np.full(_SPEEDS, held), late)
-    stops = stops_along(model, scene.tables, ways, speeds, times, load * model.min_load)
+    stops = stops_along(scene, ways, speeds, times, load * model.min_load)
     free = max(ways.end.sample - 1, 0) * ways.step if ways.end.reason else math.inf
     inside = np.isfinite(stops.distance) & (stops.distance <= min(free, clear))
     cornering = abs(turning.commanded) * turning.share * speeds**2 <= model.lateral

@@ -14,6 +14,7 @@ from slopewise.models.recent import Recent
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.io import npz_map
 from slopewise.services.io.files import faults_of
+from slopewise.services.physics.heights import height_of, in_cells
 
 _PAIRS = 10
 """Pairs of places on a tyre [1]: a fifth of the noise of cells is left, as of a disc of 25."""
@@ -31,21 +32,6 @@ def read_guard_map(path: Path) -> ElevationMap:
     layers = npz_map.read_layers(path, cells, cells, None, None)
     with faults_of(path):
         return layers.on(info)
-
-
-def heights_at(ground: ElevationMap, x: Floats, y: Floats) -> Floats:
-    """Bilinear heights at points of any shape [m]; NaN at unknown cells and off the map."""
-    rows, columns = ground.elevation.shape
-    u, v = (x - ground.origin[0]) / ground.resolution, (y - ground.origin[1]) / ground.resolution
-    inside = (u >= 0.0) & (v >= 0.0) & (u <= columns - 1) & (v <= rows - 1)
-    u, v = np.where(inside, u, 0.0), np.where(inside, v, 0.0)
-    i = np.minimum(v.astype(np.int64), rows - 2)
-    j = np.minimum(u.astype(np.int64), columns - 2)
-    p, q = u - j, v - i
-    flat, first = ground.elevation.ravel(), i * columns + j
-    low = (1.0 - p) * flat[first] + p * flat[first + 1]
-    high = (1.0 - p) * flat[first + columns] + p * flat[first + columns + 1]
-    return np.where(inside, (1.0 - q) * low + q * high, np.nan)
 
 
 class WheelHeights:
@@ -70,11 +56,11 @@ class WheelHeights:
 
     def at(self, x: Floats, y: Floats) -> Floats:
         """Heights at points of any shape [m]; NaN at unknown cells and off the map."""
-        total = heights_at(self._ground, x, y)
+        total = height_of(self._ground, x, y)
         count = np.ones_like(total)
         for east, north in self._pairs.T:
-            pair = heights_at(self._ground, x + east, y + north)
-            pair = pair + heights_at(self._ground, x - east, y - north)
+            pair = height_of(self._ground, x + east, y + north)
+            pair = pair + height_of(self._ground, x - east, y - north)
             known = np.isfinite(pair)
             total = total + np.where(known, pair, 0.0)
             count = count + 2.0 * known
@@ -122,7 +108,7 @@ def classes_at(ground: ElevationMap, x: Floats, y: Floats) -> Ints:
     if ground.terrain_class is None:
         return np.zeros((1, *np.shape(x)[1:]), np.int64)
     rows, columns = ground.elevation.shape
-    j = np.clip(np.rint((x - ground.origin[0]) / ground.resolution), 0, columns - 1)
-    i = np.clip(np.rint((y - ground.origin[1]) / ground.resolution), 0, rows - 1)
+    u, v = in_cells(ground, x, y)
+    i, j = np.clip(np.rint(v), 0, rows - 1), np.clip(np.rint(u), 0, columns - 1)
     indices: Ints = ground.terrain_class[i.astype(np.int64), j.astype(np.int64)]
     return indices

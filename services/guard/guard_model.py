@@ -15,6 +15,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.effects import registry
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.force_design import corner_design
 from slopewise.models.input_errors import InputErrors, input_errors
 from slopewise.models.parameters import Braking, Effect, Model
@@ -22,13 +23,12 @@ from slopewise.models.stop_promise import promised
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.models.vehicle import Shape, Vehicle
 from slopewise.services.io.model_file import read_model
+from slopewise.services.physics.force import NO_FRICTION_LIMIT, applied_share
 
 QUANTILE = 0.977
 """Of the stop distances that a model file promises [1]: that of two standard deviations."""
 SPREAD = 2.0
 """Standard deviations by which force and dead time may be worse than their mean: one stop in 40."""
-
-_NO_CAP = 1e6  # friction of surfaces whose wheels do not lock: above any force over weight [1]
 
 _MIN_FORCE_SHARE = 0.1
 """Share of the force that scatter leaves at least, so that the strongest force is finite [1]."""
@@ -91,6 +91,20 @@ class GuardModel(NamedTuple):
     errors: InputErrors  # of pose and time
 
 
+Tables: TypeAlias = tuple[SurfaceTable, ...]
+"""Tables of the same surfaces, by the model file and as learned; of all the worst case holds."""
+
+
+class GuardScene(NamedTuple):
+    """Vehicle and ground."""
+
+    model: GuardModel  # worst case of the vehicle
+    tables: Tables  # its surfaces, the first table by the model file
+    ground: ElevationMap  # map
+    # distance to which the path of the middle of the wheelbase is known to be free [m]
+    clear: float
+
+
 def read_guard_model(path: Path) -> GuardModel:
     """Worst case of the model in a file."""
     return guard_model(read_model(path))
@@ -138,8 +152,7 @@ def _worst_case(
         grades = rolls = (-0.5 * math.pi, 0.5 * math.pi)
     worse, scatter = SPREAD * b.force_std, SPREAD * b.force_scatter
     share = max(1.0 - margin, 1e-9) * max(1.0 - scatter, _MIN_FORCE_SHARE)
-    applied = (b.level - b.dead_band) / (b.saturation - b.dead_band)
-    friction = _NO_CAP if b.sliding_friction is None else b.sliding_friction
+    friction = NO_FRICTION_LIMIT if b.sliding_friction is None else b.sliding_friction
     return GuardSurface(
         m_m=share * b.m_m,
         b_m=share * b.b_m,
@@ -158,7 +171,7 @@ def _worst_case(
         roll_min=rolls[0],
         roll_max=rolls[1],
         friction=min(friction, motion.friction),
-        level=min(max(applied, 0.0), 1.0),
+        level=applied_share(b),
         rolling=rolling,
         stronger=(1.0 + margin) * (1.0 + scatter) / share,
         extra=2.0 * worse + 2.0 * given_up(mean, b),

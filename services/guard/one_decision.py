@@ -12,11 +12,10 @@ from slopewise.models.recent import Recent
 from slopewise.services.guard.decide import (
     BaseCommand,
     GuardDecision,
-    GuardScene,
     VehicleMotion,
     decide,
 )
-from slopewise.services.guard.guard_model import GuardModel, brake_table, guard_model
+from slopewise.services.guard.guard_model import GuardModel, GuardScene, brake_table, guard_model
 from slopewise.services.guard.settings import GuardJudgement, GuardTiming  # words: ok, key
 from slopewise.services.guard.stop_courses import Pose2d
 

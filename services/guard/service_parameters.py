@@ -7,8 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slopewise.models.force_design import corner_design
-from slopewise.services.guard.guard_model import SPREAD, GuardModel, SurfaceTable, brake_table
-from slopewise.services.guard.stop_distances import Tables
+from slopewise.services.guard.guard_model import (
+    SPREAD,
+    GuardModel,
+    SurfaceTable,
+    Tables,
+    brake_table,
+)
 from slopewise.services.wire.parameter_messages import FORCE_STD, STOP_FACTOR, ParameterGroup
 
 _FORCE = ("m_m", "b_m", "m_b", "b_b")

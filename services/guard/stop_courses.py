@@ -16,11 +16,11 @@ import numpy as np
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.surface_names import resolve_class
-from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.guard_map import classes_at, wheel_heights
-from slopewise.services.guard.guard_model import GuardModel, SurfaceTable
+from slopewise.services.guard.guard_model import GuardModel, GuardScene, SurfaceTable
 from slopewise.services.guard.obstacle_layers import SPACING
 from slopewise.services.guard.swept_contact import BodyPoses, Contact, first_contact
+from slopewise.services.physics.body import plane_of, wheel_places
 
 _HEADINGS = 0.2
 """Angle between neighbouring courses where they end [rad]: their bodies overlap by far, and at the
@@ -66,7 +66,7 @@ class StopCourses(NamedTuple):
     turn: Floats  # (N,) left positive [rad/m]
     grade: Floats  # grade, roll: uphill positive along the motion, left side up positive [rad]
     roll: Floats
-    vertical_curvature: Floats  # change of the grade along the course [1/m]
+    vertical_curvature: Floats  # for v² of the fastest wheel, negative over a crest [1/m]
     x: Floats  # x, y, yaw: middle of the wheelbase [m], direction of motion [rad]
     y: Floats
     yaw: Floats
@@ -76,22 +76,26 @@ class StopCourses(NamedTuple):
     end: Contact  # what is first in the way of all courses
 
 
-def courses_ahead(
-    model: GuardModel,
-    table: SurfaceTable,
-    ground: ElevationMap,
-    pose: Pose2d,
-    turning: Turning,
-    length: float,
-) -> StopCourses:
+class _Fan(NamedTuple):
+    """Inputs that all courses of a decision share."""
+
+    scene: GuardScene
+    pose: Pose2d
+    turning: Turning
+    axis: float  # see :class:`slopewise.services.guard.swept_contact.BodyPoses` [m]
+    step: float  # distance of samples, of the fastest wheel [m]
+
+
+def courses_ahead(scene: GuardScene, pose: Pose2d, turning: Turning, length: float) -> StopCourses:
     """Sample the ground along all courses for ``length`` of the fastest wheel [m]."""
-    turn, axis = _turns(turning, length), -model.turn_axis if turning.forward else model.turn_axis
+    model, turn = scene.model, _turns(turning, length)
+    axis = -model.turn_axis if turning.forward else model.turn_axis
     corner = math.hypot(
         max(model.shape.front, model.shape.rear) + abs(axis), 0.5 * model.shape.width
     )
     step = SPACING / (turning.share + corner * float(np.abs(turn).max()))
     station = step * np.arange(math.ceil(length / step) + 1, dtype=np.float64)
-    on = _Ground(model, table, ground, pose, turning, axis, step)
+    on = _Fan(scene, pose, turning, axis, step)
     if len(turn) * len(station) > _MANY:
         courses = _along(on, turn, station[: len(station) // 4])
         if courses.end.reason:
@@ -99,42 +103,31 @@ def courses_ahead(
     return _along(on, turn, station)
 
 
-class _Ground(NamedTuple):
-    """Inputs that all courses of a decision share, see :func:`courses_ahead`."""
-
-    model: GuardModel
-    table: SurfaceTable
-    ground: ElevationMap
-    pose: Pose2d
-    turning: Turning
-    axis: float  # see :class:`slopewise.services.guard.swept_contact.BodyPoses` [m]
-    step: float  # distance of samples, of the fastest wheel [m]
-
-
-def _along(on: _Ground, turn: Floats, station: Floats) -> StopCourses:
+def _along(on: _Fan, turn: Floats, station: Floats) -> StopCourses:
     """Ground on courses of some turns (N,) at stations (S,), up to the first contact."""
-    vehicle, share = on.model.vehicle, on.turning.share
+    model, _, ground, _ = on.scene
+    vehicle, share, table = model.vehicle, on.turning.share, on.scene.tables[0]
     x, y, yaw = _poses(on, turn[:, None], station)
     cos, sin = np.cos(yaw), np.sin(yaw)
-    front, rear = on.model.shape.front, on.model.shape.rear
+    front, rear = model.shape.front, model.shape.rear
     reach = (front, rear) if on.turning.forward else (rear, front)
-    felt = wheel_heights(on.ground, vehicle)
+    felt = wheel_heights(ground, vehicle)
 
     def contact(z: Floats) -> tuple[Floats, Floats, Contact]:
-        grade, roll = _tilt(z, vehicle)
-        rise, cross_rise = np.tan(grade), np.tan(roll)
+        rise, cross_rise = (_extended(slope) for slope in plane_of(z, vehicle))
         height = _extended(z.mean(axis=0), share * on.step * rise)
         poses = BodyPoses(x, y, cos, sin, height, rise, cross_rise, turn[:, None], share, on.axis)
-        return grade, roll, first_contact(vehicle, on.ground, poses, reach, on.model.errors)
+        end = first_contact(vehicle, ground, poses, reach, model.errors)
+        return np.arctan(rise), np.arctan(cross_rise), end
 
-    wheels = _wheel_places(vehicle, x, y, cos, sin)
+    wheels = wheel_places(vehicle, (x, y, cos, sin))
     grade, roll, end = contact(felt.at(*wheels))
     ahead = slice(end.sample + 1)  # what lies behind the end does not matter to stops before it
-    under = map_surfaces(on.model, on.ground)[classes_at(on.ground, *wheels)]
-    steep = _too_steep(on.table, grade[:, ahead], roll[:, ahead], under[..., ahead])
+    under = map_surfaces(model, ground)[classes_at(ground, *wheels)]
+    steep = _too_steep(table, grade[:, ahead], roll[:, ahead], under[..., ahead])
     if steep.any():  # it may be the edge of a crack that tyres bridge
         grade, roll, end = contact(felt.contact(*wheels, yaw))
-        steep = _too_steep(on.table, grade, roll, under)
+        steep = _too_steep(table, grade, roll, under)
         k = int(np.argmax(steep))
         if steep[k] and k < end.sample:
             end = end._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
@@ -151,27 +144,9 @@ def _along(on: _Ground, turn: Floats, station: Floats) -> StopCourses:
         y=y[:, ahead],
         yaw=yaw[:, ahead],
         under=under[..., ahead],
-        possible=_possible(on.model, under[..., ahead]),
+        possible=_possible(model, under[..., ahead]),
         end=end,
     )
-
-
-def _tilt(wheels: Floats, vehicle: Vehicle) -> tuple[Floats, Floats]:
-    """Grade and roll (N, S) of heights (4, N, S) under wheels [m, rad]."""
-    fl, fr, rl, rr = wheels
-    grade = np.arctan2(0.5 * (fl + fr - rl - rr), vehicle.wheelbase)
-    roll = np.arctan2(0.5 * (fl - fr + rl - rr), vehicle.track_width)
-    return _extended(grade), _extended(roll)
-
-
-def _wheel_places(
-    vehicle: Vehicle, x: Floats, y: Floats, cos: Floats, sin: Floats
-) -> tuple[Floats, Floats]:
-    """Places of the wheels (4, N, S) [m]: front left, front right, rear left, rear right."""
-    half, left = 0.5 * vehicle.wheelbase, 0.5 * vehicle.track_width
-    x_body = np.array([half, half, -half, -half])[:, None, None]
-    y_body = np.array([left, -left, left, -left])[:, None, None]
-    return x + x_body * cos - y_body * sin, y + x_body * sin + y_body * cos
 
 
 def map_surfaces(model: GuardModel, ground: ElevationMap) -> Ints:
@@ -192,7 +167,7 @@ def _turns(turning: Turning, length: float) -> Floats:
     return between if turning.commanded in ends[:2] else np.append(between, turning.commanded)
 
 
-def _poses(on: _Ground, turn: Floats, station: Floats) -> tuple[Floats, Floats, Floats]:
+def _poses(on: _Fan, turn: Floats, station: Floats) -> tuple[Floats, Floats, Floats]:
     """x, y [m], direction of motion [rad], (N, S) each; the point at the axis moves straight on."""
     start = on.pose.heading + (0.0 if on.turning.forward else math.pi)
     yaw = start + turn * station
@@ -217,7 +192,11 @@ def _extended(values: Floats, slope: Floats | None = None) -> Floats:
 
 
 def _vertical_curvature(grade: Floats, share: float, step: float, wheelbase: float) -> Floats:
-    """Change of the grade over a wheelbase, (N, S) [1/m]; on the spot nothing curves."""
+    """Vertical curvature over a wheelbase for v² of the fastest wheel, (N, S) [1/m].
+
+    The middle is slower by the share s of a course, and the grade changes over distances shorter by
+    it: s² κ_v = s dθ/ds. On the spot nothing curves.
+    """
     change, reach = np.zeros_like(grade), max(round(0.5 * wheelbase / step), 1)
     if grade.shape[1] > 2 * reach:
         rise = grade[:, 2 * reach :] - grade[:, : -2 * reach]

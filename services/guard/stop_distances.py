@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,14 +18,13 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.effects import registry
 from slopewise.models.effects.effect_law import Place
 from slopewise.models.quantity import GRAVITY
-from slopewise.services.guard.guard_model import GuardModel, SurfaceTable
+from slopewise.services.guard.guard_model import GuardModel, GuardScene, Tables
 from slopewise.services.guard.stop_courses import StopCourses
+from slopewise.services.physics.force import NO_FRICTION_LIMIT, force_line
+from slopewise.services.physics.loads import attitude_of, braking_cap, shares_of
 
 _MIN_DECEL = 1e-9
 """Deceleration that a distance is divided by at least, far below any that ends a stop [m/s²]."""
-
-Tables: TypeAlias = tuple[SurfaceTable, ...]
-"""Tables of the same surfaces, by the model file and as learned; of all the worst case holds."""
 
 
 class StopOutcomes(NamedTuple):
@@ -37,22 +36,17 @@ class StopOutcomes(NamedTuple):
 
 
 def stops_along(
-    model: GuardModel,
-    tables: Tables,
-    courses: StopCourses,
-    speeds: Floats,
-    held: Floats,
-    min_load: float,
+    scene: GuardScene, courses: StopCourses, speeds: Floats, held: Floats, min_load: float
 ) -> StopOutcomes:
     """Stop from K speeds [m/s], (K,), each ``held`` for a time before the dead time [s].
 
     Speeds and distances are those of the fastest wheel. Stops are integrated on the outermost
     courses, one between them and the last one: the slopes of the others lie between.
     """
-    courses = _by_speed(courses)
+    model, tables, courses = scene.model, scene.tables, _by_speed(courses)
     step, possible = courses.step, courses.possible
     sine, upright = np.sin(courses.grade), np.cos(courses.grade) * np.cos(courses.roll)
-    crest = courses.share * np.minimum(courses.vertical_curvature, 0.0)
+    crest = np.minimum(courses.vertical_curvature, 0.0)
     dead = max(table.dead_time[possible].max() for table in tables)
     v = speeds[:, None] + tables[0].speed_error[possible].max()
     # Share of each sample interval before the brakes take hold.
@@ -75,8 +69,7 @@ def stops_along(
     moving = np.concatenate((np.ones_like(onset_sq, np.bool_), energy[..., :-1] > 0.0), axis=-1)
     before = np.maximum(energy, 0.0) + 2.0 * np.maximum(decel, 0.0) * step
     speed_sq = np.minimum(before, onset_sq)
-    normal = upright + crest * speed_sq / GRAVITY
-    loaded = _loads(model, courses, normal, speed_sq, strongest) >= min_load
+    loaded = _loads(model, courses, speed_sq, strongest) >= min_load
     corner = math.hypot(max(model.shape.front, model.shape.rear), 0.5 * model.shape.width)
     # Where the vehicle turns on the spot it is kept by the corners, which are the fastest.
     offset = tables[0].offset[possible].max()
@@ -101,19 +94,22 @@ def _force(
     grade, roll, under = courses.grade, courses.roll, courses.under
     place = Place(grade, roll, courses.x, courses.y, courses.yaw, 0.0)
     extra = registry.ground_term(model.effects, place)
-    uphill, cos_grade, cos_roll = grade > 0.0, np.cos(grade), np.cos(roll)
+    pose = attitude_of(grade, roll, np.zeros_like(grade), courses.share * courses.turn)
     weakest = np.full((*onset.shape[:2], grade.shape[-1]), np.inf)
     strongest = -weakest
     for k, t in itertools.product(courses.possible, tables):
         speed = np.maximum(onset, t.slowest[k])
-        slope = np.where(uphill, t.up_m[k], t.m_m[k]) * speed + np.where(
-            uphill, t.up_b[k], t.b_m[k]
-        )
-        force = slope * grade + t.m_b[k] * speed + t.b_b[k]
+        downhill, uphill = (t.m_m[k], t.b_m[k]), (t.up_m[k], t.up_b[k])
+        slope, intercept = force_line(downhill, uphill, (t.m_b[k], t.b_b[k]), grade)
+        force = slope * speed + intercept
         force = model.scale * t.level[k] * force + (1.0 - t.level[k]) * t.rolling[k] + extra
-        force = np.minimum(force, t.friction[k] * cos_grade * cos_roll)
+        force = np.minimum(force, t.friction[k] * pose.normal_ratio)
+        weak = force
+        if t.friction[k] < NO_FRICTION_LIMIT:
+            # Turn and bank take most of it, and axles lock first, at the highest speed.
+            weak = np.minimum(force, braking_cap(model.vehicle, pose, t.friction[k], onset * onset))
         present = ((under == k) | (under == -1) | (under == model.governing[k])).any(axis=0)
-        np.minimum(weakest, force, out=weakest, where=present)
+        np.minimum(weakest, weak, out=weakest, where=present)
         np.maximum(strongest, force * t.stronger[k] + t.extra[k], out=strongest, where=present)
     return weakest, strongest
 
@@ -143,16 +139,15 @@ def _rest(energy: Floats, decel: Floats, onset_sq: Floats, holds: Floats, step: 
     return distance
 
 
-def _loads(
-    model: GuardModel, courses: StopCourses, normal: Floats, speed_sq: Floats, force: Floats
-) -> Floats:
+def _loads(model: GuardModel, courses: StopCourses, speed_sq: Floats, force: Floats) -> Floats:
     """Lowest load share of axles and sides while braking as hard as possible, (N, K, S) [1]."""
-    grade, roll, v = courses.grade, courses.roll, model.vehicle
-    # The trailing axle, in the direction of motion, loses the load that the brakes transfer.
-    trailing = normal - v.cg_z / (v.wheelbase - v.cg_x) * np.maximum(force, 0.0)
-    leading = normal - v.cg_z / v.cg_x * np.maximum(np.sin(grade), 0.0)
-    turn = courses.share * courses.turn * speed_sq / (GRAVITY * np.cos(roll))
-    lateral = np.abs(np.cos(grade) * np.sin(roll) + turn)
-    side = normal - 2.0 * v.cg_z / v.track_width * lateral
-    lowest: Floats = np.minimum(np.minimum(trailing, leading), side)
+    turn = courses.share * courses.turn
+    pose = attitude_of(courses.grade, courses.roll, courses.vertical_curvature, turn)
+    # The trailing axle, in the direction of motion, loses the load that the brakes transfer; the
+    # leading one has least before they take hold.
+    braked = shares_of(
+        model.vehicle, pose, speed_sq, GRAVITY * (np.maximum(force, 0.0) + pose.sine)
+    )
+    held = shares_of(model.vehicle, pose, speed_sq, np.zeros_like(speed_sq))
+    lowest: Floats = np.minimum(np.minimum(braked.rear, held.front), braked.side)
     return lowest

@@ -23,6 +23,7 @@ from slopewise.services.guard.obstacle_layers import (
     ObstacleLayers,
     obstacle_layers,
 )
+from slopewise.services.physics.body import points_of
 
 UNKNOWN, OBSTACLE, EDGE = "ground is unknown", "an obstacle stands", "a step at a wheel lies"
 """Reasons to end a course."""
@@ -163,7 +164,7 @@ def _contact(
     for first in range(0, len(order[0]), _TOGETHER):
         s, n, t = (of[first : first + _TOGETHER] for of in order)
         some, ahead, left = of_all[:, n, s, None], points.ahead[t], points.left[t]
-        x, y = _places(some, ahead / cell, left / cell)
+        x, y = points_of(some[:4], ahead / cell, left / cell)
         top = layers.heights(x, y, exact=exact)
         hits = np.array((np.isnan(top), top > _underside(some, ahead, left), layers.edges(x, y)))
         unknown, struck, edge = hits
@@ -192,11 +193,11 @@ def _standing_on_edges(layers: ObstacleLayers, of_all: Floats, points: _Points) 
 
     An edge on which a wheel stands already does not hold it there.
     """
-    at = points.ahead / layers.cell, points.left / layers.cell
-    if not layers.edges(*_places(of_all[:4, 0, 0, None, None], *at)).any():
-        return np.broadcast_to(np.False_, (*of_all.shape[1:], *points.ahead.shape))
-    at_edges = layers.edges(*_places(of_all[..., None, None], *at))
-    still: Bools = np.logical_and.accumulate(at_edges, axis=1)
+    ahead, left = points.ahead / layers.cell, points.left / layers.cell
+    still = np.zeros((*of_all.shape[1:], *ahead.shape), np.bool_)
+    t, q = np.nonzero(layers.edges(*points_of(of_all[:4, 0, 0, None, None], ahead, left)))
+    on = layers.edges(*points_of(of_all[:4, ..., None], ahead[t, q], left[t, q]))
+    still[..., t, q] = np.logical_and.accumulate(on, axis=1)
     return still
 
 
@@ -228,15 +229,9 @@ def _is_near(layers: ObstacleLayers, of_all: Floats, points: _Points) -> Bools:
     poses = of_all[..., None]
     lowest = _underside(poses, ahead, left)
     lowest -= (HALF_DIAGONAL * np.hypot(of_all[5], of_all[6]) + np.float32(_ROUNDING))[..., None]
-    highest = layers.highest_near(*_places(poses, ahead / layers.cell, left / layers.cell))
+    highest = layers.highest_near(*points_of(poses[:4], ahead / layers.cell, left / layers.cell))
     near: Bools = highest > lowest
     return near
-
-
-def _places(poses: Floats, ahead: Floats, left: Floats) -> tuple[Floats, Floats]:
-    """Points of the body on the map; all in cells."""
-    x, y, cos, sin = poses[:4]
-    return x + ahead * cos - left * sin, y + ahead * sin + left * cos
 
 
 def _underside(poses: Floats, ahead: Floats, left: Floats) -> Floats:

@@ -12,11 +12,11 @@ import msgspec
 import numpy as np
 
 from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.uncertainty import QUANTILE
 from slopewise.services.check.check_report import CheckReport
 from slopewise.services.check.external_plan import ExternalPlan
-from slopewise.services.check.heights import Heights
 from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.check.tolerances import TOLERANCES
 from slopewise.services.io.model_file import find_model, read_model
@@ -160,7 +160,7 @@ def check(
 def check_plans(
     plans: Sequence[ExternalPlan],
     model: Model,
-    heights: Heights,
+    heights: ElevationMap,
     *,
     clear: float,
     quantile: float,

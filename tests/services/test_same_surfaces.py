@@ -21,12 +21,11 @@ from slopewise.services.check.plan_line import line_of
 from slopewise.services.guard.decide import (
     BaseCommand,
     GuardDecision,
-    GuardScene,
     VehicleMotion,
     decide,
 )
 from slopewise.services.guard.guard_map import read_guard_map
-from slopewise.services.guard.guard_model import brake_table, read_guard_model
+from slopewise.services.guard.guard_model import GuardScene, brake_table, read_guard_model
 from slopewise.services.guard.stop_courses import Pose2d, Turning, courses_ahead
 from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model, write_model
@@ -80,7 +79,9 @@ def guarded(model_file: Path, name: str) -> set[str]:
     classes = np.ones(SHAPE, np.int64)
     ground = ElevationMap(**FLAT, terrain_class=classes, class_names=("", name))  # type: ignore[arg-type]
     straight, pose = Turning(1.0, 0.0, 0.0, 0.0, forward=True), Pose2d(5.0, 0.0, 0.0)
-    courses = courses_ahead(model, brake_table(model), ground, pose, straight, 6.0)
+    courses = courses_ahead(
+        GuardScene(model, (brake_table(model),), ground, np.inf), pose, straight, 6.0
+    )
     return {list(model.surfaces)[kind] for kind in courses.possible}
 
 

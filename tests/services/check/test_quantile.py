@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from slopewise.models.candidate_path import CandidatePath
-from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.models.surface_braking import SurfaceBraking
 from slopewise.planner.ground.uncertainty import Uncertainty
@@ -18,21 +17,7 @@ from slopewise.services.check.external_plan import ExternalPlan, plan_of_columns
 from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.io.model_file import read_model, shipped_models
 from slopewise.services.io.plan_file import driven
-
-RNG = np.random.default_rng(4)
-
-
-def hills(rng: np.random.Generator, size: float = 60.0, resolution: float = 0.25) -> ElevationMap:
-    """Ground of a few long waves, up to the trained grades."""
-    along = resolution * np.arange(int(size / resolution))
-    x, y = np.meshgrid(along, along)
-    z = np.zeros_like(x)
-    for _ in range(4):
-        length, course = rng.uniform(14.0, 40.0), rng.uniform(0.0, np.pi)
-        s = x * np.cos(course) + y * np.sin(course)
-        phase = 2.0 * np.pi * s / length + rng.uniform(0.0, 2.0 * np.pi)
-        z += 0.08 * length / (2.0 * np.pi) * np.sin(phase)
-    return ElevationMap(elevation=z, resolution=resolution, origin=(0.0, 0.0))
+from tests.services.check.sound_plans import hills
 
 
 def scattering_model() -> Model:
@@ -42,7 +27,7 @@ def scattering_model() -> Model:
     return replace(model, braking=replace(model.braking, distance_offset=0.0, **scatter))
 
 
-GROUND = hills(RNG)
+GROUND = hills(4, size=60.0)
 
 
 def path(course: float) -> CandidatePath:

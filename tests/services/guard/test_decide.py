@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.services.guard.decide import BaseCommand, GuardDecision, GuardScene, decide
-from slopewise.services.guard.guard_model import brake_table
+from slopewise.services.guard.decide import BaseCommand, GuardDecision, decide
+from slopewise.services.guard.guard_model import GuardScene, brake_table
 from tests.services.guard.guard_fixtures import FLAT, MODEL, ground_with, motion
 
 STILL = BaseCommand(0.0, 0.0)

@@ -12,14 +12,18 @@ from slopewise.services.check.path_ground import ground_under
 from slopewise.services.check.plan_line import line_of
 from slopewise.services.check.stop_dynamics import StopDynamics
 from slopewise.services.check.stop_integration import worst_case_stops
-from slopewise.services.guard.guard_model import GuardModel, brake_table
+from slopewise.services.guard.guard_model import GuardModel, GuardScene, brake_table
 from slopewise.services.guard.stop_courses import Pose2d, StopCourses, Turning, courses_ahead
 from slopewise.services.guard.stop_distances import StopOutcomes, stops_along
 from slopewise.services.io.model_file import read_model
-from tests.services.guard.guard_fixtures import ATV, CELL, MODEL, hills, slope
+from tests.services.guard.guard_fixtures import ATV, CELL, FLAT, MODEL, hills, slope
 
 G = 9.80665
 ORIGIN = Pose2d(0.0, 0.0, 0.0)
+
+
+def scene_of(model: GuardModel, ground: ElevationMap = FLAT) -> GuardScene:
+    return GuardScene(model, (brake_table(model),), ground, np.inf)
 
 
 def arc_on(
@@ -32,14 +36,13 @@ def arc_on(
 ) -> StopCourses:
     """The one course of a turn that is held, left positive."""
     turning = Turning(1.0, curvature, curvature, curvature, forward=forward)
-    return courses_ahead(model, brake_table(model), ground, pose, turning, 15.0)
+    return courses_ahead(scene_of(model, ground), pose, turning, 15.0)
 
 
 def stops(
     model: GuardModel, arc: StopCourses, speed: float, held: float = 0.0, load: float = 0.0
 ) -> StopOutcomes:
-    table = brake_table(model)
-    return stops_along(model, (table,), arc, np.array([speed]), np.array([held]), load)
+    return stops_along(scene_of(model), arc, np.array([speed]), np.array([held]), load)
 
 
 def stop_from(model: GuardModel, arc: StopCourses, speed: float, held: float = 0.0) -> float:
@@ -122,6 +125,25 @@ def test_load_of_the_trailing_axle_is_that_of_the_closed_form() -> None:
     assert stops(MODEL, level, 3.0, load=share - 1e-3).loaded.all()
     assert not stops(MODEL, level, 3.0, load=share + 1e-3).loaded.any()
     assert not stops(MODEL, arc_on(MODEL, slope(-0.2)), 3.0, load=share - 1e-3).loaded.any()
+
+
+def test_load_of_the_trailing_axle_over_a_crest_in_a_turn() -> None:
+    """A crest of 4 m where the middle has 0.8 of the speed of the fastest wheel: s² v²/(g R)."""
+    v, crest = MODEL.vehicle, 0.8**2 / 4.0
+    level = arc_on(MODEL, slope(0.0))
+    over = level._replace(share=0.8, vertical_curvature=np.full_like(level.grade, -crest))
+    share = 1.0 - crest * 9.0 / G - v.cg_z / (v.wheelbase - v.cg_x) * (0.40 + 0.015 * 3.0)
+    assert stops(MODEL, over, 3.0, load=share - 1e-3).loaded.all()
+    assert not stops(MODEL, over, 3.0, load=share + 1e-3).loaded.any()
+
+
+def test_a_bank_leaves_less_friction_for_the_brakes() -> None:
+    slippery = MODEL._replace(surfaces={"": MODEL.surfaces[""]._replace(friction=0.42)})
+    arc, speed = arc_on(slippery, slope(0.2), Pose2d(0.0, 0.0, 0.5 * np.pi)), 3.0
+    left = np.sqrt((0.42 * np.cos(0.2)) ** 2 - np.sin(0.2) ** 2)
+    by_hand = speed * 0.30 + speed**2 / (2.0 * G * left) + 0.20
+    distance = stop_from(slippery, arc, speed)
+    assert by_hand - 1e-6 <= distance <= by_hand * 1.02 + 0.01
 
 
 def test_slope_that_brakes_do_not_hold_has_no_stop() -> None:

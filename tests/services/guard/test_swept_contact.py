@@ -13,7 +13,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.input_errors import Tracking
 from slopewise.services.guard.decide import GuardDecision
-from slopewise.services.guard.guard_model import brake_table
+from slopewise.services.guard.guard_model import GuardScene, brake_table
 from slopewise.services.guard.obstacle_layers import ObstacleLayers
 from slopewise.services.guard.stop_courses import Pose2d, Turning, courses_ahead
 from slopewise.services.io.model_file import read_model
@@ -75,7 +75,7 @@ def test_first_contact_is_not_later_than_that_of_polygons_nor_without_cause(
 ) -> None:
     rng = np.random.default_rng(round(10 * share))
     axis = -0.5 * MODEL.vehicle.wheelbase if drive == "ackermann" else 0.0
-    model, table, met = MODEL._replace(turn_axis=-axis), brake_table(MODEL), 0
+    model, table, met = MODEL._replace(turn_axis=-axis), (brake_table(MODEL),), 0
     for _ in range(120):
         start = Pose2d(*rng.uniform(5.0, 7.0, 2), rng.uniform(-3.0, 3.0))
         turn = float(rng.uniform(-0.6, 0.6)) if share == 1.0 else float(rng.choice([-2.0, 2.0]))
@@ -89,7 +89,8 @@ def test_first_contact_is_not_later_than_that_of_polygons_nor_without_cause(
         if overlaps((start.x, start.y, start.heading), *square, 1.1 * CELL):
             continue
         turning = Turning(share, turn, turn, turn, forward=True)
-        courses = courses_ahead(model, table, ground_of(heights), start, turning, 3.0)
+        scene = GuardScene(model, table, ground_of(heights), math.inf)
+        courses = courses_ahead(scene, start, turning, 3.0)
         reached = max(courses.end.sample - 1, 0) * courses.step if courses.end.reason else math.inf
         latest = first_overlap(start, share, turn, axis, (*square, 0.5 * CELL))
         earliest = first_overlap(start, share, turn, axis, (*square, 2.1 * CELL))

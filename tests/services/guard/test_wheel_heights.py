@@ -7,7 +7,8 @@ import pytest
 
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.services.guard.guard_map import heights_at, wheel_heights
+from slopewise.services.guard.guard_map import wheel_heights
+from slopewise.services.physics.heights import height_of
 from tests.world.vehicles import BASE
 
 VEHICLE = BASE.vehicle
@@ -34,10 +35,10 @@ def test_unknown_ground_stays_unknown_and_exact_maps_are_as_they_are() -> None:
     heights[40:44, 40:44] = np.nan
     for std in (0.0, 0.03):
         felt = wheel_heights(ground(heights, std), VEHICLE).at(X, Y)
-        there = heights_at(ground(heights, std), X, Y)
+        there = height_of(ground(heights, std), X, Y)
         np.testing.assert_array_equal(np.isnan(felt), np.isnan(there))
         if std == 0.0:
             np.testing.assert_array_equal(felt, there)
     assert wheel_heights(ground(heights, 0.03), VEHICLE).at(X, Y) == pytest.approx(
-        heights_at(ground(heights, 0.03), X, Y), abs=0.02, nan_ok=True
+        height_of(ground(heights, 0.03), X, Y), abs=0.02, nan_ok=True
     )

@@ -1,12 +1,14 @@
-"""Loads and friction against the laws of `models`, which the checker does not use, and by hand."""
+"""Loads and friction against the laws of `models`, which checker and guard do not use; heights."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.laws import wheel_loads, wheel_lockup
-from slopewise.services.check.loads import attitude_of, braking_cap, shares_of, utilisation
+from slopewise.services.physics.heights import height_of
+from slopewise.services.physics.loads import attitude_of, braking_cap, shares_of, utilisation
 from tests.services.check.drives import model_with
 
 G = 9.80665
@@ -76,3 +78,15 @@ def test_axles_lock_where_the_law_says() -> None:
     # Wheels of a side that turn as one do not lock by axles.
     cap = braking_cap(VEHICLE, FLAT, np.array([0.6]), np.zeros(1))
     assert cap[0] == pytest.approx(0.6)
+
+
+def test_heights_are_bilinear_and_unknown_next_to_unknown_cells() -> None:
+    z = np.array([[0.0, 1.0, 2.0], [2.0, 3.0, np.nan]])
+    heights = ElevationMap(elevation=z, resolution=0.5, origin=(1.0, 2.0))
+    x, y = np.array([1.0, 1.25, 1.25, 1.75, 0.9, 2.0]), np.array([2.0, 2.0, 2.25, 2.25, 2.0, 2.0])
+    height = height_of(heights, x, y)
+    np.testing.assert_allclose(height, [0.0, 0.5, 1.5, np.nan, np.nan, 2.0 * np.nan])
+    # On the rim itself, with all its cells known, ground is known.
+    assert (
+        height_of(heights, np.array([1.5]), np.array([2.5]))[0] != 3.0
+    )  # a cell next to it is not
