@@ -27,6 +27,7 @@ BENCHMARKS: dict[str, tuple[str, tuple[str, ...]]] = {
     "streams": ("calibration.streams", ()),
     "obstacles": ("obstacles.obstacle_benchmark", ()),
     "guard": ("guard.guard_benchmark", ()),
+    "paths": ("paths.paths_benchmark", ()),
     "noise": ("noisy_maps.noisy_map_benchmark", ()),
     "tracking": ("tracking.tracking_benchmark", ()),
 }

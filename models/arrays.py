@@ -24,7 +24,7 @@ other by numpy's rules: stations (N,), batches of candidates (N, M), vehicle con
 The result is a float, an array or a symbol as the arguments are. To keep it so, a law uses
 arithmetic and numpy's elementwise functions (``sqrt``, ``cos``, ``fmax``, …) only, never a branch
 on a value, ``where``, ``clip`` or ``maximum``, and calls no other law: then casadi can
-differentiate it and numba can compile it as it stands.
+differentiate it as it stands, and the core is written from what it records.
 
 Outside its domain a law gives NaN, never a plausible number. ``fmax`` and ``fmin``
 drop a NaN, and a quotient or a square hides a wrong sign, so a law multiplies by one of these,

@@ -2,14 +2,16 @@
 
 A polyline may be noisy, hold duplicate points or kinks between distant vertices; differentiated
 twice it would be useless. So it is cleaned first, and a smooth curve is drawn through it. Where
-that curve is farther from the polyline than allowed, the points themselves are followed; a path
-that cannot be followed is refused: none is replaced by another.
+that curve is farther from the polyline than allowed, or not as curved as a vehicle turns that
+follows the points themselves, the line of that vehicle is planned on; a path that cannot be
+followed is refused: none is replaced by another.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,9 +19,17 @@ from slopewise.models.arrays import Floats, Ints
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.planner.path_deviation import GivenPolyline, deviation_along
-from slopewise.planner.raw_polyline import STRAY, arc, clean, first_cusp, noise, without_noise
-from slopewise.planner.smooth_path import rounded, smooth
+from slopewise.planner.compiled_core import core
+from slopewise.planner.followed_line import (
+    FollowedLine,
+    GivenPoints,
+    LineLimits,
+    narrower,
+    wider,
+)
+from slopewise.planner.path_deviation import GivenPolyline
+from slopewise.planner.raw_polyline import arc, clean, first_cusp, without_noise
+from slopewise.planner.smooth_path import smooth
 
 MAX_STATIONS = 200_000
 """Stations of one candidate: 20 km at 0.1 m. More is a mistake in units."""
@@ -27,9 +37,7 @@ MAX_STATIONS = 200_000
 _FEWEST = 3
 """Stations that curvature needs [1]."""
 
-_ROUNDED = 0.85
-"""Share of the allowed deviation that corners are rounded by: the rest is for the straight lines
-between stations, which cut an arc once more [1]."""
+_ANY_LINE = LineLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,39 +126,68 @@ def _columns(arrays: list[Floats], rows: int) -> Floats:
 
 
 def resample(
-    path: CandidatePath | EvenPath, spacing: float, max_deviation: float = np.inf
+    path: CandidatePath | EvenPath, spacing: float, limits: LineLimits = _ANY_LINE
 ) -> EvenPath:
-    """Even stations along a smoothed path; a path that has them already stays as it is.
+    """Even stations along a path, up to where it turns round; one that has them stays as it is.
 
     Args:
         path: polyline.
         spacing: wanted distance between stations in the plan view [m].
-        max_deviation: largest distance between line and polyline [m].
+        limits: how far the line may be from the polyline, and who follows it.
 
     Returns:
         N >= 3 even points [m], first and last those of the polyline, and (N,) speed limits [m/s],
         each the lowest of the polyline's limits around the station.
 
     Raises:
-        ParameterError: too short, too long, a cusp, or driven backwards; more stations than
-            ``MAX_STATIONS``; or no line without a cusp keeps within ``max_deviation``.
+        ParameterError: too short, too long, or driven backwards; more stations than
+            ``MAX_STATIONS``; or no line keeps within ``limits``.
     """
     if isinstance(path, EvenPath):
-        if path.given is not None and path.given.deviation > max_deviation:
-            raise _too_far_error(path.given.points, path.points, max_deviation)
+        if path.given is not None and path.given.deviation > limits.deviation:
+            raise _too_far_error(path.given.points, path.points, limits.deviation)
         return path
-    points, limit = clean(path.points, path.speed_limit, path.yaw)
+    points, limit, ends = clean(path.points, path.speed_limit, path.yaw)
     drawn = arc(points)
-    even, length = _smoothed(points, drawn, spacing)
-    deviation = 0.0 if len(points) == 2 else _largest_deviation(points, even)
-    if deviation > max_deviation or first_cusp(even) > 0:
-        even, deviation = _followed(points, drawn, spacing, max_deviation, even)
-        length = float(drawn[-1])
-    limits = None
+    laid = _line_along(points, drawn, spacing, limits)
     if limit is not None:
-        wanted = np.linspace(0.0, length, len(even))
-        limits = _lowest_around(wanted / length, drawn / drawn[-1], limit)
-    return EvenPath(path.name, even, limits, GivenPolyline(points, deviation))
+        limit = _lowest_around(laid.place, drawn / drawn[-1], limit)
+    if laid.speed_limit is not None:
+        limit = laid.speed_limit if limit is None else np.minimum(limit, laid.speed_limit)
+    given = GivenPolyline(points, laid.deviation, ends)
+    return EvenPath(path.name, laid.points, limit, given)
+
+
+class _Laid(NamedTuple):
+    """Stations laid along a polyline.
+
+    Attributes:
+        points: (N, 2) [m]. place: (N,) of each, as a share of the polyline [1].
+        deviation: largest distance between both [m].
+        speed_limit: (N,) for who follows the polyline itself [m/s], None where the line suits them.
+    """
+
+    points: Floats
+    place: Floats
+    deviation: float
+    speed_limit: Floats | None = None
+
+
+def _line_along(points: Floats, along: Floats, spacing: float, limits: LineLimits) -> _Laid:
+    """Stations on the smooth curve if that suits who follows the points, else on their own line.
+
+    Args:
+        points: (n, 2) of the polyline; along: (n,) arc of them [m].
+        spacing: of stations [m]; limits: to be kept.
+    """
+    even, length = _smoothed(points, along, spacing)
+    place = np.linspace(0.0, length, len(even)) / length
+    if len(points) == 2:
+        return _Laid(even, place, 0.0)
+    given, deviation = GivenPoints(points, along, spacing, limits), _largest_deviation(points, even)
+    if deviation <= limits.deviation and first_cusp(even) == 0 and given.agrees(even):
+        return _Laid(even, place, deviation)
+    return _followed(given, points, limits)
 
 
 def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, float]:
@@ -176,58 +213,50 @@ def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, fl
     return smooth(points, along, count, stray), length
 
 
-def _followed(
-    points: Floats, along: Floats, spacing: float, max_deviation: float, averaged: Floats
-) -> tuple[Floats, float]:
-    """Even stations that keep close to all points, and their distance from them [m].
+def _followed(given: GivenPoints, points: Floats, limits: LineLimits) -> _Laid:
+    """Stations on the line of a vehicle that follows all points.
+
+    It is as near as allowed; where the vehicle cannot turn as sharply, as wide as is allowed, and
+    as slow as who follows it more closely has to be.
 
     Args:
-        points: (n, 2) of the polyline; along: (n,) arc of them [m].
-        spacing: of stations; max_deviation: between line and polyline [m].
-        averaged: the line that is too far from them, or turns round.
+        given: the polyline, (n, 2) points of it [m]. limits: to be kept.
 
     Raises:
-        ParameterError: no such line can be driven and is close enough.
+        ParameterError: no such line is close enough.
     """
-    closest, smallest = None, np.inf
-    for even in (averaged, *_lines_through(points, along, spacing, _ROUNDED * max_deviation)):
-        if first_cusp(even) > 0:
-            continue
-        deviation = _largest_deviation(points, even)
-        if deviation <= max_deviation:
-            return even, deviation
-        if deviation < smallest:
-            closest, smallest = even, deviation
-    if closest is not None:
-        raise _too_far_error(points, closest, max_deviation)
-    x, y = averaged[first_cusp(averaged)]
-    expected = f"a path without cusps: it turns round at ({x:.2f}, {y:.2f}); split it there"
-    raise ParameterError(f"points[{_nearest_to(x, y, points)}]", expected)
 
+    def tried(half: float) -> tuple[FollowedLine, float]:
+        line = given.line(half, MAX_STATIONS)
+        return line, _largest_deviation(points, line.points)
 
-def _lines_through(
-    points: Floats, along: Floats, spacing: float, max_cut: float
-) -> Iterator[Floats]:
-    """Lines through the points of a polyline: with rounded corners, first with few stations.
-
-    At last, for noise in which none of these can be driven, the curve that the noise leaves.
-    """
-    for finer in (1, 2, 4):
-        yield rounded(points, spacing / finer, max_cut, MAX_STATIONS)
-    count = max(int(np.ceil(along[-1] / spacing - 1e-6)) + 1, _FEWEST)
-    yield smooth(points, along, count, min(noise(points), STRAY))
+    half = given.planned * given.half
+    line, deviation = tried(half)
+    while deviation > limits.deviation:
+        half = narrower(half)
+        if half == 0.0:
+            raise _too_far_error(points, line.points, limits.deviation)
+        line, deviation = tried(half)
+    near, length = half, arc(points)[-1]
+    while line.sharpest > limits.max_curvature and half < length:
+        gentler, farther = tried(wider(half))
+        if farther > limits.deviation:
+            break
+        line, deviation, half = gentler, farther, wider(half)
+    slow = given.speed_limit(near, half, line.place)
+    return _Laid(line.points, line.place, deviation, slow)
 
 
 def _largest_deviation(given: Floats, even: Floats) -> float:
     """Largest distance between a polyline and the line of stations [m]."""
     distance = np.zeros(len(even))
-    deviation_along(given, even, distance)
+    core.deviation_along(given, even, distance)
     return float(distance.max())
 
 
 def _too_far_error(given: Floats, even: Floats, max_deviation: float) -> ParameterError:
     distance = np.zeros(len(even))
-    deviation_along(given, even, distance)
+    core.deviation_along(given, even, distance)
     (x, y), deviation = even[np.argmax(distance)], float(distance.max())
     return ParameterError(
         f"points[{_nearest_to(x, y, given)}]",
@@ -241,10 +270,10 @@ def _nearest_to(x: float, y: float, points: Floats) -> int:
 
 
 def batch(
-    paths: Sequence[CandidatePath | EvenPath], spacing: float, max_deviation: float = np.inf
+    paths: Sequence[CandidatePath | EvenPath], spacing: float, limits: LineLimits = _ANY_LINE
 ) -> PathBatch:
     """M paths on even stations, side by side, (N, M); see :func:`resample`."""
-    return side_by_side([resample(path, spacing, max_deviation) for path in paths])
+    return side_by_side([resample(path, spacing, limits) for path in paths])
 
 
 def side_by_side(paths: Sequence[EvenPath]) -> PathBatch:

@@ -49,4 +49,5 @@ NB_MODULE(_core, m) {
   slopewise::bind_swept(m);
   slopewise::bind_verify(m);
   slopewise::bind_horizon(m);
+  slopewise::bind_path(m);
 }

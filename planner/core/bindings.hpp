@@ -44,5 +44,6 @@ void bind_forces(nb::module_& m);
 void bind_swept(nb::module_& m);
 void bind_verify(nb::module_& m);
 void bind_horizon(nb::module_& m);
+void bind_path(nb::module_& m);
 
 }  // namespace slopewise

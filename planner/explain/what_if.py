@@ -17,6 +17,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.models.surface_names import resolve_class
+from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from slopewise.planner.ground.terrain_profile import terrain_profile
@@ -108,7 +109,7 @@ class WhatIf:
         """
         self._settings = settings or PlannerSettings()
         spacing = self._settings.spacing_on(elevation_map.resolution)
-        part = batch([path], spacing, model.max_path_deviation)
+        part = batch([path], spacing, line_limits(model))
         vehicle = model.vehicle
         self._vehicle, self._name, self._limit = vehicle, path.name, part.speed_limit
         elevation_map = averaged_map(elevation_map, vehicle.wheel_radius)

@@ -154,7 +154,9 @@ class Cycle:
         plan, limit = one.plan, self._planner.equipment.model.max_path_deviation
         j = candidates.paths.names.index(plan.candidate)
         deviation = candidates.deviation(j, plan.x, plan.y, plan.station, limit)
-        return replace(one, plan=replace(plan, path_deviation=deviation))
+        given = candidates.paths.given[j] if candidates.paths.given else None
+        reason = plan.reason or ("" if given is None else given.ends)
+        return replace(one, plan=replace(plan, path_deviation=deviation, reason=reason))
 
     def _continue(
         self, batch: CycleBatch, index: int | None

@@ -18,6 +18,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
+from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.sight import within_sight
@@ -97,7 +98,7 @@ class Horizon:
         offered = paths if isinstance(paths, PathBatch) else None
         if not isinstance(paths, PathBatch) and len(paths) > 0:
             spacing = self.planner.spacing_on(elevation_map.resolution)
-            offered = batch(list(paths), spacing, self.model.max_path_deviation)
+            offered = batch(list(paths), spacing, line_limits(self.model))
         if offered is not None and len(offered.names) == 0:
             offered = None
         free = _checked_clear(clear, 0 if offered is None else len(offered.names))

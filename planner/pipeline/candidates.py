@@ -16,6 +16,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
+from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.sight import within_sight
@@ -24,7 +25,7 @@ from slopewise.planner.path import EvenPath, behind_the_front, resample, side_by
 from slopewise.planner.path_deviation import path_deviation
 from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
-from slopewise.planner.plan import SpeedPlan
+from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
 
 _BATCH = 256
@@ -112,7 +113,7 @@ class CandidatePlanner:
         even = []
         for path in paths:
             try:
-                even.append(resample(path, spacing, self.model.max_path_deviation))
+                even.append(resample(path, spacing, line_limits(self.model)))
             except ParameterError as error:
                 raise ParameterError(f"{path.name}.{error.field}", error.expected) from None
         return even
@@ -121,7 +122,14 @@ class CandidatePlanner:
         given = path.points if path.given is None else path.given.points
         limit = self.model.max_path_deviation
         deviation = path_deviation(given, plan.x, plan.y, plan.station, limit)
-        return replace(plan, path_deviation=deviation)
+        plan = replace(plan, path_deviation=deviation)
+        ends = "" if path.given is None else path.given.ends
+        if ends and plan.status is Status.OK:
+            reason = f"stops at {plan.progress:.1f} m: {ends}"
+            plan = replace(plan, status=Status.BLOCKED, reason=reason)
+        elif ends:
+            plan = replace(plan, reason=f"{plan.reason}; {ends}")
+        return plan
 
 
 def finished(solved: TimeOptimalBatch, j: int, name: str, *, smooth: bool) -> SpeedPlan:

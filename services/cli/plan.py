@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from slopewise.planner.plan import SpeedPlan
     from slopewise.services.jobs.plan import PlanResult
 
-_SHOWN_SHARE = 0.25
-"""Deviations from the given path above this share of their limit get a line."""
-
 _HEAD = "#|candidate|status|time\ns|stops at\nm|top\nm/s|margin\nm|rear\nload|limited by"
 _COLOURS = {"ok": "green", "blocked": "yellow", "degraded": "magenta", "infeasible": "red"}
 
@@ -126,10 +123,10 @@ def tables(result: PlanResult) -> Iterator[Any]:
         if plan.reason:
             yield _named(plan.candidate, plan.reason)
     for plan in plans[:LISTED]:
-        if (d := plan.path_deviation) is not None and d.largest > _SHOWN_SHARE * d.limit:
-            text = f"planned up to {d.largest:.2f} m away from the given path, at "
-            text += f"{d.station:.2f} m; the limit is {d.limit:.3g} m"
+        if plan.path_deviation is not None and (text := plan.path_deviation.sentence):
             yield _named(plan.candidate, text)
+    for path in result.refused:
+        yield _named(path.candidate, f"refused: {path.reason}")
     for note in result.notes:
         yield line(note, "dim")
     if result.uncertainty is not None and not result.states_uncertainty:

@@ -20,6 +20,7 @@ import numpy as np
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
+from slopewise.planner.followed_line import LineLimits, line_limits
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.path import EvenPath, resample
 from slopewise.planner.pipeline.candidates import CandidatePlanner
@@ -139,8 +140,8 @@ def _plan(
     request: FleetPlanRequest,
 ) -> list[SpeedPlan | RejectedCandidate]:
     spacing = planner.settings.spacing_on(ground.resolution)
-    max_deviation = planner.model.max_path_deviation
-    resampled = [_resample(path, spacing, max_deviation) for path in paths]
+    limits = line_limits(planner.model)
+    resampled = [_resample(path, spacing, limits) for path in paths]
     usable = [path for path in resampled if isinstance(path, EvenPath)]
     plans = planner.plan(ground, usable, start_speed=request.start_speed, clear=request.clear)
     remaining = iter(plans)
@@ -148,10 +149,10 @@ def _plan(
 
 
 def _resample(
-    path: CandidatePath, spacing: float, max_deviation: float
+    path: CandidatePath, spacing: float, limits: LineLimits
 ) -> EvenPath | RejectedCandidate:
     """Resample, or reject: one path that cannot be used must not prevent planning of the others."""
     try:
-        return resample(path, spacing, max_deviation)
+        return resample(path, spacing, limits)
     except ParameterError as error:
         return RejectedCandidate(path.name, f"{error.field}: expected {error.expected}")

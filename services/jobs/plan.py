@@ -6,11 +6,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.errors import ParameterError
 from slopewise.models.input_errors import describe_errors
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.surface_braking import SurfaceBraking
@@ -34,6 +36,13 @@ from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import input_errors
 
 
+class RefusedPath(NamedTuple):
+    """A path of a file that cannot be planned, and why: one sentence."""
+
+    candidate: str
+    reason: str
+
+
 @dataclass(frozen=True, slots=True)
 class PlanResult:
     """Plans best first, and what they were made from; time without the wait for a compiler [s]."""
@@ -47,6 +56,7 @@ class PlanResult:
     check: CheckResult | None = None
     files: tuple[Path, Path] | None = None  # map and model
     settings: PlannerSettings = field(default_factory=PlannerSettings)
+    refused: tuple[RefusedPath, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -104,8 +114,9 @@ def plan(
     ground = read_ground(map_file, paths, path_file, model.vehicle, topics=topics, nodata=nodata)
     planner = CandidatePlanner(model, settings, uncertainty)
     with input_errors(path_file, ("speed", "clear")):
+        usable, refused = without_refused(planner, ground, paths)
         plans, resampled, seconds = plan_paths(
-            planner, ground, paths, start_speed=start_speed, clear=clear, quiet=quiet
+            planner, ground, usable, start_speed=start_speed, clear=clear, quiet=quiet
         )
     explanation = None
     if explains:
@@ -127,13 +138,36 @@ def plan(
         explanation,
         files=(map_file, found_model),
         settings=planner.settings,
+        refused=refused,
     )
+
+
+def without_refused(
+    planner: CandidatePlanner, ground: ElevationMap, paths: Sequence[CandidatePath]
+) -> tuple[list[EvenPath], tuple[RefusedPath, ...]]:
+    """Paths that can be planned, on even stations, and the others: one refuses no file.
+
+    Raises:
+        ParameterError: none of them can be planned; that of the first.
+    """
+    usable: list[EvenPath] = []
+    refused: list[RefusedPath] = []
+    first: ParameterError | None = None
+    for path in paths:
+        try:
+            usable += planner.resampled(ground, [path])
+        except ParameterError as error:
+            first = first or error
+            refused.append(RefusedPath(path.name, str(error)))
+    if first is not None and not usable:
+        raise first
+    return usable, tuple(refused)
 
 
 def plan_paths(
     planner: CandidatePlanner,
     ground: ElevationMap,
-    paths: Sequence[CandidatePath],
+    paths: Sequence[CandidatePath | EvenPath],
     *,
     start_speed: float = 0.0,
     clear: float = np.inf,

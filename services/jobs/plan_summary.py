@@ -68,7 +68,10 @@ class ExplanationSummary(Summary, frozen=True):
 
 
 class PlanSummary(Summary, frozen=True):
-    """Output of `plan --json`; a plan has its facts, `path_deviation` and `columns`."""
+    """Output of `plan --json`; a plan has its facts, `path_deviation` and `columns`.
+
+    A path that cannot be planned is in `refused`, with `candidate`, `status` and `reason`.
+    """
 
     model: str
     admissible: bool
@@ -78,6 +81,7 @@ class PlanSummary(Summary, frozen=True):
     made_from: MadeFrom | None = None
     explain: ExplanationSummary | None = None
     check: CheckSummary | None = None
+    refused: list[dict[str, str]] = msgspec.field(default_factory=list)
 
 
 class DemoSummary(PlanSummary, frozen=True):
@@ -97,6 +101,7 @@ def summarise(result: PlanResult, page: Path | None = None) -> PlanSummary:
         "made_from": _made_from(result),
         "explain": None if result.explanation is None else _explained(result.explanation),
         "check": None if result.check is None else result.check.summary,
+        "refused": [{**path._asdict(), "status": "refused"} for path in result.refused],
     }
     return PlanSummary(**fields) if page is None else DemoSummary(**fields, page=str(page))
 
@@ -118,7 +123,7 @@ def _made_from(result: PlanResult) -> MadeFrom | None:
 def _plan(plan: SpeedPlan) -> dict[str, Any]:
     """Facts, columns, and the speed needed on a hill that thrust alone cannot climb."""
     deviation, run_up = plan.path_deviation, plan.momentum
-    keys = ("largest", "station", "x", "y", "limit")
+    keys = ("largest", "station", "x", "y", "limit", "sentence")
     facts: dict[str, Any] = {
         **summary(plan),
         "path_deviation": None if deviation is None else {k: getattr(deviation, k) for k in keys},

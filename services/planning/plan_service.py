@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import structs
 
 from slopewise.models.smallest_seen import hides_steps, sight_notes, smallest_seen
+from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import PlanarState
@@ -127,8 +128,8 @@ class PlanService:
         checked = time.perf_counter()
         count, is_named = len(valid.candidates), bool(request.client)
         self._costs.check(count, remaining, named=is_named)
-        deviation = parameters.model.max_path_deviation
-        even = resample_all(valid.candidates, spacing, deviation, check_deadline)
+        limits = line_limits(parameters.model)
+        even = resample_all(valid.candidates, spacing, limits, check_deadline)
         candidates = map_age.limit_speed(even.candidates)
         with faults_of(key):
             if request.client:

@@ -14,6 +14,7 @@ import numpy as np
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import InputError, ParameterError
+from slopewise.planner.followed_line import LineLimits
 from slopewise.planner.horizon.answer import HorizonSettings
 from slopewise.planner.horizon.path_projection import locate
 from slopewise.planner.horizon.refusals import out_of_reach
@@ -95,16 +96,16 @@ def validate_candidates(
 def resample_all(
     candidates: Sequence[PlanCandidate],
     spacing: float,
-    max_deviation: float,
+    limits: LineLimits,
     check_deadline: DeadlineCheck = no_deadline,
 ) -> Validated:
-    """Candidates at uniform ``spacing``, stations at most ``max_deviation`` off the path [m]."""
+    """Candidates at uniform ``spacing`` [m], on lines that keep ``limits``."""
     usable: list[PlanCandidate] = []
     rejected: list[RankedCandidate] = []
     for candidate in candidates:
         check_deadline()
         try:
-            path = resample(candidate.path, spacing, max_deviation)
+            path = resample(candidate.path, spacing, limits)
             usable.append(PlanCandidate(path, candidate.clear))
         except ParameterError as error:
             rejected.append(rejection(candidate.path.name, str(error)))

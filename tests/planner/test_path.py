@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
+from slopewise.planner.followed_line import line_limits
 from slopewise.planner.horizon.answer import PlanarState
 from slopewise.planner.horizon.horizon import Horizon
 from slopewise.planner.path import MAX_STATIONS, batch, joined, resample
@@ -91,7 +92,7 @@ def test_noise_of_centimetres_does_not_become_curvature(seed: int) -> None:
 
 def test_the_lowest_limit_of_duplicates_holds() -> None:
     points = np.array([(0.0, 0.0), (5.0, 0.0), (5.0, 0.0), (5.0, 0.0), (9.0, 0.0)])
-    cleaned, limit = clean(points, np.array([3.0, 2.0, 1.0, 4.0, 3.0]), None)
+    cleaned, limit, _ = clean(points, np.array([3.0, 2.0, 1.0, 4.0, 3.0]), None)
     np.testing.assert_array_equal(cleaned[:, 0], (0.0, 5.0, 9.0))
     np.testing.assert_array_equal(limit, (3.0, 1.0, 3.0))
 
@@ -103,16 +104,11 @@ BACKWARDS = np.pi + 0.1 * np.linspace(0.0, 10.0, len(ARC.points))
 @pytest.mark.parametrize(
     ("path", "field", "parts"),
     [
-        (
-            path_of((0, 0), (4, 0), (8, 0), (5, 0.5), (0, 1)),
-            "points[2]",
-            ("171°", "(8.00, 0.00)", "split it"),
-        ),
         (CandidatePath("back", ARC.points, yaw=BACKWARDS), "yaw", ("backwards",)),
         (path_of((2, 3), (2, 3), (2, 3.0005)), "points", ("2 distinct points",)),
         (straight(0.25 * MAX_STATIONS * 1.01), "points", (str(MAX_STATIONS),)),
     ],
-    ids=["cusp", "backwards", "one place", "wrong unit"],
+    ids=["backwards", "one place", "wrong unit"],
 )
 def test_what_cannot_be_driven_is_refused_with_its_reason(
     path: CandidatePath, field: str, parts: tuple[str, ...]
@@ -252,6 +248,7 @@ def test_every_deviation_is_reported_and_within_the_limit_or_the_path_is_refused
             outcome[f"{kind} refused"] += 1
             continue
         outcome[f"{kind} planned"] += 1
+        points = up_to_end(points, plan)
         deviation, true = plan.path_deviation, largest_distance(points, line_of(plan))
         assert deviation is not None
         assert true <= deviation.limit + 1e-3 == (limit or LIMIT) + 1e-3
@@ -267,24 +264,35 @@ def test_every_deviation_is_reported_and_within_the_limit_or_the_path_is_refused
         )
     print(dict(sorted(outcome.items())))
     assert not malformed
-    assert sum(n for name, n in outcome.items() if "planned" in name) > 0.75 * count
+    assert sum(n for name, n in outcome.items() if "planned" in name) > 0.97 * count
+
+
+def up_to_end(points: np.ndarray, plan: SpeedPlan) -> np.ndarray:
+    """Points up to the place at which the plan says that the path turns round."""
+    if "turns round at" not in plan.reason:
+        return points
+    return points[: int(np.argmin(np.hypot(*(points - line_of(plan)[-1]).T))) + 1]
 
 
 def test_what_cannot_be_followed_is_refused_with_place_and_size() -> None:
-    there = np.arange(0.0, 5.0, 0.1)
-    back = np.stack([np.concatenate([there, there[::-1], there]), np.zeros(150)], axis=1)
-    with pytest.raises(ParameterError, match=r"turns round at \(\S+, \S+\); split it there"):
-        planned(back)
-    rng = np.random.default_rng(5)
-    wild = np.stack([np.linspace(0.0, 12.0, 240), rng.normal(0.0, 0.05, 240)], axis=1)
-    with pytest.raises(ParameterError) as caught:
-        planned(wild, 0.05)
-    assert re.match(r"p\.points\[\d+\]", caught.value.field)
-    place = re.search(r"at \((\S+), (\S+)\) .* is (\d+\.\d\d) m off", caught.value.expected)
-    assert place
-    assert "within 0.05 m (limits.max_path_deviation)" in caught.value.expected
-    assert float(place[3]) > 0.05
-    assert -0.1 <= float(place[1]) <= 12.1
+    # Noise of 10 cm in points 2 cm apart: what averages it keeps farther from some of them.
+    noisy = [points for kind, points in given_paths(140) if kind == "noisy"]
+    refused = []
+    for points in noisy:
+        try:
+            resample(CandidatePath("p", points), 0.25, line_limits(model_of(ATV)))
+        except ParameterError as error:
+            refused.append((points, error))
+    assert 0 < len(refused) < 4
+    for points, error in refused:
+        index = re.fullmatch(r"points\[(\d+)\]", error.field)
+        place = re.search(r"at \((\S+), (\S+)\) .* is (\d+\.\d\d) m off", error.expected)
+        assert index
+        assert place
+        assert "within 0.299 m (limits.max_path_deviation)" in error.expected
+        assert float(place[3]) >= 0.3
+        away = np.hypot(*(points[int(index[1])] - [float(place[1]), float(place[2])]))
+        assert away <= float(place[3]) + 0.01
 
 
 def test_stations_that_lie_off_their_path_are_refused_wherever_they_come_from() -> None:

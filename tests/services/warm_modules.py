@@ -1,4 +1,4 @@
-"""Preparation of forked commands: modules imported, kernels loaded, one plan and page drawn.
+"""Preparation of forked commands: modules imported, one plan and page drawn.
 
 Imported by the server that forks them only. It starts no thread and opens no
 session, and imports nothing that an extra brings, so that a forked command still lacks what its

@@ -1,7 +1,7 @@
 """Commands in processes that are forked from one that has imported everything already.
 
 Such a process is a separate one, with its signals, threads and sockets; only the seconds in
-which Python imports numba, scipy and zenoh and loads the compiled kernels are spent once for all of
+which Python imports scipy and zenoh is spent once for all of
 them. A test about the very start, or about what an environment brings into it, starts a fresh
 interpreter instead.
 """

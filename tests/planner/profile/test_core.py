@@ -147,5 +147,6 @@ def test_rows_are_declared_with_type_and_unit() -> None:
     assert all(unit and meaning for _, _, unit, meaning in core.ROWS)
 
 
-def test_random_problems_pass_the_sanitizers(tmp_path: Path) -> None:
-    run_under_sanitizers(HERE / "core_driver.cpp", 4, tmp_path)
+@pytest.mark.parametrize("source", [HERE / "core_driver.cpp", HERE.parent / "path_driver.cpp"])
+def test_random_problems_pass_the_sanitizers(tmp_path: Path, source: Path) -> None:
+    run_under_sanitizers(source, 4, tmp_path)

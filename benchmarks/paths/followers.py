@@ -1,0 +1,223 @@
+"""Vehicles that follow given polylines at planned speeds, by separate kinematics.
+
+Nothing here is the planner's: the exact follower turns its body as a wheelbase lets it, the other
+one pursues a point ahead of it. Both take the plan's speed at the place that they have reached.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
+
+from slopewise.models.arrays import Floats
+from slopewise.models.parameters import Model
+from slopewise.planner.plan import SpeedPlan
+
+_STEP = 0.02  # [m] between places on the line
+_TOLERANCE = 0.05  # [1] of a share: curvature is sampled, by plan and follower
+_REACH = 1.5  # [m] along the plan within which a place is looked for
+_PLACE_ERROR = 0.05  # [m] by which a nearest place may be off
+_GRAVITY = 9.81  # [m/s²]
+
+
+class Drive(NamedTuple):
+    """Shares of limits that a drive takes at most, 1 is the limit.
+
+    Attributes:
+        lateral: share of the model's lateral acceleration [1].
+        rollover: share of the load that may leave a side [1].
+        friction: share of the ground's friction [1].
+        stopping: share of the distance to the plan's end [1].
+        place: (x, y) where the first of them is largest [m].
+    """
+
+    lateral: float
+    rollover: float
+    friction: float
+    stopping: float
+    place: tuple[float, float]
+
+    def beyond(self, *, counts_lateral: bool) -> bool:
+        """Return True if a limit is exceeded; a pursuer swings beyond the curvature of any line."""
+        shares = (self.rollover, self.friction, self.stopping)
+        return max(*shares, self.lateral * counts_lateral) > 1.0 + _TOLERANCE
+
+
+class Places(NamedTuple):
+    """Places on the given line up to where the plan rests, (n,) each.
+
+    Arc [m], position [m], heading [rad], speed [m/s] and stop of the plan there [m].
+    """
+
+    arc: Floats
+    x: Floats
+    y: Floats
+    heading: Floats
+    speed: Floats
+    stop: Floats
+
+
+def places(given: Floats, plan: SpeedPlan, measured: Floats) -> Places:
+    """Given line in steps of 2 cm with the speed that the plan has at the nearest of its places."""
+    x, y = dense(given, measured)
+    at: Floats = _STEP * np.arange(len(x), dtype=np.float64)
+    nearest = along_plan(x, y, plan)
+    number = np.arange(len(plan.station))
+    speed: Floats = np.sqrt(np.interp(nearest, number, plan.speed**2))
+    stop: Floats = np.interp(nearest, number, plan.stop_distance)
+    rest = plan.station[-1] if plan.speed[-1] > 0.0 else plan.progress
+    end = np.interp(rest, plan.station, number)
+    n = max(int(np.argmax(nearest >= end - 1e-6)), 1) if nearest[-1] >= end - 1e-6 else len(at)
+    heading: Floats = np.arctan2(np.gradient(y), np.gradient(x))
+    return Places(at[:n], x[:n], y[:n], heading[:n], speed[:n], stop[:n])
+
+
+def along_plan(x: Floats, y: Floats, plan: SpeedPlan) -> Floats:
+    """Number of the station, with a share, that each of the places in order is nearest to."""
+    step = np.stack((np.diff(plan.x), np.diff(plan.y)), axis=1)
+    square = np.maximum((step**2).sum(axis=1), 1e-12)
+    arc = np.concatenate(([0.0], np.cumsum(np.sqrt(square))))
+    number, at = np.empty(len(x)), 0.0
+    for i in range(len(x)):
+        low = max(int(np.searchsorted(arc, at - 0.3, "right")) - 1, 0)
+        high = max(min(int(np.searchsorted(arc, at + _REACH)), len(square)), low + 1)
+        off_x, off_y = x[i] - plan.x[low:high], y[i] - plan.y[low:high]
+        part, size = step[low:high], square[low:high]
+        share = np.clip((off_x * part[:, 0] + off_y * part[:, 1]) / size, 0.0, 1.0)
+        away = (off_x - share * part[:, 0]) ** 2 + (off_y - share * part[:, 1]) ** 2
+        k = int(np.argmin(away))
+        at = float(arc[low + k] + share[k] * np.sqrt(size[k]))
+        number[i] = low + k + share[k]
+    return number
+
+
+def follow_exactly(
+    given: Floats, plan: SpeedPlan, model: Model, slope: Floats, *, steers_at_noise: bool = True
+) -> Drive:
+    """A vehicle on the line itself, which turns as the arc that fits the line under it best.
+
+    From its rear axle to its front axle a body rounds any corner; the arc is the
+    parabola of least squares, by the filter of Savitzky and Golay. No vehicle steers at noise of a
+    shorter length: along a recorded line the arc is twice as long.
+
+    Args:
+        given: (n, 2) points [m]. plan: with speeds for them. model: sizes and limits.
+        slope: gradient of the plane that is driven on, (2,) [1].
+        steers_at_noise: points are no noise.
+    """
+    # Noise makes the polyline longer than the way that is driven along it.
+    smooth = given if steers_at_noise else _averaged(given, model.vehicle.wheelbase)
+    line = places(given, plan, smooth)
+    span = (0.5 if steers_at_noise else 1.0) * model.vehicle.wheelbase
+    x, y = dense(given, smooth)
+    window = min(2 * round(span / _STEP) + 1, (len(x) - 1) // 2 * 2 + 1)
+
+    def derivative(values: Floats, order: int) -> Floats:
+        filtered: Floats = savgol_filter(values, window, 2, deriv=order, delta=_STEP)
+        return filtered[: len(line.arc)]
+
+    dx, dy, ddx, ddy = (derivative(v, order) for order in (1, 2) for v in (x, y))
+    curvature = (dx * ddy - dy * ddx) / np.maximum(np.hypot(dx, dy), 0.1) ** 3
+    sharpest = model.steering_geometry.max_curvature
+    curvature = np.clip(curvature, -sharpest, sharpest)
+    longer = _length(given) / _length(smooth)
+    line = line._replace(heading=np.arctan2(dy, dx), arc=longer * line.arc)
+    return _felt(line, curvature, plan, model, slope, float(line.arc[-1]))
+
+
+def dense(given: Floats, measured: Floats) -> tuple[Floats, Floats]:
+    """Places of a polyline in steps of 2 cm, by the way along another with as many points."""
+    arc = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(measured, axis=0).T))))
+    distinct = np.concatenate(([True], np.diff(arc) > 0.0))
+    at = np.arange(0.0, arc[-1], _STEP)
+    x, y = (np.interp(at, arc[distinct], given[distinct, axis]) for axis in range(2))
+    return x, y
+
+
+def _length(points: Floats) -> float:
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+def _averaged(points: Floats, length: float) -> Floats:
+    """Points averaged over a length [m] of their usual distance."""
+    step = float(np.median(np.hypot(*np.diff(points, axis=0).T)))
+    size = 2 * int(0.5 * length / step) + 1
+    averaged: Floats = uniform_filter1d(points, size, axis=0, mode="nearest")
+    return averaged
+
+
+def _felt(
+    line: Places, curvature: Floats, plan: SpeedPlan, model: Model, slope: Floats, end: float
+) -> Drive:
+    """Shares of limits from curvatures at places, (n,) [1/m]; the line may be driven to ``end``."""
+    limits, vehicle = model.limits, model.vehicle
+    # Left side up is positive: the height rises to the left of the heading.
+    roll = np.arctan(-np.sin(line.heading) * slope[0] + np.cos(line.heading) * slope[1])
+    turning = line.speed**2 * curvature
+    felt = turning + _GRAVITY * np.sin(roll)
+    outward = _GRAVITY * np.maximum(np.sign(curvature) * np.sin(roll), 0.0)
+    allowed = np.maximum(limits.lateral_accel, outward + 0.1 * limits.lateral_accel)
+    lateral = (np.abs(turning) + outward) / allowed
+    lever = vehicle.cg_z / (0.5 * vehicle.track_width)
+    lost = np.abs(felt) / _GRAVITY * lever
+    rollover = lost / (1.0 - limits.min_load)
+    friction = np.zeros_like(lateral)
+    if model.braking.sliding_friction is not None:
+        braked = limits.decel
+        friction = np.hypot(felt, braked) / (model.braking.sliding_friction * _GRAVITY)
+    # The last place of the line that may be reached is as far behind its end as in the plan.
+    left = end - line.arc + max(plan.clear_distance - plan.progress, 0.0) + _PLACE_ERROR
+    stopping = np.where(line.speed > 0.05, line.stop / np.maximum(left, 1e-6), 0.0)
+    k = int(np.argmax(lateral))
+    return Drive(
+        float(lateral.max()),
+        float(rollover.max()),
+        float(friction.max()),
+        float(stopping.max()),
+        (float(line.x[k]), float(line.y[k])),
+    )
+
+
+def pursue(
+    given: Floats, plan: SpeedPlan, model: Model, slope: Floats, rng: np.random.Generator
+) -> Drive:
+    """A kinematic vehicle that steers to a point ahead on the line, and is stopped at a place."""
+    line, dt = places(given, plan, given), 0.02
+    base = model.vehicle.wheelbase
+    lookahead, headway = base * rng.uniform(1.0, 2.0), rng.uniform(0.0, 0.5)
+    sharpest = model.steering_geometry.max_curvature
+    sharpest = sharpest if np.isfinite(sharpest) else 2.0 / base
+    stopped_at = rng.uniform(0.2, 1.0) * line.arc[-1]
+    x, y, speed, i = line.x[0], line.y[0], line.speed[0], 0
+    pointing = np.arctan2(
+        line.y[min(20, len(line.y) - 1)] - y, line.x[min(20, len(line.x) - 1)] - x
+    )
+    rows: list[tuple[int, float, float, float]] = []
+    for _ in range(20_000):
+        ahead = slice(i, min(i + 60, len(line.x)))
+        i += int(np.argmin((line.x[ahead] - x) ** 2 + (line.y[ahead] - y) ** 2))
+        if i >= len(line.x) - 2:
+            break
+        target = float(line.speed[i])
+        if line.arc[i] >= stopped_at:
+            target = max(speed - model.limits.decel * dt, 0.0)
+            if target == 0.0:
+                break
+        speed = max(target, 0.05)
+        reach = lookahead + headway * speed
+        k = min(int(np.searchsorted(line.arc, line.arc[i] + reach)), len(line.x) - 1)
+        to_x, to_y = line.x[k] - x, line.y[k] - y
+        away = max(np.hypot(to_x, to_y), 0.5 * base)
+        angle = np.arctan2(to_y, to_x) - pointing
+        curvature = float(np.clip(2.0 * np.sin(angle) / away, -sharpest, sharpest))
+        pointing += curvature * speed * dt
+        x, y = x + np.cos(pointing) * speed * dt, y + np.sin(pointing) * speed * dt
+        rows.append((i, speed, curvature, pointing))
+    if not rows:
+        return Drive(0.0, 0.0, 0.0, 0.0, (float(line.x[0]), float(line.y[0])))
+    at, speeds, turns, headings = (np.array(part) for part in zip(*rows, strict=True))
+    driven = Places(*(part[at] for part in line))._replace(speed=speeds, heading=headings)
+    return _felt(driven, turns, plan, model, slope, float(line.arc[-1]))

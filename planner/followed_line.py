@@ -1,0 +1,191 @@
+"""The line along which a vehicle follows a given polyline: its mean over the vehicle's own scale.
+
+At its corners a polyline is curved without end, elsewhere it is straight. A body as long as a
+wheelbase cannot drive that; it drives arcs through places up to half a wheelbase away
+(planner/core/given_path.hpp). A smooth curve is planned on where it is as curved as these arcs:
+then its speeds suit who follows the polyline itself as well.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
+from slopewise.planner.compiled_core import core
+from slopewise.planner.raw_polyline import noise, without_noise
+
+_HALF = 0.5
+"""Half width of the mean in wheelbases [1]: it is the arc that fits best from axle to axle."""
+
+_HALF_IN_NOISE = 0.8
+"""The same along noisy points [1]: no vehicle steers at noise that is shorter than itself."""
+
+_NO_SIZE = 2.0  # half width without a vehicle, in distances of stations [1]
+_FELT, _LIMITING = 0.1, 0.6
+"""Shares of the curvature that limits the highest speed on even ground, from which on curvature is
+compared [1]: on any bank a tenth of the lateral limit is left; beyond more than half it is
+compared exactly."""
+
+_COARSEST = 0.25  # of the half width [1]: noise of shorter steps is averaged
+_NOISY = 0.1  # of a step [1]: noise from which on it decides where a step points
+_GRID_STEPS = 8  # different steps of a search over a grid at most [1]
+_SAME_STEP = 1e-5  # [m] steps that differ less are the same
+_THRUST_SHARE = 0.8  # of the drive's force for a turn [1]: the rest is for grades
+_NARROWER, _WIDER = 0.7, 1.1  # half widths that are tried in turn [1]
+_SWING = 1.1  # of a line's own bends [1] from which on others count
+_ON_A_BANK = 0.5  # of the lateral limit [1]: the rest is for a bank that falls away from the turn
+_NARROWEST = 0.02  # [m] half width
+_PLANNED = 0.85  # of that half width [1], planned on: stations cut the peaks of curvature
+_PLANNED_ON_GRID = 0.7  # the same where bends swing from step to step [1]
+_STATIONS = 0.25  # of the half width from one to the next [1]: its curvature rises within it
+_MIN_STATIONS = 3  # stations that curvature needs [1]
+
+
+class LineLimits(NamedTuple):
+    """Limits of a line along a given polyline.
+
+    Attributes:
+        deviation: largest distance from the polyline [m].
+        wheelbase: 0 for a vehicle without size [m].
+        max_curvature: sharpest turn of its steering, or for which its drive has the force [1/m].
+        lateral_accel: limit in turns [m/s²]. speed: highest one [m/s].
+    """
+
+    deviation: float = np.inf
+    wheelbase: float = 0.0
+    max_curvature: float = np.inf
+    lateral_accel: float = np.inf
+    speed: float = np.inf
+
+    @property
+    def gentlest(self) -> float:
+        """Turn that the highest speed just allows on even ground [1/m]."""
+        return self.lateral_accel / self.speed**2
+
+
+def line_limits(model: Model) -> LineLimits:
+    """Of a model's vehicle."""
+    sharpest, limits = model.steering_geometry.max_curvature, model.limits
+    if model.vehicle.drive == "skid_steer":
+        sharpest = min(sharpest, _sharpest_by_thrust(model))
+    return LineLimits(
+        model.max_path_deviation,
+        model.vehicle.wheelbase,
+        sharpest,
+        limits.lateral_accel,
+        limits.speed,
+    )
+
+
+def _sharpest_by_thrust(model: Model) -> float:
+    """Turn on level ground for which the wheels of a skid-steer vehicle have force enough [1/m].
+
+    Source: the law of the bound ``traction``, motion resistance and turning resistance together.
+    """
+    vehicle, terrain = model.vehicle, model.terrain
+    force = _THRUST_SHARE * vehicle.max_drive_force / (vehicle.mass * GRAVITY)
+    drag = 0.5 * terrain.lateral_resistance * vehicle.wheelbase
+    return max(force - terrain.motion_resistance, 0.0) / max(drag, 1e-9)
+
+
+class FollowedLine(NamedTuple):
+    """The mean of a polyline.
+
+    Attributes:
+        points: (N, 2) even stations [m]. place: (N,) of each, as a share of the polyline [1].
+        sharpest: curvature [1/m].
+    """
+
+    points: Floats
+    place: Floats
+    sharpest: float
+
+
+class GivenPoints:
+    """A polyline as a vehicle follows it."""
+
+    def __init__(self, points: Floats, along: Floats, spacing: float, limits: LineLimits) -> None:
+        """Find out how far its mean has to reach: ``half`` [m], ``planned`` of that share [1].
+
+        Args:
+            points: (n, 2), n >= 3; along: (n,) arc of them [m].
+            spacing: of stations at most [m].
+            limits: with the vehicle.
+        """
+        self._spacing, self._limits, self._points = spacing, limits, points
+        self.half, self.planned = _HALF * limits.wheelbase or _NO_SIZE * spacing, _PLANNED
+        if limits.wheelbase > 0.0 and _wavers(points, along, self.half):
+            if _is_on_grid(points):
+                self.planned = _PLANNED_ON_GRID
+                return
+            self.half = _HALF_IN_NOISE * limits.wheelbase
+            # Noise of steps much shorter than the mean would only make them longer.
+            self._points = without_noise(points, along, _COARSEST * self.half)[0]
+
+    def agrees(self, even: Floats) -> bool:
+        """Return True if stations (N, 2) are as curved as the mean, where it matters."""
+        if self._limits.wheelbase == 0.0:
+            return True
+        gentlest = self._limits.gentlest
+        mean = core.FollowedLine(self._points, self.half)
+        return mean.agrees(even, _FELT * gentlest, _LIMITING * gentlest)
+
+    def line(self, half: float, max_count: int) -> FollowedLine:
+        """The mean over a half width [m] on at most ``max_count`` even stations."""
+        mean = core.FollowedLine(self._points, half)
+        count = int(np.ceil(mean.length / min(self._spacing, _STATIONS * half) - 1e-6)) + 1
+        even = np.empty((min(max(count, _MIN_STATIONS), max_count), 2))
+        place = np.empty(len(even))
+        mean.stations(even, place)
+        return FollowedLine(even, np.minimum(place / place[-1], 1.0), mean.sharpest)
+
+    def speed_limit(self, near: float, half: float, place: Floats) -> Floats | None:
+        """Speeds for who follows the polyline more closely than a line does, (N,) [m/s].
+
+        None if no such vehicle turns more sharply than that line.
+
+        Args:
+            near: least half width of the mean that is followed; half: that of the line [m].
+            place: (N,) of the line's stations, as shares of the polyline [1].
+        """
+        if self._limits.wheelbase == 0.0:
+            return None
+        planned, closer = self._curvature(half, place), self._curvature(near, place)
+        # On stairs the bends of means swing, of a wider one not always less.
+        closer = np.maximum(closer, self._curvature(self.half, place))
+        slow = closer > np.maximum(_SWING * planned, _FELT * self._limits.gentlest)
+        if not slow.any():
+            return None
+        closer[~slow] = 0.0
+        return np.sqrt(_ON_A_BANK * self._limits.lateral_accel / np.maximum(closer, 1e-9))
+
+    def _curvature(self, half: float, place: Floats) -> Floats:
+        curvature = np.empty(len(place))
+        core.FollowedLine(self._points, half).curvature(place, curvature)
+        return curvature
+
+
+def _wavers(points: Floats, along: Floats, half: float) -> bool:
+    """Return True if steps shorter than the mean [m] point here and there."""
+    step = core.usual_step(along)
+    return step <= half and noise(points) > _NOISY * step
+
+
+def _is_on_grid(points: Floats) -> bool:
+    """Return True if the steps repeat: a path over a grid alternates without any noise."""
+    steps = np.round((points[1:] - points[:-1]) / _SAME_STEP)
+    return len(np.unique(steps[:, 0] + 1j * steps[:, 1])) <= _GRID_STEPS
+
+
+def narrower(half: float) -> float:
+    """The next half width if a line leads too far from its polyline; 0 beyond the narrowest [m]."""
+    return half * _NARROWER if half * _NARROWER >= _NARROWEST else 0.0
+
+
+def wider(half: float) -> float:
+    """The next half width if a line is too sharp for the vehicle [m]."""
+    return half * _WIDER
