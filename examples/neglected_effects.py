@@ -17,6 +17,7 @@ AIR, WIND = 1.2, 8.0  # [kg/m³], [m/s]
 ROTATING = 0.05  # of the mass: wheels, gears and motors, as if they moved along
 SHIFT = 0.05  # [m] of the centre of gravity
 CREST = 0.1  # [1/m]
+LATERAL_SLIP = 0.05  # sideways over forward speed of a tyre that carries a cross slope [1]
 
 
 class Stop(NamedTuple):
@@ -218,6 +219,14 @@ METRES = (
         _corner,
         "a corner leaves the path sideways",
         "`[tracking] cross_track_per_curvature`",
+    ),
+    Row(
+        "crab on a cross slope",
+        "5 % lateral slip",
+        "front · sin atan 0.05",
+        lambda s: s.model.front * math.sin(math.atan(LATERAL_SLIP)),
+        "a corner leaves the path sideways",
+        "`[tracking] heading_std`, if learned on such slopes",
     ),
 )
 

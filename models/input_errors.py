@@ -57,6 +57,14 @@ class Tracking:
     latency_std: float = quantity(
         "s", "Standard deviation of the latency.", (0.0, 1.0), default=0.0, at_least=0.0
     )
+    lookahead: float | None = quantity(
+        "m",
+        "Distance to the point of the line at which the tracker aims; it is off the line for about "
+        "four of them. Two wheelbases, or the distance driven in 1 s, by default.",
+        (0.3, 20.0),
+        default=None,
+        above=0.0,
+    )
 
     def __post_init__(self) -> None:
         validate_quantities(self)

@@ -109,6 +109,7 @@ class PlanClient:
         paths: Sequence[Path],
         *,
         pose: tuple[float, float, float] | None = None,
+        pose_age: float = 0.0,
         clear: float | None = None,
     ) -> ClientAnswer:
         """Request a plan: an answer within the time-out, never an error of the wire.
@@ -117,6 +118,7 @@ class PlanClient:
             speed: vehicle speed [m/s].
             paths: candidates.
             pose: x, y, heading [m, m, rad].
+            pose_age: time since pose and speed were measured, with its transport [s].
             clear: station up to which the path is known to be free [m]; None: each whole path.
         """
         begun = time.perf_counter()
@@ -126,6 +128,7 @@ class PlanClient:
             paths=list(paths),
             client=self._name,
             pose=pose,
+            pose_age=pose_age,
             clear=clear,
             sequence=self._sequence,
         )

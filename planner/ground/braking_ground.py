@@ -33,10 +33,12 @@ class GroundConditions:
     Attributes:
         session_time: since the session began [s], for effects that change with it.
         brake_heat: heat per mass in the brakes now [J/kg], for brakes that fade.
+        pose_age: time since pose and speed were measured [s]: the vehicle is farther along.
     """
 
     session_time: float = 0.0
     brake_heat: float = 0.0
+    pose_age: float = 0.0
 
 
 class StopErrors(NamedTuple):
@@ -138,7 +140,7 @@ def ground_along(
         # The height of one place against that of another: two errors.
         width * np.sqrt(2.0) * profile.height_std,
         tracking.along_track,
-        tracking.latency,
+        tracking.latency + now.pose_age,
     )
     low_slope, low, up_slope, up, dead_time, slowest, fastest = rows[:7]
     return BrakingGround(

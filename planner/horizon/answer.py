@@ -11,8 +11,8 @@ from slopewise.models.quantity import quantity, validate_quantities
 from slopewise.planner.plan import SpeedPlan, Status
 
 MAX_HEADING_ERROR = 0.3
-"""Largest angle between path and heading [rad]. Plans sweep the body along the path: turned by more
-than that (17°), the end of a body 2 m long stands over 0.3 m from the ground that is swept."""
+"""Largest angle between path and heading [rad]: up to it (17°) the linear law of the tracker, by
+which the way back to the path is swept, is good to 5 % of the offset."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,23 +70,27 @@ class PlanarState:
 
     Attributes:
         x, y: [m]. heading: [rad]. speed: along the heading [m/s].
+        age: time since all that was measured, as far as it is known [s].
     """
 
     x: float
     y: float
     heading: float
     speed: float
+    age: float = 0.0
 
     def __post_init__(self) -> None:
         # Kernels are compiled for floats; an int would cause another compilation.
-        for name in ("x", "y", "heading", "speed"):
+        for name in ("x", "y", "heading", "speed", "age"):
             object.__setattr__(self, name, float(getattr(self, name)))
 
     def flaw(self) -> str:
         """What makes it useless, empty if nothing does."""
-        for name in ("x", "y", "heading", "speed"):
+        for name in ("x", "y", "heading", "speed", "age"):
             if not np.isfinite(getattr(self, name)):
                 return f"state.{name} is {getattr(self, name)}"
+        if self.age < 0.0:
+            return f"state.age is {self.age:g} s, in the future"
         return f"state.speed is {self.speed:g} m/s, backwards" if self.speed < -0.05 else ""
 
 

@@ -14,7 +14,8 @@ from slopewise.models.parameters import Model
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.terrain_profile import stations_along
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.horizon.answer import HorizonSettings
+from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
+from slopewise.planner.horizon.departure import departure_of
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
@@ -39,12 +40,14 @@ class CyclePlanner:
     Attributes:
         equipment, elevation_map, conditions: what they are made with.
         started: when the cycle did, by the clock of `perf_counter` [s].
+        state: vehicle state; it may be off its paths.
     """
 
     equipment: Equipment
     elevation_map: ElevationMap
     conditions: GroundConditions | None
     started: float
+    state: PlanarState
 
     def late(self) -> bool:
         """The time for this cycle is over."""
@@ -73,6 +76,7 @@ class CyclePlanner:
             settings=equipment.planning,
             conditions=self.conditions,
             uncertainty=equipment.uncertainty,
+            departure=departure_of(paths, self.state),
         )
 
     def finish(

@@ -105,7 +105,10 @@ class Horizon:
         felt = averaged_map(elevation_map, self.model.vehicle.wheel_radius)
         model = within_sight(self.model, elevation_map, self.planner.unseen_steps)
         equipment = replace(self._equipment, model=model)
-        cycle = Cycle(CyclePlanner(equipment, felt, conditions, started), state, self._previous)
+        if state.age > 0.0:
+            conditions = replace(conditions or GroundConditions(), pose_age=state.age)
+        planner = CyclePlanner(equipment, felt, conditions, started, state)
+        cycle = Cycle(planner, state, self._previous)
         answer, self._previous = cycle.run(offered, behind_the_front(free, self.model))
         return replace(answer, seconds=cycle.seconds)
 

@@ -21,12 +21,13 @@ from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.sight import within_sight
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.path import EvenPath, behind_the_front, resample, side_by_side
+from slopewise.planner.path import EvenPath, PathBatch, behind_the_front, resample, side_by_side
 from slopewise.planner.path_deviation import path_deviation
 from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
+from slopewise.planner.swept.convergence import Departure
 
 _BATCH = 256
 """Candidates planned together [1]: four tiles of the core bound the memory of a large file."""
@@ -54,6 +55,7 @@ class CandidatePlanner:
         start_speed: float = 0.0,
         clear: float | Floats = np.inf,
         conditions: GroundConditions | None = None,
+        departs: Callable[[PathBatch], Departure] | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> list[SpeedPlan]:
         """A verified plan for every path, in the order given.
@@ -65,6 +67,7 @@ class CandidatePlanner:
             clear: station up to which the way is known free, one for all or (M,); the front of
                 the vehicle stays on it [m].
             conditions: of the moment.
+            departs: vehicle pose relative to paths side by side; None: it is on all of them.
             progress: called with the number of candidates done since the last call.
 
         Raises:
@@ -84,15 +87,17 @@ class CandidatePlanner:
         for first in range(0, len(paths), _BATCH):
             part = slice(first, first + _BATCH)
             even = self.resampled(elevation_map, paths[part])
+            together = side_by_side(even)
             solved = time_optimal_batch(
                 felt,
-                side_by_side(even),
+                together,
                 model,
                 start_speed=start_speed,
                 clear=free[part],
                 settings=self.settings,
                 conditions=conditions,
                 uncertainty=self.uncertainty,
+                departure=None if departs is None else departs(together),
             )
             for j, path in enumerate(even):
                 plan = finished(solved, j, path.name, smooth=self.settings.smooth)

@@ -25,6 +25,7 @@ from slopewise.planner.profile.time_optimal import (
     travel_cost,
 )
 from slopewise.planner.settings import PlannerSettings, Solver
+from slopewise.planner.swept.convergence import Departure
 from slopewise.planner.swept.hazards import Hazards, nothing_looked_for, swept_hazards
 from slopewise.planner.verify.ground import GroundView
 
@@ -84,6 +85,7 @@ def time_optimal_batch(
     settings: PlannerSettings | None = None,
     conditions: GroundConditions | None = None,
     uncertainty: Uncertainty | None = None,
+    departure: Departure | None = None,
 ) -> TimeOptimalBatch:
     """Time-optimal profiles along candidates that are on even stations already.
 
@@ -96,6 +98,7 @@ def time_optimal_batch(
         settings: weights of the ranking, and who smooths.
         conditions: of the moment.
         uncertainty: what the plans are to survive; then ``model`` is its cautious one already.
+        departure: vehicle pose relative to the candidates; None: it is on all of them.
     """
     profile = terrain_profile(
         elevation_map, paths.x, paths.y, paths.count, model.vehicle, model.steering_geometry
@@ -110,7 +113,7 @@ def time_optimal_batch(
         clear=clear,
         speed_limit=paths.speed_limit,
         settings=settings,
-        hazards=swept_hazards(elevation_map, profile, model, errors=errors),
+        hazards=swept_hazards(elevation_map, profile, model, errors=errors, departure=departure),
     )
     return replace(solved, view=GroundView(elevation_map, errors))
 

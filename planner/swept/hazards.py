@@ -16,13 +16,12 @@ from slopewise.planner.ground.steering_limits import SteeringLimits, steering_li
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import Obstacle
-from slopewise.planner.swept.broad_phase import broad_phase_for
+from slopewise.planner.swept.convergence import Departure
 from slopewise.planner.swept.findings import BARS, Finding, Kind, Pose
 from slopewise.planner.swept.roughness import rough_speeds
 from slopewise.planner.swept.sentences import cannot_see, obstacle_of, too_tight
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
-from slopewise.planner.swept.tube import tube_of
-from slopewise.planner.workspace import empty
+from slopewise.planner.swept.sweeper import Sweeper, SweptPoses
 
 _BAR_OF_KIND = np.array([BARS.get(kind, 0) for kind in Kind], np.int64)
 
@@ -79,6 +78,7 @@ def swept_hazards(
     *,
     errors: InputErrors = _NO_ERRORS,
     lifted: Collection[Limiting] = (),
+    departure: Departure | None = None,
 ) -> Hazards:
     """What bars wheels and body along candidates, and how fast rough ground may be driven.
 
@@ -91,67 +91,52 @@ def swept_hazards(
         model: vehicle and limits.
         errors: of tracking, at the quantile of the plan.
         lifted: bounds that do not count, for what-if questions.
+        departure: vehicle pose relative to the candidates; None: it is on all of them.
     """
     vehicle, geometry = model.vehicle, model.steering_geometry
     sizes = swept_sizes(vehicle, elevation_map.resolution)
-    stations, candidates = profile.x.shape
     # The first station may be next to the second one, where a vehicle is on its previous plan.
     steps = np.hypot(np.diff(profile.x[:3], axis=0), np.diff(profile.y[:3], axis=0))
     spacing = np.maximum(steps.max(axis=0), _LEAST_SPACING)
-    code, found = empty(stations, candidates).view(np.int64), np.zeros((candidates, 4))
     bars = np.where(np.isin(_BAR_OF_KIND, list(lifted)), 0, _BAR_OF_KIND)
-    body = profile.body_rows
-    tube = tube_of(errors, profile, geometry.body_offset, elevation_map.resolution)
-    across, band = (None, None) if tube is None else tube
-    looked = broad_phase_for(elevation_map, sizes, band, body.x, body.y).sweep(
-        *body,
-        profile.station,
-        profile.count,
-        profile.known,
-        profile.twist,
-        float(spacing.max()),
-        geometry.centre_offset > 0.0,
-        across,
-        bars,
-        code,
-        found,
-    )
+    sweeper = Sweeper(elevation_map, model, sizes, errors, bars, float(spacing.max()))
+    swept = sweeper.sweep(profile)
+    if departure is not None:
+        swept = sweeper.with_convergence(swept, profile, departure)
     rough = steering_speed = np.empty((0, 0))
     if sizes.fine:
         rough = rough_speeds(elevation_map, profile, model, sizes, spacing)
     steering = steering_limits(profile, geometry)
     if steering is not None:
-        code[steering.blocked & (code == 0)] = _STEERING
+        swept.code[steering.blocked & (swept.code == 0)] = _STEERING
         steering_speed = steering.speed
     return Hazards(
-        HazardRows(code, rough, steering_speed),
+        HazardRows(swept.code, rough, steering_speed),
         cannot_see(sizes, elevation_map.resolution),
-        _obstacles(profile, (code, found), sizes, steering, geometry.max_curvature),
-        looked,
+        _obstacles(profile, swept, sizes, steering, geometry.max_curvature),
+        swept.looked,
     )
 
 
 def _obstacles(
     profile: TerrainProfile,
-    met: tuple[Ints, Floats],
+    swept: SweptPoses,
     sizes: SweptSizes,
     steering: SteeringLimits | None,
     max_curvature: float,
 ) -> Callable[[int, int], Obstacle | None]:
     """Obstacles at stations of candidates, by the codes and findings of the sweep."""
-    code, found = met
-    body = profile.body_rows
 
     def obstacle(j: int, k: int) -> Obstacle | None:
-        if code[k, j] == 0:
+        if swept.code[k, j] == 0:
             return None
-        if code[k, j] == _STEERING and steering is not None:
+        if swept.code[k, j] == _STEERING and steering is not None:
             x, y = float(profile.x[k, j]), float(profile.y[k, j])
             curvature = max(abs(profile.curvature[k, j]), abs(steering.curvature[k, j]))
             message = too_tight(x, y, float(curvature), max_curvature)
             return Obstacle(Limiting.STEERING, x, y, 0.0, message)
-        kind, *where = found[j]
-        pose = Pose(*(float(row[k, j]) for row in body))
-        return obstacle_of(Finding(int(kind), *where), pose, sizes)
+        kind, *where = swept.found[j]
+        pose = Pose(*(float(row[k, j]) for row in swept.body))
+        return obstacle_of(Finding(int(kind), *where), pose, sizes, swept.departures[j])
 
     return obstacle

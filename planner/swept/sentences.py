@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.smallest_seen import sight_notes
 from slopewise.models.vehicle import Shape, Vehicle
@@ -20,12 +22,22 @@ _WHAT = {
 }
 
 
-def obstacle_of(found: Finding, pose: Pose, sizes: SweptSizes) -> Obstacle:
-    """What bars a pose; something was found."""
+def obstacle_of(found: Finding, pose: Pose, sizes: SweptSizes, departure: str = "") -> Obstacle:
+    """What bars a pose; something was found. ``departure``: where the vehicle comes from."""
     x = pose.x + found.ahead * pose.heading_x - found.aside * pose.heading_y
     y = pose.y + found.ahead * pose.heading_y + found.aside * pose.heading_x
     kind = Kind(found.kind)
-    return Obstacle(BARS[kind], x, y, found.height, _sentence(found, kind, (x, y), sizes))
+    words = _sentence(found, kind, (x, y), sizes) + departure
+    return Obstacle(BARS[kind], x, y, found.height, words)
+
+
+def from_beside(offset: float, turned: float) -> str:
+    """Sentence on the pose of a vehicle off its path: offset [m], heading [rad], left positive."""
+    side = "left" if offset >= 0.0 else "right"
+    return (
+        f", on the way to the path from {abs(offset):.2f} m {side} of it, "
+        f"{abs(math.degrees(turned)):.0f}° off its heading"
+    )
 
 
 def _sentence(found: Finding, kind: Kind, at: tuple[float, float], sizes: SweptSizes) -> str:

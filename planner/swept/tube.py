@@ -9,11 +9,13 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.input_errors import InputErrors
-from slopewise.planner.ground.terrain_profile import TerrainProfile
 
 _CELL_SHARE = 0.5
 """Bands of one map are rounded up to this share of a cell [1], so that its broad phase serves all
 candidates of a cycle and of the next ones."""
+
+COARSE = 0.05
+"""Sizes that change with each pose are rounded up to that [m], for the same reason."""
 
 
 class BandWidth(NamedTuple):
@@ -31,7 +33,11 @@ class BandWidth(NamedTuple):
 
 
 def tube_of(
-    errors: InputErrors, profile: TerrainProfile, body_offset: float, resolution: float
+    errors: InputErrors,
+    curvature: Floats,
+    body_offset: float,
+    resolution: float,
+    added_band: Floats | None = None,
 ) -> tuple[Floats, BandWidth] | None:
     """By how far the reference point may be off the line, (N, M) [m], and a width that covers it.
 
@@ -39,13 +45,16 @@ def tube_of(
 
     Args:
         errors: at the quantile of the plan.
-        profile: M candidates of up to N stations.
+        curvature: of M candidates of up to N stations, (N, M) [1/m].
         body_offset: distance from the reference point ahead to mid-wheelbase [m].
         resolution: edge of a cell [m].
+        added_band: what is added to the band, (N, M) [m].
     """
-    if not errors.has_band:
+    if added_band is None and not errors.has_band:
         return None
-    across = errors.cross_track + errors.cross_track_per_curvature * np.abs(profile.curvature)
+    across = errors.cross_track + errors.cross_track_per_curvature * np.abs(curvature)
     step = _CELL_SHARE * resolution
+    if added_band is not None:
+        across, step = across + added_band, max(step, COARSE)
     widest = step * math.ceil(float(across.max()) / step)
     return across, BandWidth(widest, math.sin(errors.heading), body_offset)

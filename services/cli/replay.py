@@ -1,4 +1,4 @@
-"""`slopewise replay`: recorded drives, played to a running service."""
+"""`slopewise replay`: recorded drives, played to a running service, or through plan and guard."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import os
 import time
 from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from slopewise.services.cli import options
-from slopewise.services.cli.command import print_result
+from slopewise.services.cli.command import print_result, schema_of
 from slopewise.services.cli.tables import line, number, table
 from slopewise.services.jobs.plural import plural
 
@@ -42,7 +43,15 @@ def replay(
     columns: options.Columns = "",
     timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For each reply.")] = 5.0,
     zenoh_file: options.ZenohFile = "",
+    plan: Annotated[
+        bool, typer.Option("--plan", help="Plan along a recording instead; needs --model.")
+    ] = False,
+    model: Annotated[
+        str, typer.Option("--model", "-m", metavar="M.toml", help="Model file, with --plan.")
+    ] = "",
+    report: options.Report = None,
     as_json: options.AsJson = False,
+    json_schema: Annotated[bool, schema_of("jobs.replay_summary.ReplaySummary")] = False,
 ) -> None:
     """Play recorded drives to a running service, and report what it learned from them.
 
@@ -50,7 +59,12 @@ def replay(
     nothing is lost at any speed. Stops that come faster than the vehicle can make them do not make
     plans faster, unless the service's settings allow it (stops_at_once).
 
+    With --plan no service is needed: maps, odometry and paths of one recording go through the
+    moving horizon and the guard at the rate of the recording, and the command reports latencies,
+    statuses by cause, and where the driver would have been slowed.
+
     [bold]Example[/]  slopewise replay drive.csv --speed-up 20
+    [bold]Example[/]  slopewise replay drive.mcap --plan --model atv --report drive.html
     """
     from slopewise.models.errors import InputError
     from slopewise.services.cli.ask import ask
@@ -60,6 +74,12 @@ def replay(
 
     if not speed_up > 0.0:
         raise InputError("--speed-up", "", f"expected a factor > 0, got {speed_up:g}")
+    if plan:
+        _replay_plan(logs, model, topics, speed_up, report, as_json=as_json)
+        return
+    if model or report is not None:
+        expected = "expected --plan as well: model and page are those of plans along a recording"
+        raise InputError("--model" if model else "--report", "", expected)
     log = read_logs(logs, topics, columns)
     key = f"{namespace}/v1/params"
     with client_session(connect, zenoh_file) as session:
@@ -70,6 +90,46 @@ def replay(
         after = ask(session, key, ParameterReply, None, timeout, key)
     summary = _summary(log, took, receipts, before, after)
     print_result(as_json, summary, _tables(summary))
+
+
+def _replay_plan(
+    logs: list[Path],
+    model: str,
+    topics: Path | None,
+    speed_up: float,
+    report: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Plan along one recording."""
+    from slopewise.models.errors import InputError
+    from slopewise.services.guard.one_decision import guard_decision
+    from slopewise.services.io.bags import is_bag
+    from slopewise.services.jobs.replay_plan import replay_plan
+    from slopewise.services.jobs.replay_summary import summarise
+    from slopewise.services.report.replay_page import slowed_cells, verdict, write_replay_page
+
+    if not model:
+        raise InputError("--plan", "", "expected --model as well, a file or a shipped vehicle")
+    if len(logs) != 1 or not is_bag(logs[0]):
+        raise InputError(str(logs[0]), "", "expected one recording (.mcap, .db3) with --plan")
+    bag = logs[0]
+    result = replay_plan(bag, model, guard_decision, topics=topics, speed_up=speed_up)
+    summary = summarise(result)
+    if report is not None:
+        write_replay_page(report, result, summary, bag=bag.name, model=model)
+    rows = [(r.status, r.example, str(r.cycles), f"{r.first:.1f}") for r in summary.statuses]
+    rows += [
+        (f"guard: {r.status}", r.example, str(r.cycles), f"{r.first:.1f}") for r in summary.guard
+    ]
+    tables: list[Any] = [verdict(summary)]
+    tables += [f"{reason}: {plural(n, 'cycle')}" for reason, n in summary.missing.items()]
+    head = ("status", "reason, the first time", "cycles", "first, s")
+    tables += table(head, rows, left=("reason, the first time",))
+    columns = ("from, s", "to, s", "x, y, m", "driven, m/s", "planned, m/s", "reason")
+    if summary.slowed:
+        tables += table(columns, slowed_cells(summary), title="slowed", left=("reason",))
+    print_result(as_json, summary, tables, report)
 
 
 def _play(

@@ -14,6 +14,8 @@ OPTIONAL = {
     "yaw_rate": "rad/s",
     "x": "m",
     "y": "m",
+    "path_x": "m",
+    "path_y": "m",
     "v_left": "m/s",
     "v_right": "m/s",
     "current_left": "A",

@@ -11,6 +11,8 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.calibration.learn import Calibration, learn, with_learned
 from slopewise.models.calibration.surface_fit import CalibrationSettings
+from slopewise.models.calibration.tracking_fit import TrackingFit, fit_tracking
+from slopewise.models.calibration.tracking_samples import tracking_samples
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
@@ -39,6 +41,7 @@ class CalibrateResult:
     model: Model
     log: DriveLog
     seconds: float
+    tracking: TrackingFit | None = None  # None where the log has no poses with a path
 
 
 class RejectedLogError(InputError):
@@ -85,10 +88,22 @@ def calibrate(
                 expected = logs.in_own_units(f"expected {error.expected}")
                 error = fault(logs.names, error.field, expected)
             raise RejectedLogError(error, log, settings.stops) from None
+    tracking = _tracking(log, model, settings.coverage)
+    if tracking is not None:
+        updated = replace(updated, tracking=tracking.tracking)
+        calibration = replace(calibration, warnings=(*calibration.warnings, tracking.note))
     missing = unseen_channels(model.effect, log.columns)
     warnings = map(logs.in_own_units, (*log.notes, *calibration.warnings, *missing))
     calibration = replace(calibration, warnings=tuple(warnings))
-    return CalibrateResult(calibration, updated, log, time.perf_counter() - begin)
+    return CalibrateResult(calibration, updated, log, time.perf_counter() - begin, tracking)
+
+
+def _tracking(log: DriveLog, model: Model, coverage: float) -> TrackingFit | None:
+    """Learned tracking errors, None without poses and paths in the log."""
+    samples = tracking_samples(log.columns, log.runs)
+    if samples is None:
+        return None
+    return fit_tracking(samples, model.tracking, model.limits.speed, coverage)
 
 
 def calibrate_log(

@@ -86,7 +86,11 @@ class SuspectRow(Summary, frozen=True):
 
 
 class CalibrationSummary(Summary, frozen=True):
-    """Output of `calibrate --json`; `sheet`: numbers of the brake sheet, if it was written."""
+    """Output of `calibrate --json`; `sheet`: numbers of the brake sheet, if it was written.
+
+    `tracking`: table and laws that were learned of the errors of poses from their paths;
+    absent without poses and paths in the log.
+    """
 
     stops: dict[str, int]
     dead_time: dict[str, float]
@@ -100,6 +104,7 @@ class CalibrationSummary(Summary, frozen=True):
     objections: list[str]
     seconds: float
     sheet: dict[str, Any] | None = None
+    tracking: dict[str, Any] | None = None
 
 
 def summarise(result: CalibrateResult, sheet: dict[str, Any] | None = None) -> CalibrationSummary:
@@ -126,6 +131,7 @@ def summarise(result: CalibrateResult, sheet: dict[str, Any] | None = None) -> C
         objections=list(c.objections),
         seconds=result.seconds,
         sheet=sheet,
+        tracking=None if result.tracking is None else asdict(result.tracking),
     )
 
 

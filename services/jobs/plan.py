@@ -67,6 +67,8 @@ class PlanResult:
         ends = max(self.model.front, self.model.vehicle.shape.rear)
         more = (self.model.steering_geometry.assumed, describe_errors(errors, ends))
         notes = (*notes, *(note for note in more if note))
+        if self.model.tracking is None:
+            notes = (*notes, "assumed without [tracking]: exactly on the line, without delay")
         if limits.max_path_deviation is not None:
             return notes
         limit = f"{self.model.max_path_deviation:.3g} m from a given path"

@@ -10,6 +10,7 @@ import threading
 import time
 from collections import OrderedDict
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from msgspec import structs
@@ -19,6 +20,7 @@ from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import PlanarState
+from slopewise.planner.horizon.departure import departure_of
 from slopewise.planner.horizon.horizon import Horizon
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank
@@ -57,7 +59,16 @@ class _Job:
     @property
     def conditions(self) -> GroundConditions:
         request = self.request
-        return GroundConditions(session_time=request.session_time, brake_heat=request.brake_heat)
+        return GroundConditions(request.session_time, request.brake_heat, request.pose_age)
+
+    @property
+    def state(self) -> PlanarState | None:
+        """Of the vehicle, None where the request has no pose."""
+        if self.request.pose is None:
+            return None
+        x, y, heading = self.request.pose
+        age = self.request.pose_age
+        return PlanarState(x=x, y=y, heading=heading, speed=self.request.speed, age=age)
 
 
 class _Client:
@@ -145,16 +156,15 @@ class PlanService:
     # ------------------------------------------------------------------ planning
 
     def _plan_for_client(self, job: _Job, candidates: list[PlanCandidate]) -> PlanReply:
-        request, parameters = job.request, job.parameters
-        assert request.pose is not None
-        x, y, heading = request.pose
+        request, parameters, state = job.request, job.parameters, job.state
+        assert state is not None
         client = self._client(request.client, parameters)
         with client.lock:
             if client.identity != parameters.identity:
                 client.horizon.learn(parameters.model, self._margins(parameters))
                 client.identity = parameters.identity
             answer = client.horizon.step(
-                PlanarState(x=x, y=y, heading=heading, speed=request.speed),
+                state,
                 [c.path for c in candidates],
                 job.snapshot.elevation_map,
                 clear=np.array([c.clear for c in candidates]) if candidates else np.inf,
@@ -200,7 +210,7 @@ class PlanService:
         if not at_vehicle.candidates:
             detail = f": {rejected[0].reason}" if rejected else ""
             return full_stop(f"no candidate is usable{detail}: full braking", rejected)
-        planner = self._planner(job.parameters)
+        planner, state = self._planner(job.parameters), job.state
         plans: list[SpeedPlan] = []
         # Of plans with equal cost the one with the shorter clear distance comes first.
         ordered = sorted(at_vehicle.candidates, key=lambda c: c.clear)
@@ -212,6 +222,7 @@ class PlanService:
                 start_speed=job.request.speed,
                 clear=np.array([c.clear for c in part]),
                 conditions=job.conditions,
+                departs=None if state is None else partial(departure_of, state=state),
                 progress=lambda _: check_deadline(),
             )
         settings = planning.planner()

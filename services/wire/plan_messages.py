@@ -64,6 +64,7 @@ class PlanRequest(Message, frozen=True):
     paths: list[Path]  # candidates
     client: Text = ""  # name of the client
     pose: tuple[float, float, float] | None = None  # x, y, heading [m, m, rad]; of a named client
+    pose_age: NotNegative = 0.0  # time since pose and speed were measured, with its transport [s]
     clear: NotNegative | None = None  # station up to which paths are free [m]; null: to the end
     sequence: Number = 0  # number that is returned in the reply
     session_time: NotNegative = 0.0  # time since the start of the drive [s], for effects

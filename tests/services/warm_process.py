@@ -1,9 +1,8 @@
 """Commands in processes that are forked from one that has imported everything already.
 
 Such a process is a separate one, with its signals, threads and sockets; only the seconds in
-which Python imports scipy and zenoh is spent once for all of
-them. A test about the very start, or about what an environment brings into it, starts a fresh
-interpreter instead.
+which Python imports scipy and zenoh are spent once for all of them. A test about the very start, or
+about what an environment brings into it, starts a fresh interpreter instead.
 """
 
 from __future__ import annotations

@@ -46,7 +46,8 @@ UNUSED: dict[type[Any], set[str]] = {
     Model: {"name"},
     # Limits of the steering: a base turns at most as commanded.
     Steering: {"max_angle", "min_radius", "max_rate"},
-    Tracking: set(),
+    # The guard knows no path: its courses begin at the measured pose.
+    Tracking: {"lookahead"},
     # Thrust, motors and suspension.
     Vehicle: {"mass", "max_drive_force", "max_drive_power", "motor_torque_constant"}
     | {"gear_ratio", "idle_current", "wheel_travel", "front_brake_share"}

@@ -135,6 +135,7 @@ def test_json_csv_page_and_screen_show_it(folder: Path) -> None:
     deviation = read_csv(folder / "plan.csv").numbers("path_deviation", "m")
     np.testing.assert_array_equal(deviation, plan["columns"]["path_deviation"])
     assert any("plans lead at most 0.3 m from a given path" in note for note in data["notes"])
+    assert "assumed without [tracking]: exactly on the line, without delay" in data["notes"]
     page = (folder / "page.html").read_text()
     assert f">{reported['largest']:.2f}</td>" in page
     _, text = planned(folder, path)

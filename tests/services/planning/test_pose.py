@@ -9,8 +9,8 @@ import pytest
 
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.planning.plan_service import PlanService
-from slopewise.services.wire.plan_messages import Path, PlanReply
-from tests.services.planning.plan_requests import answer, plan_service
+from slopewise.services.wire.plan_messages import Path, PlanReply, PlanRequest
+from tests.services.planning.plan_requests import answer, flat_snapshot, plan_service
 
 HALF = {"atv": 0.5, "husky": 0.3}  # [m] half the track width
 
@@ -70,3 +70,30 @@ def test_the_candidate_that_fits_is_planned_and_the_other_refused(
         reply = answer(plans, *paths, speed=0.5, client=client, pose=(0.0, 0.0, 0.0))
         assert (reply.status, reply.chosen) == ("ok", "a")
         assert {c.name: c.usable for c in reply.ranking} == {"away": False, "a": True}
+
+
+def test_a_block_next_to_the_path_stops_a_vehicle_that_is_off_it() -> None:
+    """The path passes it; from 0.4 m on its side the body does not. A late pose is slower."""
+    plans = plan_service(read_model(find_model("atv")), budget=30.0)
+    elevation = np.zeros((121, 301))
+    elevation[69:72, 60:63] = 1.0  # x 3.0 … 3.2 m, y 0.9 … 1.1 m
+    snapshot = flat_snapshot(elevation=elevation, resolution=0.1, origin=(-3.0, -6.0))
+    for client in ("robot", ""):
+        replies = {}
+        for lateral, age in ((0.0, 0.0), (0.4, 0.0), (0.0, 0.5)):
+            request = PlanRequest(
+                speed=0.0,
+                paths=[straight()],
+                client=f"{client} {lateral} {age}" if client else "",
+                pose=(0.0, lateral, 0.0),
+                pose_age=age,
+                clear=10.0,
+            )
+            replies[lateral, age] = plans.answer(request, snapshot, "plan")
+        on_line, off_line, late = replies.values()
+        assert "0.40 m left of it" not in on_line.reason
+        assert (
+            "on the way to the path from 0.40 m left of it, 0° off its heading" in off_line.reason
+        )
+        assert off_line.plans[0].progress < 2.5 < on_line.plans[0].progress
+        assert late.plans[0].column("speed").max() < on_line.plans[0].column("speed").max() - 0.1

@@ -1,0 +1,119 @@
+"""The swept footprint of one batch: along the lines, and from the actual pose to them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.input_errors import InputErrors
+from slopewise.models.parameters import Model
+from slopewise.planner.ground.body_pose import BodyRows
+from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.swept.broad_phase import broad_phase_for
+from slopewise.planner.swept.convergence import Convergence, Departure, convergence
+from slopewise.planner.swept.sentences import from_beside
+from slopewise.planner.swept.sizes import SweptSizes
+from slopewise.planner.swept.tube import COARSE, tube_of
+from slopewise.planner.workspace import empty
+
+
+@dataclass(frozen=True, slots=True)
+class SweptPoses:
+    """Bars of M candidates of up to N stations, up to the first of each.
+
+    Attributes:
+        code, found: as `BroadPhase.sweep` of the core has them.
+        body: (N, M) poses that were swept.
+        departures: (M,) sentences on where the vehicle comes from, where that decided.
+        looked: poses that the screen of the map did not clear.
+    """
+
+    code: Ints
+    found: Floats
+    body: BodyRows
+    departures: tuple[str, ...]
+    looked: int
+
+
+@dataclass(frozen=True, slots=True)
+class Sweeper:
+    """Sweeps the body over one map.
+
+    Attributes:
+        elevation_map, model: ground and vehicle.
+        sizes: vehicle sizes on this map.
+        errors: of tracking, at the quantile of the plan.
+        bars: as `BroadPhase.sweep` of the core has them.
+        spacing: largest distance between two stations [m].
+    """
+
+    elevation_map: ElevationMap
+    model: Model
+    sizes: SweptSizes
+    errors: InputErrors
+    bars: Ints
+    spacing: float
+
+    def sweep(self, profile: TerrainProfile, converging: Convergence | None = None) -> SweptPoses:
+        """Bars along the lines, or on the way to them."""
+        ground, geometry = self.elevation_map, self.model.steering_geometry
+        sizes, body, added_band = self.sizes, profile.body_rows, None
+        trails = geometry.centre_offset > 0.0
+        if converging is not None:
+            body, added_band, trails = converging.body, converging.across, True
+            # In steps, so that the broad phase serves the next poses as well.
+            longer = COARSE * math.ceil(converging.longer / COARSE)
+            sizes = sizes._replace(front=sizes.front + longer, rear=sizes.rear + longer)
+        stations, candidates = body.x.shape
+        code, found = empty(stations, candidates).view(np.int64), np.zeros((candidates, 4))
+        tube = tube_of(
+            self.errors,
+            profile.curvature[:stations],
+            geometry.body_offset,
+            ground.resolution,
+            added_band,
+        )
+        across, band = (None, None) if tube is None else tube
+        looked = broad_phase_for(ground, sizes, band, body.x, body.y).sweep(
+            *body,
+            profile.station[:stations],
+            np.minimum(profile.count, stations),
+            profile.known[:stations],
+            profile.twist[:stations],
+            self.spacing,
+            trails,
+            across,
+            self.bars,
+            code,
+            found,
+        )
+        return SweptPoses(code, found, body, ("",) * candidates, looked)
+
+    def with_convergence(
+        self, line: SweptPoses, profile: TerrainProfile, departure: Departure
+    ) -> SweptPoses:
+        """The first obstacle of each line, and of the vehicle before it has converged to it."""
+        late = self.errors.latency + departure.age
+        converging = convergence(profile, departure, self.model, late)
+        if converging is None:
+            return line
+        way = self.sweep(profile, converging)
+        departures, body = list(line.departures), [rows.copy() for rows in line.body]
+        n = len(way.code)
+        for j in np.flatnonzero(way.code.any(axis=0)):
+            k = int(np.argmax(way.code[:, j] > 0))
+            if line.code[: k + 1, j].any():
+                continue
+            line.code[:, j] = 0
+            line.code[:n, j], line.found[j] = way.code[:, j], way.found[j]
+            for rows, moved in zip(body, way.body, strict=True):
+                rows[:n, j] = moved[:, j]
+            departures[j] = from_beside(float(converging.offset[j]), float(converging.turned[j]))
+        body_rows = BodyRows(*body)
+        return replace(
+            line, body=body_rows, departures=tuple(departures), looked=line.looked + way.looked
+        )

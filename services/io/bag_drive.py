@@ -1,0 +1,161 @@
+"""A recorded drive in the order received: maps, poses, paths and commands, without ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.errors import ParameterError
+from slopewise.services.io.bag_paths import other_frame, points_of
+from slopewise.services.io.bags import GRID_MAP, PATH, Bag, attitude, opened, read_cdr
+from slopewise.services.io.files import fault
+from slopewise.services.io.grid_map import elevation_map_of
+from slopewise.services.io.topics import read_sources
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+_TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
+
+_LATEST = 1.0
+"""Age of odometry from which its stamp is taken to be of another clock than the recorder's [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedPose:
+    """Odometry: position [m], heading [rad], speed [m/s], yaw rate [rad/s], age on arrival [s]."""
+
+    x: float
+    y: float
+    heading: float
+    speed: float
+    yaw_rate: float
+    age: float
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedCommand:
+    """Velocity command: speed [m/s] and yaw rate [rad/s]."""
+
+    speed: float
+    yaw_rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class UnusableMessage:
+    """A message that a robot would have to do without, with the reason."""
+
+    topic: str
+    reason: str
+
+
+Event = ElevationMap | RecordedPose | CandidatePath | RecordedCommand | UnusableMessage
+
+
+@dataclass(frozen=True, slots=True)
+class DriveTopics:
+    """Topics of a recorded drive; `command` is empty without one."""
+
+    elevation_map: str
+    odometry: str
+    paths: tuple[str, ...]
+    command: str
+
+
+def drive_events(
+    path: Path, topics: Path | None = None
+) -> tuple[DriveTopics, Iterator[tuple[float, Event]]]:
+    """Topics of a recording, and its messages with their times since the first one [s].
+
+    Messages are decoded one by one, so that a recording may be larger than the memory.
+
+    Raises:
+        InputError: the file, or a kind of topic that is missing or ambiguous.
+    """
+    with opened(path) as bag:
+        return _topics_of(bag, topics), _events(path, topics)
+
+
+def _topics_of(bag: Bag, mapping: Path | None) -> DriveTopics:
+    source, paths = read_sources(mapping)
+    return DriveTopics(
+        source.topic or _only(bag, GRID_MAP, "elevation_map"),
+        _only(bag, ODOMETRY, "odom"),
+        tuple(paths.topics or bag.topics_of(PATH)),
+        next((t for kind in _TWISTS for t in sorted(bag.types) if bag.types[t] == kind), ""),
+    )
+
+
+def _only(bag: Bag, kind: str, conventional: str) -> str:
+    """The only topic of a type, or the only one of them with the conventional name."""
+    there = bag.topics_of(kind)
+    named = [topic for topic in there if conventional in topic.split("/")]
+    for choice in (there, named):
+        if len(choice) == 1:
+            return choice[0]
+    expected = f"expected one topic of {kind}, got {', '.join(there)}"
+    raise fault(bag.path, "topics", expected)
+
+
+def _events(path: Path, mapping: Path | None) -> Iterator[tuple[float, Event]]:
+    with opened(path) as bag:
+        topics, layer = _topics_of(bag, mapping), read_sources(mapping)[0].layer
+        names = {topics.elevation_map, topics.odometry, topics.command, *topics.paths}
+        connections = [c for c in bag.reader.connections if c.topic in names]
+        frame, begin = "", None
+        for connection, at, raw in bag.raw(connections):
+            topic, kind = connection.topic, connection.msgtype
+            begin = at if begin is None else begin
+            time = 1e-9 * (at - begin)
+            if kind == GRID_MAP:
+                message = read_cdr(raw, kind, path, f"topic {topic}")
+                frame = frame or message.header.frame_id
+                try:
+                    yield time, elevation_map_of(message, layer)
+                except ParameterError as error:
+                    yield time, UnusableMessage(topic, f"{error.field}: expected {error.expected}")
+                continue
+            message = bag.decoded(connection, raw)
+            if kind == PATH:
+                yield time, _path(path, topic, message, frame)
+            elif kind == ODOMETRY:
+                _check_frame(path, topic, message.header.frame_id, frame)
+                yield time, _pose(message, at)
+            else:
+                twist = message.twist if kind == _TWISTS[1] else message
+                yield time, RecordedCommand(float(twist.linear.x), float(twist.angular.z))
+
+
+def _check_frame(path: Path, topic: str, given: str, frame: str) -> None:
+    if frame and given.lstrip("/") != frame.lstrip("/"):
+        expected = (
+            f"expected frame {frame} as the map has it, got {given}: transforms of recordings are "
+            "not followed, record odometry in the frame of the map"
+        )
+        raise fault(path, f"topic {topic}, header.frame_id", expected)
+
+
+def _path(path: Path, topic: str, message: Any, frame: str) -> CandidatePath | UnusableMessage:
+    if frame and (different := other_frame(message, frame)):
+        _check_frame(path, topic, different, frame)
+    try:
+        return CandidatePath(topic, points_of(message))
+    except ParameterError as error:
+        return UnusableMessage(topic, str(error))
+
+
+def _pose(message: Any, at: int) -> RecordedPose:
+    position, q = message.pose.pose.position, message.pose.pose.orientation
+    twist, stamp = message.twist.twist, message.header.stamp
+    age = 1e-9 * (at - stamp.sec * 1_000_000_000 - stamp.nanosec)
+    return RecordedPose(
+        float(position.x),
+        float(position.y),
+        attitude(q.w, q.x, q.y, q.z)[2],
+        math.copysign(math.hypot(twist.linear.x, twist.linear.y), twist.linear.x),
+        float(twist.angular.z),
+        age if 0.0 <= age <= _LATEST else 0.0,
+    )
