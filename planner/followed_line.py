@@ -31,12 +31,13 @@ compared [1]: on any bank a tenth of the lateral limit is left; beyond more than
 compared exactly."""
 
 _COARSEST = 0.25  # of the half width [1]: noise of shorter steps is averaged
+_SHORT = 0.5  # of the half width [1]: longer steps are not averaged by the mean
 _NOISY = 0.1  # of a step [1]: noise from which on it decides where a step points
 _GRID_STEPS = 8  # different steps of a search over a grid at most [1]
 _SAME_STEP = 1e-5  # [m] steps that differ less are the same
 _THRUST_SHARE = 0.8  # of the drive's force for a turn [1]: the rest is for grades
 _NARROWER, _WIDER = 0.7, 1.1  # half widths that are tried in turn [1]
-_SWING = 1.1  # of a line's own bends [1] from which on others count
+_SHARPER = 1.1  # of a line's own bends [1] from which on others count
 _ON_A_BANK = 0.5  # of the lateral limit [1]: the rest is for a bank that falls away from the turn
 _NARROWEST = 0.02  # [m] half width
 _PLANNED = 0.85  # of that half width [1], planned on: stations cut the peaks of curvature
@@ -157,7 +158,7 @@ class GivenPoints:
         planned, closer = self._curvature(half, place), self._curvature(near, place)
         # On stairs the bends of means swing, of a wider one not always less.
         closer = np.maximum(closer, self._curvature(self.half, place))
-        slow = closer > np.maximum(_SWING * planned, _FELT * self._limits.gentlest)
+        slow = closer > np.maximum(_SHARPER * planned, _FELT * self._limits.gentlest)
         if not slow.any():
             return None
         closer[~slow] = 0.0
@@ -170,9 +171,9 @@ class GivenPoints:
 
 
 def _wavers(points: Floats, along: Floats, half: float) -> bool:
-    """Return True if steps shorter than the mean [m] point here and there."""
+    """Return True if steps much shorter than the mean [m] point here and there."""
     step = core.usual_step(along)
-    return step <= half and noise(points) > _NOISY * step
+    return step <= _SHORT * half and noise(points) > _NOISY * step
 
 
 def _is_on_grid(points: Floats) -> bool:

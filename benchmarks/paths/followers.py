@@ -123,9 +123,9 @@ def follow_exactly(
     curvature = (dx * ddy - dy * ddx) / np.maximum(np.hypot(dx, dy), 0.1) ** 3
     sharpest = model.steering_geometry.max_curvature
     curvature = np.clip(curvature, -sharpest, sharpest)
-    longer = _length(given) / _length(smooth)
-    line = line._replace(heading=np.arctan2(dy, dx), arc=longer * line.arc)
-    return _felt(line, curvature, plan, model, slope, float(line.arc[-1]))
+    along = np.interp(line.arc, _arc(smooth), _arc(given))
+    line = line._replace(heading=np.arctan2(dy, dx), arc=along)
+    return _felt(line, curvature, plan, model, slope, float(along[-1]))
 
 
 def dense(given: Floats, measured: Floats) -> tuple[Floats, Floats]:
@@ -137,8 +137,9 @@ def dense(given: Floats, measured: Floats) -> tuple[Floats, Floats]:
     return x, y
 
 
-def _length(points: Floats) -> float:
-    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+def _arc(points: Floats) -> Floats:
+    arc: Floats = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    return arc
 
 
 def _averaged(points: Floats, length: float) -> Floats:

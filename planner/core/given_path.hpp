@@ -222,15 +222,13 @@ inline Index first_turn(Line line, double reach, double angle) noexcept {
   while (first + 1 < line.count && !turns_at(line, first, reach, cosine, from)) ++first;
   if (first + 1 >= line.count) return 0;
   Index tip = first;
-  double farthest = distance_of(line[from], line[first]), gone = 0.0;
-  for (Index i = first + 1; i < line.count && gone <= 2.0 * reach; ++i) {
-    gone += distance_of(line[i - 1], line[i]);
-    const double away = distance_of(line[from], line[i]);
-    if (away > farthest) {
-      farthest = away;
-      tip = i;
-    }
-    if (away < 0.5 * farthest) break;
+  const Point begin = line[from];
+  while (tip + 1 < line.count) {
+    const Point here = line[tip], next = line[tip + 1];
+    const double gone_x = here.x - begin.x, gone_y = here.y - begin.y;
+    // The way on leads back from the tip.
+    if (gone_x * (next.x - here.x) + gone_y * (next.y - here.y) <= 0.0) break;
+    ++tip;
   }
   return tip;
 }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "given_path.hpp"
+#include "raw_points.hpp"
 #include "spline_path.hpp"
 
 using namespace slopewise;
@@ -87,6 +88,12 @@ void follow() {
   for (const double bend : curvature) expect(bend >= 0.0 && std::isfinite(bend), "a curvature");
   auto more = memory_of(FollowedLine::memory(even.count, samples)), bends = memory_of(even.count);
   (void)mean.agrees(even, FollowedLine(even, samples, more.data()), {0.01, 0.1}, bends.data());
+  auto room = memory_of(2 * (line.count - 3)), along = memory_of(line.count);
+  if (line.count > 3) expect(third_difference(line, room.data()) >= 0.0, "a size");
+  line.measure(along.data());
+  auto steps = memory_of(line.count - 1);
+  expect(usual_step(along.data(), line.count, steps.data()) > 0.0, "a step");
+  expect(first_cusp(line, 2.1, 1e-3) < line.count, "a cusp is a point");
   const Index tip = first_turn(line, uniform(0.05, 1.0), 2.1);
   expect(tip >= 0 && tip < line.count, "a tip is a point");
 }

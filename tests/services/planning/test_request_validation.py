@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from slopewise.models.errors import InputError
+from slopewise.planner.followed_line import LineLimits
+from slopewise.planner.path import resample
+from slopewise.planner.path_deviation import GivenPolyline
 from slopewise.planner.pipeline import candidates
 from slopewise.services.planning import request_validation
 from slopewise.services.planning.deadline_check import CostEstimator, DeadlineError
@@ -81,14 +85,28 @@ def test_the_clear_distance_of_a_candidate_precedes_that_of_the_request() -> Non
         assert [c.clear for c in valid.candidates] == expected
 
 
-def test_a_path_with_a_cusp_is_rejected_and_the_remaining_ones_are_resampled() -> None:
+def test_a_path_ends_where_it_turns_round_and_the_remaining_ones_are_resampled() -> None:
     cusp = Path(name="cusp", points=np.array([[0.0, 0.0], [5.0, 0.0], [0.5, 0.01]]))
     valid = validate_candidates(requested(cusp, straight("a", 10.0)), SIZES, 0.5, "plan")
     assert valid.rejected == []
-    even = resample_all(valid.candidates, 0.5, 0.3)
+    even = resample_all(valid.candidates, 0.5, LineLimits(0.3))
+    assert [c.path.name for c in even.candidates] == ["cusp", "a"]
+    np.testing.assert_array_equal(even.candidates[0].path.points[-1], (5.0, 0.0))
+    assert even.rejected == []
+
+
+def test_a_path_that_its_line_would_leave_is_rejected_and_the_remaining_ones_are_resampled() -> (
+    None
+):
+    request = requested(straight("a", 10.0), straight("b", 10.0))
+    valid = validate_candidates(request, SIZES, 0.5, "plan")
+    far = resample(valid.candidates[1].path, 0.5)
+    far = replace(far, given=GivenPolyline(far.points, 0.4))
+    even_and_far = [valid.candidates[0], replace(valid.candidates[1], path=far)]
+    even = resample_all(even_and_far, 0.5, LineLimits(0.3))
     assert [c.path.name for c in even.candidates] == ["a"]
-    assert [c.name for c in even.rejected] == ["cusp"]
-    assert "cusp" in even.rejected[0].reason
+    assert [c.name for c in even.rejected] == ["b"]
+    assert "max_path_deviation" in even.rejected[0].reason
 
 
 def test_one_bad_candidate_is_refused_and_the_others_planned() -> None:
