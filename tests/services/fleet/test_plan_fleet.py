@@ -186,7 +186,7 @@ def test_an_invalid_path_does_not_stop_the_run(
     file.write_text(
         "x,y,candidate\n"
         + "".join(f"{40 + i},40,good\n" for i in range(15))
-        + "40,50,back\n45,50,back\n40,50,back\n"
+        + "40,50,back\n40,50.0002,back\n"
     )
     result = run((inputs[0], [file]), tmp_path / "out")
     assert result.statuses == {"ok": 1, "refused": 1}
