@@ -38,9 +38,6 @@ def fan(count: int = 9) -> list[CandidatePath]:
     return [arc(6.0 + 0.3 * i, 0.05 * (i - 4.1), name=f"c{i}") for i in range(count)]
 
 
-CUSP = CandidatePath("there and back", np.array([(0.0, 0.0), (5.0, 0.0), (0.0, 0.3)]))
-
-
 @pytest.mark.parametrize(
     ("path", "options", "field"),
     [
@@ -49,7 +46,6 @@ CUSP = CandidatePath("there and back", np.array([(0.0, 0.0), (5.0, 0.0), (0.0, 0
         (straight(5.0), {"start_speed": np.inf}, "speed"),
         (straight(5.0), {"clear": -1.0}, "clear"),
         (straight(5.0), {"clear": np.nan}, "clear"),
-        (CUSP, {}, "there and back.points[1]"),
     ],
 )
 def test_impossible_questions_are_refused(

@@ -18,7 +18,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.compiled_core import core
-from slopewise.planner.swept import hazards
+from slopewise.planner.swept import hazards, sweeper
 from slopewise.planner.swept.broad_phase import broad_phase_for
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
 from slopewise.planner.swept.tube import BandWidth
@@ -124,7 +124,7 @@ def searched_everywhere(
 ) -> Met:
     """Hazards without a broad phase."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(hazards, "broad_phase_for", all_suspect)
+        patch.setattr(sweeper, "broad_phase_for", all_suspect)
         patch.setattr(hazards, "swept_sizes", lambda *args: changed(swept_sizes(*args)))
         return met_by(scene, path, model)
 
