@@ -95,8 +95,8 @@ def test_the_unit_leaves_little_open(unit: Path) -> None:
 
 UNUSED = ["matplotlib", "rasterio", "casadi", "PIL", "contourpy", "pyarrow", "sklearn", "plotly"]
 UNUSED += ["rosbags", "waitress", "scipy.stats", "scipy.ndimage", "scipy.cluster"]
-MAX_RESIDENT = 300.0
-"""[MB] resident after 100 requests; 272 were measured."""
+MAX_RESIDENT = 160.0
+"""[MB] resident after 100 requests; 129 were measured."""
 MAX_GROWTH = 25.0
 """[MB] that 100 requests may add to what it has after its start."""
 
