@@ -7,7 +7,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 JOBS ?= 2
-CORE := hatch_build.py $(wildcard planner/core/*)
+CORE := hatch_build.py $(wildcard planner/core/* planner/core/*/*)
 
 .PHONY: demo test lint core nightly bench docs format clean
 

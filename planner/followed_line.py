@@ -2,7 +2,7 @@
 
 At its corners a polyline is curved without end, elsewhere it is straight. A body as long as a
 wheelbase cannot drive that; it drives arcs through places up to half a wheelbase away
-(planner/core/given_path.hpp). A smooth curve is planned on where it is as curved as these arcs:
+(core/path/given_path.hpp). A smooth curve is planned on where it is as curved as these arcs:
 then its speeds suit who follows the polyline itself as well.
 """
 

@@ -1,7 +1,7 @@
 """What can limit a plan at a station: every bound, and what is known of it beside its formula.
 
-To add a bound: a member and an entry here, its code in `planner/core/limiting.hpp`, and the line
-that lowers v² by it in `planner/core/pointwise.hpp`. Files, screens, pages and explanations take
+To add a bound: a member and an entry here, its code in `core/bounds/limiting.hpp`, and the line
+that lowers v² by it in `core/bounds/pointwise.hpp`. Files, screens, pages and explanations take
 its name, words, colour and what lifts it from here.
 """
 

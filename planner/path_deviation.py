@@ -1,7 +1,7 @@
 """How far a planned line lies from the polyline that was given for it, either way round.
 
 Places are compared with those that they correspond to in order, not with the nearest of all: a path
-may cross itself or come back along itself (planner/core/path_deviation.hpp).
+may cross itself or come back along itself (planner/core/path/path_deviation.hpp).
 """
 
 from __future__ import annotations

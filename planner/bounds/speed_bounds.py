@@ -1,6 +1,6 @@
 """Speed bounds along candidates: how fast each station may be passed, and what says so.
 
-They are found in the core: what a station says by itself in `planner/core/pointwise.hpp`, the
+They are found in the core: what a station says by itself in `core/bounds/pointwise.hpp`, the
 stopping path, which looks ahead, in `stop_sums.hpp` and, stop by stop, in `integrated_stop.hpp`.
 
 An emergency stop is written three times, and no two share a line: here as a *bound*, the highest

@@ -1,4 +1,4 @@
-"""The nearest point by OSQP, which shares nothing with `planner/core/nearest_point.hpp`.
+"""The nearest point by OSQP, which shares nothing with `planner/core/profile/nearest_point.hpp`.
 
 A first-order method: slow where constraints are active over many stations, but it has no factors
 that could break down. It is asked where the interior-point method fails.

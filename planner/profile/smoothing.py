@@ -2,7 +2,7 @@
 
 The fastest profile is, within hundredths of a percent, the one nearest to the time-optimal profile
 from below, which is a quadratic program. Its one nonlinear constraint, the time in which the
-acceleration changes, stands there as its tangent (see `planner/core/smoothing.hpp`): the program's
+acceleration changes, stands there as its tangent (see `core/profile/smoothing.hpp`): the program's
 set lies inside the exact one, so the answer may be driven. An interior-point method along the
 stations solves it; where that fails OSQP is asked, unless the failure itself proves that there is
 nothing to find. Either can be asked first by a setting, as can IPOPT, which solves the exact

@@ -1,6 +1,6 @@
 """Time-optimal speed profile of all candidates: one backward and one forward pass over v².
 
-The passes are those of `planner/core/time_optimal.hpp`.
+The passes are those of `planner/core/profile/time_optimal.hpp`.
 """
 
 from __future__ import annotations

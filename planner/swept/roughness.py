@@ -1,6 +1,6 @@
 """How fast rough ground may be driven, by a quarter car rolled over the candidates.
 
-`planner/core/roughness.hpp` and `quarter_car.hpp` have the equations.
+`planner/core/swept/roughness.hpp` and `quarter_car.hpp` have the equations.
 """
 
 from __future__ import annotations

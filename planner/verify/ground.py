@@ -2,7 +2,7 @@
 
 Unknown ground, slopes beyond the trained range or on which the vehicle is not held, steps, and
 ground that reaches underside or body block a path. The bounds end the clear distance before them;
-`planner/core/verify_ground.hpp` looks for them with separate heights, poses and rules, at
+`planner/core/verify/verify_ground.hpp` looks for them with separate heights, poses and rules, at
 stations and between.
 """
 

@@ -1,7 +1,7 @@
 """Verifier of a finished plan: is every constraint kept, at the stations and between them?
 
 It shares no approximation with what made the plan: bounds work with tangents and chords of v² and
-with sums of sines, the verifier (`planner/core/verify.hpp`) follows every emergency stop to its
+with sums of sines, the verifier (`core/verify/verify.hpp`) follows every emergency stop to its
 end, on the laws of `models`. The third writing of a stop,
 :mod:`slopewise.models.stops.simulation`, is what tests hold both against.
 """

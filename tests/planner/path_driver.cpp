@@ -6,9 +6,9 @@
 #include <random>
 #include <vector>
 
-#include "given_path.hpp"
-#include "raw_points.hpp"
-#include "spline_path.hpp"
+#include "path/given_path.hpp"
+#include "path/raw_points.hpp"
+#include "path/spline_path.hpp"
 
 using namespace slopewise;
 

@@ -88,7 +88,7 @@ def test_a_source_archive_has_the_linked_folders(wheel: Path, tmp_path: Path) ->
         "slopewise/models/laws/braking.py",
         "slopewise/configs/vehicles/atv.toml",
         "slopewise/planner/core/CMakeLists.txt",
-        "slopewise/planner/core/smoothing.hpp",
+        "slopewise/planner/core/profile/smoothing.hpp",
     }
     assert inside <= names
     assert not any(name.startswith(("models/", "planner/", "services/")) for name in names)

@@ -6,10 +6,10 @@
 #include <memory>
 #include <random>
 
-#include "body_pose.hpp"
-#include "braking_forces.hpp"
-#include "speed_bounds.hpp"
-#include "surface_bits.hpp"
+#include "ground/body_pose.hpp"
+#include "ground/braking_forces.hpp"
+#include "bounds/speed_bounds.hpp"
+#include "ground/surface_bits.hpp"
 
 using namespace slopewise;
 

@@ -20,7 +20,7 @@ HERE = Path(__file__).parent
 
 
 def test_codes_of_bounds_are_those_of_python() -> None:
-    codes = re.findall(r"Label (\w+) = (\d+);", (CORE / "limiting.hpp").read_text())
+    codes = re.findall(r"Label (\w+) = (\d+);", (CORE / "bounds" / "limiting.hpp").read_text())
     assert len(codes) > 10
     assert {name.upper(): int(code) for name, code in codes}.items() <= {
         label.name: label.value for label in Limiting

@@ -8,11 +8,11 @@
 #include <random>
 #include <vector>
 
-#include "ground_behind.hpp"
-#include "height_grid.hpp"
-#include "smoothing.hpp"
-#include "terrain.hpp"
-#include "time_optimal.hpp"
+#include "ground/ground_behind.hpp"
+#include "ground/height_grid.hpp"
+#include "profile/smoothing.hpp"
+#include "ground/terrain.hpp"
+#include "profile/time_optimal.hpp"
 
 using namespace slopewise;
 

@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
-#include "roughness.hpp"
-#include "sweep.hpp"
+#include "swept/roughness.hpp"
+#include "swept/sweep.hpp"
 
 using namespace slopewise;
 

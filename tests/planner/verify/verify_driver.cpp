@@ -7,10 +7,10 @@
 #include <random>
 #include <vector>
 
-#include "labels.hpp"
-#include "polyline.hpp"
-#include "verify.hpp"
-#include "verify_ground.hpp"
+#include "verify/labels.hpp"
+#include "path/polyline.hpp"
+#include "verify/verify.hpp"
+#include "verify/verify_ground.hpp"
 
 using namespace slopewise;
 

@@ -1,0 +1,146 @@
+// Braking force along paths, and what it is found from. Arrays belong to the caller.
+#include <cstring>
+
+#include "bindings/bind_rows.hpp"
+#include "ground/body_pose.hpp"
+#include "ground/braking_forces.hpp"
+#include "ground/surface_bits.hpp"
+
+namespace slopewise {
+namespace {
+
+using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Table3 = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Labels2 = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Classes2 = nb::ndarray<const std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+// Bits of one integer, one of them ground that was never braked on.
+constexpr Index most_surfaces = 63;
+
+// A `SurfaceCache`, copied: its arrays are small.
+struct Surfaces {
+  std::array<Surface, most_surfaces> table;
+  std::array<std::int64_t, most_surfaces> class_bits;
+  std::vector<HullLine> hull;
+  std::vector<double> margins;
+  std::size_t count, classes;
+
+  explicit Surfaces(const nb::handle& known) {
+    const auto rows = nb::cast<Table>(known.attr("table"));
+    const auto bits = nb::cast<Counts1>(known.attr("class_bits"));
+    count = rows.shape(0);
+    classes = bits.shape(0);
+    if (count < 1 || count > table.size()) {
+      throw nb::value_error("table: expected 1 to 63 surfaces");
+    }
+    if (classes < 1 || classes > class_bits.size()) {
+      throw nb::value_error("class_bits: expected 1 to 63 classes");
+    }
+    expect_shape("table", rows, {static_cast<Index>(count), surface_columns});
+    std::memcpy(table.data(), rows.data(), count * sizeof(Surface));
+    std::copy_n(bits.data(), classes, class_bits.begin());
+    read_hull(known.attr("hull"));
+    read_margins(known.attr("margins"));
+  }
+
+ private:
+  void read_hull(const nb::handle& array) {
+    if (array.is_none()) return;
+    const auto lines = nb::cast<Table3>(array);
+    expect_shape("hull", lines, {static_cast<Index>(count), static_cast<Index>(lines.shape(1)), 2});
+    hull.resize(lines.shape(0) * lines.shape(1));
+    std::memcpy(hull.data(), lines.data(), hull.size() * sizeof(HullLine));
+  }
+  void read_margins(const nb::handle& array) {
+    if (array.is_none()) return;
+    const auto matrices = nb::cast<Table3>(array);
+    expect_shape("margins", matrices, {static_cast<Index>(count), 4, 4});
+    margins.assign(matrices.data(), matrices.data() + matrices.size());
+  }
+};
+
+void braking_forces(const nb::handle& profile, const nb::handle& surfaces, double margin,
+                    const nb::handle& least_term, const nb::handle& most_term,
+                    const nb::handle& drag, const Output3& rows, const Known2& trained,
+                    const Output1& distance_offset) {
+  const auto grade = nb::cast<Input2>(profile.attr("grade"));
+  const auto n = static_cast<Index>(grade.shape(0)), m = static_cast<Index>(grade.shape(1));
+  const Surfaces known(surfaces);
+  const bool slides = nb::cast<bool>(surfaces.attr("slides"));
+  expect_shape("rows", rows, {slides ? 8 : 7, n, m});
+  expect_shape("trained", trained, {n, m});
+  expect_shape("distance_offset", distance_offset, {m});
+  // A copy where all stations are alike.
+  const auto classes = nb::cast<Classes2>(profile.attr("surfaces"));
+  expect_shape("surfaces", classes, {n, m});
+  const auto numbers = [&](const char* name) {
+    return member_rows<double>(profile, name, n, m);
+  };
+  const ForceProblem problem{
+      n,
+      m,
+      member_line<std::int64_t>(profile, "count", m),
+      numbers("grade"),
+      numbers("sin_grade"),
+      numbers("sin_roll"),
+      member_rows<bool>(profile, "known", n, m),
+      known.classes > 1 ? Labels{classes.data(), m} : Labels{},
+      {known.class_bits.data(), known.classes},
+      {known.table.data(), known.count},
+      margin,
+      known.hull,
+      rows_of<double>("least_term", least_term, n, m),
+      rows_of<double>("most_term", most_term, n, m),
+      known.margins.empty() ? nullptr : known.margins.data(),
+      rows_of<double>("drag", drag, n, m),
+      slides};
+  const auto row = [&](Index r) { return Rows<double>{rows.data() + r * n * m, m}; };
+  const ForceBounds out{row(0), row(1), row(2), row(3), row(4), row(5), row(6),
+                        slides ? row(7) : Rows<double>{}, {trained.data(), m},
+                        distance_offset.data()};
+  const nb::gil_scoped_release release;
+  find_forces(problem, out);
+}
+
+void surface_bits(const Classes2& classes, double origin_x, double origin_y, double per_metre,
+                  const Input2& x, const Input2& y, const Input2& heading_x,
+                  const Input2& heading_y, double half_length, double half_width,
+                  const Labels2& bits) {
+  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
+  for (const Input2* rows : {&y, &heading_x, &heading_y}) {
+    expect_shape("y, heading_x, heading_y", *rows, {n, m});
+  }
+  expect_shape("bits", bits, {n, m});
+  const ClassMap map{classes.data(), static_cast<Index>(classes.shape(0)),
+                     static_cast<Index>(classes.shape(1)), origin_x, origin_y, per_metre};
+  const PoseRows poses{n, m, x.data(), y.data(), heading_x.data(), heading_y.data()};
+  const nb::gil_scoped_release release;
+  find_surface_bits(map, poses, half_length, half_width, bits.data());
+}
+
+void trailing_heading(const Input2& x, const Input2& y, double rod, const Output2& heading_x,
+                      const Output2& heading_y) {
+  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
+  if (n < 2) throw nb::value_error("x: expected two stations at least");
+  expect_shape("y", y, {n, m});
+  expect_shape("heading_x", heading_x, {n, m});
+  expect_shape("heading_y", heading_y, {n, m});
+  const nb::gil_scoped_release release;
+  trail({n, m, x.data(), y.data()}, rod, heading_x.data(), heading_y.data());
+}
+
+}  // namespace
+
+void bind_forces(nb::module_& m) {
+  using namespace nb::literals;
+  m.def("braking_forces", &braking_forces, "profile"_a, "surfaces"_a, "margin"_a,
+        "least_term"_a.none(), "most_term"_a.none(), "drag"_a.none(), "rows"_a.noconvert(),
+        "trained"_a.noconvert(), "distance_offset"_a.noconvert());
+  m.def("surface_bits", &surface_bits, "classes"_a, "origin_x"_a, "origin_y"_a, "per_metre"_a,
+        "x"_a, "y"_a, "heading_x"_a, "heading_y"_a, "half_length"_a, "half_width"_a,
+        "bits"_a.noconvert());
+  m.def("trailing_heading", &trailing_heading, "x"_a, "y"_a, "rod"_a, "heading_x"_a.noconvert(),
+        "heading_y"_a.noconvert());
+}
+
+}  // namespace slopewise

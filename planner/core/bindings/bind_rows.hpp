@@ -1,0 +1,77 @@
+// Rows of the core from the objects of Python: arrays are read by name, and must all be there.
+#pragma once
+
+#include "bindings/bindings.hpp"
+#include "candidate_rows.hpp"
+
+namespace slopewise {
+
+// An (N, M) array; (0, 0) and None are nothing.
+template <class T>
+Rows<const T> rows_of(const char* name, const nb::handle& array, Index stations, Index candidates) {
+  using Array = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+  if (array.is_none()) return {};
+  Array rows;
+  if (!nb::try_cast<Array>(array, rows, false)) {
+    throw nb::type_error((std::string(name) + ": expected a contiguous (N, M) array").c_str());
+  }
+  if (rows.size() == 0) return {};
+  expect_shape(name, rows, {stations, candidates});
+  return {rows.data(), candidates};
+}
+
+// As `rows_of`, of what must be there, under this name.
+template <class T>
+Rows<const T> member_rows(const nb::handle& owner, const char* name, Index stations,
+                          Index candidates) {
+  const Rows<const T> rows = rows_of<T>(name, owner.attr(name), stations, candidates);
+  if (rows.data == nullptr) {
+    throw nb::value_error((std::string(name) + ": expected an array, got none").c_str());
+  }
+  return rows;
+}
+
+template <class T>
+const T* member_line(const nb::handle& owner, const char* name, Index candidates) {
+  const auto line =
+      nb::cast<nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>>(owner.attr(name));
+  expect_shape(name, line, {candidates});
+  return line.data();
+}
+
+// Of a `TerrainProfile`.
+inline TerrainRows terrain_of(const nb::handle& rows) {
+  const auto station = nb::cast<Input2>(rows.attr("station"));
+  const auto n = static_cast<Index>(station.shape(0)), m = static_cast<Index>(station.shape(1));
+  const auto numbers = [&](const char* name) { return member_rows<double>(rows, name, n, m); };
+  return {n,
+          m,
+          member_line<std::int64_t>(rows, "count", m),
+          numbers("station"),
+          numbers("heading_x"),
+          numbers("heading_y"),
+          numbers("curvature"),
+          numbers("grade"),
+          numbers("sin_grade"),
+          numbers("sin_roll"),
+          numbers("vertical_curvature"),
+          member_rows<bool>(rows, "known", n, m)};
+}
+
+// Of a `BrakingGround` along it.
+inline ForceRows forces_of(const nb::handle& rows, Index stations, Index candidates) {
+  const auto numbers = [&](const char* name) {
+    return member_rows<double>(rows, name, stations, candidates);
+  };
+  return {numbers("lower_slope"),
+          numbers("lower_intercept"),
+          numbers("upper_slope"),
+          numbers("upper_intercept"),
+          numbers("dead_time"),
+          numbers("slowest"),
+          numbers("fastest"),
+          member_rows<bool>(rows, "trained", stations, candidates),
+          member_line<double>(rows, "distance_offset", candidates)};
+}
+
+}  // namespace slopewise

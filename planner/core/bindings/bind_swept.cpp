@@ -1,0 +1,179 @@
+// Hazards along paths. Arrays belong to the caller; only a broad phase keeps its map.
+#include <array>
+#include <optional>
+#include <vector>
+
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+
+#include "bindings/bindings.hpp"
+#include "ground/map_grid.hpp"
+#include "swept/roughness.hpp"
+#include "swept/sweep.hpp"
+
+namespace slopewise {
+namespace {
+
+using Floats3 = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Floats2 = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Flags2 = nb::ndarray<const bool, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Codes2 = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+template <class T>
+T number(nb::handle object, const char* name) {
+  return nb::cast<T>(object.attr(name));
+}
+
+// From an object with attributes of the same names.
+VehicleEnvelope envelope_of(nb::handle sizes) {
+  const auto length = [&](const char* name) { return number<double>(sizes, name); };
+  return {length("half_length"), length("half_width"),   length("front"),    length("rear"),
+          length("side"),        length("margin"),       length("touch"),    length("clearance"),
+          length("wheel_travel"), length("radius"),      length("half_tyre"), length("max_step"),
+          length("stride"),      length("chord"),        length("steepest"), length("cleared"),
+          length("trend"),       number<Index>(sizes, "tyres"), number<bool>(sizes, "fine")};
+}
+
+// A map that stays while its broad phase does.
+struct MapBroadPhase {
+  Input2 elevation;
+  BroadPhase grid;
+};
+
+Positions positions_of(const Input2& x, const Input2& y) {
+  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
+  expect_shape("y", y, {n, m});
+  if (n * m == 0) throw nb::value_error("x: expected positions, got none");
+  return {n, m, x.data(), y.data()};
+}
+
+void make_broad_phase(MapBroadPhase* self, const Input2& elevation, double origin_x,
+                      double origin_y, double resolution, nb::handle sizes,
+                      const std::optional<std::array<double, 3>>& band, const Input2& x,
+                      const Input2& y, double beside) {
+  const MapView map{elevation.data(), static_cast<Index>(elevation.shape(0)),
+                    static_cast<Index>(elevation.shape(1)), origin_x, origin_y, 1.0 / resolution};
+  const VehicleEnvelope envelope = envelope_of(sizes);
+  const Positions at = positions_of(x, y);
+  std::optional<BandWidth> width;
+  if (band) width = {(*band)[0], (*band)[1], (*band)[2]};
+  Input2 kept = elevation;
+  const nb::gil_scoped_release release;
+  BroadPhase grid(map, resolution, envelope, width, at, beside);
+  new (self) MapBroadPhase{std::move(kept), std::move(grid)};
+}
+
+bool covers(const MapBroadPhase& self, const Input2& x, const Input2& y) {
+  return self.grid.covers(positions_of(x, y));
+}
+
+Index sweep_paths(const MapBroadPhase& self, const Input2& x, const Input2& y,
+                  const Input2& heading_x, const Input2& heading_y, const Input2& station,
+                  const Counts1& count, const Flags2& known, const Floats2& twist, double spacing,
+                  bool trails, const std::optional<Input2>& across, const Counts1& code_of_kind,
+                  const Codes2& code, const Output2& found) {
+  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
+  for (const Input2* row : {&y, &heading_x, &heading_y, &station}) {
+    expect_shape("y, heading, station", *row, {n, m});
+  }
+  expect_shape("count", count, {m});
+  expect_shape("known", known, {n, m});
+  expect_shape("twist", twist, {n, m});
+  expect_shape("code_of_kind", code_of_kind, {hazard_kinds});
+  expect_shape("code", code, {n, m});
+  expect_shape("found", found, {m, 4});
+  if (across.has_value() != self.grid.band().any()) {
+    throw nb::value_error("across: expected an array where the broad phase has a band, else None");
+  }
+  if (across) expect_shape("across", *across, {n, m});
+  const SweptPaths paths{n,           m,           x.data(),     y.data(),     heading_x.data(),
+                         heading_y.data(), station.data(), count.data(), known.data(),
+                         twist.data(), spacing,    trails,       across ? across->data() : nullptr};
+  double* memory =
+      Workspace::of_thread().reserve(NarrowPhase::memory_size(self.grid, spacing));
+  const nb::gil_scoped_release release;
+  return sweep(self.grid, paths, {code_of_kind.data(), code.data(), found.data()}, memory);
+}
+
+void roughness_speeds(const MapGrid& map, const Input1& x, const Input1& y,
+                      const Input1& heading_x, const Input1& heading_y, const Input1& level,
+                      const Input1& spacing, const Floats3& front, nb::handle sizes,
+                      double frequency, double damping, double vertical_accel, double max_speed,
+                      const Output2& held) {
+  const auto n = static_cast<Index>(front.shape(0)), m = static_cast<Index>(front.shape(2));
+  for (const Input1* column : {&x, &y, &heading_x, &heading_y, &level, &spacing}) {
+    expect_shape("x, y, heading, level, spacing", *column, {m});
+  }
+  expect_shape("front", front, {n, 2, m});
+  expect_shape("held", held, {n, m});
+  if (n * m == 0) throw nb::value_error("front: expected stations, got none");
+  const VehicleEnvelope envelope = envelope_of(sizes);
+  const auto [least, most] = std::minmax_element(spacing.data(), spacing.data() + m);
+  const QuarterCar car(envelope, frequency, damping, vertical_accel, max_speed,
+                       std::max(*least, 0.5 * *most));
+  thread_local std::vector<float> memory;
+  RoughPaths paths{car.pre_roll, n, m, nullptr, front.data(), spacing.data(), held.data()};
+  const Index behind_size = 2 * car.pre_roll * m;
+  const auto needed = static_cast<std::size_t>(behind_size + roughness_memory(paths));
+  if (memory.size() < needed) memory.resize(needed);
+  paths.behind = memory.data();
+  const nb::gil_scoped_release release;
+  sample_behind(map.grid,
+                {car.pre_roll, m, x.data(), y.data(), heading_x.data(), heading_y.data(),
+                 spacing.data(), level.data(), front.data(), memory.data()},
+                2.0 * envelope.half_length, 2.0 * envelope.half_width);
+  limit_by_roughness(paths, car, memory.data() + behind_size);
+}
+
+// Of all blocks, (rows, columns), writable: tests compare and change them.
+template <class T>
+auto blocks_of(std::vector<T> ScreenedBlocks::*part) {
+  return [part](MapBroadPhase& self) {
+    ScreenedBlocks& blocks = self.grid.blocks();
+    return nb::ndarray<nb::numpy, T, nb::ndim<2>>(
+        (blocks.*part).data(),
+        {static_cast<std::size_t>(blocks.rows), static_cast<std::size_t>(blocks.columns)},
+        nb::find(self));
+  };
+}
+
+// Row and columns [first, end) of the blocks that are screened, of each row.
+nb::list screened(const MapBroadPhase& self) {
+  nb::list out;
+  const BlockWindow& window = self.grid.window();
+  for (Index row = window.rows.first; row < window.rows.end; ++row) {
+    const BlockSpan span = window.span_of(row);
+    out.append(nb::make_tuple(row, span.first, span.end));
+  }
+  return out;
+}
+
+}  // namespace
+
+void bind_swept(nb::module_& m) {
+  using namespace nb::literals;
+  m.attr("CHECK_UNKNOWN") = check_unknown;
+  m.attr("CHECK_BODY") = check_body;
+  m.attr("SLOPE_MARGIN") = slope_margin;
+  nb::class_<MapBroadPhase>(m, "BroadPhase")
+      .def("__init__", &make_broad_phase, "elevation"_a.noconvert(), "origin_x"_a, "origin_y"_a,
+           "resolution"_a, "sizes"_a, "band"_a.none(), "x"_a, "y"_a, "beside"_a)
+      .def("covers", &covers, "x"_a, "y"_a)
+      .def("sweep", &sweep_paths, "x"_a, "y"_a, "heading_x"_a, "heading_y"_a,
+           "station"_a, "count"_a, "known"_a, "twist"_a, "spacing"_a, "trails"_a, "across"_a.none(),
+           "code_of_kind"_a, "code"_a.noconvert(), "found"_a.noconvert())
+      .def_prop_ro("screened", &screened)
+      .def_prop_ro("first_column",
+                   [](const MapBroadPhase& self) { return self.grid.window().columns.first; })
+      .def_prop_ro("bits", blocks_of(&ScreenedBlocks::bits))
+      .def_prop_ro("relief", blocks_of(&ScreenedBlocks::relief))
+      .def_prop_ro("lift", blocks_of(&ScreenedBlocks::lift))
+      .def_prop_ro("east", blocks_of(&ScreenedBlocks::east))
+      .def_prop_ro("north", blocks_of(&ScreenedBlocks::north))
+      .def_prop_ro("seen", blocks_of(&ScreenedBlocks::seen));
+  m.def("roughness_speeds", &roughness_speeds, "grid"_a, "x"_a, "y"_a, "heading_x"_a,
+        "heading_y"_a, "level"_a, "spacing"_a, "front"_a, "sizes"_a, "frequency"_a, "damping"_a,
+        "vertical_accel"_a, "max_speed"_a, "held"_a.noconvert());
+}
+
+}  // namespace slopewise

@@ -1,0 +1,80 @@
+// What the speed bounds of a batch are asked, and where they are answered.
+#pragma once
+
+#include "candidate_rows.hpp"
+#include "bounds/limiting.hpp"
+#include "vehicle.hpp"
+
+namespace slopewise {
+
+// Kept free between stopping path and clear distance, above all errors of integration [m].
+inline constexpr double stop_guard = 2e-3;
+
+// What makes a stop longer than the model says, beside its force and dead time.
+struct StopErrors {
+  double speed;        // the vehicle may be faster than planned by this [m/s]
+  bool drive_cut;      // the drive may be cut in the dead time, so that a slope speeds it up
+  double height;       // the stop may fall by this much further than the map says [m]
+  double along_track;  // it may begin so much farther along than planned [m]
+  double latency;      // it may be commanded so much later than planned [s]
+};
+
+struct BoundProblem {
+  TerrainRows terrain;
+  ForceRows forces;
+  Labels hazard;           // what bars a pose, 0 where nothing does
+  Numbers rough_speed;     // highest speeds by roughness, by steering, of the path itself [m/s]
+  Numbers steering_speed, path_speed;
+  Numbers friction;        // least friction [1], null where it is not known
+  const double* clear;     // (M,) station up to which the vehicle may come, inf if unlimited [m]
+  StopErrors errors;
+  Vehicle vehicle;         // its speed is raised to the highest trained one, see bound_speeds
+  MotionTerms motion;
+  bool closed_form;        // nothing acts on the motion: the stopping path has a closed form
+  Numbers excess{};        // by how much stops may begin faster than planned [m/s]; found here
+  bool exceeds = false;    // it is not zero everywhere
+  double speed_limit = 0.0, fastest = 0.0;  // of the model, and of any stop [m/s]
+  double longest_dead_time = 0.0;           // [s]
+
+  [[nodiscard]] BoundProblem from(Index first) const noexcept;
+};
+
+// The answers, (N, M) and (M,).
+struct Bounds {
+  Rows<double> speed_sq_max;                 // v² [m²/s²]
+  Rows<Label> limiting;                      // which bound that is
+  Rows<double> accel_max;                    // by comfort, thrust and front axle load [m/s²]
+  Rows<double> demand;                       // thrust that holds the speed, over the weight
+  Rows<double> lower_slope, lower_intercept; // what friction and crests leave of the lower bound
+  Label* barrier;                            // what ends the clear distance
+  std::int64_t* barrier_station;             // first station that is barred
+  double* clear_distance;                    // station up to which the vehicle may stop [m]
+
+  [[nodiscard]] Bounds from(Index first) const noexcept {
+    return {speed_sq_max.from(first), limiting.from(first),        accel_max.from(first),
+            demand.from(first),       lower_slope.from(first),     lower_intercept.from(first),
+            barrier + first,          barrier_station + first,     clear_distance + first};
+  }
+};
+
+inline BoundProblem BoundProblem::from(Index first) const noexcept {
+  BoundProblem out = *this;
+  out.terrain.counts += first;
+  out.forces.distance_offset += first;
+  out.clear += first;
+  TerrainRows& t = out.terrain;
+  ForceRows& f = out.forces;
+  for (Numbers* rows :
+       {&t.station, &t.heading_x, &t.heading_y, &t.curvature, &t.grade, &t.sin_grade, &t.sin_roll,
+        &t.vertical_curvature, &f.lower_slope, &f.lower_intercept, &f.upper_slope,
+        &f.upper_intercept, &f.dead_time, &f.slowest, &f.fastest, &out.rough_speed,
+        &out.steering_speed, &out.path_speed, &out.friction, &out.excess}) {
+    *rows = rows->from(first);
+  }
+  out.hazard = hazard.from(first);
+  t.known = t.known.from(first);
+  f.trained = f.trained.from(first);
+  return out;
+}
+
+}  // namespace slopewise

@@ -1,0 +1,155 @@
+// Speed bounds along candidates: how fast each station may be passed, and what says so.
+//
+// Ground on which the vehicle must not even stand is a barrier: unknown ground, ground steeper than
+// the model was trained on, a slope on which an axle or a side is too light, that the brakes cannot
+// hold or the drive cannot climb. The clear distance ends at the last station before it, and the
+// stopping path must end before the clear distance. All other bounds are speeds.
+#pragma once
+
+#include <vector>
+
+#include "bounds/chords.hpp"
+#include "bounds/closed_form_stop.hpp"
+#include "bounds/crest_force.hpp"
+#include "bounds/integrated_stop.hpp"
+#include "bounds/pointwise.hpp"
+#include "bounds/speed_excess.hpp"
+
+namespace slopewise {
+
+// Memory of a thread for the bounds of a batch, kept from call to call.
+struct BoundMemory {
+  std::vector<double> sums, standing, excess;
+  std::vector<StopStation> path;
+
+  static BoundMemory& of_thread(Index stations, Index candidates);
+};
+
+namespace detail {
+
+// Station up to which the vehicle may stop; what is clear at most is no barrier.
+inline void clear_lanes(const BoundProblem& problem, Index lanes, const Bounds& out) noexcept {
+  for (Index j = 0; j < lanes; ++j) {
+    const std::int64_t first = out.barrier_station[j];
+    const Index last = std::max<Index>(std::min<Index>(first, problem.terrain.counts[j]) - 1, 0);
+    const double reach = first > 0 ? problem.terrain.station.at(last)[j] : 0.0;
+    if (problem.clear[j] < reach) out.barrier[j] = limiting::stopping_path;
+    out.clear_distance[j] = min_of(reach, problem.clear[j]);
+  }
+}
+
+// Where effects move the vehicle, v² > 0 and its label as they were before the closed form, which
+// knows of none, lowered them: drag may allow more, and those stops are tried for.
+class Standing {
+ public:
+  static Index memory(Index stations) noexcept { return 2 * stations * wide; }
+
+  Standing(const Bounds& bounds, Index stations, Index lanes, double* memory_of_thread) noexcept
+      : bounds_(bounds), stations_(stations), lanes_(lanes), memory_(memory_of_thread) {
+    for (Index k = 0; k < stations; ++k) {
+      for (Index j = 0; j < lanes; ++j) {
+        at(k)[j] = bounds.speed_sq_max.at(k)[j];
+        at(k)[wide + j] = static_cast<double>(bounds.limiting.at(k)[j]);
+      }
+    }
+  }
+
+  void restore() const noexcept {
+    for (Index k = 0; k < stations_; ++k) {
+      double* speed_sq = bounds_.speed_sq_max.at(k);
+      Label* label = bounds_.limiting.at(k);
+      for (Index j = 0; j < lanes_; ++j) {
+        if (!(speed_sq[j] > 0.0)) continue;
+        speed_sq[j] = at(k)[j];
+        label[j] = static_cast<Label>(at(k)[wide + j]);
+      }
+    }
+  }
+
+ private:
+  [[nodiscard]] double* at(Index k) const noexcept { return memory_ + 2 * k * wide; }
+
+  const Bounds& bounds_;
+  Index stations_, lanes_;
+  double* memory_;
+};
+
+// Lower v² of a tile to what stops before the clear distance, from the speed that it may really
+// have.
+inline void bound_stopping_path(const BoundProblem& problem, Index lanes, const Bounds& out,
+                                const LaneLabels& last_risk, BoundMemory& memory) noexcept {
+  const Index stations = problem.terrain.stations;
+  Lane target{};
+  for (Index j = 0; j < lanes; ++j) {
+    const double clear = out.clear_distance[j] - problem.forces.distance_offset[j];
+    target[static_cast<std::size_t>(j)] = clear - problem.errors.along_track - stop_guard;
+  }
+  if (problem.exceeds) add_speed(out.speed_sq_max, problem.excess, 1.0, stations, lanes);
+  lose_on_crests(problem, target.data(), lanes, out);
+  const StopTile tile{problem, out, target.data(), lanes};
+  if (problem.motion.moves) {
+    const Standing standing(out, stations, lanes, memory.standing.data());
+    bound_stops(tile, memory.sums.data());
+    standing.restore();
+  } else {
+    bound_stops(tile, memory.sums.data());
+  }
+  for (Index j = 0; j < lanes; ++j) {
+    const Index risk = last_risk[static_cast<std::size_t>(j)];
+    if (!problem.closed_form || risk >= 0) bound_stops_by_trial(tile, j, risk, memory.path.data());
+  }
+  if (problem.exceeds) add_speed(out.speed_sq_max, problem.excess, -1.0, stations, lanes);
+}
+
+inline void bound_tile(const BoundProblem& problem, Index lanes, const Bounds& out,
+                       BoundMemory& memory) noexcept {
+  LaneLabels last_risk;
+  bound_points(problem, lanes, out, last_risk);
+  clear_lanes(problem, lanes, out);
+  bound_stopping_path(problem, lanes, out, last_risk, memory);
+  keep_chords_below(out, problem.terrain.stations, lanes);
+  keep_limit(out, problem.speed_limit * problem.speed_limit, problem.terrain.stations, lanes);
+}
+
+}  // namespace detail
+
+inline BoundMemory& BoundMemory::of_thread(Index stations, Index candidates) {
+  thread_local BoundMemory memory;
+  const auto enough = [](auto& part, Index count) {
+    if (part.size() < static_cast<std::size_t>(count)) part.resize(static_cast<std::size_t>(count));
+  };
+  enough(memory.sums, StopSums::memory(stations));
+  enough(memory.standing, detail::Standing::memory(stations));
+  enough(memory.excess, stations * candidates);
+  enough(memory.path, stations);
+  return memory;
+}
+
+// Bounds of a batch.
+inline void bound_speeds(BoundProblem problem, const Bounds& out, BoundMemory& memory) noexcept {
+  const Index stations = problem.terrain.stations, candidates = problem.terrain.candidates;
+  const auto most = [&](const Numbers& rows) {
+    return one_of_all<Greatest>(rows, stations, candidates);
+  };
+  problem.fastest = most(problem.forces.fastest);
+  problem.longest_dead_time = most(problem.forces.dead_time) + problem.errors.latency;
+  // What crests and turns take of brakes and drive is that at the highest trained speed: at the
+  // speed limit a lower one would leave more of them, and make a plan faster.
+  problem.speed_limit = problem.vehicle.speed;
+  problem.vehicle.speed = max_of(problem.speed_limit, problem.fastest);
+  const Alike<double> error{problem.errors.speed};
+  problem.excess = {error.lanes.data(), 0};
+  problem.exceeds = problem.errors.speed > 0.0;
+  if (find_run_off(problem, memory.excess.data())) {
+    problem.excess = {memory.excess.data(), candidates};
+    problem.exceeds = true;
+  }
+  if (problem.exceeds) {
+    problem.fastest += problem.excess.stride == 0 ? problem.errors.speed : most(problem.excess);
+  }
+  for_each_tile(candidates, [&](const Tile& tile) {
+    detail::bound_tile(problem.from(tile.first), tile.lanes, out.from(tile.first), memory);
+  });
+}
+
+}  // namespace slopewise

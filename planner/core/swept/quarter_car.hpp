@@ -1,0 +1,118 @@
+// The body on its springs over one wheel: y'' = ω² (h − y) + 2 ζ ω (h' − y'), with h the path of
+// the centre of the wheel, ω and ζ the frequency and damping of the bounce. Source: Gillespie,
+// Fundamentals of Vehicle Dynamics (1992), Ch. 5.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "swept/tyre_profile.hpp"
+
+namespace slopewise {
+
+// Speeds tried, and the ratio of each to the next.
+inline constexpr int speed_levels = 4;
+inline constexpr double speed_ratio = 0.7;
+
+// The quarter car on stations a spacing apart, and how its wheel rolls over them.
+struct QuarterCar {
+  double frequency, damping;  // of the bounce [rad/s], share of the critical one [1]
+  double limit;               // highest amplitude of the vertical acceleration [m/s²]
+  double slowest;             // of the speeds that are tried [m/s]
+  double spacing;             // [m]
+  double radius;              // of the wheel [m]
+  // Stations: that the rim reaches, that the tyre touches on each side of the middle, that the rear
+  // wheels are behind, that a speed is held before.
+  Index rim, patch, rear, ahead;
+  Index pre_roll;  // stations behind the first one that the body has come over
+
+  QuarterCar(const VehicleEnvelope& sizes, double frequency_hz, double damping_ratio,
+             double vertical_accel, double max_speed, double station_spacing) noexcept
+      : frequency(2.0 * std::numbers::pi * frequency_hz), damping(damping_ratio),
+        limit(vertical_accel), slowest(max_speed * std::pow(speed_ratio, speed_levels - 1)),
+        spacing(station_spacing), radius(sizes.radius),
+        rim(static_cast<Index>(contact_of(sizes) / spacing)),
+        patch(static_cast<Index>(0.5 * patch_radii * radius / spacing)),
+        rear(static_cast<Index>(std::ceil(2.0 * sizes.half_length / spacing))),
+        ahead(std::max<Index>(static_cast<Index>(std::ceil(radius / spacing)), 1)),
+        pre_roll(static_cast<Index>(
+            std::ceil(pre_roll_wheelbases * 2.0 * sizes.half_length / spacing))) {}
+
+ private:
+  // Length of the tyre's contact, over which it evens the ground out, in wheel radii.
+  static constexpr double patch_radii = 0.5;
+  static constexpr double pre_roll_wheelbases = 2.0;
+
+  // Where the rim is higher than any step that may be climbed, it touches nothing.
+  static double contact_of(const VehicleEnvelope& sizes) noexcept {
+    const double above = max_of(sizes.radius - sizes.max_step, 0.0);
+    return std::sqrt(sizes.radius * sizes.radius - above * above);
+  }
+};
+
+// One station at one speed: y and q = y' − 2 ζ ω h follow from y, q, h and the next h.
+class BounceStep {
+ public:
+  // Exact for heights that are linear in between: the exponential of [y, q / ω, h, h' Δt].
+  BounceStep(const QuarterCar& car, double time) noexcept
+      : drag(static_cast<float>(2.0 * car.damping * car.frequency)),
+        per_time(static_cast<float>(1.0 / time)),
+        keep(static_cast<float>(
+            std::exp(-0.5 * car.frequency * time / (std::numbers::pi * memory_periods)))) {
+    const double w = car.frequency, z = car.damping;
+    int halvings = 0;
+    while (w * time > 0.5 * std::exp2(halvings)) ++halvings;
+    const double t = time / std::exp2(halvings);
+    Matrix m{};
+    m[0] = {0.0, w * t, 2.0 * z * w * t, 0.0};
+    m[1] = {-w * t, -2.0 * z * w * t, (1.0 - 4.0 * z * z) * w * t, 0.0};
+    m[2][3] = t / time;
+    Matrix e = exponential(m);
+    for (int n = 0; n < halvings; ++n) e = product(e, e);
+    yy = static_cast<float>(e[0][0]);
+    yq = static_cast<float>(e[0][1] / w);
+    yh = static_cast<float>(e[0][2] - e[0][3]);
+    yn = static_cast<float>(e[0][3]);
+    qy = static_cast<float>(e[1][0] * w);
+    qq = static_cast<float>(e[1][1]);
+    qh = static_cast<float>((e[1][2] - e[1][3]) * w);
+    qn = static_cast<float>(e[1][3] * w);
+  }
+
+  float yy, yq, yh, yn, qy, qq, qh, qn;
+  float drag, per_time;  // 2 ζ ω, 1 / Δt [1/s]
+  float keep;            // what the mean square keeps [1]
+
+ private:
+  using Matrix = std::array<std::array<double, 4>, 4>;
+
+  // Time over which the mean square is taken, in periods: about as long as a bounce lasts.
+  static constexpr double memory_periods = 1.0 / 3.0;
+
+  static Matrix product(const Matrix& a, const Matrix& b) noexcept {
+    Matrix out{};
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j < 4; ++j) {
+        for (std::size_t k = 0; k < 4; ++k) out[i][j] += a[i][k] * b[k][j];
+      }
+    }
+    return out;
+  }
+
+  // Taylor's series, of a matrix whose entries are at most 1/2.
+  static Matrix exponential(const Matrix& m) noexcept {
+    Matrix sum{}, term{};
+    for (std::size_t i = 0; i < 4; ++i) sum[i][i] = term[i][i] = 1.0;
+    for (int n = 1; n < 16; ++n) {
+      term = product(term, m);
+      for (std::size_t i = 0; i < 4; ++i) {
+        for (std::size_t j = 0; j < 4; ++j) sum[i][j] += term[i][j] /= n;
+      }
+    }
+    return sum;
+  }
+};
+
+}  // namespace slopewise

@@ -1,0 +1,250 @@
+// Poses that the broad phase does not clear, one by one; each candidate up to its first hazard.
+#pragma once
+
+#include <array>
+
+#include "swept/body_sweep.hpp"
+#include "swept/required_checks.hpp"
+#include "swept/wheel_band.hpp"
+#include "swept/wheel_sweep.hpp"
+
+namespace slopewise {
+
+// M candidates of up to N stations; arrays are (N, M) unless stated otherwise.
+struct SweptPaths {
+  Index stations, candidates;
+  const double *x, *y, *heading_x, *heading_y;  // middle of the wheelbase [m], heading of the body
+  const double* station;                        // [m]
+  const std::int64_t* count;                    // (M,) stations of each
+  const bool* known;                            // the ground under path and wheels is
+  const float* twist;                           // of the ground under the wheels [m]
+  double spacing;                               // largest distance between two poses [m]
+  bool trails;           // the rear wheels do not roll where the front ones did
+  const double* across;  // by how far the reference point may be off the line [m]; null: by nothing
+};
+
+// What blocks them.
+struct HazardTable {
+  const std::int64_t* code_of_kind;  // (hazard_kinds,) 0 for what blocks nothing
+  std::int64_t* code;                // (N, M) out, 0 where nothing blocks
+  double* found;                     // (M, 4) out, the numbers of a Hazard where something does
+};
+
+// Exact checks of poses.
+class NarrowPhase {
+ public:
+  static Index memory_size(const BroadPhase& grid, double spacing) noexcept {
+    return 2 * WheelBuffers::samples_of(grid.vehicle(), spacing) +
+           2 * Rim::strides_of(grid.vehicle()) + 1 + grid.band().lines;
+  }
+
+  // Of poses at most so far apart [m].
+  NarrowPhase(const BroadPhase& grid, double spacing, const std::int64_t* code_of_kind,
+              double* memory) noexcept
+      : grid_(grid), sizes_(grid.vehicle()), band_(grid.band()), code_of_kind_(code_of_kind),
+        buffers_{memory, nullptr, WheelBuffers::samples_of(sizes_, spacing)} {
+    buffers_.path = memory + buffers_.samples;
+    double* rim = buffers_.path + buffers_.samples;
+    rim_ = {rim, Rim::strides_of(sizes_)};
+    for (Index n = -rim_.strides; n <= rim_.strides; ++n) {
+      rim[n + rim_.strides] = drop_of_rim(sizes_.radius, sizes_.stride * static_cast<double>(n));
+    }
+    heights_ = rim + 2 * rim_.strides + 1;
+  }
+
+  [[nodiscard]] bool blocks(HazardKind kind) const noexcept {
+    return code_of_kind_[static_cast<Index>(kind)] > 0;
+  }
+  [[nodiscard]] Index checked() const noexcept { return checked_; }
+
+  // What blocks a pose, and all poses since the one so far back [m]; `across` is how far it may be
+  // off its line [m].
+  Hazard check(const Pose2d& pose, double back, std::int32_t required, double across) noexcept {
+    required = look_closer(pose, required, grid_);
+    const double wheel_band = band_.of_wheels(across);
+    if (band_.any()) required = without_even_swaths(pose, back, required, wheel_band);
+    if (required == 0) return {};
+    ++checked_;
+    Hazard found = check_line(pose, back, required, across);
+    if (band_.any() && !blocks(found.kind)) found = check_beside(pose, back, required, wheel_band);
+    return found;
+  }
+
+ private:
+  Hazard check_line(const Pose2d& pose, double back, std::int32_t required,
+                    double across) noexcept {
+    const bool unknown_blocks = blocks(HazardKind::unknown_ground);
+    const auto contact = contact_heights(pose, required, unknown_blocks);
+    Hazard body;
+    if (required & (check_unknown | check_body)) {
+      const VehicleEnvelope area = band_.area(sizes_, across);
+      body = BodySweep(grid_.map(), pose, contact, area).find(unknown_blocks);
+      if (body.kind == HazardKind::unknown_ground) return body;
+    }
+    for (int wheel = 0; wheel < wheel_count; ++wheel) {
+      if (!(required & (check_wheel << wheel))) continue;
+      const Hazard step = find_step(pose, wheel, back);
+      if (step.any()) return step;
+    }
+    if (required & check_twist) {
+      const Hazard twist = find_twist(contact, sizes_);
+      if (twist.any()) return twist;
+    }
+    return body;
+  }
+
+  // Heights of the wheels, NaN where they do not matter. On a map coarser than a wheel it stands on
+  // the bilinear surface.
+  [[nodiscard]] std::array<double, wheel_count> contact_heights(
+      const Pose2d& pose, std::int32_t required, bool unknown_blocks) const noexcept {
+    std::array<double, wheel_count> out;
+    out.fill(std::numeric_limits<double>::quiet_NaN());
+    if (!(required & (check_body | check_twist))) return out;
+    for (int wheel = 0; wheel < wheel_count; ++wheel) {
+      const Place at = wheel_at(wheel, sizes_);
+      out[static_cast<std::size_t>(wheel)] =
+          sizes_.fine
+              ? standing_height(grid_.facets(), pose, at, sizes_, rim_, unknown_blocks)
+              : grid_.map().height_at(pose.at(at.x, at.y));
+    }
+    return out;
+  }
+
+  Hazard find_step(const Pose2d& pose, int wheel, double back) const noexcept {
+    const WheelSlopes slopes = slopes_at(pose, wheel, grid_);
+    return WheelWay(grid_.facets(), pose, wheel_at(wheel, sizes_), back, sizes_, slopes, buffers_)
+        .find_step();
+  }
+
+  [[nodiscard]] WheelBand band_of(const Pose2d& pose, int wheel, double band) const noexcept {
+    return {grid_.facets(), pose, wheel_at(wheel, sizes_), band, sizes_};
+  }
+
+  // Required checks without those of wheels that can meet nothing within the band.
+  [[nodiscard]] std::int32_t without_even_swaths(const Pose2d& pose, double back,
+                                                 std::int32_t required,
+                                                 double band) const noexcept {
+    for (int wheel = 0; wheel < wheel_count; ++wheel) {
+      if (!(required & (check_wheel << wheel))) continue;
+      const WheelSlopes plane = slopes_at(pose, wheel, grid_);
+      double difference = 0.0;
+      for (const double aside : {-band, band}) {
+        const WheelSlopes there = slopes_at(pose.shifted(aside), wheel, grid_);
+        difference = max_of(difference, std::abs(there.along - plane.along));
+      }
+      if (is_even_swath(band_of(pose, wheel, band), back, plane, difference)) {
+        required &= ~(check_wheel << wheel);
+      }
+    }
+    return required;
+  }
+
+  // Steps and edges on the lines of the wheels within the band, without the planned one.
+  Hazard check_beside(const Pose2d& pose, double back, std::int32_t required,
+                      double band) const noexcept {
+    const auto count = static_cast<Index>(std::ceil(band / band_.stride));
+    const double stride = band / static_cast<double>(std::max<Index>(count, 1));
+    for (int wheel = 0; wheel < wheel_count; ++wheel) {
+      if (!(required & (check_wheel << wheel))) continue;
+      for (Index i = -count; i <= count; ++i) {
+        if (i == 0) continue;
+        const double shift = static_cast<double>(i) * stride;
+        Hazard step = find_step(pose.shifted(shift), wheel, back);
+        step.aside += shift;
+        if (step.any()) return step;
+      }
+      const Hazard edge = find_edge(band_of(pose, wheel, band), band_.stride,
+                                    slopes_at(pose, wheel, grid_), rim_, heights_);
+      if (edge.any()) return edge;
+    }
+    return {};
+  }
+
+  const BroadPhase& grid_;
+  const VehicleEnvelope& sizes_;
+  const TrackingBand& band_;
+  const std::int64_t* code_of_kind_;
+  WheelBuffers buffers_;
+  Rim rim_{};
+  double* heights_;
+  Index checked_ = 0;
+};
+
+namespace detail {
+
+// The checks that up to `wide` poses of station k require.
+inline void require_checks(const BroadPhase& grid, const SweptPaths& paths, Index k, Index first,
+                           bool rear, Checks& open, Checks& required) noexcept {
+  const Index at = k * paths.candidates + first;
+  const PoseRow row{std::min<Index>(wide, paths.candidates - first),
+                    paths.x + at,
+                    paths.y + at,
+                    paths.heading_x + at,
+                    paths.heading_y + at,
+                    paths.twist + at};
+  require_body(row, grid, paths.known + at, open, required);
+  if (!grid.sizes().fine) return;
+  require_wheels(row, grid, rear, open, required);
+  const Index samples = grid.band().samples;
+  for (Index n = 0; n < samples; ++n) {
+    const auto steps = static_cast<double>(std::max<Index>(samples - 1, 1));
+    const double share = 2.0 * static_cast<double>(n) / steps - 1.0;
+    require_wheels_beside(row, grid, share, paths.across + at, rear, open, required);
+  }
+}
+
+// The rear wheels roll where the front ones did, but for the first of the way: up to this station,
+// of all candidates.
+inline Index rear_wheels_end(const SweptPaths& paths, double half_length) noexcept {
+  if (paths.trails) return paths.stations;
+  Index k = 0;
+  for (; k < paths.stations; ++k) {
+    const double* station = paths.station + k * paths.candidates;
+    if (*std::min_element(station, station + paths.candidates) >= 2.5 * half_length) break;
+  }
+  return k;
+}
+
+// The exact check of one pose.
+inline Hazard check_pose(NarrowPhase& narrow_phase, const SweptPaths& paths, Index k, Index j,
+                         std::int32_t required) noexcept {
+  const Index at = k * paths.candidates + j, before = at - paths.candidates;
+  const double dx = paths.x[at] - paths.x[before], dy = paths.y[at] - paths.y[before];
+  const Pose2d pose{paths.x[at], paths.y[at], paths.heading_x[at], paths.heading_y[at]};
+  const double across = paths.across != nullptr ? paths.across[at] : 0.0;
+  return narrow_phase.check(pose, std::sqrt(dx * dx + dy * dy), required, across);
+}
+
+}  // namespace detail
+
+// Hazards of all candidates, up to the first of each; the first stations are where they stand.
+// Returns the number of exact checks.
+inline Index sweep(const BroadPhase& grid, const SweptPaths& paths, const HazardTable& out,
+                   double* memory) noexcept {
+  NarrowPhase narrow_phase(grid, paths.spacing, out.code_of_kind, memory);
+  std::fill_n(out.code, paths.stations * paths.candidates, 0);
+  const Index rear_end = detail::rear_wheels_end(paths, grid.vehicle().half_length);
+  for (Index first = 0; first < paths.candidates; first += wide) {
+    const Index lanes = std::min<Index>(wide, paths.candidates - first);
+    Checks required, open;
+    open.fill(255);
+    for (Index k = 1; k < paths.stations; ++k) {
+      detail::require_checks(grid, paths, k, first, k < rear_end, open, required);
+      for (Index lane = 0; lane < lanes; ++lane) {
+        const auto n = static_cast<std::size_t>(lane);
+        const Index j = first + lane;
+        if (required[n] == 0 || k >= static_cast<Index>(paths.count[j])) continue;
+        const Hazard found = detail::check_pose(narrow_phase, paths, k, j, required[n]);
+        if (!narrow_phase.blocks(found.kind)) continue;
+        out.code[k * paths.candidates + j] = out.code_of_kind[static_cast<Index>(found.kind)];
+        open[n] = 0;
+        const std::array<double, 4> numbers{static_cast<double>(found.kind), found.height,
+                                            found.ahead, found.aside};
+        std::copy_n(numbers.begin(), 4, out.found + 4 * j);
+      }
+    }
+  }
+  return narrow_phase.checked();
+}
+
+}  // namespace slopewise

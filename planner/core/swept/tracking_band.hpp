@@ -1,0 +1,59 @@
+// The band around the planned line in which body and wheels may be, with the errors of tracking.
+//
+// The body becomes wider by the band of its outermost corner; wheels are checked on lines to either
+// side of the planned one, no farther from each other than a cell or half a tyre.
+#pragma once
+
+#include <cmath>
+
+#include "swept/vehicle_envelope.hpp"
+
+namespace slopewise {
+
+// How far the body may be off its line.
+struct BandWidth {
+  double widest;       // by how much the reference point may be off the line, at most [m]
+  double turned;       // sine of the heading error [1]
+  double body_offset;  // from the reference point ahead to the middle of the wheelbase [m]
+};
+
+struct TrackingBand {
+  double widest = 0.0, turned = 0.0;
+  double arm = 0.0, wheel_arm = 0.0;  // farthest ends of body and wheels from the reference [m]
+  double stride = 1.0;                // largest distance between two lines of a wheel [m]
+  Index samples = 0;                  // places abreast at which the blocks under it are checked [1]
+  Index lines = 1;                    // of a wheel at most, with those beyond the band [1]
+
+  TrackingBand() = default;
+  TrackingBand(const BandWidth& width, const VehicleEnvelope& sizes, double resolution,
+               double block_edge) noexcept
+      : widest(width.widest), turned(width.turned),
+        arm(max_of(sizes.front, sizes.rear) + width.body_offset),
+        wheel_arm(sizes.half_length + width.body_offset),
+        stride(max_of(resolution, sizes.half_tyre)) {
+    const double wheels = of_wheels(widest);
+    samples = static_cast<Index>(std::ceil(2.0 * wheels / block_edge)) + 1;
+    lines = 2 * static_cast<Index>(std::ceil((wheels + sizes.half_tyre) / stride)) + 1;
+  }
+
+  [[nodiscard]] bool any() const noexcept { return samples > 0; }
+  // By how much a wheel may be off where the reference point may be so much [m].
+  [[nodiscard]] double of_wheels(double across) const noexcept {
+    return across + wheel_arm * turned;
+  }
+  // The area in which the body may be there.
+  [[nodiscard]] VehicleEnvelope area(const VehicleEnvelope& sizes, double across) const noexcept {
+    return sizes.widened(across + arm * turned, turned);
+  }
+  // For the broad phase, which covers the widest place: half a block to either side covers what
+  // lies between two samples.
+  [[nodiscard]] VehicleEnvelope widest_area(const VehicleEnvelope& sizes,
+                                            double block_edge) const noexcept {
+    if (!any()) return sizes;
+    VehicleEnvelope out = area(sizes, widest);
+    out.half_tyre += 0.5 * block_edge;
+    return out;
+  }
+};
+
+}  // namespace slopewise
