@@ -14,8 +14,8 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.parameters import Model
-from slopewise.models.quantity import GRAVITY
 from slopewise.planner.compiled_core import core
+from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.raw_polyline import noise, without_noise
 
 _HALF = 0.5
@@ -87,10 +87,9 @@ def _sharpest_by_thrust(model: Model) -> float:
 
     Source: the law of the bound ``traction``, motion resistance and turning resistance together.
     """
-    vehicle, terrain = model.vehicle, model.terrain
-    force = _THRUST_SHARE * vehicle.max_drive_force / (vehicle.mass * GRAVITY)
-    drag = 0.5 * terrain.lateral_resistance * vehicle.wheelbase
-    return max(force - terrain.motion_resistance, 0.0) / max(drag, 1e-9)
+    scalars = planning_limits(model)
+    force = _THRUST_SHARE * scalars.specific_force - scalars.resistance
+    return max(force, 0.0) / max(scalars.turning_drag, 1e-9)
 
 
 class FollowedLine(NamedTuple):

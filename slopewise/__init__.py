@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from slopewise._io import read_model as read_model
     from slopewise._io import read_paths as read_paths
     from slopewise._io import write_model as write_model
-    from slopewise._planning import Horizon as Horizon
     from slopewise._planning import check_plan as check_plan
     from slopewise._planning import plan as plan
     from slopewise.models.candidate_path import CandidatePath as CandidatePath
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from slopewise.models.errors import SlopewiseError as SlopewiseError
     from slopewise.models.parameters import Model as Model
     from slopewise.planner.horizon.answer import PlanarState as PlanarState
+    from slopewise.planner.horizon.horizon import Horizon as Horizon
     from slopewise.planner.plan import SpeedPlan as SpeedPlan
     from slopewise.services.check.check_report import CheckReport as CheckReport
     from slopewise.services.check.external_plan import GivenPlan as GivenPlan
@@ -43,12 +43,13 @@ if TYPE_CHECKING:
 _NAMES = {
     "_calibration": "calibrate find_discrepancies",
     "_io": "read_drive_log read_map read_model read_paths write_model",
-    "_planning": "Horizon check_plan plan",
+    "_planning": "check_plan plan",
     "models.candidate_path": "CandidatePath",
     "models.elevation_map": "ElevationMap",
     "models.errors": "SlopewiseError",
     "models.parameters": "Model",
     "planner.horizon.answer": "PlanarState",
+    "planner.horizon.horizon": "Horizon",
     "planner.plan": "SpeedPlan",
     "services.check.check_report": "CheckReport",
     "services.check.external_plan": "GivenPlan",

@@ -11,7 +11,6 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
-from slopewise.planner.horizon.horizon import Horizon as Horizon
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings

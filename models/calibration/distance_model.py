@@ -30,6 +30,7 @@ import numpy as np
 from scipy.special import gammaln, ndtri, stdtr
 
 from slopewise.models.arrays import Floats, Ints
+from slopewise.models.stop_logs.random_effects import PER_MAD
 
 _PRIOR_STD = np.array([0.8, 0.8, 0.35, 0.35])
 """Of dead time and force (logarithms), change with speed, answer to grades [1]."""
@@ -216,7 +217,7 @@ def fit_distance(at: StopFeatures, log_ratio: Floats, session: Ints) -> Distance
 
 
 def _grid(y: Floats, distance: Floats, session: Ints) -> _Grid:
-    spread = max(1.4826 * float(np.median(np.abs(y - np.median(y)))), 0.003)
+    spread = max(PER_MAD * float(np.median(np.abs(y - np.median(y)))), 0.003)
     session_scale = _session_scale(y, session)
     half = ndtri(0.5 + 0.5 * _SHARES)
     axes = (

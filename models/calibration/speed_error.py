@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slopewise.models.arrays import Bools, Floats
+from slopewise.models.stop_logs.random_effects import PER_MAD
 
 SETTLING = 2.0  # [s] of one command before speeds count
 _LEAST_SPEED = 0.3  # [m/s]
@@ -33,7 +34,6 @@ _FEWEST_SECONDS = 20.0
 """Driving at constant command that a speed error needs, all stretches together [s]."""
 _ONE_STD = 0.8413
 """Quantile of a normal law one standard deviation above its mean [1]."""
-_NORMAL = 1.4826  # standard deviations in a median absolute deviation
 _MOST = 0.3  # of the command: whatever is farther off is not that command
 
 
@@ -68,7 +68,7 @@ def speed_error(
         return None
     every = np.concatenate([error for error, _ in errors])
     within = np.concatenate([error - np.median(error) for error, _ in errors])
-    scatter = _NORMAL * float(np.median(np.abs(within)))
+    scatter = PER_MAD * float(np.median(np.abs(within)))
     value = max(scatter, float(np.quantile(every, _ONE_STD)))
     if value > _MOST * float(np.median([command for _, command in errors])):
         return None

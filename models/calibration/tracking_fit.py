@@ -18,7 +18,7 @@ from scipy.special import gammaincinv, ndtri
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.calibration.tracking_samples import TrackingSamples
 from slopewise.models.input_errors import Tracking, input_errors
-from slopewise.models.stop_logs.random_effects import fit
+from slopewise.models.stop_logs.random_effects import PER_MAD, fit
 
 _SESSIONS = 4
 """Fewest sessions [1]: of three the spread of their means is known to a factor of three only."""
@@ -147,7 +147,7 @@ def _spread(samples: TrackingSamples, use: Bools, error: Floats) -> Spread:
         rows = use & (samples.session == session)
         medians[n] = np.median(error[rows])
         residual[rows] = error[rows] - medians[n]
-        deviation = 1.4826 * float(np.median(np.abs(residual[rows])))
+        deviation = PER_MAD * float(np.median(np.abs(residual[rows])))
         # The median of n normal values scatters by √(π/2) of their mean.
         noise[n] = 1.2533 * max(deviation, 1e-6) / np.sqrt(max(blocks[session], 1))
     law = _scatter_law(samples, use, residual)

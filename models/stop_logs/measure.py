@@ -18,6 +18,7 @@ from slopewise.models.stop_logs.dead_time import DeadTime, dead_time, held_weigh
 from slopewise.models.stop_logs.ground_grade import Dive, StopPitch, estimate_dive, shrunk
 from slopewise.models.stop_logs.mount_offset import Mount
 from slopewise.models.stop_logs.onset import HELD, Knee, Oscillation, fit_knee
+from slopewise.models.stop_logs.random_effects import PER_MAD
 from slopewise.models.stop_logs.stop_record import StopRecord, StopSamples
 
 _POOLED = 20.0  # samples of one stop that weigh as much as the noise of all stops
@@ -124,7 +125,7 @@ def _grade_noise(stops: Sequence[StopSamples]) -> Floats:
     A grade from a map has none.
     """
     jumps = np.concatenate([np.diff(stop.pitch) for stop in stops])
-    each = 1.4826 * float(np.median(np.abs(jumps))) / np.sqrt(2.0)
+    each = PER_MAD * float(np.median(np.abs(jumps))) / np.sqrt(2.0)
     count = np.array([max(stop.at_standstill - stop.at_command, 1) for stop in stops])
     mapped = np.array([s.grade is not None and np.isfinite(s.grade).all() for s in stops])
     noise: Floats = np.where(mapped, 0.0, each / np.sqrt(count))

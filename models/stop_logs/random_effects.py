@@ -19,7 +19,8 @@ from slopewise.models.arrays import Bools, Floats
 
 _REJECT = 4.0  # standard deviations: one good observation in 16,000 is lost
 _PASSES = 20  # iterations of mean and spread at most; it ends by its tolerance
-_MAD = 1.4826  # standard deviation of a normal law over its median absolute deviation
+PER_MAD = 1.4826
+"""Standard deviation of a normal law over its median absolute deviation [1]."""
 _BY_OBSERVATION = ("kept", "residuals", "variance", "gain")
 _MAX_REJECTED_SHARE = 0.4
 """Share of values that may be rejected as outliers [1]: below the half at which a median breaks
@@ -101,7 +102,7 @@ def fit(
     start = _start(design, observed, noise, prior_mean, information)
     residuals = observed - design @ start
     center = float(np.median(residuals))
-    spread = _MAD * float(np.median(np.abs(residuals - center)))
+    spread = PER_MAD * float(np.median(np.abs(residuals - center)))
     scatter = np.sqrt(max(spread**2 - float(np.median(noise)) ** 2, 0.0))
     kept = _within(residuals, noise, scatter, reject)
     beta = start

@@ -1,34 +1,18 @@
 // Random polylines through the rooms of given paths, for the sanitizers.
-#include <chrono>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
-#include <random>
 #include <vector>
 
+#include "driver.hpp"
 #include "path/given_path.hpp"
 #include "path/raw_points.hpp"
 #include "path/spline_path.hpp"
 
 using namespace slopewise;
+using namespace slopewise::driver;
 
 namespace {
 
 std::mt19937_64 generator;
-
-double uniform(double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(generator);
-}
-
-Index whole(Index low, Index high) {
-  return std::uniform_int_distribution<Index>(low, high)(generator);
-}
-
-void expect(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", what);
-  std::exit(1);
-}
 
 // A random walk; memory of the exact size, so that a step beyond it is found.
 std::vector<double> polyline(Index count) {
@@ -128,12 +112,10 @@ void spline() {
 
 }  // namespace
 
-int main(int count, char** values) {
-  const double seconds = count > 1 ? std::atof(values[1]) : 5.0;
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-  while (std::chrono::steady_clock::now() < end) {
+int main(int count, char** arguments) {
+  return run(count, arguments, [](Index) {
     compare();
     follow();
     spline();
-  }
+  });
 }

@@ -15,7 +15,6 @@ namespace slopewise {
 // More bits than blocks have: the heights of the wheels themselves; each of the four wheels, the
 // front left one first, may meet a step.
 inline constexpr std::uint8_t check_unknown = 1, check_body = 2, check_twist = 8, check_wheel = 16;
-inline constexpr std::uint8_t check_wheels = 240;
 
 // Up to `wide` blocks of a row, as lanes. Comparisons with unknown heights are false: what is known
 // decides.

@@ -1,37 +1,19 @@
 // Random forces and bounds through the core, for the sanitizers and for what has to hold of every
 // answer: no bound is NaN or above the limit, none is left behind a barrier, and stops end in time.
-#include <chrono>
-#include <cstdio>
-#include <cstdlib>
 #include <memory>
-#include <random>
 
+#include "../driver.hpp"
 #include "ground/body_pose.hpp"
 #include "ground/braking_forces.hpp"
 #include "bounds/speed_bounds.hpp"
 #include "ground/surface_bits.hpp"
 
 using namespace slopewise;
+using namespace slopewise::driver;
 
 namespace {
 
 std::mt19937_64 generator;
-
-double uniform(double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(generator);
-}
-
-Index whole(Index low, Index high) {
-  return std::uniform_int_distribution<Index>(low, high)(generator);
-}
-
-bool often(double share) { return uniform(0, 1) < share; }
-
-void expect(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", what);
-  std::exit(1);
-}
 
 // Rows of the exact size, so that a step beyond them is found.
 struct Memory {
@@ -48,7 +30,7 @@ struct Memory {
   }
   Rows<bool> yes(double share) {
     flags.push_back(std::make_unique<bool[]>(size()));
-    for (std::size_t i = 0; i < size(); ++i) flags.back()[i] = often(share);
+    for (std::size_t i = 0; i < size(); ++i) flags.back()[i] = sometimes(share);
     return {flags.back().get(), candidates};
   }
   Rows<std::int64_t> whole_numbers(Index low, Index high) {
@@ -73,8 +55,8 @@ Surface random_surface() {
   Surface s{uniform(-0.05, 0.05), uniform(-0.5, 0.5), uniform(-0.03, 0.03), uniform(0.1, 0.8),
             0, 0, uniform(0, 0.6), uniform(0, 0.5), slowest, slowest + uniform(0.1, 6), down,
             -down, lean, -lean, uniform(0.1, 0.9), 1.0};
-  s.up_m_m = often(0.5) ? s.m_m : uniform(-0.05, 0.05);
-  s.up_b_m = often(0.5) ? s.b_m : uniform(-0.5, 0.5);
+  s.up_m_m = sometimes(0.5) ? s.m_m : uniform(-0.05, 0.05);
+  s.up_b_m = sometimes(0.5) ? s.b_m : uniform(-0.5, 0.5);
   return s;
 }
 
@@ -124,20 +106,20 @@ void find_random_forces(Batch& b) {
   for (Surface& s : surfaces) s = random_surface();
   std::vector<std::int64_t> class_bits(static_cast<std::size_t>(whole(1, 5)));
   for (auto& bits : class_bits) bits = whole(1, (1 << count) - 1);
-  std::vector<HullLine> hull(often(0.5) ? count * lines : 0);
+  std::vector<HullLine> hull(sometimes(0.5) ? count * lines : 0);
   for (HullLine& line : hull) line = {uniform(1, 6), uniform(-3, 3)};
-  std::vector<double> matrices(often(0.5) ? 16 * count : 0);
+  std::vector<double> matrices(sometimes(0.5) ? 16 * count : 0);
   for (std::size_t i = 0; i < matrices.size(); ++i) matrices[i] = i % 5 == 0 ? uniform(0, 1e-3) : 0.0;
   Labels classes{};
   if (class_bits.size() > 1) classes = as_read(m.whole_numbers(0, (1 << class_bits.size()) - 1));
-  const bool terms = often(0.5);
+  const bool terms = sometimes(0.5);
   const ForceProblem problem{
       m.stations, m.candidates, b.counts.data(), b.terrain.grade, b.terrain.sin_grade,
       b.terrain.sin_roll, b.terrain.known, classes, class_bits, surfaces,
-      often(0.5) ? uniform(0, 0.5) : -1.0, hull,
+      sometimes(0.5) ? uniform(0, 0.5) : -1.0, hull,
       terms ? as_read(m.numbers(-0.1, 0)) : Numbers{}, terms ? as_read(m.numbers(0, 0.1)) : Numbers{},
       matrices.empty() ? nullptr : matrices.data(),
-      often(0.5) ? as_read(m.numbers(0, 0.1)) : Numbers{}, b.slides};
+      sometimes(0.5) ? as_read(m.numbers(0, 0.1)) : Numbers{}, b.slides};
   find_forces(problem, b.forces);
   expect_forces(b);
 }
@@ -159,18 +141,18 @@ void expect_bounds(const BoundProblem& p, const Bounds& out) {
 
 void bound_random_speeds(Batch& b) {
   Memory& m = b.memory;
-  const bool moves = often(0.3);
+  const bool moves = sometimes(0.3);
   MotionTerms motion;
   motion.moves = moves;
   for (double& value : motion.values) value = moves ? uniform(0, 0.02) : 0.0;
-  motion.lag = often(0.2) ? uniform(0.05, 0.4) : 0.0;
-  motion.fade = often(0.2) ? 1e-3 : 0.0;
+  motion.lag = sometimes(0.2) ? uniform(0.05, 0.4) : 0.0;
+  motion.fade = sometimes(0.2) ? 1e-3 : 0.0;
   motion.fade_tau = 30.0;
   motion.friction = no_limit;
-  const Vehicle vehicle{0.9, 0.9, 1.1, 0.1, 0.1, often(0.5) ? 0.12 : 0.0, 0.6, 6, 0.5, 1.2, 4, 1, 1.5,
-                        2, 5, 0.5, 0.45, often(0.5) ? -1.0 : 0.55, 1.0, 1.0};
+  const Vehicle vehicle{0.9, 0.9, 1.1, 0.1, 0.1, sometimes(0.5) ? 0.12 : 0.0, 0.6, 6, 0.5, 1.2, 4, 1, 1.5,
+                        2, 5, 0.5, 0.45, sometimes(0.5) ? -1.0 : 0.55, 1.0, 1.0};
   std::vector<double> clear(static_cast<std::size_t>(m.candidates));
-  for (double& end : clear) end = often(0.5) ? no_limit : uniform(0, 20);
+  for (double& end : clear) end = sometimes(0.5) ? no_limit : uniform(0, 20);
   const auto speeds = [&](bool there) {
     return alike_infinite.unless(there ? as_read(m.numbers(0.5, 9)) : Numbers{});
   };
@@ -179,10 +161,10 @@ void bound_random_speeds(Batch& b) {
       as_read(b.forces.upper_slope), as_read(b.forces.upper_intercept),
       as_read(b.forces.dead_time), as_read(b.forces.slowest), as_read(b.forces.fastest),
       as_read(b.forces.trained), b.forces.distance_offset};
-  const StopErrors errors{often(0.5) ? 0.1 : 0.0, often(0.5), 0.01, 0.05, often(0.3) ? 0.05 : 0.0};
+  const StopErrors errors{sometimes(0.5) ? 0.1 : 0.0, sometimes(0.5), 0.01, 0.05, sometimes(0.3) ? 0.05 : 0.0};
   const BoundProblem problem{
-      b.terrain, forces, alike_zero.unless(Labels{}), speeds(often(0.5)), speeds(often(0.5)),
-      speeds(often(0.3)), b.slides ? as_read(b.forces.friction) : Numbers{}, clear.data(), errors,
+      b.terrain, forces, alike_zero.unless(Labels{}), speeds(sometimes(0.5)), speeds(sometimes(0.5)),
+      speeds(sometimes(0.3)), b.slides ? as_read(b.forces.friction) : Numbers{}, clear.data(), errors,
       vehicle, motion, !(moves || motion.lag > 0.0 || motion.fade > 0.0)};
   std::vector<Label> barrier(clear.size());
   std::vector<std::int64_t> barrier_station(clear.size());
@@ -195,7 +177,7 @@ void bound_random_speeds(Batch& b) {
 }
 
 void batch() {
-  Batch b{{whole(2, 90), whole(1, 150), {}, {}, {}}, {}, {}, {}, {}, often(0.5)};
+  Batch b{{whole(2, 90), whole(1, 150), {}, {}, {}}, {}, {}, {}, {}, sometimes(0.5)};
   Memory& m = b.memory;
   b.counts = counts_up_to(m.stations, m.candidates);
   b.offset.resize(b.counts.size());
@@ -226,12 +208,9 @@ void poses() {
 
 }  // namespace
 
-int main(int, char** argv) {
-  const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(std::atoi(argv[1]));
-  Index done = 0;
-  for (; std::chrono::steady_clock::now() < until; ++done) {
+int main(int count, char** arguments) {
+  return run(count, arguments, [](Index) {
     batch();
     poses();
-  }
-  std::printf("%td batches\n", done);
+  });
 }

@@ -1,13 +1,10 @@
 // Random problems through the core, for the sanitizers and for what has to hold of every answer.
-#include <chrono>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <limits>
 #include <memory>
-#include <random>
 #include <vector>
 
+#include "../driver.hpp"
 #include "ground/ground_behind.hpp"
 #include "ground/height_grid.hpp"
 #include "profile/smoothing.hpp"
@@ -15,31 +12,11 @@
 #include "profile/time_optimal.hpp"
 
 using namespace slopewise;
+using namespace slopewise::driver;
 
 namespace {
 
 std::mt19937_64 generator;
-
-double uniform(double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(generator);
-}
-
-Index whole(Index low, Index high) {
-  return std::uniform_int_distribution<Index>(low, high)(generator);
-}
-
-void expect(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", what);
-  std::exit(1);
-}
-
-// Memory of the exact size, so that a step beyond it is found.
-std::vector<double> numbers(Index count, double low, double high) {
-  std::vector<double> out(static_cast<std::size_t>(count));
-  for (double& number : out) number = uniform(low, high);
-  return out;
-}
 
 void time_optimal_batch() {
   const Index n = whole(1, 90), m = whole(1, 150), size = n * m;
@@ -128,15 +105,9 @@ void terrain() {
 }  // namespace
 
 int main(int count, char** arguments) {
-  const double seconds = count > 1 ? std::atof(arguments[1]) : 1.0;
-  const auto start = std::chrono::steady_clock::now();
-  Index problems = 0;
-  while (std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() <
-         seconds) {
-    generator.seed(static_cast<unsigned long>(problems++));
+  return run(count, arguments, [](Index problem) {
     time_optimal_batch();
     smoothing();
-    if (problems % 4 == 0) terrain();
-  }
-  std::printf("%td problems\n", problems);
+    if (problem % 4 == 0) terrain();
+  });
 }

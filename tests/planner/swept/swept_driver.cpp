@@ -1,35 +1,19 @@
 // Random maps, vehicles and paths through the sweep and the roughness, for the sanitizers and for
 // what has to hold of every answer.
 #include <array>
-#include <chrono>
-#include <cstdio>
-#include <cstdlib>
 #include <memory>
-#include <random>
 #include <vector>
 
+#include "../driver.hpp"
 #include "swept/roughness.hpp"
 #include "swept/sweep.hpp"
 
 using namespace slopewise;
+using namespace slopewise::driver;
 
 namespace {
 
 std::mt19937_64 generator;
-
-double uniform(double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(generator);
-}
-
-Index whole(Index low, Index high) {
-  return std::uniform_int_distribution<Index>(low, high)(generator);
-}
-
-void expect(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", what);
-  std::exit(1);
-}
 
 // Memory of the exact size, so that a step beyond it is found.
 template <class T>
@@ -219,14 +203,8 @@ void roughness_batch() {
 }  // namespace
 
 int main(int count, char** arguments) {
-  const double seconds = count > 1 ? std::atof(arguments[1]) : 10.0;
-  generator.seed(count > 2 ? std::strtoull(arguments[2], nullptr, 10) : 1);
-  const auto start = std::chrono::steady_clock::now();
-  std::chrono::duration<double> taken{};
-  int problems = 0;
-  for (; taken.count() < seconds; taken = std::chrono::steady_clock::now() - start, ++problems) {
+  return run(count, arguments, [](Index) {
     sweep_batch();
     roughness_batch();
-  }
-  std::printf("%d problems\n", problems);
+  });
 }

@@ -1,45 +1,20 @@
 // Random plans and paths through verifier, labels and paths of a horizon, for the sanitizers and for
 // what has to hold of every answer.
-#include <chrono>
-#include <cstdio>
-#include <cstdlib>
 #include <memory>
-#include <random>
 #include <vector>
 
+#include "../driver.hpp"
 #include "verify/labels.hpp"
 #include "path/polyline.hpp"
 #include "verify/verify.hpp"
 #include "verify/verify_ground.hpp"
 
 using namespace slopewise;
+using namespace slopewise::driver;
 
 namespace {
 
 std::mt19937_64 generator;
-
-double uniform(double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(generator);
-}
-
-Index whole(Index low, Index high) {
-  return std::uniform_int_distribution<Index>(low, high)(generator);
-}
-
-bool sometimes(double share) { return uniform(0.0, 1.0) < share; }
-
-void expect(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", what);
-  std::exit(1);
-}
-
-// Memory of the exact size, so that a step beyond it is found.
-std::vector<double> numbers(Index count, double low, double high) {
-  std::vector<double> out(static_cast<std::size_t>(count));
-  for (double& number : out) number = uniform(low, high);
-  return out;
-}
 
 Vehicle vehicle() {
   return {1.2,  1.1, 0.9,  uniform(0.05, 0.3), 0.05, 0.1, 0.5, uniform(1, 5), 0.6, 2.0,
@@ -171,15 +146,9 @@ void horizon() {
 }  // namespace
 
 int main(int count, char** arguments) {
-  const double seconds = count > 1 ? std::atof(arguments[1]) : 1.0;
-  const auto start = std::chrono::steady_clock::now();
-  Index problems = 0;
-  while (std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() <
-         seconds) {
-    generator.seed(static_cast<unsigned long>(problems++));
+  return run(count, arguments, [](Index) {
     plans();
     ground();
     horizon();
-  }
-  std::printf("%td problems\n", problems);
+  });
 }
