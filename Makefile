@@ -26,8 +26,9 @@ lint: $(VENV)/.installed-dev  ## style, types, import contracts
 core: $(VENV)/bin/python  ## the compiled core, again, and nothing else
 	$(PIP) install -e . --no-deps
 
-nightly: $(VENV)/.installed-dev  ## thousands of generated cases, all real terrain
+nightly: $(VENV)/.installed-dev  ## thousands of generated cases, all real terrain, half an hour of random input under sanitizers
 	$(BIN)/python -m pytest -n $(JOBS) -m nightly --timeout 7200
+	SLOPEWISE_FUZZ_SECONDS=600 $(BIN)/python -m pytest -n $(JOBS) -k sanitizers --timeout 7200 tests/planner
 
 bench: $(VENV)/.installed-dev  ## the planner beside its peers
 	$(BIN)/slopewise bench --json out/bench.json

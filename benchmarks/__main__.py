@@ -19,6 +19,7 @@ from .common.campaign import BenchmarkRequest
 BENCHMARKS: dict[str, tuple[str, tuple[str, ...]]] = {
     "planner": ("planner.planner_speed", ()),
     "cycle": ("planner.cycle_time", ()),
+    "growth": ("planner.growth", ()),
     "optimality": ("planner.optimality", ()),
     "closed-loop": ("closed_loop.loop_campaign", ("mujoco",)),
     "discrepancy": ("discrepancy.discrepancy_campaign", ()),
@@ -85,7 +86,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--quick", action="store_true", help="fewer repetitions")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures as JSON")
     out = "closed-loop, discrepancy: store results, from which an interrupted run resumes; "
-    out += "fleet: folder with space for the map"
+    out += "fleet: folder with space for the map; growth: folder for the picture"
     parser.add_argument("--out", type=Path, metavar="DIR", help=out)
     parser.add_argument("--sets", type=int, metavar="N", help="discrepancy: at most N sets")
     minutes = "discrepancy: start no further set after M minutes"

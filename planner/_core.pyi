@@ -283,7 +283,6 @@ def labels(
     decel_max: Floats,
     most_accel: float,
     smoothed: bool,
-    codes: tuple[int, int, int, int],
     out: Ints,
 ) -> None: ...
 

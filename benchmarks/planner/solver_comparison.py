@@ -22,12 +22,7 @@ from slopewise.models.quantity import GRAVITY
 from slopewise.planner.pipeline.candidates import finished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from slopewise.planner.planning_limits import planning_limits
-from slopewise.planner.profile.reference import (
-    JerkLimitedReference,
-    TimeOptimalProblem,
-    TimeOptimalReference,
-    time_optimal_problem,
-)
+from slopewise.planner.profile.reference import JerkLimitedReference
 from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.profile.time_optimal import (
@@ -40,6 +35,11 @@ from slopewise.planner.verify.track import track_of
 
 from ..common.profile_quality import excess, smooth_excess, stations_of, travel_time
 from ..common.scene import BenchmarkScene
+from ..common.time_optimal_reference import (
+    TimeOptimalProblem,
+    TimeOptimalReference,
+    time_optimal_problem,
+)
 from ..common.timing import summary, timed
 
 _MIN_SPEED = 1e-3  # Lowest speed bound that all tools accept [m/s]

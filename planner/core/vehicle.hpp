@@ -74,4 +74,13 @@ struct MotionTerms {
   double friction = 0.0;                            // cap of F_b/W on level ground, inf without [1]
 };
 
+// What makes a stop longer than the model says, beside its force and dead time.
+struct StopErrors {
+  double speed;        // the vehicle may be faster than planned by this [m/s]
+  bool drive_cut;      // the drive may be cut in the dead time, so that a slope speeds it up
+  double height;       // the stop may fall by this much further than the map says [m]
+  double along_track;  // it may begin so much farther along than planned [m]
+  double latency;      // it may be commanded so much later than planned [s]
+};
+
 }  // namespace slopewise

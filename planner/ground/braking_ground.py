@@ -9,6 +9,7 @@ that it can then be.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -132,16 +133,7 @@ def ground_along(
     trained, distance_offset = np.empty(shape, np.bool_), np.empty(shape[1])
     margin = braking.extrapolation_margin if braking.extrapolate else -1.0
     core.braking_forces(profile, known, margin, least, most, drag, rows, trained, distance_offset)
-    width = 0.0 if uncertainty is None else uncertainty.width
-    tracking = survived_errors(model, uncertainty)
-    errors = StopErrors(
-        width * braking.speed_error,
-        braking.drive_in_dead_time != "held",
-        # The height of one place against that of another: two errors.
-        width * np.sqrt(2.0) * profile.height_std,
-        tracking.along_track,
-        tracking.latency + now.pose_age,
-    )
+    errors = stop_errors(model, uncertainty, profile.height_std, now.pose_age)
     low_slope, low, up_slope, up, dead_time, slowest, fastest = rows[:7]
     return BrakingGround(
         low_slope,
@@ -158,6 +150,22 @@ def ground_along(
         known.closed_form,
         rows[7] if known.slides else None,
         errors,
+    )
+
+
+def stop_errors(
+    model: Model, uncertainty: Uncertainty | None, height_std: float, pose_age: float = 0.0
+) -> StopErrors:
+    """Errors that stops survive, with those of a map's heights [m] and the age of the pose [s]."""
+    width = 0.0 if uncertainty is None else uncertainty.width
+    tracking = survived_errors(model, uncertainty)
+    return StopErrors(
+        width * model.braking.speed_error,
+        model.braking.drive_in_dead_time != "held",
+        # The height of one place against that of another: two errors.
+        width * math.sqrt(2.0) * height_std,
+        tracking.along_track,
+        tracking.latency + pose_age,
     )
 
 

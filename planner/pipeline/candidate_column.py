@@ -12,8 +12,8 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.quantity import GRAVITY
+from slopewise.planner.compiled_core import core
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.pipeline import labels
 from slopewise.planner.pipeline.momentum import momentum_over
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from slopewise.planner.plan import Momentum, Obstacle
@@ -212,26 +212,22 @@ class CandidateColumn:
         self._sine = np.sin(self.track.grade)
 
     def segment_limits(self, speed_sq: Floats) -> tuple[Floats, Floats]:
-        """Accelerations and decelerations allowed on each segment, (N − 1,) each [m/s²]."""
-        return labels.segment_limits(
-            self.track,
-            speed_sq,
-            self._accel_max,
-            self.demand,
-            self._braking_intercept,
-            self.scalars,
-        )
+        """Accelerations and decelerations allowed on each segment at any speed up to a profile.
+
+        (N − 1,) each, both >= 0 [m/s²].
+        """
+        accel, decel = np.empty((2, len(speed_sq) - 1))
+        rows = self._accel_max, self.demand, self._braking_intercept
+        core.segment_limits(self.track, speed_sq, *rows, self.scalars, accel, decel)
+        return accel, decel
 
     def limiting(self, speed_sq: Floats, accel: Floats, smoothed: bool) -> Ints:
-        """What holds a profile at each station, as :class:`Limiting`."""
-        accel_max, decel_max = self.segment_limits(speed_sq)
-        return labels.labels(
-            speed_sq,
-            accel,
-            self.bound,
-            self.label,
-            accel_max,
-            decel_max,
-            self.scalars.accel,
-            smoothed,
-        )
+        """What holds a profile at each station, (N,) codes of :class:`Limiting`.
+
+        Its bound, or how fast the speed may change around it; what neither holds back is jerk.
+        """
+        limits = self.segment_limits(speed_sq)
+        codes = np.empty(len(speed_sq), np.int64)
+        most = self.scalars.accel
+        core.labels(speed_sq, accel, self.bound, self.label, *limits, most, smoothed, codes)
+        return codes

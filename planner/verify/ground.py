@@ -38,6 +38,30 @@ _TWIST_TOLERANCE = 0.25
 greatest between stations."""
 
 
+class GroundTolerance(NamedTuple):
+    """By how much limits are passed before it counts: [rad], and shares [1]."""
+
+    slope: float = _SLOPE_TOLERANCE
+    holds: float = _HOLDING_TOLERANCE
+    height: float = _HEIGHT_TOLERANCE
+    twist: float = _TWIST_TOLERANCE
+
+
+GROUND_TOLERANCE = GroundTolerance()
+
+
+class GroundLimits(NamedTuple):
+    """Trained slopes [rad], lateral error [m] and [m²], sine of the heading error [1]."""
+
+    grade_low: float
+    grade_high: float
+    roll_low: float
+    roll_high: float
+    across: float
+    across_per_curvature: float
+    turned: float
+
+
 class GroundKind(IntEnum):
     """Kinds of places, in the order of `GroundKind` of the core."""
 
@@ -161,17 +185,22 @@ def first_blocked(
         body_sizes(model),
         (column(profile.x), column(profile.y), column(profile.station)),
         (force, friction, column(profile.curvature)),
-        (
-            *_trained_slopes(model),
-            errors.cross_track,
-            errors.cross_track_per_curvature,
-            math.sin(errors.heading),
-        ),
-        (_SLOPE_TOLERANCE, _HOLDING_TOLERANCE, _HEIGHT_TOLERANCE, _TWIST_TOLERANCE),
+        ground_limits(model, errors),
+        GROUND_TOLERANCE,
         float(profile.station[min(first + 1, n - 1), j]),
         end,
     )
     return None if kind == GroundKind.NONE else GroundFinding(GroundKind(kind), *where)
+
+
+def ground_limits(model: Model, errors: InputErrors) -> GroundLimits:
+    """Limits of a model with these errors of tracking."""
+    return GroundLimits(
+        *_trained_slopes(model),
+        errors.cross_track,
+        errors.cross_track_per_curvature,
+        math.sin(errors.heading),
+    )
 
 
 def _trained_slopes(model: Model) -> tuple[float, float, float, float]:

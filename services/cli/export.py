@@ -23,6 +23,16 @@ def export(
     c: Annotated[
         Path | None, typer.Option("--c", metavar="FOLDER", help="C code, header, test vectors.")
     ] = None,
+    cpp: Annotated[
+        Path | None, typer.Option("--cpp", metavar="FOLDER", help="Header for slopewise::core.")
+    ] = None,
+    resolution: Annotated[
+        float | None, typer.Option(metavar="M", help="With --cpp: edge of a map's cell [m].")
+    ] = None,
+    height_std: Annotated[
+        float | None, typer.Option(metavar="M", help="With --cpp: error of a map's heights [m].")
+    ] = None,
+    quantile: options.Quantile = 0.999,
     json_schema: Annotated[
         bool, typer.Option("--json-schema", help="Print the JSON schema of model files.")
     ] = False,
@@ -43,6 +53,17 @@ def export(
     if not model:
         raise InputError("export", "M.toml", "expected a model file, or --json-schema")
     vehicle = read_model(find_model(model))
+    if cpp is not None:
+        from slopewise.services.export.cpp_model import CMAKE_FOLDER, write_cpp
+
+        if resolution is None or height_std is None:
+            raise InputError("export", "--cpp", "expected --resolution and --height-std with it")
+        header = write_cpp(
+            vehicle, cpp, resolution=resolution, height_std=height_std, quantile=quantile
+        )
+        written = {"model": vehicle.name, "files": [str(header)], "cmake": str(CMAKE_FOLDER)}
+        print_result(as_json, written, [f"for CMake: -Dslopewise_DIR={CMAKE_FOLDER}"], header)
+        return
     from slopewise.services.export.c_code import write_c
     from slopewise.services.export.functions import functions_of, write_functions
 

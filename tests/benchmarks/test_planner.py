@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from rich.console import Console
 
 from benchmarks.common.campaign import BenchmarkRequest, no_progress
 from benchmarks.common.profile_quality import smooth_excess, stations_of, travel_time
-from benchmarks.planner import cycle_time, optimality
+from benchmarks.planner import cycle_time, growth, optimality
 from benchmarks.planner.cycle_time import CANDIDATES, STATIONS, HorizonDrive
 from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, Ranked
 from slopewise.planner.plan import Status
@@ -96,3 +97,17 @@ def test_slower_profile_needs_more_time() -> None:
     assert smooth_excess(problem, optimum.speed_sq) < 1e-3
     slower = travel_time(stations_of(problem), 0.64 * optimum.speed_sq)
     assert slower / optimum.travel_time == pytest.approx(1.25)
+
+
+def test_growth_is_the_slope_of_logarithms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def square(n: float) -> growth.Case:
+        return growth.Case(lambda: n, lambda n: sum(range(int(n) ** 2)))
+
+    costs = [growth.Cost("square", "", (200, 400, 800, 1600), square)]
+    monkeypatch.setattr(growth, "_costs", lambda: costs)
+    result = growth.run(BenchmarkRequest(out=tmp_path), no_progress)
+    assert result["growth"][0]["exponent"] == pytest.approx(2.0, abs=0.25)
+    assert (tmp_path / "growth.svg").stat().st_size > 5000
+    screen = Console(record=True, width=120)
+    growth.show(result, screen)
+    assert "more than in proportion" in screen.export_text()

@@ -9,12 +9,6 @@ namespace {
 using Labels1 = nb::ndarray<std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Labels2 = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
-StopErrors errors_of(const nb::handle& errors) {
-  return {nb::cast<double>(errors.attr("speed")), nb::cast<bool>(errors.attr("drive_cut")),
-          nb::cast<double>(errors.attr("height")), nb::cast<double>(errors.attr("along_track")),
-          nb::cast<double>(errors.attr("latency"))};
-}
-
 void speed_bounds(const nb::handle& profile, const nb::handle& ground, const nb::handle& hazards,
                   const nb::handle& speed_limit, const Input1& clear, const nb::handle& vehicle,
                   const Output3& rows, const Labels2& limiting,

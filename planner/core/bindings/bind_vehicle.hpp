@@ -32,4 +32,11 @@ inline MotionTerms motion_of(const nb::handle& motion) {
   return terms;
 }
 
+// Of a `StopErrors`.
+inline StopErrors errors_of(const nb::handle& errors) {
+  return {nb::cast<double>(errors.attr("speed")), nb::cast<bool>(errors.attr("drive_cut")),
+          nb::cast<double>(errors.attr("height")), nb::cast<double>(errors.attr("along_track")),
+          nb::cast<double>(errors.attr("latency"))};
+}
+
 }  // namespace slopewise

@@ -9,6 +9,8 @@
 namespace slopewise {
 namespace {
 
+using namespace verify;
+
 using Codes1 = nb::ndarray<std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Labels1 = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Flags1 = nb::ndarray<bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
@@ -21,14 +23,12 @@ double number(const nb::handle& tuple, const char* name) {
 
 // Of a `Terms`.
 VerifyTerms terms_of(const nb::handle& terms) {
-  const nb::object body = terms.attr("body"), errors = terms.attr("errors");
-  const nb::object steering = terms.attr("steering");
+  const nb::object body = terms.attr("body"), steering = terms.attr("steering");
   return {{number(body, "wheelbase"), number(body, "track_width"), number(body, "cg_x"),
            number(body, "cg_z"), number(body, "slip_track")},
           vehicle_of(terms.attr("limits")),
           motion_of(terms.attr("motion")),
-          {number(errors, "speed"), nb::cast<bool>(errors.attr("drive_cut")),
-           number(errors, "height"), number(errors, "along_track"), number(errors, "latency")},
+          errors_of(terms.attr("errors")),
           {number(steering, "centre_offset"), number(steering, "arm"),
            number(steering, "max_curvature"), number(steering, "max_rate")},
           nb::cast<bool>(terms.attr("in_time")),
@@ -186,8 +186,7 @@ void motion(const Input1& station, const Input1& speed_sq, const Output1& accel,
 
 void labels(const Input1& speed_sq, const Input1& accel, const Input1& bound,
             const Labels1& bound_label, const Input1& accel_max, const Input1& decel_max,
-            double most_accel, bool smoothed, const std::array<std::int64_t, 4>& codes,
-            const Codes1& out) {
+            double most_accel, bool smoothed, const Codes1& out) {
   const auto n = static_cast<Index>(speed_sq.shape(0));
   if (n < 2) throw nb::value_error("speed_sq: expected two stations at least");
   expect_shape("accel", accel, {n});
@@ -199,7 +198,7 @@ void labels(const Input1& speed_sq, const Input1& accel, const Input1& bound,
   const Labelled plan{n, speed_sq.data(), accel.data(), bound.data(), bound_label.data(),
                       accel_max.data(), decel_max.data(), most_accel, smoothed};
   const nb::gil_scoped_release release;
-  label_stations(plan, {codes[0], codes[1], codes[2], codes[3]}, out.data());
+  label_stations(plan, out.data());
 }
 
 }  // namespace
@@ -220,7 +219,7 @@ void bind_verify(nb::module_& m) {
   m.def("motion", &motion, "station"_a, "speed_sq"_a, "accel"_a.noconvert(),
         "time"_a.noconvert());
   m.def("labels", &labels, "speed_sq"_a, "accel"_a, "bound"_a, "bound_label"_a, "accel_max"_a,
-        "decel_max"_a, "most_accel"_a, "smoothed"_a, "codes"_a, "out"_a.noconvert());
+        "decel_max"_a, "most_accel"_a, "smoothed"_a, "out"_a.noconvert());
 }
 
 }  // namespace slopewise

@@ -10,15 +10,6 @@ namespace slopewise {
 // Kept free between stopping path and clear distance, above all errors of integration [m].
 inline constexpr double stop_guard = 2e-3;
 
-// What makes a stop longer than the model says, beside its force and dead time.
-struct StopErrors {
-  double speed;        // the vehicle may be faster than planned by this [m/s]
-  bool drive_cut;      // the drive may be cut in the dead time, so that a slope speeds it up
-  double height;       // the stop may fall by this much further than the map says [m]
-  double along_track;  // it may begin so much farther along than planned [m]
-  double latency;      // it may be commanded so much later than planned [s]
-};
-
 struct BoundProblem {
   TerrainRows terrain;
   ForceRows forces;

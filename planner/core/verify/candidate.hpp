@@ -12,7 +12,7 @@
 #include "batch.hpp"
 #include "generated/laws.hpp"
 
-namespace slopewise {
+namespace slopewise::verify {
 
 inline constexpr double infinite = std::numeric_limits<double>::infinity();
 
@@ -163,4 +163,4 @@ inline void add_work(const Track& track, Survey& survey) noexcept {
   return survey;
 }
 
-}  // namespace slopewise
+}  // namespace slopewise::verify

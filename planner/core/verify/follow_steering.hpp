@@ -6,7 +6,7 @@
 
 #include "verify/candidate.hpp"
 
-namespace slopewise {
+namespace slopewise::verify {
 
 // Share by which curvature and rate may be exceeded [1]: curvature at stations, linear between them,
 // against the turns of a polyline.
@@ -85,4 +85,4 @@ inline void follow_steering(const Track& track, const SteeringTerms& terms, doub
   }
 }
 
-}  // namespace slopewise
+}  // namespace slopewise::verify

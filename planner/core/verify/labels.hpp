@@ -1,24 +1,18 @@
 // What a plan may gain and lose on each segment, and what holds it at each station.
 #pragma once
 
-#include <cstdint>
-
+#include "bounds/limiting.hpp"
 #include "verify/candidate.hpp"
 #include "profile/time_optimal.hpp"
 #include "vehicle.hpp"
 
-namespace slopewise {
+namespace slopewise::verify {
 
 // Accelerations closer than this are one to a reader [m/s²].
 inline constexpr double hardly = 0.01;
 
 // Share of an allowed acceleration that is all of it to a reader [1].
 inline constexpr double nearly_all = 0.99;
-
-// Codes of slopewise.planner.limiting.Limiting for what holds no bound.
-struct ChangeCodes {
-  std::int64_t traction, accel, decel, jerk;
-};
 
 // A candidate's bounds that a change of speed keeps, (N,) each.
 struct ChangeBounds {
@@ -70,15 +64,14 @@ struct Labelled {
   Index stations;
   const double *speed_sq, *accel;         // (N,) the plan [m²/s²], [m/s²]
   const double* bound;                    // (N,) highest v²
-  const std::int64_t* bound_label;        // (N,) what says so
+  const Label* bound_label;               // (N,) what says so
   const double *accel_max, *decel_max;    // (N - 1,) of limit_segments
   double most_accel;                      // by comfort; less is for want of traction [m/s²]
   bool smoothed;                          // what neither bound nor acceleration holds, jerk does
 };
 
 // What holds at each station: its bound, or how fast the speed may change around it; (N,) codes.
-inline void label_stations(const Labelled& plan, const ChangeCodes& codes,
-                           std::int64_t* out) noexcept {
+inline void label_stations(const Labelled& plan, Label* out) noexcept {
   for (Index k = 0; k < plan.stations; ++k) {
     if (plan.speed_sq[k] >= plan.bound[k] - 1e-3 * max_of(plan.bound[k], 0.05)) {
       out[k] = plan.bound_label[k];
@@ -91,9 +84,9 @@ inline void label_stations(const Labelled& plan, const ChangeCodes& codes,
     const bool slows = lowest < -hardly;
     const bool full = slows ? lowest <= -plan.decel_max[segment] * nearly_all
                             : highest >= most * nearly_all - hardly;
-    const std::int64_t speeding = most < nearly_all * plan.most_accel ? codes.traction : codes.accel;
-    out[k] = full || !plan.smoothed ? (slows ? codes.decel : speeding) : codes.jerk;
+    const Label speeding = most < nearly_all * plan.most_accel ? limiting::traction : limiting::accel;
+    out[k] = full || !plan.smoothed ? (slows ? limiting::decel : speeding) : limiting::jerk;
   }
 }
 
-}  // namespace slopewise
+}  // namespace slopewise::verify

@@ -12,7 +12,7 @@
 #include "verify/candidate.hpp"
 #include "profile/time_optimal.hpp"
 
-namespace slopewise {
+namespace slopewise::verify {
 
 inline constexpr double longest_stop = 1e3;  // a stop longer than this is called no stop [m]
 
@@ -199,4 +199,4 @@ namespace detail {
   return least;
 }
 
-}  // namespace slopewise
+}  // namespace slopewise::verify

@@ -8,7 +8,7 @@
 #include "verify/stop_by_energy.hpp"
 #include "vehicle.hpp"
 
-namespace slopewise {
+namespace slopewise::verify {
 
 // Force above what friction leaves that is rounding [1]: bounds work with sines.
 inline constexpr double friction_rounding = 1e-9;
@@ -198,4 +198,4 @@ struct StopWatch {
   return now.s;
 }
 
-}  // namespace slopewise
+}  // namespace slopewise::verify

@@ -6,7 +6,7 @@
 
 #include "verify/verify_terms.hpp"
 
-namespace slopewise {
+namespace slopewise::verify {
 
 [[nodiscard]] inline Index verify_memory(Index stations) noexcept {
   return (2 * survey_columns + 3) * stations;
@@ -338,4 +338,4 @@ inline void verify_batch(const TrackRows& rows, const ProfileRows& profiles,
   }
 }
 
-}  // namespace slopewise
+}  // namespace slopewise::verify

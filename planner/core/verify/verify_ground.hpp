@@ -6,7 +6,7 @@
 #include "generated/laws.hpp"
 #include "verify/verify_ground_terms.hpp"
 
-namespace slopewise {
+namespace slopewise::verify {
 
 [[nodiscard]] inline Index ground_memory(const PlannedLine& line, Index poses,
                                          Index columns) noexcept {
@@ -294,4 +294,4 @@ class GroundVerifier {
   return detail::GroundVerifier(map, sizes, part, resting, limits, tolerance, range, memory).find();
 }
 
-}  // namespace slopewise
+}  // namespace slopewise::verify

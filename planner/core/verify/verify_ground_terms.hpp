@@ -5,7 +5,7 @@
 
 #include "verify/wheel_tracks.hpp"
 
-namespace slopewise {
+namespace slopewise::verify {
 
 // Kinds of places, in the order of `GroundKind` in Python.
 enum class GroundKind : std::int64_t {
@@ -68,4 +68,4 @@ inline constexpr double trend_radii = 2.5;
 // which heights between cells are a ramp.
 inline constexpr double step_radii = 0.5, step_cells = 1.5;
 
-}  // namespace slopewise
+}  // namespace slopewise::verify

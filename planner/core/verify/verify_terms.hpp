@@ -4,7 +4,7 @@
 #include "verify/follow_steering.hpp"
 #include "verify/stop_in_time.hpp"
 
-namespace slopewise {
+namespace slopewise::verify {
 
 // Kinds of breaches, in the order of `Violations` in Python.
 enum class Breach : std::size_t {
@@ -19,15 +19,6 @@ inline constexpr double breach_tolerance = 1e-6;
 
 // Share of the lateral acceleration that any bank leaves to a turn.
 inline constexpr double least_turn_share = 0.1;
-
-// What makes a stop longer than the model says, beside its force and dead time.
-struct StopErrors {
-  double speed;        // the vehicle may be faster than planned by this [m/s]
-  bool drive_cut;      // a slope may speed it up during the dead time
-  double height;       // the stop may fall by this much further than the map says [m]
-  double along_track;  // it may begin so much farther along than planned [m]
-  double latency;      // it may be commanded so much later than planned [s]
-};
 
 // What plans are judged by.
 struct VerifyTerms {
@@ -62,4 +53,4 @@ struct VerifyNotes {
                           // nullptr where nobody asks
 };
 
-}  // namespace slopewise
+}  // namespace slopewise::verify

@@ -9,7 +9,7 @@
 
 #include "verify/candidate.hpp"
 
-namespace slopewise {
+namespace slopewise::verify {
 
 // Heights of a map in the memory of the caller, NaN where unknown; centre of cell [0, 0] [m], cells a metre.
 class MapView {
@@ -253,4 +253,4 @@ inline void follow_wheel(const MapView& map, const BodySizes& sizes, const BodyP
   detail::raise_to_rim(ground, out.way, tyre, count, reach, out.contact);
 }
 
-}  // namespace slopewise
+}  // namespace slopewise::verify

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from slopewise.planner.compiled_core import core
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
 from slopewise.planner.horizon.horizon import Horizon
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidates import CandidatePlanner
-from slopewise.planner.pipeline.labels import labels
 from slopewise.planner.pipeline.ranking import rank, ranking_cost, travel_cost
 from slopewise.planner.plan import Momentum, SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
@@ -39,7 +39,8 @@ from tests.world.vehicles import G, Tables, model_of, tables_with
     ],
 )
 def test_each_label(speed_sq: float, accel: float, smoothed: bool, expected: Limiting) -> None:
-    names = labels(
+    names = np.empty(3, np.int64)
+    core.labels(
         np.full(3, speed_sq),
         np.full(3, accel),
         np.full(3, 4.0),
@@ -48,6 +49,7 @@ def test_each_label(speed_sq: float, accel: float, smoothed: bool, expected: Lim
         np.full(2, 1.5),
         1.0,
         smoothed,
+        names,
     )
     assert set(names) == {int(expected)}
 

@@ -15,16 +15,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.common.time_optimal_reference import TimeOptimalProblem, TimeOptimalReference
 from slopewise.models.laws import drive
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from slopewise.planner.profile import smoothing
-from slopewise.planner.profile.reference import (
-    JerkLimitedReference,
-    TimeOptimalProblem,
-    TimeOptimalReference,
-)
+from slopewise.planner.profile.reference import JerkLimitedReference
 from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.settings import Solver

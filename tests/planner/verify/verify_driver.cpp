@@ -10,6 +10,7 @@
 #include "verify/verify_ground.hpp"
 
 using namespace slopewise;
+using namespace slopewise::verify;
 using namespace slopewise::driver;
 
 namespace {
@@ -82,7 +83,7 @@ void plans() {
                  most.data(), least.data());
   std::vector<std::int64_t> label(static_cast<std::size_t>(stations), 99), code(label);
   label_stations({stations, bound.data(), accel.data(), bound.data(), label.data(), most.data(),
-                  least.data(), 1.0, sometimes(0.5)}, {6, 7, 8, 9}, code.data());
+                  least.data(), 1.0, sometimes(0.5)}, code.data());
 }
 
 // Lines on a map with holes, and beyond its rim.

@@ -103,6 +103,11 @@ COMMANDS: dict[str, tuple[str, int, str]] = {
     "discrepancy": ("discrepancy stops.csv -m atv --out found", 0, "wrote found/report.html"),
     "demo": ("demo --out demo", 0, "Open demo/report.html"),
     "export": ("export atv", 0, "stopping_distance"),
+    "export, C++": (
+        "export atv --cpp generated --resolution 0.1 --height-std 0",
+        0,
+        "wrote generated/atv.hpp",
+    ),
     "params diff": ("params diff atv.toml husky.toml", 0, "stops on base"),
     "fleet calibrate": (
         "fleet calibrate stops.csv few.csv -m atv --out models --workers 0",

@@ -1,0 +1,87 @@
+// What a Planner keeps of its candidates between its calls.
+#pragma once
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "slopewise/core.hpp"
+
+namespace slopewise {
+
+inline void expect(bool holds, const char* message) {
+  if (!holds) throw std::invalid_argument(message);
+}
+
+// No ground is farther from the level that heights are counted from [m]; what is, is unknown.
+inline constexpr double highest_ground = 1e5;
+
+// (N, M) numbers in memory of their own.
+class OwnRows {
+ public:
+  OwnRows() = default;
+  OwnRows(Index stations, Index candidates, double value = 0.0)
+      : numbers_(static_cast<std::size_t>(stations * candidates), value), stride_(candidates) {}
+
+  [[nodiscard]] double* data() noexcept { return numbers_.data(); }
+  [[nodiscard]] Rows<double> rows() noexcept { return {data(), stride_}; }
+  [[nodiscard]] Numbers read() const noexcept { return {numbers_.data(), stride_}; }
+  [[nodiscard]] double at(Index k, Index j) const noexcept {
+    return numbers_[static_cast<std::size_t>(k * stride_ + j)];
+  }
+
+ private:
+  std::vector<double> numbers_;
+  Index stride_ = 0;
+};
+
+struct Planner::Candidates {
+  PlanningModel model;
+  HeightMap map;
+  std::vector<double> heights;
+  HeightGrid grid;
+
+  Index stations = 0, candidates = 0;  // N, M
+  std::vector<std::int64_t> count;     // (M,)
+  OwnRows x, y, body_x, body_y, body_heading_x, body_heading_y;
+  OwnRows z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll, bends;
+  std::unique_ptr<bool[]> known, trained;
+  std::vector<float> twist, front;     // (N, M), (N, 2, M)
+  OwnRows force_lower_slope, force_lower, force_upper_slope, force_upper;
+  OwnRows dead_time, slowest, fastest, friction;
+  std::vector<double> distance_offset;
+  std::vector<std::int64_t> hazard;
+  OwnRows rough_speed, steering_speed;
+
+  bool solved = false;
+  double start_sq = 0.0;
+  OwnRows speed_sq_max, accel_max, demand, slope_left, force_left, speed_sq;
+  std::vector<Label> limiting, barrier;
+  std::vector<std::int64_t> barrier_station;
+  std::vector<double> clear_distance, reachable;
+
+  Candidates(const PlanningModel& of, const HeightMap& on)
+      : model(of), map(on), heights(on.heights, on.heights + on.rows * on.columns),
+        grid(heights.data(), on.rows, on.columns, on.origin_x, on.origin_y, on.resolution,
+             of.tyre) {
+    for (double& height : heights) {
+      if (!(std::abs(height) <= highest_ground)) height = std::numeric_limits<double>::quiet_NaN();
+    }
+  }
+
+  void lay(const std::vector<EvenPath>& paths);
+  void sample_ground();
+  void find_braking_forces();
+  void sweep_body();
+  void limit_by_rough_ground();
+  void limit_by_steering();
+  [[nodiscard]] TerrainRows terrain() const noexcept;
+  [[nodiscard]] Flags flags(const std::unique_ptr<bool[]>& of) const noexcept {
+    return {of.get(), candidates};
+  }
+  // Farthest apart that two stations are at the start of a candidate, where they are even [m].
+  [[nodiscard]] double spacing_of(Index j) const noexcept;
+};
+
+}  // namespace slopewise

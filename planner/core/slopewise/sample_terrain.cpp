@@ -1,0 +1,242 @@
+// Ground, braking force and hazards along candidates.
+#include "ground/body_pose.hpp"
+#include "ground/braking_forces.hpp"
+#include "ground/terrain.hpp"
+#include "slopewise/candidates.hpp"
+#include "swept/roughness.hpp"
+#include "swept/sweep.hpp"
+
+namespace slopewise {
+namespace {
+
+// Share by which the steps of an even path may differ [1]: chords of a curve do, by (κ Δs)² / 24.
+constexpr double evenness = 0.02;
+// Steps may be longer than the spacing by their rounding [1].
+constexpr double step_rounding = 1.0 + 1e-6;
+constexpr double least_step_length = 1e-3;  // of stations [m]
+constexpr Index least_stations = 3, most_stations = 20000;  // [1]
+// Cells of the largest map, for indices that never overflow [1].
+constexpr Index most_cells = Index{1} << 31;
+// The tracking band is rounded up to this share of a cell [1], as in Python.
+constexpr double band_share = 0.5;
+// Share by which a curvature may exceed the largest one [1]: stations are on a curve, the chords
+// between them inside it.
+constexpr double curvature_tolerance = 0.01;
+
+void expect_even(const EvenPath& path, double spacing) {
+  const std::size_t n = path.x.size();
+  expect(n == path.y.size(), "path: expected as many y as x");
+  expect(n >= least_stations && n <= most_stations, "path: expected 3 to 20000 stations");
+  double least = no_limit, most = 0.0, before_x = 0.0, before_y = 0.0;
+  for (std::size_t k = 0; k + 1 < n; ++k) {
+    const double dx = path.x[k + 1] - path.x[k], dy = path.y[k + 1] - path.y[k];
+    const double step = std::sqrt(dx * dx + dy * dy);
+    expect(std::isfinite(step), "path: expected finite positions");
+    expect(k == 0 || dx * before_x + dy * before_y > 0.0, "path: expected turns below 90 degrees");
+    least = min_of(least, step);
+    most = max_of(most, step);
+    before_x = dx;
+    before_y = dy;
+  }
+  expect(least >= least_step_length, "path: expected stations 1 mm apart at least");
+  expect(most <= spacing * step_rounding, "path: expected stations at most `spacing` apart");
+  expect(most <= (1.0 + evenness) * least, "path: expected stations at even distances");
+}
+
+}  // namespace
+
+Planner::Planner(const PlanningModel& model, const HeightMap& map) {
+  expect(map.heights != nullptr && map.rows >= 2 && map.columns >= 2 && map.rows < most_cells &&
+             map.columns < most_cells / map.rows,
+         "map: expected 2 x 2 to 2^31 cells");
+  expect(std::isfinite(map.origin_x) && std::isfinite(map.origin_y), "map: expected a finite origin");
+  expect(std::abs(map.resolution - model.resolution) <= 1e-9 * model.resolution,
+         "map: expected the resolution that the model was exported for");
+  expect(!model.surfaces.empty(), "model: expected a surface");
+  candidates_ = std::make_unique<Candidates>(model, map);
+}
+
+Planner::~Planner() = default;
+
+void Planner::sample_terrain(const std::vector<EvenPath>& paths) {
+  Candidates& c = *candidates_;
+  c.solved = false;
+  c.candidates = 0;
+  expect(!paths.empty(), "paths: expected a candidate");
+  for (const EvenPath& path : paths) expect_even(path, c.model.spacing);
+  c.lay(paths);
+  c.sample_ground();
+  c.find_braking_forces();
+  c.sweep_body();
+  c.limit_by_rough_ground();
+  c.limit_by_steering();
+}
+
+void Planner::Candidates::lay(const std::vector<EvenPath>& paths) {
+  stations = 0;
+  candidates = static_cast<Index>(paths.size());
+  count.clear();
+  for (const EvenPath& path : paths) {
+    count.push_back(static_cast<std::int64_t>(path.x.size()));
+    stations = std::max(stations, static_cast<Index>(path.x.size()));
+  }
+  x = y = OwnRows(stations, candidates);
+  for (Index j = 0; j < candidates; ++j) {
+    const EvenPath& path = paths[static_cast<std::size_t>(j)];
+    for (Index k = 0; k < stations; ++k) {
+      const auto n = std::min(static_cast<std::size_t>(k), path.x.size() - 1);
+      x.rows().at(k)[j] = path.x[n];
+      y.rows().at(k)[j] = path.y[n];
+    }
+  }
+}
+
+void Planner::Candidates::sample_ground() {
+  for (OwnRows* rows : {&z, &station, &heading_x, &heading_y, &curvature, &grade, &sin_grade,
+                        &sin_roll, &bends, &body_heading_x, &body_heading_y}) {
+    *rows = OwnRows(stations, candidates);
+  }
+  const auto cells = static_cast<std::size_t>(stations * candidates);
+  known = std::make_unique<bool[]>(cells);
+  twist.assign(cells, 0.0F);
+  front.assign(2 * cells, 0.0F);
+  const double rod = model.steering.centre_offset, ahead = model.body.body_offset;
+  const bool trails = rod > 0.0;
+  if (trails) {
+    trail({stations, candidates, x.data(), y.data()}, rod, body_heading_x.data(),
+          body_heading_y.data());
+  }
+  const TerrainTable table{
+      stations, candidates, x.data(), y.data(), count.data(),
+      trails ? body_heading_x.data() : heading_x.data(),
+      trails ? body_heading_y.data() : heading_y.data(), ahead, z.data(), station.data(),
+      heading_x.data(), heading_y.data(), curvature.data(), grade.data(), sin_grade.data(),
+      sin_roll.data(), bends.data(), known.get(), twist.data(), front.data()};
+  slopewise::sample_terrain(grid, table, 2.0 * model.envelope.half_length,
+                            2.0 * model.envelope.half_width);
+  for (Index j = 0; j < candidates; ++j) {
+    Index seen = 0;
+    while (seen < stations && !std::isfinite(z.at(seen, j))) ++seen;
+    const double height = seen < stations ? z.at(seen, j) : 0.0;
+    for (Index k = 0; k < seen; ++k) z.rows().at(k)[j] = height;
+  }
+  body_x = x;
+  body_y = y;
+  if (trails) return;
+  body_heading_x = heading_x;
+  body_heading_y = heading_y;
+  for (Index n = 0; n < stations * candidates; ++n) {
+    body_x.data()[n] += ahead * heading_x.data()[n];
+    body_y.data()[n] += ahead * heading_y.data()[n];
+  }
+}
+
+void Planner::Candidates::find_braking_forces() {
+  for (OwnRows* rows : {&force_lower_slope, &force_lower, &force_upper_slope, &force_upper,
+                        &dead_time, &slowest, &fastest, &friction}) {
+    *rows = OwnRows(stations, candidates);
+  }
+  trained = std::make_unique<bool[]>(static_cast<std::size_t>(stations * candidates));
+  distance_offset.assign(static_cast<std::size_t>(candidates), 0.0);
+  const ForceProblem problem{
+      stations, candidates, count.data(), grade.read(), sin_grade.read(), sin_roll.read(),
+      flags(known), {}, {&model.surface_bits, 1}, model.surfaces, model.extrapolation_margin,
+      model.hull, {}, {}, model.uncertainty.empty() ? nullptr : model.uncertainty.data(), {},
+      model.slides};
+  find_forces(problem,
+              {force_lower_slope.rows(), force_lower.rows(), force_upper_slope.rows(),
+               force_upper.rows(), dead_time.rows(), slowest.rows(), fastest.rows(),
+               model.slides ? friction.rows() : Rows<double>{}, {trained.get(), candidates},
+               distance_offset.data()});
+}
+
+double Planner::Candidates::spacing_of(Index j) const noexcept {
+  double longest = least_step_length;
+  for (Index k = 0; k < 2; ++k) {
+    longest = max_of(longest, std::hypot(x.at(k + 1, j) - x.at(k, j), y.at(k + 1, j) - y.at(k, j)));
+  }
+  return longest;
+}
+
+void Planner::Candidates::sweep_body() {
+  hazard.assign(static_cast<std::size_t>(stations * candidates), 0);
+  double spacing = 0.0, widest = 0.0;
+  for (Index j = 0; j < candidates; ++j) spacing = max_of(spacing, spacing_of(j));
+  OwnRows across(stations, candidates);
+  const verify::GroundLimits& error = model.ground;
+  const bool banded = error.across > 0.0 || error.across_per_curvature > 0.0 || error.turned > 0.0;
+  for (Index n = 0; n < stations * candidates; ++n) {
+    across.data()[n] =
+        error.across + error.across_per_curvature * std::abs(curvature.data()[n]);
+    widest = max_of(widest, across.data()[n]);
+  }
+  std::optional<BandWidth> band;
+  const double step = band_share * map.resolution;
+  if (banded) band = {step * std::ceil(widest / step), error.turned, model.body.body_offset};
+  const MapView view{heights.data(), map.rows, map.columns, map.origin_x, map.origin_y,
+                     1.0 / map.resolution};
+  const BroadPhase phase(view, map.resolution, model.envelope, band,
+                         {stations, candidates, body_x.data(), body_y.data()}, 0.0);
+  const SweptPaths paths{stations, candidates, body_x.data(), body_y.data(), body_heading_x.data(),
+                         body_heading_y.data(), station.data(), count.data(), known.get(),
+                         twist.data(), spacing, model.steering.centre_offset > 0.0,
+                         banded ? across.data() : nullptr};
+  std::vector<double> found(static_cast<std::size_t>(4 * candidates)),
+      memory(static_cast<std::size_t>(NarrowPhase::memory_size(phase, spacing)));
+  sweep(phase, paths, {model.code_of_hazard.data(), hazard.data(), found.data()}, memory.data());
+}
+
+void Planner::Candidates::limit_by_rough_ground() {
+  rough_speed = OwnRows(stations, candidates, no_limit);
+  if (!model.envelope.fine) return;
+  std::vector<double> spacing;
+  for (Index j = 0; j < candidates; ++j) spacing.push_back(spacing_of(j));
+  const auto [least, most] = std::minmax_element(spacing.begin(), spacing.end());
+  const QuarterCar car(model.envelope, model.ride_frequency, model.ride_damping,
+                       model.limits.vertical_accel, model.limits.speed,
+                       std::max(*least, 0.5 * *most));
+  RoughPaths paths{car.pre_roll, stations, candidates, nullptr, front.data(), spacing.data(),
+                   rough_speed.data()};
+  const Index behind = 2 * car.pre_roll * candidates;
+  std::vector<float> memory(static_cast<std::size_t>(behind + roughness_memory(paths)));
+  paths.behind = memory.data();
+  sample_behind(grid,
+                {car.pre_roll, candidates, body_x.data(), body_y.data(), body_heading_x.data(),
+                 body_heading_y.data(), spacing.data(), z.data(), front.data(), memory.data()},
+                2.0 * model.envelope.half_length, 2.0 * model.envelope.half_width);
+  limit_by_roughness(paths, car, memory.data() + behind);
+}
+
+// Turns that are too tight at any speed, or too sudden for the speed; the first station, where the
+// vehicle stands, is blocked by nothing.
+void Planner::Candidates::limit_by_steering() {
+  const verify::SteeringTerms& s = model.steering;
+  steering_speed = OwnRows(stations, candidates, no_limit);
+  const auto curvature_at = [&](Index k, Index j) {
+    if (!(s.centre_offset > 0.0)) return curvature.at(k, j);
+    return (body_heading_x.at(k, j) * heading_y.at(k, j) -
+            body_heading_y.at(k, j) * heading_x.at(k, j)) / s.centre_offset;
+  };
+  const auto angle_at = [&](Index k, Index j) {
+    const double turn = curvature_at(k, j), sine = turn * s.centre_offset;
+    return std::atan2(s.arm * turn, std::sqrt(max_of(1.0 - sine * sine, 0.0)));
+  };
+  for (Index j = 0; j < candidates; ++j) {
+    for (Index k = 1; k < static_cast<Index>(count[static_cast<std::size_t>(j)]); ++k) {
+      std::int64_t& code = hazard[static_cast<std::size_t>(k * candidates + j)];
+      const bool tight =
+          std::abs(curvature_at(k, j)) > (1.0 + curvature_tolerance) * s.max_curvature;
+      if (tight && code == 0) code = limiting::steering;
+      if (!std::isfinite(s.max_rate)) continue;
+      const double step = std::hypot(x.at(k, j) - x.at(k - 1, j), y.at(k, j) - y.at(k - 1, j));
+      const double turned = std::abs(angle_at(k, j) - angle_at(k - 1, j));
+      const double follows = turned > 0.0 ? s.max_rate * step / turned : no_limit;
+      for (Index end : {k - 1, k}) {
+        double& speed = steering_speed.rows().at(end)[j];
+        speed = min_of(speed, follows);
+      }
+    }
+  }
+}
+
+}  // namespace slopewise

@@ -1,0 +1,61 @@
+// Bounds and fastest profiles along candidates.
+#include "bounds/speed_bounds.hpp"
+#include "profile/time_optimal.hpp"
+#include "slopewise/candidates.hpp"
+
+namespace slopewise {
+
+// Above that a start speed is no speed of a vehicle, and its square may not be a number [m/s].
+constexpr double most_speed = 1e3;
+
+TerrainRows Planner::Candidates::terrain() const noexcept {
+  return {stations, candidates, count.data(), station.read(), heading_x.read(), heading_y.read(),
+          curvature.read(), grade.read(), sin_grade.read(), sin_roll.read(), bends.read(),
+          flags(known)};
+}
+
+void Planner::solve(double start_speed, double clear) {
+  Candidates& c = *candidates_;
+  expect(c.candidates > 0, "solve: expected sample_terrain before");
+  expect(start_speed >= 0.0 && start_speed <= most_speed, "start_speed: expected 0 to 1000 m/s");
+  expect(clear >= 0.0, "clear: expected a distance >= 0");
+  const auto cells = static_cast<std::size_t>(c.stations * c.candidates);
+  const auto lanes = static_cast<std::size_t>(c.candidates);
+  for (OwnRows* rows : {&c.speed_sq_max, &c.accel_max, &c.demand, &c.slope_left, &c.force_left,
+                        &c.speed_sq}) {
+    *rows = OwnRows(c.stations, c.candidates);
+  }
+  c.limiting.assign(cells, 0);
+  c.barrier.assign(lanes, 0);
+  c.barrier_station.assign(lanes, 0);
+  c.clear_distance.assign(lanes, 0.0);
+  c.reachable.assign(lanes, 0.0);
+  // The front of the vehicle stays on the free way.
+  const std::vector<double> free(lanes, max_of(clear - c.model.front, 0.0));
+  const ForceRows forces{c.force_lower_slope.read(), c.force_lower.read(),
+                         c.force_upper_slope.read(), c.force_upper.read(), c.dead_time.read(),
+                         c.slowest.read(), c.fastest.read(), c.flags(c.trained),
+                         c.distance_offset.data()};
+  const BoundProblem problem{
+      c.terrain(), forces, {c.hazard.data(), c.candidates}, c.rough_speed.read(),
+      c.steering_speed.read(), alike_infinite.unless({}),
+      c.model.slides ? c.friction.read() : Numbers{}, free.data(), c.model.errors, c.model.limits,
+      c.model.motion, true};
+  bound_speeds(problem,
+               {c.speed_sq_max.rows(), {c.limiting.data(), c.candidates}, c.accel_max.rows(),
+                c.demand.rows(), c.slope_left.rows(), c.force_left.rows(), c.barrier.data(),
+                c.barrier_station.data(), c.clear_distance.data()},
+               BoundMemory::of_thread(c.stations, c.candidates));
+  c.start_sq = start_speed * start_speed;
+  const std::vector<double> start(lanes, c.start_sq);
+  const Table table{c.stations, c.candidates,
+                    {c.station.data(), c.speed_sq_max.data(), c.sin_grade.data(),
+                     c.slope_left.data(), c.force_left.data(), c.slowest.data(),
+                     c.accel_max.data(), c.demand.data(), c.speed_sq.data()}};
+  std::vector<double> memory(static_cast<std::size_t>(time_optimal_memory(c.stations)));
+  solve_time_optimal(table, {c.model.limits.decel, c.model.limits.specific_power}, start.data(),
+                     c.reachable.data(), memory.data());
+  c.solved = true;
+}
+
+}  // namespace slopewise

@@ -1,0 +1,103 @@
+"""The core as C++ programs link it: the example is built, and plans as Python does."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import slopewise
+from hatch_build import compiler, tool
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.errors import ParameterError
+from slopewise.models.parameters import Effect
+from slopewise.planner.ground.uncertainty import Uncertainty
+from slopewise.planner.path import EvenPath
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import Status
+from slopewise.services.cli.app import app, main
+from slopewise.services.export.cpp_model import write_cpp
+from tests.world.sanitized import run_under_sanitizers
+
+ROOT = Path(__file__).parents[2]
+STATUSES = list(Status)
+
+
+def rows_of_example(folder: Path) -> np.ndarray:
+    """Columns candidate, status, x, y, station, speed of the example, built in a folder."""
+    command = ["export", "atv", "--resolution", "0.2", "--height-std", "0", "--cpp"]
+    assert CliRunner().invoke(app, [*command, str(folder)]).exit_code == 0
+    cmake, ninja, build = tool("cmake"), tool("ninja"), folder / "build"
+    assert cmake, "of the extra dev"
+    given = {
+        "slopewise_DIR": ROOT / "planner" / "core",
+        "CMAKE_CXX_COMPILER": compiler(),
+        "CMAKE_MAKE_PROGRAM": ninja,
+        "CMAKE_CXX_FLAGS": f"-I{folder}",
+        "CMAKE_BUILD_TYPE": "None",  # compiled in a third of the time, to the same numbers
+    }
+    options = [f"-D{name}={value}" for name, value in given.items()]
+    example = ROOT / "examples" / "cpp"
+    for step in (
+        [cmake, "-G", "Ninja", "-S", str(example), "-B", str(build), *options],
+        [cmake, "--build", str(build)],
+        [str(build / "plan_over_a_hill")],
+    ):
+        done = subprocess.run(step, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    return np.loadtxt(done.stdout.splitlines(), delimiter=",", skiprows=1)
+
+
+def hill() -> ElevationMap:
+    """The ground of the example, in other words."""
+    x, y = np.meshgrid(0.2 * np.arange(200.0), 0.2 * np.arange(200.0))
+    away = (x - 22.0) ** 2 + (y - 20.0) ** 2
+    z = 2.0 * np.exp(-away / 60.0) + 0.03 * np.sin(2.0 * x + y)
+    z[60:80, 130] = np.nan
+    return ElevationMap(elevation=z, resolution=0.2, origin=(0.0, 0.0), height_std=0.0)
+
+
+@pytest.mark.skipif(compiler() is None, reason="there is no C++ compiler on this machine")
+def test_the_example_plans_as_python_does(tmp_path: Path) -> None:
+    rows = rows_of_example(tmp_path)
+    candidates = [rows[rows[:, 0] == candidate].T for candidate in np.unique(rows[:, 0])]
+    paths = [EvenPath("", c[2:4].T.copy(), None) for c in candidates]
+    planner = CandidatePlanner(slopewise.read_model("atv"), None, Uncertainty())
+    plans = planner.plan(hill(), paths, start_speed=1.0)
+    for (_, status, _, _, station, speed), plan in zip(candidates, plans, strict=True):
+        assert plan.status is STATUSES[int(status[0])], plan.reason
+        np.testing.assert_allclose(station, plan.station, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(speed, plan.speed, rtol=0.0, atol=1e-9)
+    assert {plan.status for plan in plans} == {Status.OK, Status.BLOCKED}
+
+
+def test_random_maps_paths_and_vehicles_pass_the_sanitizers(tmp_path: Path) -> None:
+    run_under_sanitizers(Path(__file__).parent / "planner_driver.cpp", 5, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (["--resolution", "0.1"], "--height-std"),
+        (["--resolution", "-1", "--height-std", "0"], "resolution: expected a cell edge > 0"),
+        (["--resolution", "0.1", "--height-std", "nan"], "height_std: expected a length >= 0"),
+    ],
+)
+def test_numbers_that_hold_for_no_map_are_refused(
+    options: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["export", "atv", "--cpp", str(tmp_path), *options])
+    assert left.value.code == 2
+    assert expected in capsys.readouterr().err
+
+
+def test_a_model_with_effects_is_refused(tmp_path: Path) -> None:
+    lag = Effect(name="brake_lag", parameters={"tau": 0.2})
+    model = replace(slopewise.read_model("atv"), effect=(lag,))
+    with pytest.raises(ParameterError, match="without effects for C\\+\\+, got brake_lag"):
+        write_cpp(model, tmp_path, resolution=0.1, height_std=0.0, quantile=0.999)
