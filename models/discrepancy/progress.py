@@ -30,7 +30,6 @@ class Progress:
             self._tell(whole - self._told)
             self._told = whole
 
-    def search(self, level: int, share: float) -> None:
-        """A share of one level of the search is done; each takes half of what is left."""
-        done = 1.0 - 0.5**level * (1.0 - 0.5 * share)
-        self.reach(Stage.BASE + done * (Stage.SEARCH - Stage.BASE))
+    def search(self, share: float) -> None:
+        """A share of the search is done."""
+        self.reach(Stage.BASE + share * (Stage.SEARCH - Stage.BASE))

@@ -14,36 +14,31 @@ def _stops() -> StopSettings:
     return StopSettings(turn_rate=math.inf)
 
 
+_CALIBRATED_AT = 0.005  # share of false alarms that stands for the odds of prior.NAME [1]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiscrepancySettings:
     """What to be sure of, and how sure.
 
     Attributes:
-        false_alarm: share of logs without a missing effect that may be said to have one.
+        false_alarm: how readily a name is believed: its odds before the log are in proportion.
         structure: p-value of an axis below which something follows it for certain.
-        rival: chi square within which of the best explanation another one is its rival.
-        most_effects: effects that one log may miss at once.
-        most_patches: surfaces in one place among them, which may be further ones.
         practical_share, practical_length: change of a stop, as a share of it and [m], of which the
             larger has to be reached by whatever is named.
         noisy_share: share of a stop. Where half of all effects would have to change stops by more
             than that to be seen, nothing that was found says nothing.
-        bootstraps: logs simulated without an effect to find the threshold.
         resamples: draws of stops for stability and confidence intervals.
         folds: parts of the log, each predicted by what the others taught.
         seed: of every random number.
         stops: what counts as a stop.
     """
 
-    false_alarm: float = 0.005
+    false_alarm: float = _CALIBRATED_AT
     structure: float = 0.002
-    rival: float = 9.0
-    most_effects: int = 3
-    most_patches: int = 4
     practical_share: float = 0.01
     practical_length: float = 0.02
     noisy_share: float = 0.10
-    bootstraps: int = 300
     resamples: int = 200
     folds: int = 5
     seed: int = 20
@@ -52,9 +47,12 @@ class DiscrepancySettings:
     def __post_init__(self) -> None:
         if not 0.0 < self.false_alarm < 0.5:
             raise ParameterError("false_alarm", f"a share in (0, 0.5), got {self.false_alarm:g}")
-        if not 1 <= self.most_effects <= 5:
-            raise ParameterError("most_effects", f"1 to 5, got {self.most_effects}")
         for name in ("practical_share", "practical_length", "noisy_share"):
             value = getattr(self, name)
             if not 0.0 <= value < 1.0:
                 raise ParameterError(name, f"a number in [0, 1), got {value:g}")
+
+    @property
+    def odds(self) -> float:
+        """Odds of a cause before the log, over those that answers were calibrated with."""
+        return self.false_alarm / _CALIBRATED_AT

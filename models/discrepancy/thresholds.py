@@ -121,9 +121,6 @@ OSCILLATION_KNOTS: Annotated[
 USUAL_OSCILLATION: Annotated[
     float, Row("m/s", _RECORDINGS, "prior std of that curve: larger hides more of a lag or drag")
 ] = 0.006
-USUAL_BEND: Annotated[
-    float, Row("1", _USUAL, "prior std of the base's slope within a stop: larger hides more drag")
-] = 0.006
 QUICK_BUILD_UP: Annotated[float, Row("s", _USUAL, "lag from which the curve lasts longer")] = 0.08
 OTHER_SHAPE: Annotated[
     float, Row("m/s²", _THEORY, "prior std by lag: two equal lags against one differ by as much")
@@ -179,47 +176,14 @@ LEAST_FORCE: Annotated[
     float, Row("1", _GUARD, "median force by which frictions of stops are divided at least")
 ] = 0.01
 
-# Screening the library and combining its effects (search.screening, search.identify).
+# What a log could have shown (search.screening, search.resolvable).
 
 LEAST_COLUMN: Annotated[
     float, Row("1", _GUARD, "share of a candidate beyond the base below which it says nothing")
 ] = 1e-4
-CHANCE_SCATTERS: Annotated[
-    Floats, Row("1", _COMPUTATION, "scatters tried in logs drawn by chance, of that fitted")
-] = np.geomspace(0.5, 2.0, 13)
 OWN_SCATTERS: Annotated[
     Floats, Row("1", _COMPUTATION, "scatters tried with each candidate, of that fitted")
 ] = np.geomspace(0.1, 1.3, 9)
-NAMES_REFITTED: Annotated[
-    int, Row("1", _COMPUTATION, "names refitted exactly at each step: fewer may miss one, time")
-] = 6
-BEAM: Annotated[
-    int, Row("1", _SETS, "explanations that go on side by side: fewer keep wrong first steps, time")
-] = 3
-BEAM_WIDTH: Annotated[
-    float, Row("chi square", _SETS, "distance from the best within which an explanation goes on")
-] = 30.0
-WORTH_REFITTING: Annotated[
-    float, Row("1", _SETS, "share of the strongest candidate's chi square that others need, halved")
-] = 0.4
-WORTH_MOVING: Annotated[
-    float, Row("chi square", _SETS, "gain from which the place of a patch is searched once more")
-] = 30.0
-FURTHER_PRICE: Annotated[
-    float, Row("chi square", _SETS, "smaller: more effects beyond the first, more wrong ones")
-] = 6.0
-LENIENT_ALARM: Annotated[
-    float, Row("1", _SETS, "false alarms risked for one more effect where a pattern is surely left")
-] = 0.2
-SLIDING_QUANTILE: Annotated[
-    float, Row("1", _SETS, "of the force: where a friction cap is tried that nearly all stops meet")
-] = 0.6
-LEAST_LAG: Annotated[
-    float, Row("s", _USUAL, "lag from which it has a name and a shape; shorter ones end in 0.1 s")
-] = 0.036
-LAG_BLURS: Annotated[float, Row("std", _SETS, "the same, in standard deviations of the onset")] = (
-    2.5
-)
 
 # Patches and how well their edges are known (search.patches, search.extent).
 
@@ -245,9 +209,6 @@ EDGE_ROUNDS: Annotated[
     (3.0, (0.2, 0.1, 0.05)),
     (1.0, (0.1, 0.07, 0.05, 0.03, 0.02, 0.01)),
 )
-PATCH_TURNS: Annotated[
-    int, Row("1", _COMPUTATION, "rounds in which each of several patches is placed anew")
-] = 3
 CHI2_95: Annotated[float, Row("chi square", _THEORY, "95 % of one number")] = 3.84
 NORMAL_95: Annotated[float, Row("std", _THEORY, "95 % of a normal distribution")] = 1.96
 JUMP_95: Annotated[
@@ -296,64 +257,17 @@ P_ABSORBED: Annotated[
     float, Row("1", _THEORY, "p-value from which one cause is as good as new coefficients")
 ] = 0.05
 
-# From scores to one word (decide.verdict, decide.restraint, workflow).
+# From weights to one word (decide.verdict, workflow).
 
-P_DRIFT: Annotated[
-    float, Row("1", _SETS, "larger: coefficients that are right are said to have drifted")
-] = 0.003
-LEFT_SHARE: Annotated[
-    float, Row("1", _SETS, "share of what names explain that may be left along an axis")
-] = 0.1
-BELIEVED_SHARE: Annotated[
-    float, Row("1", _SETS, "share of a pattern that is left by which likelihoods are doubted")
-] = 0.5
-BELIEVED_NAMES: Annotated[
-    int, Row("1", _SETS, "names that are believed beside a pattern that is left")
-] = 2
-STABLE_SHARE: Annotated[
-    float, Row("1", _SETS, "share of resampled logs in which a name has to lead its rival")
-] = 0.8
-AT_BOUND: Annotated[float, Row("1", _COMPUTATION, "distance from a bound that is none")] = 1e-3
-HARDLY: Annotated[
-    float, Row("chi square", _SETS, "lead over no name below which there is none")
-] = 8.0
-PLAIN_EVIDENCE: Annotated[
-    float, Row("chi square", _SETS, "lead from which a name needs no axis of its own")
-] = 40.0
-BEATS_PART: Annotated[
-    float, Row("chi square", _SETS, "lead that several effects need over fewer of them")
-] = 3.0
-BEATS_SEVERAL: Annotated[
-    float, Row("chi square", _SETS, "the same, where others would do as well as the further ones")
-] = 15.0
-BEATS_TRACE: Annotated[
-    float, Row("chi square", _SETS, "lead of effects that hardly change the stopping distance")
-] = 50.0
-TOLD_APART: Annotated[
-    float, Row("chi square", _SETS, "lead that each of several effects along one axis needs")
-] = 30.0
-P_IMITATED: Annotated[
-    float, Row("1", _SETS, "p-value of a shape left along the axis at which they imitate another")
-] = 0.1
 PATCH_TRIES: Annotated[
     int, Row("1", _COMPUTATION, "patches tried near another one: accuracy of its place, time")
 ] = 48
-P_SHAPE: Annotated[
-    float, Row("1", _SETS, "p-value of an axis of place that a further patch needs")
-] = 0.01
-FEWEST_IN_PATCH: Annotated[int, Row("1", _SETS, "stops inside that a patch needs")] = 5
-ONE_SIDED_WIND: Annotated[
-    float, Row("1", _SETS, "length of the mean heading from which wind comes from one side only")
-] = 0.9
 WILD_SCATTER: Annotated[
     float, Row("1", _RECORDINGS, "scatter of the force from which a doubt is said")
 ] = 0.12
-MOTION_BEYOND_DOUBT: Annotated[
-    float, Row("chi square", _SETS, "from which a term of motion is no error of the base's shape")
-] = 100.0
-PLAIN_BUILD_UP: Annotated[
-    float, Row("chi square", _THEORY, "from which a build-up without a name stays in the model")
-] = 12.0
+LEAST_LAG: Annotated[
+    float, Row("s", _USUAL, "lag from which it has a shape of its own; shorter ones end in 0.1 s")
+] = 0.036
 CHANGED_STOPS: Annotated[
     int, Row("1", _USUAL, "stops that an effect has to change by a practical size to matter")
 ] = 3
@@ -366,9 +280,6 @@ CLAIM_ABOVE: Annotated[
 SIMULATED_SPAN: Annotated[
     float, Row("1", _USUAL, "times a measured stop within which a simulated one has to end")
 ] = 2.0
-MINOR_SHARE: Annotated[
-    float, Row("1", _USUAL, "part of the main axis's share below which an axis is not named")
-] = 0.1
 BY_CHANCE: Annotated[
     float, Row("std", _THEORY, "distance by which one stop in ten thousand ends late by chance")
 ] = 4.0

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from slopewise.models.arrays import Floats
-from slopewise.models.discrepancy.data.prepare import prepare
+from slopewise.models.discrepancy.data.prepare import prepare, sessions_of
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide import no_harm
 from slopewise.models.discrepancy.decide.gap import Gaps, compared, distance_floor
@@ -23,7 +22,9 @@ from slopewise.models.discrepancy.decide.model_form import as_in_the_model
 from slopewise.models.discrepancy.decide.revised import revised
 from slopewise.models.discrepancy.decide.verdict import Decision, decide
 from slopewise.models.discrepancy.findings import Experiment, Findings, Verdict
-from slopewise.models.discrepancy.model.hypothesis import builds_up
+from slopewise.models.discrepancy.likelihood.answer import answered
+from slopewise.models.discrepancy.likelihood.posterior import LAG
+from slopewise.models.discrepancy.likelihood.weigh import weighed
 from slopewise.models.discrepancy.model.noise import Noise
 from slopewise.models.discrepancy.progress import Progress, Stage
 from slopewise.models.discrepancy.report import experiment
@@ -31,16 +32,11 @@ from slopewise.models.discrepancy.report.cost import changes, cost_of
 from slopewise.models.discrepancy.report.evidence import Evidence, evidence_of
 from slopewise.models.discrepancy.report.summary import located_axes, named_effects, summary
 from slopewise.models.discrepancy.search.extent import extents
-from slopewise.models.discrepancy.search.identify import (
-    Identified,
-    ScoredExplanation,
-    identify,
-    rescued,
-)
-from slopewise.models.discrepancy.search.locate import WITHIN, Followed, follow, mainly_along
+from slopewise.models.discrepancy.search.locate import WITHIN, follow
 from slopewise.models.discrepancy.search.refine import as_output, fit_base, start_of, with_build_up
+from slopewise.models.discrepancy.search.resolvable import resolvable
 from slopewise.models.discrepancy.settings import DiscrepancySettings
-from slopewise.models.discrepancy.thresholds import BY_CHANCE, MINOR_SHARE, WILD_SCATTER
+from slopewise.models.discrepancy.thresholds import BY_CHANCE, WILD_SCATTER
 from slopewise.models.parameters import Model
 
 
@@ -101,26 +97,26 @@ def _investigated(
     table, notes = prepare(columns, runs, model, ground, wanted)
     progress.reach(Stage.STOPS)
     base = fit_base(table, start_of(table, model))
-    beside = with_build_up(table, base)
+    built = with_build_up(table, base)
     progress.reach(Stage.BASE)
-    found = identify(table, beside, wanted, progress)
+    weights = weighed(table, model, sessions_of(table, columns, runs), wanted.odds, progress.search)
+    answer = answered(weights)
     progress.reach(Stage.SEARCH)
-    found, left, output = _with_what_is_left(table, found, wanted)
-    located = follow(table, beside, wanted.seed) if found.best.names else left
-    decision = decide(table, base, found, left, located, wanted)
-    if any(builds_up(decision.explanation.fit.hypothesis.added[i]) for i in decision.named):
-        located = follow(table, base, wanted.seed)
+    lagging = LAG in answer.leader.names
+    located = follow(table, base if lagging else built, wanted.seed)
+    seen = resolvable(table, built)
+    decision = decide(table, base, built, answer, located, seen, wanted)
     progress.reach(Stage.LEFT)
+    output = as_output(table, decision.explanation.fit) if decision.names else table
     decision = as_in_the_model(output, decision)
-    floor = found.best.fit.noise  # what was found and is not named is no noise either
+    floor = decision.explanation.fit.noise
     gaps = compared(table, base, decision.explanation.fit, floor, wanted)
     decision, gaps = no_harm.that_predicts(table, base, decision, gaps, wanted)
+    decision = no_harm.worth_a_word(table, decision, gaps, seen, wanted)
     decision, gaps = no_harm.worth_refitting(decision, gaps)
     if decision.verdict in (Verdict.NONE, Verdict.TOO_NOISY):
         gaps = no_harm.as_configured(gaps)
     widths = extents(output, decision.explanation.fit)
-    if decision.verdict is Verdict.UNKNOWN:
-        decision = replace(decision, axis=_axis_of_the_unknown(decision.axis, located))
     better, added = revised(table, decision, gaps.held_out, widths, source)
     progress.reach(Stage.GAPS)
     plan = _next(table, decision, _beyond(table, model, better, gaps, floor))
@@ -140,38 +136,10 @@ def _investigated(
         time.perf_counter() - begin,
         cost_of(table, decision.explanation.fit, as_it_was=decision.kept_as_it_was),
         changes(model, better),
-        {name: size for name, size in found.visible.items() if np.isfinite(size)},
+        {name: size for name, size in decision.visible.items() if np.isfinite(size)},
     )
     progress.reach(Stage.FINDINGS)
     return findings, evidence_of(table, base, decision, located)
-
-
-def _with_what_is_left(
-    table: StopTable, found: Identified, settings: DiscrepancySettings
-) -> tuple[Identified, list[Followed], StopTable]:
-    """The axes that the best explanation leaves a pattern along, and the table by its speeds.
-
-    Where a pattern is surely left beside named effects, one more effect is believed on weaker
-    evidence of its own, if nothing is left then.
-    """
-    output = _output(table, found.best)
-    left = follow(output, found.best.fit, settings.seed)
-    full = len(found.best.names) >= settings.most_effects
-    if not found.best.names or full or not left or left[0].p_value > settings.structure:
-        return found, left, output
-    better = rescued(table, found.best, settings)
-    if better[0].names == found.best.names:
-        return found, left, output
-    own = _output(table, better[0])
-    remains = follow(own, better[0].fit, settings.seed)
-    if remains and remains[0].p_value < settings.structure:
-        return found, left, output
-    others = (*better[1:], *(e for e in found.others if e.names != better[0].names))
-    return replace(found, best=better[0], others=others), remains, own
-
-
-def _output(table: StopTable, best: ScoredExplanation) -> StopTable:
-    return as_output(table, best.fit) if best.names else table
 
 
 def _doubts(table: StopTable, noise: Noise) -> tuple[str, ...]:
@@ -197,15 +165,6 @@ def _beyond(table: StopTable, model: Model, better: Model, gaps: Gaps, noise: No
     offset = better.braking.distance_offset
     added = offset > max(model.braking.distance_offset, float(chance.max()))
     return max(beyond, offset) if added else beyond
-
-
-def _axis_of_the_unknown(left: Followed | None, located: list[Followed]) -> Followed | None:
-    """Axis of the remainder after unnamed effects; the main axis where that is minor."""
-    main = mainly_along(located)
-    if left is None or main is None:
-        return left or main or (located[0] if located else None)
-    same = [f.removed for f in located if f.axis.name == left.axis.name]
-    return main if max(same, default=0.0) < MINOR_SHARE * main.removed else left
 
 
 def _next(table: StopTable, decision: Decision, beyond: float) -> Experiment:

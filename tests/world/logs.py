@@ -20,7 +20,7 @@ from tests.world.vehicles import BASE
 WORLDS = {
     "clean": World(),
     "drift": World(coefficients=(-0.02, -0.30, 0.02, 0.36), dead_time=0.27),
-    "bias": World(pitch_bias=float(np.deg2rad(1.0))),
+    "bias": World(pitch_bias=float(np.deg2rad(2.3))),
     "drag": World(effects={"aerodynamic_drag": {"c": 0.06}}),
     "lag": World(effects={"brake_lag": {"tau": 0.2}}),
     "fade": World(effects={"brake_fade": {"k": 0.012, "tau": 60.0}}),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.arrays import Floats
+from slopewise.models.arrays import Floats, Ints
 from slopewise.models.discrepancy.data.stop_table import StopTable, tabulate
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.thresholds import (
@@ -88,3 +88,13 @@ def _askew(mount: Mount, mapped: bool) -> Mount | None:
         return None
     known = mount.offset**2 / (mount.offset**2 + mount.std**2)
     return replace(mount, offset=known * mount.offset)
+
+
+def sessions_of(
+    table: StopTable, columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]
+) -> Ints:
+    """(S,) number of the session of each stop: the column `session` where its run begins, or 0."""
+    if "session" not in columns:
+        return np.zeros(len(table), np.int64)
+    names = columns["session"][[runs[run].start for run in table.run]]
+    return np.asarray(np.unique(names, return_inverse=True)[1], np.int64)

@@ -21,8 +21,8 @@ from slopewise.models.parameters import Effect, Model
 LAWFUL = len(NAMES) + 1
 """Numbers of the model's own law: four shifts and the dead time."""
 
-NUISANCES = OSCILLATION + 1
-"""Numbers that are no part of the model: the oscillation of the body, and the base's shape."""
+NUISANCES = OSCILLATION
+"""Numbers that are no part of the model: the oscillation of the body."""
 
 BASE = LAWFUL + NUISANCES
 """Numbers before those of the effects: the law's, then the nuisances."""
@@ -56,9 +56,6 @@ class Hypothesis:
         oscillation: (OSCILLATION,) of the body at the onset, see
             :mod:`slopewise.models.discrepancy.model.body_oscillation` [m/s].
         oscillates: whether it may be anything but zero.
-        bend: of the base's shape, see :mod:`slopewise.models.discrepancy.model.base_shape`, as a
-        share of the
-            weight. bends: whether it may be anything but zero.
         slips: where another surface is, friction caps the force, at δ more than it is on the level;
             without it the force is δ more or less there on any slope.
         drifts: wheels that friction caps slide sideways on a cross slope, as locked ones do.
@@ -70,8 +67,6 @@ class Hypothesis:
     added: tuple[Effect, ...] = ()
     oscillation: Floats = field(default_factory=lambda: np.zeros(OSCILLATION))
     oscillates: bool = False
-    bend: float = 0.0
-    bends: bool = False
     slips: bool = False
     drifts: bool = False
 
@@ -93,7 +88,7 @@ class Hypothesis:
     def free(self) -> Floats:
         """(P,) the free numbers."""
         own = [e.parameters[n] for e in self.added for n in free_parameters(e)]
-        return np.array([*self.shift, self.dead_time, *self.oscillation, self.bend, *own])
+        return np.array([*self.shift, self.dead_time, *self.oscillation, *own])
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -132,5 +127,4 @@ class Hypothesis:
             dead_time=float(free[4]),
             added=tuple(added),
             oscillation=np.array(free[LAWFUL : LAWFUL + OSCILLATION]),
-            bend=float(free[BASE - 1]),
         )

@@ -56,7 +56,7 @@ def between(table: StopTable, best: Fit, rivals: Sequence[Fit]) -> Experiment:
             gain.add(pick)
     reached = min(gain.total for gain in gains)
     repeats = int(np.ceil(TELLS_APART / reached)) if reached > 0.0 else 0
-    names = " or ".join("+".join(f.hypothesis.names) for f in (best, *rivals))
+    names = " or ".join("+".join(f.hypothesis.names) or "new coefficients" for f in (best, *rivals))
     stops = tuple(plans[i] for i in chosen)
     if repeats == 0 or repeats > MOST_REPEATS:
         own = best.hypothesis.names

@@ -120,7 +120,9 @@ def summary(table: StopTable, decision: Decision, distance: Gap, ends: tuple[flo
         case Verdict.MISSING_EFFECT:
             text = f"The model leaves out: {names}."
         case Verdict.AMBIGUOUS:
-            others = "; ".join(" and ".join(r.names) for r in decision.rivals[:3])
+            others = "; ".join(
+                " and ".join(r.names) or "new coefficients alone" for r in decision.rivals[:3]
+            )
             text = f"The model most likely leaves out: {names}; {others} would fit nearly as well."
         case Verdict.UNIDENTIFIABLE:
             causes = " or ".join(a.name for a in decision.absorbed)

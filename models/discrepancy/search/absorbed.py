@@ -8,6 +8,7 @@ one such cause explains the log as well as four new coefficients, the log cannot
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,7 +49,7 @@ _TELLS_BIAS = (
 
 
 def absorbed_explanations(
-    table: StopTable, base: Fit, taken_up: dict[str, float]
+    table: StopTable, base: Fit, taken_up: Mapping[str, float]
 ) -> tuple[Absorbed, ...]:
     """Single causes that explain what otherwise four new coefficients and a dead time do.
 

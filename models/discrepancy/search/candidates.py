@@ -72,7 +72,7 @@ def candidates(table: StopTable, hypothesis: Hypothesis) -> tuple[list[EffectCol
         table: stops. hypothesis: fitted so far; its forces are what lag, fade and friction act on.
     """
     taken = {e.name for e in (*hypothesis.model.effect, *hypothesis.added)}
-    seen = _seen(table, hypothesis)
+    seen = stops_seen(table, hypothesis)
     found: list[EffectColumn] = []
     columns: list[Floats] = []
     for name, law in LAWS.items():
@@ -86,7 +86,8 @@ def candidates(table: StopTable, hypothesis: Hypothesis) -> tuple[list[EffectCol
     return found, integral(table, hypothesis, np.stack(columns, axis=2), forces)
 
 
-def _seen(table: StopTable, hypothesis: Hypothesis) -> StopsSeen:
+def stops_seen(table: StopTable, hypothesis: Hypothesis) -> StopsSeen:
+    """Stops as effects see them, at the forces of a hypothesis."""
     place = ground_of(table)
     wanted = wanted_force(table, hypothesis, place)
     brought = brought_force(table, hypothesis, wanted, table.speed, place, table.time)
@@ -141,8 +142,3 @@ def share_of(table: StopTable, patch: EffectColumn) -> Floats:
     """(S, M, 1) share of a patch around each time."""
     p = patch.inner
     return share_inside(table.x, table.y, p["x"], p["y"], p["radius"])[:, :, None]
-
-
-def patch_column(table: StopTable, hypothesis: Hypothesis, patch: EffectColumn) -> Floats:
-    """(S, M, 1) column of a patch."""
-    return integral(table, hypothesis, share_of(table, patch), np.ones(1, np.bool_))

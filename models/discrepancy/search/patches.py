@@ -13,7 +13,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
-from slopewise.models.discrepancy.model.hypothesis import BASE, free_parameters, is_placed
+from slopewise.models.discrepancy.model.hypothesis import BASE, free_parameters
 from slopewise.models.discrepancy.model.prediction import integral
 from slopewise.models.discrepancy.search import screening
 from slopewise.models.discrepancy.search.candidates import EffectColumn, finer_patches
@@ -31,10 +31,8 @@ from slopewise.models.discrepancy.thresholds import (
     EDGE_ROUNDS,
     FEWEST_TOUCHED,
     LARGEST_PATCH,
-    PATCH_TURNS,
     PLACE_NODES,
     SMALLEST_PATCH,
-    WORTH_MOVING,
 )
 
 
@@ -191,25 +189,6 @@ def moved_patch(table: StopTable, found: Fit, index: int) -> Fit:
     nearest, strength = placed
     better = fit_with_scatter(table, without.hypothesis.plus(nearest.effect(strength)), found.noise)
     return better if better.deviance < found.deviance else found
-
-
-def settled_patches(table: StopTable, found: Fit) -> Fit:
-    """Each of several patches in turn where it fits best, until none moves any more.
-
-    The first one that was found may have covered more than one place.
-    """
-    count = sum(map(is_placed, found.hypothesis.added))
-    for _ in range(PATCH_TURNS if count > 1 else 0):
-        before, stayed = found.deviance, 0
-        for _ in range(count):
-            added = found.hypothesis.added
-            turn = [i for i, e in enumerate(added) if is_placed(e)][stayed]
-            moved = moved_patch(table, found, turn)
-            stayed += moved is found  # one that moves goes behind all others
-            found = moved
-        if found.deviance > before - WORTH_MOVING:
-            break
-    return found
 
 
 def without_effect(found: Fit, index: int) -> Fit:

@@ -15,7 +15,6 @@ from slopewise.models.arrays import Floats
 from slopewise.models.calibration.force_fit import WEAK_PRIOR
 from slopewise.models.discrepancy.data.stop_ground import ground_of
 from slopewise.models.discrepancy.data.stop_table import StopTable
-from slopewise.models.discrepancy.model.base_shape import shape_column
 from slopewise.models.discrepancy.model.body_oscillation import (
     OSCILLATION,
     oscillation_columns,
@@ -52,7 +51,6 @@ from slopewise.models.discrepancy.thresholds import (
     NOISE_PASSES,
     OSCILLATES,
     QUICK_BUILD_UP,
-    USUAL_BEND,
 )
 from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
@@ -104,8 +102,6 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
         columns[:, :, LAWFUL : LAWFUL + OSCILLATION] = oscillation_columns(
             table, hypothesis.dead_time, lag_of(hypothesis)
         )
-    if hypothesis.bends:
-        columns[:, :, BASE - 1] = shape_column(table, hypothesis.dead_time)
     wanted, shares = _wanted_changes(table, hypothesis, steps)
     columns[:, :, wanted] = integral(table, hypothesis, shares, np.ones(len(wanted), np.bool_))
     for i in (LAWFUL - 1, *range(BASE, len(free))):
@@ -157,8 +153,6 @@ def _wanted_changes(
 def _observed(table: StopTable, hypothesis: Hypothesis) -> Floats:
     """(S, M) fall of the speed that is read, with all nuisances."""
     fall = predict(table, hypothesis)
-    if hypothesis.bends:
-        fall = fall + hypothesis.bend * shape_column(table, hypothesis.dead_time)
     if not hypothesis.oscillates:
         return fall
     curve = oscillation_columns(table, hypothesis.dead_time, lag_of(hypothesis))
@@ -172,7 +166,6 @@ def prior_precision(hypothesis: Hypothesis) -> Floats:
     own[:4] = 1.0 / np.square(WEAK_PRIOR)
     own[4] = 1.0
     own[LAWFUL:BASE] = 1.0 / oscillation_size(lag_of(hypothesis)) ** 2
-    own[BASE - 1] = 1.0 / USUAL_BEND**2
     return own
 
 

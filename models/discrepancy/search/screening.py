@@ -17,7 +17,6 @@ from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.model.noise import Whitener
 from slopewise.models.discrepancy.search.refine import Fit
 from slopewise.models.discrepancy.thresholds import (
-    CHANCE_SCATTERS,
     CHANGED_STOPS,
     LEAST_COLUMN,
     OWN_SCATTERS,
@@ -173,32 +172,6 @@ def _tops(sums: Reduced, on: _Projector, between: Floats, within: Floats) -> Flo
     return result
 
 
-def chance(sums: Reduced, one_sided: Bools, scatter: float, draws: int, seed: int) -> Floats:
-    """(draws,) largest chi square of the library in logs without any of its effects."""
-    rng = np.random.default_rng(seed)
-    within = rng.standard_normal((len(sums.rows), draws))
-    spread = np.sqrt(1.0 + scatter**2 * sums.power)
-    between = spread[:, None] * rng.standard_normal((len(sums.power), draws))
-    cross_rows = sums.rows.T @ within
-    base_rows = sums.rows_base.T @ within
-    best_cost = np.full(draws, np.inf)
-    largest = np.zeros(draws)
-    for factor in CHANCE_SCATTERS:
-        on = sums.at(factor * scatter)
-        weighted = on.weight[:, None] * between
-        base = base_rows + sums.base_between.T @ weighted
-        off = between - sums.base_between @ (on.inverse @ base)
-        cost = on.weight @ off**2 - float(np.sum(np.log(on.weight)))
-        top = cross_rows + sums.between.T @ weighted - on.cross.T @ (on.inverse @ base)
-        left = np.where(on.left > LEAST_COLUMN * on.own, on.left, np.inf)
-        z = -top / np.sqrt(left)[:, None]
-        z = np.where(one_sided[:, None], np.maximum(z, 0.0), np.abs(z))
-        better = cost < best_cost
-        best_cost = np.where(better, cost, best_cost)
-        largest = np.where(better, np.max(z, axis=0) ** 2, largest)
-    return largest
-
-
 def visible(sums: Reduced, table: StopTable, fit: Fit, columns: Floats, needed: float) -> Floats:
     """(Q,) change of stops from which each candidate would have been seen [m].
 
@@ -218,10 +191,3 @@ def visible(sums: Reduced, table: StopTable, fit: Fit, columns: Floats, needed: 
     taken = (fit.jacobian.sum(axis=1) * step[:, None]) @ (on.inverse @ on.cross)
     size = np.sort(np.abs(way - taken), axis=0)[-CHANGED_STOPS] * strength
     return np.where(np.isfinite(size), size, np.inf)
-
-
-def threshold(largest: Floats, false_alarm: float) -> float:
-    """Chi square that chance exceeds in a share of logs, by the law of largest values (Gumbel)."""
-    scale = float(np.std(largest, ddof=1)) * np.sqrt(6.0) / np.pi
-    place = float(np.mean(largest)) - np.euler_gamma * scale
-    return float(place - scale * np.log(-np.log1p(-false_alarm)))

@@ -17,7 +17,6 @@ from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.noise import Noise, shapes, whitener
 from slopewise.models.discrepancy.model.prediction import predict
 from slopewise.models.discrepancy.progress import Progress, Stage
-from slopewise.models.discrepancy.search import screening
 from slopewise.models.discrepancy.search.locate import follow, part_of_axis
 from slopewise.models.discrepancy.search.refine import fit_with_noise
 from slopewise.models.discrepancy.thresholds import Basis
@@ -74,14 +73,6 @@ def test_intervals_of_a_lag_cover() -> None:
     assert inside >= 16  # 95 % of 20 is 19; fewer than 16 has a chance of 1 in 300
 
 
-def test_the_threshold_is_that_of_the_largest_of_many() -> None:
-    rng = np.random.default_rng(2)
-    largest = np.max(rng.standard_normal((2000, 50)) ** 2, axis=1)
-    bound = screening.threshold(largest, 0.01)
-    # 1 − (1 − p)^50 = 0.01 at p = 0.000201, a chi square of 13.8.
-    assert bound == pytest.approx(13.8, abs=1.0)
-
-
 def test_a_permuted_axis_is_followed_only_where_it_matters() -> None:
     clean = follow(table("clean"), fit_with_noise(table("clean"), BASIS), 1)
     assert clean[0].p_value > 0.02
@@ -98,7 +89,7 @@ MODULES = sorted(p for p in PACKAGE.rglob("*.py") if p.name not in ("thresholds.
 
 def test_every_threshold_has_its_fields():
     rows = thresholds.table()
-    assert len(rows) > 100
+    assert len(rows) > 50
     assert len({row.name for row in rows}) == len(rows)
     for row in rows:
         assert isinstance(row.basis, Basis), row.name
@@ -128,18 +119,11 @@ def test_each_hundredth_is_reported_once() -> None:
     assert sum(reported) == Stage.FINDINGS == 100
 
 
-@pytest.mark.parametrize("parents", [1, 3])
-def test_each_level_of_the_search_uses_half_of_the_remainder(parents: int) -> None:
+def test_progress_of_the_search_only_grows() -> None:
     reported: list[int] = []
     progress = Progress(reported.append)
-    reached = []
-    for level in range(6):
-        for index in range(parents):
-            progress.search(level, (index + 1) / parents)
-            reached.append(sum(reported))
-    assert reached == sorted(reached)
-    assert reached[parents - 1] == (Stage.BASE + Stage.SEARCH) // 2
-    assert reached[2 * parents - 1] == int(Stage.SEARCH - (Stage.SEARCH - Stage.BASE) / 4)
-    assert reached[-1] <= Stage.SEARCH
+    for share in (0.3, 0.6, 0.5, 1.0):
+        progress.search(share)
+    assert sum(reported) == Stage.SEARCH
     progress.reach(Stage.BASE)
-    assert sum(reported) == reached[-1]
+    assert sum(reported) == Stage.SEARCH

@@ -54,7 +54,7 @@ def test_the_hidden_effects_are_named_with_their_numbers(name: str) -> None:
     assert len(f.model.effect) - len(further) == len(truth)
     assert all(e.name == "brake_lag" and e.parameters["tau"] < 0.03 for e in further)
     for e in f.effects:
-        assert e.confidence > 0.9 or len(truth) > 1
+        assert e.confidence > 0.8 or len(truth) > 1
         for parameter, value in e.parameters.items():
             true = truth[e.name][parameter]
             # The edge of a patch is known only as far as stops cross it; a change, to a run.
@@ -170,8 +170,8 @@ def test_a_misaligned_sensor_is_confounded_with_new_coefficients() -> None:
 
 
 def test_drag_in_slow_stops_is_ambiguous_and_an_experiment_is_proposed() -> None:
-    assert findings_of("slow_drag").verdict is Verdict.PARAMETER_DRIFT  # a centimetre, no more
-    finer = DiscrepancySettings(practical_share=0.0, practical_length=0.0)
+    assert findings_of("slow_drag").effects == ()  # a centimetre, no more
+    finer = DiscrepancySettings(false_alarm=0.02, practical_share=0.0, practical_length=0.0)
     f = investigate(*log("slow_drag"), BASE, settings=finer)
     assert f.verdict is Verdict.AMBIGUOUS
     names = {f.effects[0].name, *f.effects[0].alternatives}

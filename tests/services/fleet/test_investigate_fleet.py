@@ -105,7 +105,7 @@ REQUEST = vehicle_finding.FleetDiscrepancyRequest(
     by_folder=False,
     map_file=None,
     topics=None,
-    settings=DiscrepancySettings(bootstraps=20, resamples=20),
+    settings=DiscrepancySettings(resamples=20),
     workers=0,
 )
 

@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slopewise.models.discrepancy.decide.verdict import Decision
+from slopewise.models.discrepancy.decide.verdict import Decision, FittedExplanation
 from slopewise.models.discrepancy.findings import Gap, Verdict
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.report import experiment
 from slopewise.models.discrepancy.report.summary import located_axes, summary
 from slopewise.models.discrepancy.search.axes import Axis
-from slopewise.models.discrepancy.search.identify import ScoredExplanation
 from slopewise.models.discrepancy.search.locate import Followed, mainly_along
 from slopewise.models.discrepancy.search.refine import fit_base, fit_with_noise, start_of
 from slopewise.models.parameters import Effect
@@ -106,7 +105,7 @@ def test_the_axis_with_the_largest_share_leads_and_calm_logs_list_none() -> None
 
 def _decision(verdict: Verdict) -> Decision:
     stops = table("clean")
-    return Decision(verdict, ScoredExplanation(fit_base(stops, start_of(stops, BASE)), 0.0))
+    return Decision(verdict, FittedExplanation(fit_base(stops, start_of(stops, BASE))))
 
 
 def _followed(name: str, strength: float, removed: float, p_value: float = 1e-4) -> Followed:

@@ -1,0 +1,115 @@
+"""One word and its probability, from the weights of all explanations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.likelihood.posterior import LAG, Explanation
+from slopewise.models.discrepancy.likelihood.prior import ONSET_FORCE, WAVE
+from slopewise.models.discrepancy.likelihood.weigh import Weights
+
+_ANSWERED = 0.5  # probability from which an answer is given, else `ambiguous` [1]
+_COMPANION = 0.65  # probability from which a second name stands next to the first [1]
+_RULED_OUT = (
+    0.05  # weight relative to the leader's below which an explanation is no alternative [1]
+)
+_COMPANY = 0.7  # share of the weight of causes without a name that one name next to them spoils [1]
+_UNSOLVED = 0.08  # force left at the onset from which its shape is not understood [1]
+_WILD = 0.3  # force that varies along each stop, from which speeds are no speeds [1]
+_CHANGED = (0.02, 0.05)
+"""Change of stops by new coefficients to report where these are likely, and in any case [1]."""
+
+_CALM, _NAMED, _UNKNOWN, _MIXED = "calm", "named", "unknown", "mixed"
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Answer of the weights.
+
+    Attributes:
+        verdict: one word. leader: the explanation it rests on, for `ambiguous` one with names.
+        axis: that the heaviest causes without a name follow, "" without. probability: of the
+            answer. of_names: of each name.
+        rivals: alternatives with other names that are not ruled out, the heaviest first.
+    """
+
+    verdict: Verdict
+    leader: Explanation
+    axis: str
+    probability: float
+    of_names: Mapping[str, float]
+    rivals: tuple[Explanation, ...] = ()
+
+
+def answered(weights: Weights) -> Answer:
+    """The answer that the weights give."""
+    every = weights.explanations
+    share = _shares(every)
+    calm = next(e for e in every if not e.names and not e.axes)
+    if calm.fit.noise[WAVE] > _WILD:
+        return Answer(Verdict.UNKNOWN, calm, "", 1.0, {})
+    solved = calm.fit.noise[ONSET_FORCE] < _UNSOLVED
+    each = [(_kind(e, solved=bool(solved)), e, s) for e, s in zip(every, share, strict=True)]
+    kinds = _summed((kind, s) for kind, _, s in each)
+    axes = _summed((a, s) for e, s in zip(every, share, strict=True) for a in e.axes)
+    of_names = _summed((n, s) for kind, e, s in each if kind == _NAMED for n in e.names)
+    axis = max(axes, key=lambda a: axes[a], default="")
+    along = kinds.get(_UNKNOWN, 0.0) + kinds.get(_MIXED, 0.0)
+    if axis and along >= _ANSWERED and not _spoiled(every, share, along):
+        leader = next(e for e in every if e.axes)
+        return Answer(Verdict.UNKNOWN, leader, axis, along, of_names)
+    if kinds.get(_CALM, 0.0) >= _ANSWERED:
+        worth = _CHANGED[0] if weights.changed > 0.5 else _CHANGED[1]
+        drifted = weights.change > worth
+        verdict = Verdict.PARAMETER_DRIFT if drifted else Verdict.NONE
+        return Answer(verdict, calm, axis, kinds[_CALM], of_names)
+    first = max(of_names, key=lambda n: of_names[n], default="")
+    if of_names.get(first, 0.0) >= _ANSWERED:
+        leader = _with([e for kind, e, _ in each if kind == _NAMED], first, of_names)
+        return Answer(Verdict.MISSING_EFFECT, leader, axis, of_names[first], of_names)
+    named = [e for e in every if e.names and not e.axes]
+    leader = named[0] if named else every[0]
+    near = leader.log_weight + np.log(_RULED_OUT)
+    rivals = [e for e in named[1:] if not e.names >= leader.names and e.log_weight > near]
+    of_all = _summed((n, s) for e, s in zip(every, share, strict=True) for n in e.names)
+    return Answer(Verdict.AMBIGUOUS, leader, axis, max(share), of_all, tuple(rivals[:3]))
+
+
+def _with(named: Sequence[Explanation], first: str, of_names: Mapping[str, float]) -> Explanation:
+    """The explanation that names the first one, and next to it only what is certain enough."""
+    holding = [e for e in named if first in e.names]
+    sure = {n for n in holding[0].names if n == first or of_names[n] >= _COMPANION}
+    return next((e for e in holding if e.names == sure), holding[0])
+
+
+def _kind(e: Explanation, *, solved: bool) -> str:
+    """Kind of answer that an explanation is; `solved`: the onset has a known shape."""
+    if e.axes:
+        return _MIXED if e.names else _UNKNOWN
+    if not e.names:
+        return _CALM
+    # A lag is the shape of the onset: it has no name where that shape is not solved.
+    return _NAMED if solved or LAG not in e.names else _MIXED
+
+
+def _spoiled(every: Iterable[Explanation], share: Iterable[float], along: float) -> bool:
+    """Whether one name stands next to most causes without a name."""
+    company = _summed((n, s) for e, s in zip(every, share, strict=True) if e.axes for n in e.names)
+    return max(company.values(), default=0.0) >= _COMPANY * along
+
+
+def _shares(every: Iterable[Explanation]) -> list[float]:
+    log_weight = np.array([e.log_weight for e in every])
+    share = np.exp(log_weight - log_weight.max())
+    return [float(s) for s in share / share.sum()]
+
+
+def _summed(items: Iterable[tuple[str, float]]) -> dict[str, float]:
+    total: dict[str, float] = {}
+    for name, share in items:
+        total[name] = total.get(name, 0.0) + share
+    return total

@@ -1,0 +1,216 @@
+"""Every explanation that is tried: columns of named effects, patches, and axes without a name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_ground import session_time
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.likelihood import prior
+from slopewise.models.discrepancy.likelihood.onset import Integrated
+from slopewise.models.discrepancy.likelihood.trace import base_shares, projected, size_of
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.search.candidates import stops_seen
+from slopewise.models.effects.effect_law import Enters
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.effects.surface_patch import holds_stops, share_inside
+from slopewise.models.parameters import Model
+
+_NEAREST = (4, 6, 9, 13, 18, 26)
+"""Stops that circles around one of them hold: from a small place to nearly half of a log."""
+_WAVES = np.geomspace(0.8, 12.0, 36)  # lengths of periodic ground [m]
+_CURVE = 5  # cosines along an axis: a shape with two turns
+_SLOW_FADE = 150.0  # time constant of the fade among the spikes [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One explanation: columns of a dictionary with a normal prior.
+
+    Attributes:
+        name: of an effect or an axis. named: whether it is an effect. first, count: columns.
+        std: (count,) prior deviations. centre: of the prior. one_sided: never negative.
+        inner: parameters beside the strength. log_prior: of it.
+    """
+
+    name: str
+    named: bool
+    first: int
+    count: int
+    std: Floats
+    centre: float = 0.0
+    one_sided: bool = False
+    inner: dict[str, float] = field(default_factory=dict)
+    log_prior: float = 0.0
+
+    @property
+    def index(self) -> list[int]:
+        """Columns."""
+        return list(range(self.first, self.first + self.count))
+
+
+@dataclass(frozen=True, slots=True)
+class Dictionary:
+    """Candidates, and (…, Q) their columns."""
+
+    candidates: tuple[Candidate, ...]
+    columns: Integrated
+
+
+def spikes_of(table: StopTable, model: Model) -> tuple[Floats, Floats]:
+    """(S, M, Q) shares of one smooth form of every effect, and (Q,) whether brakes bring them."""
+    seen = stops_seen(table, Hypothesis.configured(model))
+    v, one = table.speed, np.ones_like(table.speed)
+    clock = session_time(table)[:, None] * one
+    brakes = [np.fmax(table.grade, 0.0), table.grade * np.abs(table.grade), np.abs(table.roll)]
+    brakes += [clock, seen.built * seen.heat(_SLOW_FADE)]
+    brakes += [np.cos(table.yaw), np.sin(table.yaw), np.cos(2 * table.yaw), np.sin(2 * table.yaw)]
+    upright = np.cos(table.grade)
+    brakes += [np.maximum(seen.given - np.quantile(seen.given, 0.7) * upright, 0.0)]
+    if {"x", "y"} <= table.logged:
+        x, y = (_unit(c) for c in (table.x, table.y))
+        brakes += [x, y, x * y, x * x, y * y]
+    once = [v, v * v, np.abs(table.yaw_rate)]
+    columns = [*brakes, *once]
+    keep = [i for i, c in enumerate(columns) if np.ptp(c) > 1e-9]
+    through = np.array([i < len(brakes) for i in keep])
+    return np.stack([columns[i] for i in keep], axis=2), through
+
+
+def _unit(values: Floats) -> Floats:
+    """On −1 … 1."""
+    low, high = float(values.min()), float(values.max())
+    return 2.0 * (values - low) / max(high - low, 1e-12) - 1.0
+
+
+def dictionary_of(
+    table: StopTable, model: Model, used: Floats, force: float, odds: float
+) -> Dictionary:
+    """Everything that is tried on a log; odds as for :func:`.weigh.weighed`."""
+    every = [*_effects(table, model, used, force), *_causes(table, used, force)]
+    first = np.cumsum([0, *(c.count for c, _, _ in every)])
+    candidates = tuple(
+        replace(c, first=int(at), log_prior=c.log_prior + float(np.log(odds)))
+        for (c, _, _), at in zip(every, first[:-1], strict=True)
+    )
+    through = np.repeat([brakes for _, _, brakes in every], [c.count for c in candidates])
+    shares = np.concatenate([columns for _, columns, _ in every], axis=2)
+    return Dictionary(candidates, Integrated.of(table, shares, through))
+
+
+def _effects(
+    table: StopTable, model: Model, used: Floats, force: float
+) -> Iterator[tuple[Candidate, Floats, bool]]:
+    """Named effects: candidate, (S, M, 1) column, and whether brakes bring it."""
+    for name, group in _named(table, model):
+        how = LAWS[name].search
+        assert how is not None
+        log_prior = float(np.log(prior.NAME / len(group)))
+        for inner, share in group:
+            column = share[:, :, None]
+            middle = (share * used).sum() / used.sum()
+            size = max(float(size_of(column - middle, used)[0]), 1e-9)
+            std, centre = (0.5, 1.0) if how.is_complete else (prior.SLAB * force / size, 0.0)
+            yield (
+                Candidate(
+                    *(name, True, 0, 1, np.array([std]), centre),
+                    one_sided=how.one_sided,
+                    inner=inner,
+                    log_prior=log_prior,
+                ),
+                column,
+                LAWS[name].enters is not Enters.MOTION,
+            )
+
+
+def _causes(
+    table: StopTable, used: Floats, force: float
+) -> Iterator[tuple[Candidate, Floats, bool]]:
+    """Causes without a name: candidate, (S, M, Q) columns, and whether brakes bring them."""
+    base = base_shares(table)
+    for name, shapes, brakes in _axes(table):
+        log_prior = float(np.log(prior.AXIS / len(shapes)))
+        for columns in shapes:
+            flat = projected(np.stack(columns, axis=2), base, used)
+            sizes, count = np.maximum(size_of(flat, used), 1e-3), len(columns)
+            falling = 1.0 / np.arange(1.0, count + 1.0) if count == _CURVE else np.ones(count)
+            std = prior.SLAB * force * falling / sizes / np.sqrt(np.sum(falling**2))
+            yield Candidate(name, False, 0, count, std, log_prior=log_prior), flat, brakes
+
+
+def _named(
+    table: StopTable, model: Model
+) -> Iterator[tuple[str, list[tuple[dict[str, float], Floats]]]]:
+    taken = {effect.name for effect in model.effect}
+    seen = stops_seen(table, Hypothesis.configured(model))
+    for name, law in LAWS.items():
+        if law.search is None or not law.channels <= table.logged:
+            continue
+        if name in taken and (law.once or law.enters is Enters.CAP):
+            continue
+        group = list(law.search.columns(seen))
+        if law.search.placed:
+            group += _circles(table)
+        group = [g for g in group if np.ptp(g[1]) > 1e-9]
+        if group:
+            yield name, group
+
+
+def _circles(table: StopTable) -> Iterator[tuple[dict[str, float], Floats]]:
+    """Around each stop, with as many others inside: small where stops lie close."""
+    x, y = table.x.mean(axis=1), table.y.mean(axis=1)
+    for i in range(len(table)):
+        away = np.sort(np.hypot(x - x[i], y - y[i]))
+        for count in _NEAREST:
+            if count < len(away) // 2 and away[count] > away[count - 1] + 0.5:
+                radius = 0.5 * float(away[count] + away[count - 1])
+                at = {"x": float(x[i]), "y": float(y[i]), "radius": radius}
+                inside = share_inside(table.x, table.y, at["x"], at["y"], radius)
+                if holds_stops(inside):
+                    yield at, inside
+
+
+def _axes(table: StopTable) -> Iterator[tuple[str, list[list[Floats]], bool]]:
+    """Name, alternatives of columns, and whether brakes bring them."""
+    one = np.ones_like(table.speed)
+    curves: dict[str, Floats] = {
+        "grade": table.grade,
+        "onset_speed": table.held[:, None] * one,
+        "time": session_time(table)[:, None] * one,
+    }
+    for name in ("roll", "yaw_rate"):
+        if name in table.logged:
+            curves[name] = np.clip(
+                getattr(table, name), *np.quantile(getattr(table, name), [0.01, 0.99])
+            )
+    curves |= {name: values[:, None] * one for name, values in table.further.items()}
+    for name, values in curves.items():
+        if np.ptp(values) > 1e-9:
+            yield name, [_cosines(values)], True
+    yield "speed", [_cosines(table.speed)], False
+    if "yaw" in table.logged:
+        waves = [f(k * table.yaw) for k in (1, 2) for f in (np.cos, np.sin)]
+        yield "heading", [waves], True
+    ways = {"station": table.station}
+    if {"x", "y"} <= table.logged:
+        ways |= {"x": table.x, "y": table.y}
+        x, y = (_unit(c) for c in (table.x, table.y))
+        places = [
+            np.cos(0.5 * np.pi * i * (x + 1)) * np.cos(0.5 * np.pi * j * (y + 1))
+            for i in range(4)
+            for j in range(4)
+            if 0 < i + j < 5
+        ]
+        yield "place", [places], True
+    for name, way in ways.items():
+        turns = [2.0 * np.pi * way / length for length in _WAVES]
+        yield name, [[np.cos(turn), np.sin(turn)] for turn in turns], True
+
+
+def _cosines(values: Floats) -> list[Floats]:
+    z = 0.5 * (_unit(values) + 1.0)
+    return [np.cos(np.pi * j * z) for j in range(1, _CURVE + 1)]

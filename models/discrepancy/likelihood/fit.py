@@ -1,0 +1,331 @@
+"""The onset and the noise, fitted under each explanation: dead time, build-up, swing, scatter.
+
+All four numbers of the onset are moved together, from a short and from a long build-up, the noise
+in between. Then the evidence is followed over all build-ups, so that no start decides between a
+lag and none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_ground import ground_of
+from slopewise.models.discrepancy.likelihood import prior
+from slopewise.models.discrepancy.likelihood.cap import (
+    Cap,
+    chosen_friction,
+    free_force,
+    place_of,
+    under_cap,
+)
+from slopewise.models.discrepancy.likelihood.dictionary import Candidate, Dictionary
+from slopewise.models.discrepancy.likelihood.gaussian import Grams, Solved, solved
+from slopewise.models.discrepancy.likelihood.onset import Integrated, Onset
+from slopewise.models.discrepancy.likelihood.trace import (
+    BASE_PLACES,
+    EARLY_PLACES,
+    HAT_PLACES,
+    Trace,
+    grams_at,
+)
+
+BUILD_UPS = np.array([0.005, 0.012, 0.025, 0.045, 0.075, 0.12, 0.18, 0.27, 0.4, 0.6])
+"""Time constants at which the evidence is computed [s]."""
+_STARTS = (0.02, 0.2)  # build-ups that the first fit starts from [s]
+_SWINGS = (1.5, 3.0, 5.0)  # natural frequencies that it starts from [Hz]
+_SCALE = np.array([0.004, 0.15, 0.08, 0.15])  # of dead time [s], and logarithms of the others [1]
+_STEP, _FARTHEST = 0.05, 25.0  # of derivatives, and of a fit, in these scales
+_FIRST, _AGAIN = 45, 25  # evidences that a fit of the onset takes at most
+_NOISES = 60  # the same of the noise
+_SETTLING = 2  # steps of the dead time
+_LATE, _LATEST = 2, 0.06  # place of the dead time among a stop's own effects; its most [s]
+_HOPELESS = 60.0  # evidence by which a build-up is too much worse to be followed further
+_SHORTEST = -0.05  # dead time [s]
+_DAMPING_SPREAD, _SWING_SPREAD = 0.5, 0.5  # prior of ln damping about 0.3 and ln f about 2.5 Hz
+_SCATTERS = (0.02, 0.5)  # of the force, that a fit starts from [1]
+_TURNS, _GAIN = 5, 0.5  # of a fit at most; evidence below which it has converged
+_SLIDING = 0.6  # quantile of the forces of stops that slide
+_LEAST_FRICTION = 0.02  # half of wet ice [1]
+_CAPPINGS = 3  # times that the stops which friction caps are found again
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """An explanation at every build-up.
+
+    Attributes:
+        chosen: candidates in it. taus: (T,) [s]. onsets: state at each. noise: (6,) of the stops.
+        evidence: (T,) ln of the marginal likelihood. means: (T,) of (P,) all columns.
+        spreads: (T,) of (P, P) their covariance.
+    """
+
+    chosen: tuple[Candidate, ...]
+    taus: Floats
+    onsets: tuple[Onset, ...]
+    noise: Floats
+    evidence: Floats
+    solutions: tuple[Solved, ...]
+
+    @property
+    def best(self) -> int:
+        """Index of the build-up with the most evidence."""
+        return int(np.argmax(self.evidence))
+
+
+class Problem:
+    """The evidence of one explanation, as a function of onset and noise."""
+
+    def __init__(self, trace: Trace, extra: Integrated, chosen: Sequence[Candidate]) -> None:
+        self.trace, self.extra, self.chosen = trace, extra, tuple(chosen)
+        none = [np.empty(0)]
+        self.std = np.concatenate([c.std for c in chosen] or none)
+        self.centre = np.concatenate([np.full(c.count, c.centre) for c in chosen] or none)
+
+    def grams(self, onset: Onset) -> tuple[Grams, Floats]:
+        """Products, and (P,) deviations."""
+        grams, std = grams_at(self.trace, onset, self.extra)
+        return grams, np.append(std, self.std)
+
+    def solve(self, grams: Grams, std: Floats, noise: Floats) -> Solved:
+        """All columns integrated out."""
+        centre = np.concatenate([np.zeros(len(std) - len(self.centre)), self.centre])
+        both = solved_both(grams, std, noise, self.trace.force, centre)
+        evidence = mixed(both[0].evidence, both[1].evidence)
+        changed = float(np.exp(np.log(prior.CHANGED) + both[1].evidence - evidence))
+        return replace(both[changed > 0.5], evidence=evidence, changed=changed)
+
+    def at(self, onset: Onset, noise: Floats) -> Solved:
+        """All columns integrated out at a state."""
+        return self.solve(*self.grams(onset), noise)
+
+    def settled(self, onset: Onset, noise: Floats) -> tuple[Onset, Solved]:
+        """With the dead time where it belongs."""
+        best = onset, self.at(onset, noise)
+        for _ in range(_SETTLING):
+            step = float(np.clip(best[1].mean[0], -0.05, 0.05))
+            moved = replace(onset, dead_time=max(best[0].dead_time + step, _SHORTEST))
+            now = self.at(moved, noise)
+            if now.evidence < best[1].evidence:
+                break
+            best = moved, now
+        return best
+
+    def each(self, onset: Onset, noise: Floats) -> Onset:
+        """With the dead time of each stop as its trace shows it."""
+        grams, std = self.grams(onset)
+        mean = self.solve(grams, std, noise).mean
+        variance = prior.own_variance(noise, waves_of(grams))
+        late = grams.own_means(noise[0], variance, mean)[:, _LATE]
+        return replace(onset, late=np.clip(late, -_LATEST, _LATEST))
+
+    def onset(self, start: Onset, noise: Floats, steps: int) -> Onset:
+        """Of largest evidence near a start."""
+
+        def at(x: Floats) -> Onset:
+            tau, swing, damping = np.exp(np.clip(x[1:], np.log(3e-3), np.log(8.0)))
+            return replace(
+                start,
+                dead_time=max(float(x[0]), _SHORTEST),
+                build_up=float(min(tau, 0.8)),
+                swing=float(swing),
+                damping=float(min(damping, 1.0)),
+            )
+
+        def loss(z: Floats) -> float:
+            y = x + _SCALE * z
+            off = (y[2] - np.log(2.5)) / _SWING_SPREAD, (y[3] - np.log(0.3)) / _DAMPING_SPREAD
+            return float(0.5 * (off[0] ** 2 + off[1] ** 2) - self.at(at(y), noise).evidence)
+
+        x = np.array([start.dead_time, *np.log([start.build_up, start.swing, start.damping])])
+        options = {"maxfun": steps, "ftol": 1e-5, "maxls": 6, "eps": _STEP}
+        bounds = [(-_FARTHEST, _FARTHEST)] * 4
+        best = minimize(loss, np.zeros(4), method="L-BFGS-B", options=options, bounds=bounds)
+        return at(x + _SCALE * best.x)
+
+    def noise(self, onset: Onset, start: Floats, steps: int) -> Floats:
+        """(6,) noise of largest evidence."""
+        grams, std = self.grams(onset)
+
+        def loss(log_noise: Floats) -> float:
+            noise = np.exp(log_noise)
+            return -of_noise(noise) - self.solve(grams, std, noise).evidence
+
+        first = np.log(start) + 0.3 * np.vstack([np.zeros(6), np.eye(6)])
+        options = {"initial_simplex": first, "maxfev": steps, "fatol": 0.05, "xatol": 0.02}
+        found = minimize(loss, np.log(start), method="Nelder-Mead", options=options).x
+        return np.asarray(np.exp(found), np.float64)
+
+
+def waves_of(grams: Grams) -> int:
+    """Number of slow waves among a stop's own effects."""
+    return int(grams.square.shape[1]) - 4
+
+
+def of_noise(noise: Floats) -> float:
+    """Ln of its prior, 0 where it is usual."""
+    usual = (np.log(noise) - np.log(prior.NOISE)) / prior.NOISE_SPREAD
+    return -0.5 * float(usual @ usual)
+
+
+def solved_both(
+    grams: Grams, std: Floats, noise: Floats, force: float, centre: Floats | None = None
+) -> tuple[Solved, Solved]:
+    """The first columns integrated out, with coefficients as calibrated and changed since then."""
+    weighed, log_det = grams.weighed(noise[0], prior.own_variance(noise, waves_of(grams)))
+    changed = std.copy()
+    changed[HAT_PLACES] *= noise[prior.ONSET_TIME]
+    changed[EARLY_PLACES] *= noise[prior.ONSET_FORCE]
+    calibrated = changed.copy()
+    calibrated[BASE_PLACES] = prior.calibrated(force)
+    return (
+        solved(weighed, log_det, calibrated, centre),
+        solved(weighed, log_det, changed, centre),
+    )
+
+
+def mixed(calibrated: float, changed: float) -> float:
+    """Ln of the evidence of both priors of the coefficients together."""
+    return float(
+        np.logaddexp(np.log1p(-prior.CHANGED) + calibrated, np.log(prior.CHANGED) + changed)
+    )
+
+
+def fit(
+    trace: Trace, book: Dictionary, chosen: Sequence[Candidate], starts: Sequence[Fit] = ()
+) -> Fit:
+    """Fit onset and noise under an explanation.
+
+    Args:
+        trace: of a log. book: columns. chosen: candidates. starts: other fits, if there are some.
+    """
+    problem = Problem(trace, book.columns.take([i for c in chosen for i in c.index]), chosen)
+    if starts:
+        states = [(s.onsets[s.best], s.noise) for s in starts]
+        onset, noise = max(states, key=lambda s: problem.at(*s).evidence)
+        problem = _with_cap(trace, problem.extra, problem.chosen, onset, noise)
+    else:
+        onset, noise = _first(problem)
+    return _followed(problem, *_converged(problem, onset, noise))
+
+
+def quick_fit(trace: Trace, book: Dictionary, chosen: Sequence[Candidate], near: Fit) -> Fit:
+    """As :func:`fit`, at the onset of another explanation: only the noise is its own."""
+    extra = book.columns.take([i for c in chosen for i in c.index])
+    onset = near.onsets[near.best]
+    problem = _with_cap(trace, extra, tuple(chosen), onset, near.noise)
+    noise = problem.noise(onset, near.noise, _NOISES)
+    solution = problem.at(onset, noise)
+    gain = solution.evidence + of_noise(noise) - float(near.evidence.max())
+    return replace(
+        near,
+        chosen=problem.chosen,
+        noise=noise,
+        evidence=near.evidence + gain,
+        solutions=(solution,) * len(near.taus),
+    )
+
+
+def _first(problem: Problem) -> tuple[Onset, Floats]:
+    """The better one of a quick onset and a lagging one, at usual noise."""
+    table, noise = problem.trace.table, prior.NOISE.copy()
+    total = table.onset + prior.BUILD_UP
+    # Wild stops would hide in waves and axes before their scatter was found.
+    off = np.median(np.abs(table.force - np.median(table.force))) / max(problem.trace.force, 0.05)
+    noise[1] = np.clip(off, *_SCATTERS)
+    tried = [
+        max(
+            (problem.settled(Onset(total - 0.7 * tau, tau, swing), noise) for swing in _SWINGS),
+            key=lambda t: t[1].evidence,
+        )[0]
+        for tau in _STARTS
+    ]
+    fitted = [problem.onset(onset, noise, _FIRST) for onset in tried]
+    return max(fitted, key=lambda o: problem.at(o, noise).evidence), noise
+
+
+def _converged(problem: Problem, onset: Onset, noise: Floats) -> tuple[Onset, Floats]:
+    """Onset and noise in turns, each stop about its own dead time, until nothing is gained."""
+
+    def evidence(state: tuple[Onset, Floats]) -> float:
+        return problem.at(*state).evidence + of_noise(state[1])
+
+    best = (onset, problem.noise(onset, noise, _NOISES))
+    most = evidence(best)
+    for _ in range(_TURNS):
+        before = most
+        for moved in (lambda o, n: problem.onset(o, n, _AGAIN), problem.each):
+            onset = moved(*best)
+            state = (onset, problem.noise(onset, best[1], _NOISES))
+            now = evidence(state)
+            if now > most:
+                best, most = state, now
+        if most < before + _GAIN:
+            break
+    return best
+
+
+def _with_cap(
+    trace: Trace, extra: Integrated, chosen: tuple[Candidate, ...], onset: Onset, noise: Floats
+) -> Problem:
+    """The problem, linear about the stops that friction caps if the explanation has a cap.
+
+    Where nearly all stops slide, coefficients fitted to them say nothing of the brakes: it begins
+    with those of the file, too.
+    """
+    cap = place_of(chosen)
+    if cap is None:
+        return Problem(trace, extra, chosen)
+    place = ground_of(trace.table)
+    upright = np.cos(place.grade) * np.cos(place.roll)
+    sliding = trace.table.force / upright[:, -1]
+    starts = [
+        (chosen_friction(chosen), Problem(trace, extra, chosen).at(onset, noise).mean),
+        (float(np.quantile(sliding, _SLIDING)), None),
+    ]
+    tried = []
+    for friction, mean in starts:
+        for turn in range(_CAPPINGS):
+            if turn > 0 and mean is not None:
+                moved = friction + float(mean[len(mean) - extra.shares.shape[2] + cap])
+                friction = max(moved, _LEAST_FRICTION)
+            free = trace.expected.shares[:, :, 0]
+            free = free if mean is None else free_force(trace, extra, mean, cap)
+            held = (free > friction * upright).astype(np.float64)
+            problem = Problem(
+                *under_cap(trace, extra, chosen, cap, Cap(held, free, friction, upright))
+            )
+            solution = problem.at(onset, noise)
+            mean = solution.mean
+        tried.append((solution.evidence, problem))
+    return max(tried, key=lambda t: t[0])[1]
+
+
+def _followed(problem: Problem, best: Onset, noise: Floats) -> Fit:
+    """Over all build-ups, outward from the best one, the dead time relinearised at each."""
+    taus = np.unique(np.append(BUILD_UPS, best.build_up))
+    middle = int(np.searchsorted(taus, best.build_up))
+    found: dict[int, tuple[Onset, Solved]] = {}
+    for order in (range(middle, len(taus)), range(middle - 1, -1, -1)):
+        near = best if not found else found[middle][0]
+        for i in order:
+            # What the build-up delays, the dead time gives back.
+            moved = near.dead_time - 0.8 * (taus[i] - near.build_up)
+            at = replace(near, dead_time=max(float(moved), _SHORTEST), build_up=float(taus[i]))
+            found[i] = (at, problem.at(at, noise)) if i == middle else problem.settled(at, noise)
+            near = found[i][0]
+            if found[i][1].evidence < found[middle][1].evidence - _HOPELESS:
+                break
+    known = sorted(found)
+    return Fit(
+        problem.chosen,
+        taus[known],
+        tuple(found[i][0] for i in known),
+        noise,
+        np.array([found[i][1].evidence for i in known]) + of_noise(noise),
+        tuple(found[i][1] for i in known),
+    )

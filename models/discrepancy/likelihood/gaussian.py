@@ -1,0 +1,110 @@
+"""Evidence of linear Gaussian models of all stops; what differs between stops is integrated out.
+
+For each stop V = σ² D + Z Λ Zᵀ with D from the samples of a bin, Z its own effects. With the Gram
+matrices of one dictionary any noise is cheap: A = Λ⁻¹ + ZᵀD⁻¹Z/σ² is as small as Z has columns.
+Source: Woodbury's identity, and the matrix determinant lemma.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from slopewise.models.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Grams:
+    """Products of columns, weighed by samples; the last column is what is to be explained.
+
+    Attributes:
+        total: (P, P) over all stops. own: (S, R, P) of each stop's own effects with all columns.
+        square: (S, R, R) of them with one another. rows: number of bins. log_weight: Σ ln D.
+    """
+
+    total: Floats
+    own: Floats
+    square: Floats
+    rows: int
+    log_weight: float
+
+    @classmethod
+    def of(cls, columns: Floats, own: Floats, spread: Floats) -> Grams:
+        """Of columns (S, K, P) and own effects (S, K, R), with variances (S, K) but for σ²."""
+        used = spread > 0.0
+        weight = np.where(used, 1.0 / np.where(used, spread, 1.0), 0.0)
+        root = np.sqrt(weight)[:, :, None]
+        flat = (columns * root).reshape(-1, columns.shape[2])
+        mine = np.swapaxes(own * weight[:, :, None], 1, 2)
+        return cls(
+            flat.T @ flat,
+            mine @ columns,
+            mine @ own,
+            int(used.sum()),
+            float(np.log(spread[used]).sum()),
+        )
+
+    def weighed(self, noise: float, variance: Floats) -> tuple[Floats, float]:
+        """(P, P) columnsᵀ V⁻¹ columns, and ln det V, for σ [m/s] and Λ (R,) on its diagonal."""
+        inner = self.square / noise**2 + np.diag(1.0 / variance)
+        solved = np.linalg.solve(inner, self.own)
+        flat = self.own.reshape(-1, self.own.shape[2])
+        weighed: Floats = self.total / noise**2
+        weighed -= np.asarray(flat.T @ solved.reshape(flat.shape) / noise**4, np.float64)
+        stops = len(self.square)
+        log_det = self.rows * 2.0 * np.log(noise) + self.log_weight
+        log_det += float(np.linalg.slogdet(inner)[1].sum()) + stops * float(np.log(variance).sum())
+        return weighed, log_det
+
+    def own_means(self, noise: float, variance: Floats, mean: Floats) -> Floats:
+        """(S, R) each stop's own effects, given (P,) means of the columns."""
+        left = self.own[:, :, -1] - self.own[:, :, : len(mean)] @ mean
+        inner = self.square / noise**2 + np.diag(1.0 / variance)
+        found = np.linalg.solve(inner, left[:, :, None] / noise**2)[:, :, 0]
+        return np.asarray(found, np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """Columns that are always there, solved; and what they leave to others.
+
+    Attributes:
+        evidence: ln of the marginal likelihood. mean: (P,) of the columns.
+        left: (Q, Q) precision of further columns after them. pull: (Q,) their right-hand side.
+        changed: probability that coefficients have changed since the model file.
+    """
+
+    evidence: float
+    mean: Floats
+    left: Floats
+    pull: Floats
+    changed: float = 1.0
+
+
+def solved(weighed: Floats, log_det: float, std: Floats, centre: Floats | None = None) -> Solved:
+    """Integrate out the first columns, whose prior is normal with these deviations (P,).
+
+    Args:
+        weighed: (P + Q + 1, …) products; the last one is of what is to be explained.
+        log_det: of the noise. std: (P,). centre: (P,) of the prior, 0 without.
+    """
+    p = len(std)
+    rest = slice(p, len(weighed) - 1)
+    square = float(weighed[-1, -1])
+    pull = weighed[:p, -1].copy()
+    extra = weighed[rest, -1].copy()
+    if centre is not None:
+        square += float(centre @ weighed[:p, :p] @ centre - 2.0 * centre @ weighed[:p, -1])
+        pull -= weighed[:p, :p] @ centre
+        extra -= weighed[rest, :p] @ centre
+    inner = weighed[:p, :p] + np.diag(1.0 / std**2)
+    factor = cho_factor(inner, lower=True)
+    mean = cho_solve(factor, pull)
+    evidence = -0.5 * (square - float(pull @ mean)) - 0.5 * log_det
+    evidence -= float(np.log(np.diag(factor[0])).sum()) + float(np.log(std).sum())
+    cross = weighed[:p, rest]
+    left = weighed[rest, rest] - cross.T @ cho_solve(factor, cross)
+    offset = 0.0 if centre is None else centre
+    return Solved(evidence, mean + offset, left, extra - cross.T @ mean)

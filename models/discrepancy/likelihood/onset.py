@@ -1,0 +1,170 @@
+"""How brakes take hold, and columns of speed in integral form after it.
+
+v(t) = v_i − g ∫ (φ_at_once + φ_brakes c) dt with c = 1 − e^(−u/τ), u the time since the onset. Only
+shares φ of the weight enter; nothing is differentiated. Everything near the onset is computed at
+the samples themselves, since a grid of times would move it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.signal import lfilter
+
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.quantity import GRAVITY
+
+_FINE = 0.004  # step at which the swing is computed [s]: a fiftieth of its shortest period
+
+
+@dataclass(frozen=True, slots=True)
+class Onset:
+    """State of all that happens while the brakes take hold.
+
+    Attributes:
+        dead_time: from the command to the onset [s]. build_up: time constant of the brakes [s].
+        swing, damping: natural frequency [Hz] and damping [1] of the sprung body.
+        late: (S,) by how much the onset of each stop is later, or one of all [s].
+    """
+
+    dead_time: float
+    build_up: float
+    swing: float = 2.5
+    damping: float = 0.3
+    late: Floats = field(default_factory=lambda: np.zeros(1))
+
+    @property
+    def each(self) -> Floats:
+        """(S,) dead time of each stop, or one of all [s]."""
+        return self.dead_time + self.late
+
+    def built(self, u: Floats) -> Floats:
+        """Share of the force that is built up at times since the onset."""
+        rise: Floats = -np.expm1(-np.maximum(u, 0.0) / self.build_up)
+        return rise
+
+    def missing(self, u: Floats) -> Floats:
+        """∫ (1 − c) du since the onset [s]."""
+        return self.build_up * self.built(u)
+
+    def swung(self, u: Floats) -> tuple[Floats, Floats, Floats]:
+        """Rate, its change, and ∫ (c − state) du of a sprung body that follows c."""
+        since = np.arange(0.0, max(float(u.max()), 0.0) + 2.0 * _FINE, _FINE)
+        pulse = 2.0 * np.pi * self.swing
+        # ω² s/(s² + 2 ζ ω s + ω²) by the bilinear transform, s = k (1 − z⁻¹)/(1 + z⁻¹).
+        k, twice = 2.0 / _FINE, 2.0 * self.damping * pulse
+        top = pulse**2 * k * np.array([1.0, 0.0, -1.0])
+        low = [k * k + twice * k + pulse**2, 2.0 * (pulse**2 - k * k)]
+        low.append(k * k - twice * k + pulse**2)
+        rates = lfilter(top, low, self.built(since))
+        changes = np.gradient(rates, _FINE)
+        # From its equation of motion: ω² (c − state) = change + 2 ζ ω rate, integrated.
+        behind = (rates + twice * np.cumsum(rates) * _FINE) / pulse**2
+        rate, change, left = (np.interp(u, since, x, left=0.0) for x in (rates, changes, behind))
+        return rate, change, left
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Times of the samples in each bin.
+
+    Attributes:
+        time: (S, K, J) since the command [s]. weight: (S, K, J) of each in the mean of its bin.
+    """
+
+    time: Floats
+    weight: Floats
+
+    @classmethod
+    def of(cls, table: StopTable) -> Samples:
+        """Evenly about the middle of each bin: a bin has as many as its variance says."""
+        spread = table.own_spread
+        count = np.where(spread > 0.0, np.round(1.0 / np.where(spread > 0.0, spread, 1.0)), 0.0)
+        place = np.arange(max(int(count.max()), 1))
+        middle = (table.average @ table.time[:, :, None])[:, :, 0]
+        offset = (place - 0.5 * (count[:, :, None] - 1.0)) * table.sample
+        inside = place < count[:, :, None]
+        weight = inside / np.maximum(count, 1.0)[:, :, None]
+        return cls(middle[:, :, None] + np.where(inside, offset, 0.0), weight)
+
+    def mean(self, values: Floats) -> Floats:
+        """(S, K) means over bins of values (S, K, J)."""
+        result: Floats = np.einsum("skj,skj->sk", values, self.weight)
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """An onset at all samples.
+
+    Attributes:
+        u: (S, K, J) since the onset [s]. after: (S, K, 1) whether a whole bin is after it.
+        since, missing: (S, K, 1) means of u, 0 before the onset, and of the force not built up [s].
+    """
+
+    u: Floats
+    after: Bools
+    since: Floats
+    missing: Floats
+
+    @classmethod
+    def of(cls, samples: Samples, onset: Onset, quicker: Floats) -> Moment:
+        """Of an onset."""
+        u = samples.time - onset.each[:, None, None]
+        return cls(
+            u,
+            (u[:, :, :1] >= 0.0),
+            samples.mean(np.maximum(u, 0.0))[:, :, None],
+            (quicker * samples.mean(onset.missing(u / quicker[:, :, None])))[:, :, None],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Integrated:
+    """Shares of the weight, integrated once for all onsets.
+
+    Attributes:
+        shares, integral: (S, M, Q) shares and their integral over time [s]. mean: (S, K, Q) of the
+            integral over bins. through: (Q,) whether brakes bring them.
+    """
+
+    shares: Floats
+    integral: Floats
+    mean: Floats
+    through: Bools
+
+    @classmethod
+    def of(cls, table: StopTable, shares: Floats, through: Bools) -> Integrated:
+        """Shares (S, M, Q), and (Q,) whether brakes bring them."""
+        step = (table.time[:, 1:2] - table.time[:, :1])[:, :, None]
+        total = np.zeros_like(shares)
+        np.cumsum(0.5 * step * (shares[:, 1:] + shares[:, :-1]), axis=1, out=total[:, 1:])
+        return cls(shares, total, table.average @ total, np.asarray(through, np.bool_))
+
+    def take(self, index: Sequence[int]) -> Integrated:
+        """Some of the columns."""
+        i = list(index)
+        return Integrated(
+            self.shares[:, :, i], self.integral[:, :, i], self.mean[:, :, i], self.through[i]
+        )
+
+    def fallen(self, table: StopTable, onset: Onset, moment: Moment) -> Floats:
+        """(S, K, Q) what they take from the speed by each bin [m/s].
+
+        Until the brakes are built up a share counts as it was at the onset: exact for those that
+        change slowly beside the build-up.
+        """
+        t = table.time
+        step = t[:, 1] - t[:, 0]
+        place = np.clip((onset.each - t[:, 0]) / step, 0.0, t.shape[1] - 1.000001)
+        left = place.astype(np.int64)
+        part, rows = (place - left)[:, None], np.arange(len(t))
+        at = (1.0 - part) * self.integral[rows, left] + part * self.integral[rows, left + 1]
+        share = (1.0 - part) * self.shares[rows, left] + part * self.shares[rows, left + 1]
+        fall = np.where(moment.after, self.mean - at[:, None], moment.since * share[:, None])
+        fall -= moment.missing * np.where(self.through, share, 0.0)[:, None]
+        result: Floats = GRAVITY * fall
+        return result

@@ -1,0 +1,73 @@
+"""What is believed before any log: sizes of nuisances and effects, and odds of explanations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slopewise.models.arrays import Floats
+
+# Nuisances, one standard deviation each: what vehicles and sensors are usually like.
+DEAD_TIME_STEP = 0.02  # [s] that a step of the linear fit may move the dead time
+SLIP = 0.02  # slip of the tyres per share of the weight [1]
+EARLY = 0.04  # resistance before the brakes take hold, share of the weight [1]
+SWING = 0.005  # that a point of the body moves per deceleration [m per m/s²]
+SWING_SHIFT = 0.00015  # the same within 30 ms of delay [m s per m/s²]
+DIVE = 0.006  # pitch of the body per deceleration, seen in the grade [rad per m/s²]
+SESSION = 0.03  # force of a session, share of the force [1]
+SPIKE = 0.005  # force of every smooth effect, share of the force [1]
+
+LEVEL = 10.0  # speed of each stop: unknown [m/s]
+RAMP = 0.3  # acceleration before the onset [m/s²]
+NOISE = np.array([0.03, 0.02, 0.012, 0.02, 0.006, 0.01])
+"""Usual noise [m/s], scatter of the force [1], of the dead time [s], slow wave of the force [1],
+and what is left at the onset, as time [s] and as a share of the force [1]."""
+WAVE, ONSET_TIME, ONSET_FORCE = 3, 4, 5  # places of the last three
+NOISE_SPREAD = np.array([0.7, 1.0, 0.7, 0.7, 1.0, 1.2])  # of their logarithms [1]
+
+BUILD_UP = 0.018  # usual time constant of brakes [s]
+BUILD_UP_SPREAD = 0.45  # of its logarithm [1]
+LAG = (
+    0.07,
+    0.8,
+)  # time constants of a lag, evenly in the logarithm; shorter ones are build-ups [s]
+DEAD_TIME = 0.15  # deviation from the model file [s]
+
+SLAB = 0.12  # rms force of an effect, share of the force [1]
+NAME = 0.08  # odds of a name against none [1]
+AXIS = 0.02  # odds of a cause without a name along an axis [1]
+FURTHER = 0.35  # odds of each effect beyond the first, times those of its name [1]
+TEMPER = 0.85  # share of the evidence that counts: model errors are alike in all stops [1]
+
+
+CHANGED = 0.2  # share of logs whose vehicle has changed since its file was made [1]
+
+
+def calibrated(force: float) -> Floats:
+    """(4,) of the coefficients as calibrated: 2 % of the force, and slopes to match."""
+    return np.array([0.02 * force, 0.03, 0.004, 0.008])
+
+
+def changed(force: float) -> Floats:
+    """(4,) of the coefficients, which may have changed since the file: 20 % of the force."""
+    return np.array([0.2 * force, 0.25, 0.04, 0.08])
+
+
+def own_variance(noise: Floats, waves: int) -> Floats:
+    """(R,) variances of a stop's own effects, from scatter of force, dead time and slow waves."""
+    _, force, late, wave = noise[:4]
+    slow = wave**2 / np.arange(1, waves + 1) ** 2
+    return np.array([LEVEL**2, RAMP**2, late**2, force**2, *slow])
+
+
+def of_build_up(log_tau: Floats) -> Floats:
+    """Density over ln τ of brakes without a lag."""
+    z = (log_tau - np.log(BUILD_UP)) / BUILD_UP_SPREAD
+    density: Floats = np.exp(-0.5 * z**2) / (BUILD_UP_SPREAD * np.sqrt(2.0 * np.pi))
+    return density
+
+
+def of_lag(log_tau: Floats) -> Floats:
+    """Density over ln τ of a lag."""
+    low, high = np.log(LAG)
+    density: Floats = np.where((log_tau >= low) & (log_tau <= high), 1.0 / (high - low), 0.0)
+    return density

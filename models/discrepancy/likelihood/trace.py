@@ -1,0 +1,203 @@
+"""Traces of all stops at one state of the onset: what is always in the model, and what is left.
+
+Always there: coefficients as deviations from the model file, sessions, nuisances of the onset and a
+small version of every smooth effect (spike), since nothing is exactly zero in nature.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.discrepancy.data.stop_ground import ground_of
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.likelihood import prior
+from slopewise.models.discrepancy.likelihood.gaussian import Grams
+from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment, Onset, Samples
+from slopewise.models.discrepancy.model.brakes import brought_force, motion_of
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.prediction import wanted_force
+from slopewise.models.discrepancy.thresholds import LEAST_TURNING_SPEED
+from slopewise.models.effects import registry
+from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
+
+HATS = (0.0, 0.05, 0.11, 0.19, 0.29, 0.42)
+"""Middles of the hats over the onset, since it [s]: denser where the brakes take hold."""
+ONSET, ONSET_WAVES = 0.6, 5  # in which brakes and body settle [s]; waves of their force in it
+_SLOW_WAVES = 5  # cosines of the force along a stop: as many as its bins resolve
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """What is known of a log whatever the onset.
+
+    Attributes:
+        table: S stops. model: as configured. samples: of its bins. speed: (S, K) mean in them.
+        expected: of the model file: force of the brakes; gravity and terms of motion.
+        always: (…, P) of the base, sessions and spikes. waves: (…, W) slow ones of the force.
+        always_std: (P,) prior deviations of `always`.
+        pull: (S, 1) deceleration that each stop shows [m/s²]. force: typical F_b/W [1].
+        used: (S, M) whether a grid time lies in the stop after the onset.
+        quicker: (S, 1) build-up of each stop over that of the brakes, or of all.
+    """
+
+    table: StopTable
+    model: Model
+    samples: Samples
+    speed: Floats
+    expected: Integrated
+    always: Integrated
+    waves: Integrated
+    always_std: Floats
+    pull: Floats
+    force: float
+    used: Floats
+    quicker: Floats = field(default_factory=lambda: np.ones((1, 1)))
+
+
+def base_shares(table: StopTable) -> Floats:
+    """(S, M, 4) of the coefficients: level force and slope, at the mean onset speed and with it."""
+    one = np.ones_like(table.grade)
+    speed = (table.held - table.held.mean())[:, None] * one
+    return np.stack([one, table.grade, speed, speed * table.grade], axis=2)
+
+
+def projected(shares: Floats, base: Floats, used: Floats) -> Floats:
+    """(S, M, Q) without what the base can do, by least squares while braking."""
+    weight = used.ravel()[:, None]
+    flat, onto = shares.reshape(-1, shares.shape[2]), base.reshape(-1, base.shape[2])
+    inner = (onto * weight).T @ onto + 1e-9 * np.eye(onto.shape[1])
+    left: Floats = (flat - onto @ np.linalg.solve(inner, (onto * weight).T @ flat)).reshape(
+        shares.shape
+    )
+    return left
+
+
+def size_of(shares: Floats, used: Floats) -> Floats:
+    """(Q,) root mean square while braking."""
+    size: Floats = np.sqrt(np.einsum("smq,sm->q", shares**2, used) / used.sum())
+    return size
+
+
+def trace_of(table: StopTable, model: Model, spikes: tuple[Floats, Floats], session: Ints) -> Trace:
+    """The trace of a log.
+
+    Args:
+        table: S stops. model: as configured.
+        spikes: (S, M, Q) shares of smooth effects, (Q,) whether brakes bring them.
+        session: (S,) number of the session of each stop.
+    """
+    used = ((table.time > table.onset) & (table.speed > 0.0)).astype(np.float64)
+    force = float(np.median(table.force))
+    always, std = _always(table, used, force, spikes, session)
+    along = np.clip((table.time - table.onset) / (table.time[:, -1:] - table.onset), 0.0, 1.0)
+    waves = [np.cos(np.pi * j * along) for j in range(_SLOW_WAVES + 1)]
+    slow = np.stack(waves, axis=2) * np.maximum(table.force, 0.05)[:, None, None]
+    return Trace(
+        table,
+        model,
+        Samples.of(table),
+        (table.average @ table.speed[:, :, None])[:, :, 0],
+        _expected(table, model),
+        always,
+        Integrated.of(table, slow, np.ones(len(waves), bool)),
+        std,
+        GRAVITY * table.pull[:, None],
+        force,
+        used,
+    )
+
+
+def _expected(table: StopTable, model: Model) -> Integrated:
+    """Force of the brakes by the model file; gravity and its terms of motion."""
+    configured = Hypothesis.configured(model)
+    place, terms = ground_of(table), motion_of(configured)
+    force = wanted_force(table, configured, place)
+    given = brought_force(table, configured, force, table.speed, place, table.time).given
+    moved = np.sin(place.grade)
+    if terms.moves:
+        curvature = np.abs(place.turning) / np.maximum(table.speed, LEAST_TURNING_SPEED)
+        motion = registry.motion_deceleration(table.speed, curvature, place.yaw, terms)
+        moved = moved + motion / GRAVITY
+    return Integrated.of(table, np.stack([given, moved], axis=2), np.array([True, False]))
+
+
+def _always(
+    table: StopTable,
+    used: Floats,
+    force: float,
+    spikes: tuple[Floats, Floats],
+    session: Ints,
+) -> tuple[Integrated, Floats]:
+    """Coefficients, waves of the onset (deviation 1), sessions, spikes; (P,) prior deviations."""
+    base = base_shares(table)
+    since = np.clip(table.time - table.onset, 0.0, ONSET) / ONSET
+    early = np.stack([np.cos(np.pi * j * since) for j in range(1, ONSET_WAVES + 1)], axis=2)
+    early = projected(early, base, used)
+    early *= force / size_of(early, used)
+    days = [(session == s) - np.mean(session == s) for s in np.unique(session)]
+    days = days if len(days) > 1 else []
+    ones = np.ones_like(table.time)
+    by_day = np.stack([force * d[:, None] * ones for d in days], axis=2) if days else base[:, :, :0]
+    middle = np.einsum("smq,sm->q", spikes[0], used) / used.sum()
+    size = np.maximum(size_of(spikes[0] - middle, used), 1e-12)
+    smooth = projected(spikes[0], base, used) / size
+    shares = np.concatenate([base, early, by_day, smooth], axis=2)
+    brakes = np.ones(shares.shape[2] - len(size))
+    std = [prior.changed(force), np.ones(ONSET_WAVES), np.full(len(days), prior.SESSION)]
+    std.append(np.full(len(size), prior.SPIKE * force))
+    through = np.concatenate([brakes, spikes[1]]).astype(bool)
+    return Integrated.of(table, shares, through), np.concatenate(std)
+
+
+def grams_at(trace: Trace, onset: Onset, extra: Integrated) -> tuple[Grams, Floats]:
+    """Products of all columns at an onset, and (P,) deviations of those always there, hats as 1.
+
+    The first column is that of the dead time. A stop's own dead time is linear about the `late` of
+    the onset.
+
+    Args:
+        trace: of the log. onset: its state. extra: (…, Q) shares of further columns.
+    """
+    table, samples = trace.table, trace.samples
+    moment = Moment.of(samples, onset, trace.quicker)
+    always, stds = _nuisances(trace, onset, moment)
+    early = samples.mean(np.minimum(moment.u, 0.0))
+    own = np.stack([np.ones_like(early), early, always[0]], axis=2)
+    expected = trace.expected.fallen(table, onset, moment).sum(axis=2)
+    left = table.binned - table.held[:, None] + expected
+    left = left + always[0] * onset.late[:, None]
+    columns = [-c.fallen(table, onset, moment) for c in (trace.always, extra)]
+    every = np.concatenate([np.stack(always, axis=2), *columns, left[:, :, None]], axis=2)
+    apart = np.concatenate([own, trace.waves.fallen(table, onset, moment)], axis=2)
+    grams = Grams.of(every, apart, table.own_spread)
+    return grams, np.concatenate([stds, trace.always_std])
+
+
+def _nuisances(trace: Trace, onset: Onset, moment: Moment) -> tuple[list[Floats], Floats]:
+    """(S, K) each of the onset, the first one of the dead time, and (N,) their deviations."""
+    u, mean, pull = moment.u, trace.samples.mean, trace.pull
+    rates, changes, behind = (mean(x) for x in onset.swung(u))
+    hats = [
+        pull * mean(np.maximum(1.0 - np.abs(u - middle) / width, 0.0))
+        for middle, width in zip(HATS, np.diff(HATS, prepend=-HATS[1]), strict=True)
+    ]
+    t = trace.samples.time
+    early = -GRAVITY * mean(np.clip(t, 0.0, np.maximum(onset.each, 0.0)[:, None, None]))
+    built = pull * mean(onset.built(u / trace.quicker[:, :, None]))
+    stds = [prior.DEAD_TIME_STEP, prior.SLIP, prior.EARLY]
+    stds += [prior.SWING, prior.SWING_SHIFT, prior.DIVE]
+    columns = [built, -trace.speed * built / GRAVITY, early, pull * rates, pull * changes]
+    columns += [GRAVITY * pull * behind, *hats]
+    return columns, np.array([*stds, *[1.0] * len(HATS)])
+
+
+HAT_PLACES = slice(6, 6 + len(HATS))
+"""Where the hats are among the columns that are always there."""
+BASE_PLACES = slice(HAT_PLACES.stop, HAT_PLACES.stop + 4)
+"""Where the coefficients are."""
+EARLY_PLACES = slice(HAT_PLACES.stop + 4, HAT_PLACES.stop + 4 + ONSET_WAVES)
+"""Where the waves of the force after the onset are."""
