@@ -95,6 +95,8 @@ def _where(effect: Effect, along: Followed | None) -> str:
     axis = LAWS[effect.name].axis
     if along is None:
         return f"along {axis}"
+    if along.axis.periodic and "direction" in effect.parameters:
+        return f"along {axis}, most at {np.rad2deg(effect.parameters['direction']) % 360.0:.0f}°"
     low, high = part_of_axis(along)
     if along.axis.unit == "rad":
         return f"along {axis}, most at {np.rad2deg(low):.0f}° … {np.rad2deg(high):.0f}°"
