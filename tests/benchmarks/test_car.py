@@ -1,4 +1,7 @@
-"""The multi-body car against free bodies, and its sets."""
+"""The multi-body car against free bodies, and its sets; by night: compiling takes half a minute.
+
+By day the plant of `test_effect_plant.py` is driven, measured, investigated and scored.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +28,7 @@ def car(
     return decelerations(multibody.drive(nature, scene), scene, at)
 
 
+@pytest.mark.nightly
 def test_compiled_car_has_the_slopes_of_the_package() -> None:
     from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
     from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
@@ -37,6 +41,7 @@ def test_compiled_car_has_the_slopes_of_the_package() -> None:
     np.testing.assert_allclose(compiled, expected, rtol=1e-12, atol=1e-9)
 
 
+@pytest.mark.nightly
 def test_car_brakes_as_a_free_body_at_any_step() -> None:
     grade = [-0.15, 0.0, 0.15]
     expected = G * (FORCE + np.sin(grade)) / (1.0 + SPIN)
@@ -50,6 +55,7 @@ def test_car_brakes_as_a_free_body_at_any_step() -> None:
         np.testing.assert_allclose(coarse.distance, fine.distance, atol=1e-3)
 
 
+@pytest.mark.nightly
 def test_effects_act_by_their_physics() -> None:
     assert car(CarNature(brake=0.8, friction=0.3))[0] == pytest.approx(0.3 * G, rel=0.03)
     plain, heavy = car(CarNature(payload=200.0, payload_run=1), speed=[4.0] * 2)
@@ -72,6 +78,7 @@ def test_effects_act_by_their_physics() -> None:
     assert (inside, outside) == (pytest.approx(0.3 * G, rel=0.05), pytest.approx(plain, rel=0.01))
 
 
+@pytest.mark.nightly
 def test_body_dives_turns_and_stops() -> None:
     motion = multibody.drive(CarNature(), stops(curvature=[0.0, 0.04]))
     braking = (motion.time > 0.5) & (motion.speed[0] > 0.5)
@@ -91,6 +98,7 @@ def test_specs_hold_every_effect_and_halves_share_no_seed() -> None:
         assert {s.what for s in specs} == {"", *car_outcomes.CAR_NAMES}
 
 
+@pytest.mark.nightly
 def test_a_set_from_end_to_end() -> None:
     """Weaker brakes: driven, measured, investigated, scored."""
     specs = car_outcomes.car_specs(0.2, "tuning")

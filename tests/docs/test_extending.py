@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.world.compilers import compiler_with
+
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "extending.md").read_text()
 PARTS = ("slopewise", "models", "planner", "services", "configs")
@@ -39,6 +41,8 @@ def tree(tmp_path: Path) -> Path:
 
 def run(tree: Path, *command: str, text: str = "") -> subprocess.CompletedProcess[str]:
     environment = {"PYTHONPATH": str(tree), "PATH": "/usr/bin:/bin", "HOME": str(tree)}
+    # The checks ask what a change does, not how fast.
+    environment |= compiler_with("-O0", tree)
     return subprocess.run(
         command, cwd=tree, env=environment, input=text, capture_output=True, text=True, timeout=400
     )

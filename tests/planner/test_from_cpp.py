@@ -21,7 +21,7 @@ from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import Status
 from slopewise.services.cli.app import app, main
 from slopewise.services.export.cpp_model import write_cpp
-from tests.world.sanitized import run_under_sanitizers
+from tests.world.compilers import run_under_sanitizers
 
 ROOT = Path(__file__).parents[2]
 STATUSES = list(Status)
@@ -76,7 +76,7 @@ def test_the_example_plans_as_python_does(tmp_path: Path) -> None:
 
 
 def test_random_maps_paths_and_vehicles_pass_the_sanitizers(tmp_path: Path) -> None:
-    run_under_sanitizers(Path(__file__).parent / "planner_driver.cpp", 5, tmp_path)
+    run_under_sanitizers(Path(__file__).parent / "planner_driver.cpp", tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -298,7 +298,6 @@ def test_what_cannot_be_followed_is_refused_with_place_and_size() -> None:
 def test_stations_that_lie_off_their_path_are_refused_wherever_they_come_from() -> None:
     wavy = np.stack([np.arange(40.0), np.resize([0.0, 1.0, 0.0, -1.0], 40)], axis=1)
     away = resample(CandidatePath("away", wavy @ [[0.8, 0.6], [-0.6, 0.8]]), 0.25)
-    assert away.given is not None
     assert away.given.deviation > LIMIT
     with pytest.raises(ParameterError, match="away"):
         CandidatePlanner(model_of(ATV)).plan(FLAT, [away])
@@ -325,6 +324,5 @@ def test_a_horizon_does_not_go_on_along_a_line_that_its_path_has_left() -> None:
     assert answer.chosen is not None
     assert not answer.kept
     deviation = answer.chosen.path_deviation
-    assert deviation is not None
     assert deviation.largest <= deviation.limit == model.max_path_deviation
     np.testing.assert_allclose(answer.chosen.y, 0.09, atol=0.05)

@@ -123,28 +123,6 @@ def test_unknown_ground_farther_away_never_makes_it_slower(
     never_faster(near, far)
 
 
-@given(
-    drive=drives(),
-    share=between(0.3, 1.0),
-    name=st.sampled_from(["speed", "accel", "decel", "lateral_accel"]),
-    start=st.one_of(st.just(0.0), between(0.0, 6.0)),
-)
-def test_a_tighter_limit_never_makes_it_faster(
-    drive: Drive, share: float, name: str, start: float
-) -> None:
-    tables, ground, path = drive
-    # Over a crest a slower stop keeps more of its brakes: here they keep all.
-    crest = {"name": "crest_unloading", "parameters": {"k": 0.0}}
-    tables = tables | {"effect": [*tables.get("effect", ()), crest]}
-    # Friction left for the drive is that at the speed bound: a lower bound leaves more of it.
-    braking = {k: v for k, v in tables["braking"].items() if k != "sliding_friction"}
-    tables["braking"] = braking
-    tight = copy.deepcopy(tables)
-    tight["limits"][name] *= share
-    slow, fast = (solve(t, ground, path, start_speed=start) for t in (tight, tables))
-    never_faster(slow, fast)
-
-
 @FEW
 @given(drive=drives(), slower=between(0.0, 2.0), faster=between(0.0, 2.0))
 def test_a_slower_start_is_never_ahead(drive: Drive, slower: float, faster: float) -> None:

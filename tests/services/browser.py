@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pytest
 
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
+
 
 def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    browser = shutil.which("chromium") or shutil.which("chromium-browser")
-    if browser is None:
+    if BROWSER is None:
         pytest.skip("needs chromium to show the page")
     command = [
-        browser,
+        BROWSER,
         "--headless",
         "--no-sandbox",
         "--disable-gpu",

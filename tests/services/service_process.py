@@ -97,7 +97,6 @@ def running(
     else:
         process = WarmProcess(argv, started)
     try:
-        assert process.stdout is not None
         line = process.stdout.readline()
         assert namespace in line, (line, process.poll(), process.stderr and process.stderr.read())
         yield Running(process, endpoint, namespace)

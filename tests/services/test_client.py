@@ -19,7 +19,6 @@ def is_safe(outcome: ClientAnswer, speed: float) -> None:
     """An own stop: never faster than now, and at rest in the end."""
     assert outcome.reply is None
     stop = outcome.stop
-    assert stop is not None
     assert stop.speed[0] == speed
     assert stop.speed.max() == speed
     assert stop.speed[-1] == 0.0
@@ -61,7 +60,6 @@ def test_a_hung_service_is_one_that_does_not_answer(tmp_path: Path) -> None:
         hung.process.send_signal(signal.SIGCONT)
     is_safe(outcome, 1.5)
     assert 0.25 < took < 0.8
-    assert outcome.stop is not None
     assert outcome.stop.reason == "no service answers"
 
 
@@ -72,7 +70,6 @@ def test_what_is_no_plan_is_no_answer(service: Running) -> None:
     ):
         outcome = client.plan(1.0, fan())
     is_safe(outcome, 1.0)
-    assert outcome.stop is not None
     assert outcome.stop.reason.startswith("error")
     assert "pose" in outcome.stop.reason
 

@@ -22,7 +22,6 @@ IMPORT = ROOT / "planner" / "compiled_core.py"
 @pytest.fixture
 def build() -> ModuleType:
     spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
-    assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

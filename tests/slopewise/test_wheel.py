@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.world.compilers import compiler_with
+
 pytest.importorskip("hatchling", reason="the dev extra is not installed")
 
 ROOT = Path(__file__).parents[2]
@@ -29,7 +31,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(ROOT / part, source / part, ignore=ignore, symlinks=True)
     for file in FILES:
         shutil.copy(ROOT / file, source)
-    pip("wheel", source, "--no-build-isolation", "--wheel-dir", folder)
+    # What is inside and whether it starts does not depend on how fast it is.
+    quick = compiler_with("-O0", folder)
+    pip("wheel", source, "--no-build-isolation", "--wheel-dir", folder, environment=quick)
     return next(folder.glob("*.whl"))
 
 
@@ -40,10 +44,13 @@ def installed(wheel: Path) -> Path:
     return target
 
 
-def pip(command: str, what: Path, *options: object) -> None:
+def pip(
+    command: str, what: Path, *options: object, environment: dict[str, str] | None = None
+) -> None:
     arguments = [command, str(what), "--no-deps", "--no-index", "--quiet", *map(str, options)]
     done = subprocess.run(
         [sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments],
+        env=os.environ | (environment or {}),
         capture_output=True,
         text=True,
         timeout=300,

@@ -13,7 +13,6 @@ from slopewise.models.calibration.force_fit import (
 )
 from slopewise.models.calibration.margins import normal_bound, offset_for
 from slopewise.models.calibration.uphill import Asymmetry, asymmetry
-from slopewise.models.force_design import design
 
 # ------------------------------------------------------------------------------- force fit
 
@@ -38,7 +37,6 @@ def test_without_noise_it_is_exact() -> None:
     np.testing.assert_allclose(fit.coefficients, TRUTH, atol=1e-4)
     np.testing.assert_allclose(fit.force_ratio(v, theta), force, atol=1e-5)
     two = fit_two_stages(v, theta, force)
-    assert two is not None
     np.testing.assert_allclose(two[1], TRUTH[1], atol=0.1)
 
 
@@ -84,10 +82,6 @@ def test_an_error_that_all_stops_share_widens_the_covariance() -> None:
     )
 
 
-def test_rows_of_the_design() -> None:
-    np.testing.assert_allclose(design(np.array([2.0]), np.array([0.1])), [[0.2, 0.1, 2.0, 1.0]])
-
-
 def test_two_stages_need_two_grades_and_speeds() -> None:
     v, theta, force = observations(20, 3, level=True)
     assert fit_two_stages(v, theta, force) is None
@@ -110,7 +104,6 @@ def stops(k: float, n: int = 80, seed: int = 0, low: float = -0.25) -> Asymmetry
 @pytest.mark.parametrize("k", [-0.3, 0.2])
 def test_it_is_found_with_its_size(k: float) -> None:
     logged = stops(k)
-    assert logged is not None
     assert logged.clear
     assert logged.value == pytest.approx(k, abs=4.0 * logged.std)
     assert logged.std < 0.03

@@ -206,7 +206,6 @@ def test_other_brakes_uphill_get_coefficients_of_their_own(
     learned = learn(log, runs, KNOWN)
     assert any("uphill" in text and f"{change:+.1f}" in text for text in learned.warnings)
     up = learned.braking.uphill
-    assert up is not None
     assert up.m_m == learned.braking.m_m
     assert up.b_m - learned.braking.b_m == pytest.approx(change, abs=0.08)
     assert learned.braking.b_m == pytest.approx(plant.b_m, abs=0.1)

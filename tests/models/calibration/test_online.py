@@ -13,7 +13,6 @@ from slopewise.models.calibration.learned_force import LearnedForce
 from slopewise.models.calibration.online import OnlineBraking
 from slopewise.models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
 from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
-from slopewise.models.surface_braking import SurfaceBraking
 from tests.models.calibration.plant import Plant, drive
 from tests.world.vehicles import BASE
 
@@ -51,29 +50,6 @@ def test_it_learns_while_driving() -> None:
     assert learned(online).accepted > 110
 
 
-def test_weaker_brakes_are_planned_with_after_two_stops() -> None:
-    online = OnlineBraking(KNOWN)
-    for stop in driven(Plant(), 60, 0):
-        online.take(stop)
-    before = online.coefficients()[3]
-    worn = Plant(b_b=0.28)
-    for stop in driven(worn, 3, 5):
-        online.take(stop)
-    assert online.coefficients()[3] < before - 0.08
-
-
-def test_each_surface_is_followed_on_its_own() -> None:
-    known = replace(KNOWN, terrain={"gravel": SurfaceBraking(b_b=0.30)})
-    online = OnlineBraking(known)
-    for stop in driven(Plant(), 40, 0):
-        online.take(stop, surface="clay")
-    assert learned(online, "clay").accepted > 35
-    assert not online.knows("gravel")
-    assert online.coefficients("gravel")[3] == pytest.approx(0.30)
-    assert online.coefficients("")[3] == pytest.approx(KNOWN.b_b)
-    assert online.coefficients("clay")[3] != pytest.approx(KNOWN.b_b, abs=1e-3)
-
-
 def test_a_sample_is_processed_in_microseconds() -> None:
     log, _, _ = drive(Plant(), 60, 0)
     rows = list(zip(*(log[n].tolist() for n in ("t", "v", "v_cmd", "pitch")), strict=True))
@@ -83,21 +59,6 @@ def test_a_sample_is_processed_in_microseconds() -> None:
         if (stop := stream.feed(*row)) is not None:
             online.take(stop)
     assert (time.process_time() - begin) / len(rows) < 20e-6
-
-
-def test_age_is_never_a_rise() -> None:
-    online = OnlineBraking(KNOWN)
-    for stop in driven(Plant(), 40, 0):
-        online.take(stop)
-    before, std = online.coefficients(), np.diag(learned(online).covariance)
-    online.age(7200.0)
-    v, theta = np.meshgrid([1.0, 4.0], [-0.26, 0.26])
-
-    def force(c: np.ndarray) -> np.ndarray:
-        return np.asarray((c[0] * v + c[1]) * theta + c[2] * v + c[3])
-
-    assert np.all(force(online.coefficients()) <= force(before) + 1e-12)
-    assert np.all(np.diag(learned(online).covariance) > std)
 
 
 def streamed(force: float, time_: float, rng: np.random.Generator) -> StreamedStop:

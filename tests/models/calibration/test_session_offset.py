@@ -196,7 +196,6 @@ def test_a_change_of_ground_ends_the_session() -> None:
     drive(online, [FORCE] * 40)
     tight = online.learned()[""].distance
     online.doubt()
-    assert tight is not None
     assert tight.worst(0.99) < table().worst(0.99)
     assert online.learned()[""].distance == table()
     assert online.learned()[""].session == ()
@@ -228,5 +227,4 @@ def test_an_invalid_estimate_has_the_promise_of_the_file() -> None:
     drive(online, [0.6 * FORCE, 1.5 * FORCE] * 3)
     assert not online.learned()[""].valid
     distance = online.learned()[""].distance
-    assert distance is not None
     assert distance.worst(0.99) >= table().worst(0.99)

@@ -168,7 +168,6 @@ def test_what_stops_support_is_counted() -> None:
     assert promise.counted_new == pytest.approx(4 / 5)
     assert (promise.more_stops, promise.more_sessions) == (59, 95)
     assert promise.held_out == 40
-    assert promise.interval is not None
     assert promise.interval[0] <= promise.held_out_beyond / 40 <= promise.interval[1]
     assert "drive 59 more stops" in promise.sentence()
     alone = promise_of(learned(8, 1, 2), 0.99)

@@ -30,7 +30,6 @@ def stop_on_a_plane(
 @pytest.mark.parametrize("dead_time", [0.1, 0.3, 0.5])
 def test_without_noise_it_is_exact(grade: float, dead_time: float) -> None:
     knee = fit_knee(*stop_on_a_plane(0.42, grade, dead_time))
-    assert knee is not None
     assert knee.force_ratio == pytest.approx(0.42, abs=2e-3)
     assert knee.onset_time == pytest.approx(dead_time, abs=3e-3)
     assert knee.onset_speed == pytest.approx(3.0, abs=2e-3)
@@ -66,7 +65,6 @@ def test_a_slope_that_varies_along_the_stop_is_taken_as_it_is() -> None:
     v = np.where(braking, run.sol(np.maximum(t - dead_time, 0.0))[1], held)
     grade = np.array([theta(x) for x in s])
     knee = fit_knee(t, v, grade, rest, slope=m)
-    assert knee is not None
     assert knee.force_ratio == pytest.approx(m * knee.mean_grade + b, abs=1.5e-3)
     assert knee.onset_time == pytest.approx(dead_time, abs=3e-3)
 

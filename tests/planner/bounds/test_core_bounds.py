@@ -11,8 +11,8 @@ import pytest
 
 from slopewise.planner.bounds.speed_bounds import speed_bounds
 from slopewise.planner.limiting import Limiting
+from tests.world.compilers import CORE, run_under_sanitizers
 from tests.world.ground import ground_map, plane, straight
-from tests.world.sanitized import CORE, run_under_sanitizers
 from tests.world.stages import bounds_of
 from tests.world.vehicles import BASE, model_of, tables_with
 
@@ -55,4 +55,4 @@ def test_arrays_that_do_not_fit_are_named() -> None:
 
 
 def test_random_problems_pass_the_sanitizers(tmp_path: Path) -> None:
-    run_under_sanitizers(HERE / "core_driver.cpp", 4, tmp_path)
+    run_under_sanitizers(HERE / "core_driver.cpp", tmp_path)

@@ -19,8 +19,8 @@ from slopewise.planner.profile.time_optimal import (
     travel_cost,
 )
 from tests.planner.profile import reference_profile as reference
+from tests.world.compilers import run_under_sanitizers
 from tests.world.roads import problem_of, wavy
-from tests.world.sanitized import run_under_sanitizers
 
 HERE = Path(__file__).parent
 
@@ -149,4 +149,4 @@ def test_rows_are_declared_with_type_and_unit() -> None:
 
 @pytest.mark.parametrize("source", [HERE / "core_driver.cpp", HERE.parent / "path_driver.cpp"])
 def test_random_problems_pass_the_sanitizers(tmp_path: Path, source: Path) -> None:
-    run_under_sanitizers(source, 4, tmp_path)
+    run_under_sanitizers(source, tmp_path)

@@ -53,7 +53,6 @@ def test_the_start_is_unchanged_and_rest_stays_rest() -> None:
     r.bound[60:] = 0.0
     p = problem_of(r, 2.0)
     result = smooth(p)
-    assert result.speed_sq is not None
     assert result.speed_sq[0] == pytest.approx(1.69)
     assert np.all(result.speed_sq[60:] == 0.0)
     assert result.speed_sq[30] > 0.0
@@ -98,7 +97,6 @@ def test_paths_of_few_stations_are_solved_as_well(n: int) -> None:
         4.0,
     )
     result = smooth(p)
-    assert result.speed_sq is not None
     assert result.speed_sq[0] == 0.2
     assert result.speed_sq[-1] == 0.0
     assert_exact(p, result.speed_sq)

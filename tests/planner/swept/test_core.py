@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.world.sanitized import run_under_sanitizers
+from tests.world.compilers import run_under_sanitizers
 
 
 def test_random_scenes_pass_the_sanitizers(tmp_path: Path) -> None:
-    run_under_sanitizers(Path(__file__).parent / "swept_driver.cpp", 4, tmp_path)
+    run_under_sanitizers(Path(__file__).parent / "swept_driver.cpp", tmp_path)

@@ -16,9 +16,9 @@ from slopewise.planner.verify.batch_judge import screen
 from slopewise.planner.verify.judge import Violations, check
 from slopewise.planner.verify.track import track_of
 from tests.world import generated
+from tests.world.compilers import run_under_sanitizers
 from tests.world.generated import between
 from tests.world.ground import arc, ground_map, plane, straight
-from tests.world.sanitized import run_under_sanitizers
 from tests.world.vehicles import model_of, tables_with
 
 
@@ -111,4 +111,4 @@ def test_each_kind_of_breach_is_found_in_the_right_candidate(
 
 
 def test_random_plans_pass_the_sanitizers(tmp_path: Path) -> None:
-    run_under_sanitizers(Path(__file__).parent / "verify_driver.cpp", 4, tmp_path)
+    run_under_sanitizers(Path(__file__).parent / "verify_driver.cpp", tmp_path)

@@ -125,7 +125,6 @@ def test_the_speed_error_is_estimated_where_the_log_has_driving(log: Log, tmp_pa
     joined = {name: np.concatenate((log[name], more[name])) for name in more}
     result = calibrate(write_log(joined, tmp_path / "joined.csv"))
     assert result.model.braking.speed_error == pytest.approx(0.065, abs=0.01)
-    assert result.calibration.speed_error is not None
     assert result.calibration.speed_error.stretches == 6
 
 
@@ -148,7 +147,6 @@ def test_tracking_is_learned_from_sessions_with_poses_and_a_path(log: Log, tmp_p
     joined = {name: np.concatenate([part[name] for part in parts]) for name in names}
     result = calibrate(write_log(joined, tmp_path / "joined.csv"))
     learned = result.model.tracking
-    assert learned is not None
     assert 0.035 < learned.cross_track_std < 0.12
     assert learned.heading_std < 0.01
     assert any("in 4 sessions: " in w for w in result.calibration.warnings)

@@ -62,7 +62,6 @@ def test_a_running_command_prints_that_it_is_ready(tmp_path: Path) -> None:
     config.write_text(f'model = "atv"\nnamespace = "machines"\n[zenoh]\nlisten = ["{endpoint}"]\n')
     process = WarmProcess(["serve", "--config", str(config), "--json"], os.environ)
     try:
-        assert process.stdout is not None
         assert json.loads(process.stdout.readline()) == {
             "ready": True,
             "plan": "machines/v1/plan",

@@ -85,16 +85,13 @@ def test_plans_of_another_solver_differ_little(
         assert plan.status is expected[plan.candidate].status
         assert plan.travel_time == pytest.approx(expected[plan.candidate].travel_time, rel=0.02)
     checked = job.with_check(result, None, 12.0).check
-    assert checked is not None
     assert checked.valid
 
 
 def test_the_best_candidate_is_explained(explained: job.PlanResult) -> None:
     explanation, best = explained.explanation, explained.plans[0]
-    assert explanation is not None
     np.testing.assert_allclose(explanation.plan.speed, best.speed, atol=1e-9)
     summary = summarise(explained).explain
-    assert summary is not None
     assert summary.candidate == best.candidate
     assert {cost.limiting for cost in summary.costs} == {bound.label for bound in Limiting}
     spent = sum(stretch.seconds for stretch in summary.stretches)

@@ -63,7 +63,6 @@ time.sleep(600)
 def estimator(service: Running, name: str) -> subprocess.Popen[str]:
     arguments = [sys.executable, "-c", TOKEN, service.endpoint, service.key(f"alive/{name}")]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
     assert process.stdout.readline() == "alive\n"
     return process
 

@@ -114,7 +114,6 @@ def resident(process: int) -> float:
     """[MB]."""
     status = Path(f"/proc/{process}/status").read_text()
     line = re.search(r"^VmRSS:\s+(\d+) kB", status, re.MULTILINE)
-    assert line is not None
     return int(line[1]) / 1024
 
 

@@ -54,7 +54,6 @@ def process(code: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
         [sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, text=True
     )
     try:
-        assert started.stdout is not None
         assert started.stdout.readline() == "ready\n"
         yield started
     finally:
@@ -118,6 +117,5 @@ def test_a_router_that_restarts_is_found_again(tmp_path: Path) -> None:
             after = answered(client, 30.0)
             client.__exit__(None, None, None)
             session.close()
-    assert after is not None
     assert after.map_version == before.map_version
     assert after.plans[0].column("speed").max() == before.plans[0].column("speed").max()

@@ -106,7 +106,6 @@ def test_nobody_answers_in_the_service_s_place(folder: Path, service: Running) -
         forger.declare_queryable(key, forge, complete=True)
         time.sleep(_SETTLED)
         reply = plan(navigation)
-    assert reply is not None
     assert reply.service == "planner"
 
 
@@ -196,8 +195,6 @@ def test_a_role_without_the_right_changes_nothing(
         time.sleep(_SETTLED)
     assert parameters(folder, service) == before
     again = planned(folder, service)
-    assert first.parameters is not None
-    assert again.parameters is not None
     assert again.parameters.version == first.parameters.version
     assert again.map_version == first.map_version
     for plan_again, plan in zip(again.plans, first.plans, strict=True):

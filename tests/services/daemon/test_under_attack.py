@@ -21,8 +21,8 @@ from tests.services.parameter_client import robot_on_ground, speeds_of
 from tests.services.service_process import Running, free_port
 
 LONG = "SLOPEWISE_ATTACK" in os.environ
-SECONDS = float(os.environ.get("SLOPEWISE_ATTACK", "12"))
-WARM, ALONE = (30.0, 10.0) if LONG else (6.0, 6.0)
+SECONDS = float(os.environ.get("SLOPEWISE_ATTACK", "6"))
+WARM, ALONE = (30.0, 10.0) if LONG else (3.0, 3.0)
 IN_TIME = 0.1
 SHARE = 0.99 if LONG else 0.4
 """Of what the robot is answered alone, at least. The long form has a whole machine. With
@@ -31,7 +31,7 @@ a robot that is starved, as without a separate share, is answered "busy" nearly 
 """
 MORE_MEMORY = 25.0 if LONG else 100.0
 """[MB] than in the first seconds under attack, medians: large messages come and go."""
-LOADING = 6.0
+LOADING = 6.0 if LONG else 4.0
 """[s] of attack before memory is measured: requests of every kind load modules."""
 
 
@@ -111,7 +111,7 @@ def test_a_thousand_candidates_a_second_keep_nobody_waiting(tmp_path: Path) -> N
         honest.drive(1.0)
         before, asked = honest.answered, honest.asked
         attacker = attackers.Attacker(robot.service.endpoint, robot.service.namespace, 1)
-        until = time.monotonic() + 6.0
+        until = time.monotonic() + 3.0
         while time.monotonic() < until:
             attacker.heavy()
             honest.drive(0.5)
@@ -135,7 +135,6 @@ def planned(session: zenoh.Session, key: str, **fields: object) -> tuple[str, di
     payload = msgspec.msgpack.encode({"speed": 0.0, "paths": [], **fields})
     encoding = f"{MACHINE};slopewise.plan_request.v1"
     (reply,) = session.get(key, payload=payload, encoding=encoding, timeout=3.0)
-    assert reply.ok is not None
     return str(reply.ok.key_expr), msgspec.msgpack.decode(reply.ok.payload.to_bytes())
 
 
@@ -162,7 +161,7 @@ def test_24_attackers_and_one_robot(tmp_path: Path) -> None:
     page = f"enabled = true\nport = {port}"
     with robot_on_ground(tmp_path, planning=settings, page=page) as robot:
         honest = Honest(robot.service, robot.session)
-        honest.drive(3.0)
+        honest.drive(1.5)
         fastest, honest.fastest = honest.fastest, 0.0
         honest.asked = honest.answered = 0
         honest.took.clear()
@@ -176,7 +175,7 @@ def test_24_attackers_and_one_robot(tmp_path: Path) -> None:
             status = robot.status(20.0)
         share = (honest.answered - answered) / (honest.asked - asked)
         slowed = list(honest.took)
-        time.sleep(3.0)
+        time.sleep(2.0)
         asked_alone, answered_alone = honest.asked, honest.answered
         honest.drive(ALONE)
         alone = (honest.answered - answered_alone) / (honest.asked - asked_alone)

@@ -257,7 +257,6 @@ def test_a_vehicle_that_ends_its_workers_is_reported_and_tried_again(
     assert vehicle_finding.finished(task) == row
     vehicle_finding.write_failed_row(task)
     failed_row = vehicle_finding.read_row(task)
-    assert failed_row is not None
     assert failed_row["status"] == "failed"
     assert "more memory" in failed_row["reason"]
     assert vehicle_finding.finished(task) is None

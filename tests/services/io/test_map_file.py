@@ -368,7 +368,6 @@ def test_classes_by_number(tmp_path: Path) -> None:
     classes[1, 2] = 3
     elevation_map = read_map(npz(tmp_path / "m.npz", terrain_class=classes))
     assert elevation_map.class_names == ("", "#1", "#2", "#3")
-    assert elevation_map.terrain_class is not None
     assert elevation_map.terrain_class[1, 2] == 3
     braking = Braking(
         m_m=0.0,
@@ -395,7 +394,6 @@ def test_classes_by_name(tmp_path: Path, kind: str) -> None:
     classes[0, 0], classes[1, 1] = "", "gravel"
     elevation_map = read_map(npz(tmp_path / "m.npz", terrain_class=classes))
     assert elevation_map.class_names == ("", "gravel", "sand")
-    assert elevation_map.terrain_class is not None
     assert elevation_map.terrain_class[0, :2].tolist() == [0, 2]
     assert elevation_map.terrain_class[1, :2].tolist() == [2, 1]
 

@@ -60,7 +60,6 @@ def test_several_candidates_in_the_order_of_their_first_row(tmp_path: Path) -> N
     assert (right.name, left.name) == ("right", "left")
     assert right.points.tolist() == [[0.0, 1.0], [1.0, 2.0]]
     assert right.speed_limit is None
-    assert left.speed_limit is not None
     assert left.yaw is not None
     assert left.speed_limit.tolist() == [2.5, 0.0]
     assert left.yaw.tolist() == [0.1, 0.2]
@@ -124,7 +123,6 @@ def test_geojson_names_and_limits(tmp_path: Path) -> None:
     )
     paths = read_paths(written(tmp_path / "p.geojson", data))
     assert [path.name for path in paths] == ["a", "c", "17", "3", "d-1", "d-2"]
-    assert paths[0].speed_limit is not None
     assert paths[0].speed_limit.tolist() == [2.0] * 3
     assert paths[1].speed_limit is None
     assert all(path.points.tolist() == LINE for path in paths[:-1])

@@ -72,7 +72,6 @@ def test_how_well_real_vehicles_hold_a_speed(tmp_path: Path) -> None:
         len(log.columns["t"]), find_suspects(log.columns, log.runs), ["v", "v_cmd"]
     )
     error = speed_error(log.columns, log.runs, usable_samples)
-    assert error is not None
     assert 0.03 < error.value < 0.08
     assert abs(error.bias) < 0.01
     assert error.stretches > 30

@@ -173,27 +173,6 @@ def test_learned_force_above_another_calibration_is_not_restored() -> None:
     assert level_force(same) == pytest.approx(level_force(robot), rel=1e-6)
 
 
-@settings(max_examples=25)
-@given(
-    forces=st.lists(st.floats(0.05, 0.9), max_size=12), ages=st.lists(st.floats(0, 1e6), max_size=4)
-)
-def test_restored_older_is_never_stronger(forces: list[float], ages: list[float]) -> None:
-    robot = learner(named=True)
-    for i, force in enumerate(forces):
-        robot.observe(stop(force, ("", "sand")[i % 2]), "obs/stop")
-    for name in ("braking", "braking.sand"):
-        state, surface = robot.state.group(name).state(name), name[8:]
-        strongest = level_force(robot, surface)
-        for age in sorted(ages):
-            again = learner(named=True)
-            again.state.group(name).restore(name, state, age)
-            model, common, _ = again.active()
-            force = (model.braking.on(surface) if surface else model.braking).level_force(2.0)
-            assert force <= strongest + 1e-6
-            strongest = force
-            assert common <= 14_400.0
-
-
 # ---------------------------------------------------------------------- ground and limits
 
 

@@ -59,7 +59,6 @@ def drive(service: ParameterService, stops: int, weaker: float = 1.0) -> None:
 
 def factor(service: ParameterService) -> float:
     distance = service.active.model.braking.distance
-    assert distance is not None
     return distance.worst(0.99)
 
 
@@ -175,7 +174,6 @@ def test_weaker_ground_that_is_reached_lends_the_base_its_promise(tmp_path: Path
     assert on_x is not None
     forces.lower_base("x", "")
     base = forces.planning_braking({}).distance
-    assert base is not None
     assert base.worst(0.99) >= on_x.worst(0.99) > 1.1 * factor(service)
 
 

@@ -72,7 +72,6 @@ def test_the_lock_excludes_a_second_process_and_ends_with_a_killed_one(path: Pat
     )
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     try:
-        assert process.stdout is not None
         assert process.stdout.readline() == "open\n"
         with pytest.raises(StoreError, match="locked"):
             Store(path)

@@ -59,7 +59,6 @@ def test_a_reply_reports_it_and_where_a_path_turns_round(client: str) -> None:
         assert ("turns round at (4.90, 0.00)" in plan.reason) == (plan.candidate == "back")
     for plan in reply.plans:
         deviation = plan.path_deviation
-        assert deviation is not None
         assert 0.0 <= deviation.largest <= deviation.limit == pytest.approx(LIMIT)
         k = int(np.argmin(np.abs(plan.column("station") - deviation.station)))
         assert plan.column("x")[k] == pytest.approx(deviation.x)

@@ -76,7 +76,6 @@ def test_at_twice_the_age_the_answer_is_a_stop_with_the_reason(client: str) -> N
     for age in (60.0, 894.0, 1e9):
         reply = ask(plans, of_age(age), 2.0, client=client)
         assert (reply.status, reply.chosen, reply.plans) == ("degraded", None, [])
-        assert reply.command is not None
         assert reply.command.stop
         assert "the map is older than 60 s, twice max_map_age" in reply.reason
         assert reply.flags[0].startswith("degraded: the map is older than 60 s")
@@ -104,7 +103,6 @@ def test_a_robot_driving_on_an_ageing_map_stops_without_full_brakes() -> None:
     speeds = []
     while clock < 4.0:
         reply = ask(plans, of_age(clock), speed, x, "robot")
-        assert reply.command is not None
         assert not reply.command.stop, (clock, reply.reason)
         assert reply.status in ("ok", "blocked", "degraded")
         after = reply.command.speed

@@ -26,12 +26,10 @@ def update(sequence: int, height: float = 0.0, **more: object) -> MapUpdate:
 
 
 def height(store: MapStore) -> float:
-    assert store.snapshot is not None
     return float(store.snapshot.elevation_map.elevation[0, 0])
 
 
 def flags(store: MapStore) -> list[str]:
-    assert store.snapshot is not None
     return store.snapshot.warnings.active()
 
 
@@ -110,7 +108,6 @@ def test_a_patch_makes_a_map_no_more_exact() -> None:
         )
     ):
         assert store.apply(update(n + 1, **changes), "map")
-        assert store.snapshot is not None
         assert store.snapshot.elevation_map.height_std == pytest.approx(expected)
         assert store.snapshot.elevation_map.height_std_is_assumed == (n == 0)
 
@@ -121,7 +118,6 @@ def test_errors_of_a_map_are_shared_as_far_as_those_of_its_patches() -> None:
     steps = ((None, {}, 0.0), (0.3, {}, 0.3), (0.1, patch, 0.3), (0.5, patch, 0.5))
     for n, (length, part, expected) in enumerate(steps):
         assert store.apply(update(n + 1, correlation_length=length, **part), "map")
-        assert store.snapshot is not None
         assert store.snapshot.elevation_map.correlation_length == expected
 
 
@@ -130,7 +126,6 @@ def test_a_lost_patch_is_flagged_until_the_next_whole_map() -> None:
     patch = {"patch": True, "elevation": np.zeros((2, 2))}
     for n, changes in ((1, {}), (3, patch), (2, patch), (4, patch), (5, {})):
         store.apply(update(n, **changes), "map")
-        assert store.snapshot is not None
         incomplete.append(store.snapshot.incomplete)
     assert incomplete == [False, True, True, True, False]
 
@@ -154,7 +149,6 @@ def test_a_map_is_identified_by_sender_and_digest() -> None:
 
     def identity(store: MapStore, *change: object, **more: object) -> tuple[str, str]:
         assert store.apply(update(*change, **more), "map")  # type: ignore[arg-type]
-        assert store.snapshot is not None
         return store.snapshot.id, store.snapshot.digest
 
     original = identity(first, 7, 1.0, instance="a")
@@ -174,7 +168,6 @@ def test_a_map_is_identified_by_sender_and_digest() -> None:
         height_std=second.snapshot.elevation_map.height_std,  # type: ignore[union-attr]
     )
     begun = MapStore(ground, "hill.tif").snapshot
-    assert begun is not None
     assert (begun.id, begun.digest) == ("hill.tif", original[1])
 
 
@@ -185,12 +178,6 @@ def test_one_huge_sequence_does_not_freeze_the_map() -> None:
     assert store.apply(update(8, 2.0), "map")
     assert height(store) == 2.0
     assert "uses two counts" in flags(store)[0]
-
-
-def test_a_huge_sequence_first_of_all_freezes_it_for_two_maps_only() -> None:
-    store = MapStore()
-    store.apply(update(2**53), "map")
-    assert [store.apply(update(n, float(n)), "map") for n in (1, 2, 3)] == [False, False, True]
 
 
 def test_an_instance_of_its_own_counts_for_itself() -> None:
@@ -210,7 +197,6 @@ def test_patches_after_a_restart_are_incomplete_until_the_next_whole_map() -> No
             store.apply(update(n, 9.0, patch=True, elevation=np.full((2, 2), float(n))), "map")
         patch = {"patch": True, "elevation": np.ones((2, 2)), **start}
         assert store.apply(update(**patch), "map")  # type: ignore[arg-type]
-        assert store.snapshot is not None
         assert store.snapshot.incomplete
 
 
@@ -227,11 +213,9 @@ def test_the_age_of_a_map_counts_from_when_it_was_seen() -> None:
     store, ages = MapStore(), []
     for n, (seen, arrived) in enumerate([(5000.0, 0.0), (5001.0, 1.0), (5002.0, 12.0)]):
         store.apply(update(n, float(n), time=seen), "map", arrived)
-        assert store.snapshot is not None
         ages.append(store.snapshot.delay)
     assert ages == pytest.approx([0.0, 0.0, 10.0])
     store.apply(update(9, 9.0, time=5013.0 - 300.0), "map", 13.0)
-    assert store.snapshot is not None
     assert store.snapshot.delay == pytest.approx(300.0)
 
 
@@ -241,5 +225,4 @@ def test_one_time_stamp_of_the_far_future_makes_no_honest_map_old() -> None:
     store.apply(update(2, 1.0, time=1e18), "map", 1.0)
     assert "the clock of mapper was set" in flags(store)
     store.apply(update(3, 2.0, time=102.0), "map", 2.0)
-    assert store.snapshot is not None
     assert store.snapshot.delay == 0.0

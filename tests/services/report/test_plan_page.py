@@ -119,7 +119,6 @@ def test_page_loads_nothing(text: str, page: PageReader) -> None:
 def test_page_runs_its_own_script_only(text: str, page: PageReader) -> None:
     policies = [m["content"] for m in page.all("meta") if "Security" in m.get("http-equiv", "")]
     (policy,) = policies
-    assert policy is not None
     assert policy.startswith("default-src 'none'")
     assert "unsafe-inline" not in policy.split("script-src")[1]
     assert "connect-src" not in policy

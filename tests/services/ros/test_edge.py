@@ -11,19 +11,26 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import zenoh
+from zenoh.ext import CacheConfig, declare_advanced_publisher
 
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
+from slopewise.services.io.bags import GRID_MAP
+from slopewise.services.ros.edge import RosEdge
+from slopewise.services.ros.inbox import decoded
+from slopewise.services.ros.node import Node
+from slopewise.services.ros.settings import EdgeSettings, RosSettings, ServiceEndpoint, Timing
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
-from tests.services.service_process import free_port, running
+from tests.services.ros import ros_peer
+from tests.services.service_process import Running, free_port, running
 from tests.services.warm_process import WarmProcess
 
 PEER = Path(__file__).with_name("ros_peer.py")
@@ -120,10 +127,6 @@ def test_paths_and_map_become_limits(endpoint: str) -> None:
     assert (
         "no path" in report["diagnosis"]["message"] or "odometry" in report["diagnosis"]["message"]
     )
-    took = np.array(report["took"][20:])
-    ms = 1e3 * np.percentile(took, [50, 99], method="higher")  # a limit that never came: inf
-    print(f"path to limit at 20 Hz: median {ms[0]:.1f} ms, p99 {ms[1]:.1f} ms, {len(took)} paths")
-    assert np.median(took) < 0.05  # a machine that others use; the 20 ms are measured alone
 
 
 def test_unusable_paths_are_refused(endpoint: str) -> None:
@@ -140,48 +143,51 @@ def test_unusable_paths_are_refused(endpoint: str) -> None:
     assert not reasons
 
 
-@pytest.mark.nightly
-def test_limits_resume_when_the_router_is_restarted(tmp_path: Path) -> None:
-    from slopewise.services.ros.edge import RosEdge
-    from slopewise.services.ros.settings import EdgeSettings, RosSettings, ServiceEndpoint
-    from tests.services.ros import ros_peer
-
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    listening = zenoh_config(ZenohSettings(mode="router", listen=(endpoint,)))
+@contextlib.contextmanager
+def edge_here(
+    endpoint: str, service: Running, clock: Callable[[], float] = time.monotonic
+) -> Iterator[ros_peer.Peer]:
+    """An edge in this process, and a robot on its router."""
+    settings = EdgeSettings(
+        ros=RosSettings(connect=(endpoint,)),
+        service=ServiceEndpoint(namespace=service.namespace, timeout=1.0),
+    )
     client = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
-    with contextlib.ExitStack() as stack:
-        first = zenoh.open(listening)
-        service = stack.enter_context(running(tmp_path))
-        settings = EdgeSettings(
-            ros=RosSettings(connect=(endpoint,)),
-            service=ServiceEndpoint(namespace=service.namespace, timeout=1.0),
-        )
-        ours, asked = (
-            stack.enter_context(zenoh.open(client)),
-            stack.enter_context(service.session()),
-        )
-        stack.enter_context(RosEdge(settings, ours, asked))
+    with (
+        zenoh.open(client) as ours,
+        service.session() as asked,
+        RosEdge(settings, ours, asked, clock),
+    ):
         peer = ros_peer.Peer(endpoint)
-        peer.drive(2.0, 10.0, 1.0, 30.0)
-        assert not peer.stops[-1]
-        first.close()
-        time.sleep(2.0)
-        stack.enter_context(zenoh.open(listening))
-        time.sleep(3.0)
-        peer.drive(2.0, 10.0, 1.0, 30.0)
-        assert not peer.stops[-1]
-        assert len([token for token in peer.tokens() if "/slopewise" in token]) == 10
+        yield peer
         peer.session.close()
 
 
+def drive_until(peer: ros_peer.Peer, *, stops: bool, seconds: int = 15) -> float:
+    """Send paths until the edge says so; the last limit."""
+    for _ in range(seconds):
+        peer.drive(1.0, 10.0, 1.0, 30.0)
+        if peer.stops and peer.stops[-1] is stops:
+            return peer.limits[-1][1]
+    raise AssertionError(peer.stops[-3:])
+
+
+@pytest.mark.nightly
+def test_limits_resume_when_the_router_is_restarted(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    listening = zenoh_config(ZenohSettings(mode="router", listen=(endpoint,)))
+    first = zenoh.open(listening)
+    with running(tmp_path) as service, edge_here(endpoint, service) as peer:
+        drive_until(peer, stops=False)
+        first.close()
+        time.sleep(2.0)
+        with zenoh.open(listening):
+            time.sleep(3.0)
+            drive_until(peer, stops=False)
+            assert len([token for token in peer.tokens() if "/slopewise" in token]) == 10
+
+
 def test_map_that_was_published_once_before_the_edge_is_received() -> None:
-    from zenoh.ext import CacheConfig, declare_advanced_publisher
-
-    from slopewise.services.io.bags import GRID_MAP
-    from slopewise.services.ros.inbox import decoded
-    from slopewise.services.ros.node import Node
-    from tests.services.ros import ros_peer
-
     with router() as endpoint:
         client = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
         with_clock = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
@@ -200,7 +206,6 @@ def test_map_that_was_published_once_before_the_edge_is_received() -> None:
                 received = node.inbox.take((topic,), time.monotonic() + 5.0)[topic]
                 message = decoded(node.inbox, topic, received[-1], GRID_MAP)
             publisher.undeclare()
-    assert message is not None
     assert message.info.resolution == 0.25
 
 
@@ -217,41 +222,23 @@ def test_a_silent_hour_makes_the_limit_expire(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All clocks are put forward by an hour without messages; then paths come again."""
-    from slopewise.services.ros.edge import RosEdge
-    from slopewise.services.ros.settings import EdgeSettings, RosSettings, ServiceEndpoint
-    from tests.services.ros import ros_peer
-
-    ahead = [0.0]
+    ahead, crawl = [0.0], Timing().crawl
     monkeypatch.setattr(ros_peer, "AHEAD", ahead)
-    with router() as endpoint, running(tmp_path) as service:
-        settings = EdgeSettings(
-            ros=RosSettings(connect=(endpoint,)),
-            service=ServiceEndpoint(namespace=service.namespace, timeout=1.0),
-        )
-        client = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
-        with (
-            zenoh.open(client) as ros_session,
-            service.session() as asked,
-            RosEdge(settings, ros_session, asked, lambda: time.monotonic() + ahead[0]),
-        ):
-            peer = ros_peer.Peer(endpoint)
-            peer.drive(3.0, 10.0, 1.0, 30.0)
-            before = len(peer.limits)
-            assert not peer.stops[-1]
-            assert peer.limits[-1][1] > 0.1
-            ahead[0] = 3600.0
-            time.sleep(1.0)
-            after = [limit for _, limit in peer.limits[before:]]
-            assert len(after) >= 3
-            assert set(after[1:]) == {settings.timing.crawl}
-            assert peer.stops[-1]
-            peer.drive(2.0, 10.0, 1.0, 30.0)
-            assert not peer.stops[-1]
-            assert peer.limits[-1][1] > 0.1
-            # And when the service dies, its plan does not live on.
-            service.process.kill()
-            service.process.wait(5.0)
-            peer.drive(1.5, 10.0, 1.0, 30.0)
-            assert peer.stops[-1]
-            assert peer.limits[-1][1] == settings.timing.crawl
-            peer.session.close()
+    with (
+        router() as endpoint,
+        running(tmp_path) as service,
+        edge_here(endpoint, service, lambda: time.monotonic() + ahead[0]) as peer,
+    ):
+        assert drive_until(peer, stops=False) > 0.1
+        before = len(peer.limits)
+        ahead[0] = 3600.0
+        time.sleep(1.0)
+        after = [limit for _, limit in peer.limits[before:]]
+        assert len(after) >= 3
+        assert set(after[1:]) == {crawl}
+        assert peer.stops[-1]
+        assert drive_until(peer, stops=False) > 0.1
+        # And when the service dies, its plan does not live on.
+        service.process.kill()
+        service.process.wait(5.0)
+        assert drive_until(peer, stops=True, seconds=3) == crawl

@@ -77,7 +77,6 @@ def missing(
 )
 def test_tokens_of_rmw_zenoh(token: str, scheme: KeyScheme, node: str) -> None:
     endpoint = endpoint_of(token)
-    assert endpoint is not None
     assert (endpoint.entity, endpoint.topic, endpoint.kind) == (
         SUBSCRIPTION,
         "/speed_limit",
@@ -89,7 +88,6 @@ def test_tokens_of_rmw_zenoh(token: str, scheme: KeyScheme, node: str) -> None:
 def test_tokens_of_the_bridge() -> None:
     token = f"@/a1b2/@ros2_lv/MS/r1§speed_limit/nav2_msgs§msg§SpeedLimit/:1:0:0,10:typehash={HASH};"
     endpoint = endpoint_of(token)
-    assert endpoint is not None
     assert (endpoint.topic, endpoint.kind) == ("/r1/speed_limit", SPEED_LIMIT)
     assert (endpoint.scheme, endpoint.domain) == (KeyScheme.BRIDGED, None)
     ours = Identity(0, "a1b2", "/", "n").bridged_token(

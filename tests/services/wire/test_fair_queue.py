@@ -78,7 +78,6 @@ def test_the_newest_entry_of_the_largest_account_is_rejected_when_the_queue_is_f
     for n in range(3):
         assert queue.put(entry(f"{n}", f"name {n}")) is None
     displaced = queue.put(entry("robot", "robot"))
-    assert displaced is not None
     assert (displaced.item, displaced.reason) == ("2", FULL)
     assert displaced_by(queue, entry("3", "name 3")) == "3"
     assert displaced_by(queue, entry("driving", "x", outranks=True)) == "1"
@@ -93,7 +92,6 @@ def test_a_newer_entry_of_a_named_sender_replaces_the_older_one_if_asked() -> No
         queue.put(entry("unnamed too"))
         displaced = queue.put(entry("newer", "robot"))
         if newest_only:
-            assert displaced is not None
             assert (displaced.item, displaced.reason) == ("older", REPLACED)
         else:
             assert displaced is None
@@ -117,7 +115,6 @@ def test_only_senders_that_used_less_or_outrank_come_in_between() -> None:
     assert queue.take_before(working) is None
     queue.put(entry("b", "b"))
     between = queue.take_before(working)
-    assert between is not None
     assert between.item == "b"
     queue.shares.charge("b", 5.0)
     queue.put(entry("b", "b"))
