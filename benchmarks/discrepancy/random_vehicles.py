@@ -6,7 +6,6 @@ speed and pitch, the sensor's filter, sessions. None of these is an effect.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from .catalogue import SetSpec
 from .effect_plant import DrivenStops, drive
 from .hidden_effects import NAMED, PAIRS
 from .plant_physics import Floats, Stops
+from .world_logs import WorldLog
 
 OUTSIDE: dict[str, tuple[str, ...]] = {
     "battery": ("battery",),
@@ -44,25 +44,6 @@ _DIVE = 0.008  # most that it pitches per deceleration [rad per m/s²]; both fal
 _BUILD_UP = (0.004, 0.035)  # time constant of brakes without a lag [s]
 _FILTER = 0.02  # longest time constant of the speed sensor [s]
 _SESSION = 0.02  # differences of the force between sessions [1]
-
-
-@dataclass(frozen=True, slots=True)
-class WorldLog:
-    """One log with its truth.
-
-    Attributes:
-        family, kind: world and kind. truth: alternatives of right names. axes: right axes.
-        columns, tables: drive log, model file. seed: of everything drawn.
-    """
-
-    family: str
-    kind: str
-    label: str
-    seed: int
-    truth: tuple[tuple[str, ...], ...]
-    axes: tuple[str, ...]
-    columns: sensing.Columns
-    tables: dict[str, Any]
 
 
 def requests(family: str, repeat: int, half: int) -> list[tuple[str, str, tuple[str, ...], int]]:

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from .blind_run import runs_of
-from .random_vehicles import WorldLog, make, requests
+from .random_vehicles import make, requests
+from .world_logs import WorldLog
 
 Answer = dict[str, Any]
 """``verdict``, ``names``, ``confidence``, ``axis`` of one log."""

@@ -1,0 +1,130 @@
+"""Logs of worlds with their own physics: sampling, sensing, model file, truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from . import sensing
+from .blind_run import COEFFICIENTS, tables_of
+from .effect_plant import GRAVITY, DrivenStops
+from .plant_physics import Floats
+from .world_changes import OUTSIDE, Scene
+
+_MIN_FIT_SPEED = 0.3  # [m/s]; slower, the body rocks
+BEFORE, LONGEST = 1.2, 12.0  # sampled before and after each command [s]
+
+
+@dataclass(frozen=True, slots=True)
+class WorldLog:
+    """One log with its truth.
+
+    Attributes:
+        family: name of the world.
+        kind: clean, drift, single, pair or outside.
+        label: name of the change; the kind if the log has no change.
+        seed: seed of everything drawn.
+        truth: alternatives of right names.
+        axes: right axes of a change without a name.
+        columns: drive log.
+        tables: model file.
+    """
+
+    family: str
+    kind: str
+    label: str
+    seed: int
+    truth: tuple[tuple[str, ...], ...]
+    axes: tuple[str, ...]
+    columns: sensing.Columns
+    tables: dict[str, Any]
+
+
+def sample_times(before: float) -> Floats:
+    """Times since a command as the log has them, from ``before`` [s] on, shape (samples,) [s]."""
+    count = np.arange(-round(before * sensing.RATE), round(LONGEST * sensing.RATE))
+    return np.asarray(count / sensing.RATE, np.float64)
+
+
+def filtered(speed: Floats, slow: float) -> Floats:
+    """Speed behind a filter of first order with this time constant [s]."""
+    keep = float(np.exp(-1.0 / sensing.RATE / max(slow, 1e-3)))
+    start = speed[:, :1]
+    slower: Floats = start + lfilter([1.0 - keep], [1.0, -keep], speed - start, axis=1)
+    return slower
+
+
+def calibrated(motion: DrivenStops) -> dict[str, float]:
+    """Coefficients and dead time of noise-free stops without changes, by least squares."""
+    before = motion.time < 0.0
+    v_i = motion.speed[:, before].mean(axis=1)[:, None]
+    grade = motion.grade[:, before].mean(axis=1)[:, None]
+    rolling = np.minimum.accumulate(motion.speed, axis=1) > _MIN_FIT_SPEED
+    rolling &= motion.time >= 0.0
+
+    def residual(values: Floats) -> Floats:
+        m_m, b_m, m_b, b_b, dead_time = values
+        force = (m_m * v_i + b_m) * grade + m_b * v_i + b_b
+        slowing = GRAVITY * (force + np.sin(grade))
+        model = v_i - slowing * np.maximum(motion.time - dead_time, 0.0)
+        difference: Floats = (model - motion.speed)[rolling]
+        return difference
+
+    start = np.array([0.0, 0.0, 0.0, 0.42, 0.25])
+    best = least_squares(residual, start, x_scale=[0.01, 0.1, 0.01, 0.1, 0.05])
+    return dict(zip(COEFFICIENTS, (float(v) for v in best.x), strict=True))
+
+
+def vehicle_table(
+    mass: float, wheelbase: float, track: float, cg_x: float, cg_z: float, radius: float
+) -> dict[str, float | str]:
+    """Vehicle table of the model file; SI, the centre of gravity from the rear axle."""
+    return {
+        "mass": mass,
+        "wheelbase": wheelbase,
+        "track_width": track,
+        "cg_x": cg_x,
+        "cg_z": cg_z,
+        "wheel_radius": radius,
+        "drive": "ackermann",
+        "max_wheel_speed": 8.0,
+        "max_drive_force": 0.6 * mass * GRAVITY,
+        "max_drive_power": 2.0 * mass * GRAVITY,
+    }
+
+
+def world_log(
+    request: tuple[str, str, str, int],
+    scene: Scene,
+    motion: DrivenStops,
+    noise: float,
+    model: tuple[dict[str, float], dict[str, float | str]],
+    rng: np.random.Generator,
+) -> WorldLog:
+    """Columns with this noise of the speed [m/s], model file and truth of driven stops."""
+    family, kind, label, seed = request
+    columns = sensing.log(motion, scene.stops, noise, rng)
+    run = columns["run"].astype(np.int64)
+    columns |= {name: values[run] for name, values in scene.extra.items()}
+    if "session" in columns:
+        day = columns["session"].astype(np.int64).astype(str)
+        columns["session"] = np.char.add("day ", day)
+    if label == "sticking_sensor":
+        speed, hold = columns["v"].copy(), round(0.2 * sensing.RATE)
+        for at in np.flatnonzero(rng.random(len(speed)) < 0.01):
+            speed[at : at + hold] = speed[at]
+        columns["v"] = speed
+    names = tuple(label.split("+")) if kind in ("single", "pair") else ()
+    # Wind on a body is also drag on it.
+    either = [((n,), (n, "aerodynamic_drag")) if n == "headwind" else ((n,),) for n in names]
+    truth = tuple(tuple(n for part in parts for n in part) for parts in product(*either))
+    axes = OUTSIDE.get(label, ()) if kind == "outside" else ()
+    tables = tables_of(*model)
+    return WorldLog(
+        family, kind, label or kind, seed, truth if names else (), axes, columns, tables
+    )
