@@ -1,37 +1,42 @@
-"""Random scenes behind the guard: forests, pivots and swerves, with the inputs cut at a moment."""
+"""Random drives behind the guard, with the inputs cut at a moment."""
 
 from __future__ import annotations
 
-import heapq
-import math
 import time
+from collections import deque
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from functools import cache
 
 import numpy as np
 
-from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.input_errors import Tracking
 from slopewise.models.parameters import Model
 from slopewise.services.guard.core import Guard
-from slopewise.services.guard.decide import BaseCommand, VehicleMotion
 from slopewise.services.guard.guard_model import guard_model
-from slopewise.services.guard.settings import GuardSettings, GuardTiming
-from slopewise.services.guard.stop_courses import Pose2d
-from slopewise.services.wire.lateness import WallClock
+from slopewise.services.io.model_file import read_model, shipped_models
 
-from .hard_swerves import Swerve, draw_swerve, obstacle_off_arc, run_without_guard
-from .moving_base import MovingBase
+from .hard_swerves import Swerve, draw_swerve
+from .message_feeds import STAMPS, MessageFeeds, PoseErrors, motion_of
+from .moving_base import MovingBase, random_base
+from .obstacle_world import EDGE, ObstacleWorld, draw_world
+from .relief import gentle, hills
 
-KINDS = ("forest", "pivot", "swerve")
-STAMPS = ("prompt", "late", "clock step", "repeated", "none")
-_HEIGHTS = {"tree": 1.5, "unknown": math.nan, "hole": -0.8}  # of discs on the map [m]
-CONTACT = 0.05  # speed of the body from which an overlap is a collision [m/s]
+KINDS = ("forest", "pivot", "swerve", "slope")
+VEHICLES = ("atv", "husky", "ugv", "long")
+"""Shipped models, one of which is steered, and a quad with a long tail."""
 
+CONTACT = 0.1  # speed of the body from which an overlap is a collision [m/s]
 _STEP = 0.01  # of the simulation [s]
-_CORRIDOR = 0.3  # free on each side of the run of a swerve that has one obstacle only [m]
-_EDGE = 26.0  # of the map [m]
-_LATENCY = 0.2  # longest delay without stamps on a shared clock, as declared [s]
-_WALL_TIME = 1.7e9  # [s]
+_FRICTION = 0.6  # of locked wheels, in drives on slopes, where the model states none [1]
+_TRACKING = Tracking(
+    cross_track_std=0.08,
+    cross_track_per_curvature=0.1,
+    heading_std=0.035,
+    along_track_std=0.05,
+    latency=0.1,
+    latency_std=0.02,
+)
+"""Errors that the model states in half of the drives: those of the example in a model file."""
 
 
 @dataclass(frozen=True)
@@ -40,103 +45,87 @@ class GuardScene:
 
     seed: int
     kind: str  # of :data:`KINDS`
-    stamps: str = "prompt"  # of :data:`STAMPS`
-    drive: Literal["skid_steer", "ackermann"] = "skid_steer"
-    cell: float = 0.1  # of the map [m]
+    vehicle: str  # of :data:`VEHICLES`
+    stamps: str  # of :data:`STAMPS`
+    is_tracked: bool  # with the errors of pose and time that its model states
 
 
 @dataclass(frozen=True)
 class GuardedDrive:
     """Outcome of a drive."""
 
+    scene: GuardScene
     contact: float  # speed of the body at the first overlap [m/s], -1 without one
     what: str  # of the obstacle
+    min_load: float  # lowest load of axles and sides over their level static one [1]
+    grip: float  # largest share of the friction that was used [1]
     distance: float  # driven [m]
     turned: float  # [rad]
     actions: dict[str, int]
     top_speed: float  # [m/s]
     decision_seconds: np.ndarray  # processor time of each decision [s]
 
+    @property
+    def fault(self) -> str:
+        """Event that must not happen behind the guard, as text; empty if none did."""
+        if self.contact > CONTACT:
+            return f"{self.what} at {self.contact:.2f} m/s"
+        if self.min_load < 0.0:
+            return f"a load of {self.min_load:.2f}"
+        return f"{self.grip:.2f} of the friction" if self.grip > 1.0 else ""
 
-class _World:
-    """Discs on level ground: trees, unknown patches and holes; none where the base stands."""
 
-    def __init__(
-        self,
-        scene: GuardScene,
-        rng: np.random.Generator,
-        base: MovingBase,
-        swerve: Swerve | None = None,
-    ) -> None:
-        count = int(rng.integers(20, 100))
-        x, y = rng.uniform(1.0, _EDGE - 1.0, (2, count))
-        what = rng.choice(["tree", "unknown", "hole"], count, p=(0.7, 0.15, 0.15))
-        radius = rng.uniform(np.where(what == "hole", 0.3, 0.08), 0.4)
-        if scene.kind == "pivot":
-            # Some are where the corners pass.
-            near = int(rng.integers(1, 6))
-            angle, reach = rng.uniform(0.0, 2.0 * np.pi, near), rng.uniform(0.7, 2.0, near)
-            x[:near], y[:near] = base.x + reach * np.cos(angle), base.y + reach * np.sin(angle)
-            radius[:near] = np.minimum(radius[:near], 0.3)
-        free = ~base.overlaps(x, y, radius + float(rng.uniform(0.02, 0.3)))
-        if swerve is not None:
-            for state in run_without_guard(base, swerve, brakes=True)[::5]:
-                free &= ~state.overlaps(x, y, radius + _CORRIDOR)
-            x[0], y[0], radius[0] = obstacle_off_arc(rng, base, swerve)
-            what[0], free[0] = "tree", True
-        self.x, self.y, self.radius, self.what = x[free], y[free], radius[free], what[free]
-        self.ground = ElevationMap(
-            elevation=self._heights(scene.cell), resolution=scene.cell, origin=(0.0, 0.0)
+def scenes(kind: str, count: int, first: int = 0) -> list[GuardScene]:
+    """Every vehicle with every kind of stamps; half of the drives with errors of the pose."""
+    pivots = [name for name in VEHICLES if kind != "pivot" or name != "ugv"]
+    return [
+        GuardScene(
+            seed,
+            kind,
+            pivots[seed % len(pivots)],
+            STAMPS[seed // 4 % len(STAMPS)],
+            seed // 32 % 2 == 1,
         )
+        for seed in range(first, first + count)
+    ]
 
-    def _heights(self, cell: float) -> np.ndarray:
-        north, east = cell * np.indices(2 * (round(_EDGE / cell) + 1,))
-        z: np.ndarray = 0.05 * np.sin(0.4 * east) * np.cos(0.3 * north)
-        for x, y, radius, what in zip(self.x, self.y, self.radius, self.what, strict=True):
-            # Every cell whose square the disc touches.
-            dx = np.maximum(np.abs(east - x) - 0.5 * cell, 0.0)
-            dy = np.maximum(np.abs(north - y) - 0.5 * cell, 0.0)
-            z[np.hypot(dx, dy) <= radius] = _HEIGHTS[str(what)]
-        return z
 
-    def hit(self, base: MovingBase) -> str:
-        """Obstacle that the body overlaps, or in which a wheel stands."""
-        at = self.x, self.y, self.radius
-        hit = np.where(self.what == "hole", base.wheels_in(*at), base.overlaps(*at))
-        return str(self.what[int(np.argmax(hit))]) if hit.any() else ""
+@cache
+def vehicle_model(name: str, *, is_tracked: bool, has_friction: bool) -> Model:
+    """Model of one vehicle; the same object for the same arguments."""
+    model = read_model(shipped_models()["atv" if name == "long" else name])
+    if name == "long":
+        vehicle = replace(model.vehicle, wheelbase=1.6, cg_x=0.9)
+        vehicle = replace(vehicle, front_overhang=0.2, rear_overhang=1.2)
+        model = replace(model, vehicle=vehicle)
+    if has_friction and model.braking.sliding_friction is None:
+        model = replace(model, braking=replace(model.braking, sliding_friction=_FRICTION))
+    return replace(model, tracking=_TRACKING) if is_tracked else model
 
 
 class _Reckless:
     """A source of commands that knows no obstacles."""
 
     def __init__(
-        self,
-        scene: GuardScene,
-        rng: np.random.Generator,
-        model: Model,
-        world: _World,
-        swerve: Swerve | None,
+        self, rng: np.random.Generator, kind: str, model: Model, world: ObstacleWorld
     ) -> None:
-        self._swerve = swerve
-        self._kind, self._rng, self._model, self._world = scene.kind, rng, model, world
+        self._kind, self._rng, self._model, self._world = kind, rng, model, world
         self._until, self._command = 0.0, (0.0, 0.0)
 
     def command(self, now: float, base: MovingBase) -> tuple[float, float]:
-        if self._swerve is not None:
-            return self._swerve.command(now)
         if now >= self._until:
             self._until = now + float(self._rng.uniform(0.2, 2.0))
             self._command = self._draw(base)
         return self._command
 
     def _draw(self, base: MovingBase) -> tuple[float, float]:
-        rng, lateral = self._rng, self._model.limits.lateral_accel
+        rng, limits = self._rng, self._model.limits
         if self._kind == "pivot":
             return 0.0, float(rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 3.0))
-        speed = float(rng.uniform(0.5, 4.0))
+        speed = limits.speed * float(rng.uniform(0.125, 1.0))
         if rng.random() < 0.1:
             speed = -0.5 * speed
-        rate = float(rng.uniform(-1.0, 1.0)) * lateral / abs(speed)
+        rate = float(rng.uniform(-1.0, 1.0)) * limits.lateral_accel / abs(speed)
         if rng.random() < 0.7:
             rate = speed * self._to_an_obstacle(base)
         return speed, min(max(rate, -2.0), 2.0)
@@ -152,110 +141,65 @@ class _Reckless:
         return 2.0 * aim / (float(ahead[k]) ** 2 + aim**2)
 
 
-def _base(rng: np.random.Generator, model: Model) -> MovingBase:
-    """A base that stands in the middle third of the map."""
-    braking = model.braking
-    return MovingBase(
-        vehicle=model.vehicle,
-        accel=float(rng.uniform(0.8, 2.5)),
-        slowing=float(rng.uniform(0.5, 3.0)),
-        response=float(rng.uniform(0.03, 0.15)),
-        dead_time=braking.dead_time * float(rng.uniform(0.8, 1.0)),
-        level_force=braking.b_b * float(rng.uniform(1.0, 1.2)),
-        force_per_speed=braking.m_b,
-        straightens_after=float(rng.choice([math.inf, rng.uniform(0.0, braking.dead_time)])),
-        x=float(rng.uniform(_EDGE / 3.0, 2.0 * _EDGE / 3.0)),
-        y=float(rng.uniform(_EDGE / 3.0, 2.0 * _EDGE / 3.0)),
-        heading=float(rng.uniform(-np.pi, np.pi)),
-    )
+class _Drive:
+    """One drive in simulated time."""
 
+    def __init__(self, scene: GuardScene) -> None:
+        rng = np.random.default_rng((18, scene.seed, KINDS.index(scene.kind)))
+        model = vehicle_model(
+            scene.vehicle, is_tracked=scene.is_tracked, has_friction=scene.kind == "slope"
+        )
+        relief = hills(rng) if scene.kind == "slope" else gentle()
+        self.scene = scene
+        self.base = random_base(rng, model, relief, (EDGE / 3.0, 2.0 * EDGE / 3.0))
+        swerve = draw_swerve(rng, self.base, model, EDGE) if scene.kind == "swerve" else None
+        self.world = draw_world(rng, self.base, scene.kind, swerve)
+        self.feeds = MessageFeeds(rng, scene.stamps, swerve)
+        self._errors = PoseErrors(rng, model.tracking)
+        self._source: Swerve | _Reckless = swerve or _Reckless(rng, scene.kind, model, self.world)
+        latency = model.tracking or Tracking()
+        late = latency.latency + latency.latency_std * float(rng.standard_normal())
+        self._transport = float(rng.uniform(0.0, 0.02)) + max(late, 0.0)
+        self._clock = [0.0]
+        self.guard: Guard = self.feeds.guard(guard_model(model), self.world, self._clock)
+        self._sent: deque[tuple[float, float, float, bool]] = deque()
+        self.decision_seconds: list[float] = []
 
-class _Feeds:
-    """Odometry and commands on their way to the guard."""
-
-    def __init__(self, scene: GuardScene, rng: np.random.Generator, swerve: Swerve | None) -> None:
-        self._stamps = scene.stamps
-        longest = 2.0 if scene.stamps == "late" and rng.random() < 0.3 else _LATENCY
-        self.delay = float(rng.uniform(0.0, longest)) if scene.stamps != "prompt" else 0.0
-        self._leap = float(rng.choice([-5.0, 5.0])) if scene.stamps == "clock step" else 0.0
-        self._at = float(rng.uniform(1.0, 4.0))
-        self.cut = float(rng.uniform(1.5, 7.0))
-        self.cuts = rng.choice([True, False], 2) if rng.random() < 0.8 else np.array([True, True])
-        if swerve is not None:
-            self.cut, self.cuts = swerve.cut, np.array([True, True])
-        self._waiting: list[tuple[float, int, str, Any, float | None]] = []
-        self._count = 0
-        self._frozen: tuple[Any, float | None] | None = None
-
-    def send(self, name: str, value: Any, now: float) -> None:
-        """Send a message, unless the feed is cut."""
-        if now >= self.cut and self.cuts[("motion", "command").index(name)]:
-            return
-        stamp = None
-        if self._stamps != "none":
-            stamp = _WALL_TIME + now + (self._leap if now >= self._at else 0.0)
-        if self._stamps == "repeated" and name == "motion":
-            if now >= self._at and self._frozen is not None:
-                value, stamp = self._frozen
-            self._frozen = value, stamp
-        self._count += 1
-        delay = self.delay if name == "motion" else min(self.delay, _LATENCY)
-        heapq.heappush(self._waiting, (now + delay, self._count, name, value, stamp))
-
-    def deliver(self, guard: Guard, now: float) -> None:
-        """Hand over what has arrived."""
-        while self._waiting and self._waiting[0][0] <= now:
-            at, number, name, value, stamp = heapq.heappop(self._waiting)
-            if name == "motion":
-                guard.motions.take(value, at, "r", number, stamp)
-            else:
-                guard.commands.take((BaseCommand(*value), number), at, "p", number, stamp)
-
-
-def _guard(scene: GuardScene, model: Model, ground: ElevationMap, clock: list[float]) -> Guard:
-    is_shared = scene.stamps in ("prompt", "late")
-    timing = GuardTiming(clock="shared" if is_shared else "unknown", max_latency=_LATENCY)
-    wall = WallClock(lambda: _WALL_TIME + clock[0], lambda: clock[0])
-    return Guard(GuardSettings(model="atv", timing=timing), guard_model(model), ground, wall)
-
-
-def drive(scene: GuardScene, model: Model, seconds: float = 10.0) -> GuardedDrive:
-    """Drive as commanded behind the guard until the feeds are cut and the base is at rest."""
-    rng = np.random.default_rng((17, scene.seed, KINDS.index(scene.kind)))
-    model = replace(model, vehicle=replace(model.vehicle, drive=scene.drive))
-    base, clock = _base(rng, model), [0.0]
-    swerve = None
-    if scene.kind == "swerve":
-        swerve = draw_swerve(rng, base, model.limits.lateral_accel, _EDGE)
-    world, feeds = _World(scene, rng, base, swerve), _Feeds(scene, rng, swerve)
-    source = _Reckless(scene, rng, model, world, swerve)
-    guard = _guard(scene, model, world.ground, clock)
-    driven, turned, top, contact, what = 0.0, 0.0, 0.0, -1.0, ""
-    sent: list[tuple[float, float, float, bool]] = []
-    seconds_spent: list[float] = []
-    transport = float(rng.uniform(0.0, 0.02))
-    for k in range(round(seconds / _STEP)):
-        now = clock[0] = k * _STEP
+    def step(self, k: int) -> None:
+        """Messages, decision and motion of one step."""
+        now = self._clock[0] = k * _STEP
         if k % 2 == 0:
-            pose = Pose2d(base.x, base.y, base.heading)
-            feeds.send("motion", VehicleMotion(pose, base.speed), now)
+            pose = self._errors.measured(self.base, 2 * _STEP)
+            self.feeds.send("motion", motion_of(pose, self.base), now)
         if k % 5 == 0:
-            feeds.send("command", source.command(now, base), now)
+            self.feeds.send("command", self._source.command(now, self.base), now)
         if k % 5 == 2:
-            feeds.deliver(guard, now)
+            self.feeds.deliver(self.guard, now)
             begun = time.thread_time()
-            decision = guard.decision(now)
-            seconds_spent.append(time.thread_time() - begun)
-            sent.append((now + transport, *decision.command, decision.brake))
-        while sent and sent[0][0] <= now:
-            base.receive(*sent.pop(0)[1:], now)
-        base.step(now, _STEP)
+            decision = self.guard.decision(now)
+            self.decision_seconds.append(time.thread_time() - begun)
+            self._sent.append((now + self._transport, *decision.command, decision.brake))
+        while self._sent and self._sent[0][0] <= now:
+            self.base.receive(*self._sent.popleft()[1:], now)
+        self.base.step(now, _STEP)
+
+
+def drive(scene: GuardScene, seconds: float = 10.0) -> GuardedDrive:
+    """Drive as commanded behind the guard until the feeds are cut and the base is at rest."""
+    it = _Drive(scene)
+    base, feeds = it.base, it.feeds
+    driven, turned, top, contact, what, load, grip = 0.0, 0.0, 0.0, -1.0, "", 1.0, 0.0
+    for k in range(round(seconds / _STEP)):
+        it.step(k)
         driven, turned = driven + abs(base.speed) * _STEP, turned + abs(base.yaw_rate) * _STEP
         top = max(top, abs(base.speed))
-        if what := world.hit(base):
+        if scene.kind == "slope":
+            load, grip = min(load, base.min_load()), max(grip, base.grip_used())
+        if what := it.world.hit(base):
             contact = base.contact_speed()
             break
-        if now > feeds.cut + 0.5 and base.contact_speed() < 1e-3 and feeds.cuts.any():
+        if k * _STEP > feeds.cut + 0.5 and base.contact_speed() < 1e-3 and feeds.cuts.any():
             break
-    actions = {name: guard.counters[name] for name in ("pass", "slow", "stop")}
-    return GuardedDrive(contact, what, driven, turned, actions, top, np.array(seconds_spent))
+    actions = {name: it.guard.counters[name] for name in ("pass", "slow", "stop")}
+    spent = np.array(it.decision_seconds)
+    return GuardedDrive(scene, contact, what, load, grip, driven, turned, actions, top, spent)

@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slopewise.models.parameters import Model
+
 from .moving_base import MovingBase
 
 _STEP = 0.02  # of the run without a guard [s]
@@ -29,18 +31,19 @@ class Swerve(NamedTuple):
     turns_at: float  # turns_at, cut: start of the swerve, end of the feeds [s]
     cut: float
 
-    def command(self, now: float) -> tuple[float, float]:
+    def command(self, now: float, _base: MovingBase | None = None) -> tuple[float, float]:
         """Speed [m/s] and yaw rate [rad/s]."""
         return self.speed, self.rates[int(now >= self.turns_at)]
 
 
-def draw_swerve(rng: np.random.Generator, base: MovingBase, lateral: float, edge: float) -> Swerve:
+def draw_swerve(rng: np.random.Generator, base: MovingBase, model: Model, edge: float) -> Swerve:
     """Draw a swerve, and move the base so that it begins near the middle of the map."""
     base.x = 0.5 * edge - _AWAY * math.cos(base.heading)
     base.y = 0.5 * edge - _AWAY * math.sin(base.heading)
     base.response = float(rng.uniform(0.1, 0.25))
     base.straightens_after = float(rng.uniform(0.0, 0.5 * base.dead_time))
-    speed, side = float(rng.uniform(2.5, 4.0)), float(rng.choice([-1.0, 1.0]))
+    speed = min(model.limits.speed, 5.0) * float(rng.uniform(0.6, 1.0))
+    side, lateral = float(rng.choice([-1.0, 1.0])), model.limits.lateral_accel
     before = float(rng.choice([0.0, rng.uniform(-0.1, 0.1)]))
     rate = side * float(rng.uniform(0.7, 1.0)) * lateral / speed
     turns_at = speed / base.accel + float(rng.uniform(0.2, 0.8))

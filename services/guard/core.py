@@ -18,6 +18,7 @@ from slopewise.services.guard.decide import (
     decide,
     stop,
 )
+from slopewise.services.guard.frozen_pose import PoseAge
 from slopewise.services.guard.guard_model import GuardModel, GuardScene
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.overspeed_monitor import OverspeedMonitor
@@ -25,7 +26,7 @@ from slopewise.services.guard.service_parameters import ServiceParameters
 from slopewise.services.guard.settings import GuardSettings
 from slopewise.services.wire.lateness import WallClock
 
-_STANDSTILL = 0.05  # speed below which an emergency stop has ended [m/s]
+_STANDSTILL = 0.05  # speed and yaw rate below which an emergency stop has ended [m/s], [rad/s]
 
 _ROLLING = 0.15
 """Speed from which a vehicle that should hold is moving: above the noise of odometry [m/s]."""
@@ -73,6 +74,7 @@ class Guard:
         self._overspeed = OverspeedMonitor(
             dead + timing.motion, _DECEL_SHARE * model.decel, tolerance
         )
+        self._pose_age = PoseAge()
         self._latched = ""
         self._given: deque[tuple[float, BaseCommand]] = deque(maxlen=_SAMPLES)
         self.learn()
@@ -106,7 +108,7 @@ class Guard:
         command, number = self.commands.fresh(now) or (None, 0)
         decision = self._decide(now, command, fault)._replace(of=number)
         motion = self.motions.fresh(now)
-        if decision.action == "stop" and motion is not None and abs(motion.speed) > _STANDSTILL:
+        if decision.action == "stop" and motion is not None and _moves(motion, _STANDSTILL):
             # An emergency stop ends at rest: it is not interrupted and restarted.
             self._latched = self._latched or decision.reason
         self.counters[decision.action] += 1
@@ -123,11 +125,14 @@ class Guard:
         if fault or missing or motion is None or command is None or ground is None:
             return stop(fault or missing[0])
         if self._latched:
-            if abs(motion.speed) > _STANDSTILL:
+            if _moves(motion, _STANDSTILL):
                 return stop(self._latched)
             self._latched = ""
         timing = self.settings.timing
-        late = self.motions.newest.bound(now) + timing.transport
+        age = self._pose_age.update(motion, self.motions.newest.bound(now), now)
+        if (unchanged := age - self.motions.newest.bound(now)) > timing.motion:
+            return stop(f"the base moves, and its pose has not changed for {unchanged:.2f} s")
+        late = age + timing.transport
         reached = self._reached(now - late, motion)
         distance = self._clear_now(now, motion, reached)
         if distance is None:
@@ -210,3 +215,8 @@ class Guard:
         if self._latched and motion is not None and abs(motion.speed) > _ROLLING:
             texts.append("the vehicle moves while it is commanded to stand")
         return texts
+
+
+def _moves(motion: VehicleMotion, more_than: float) -> bool:
+    """Return True if the base drives [m/s] or turns [rad/s] faster than that."""
+    return max(abs(motion.speed), abs(motion.yaw_rate)) > more_than

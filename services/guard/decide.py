@@ -43,10 +43,11 @@ _TOLERANCE = 1e-9  # speed by which a command may exceed the allowed one: roundi
 
 
 class VehicleMotion(NamedTuple):
-    """Pose, and speed along it, forward positive [m/s]."""
+    """Pose, speed along it, forward positive [m/s], and yaw rate, 0 where unknown [rad/s]."""
 
     pose: Pose2d
     speed: float
+    yaw_rate: float = 0.0
 
 
 class BaseCommand(NamedTuple):
@@ -221,9 +222,16 @@ def _checked(
     turning, model = course.turning, scene.model
     clear = scene.clear / turning.share if turning.share else math.inf
     length = _course_length(scene, course.top, held, clear)
-    ways = courses_ahead(scene, pose, turning, length)
     speeds = np.append(course.top * np.arange(1, _SPEEDS) / _SPEEDS, (course.top, course.moving))
     times = np.append(np.full(_SPEEDS, held), late)
+    top = slice(_SPEEDS - 1, _SPEEDS)
+    ways = courses_ahead(
+        scene,
+        pose,
+        turning,
+        length,
+        lambda on: float(stops_along(scene, on, speeds[top], times[top], 0.0).distance[0]),
+    )
     stops = stops_along(scene, ways, speeds, times, load * model.min_load)
     free = max(ways.end.sample - 1, 0) * ways.step if ways.end.reason else math.inf
     inside = np.isfinite(stops.distance) & (stops.distance <= min(free, clear))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from slopewise.services.io.files import faults_of
 from slopewise.services.physics.heights import height_of, in_cells
 
 _PAIRS = 10
-"""Pairs of places on a tyre [1]: a fifth of the noise of cells is left, as of a disc of 25."""
+"""Pairs of cells under a tyre [1]: a fifth of the noise of cells is left, as of a disc of 25."""
 
 _RIM_PLACES = 3
 """Places on each side of a tyre's middle that it may rest on [1]: 6 cm apart with a quad's."""
@@ -35,36 +36,23 @@ def read_guard_map(path: Path) -> ElevationMap:
 
 
 class WheelHeights:
-    """Heights as wheels feel them: means over a tyre where heights of a map have an error.
-
-    Pairs of places on opposite sides of a point count if both are known, so that a slope cancels.
-    """
+    """Heights as wheels feel them: means over a tyre where heights of a map have an error."""
 
     def __init__(self, ground: ElevationMap, vehicle: Vehicle) -> None:
-        """Of one map, for the wheels of one vehicle."""
+        """Of one map, for the wheels of one vehicle; some milliseconds for 300 x 300 cells."""
         self._ground = ground
-        self._pairs = np.empty((2, 0))
         self._rim = np.empty((2, 0))
         if ground.resolution > vehicle.wheel_radius:
             return
         self._rim = _rim_of(vehicle)
         if averaged_noise(ground, vehicle.wheel_radius) > 0.0:
             radius = disc_radius(ground.resolution, vehicle.wheel_radius, ground.correlation_length)
-            n = np.arange(1, _PAIRS + 1)
-            away, angle = radius * np.sqrt(n / _PAIRS), _GOLDEN_ANGLE * n
-            self._pairs = np.array([away * np.cos(angle), away * np.sin(angle)])
+            means = _disc_means(ground.elevation, radius / ground.resolution)
+            self._ground = replace(ground, elevation=means)
 
     def at(self, x: Floats, y: Floats) -> Floats:
         """Heights at points of any shape [m]; NaN at unknown cells and off the map."""
-        total = height_of(self._ground, x, y)
-        count = np.ones_like(total)
-        for east, north in self._pairs.T:
-            pair = height_of(self._ground, x + east, y + north)
-            pair = pair + height_of(self._ground, x - east, y - north)
-            known = np.isfinite(pair)
-            total = total + np.where(known, pair, 0.0)
-            count = count + 2.0 * known
-        return total / count
+        return height_of(self._ground, x, y)
 
     def contact(self, x: Floats, y: Floats, yaw: Floats) -> Floats:
         """Contact heights of wheels at points with headings [m]; NaN as of :meth:`at`.
@@ -81,6 +69,28 @@ class WheelHeights:
         return np.maximum(surface, np.minimum(behind, ahead))
 
 
+def _disc_means(z: Floats, radius: float) -> Floats:
+    """Mean heights of cells spread over a disc around each cell; NaN at unknown cells.
+
+    Pairs of cells on opposite sides count if both are known, so that a slope cancels.
+    """
+    n = np.arange(1, _PAIRS + 1)
+    away, angle = radius * np.sqrt(n / _PAIRS), _GOLDEN_ANGLE * n
+    places = np.rint((away * np.sin(angle), away * np.cos(angle))).astype(int).T
+    reach, (rows, columns) = int(np.abs(places).max()), z.shape
+    padded = np.pad(z, reach, constant_values=np.nan)
+    total, count = z.copy(), np.ones_like(z)
+    for i, j in {max((i, j), (-i, -j)) for i, j in places.tolist()} - {(0, 0)}:
+        pair = np.zeros_like(z)
+        for row, column in ((reach + i, reach + j), (reach - i, reach - j)):
+            pair += padded[row : row + rows, column : column + columns]
+        known = np.isfinite(pair)
+        np.add(total, pair, out=total, where=known)
+        count += 2.0 * known
+    means: Floats = total / count
+    return means
+
+
 def _rim_of(vehicle: Vehicle) -> Floats:
     """(2, places) distances from a wheel's lowest point and the rim's height there [m].
 
@@ -92,7 +102,8 @@ def _rim_of(vehicle: Vehicle) -> Floats:
     return np.array([away, radius - np.sqrt(radius**2 - away**2)])
 
 
-_wheel_heights: Recent[WheelHeights] = Recent(1)
+_wheel_heights: Recent[WheelHeights] = Recent(2)
+"""Of the map in use, and of the next one, which another thread prepares."""
 
 
 def wheel_heights(ground: ElevationMap, vehicle: Vehicle) -> WheelHeights:

@@ -23,7 +23,7 @@ class GuardCommand(Message, frozen=True):
 
 
 class GuardMotion(Message, frozen=True):
-    """Middle of the wheelbase on the map [m], heading [rad] and speed [m/s]."""
+    """Middle of the wheelbase on the map [m], heading [rad], speed [m/s], yaw rate [rad/s]."""
 
     source: Name
     sequence: Number
@@ -32,6 +32,7 @@ class GuardMotion(Message, frozen=True):
     heading: float
     speed: float
     time: float | None = None
+    yaw_rate: float = 0.0
 
 
 class GuardClear(Message, frozen=True):

@@ -95,7 +95,8 @@ class RosTransport(RosOutput):
             raise ParameterError("header.frame_id", f"{self._frame}, got {frame}")
         motion = motion_of(message)
         self.stamp = motion.stamp
-        return VehicleMotion(Pose2d(motion.x, motion.y, motion.heading), motion.speed)
+        pose = Pose2d(motion.x, motion.y, motion.heading)
+        return VehicleMotion(pose, motion.speed, message.twist.twist.angular.z)
 
 
 def _command_of(message: Any, number: int) -> tuple[BaseCommand, int]:

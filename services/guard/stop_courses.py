@@ -9,6 +9,7 @@ on the spot is a course like any other.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.surface_names import resolve_class
+from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.guard_map import classes_at, wheel_heights
 from slopewise.services.guard.guard_model import GuardModel, GuardScene, SurfaceTable
 from slopewise.services.guard.obstacle_layers import SPACING
@@ -27,8 +29,12 @@ _HEADINGS = 0.2
 corner of a body 1.2 m wide the nearest is 6 cm from each course between them."""
 
 _MANY = 600
-"""Samples from which the first quarter of all courses is tried first [1]: obstacles are often
-there, and fewer samples take no less time."""
+"""Samples from which the first quarter of all courses is tried first, and then only as much as the
+stop needs [1]: obstacles are often near, and fewer samples take no less time."""
+
+_MARGIN = 1.1
+"""Length of courses over the longest stop on the outermost ones and on the command's [1]: between
+them the ground may be a little steeper."""
 
 _MAX_COURSES = 24  # more than turns of half a revolution need [1]
 
@@ -86,8 +92,18 @@ class _Fan(NamedTuple):
     step: float  # distance of samples, of the fastest wheel [m]
 
 
-def courses_ahead(scene: GuardScene, pose: Pose2d, turning: Turning, length: float) -> StopCourses:
-    """Sample the ground along all courses for ``length`` of the fastest wheel [m]."""
+def courses_ahead(
+    scene: GuardScene,
+    pose: Pose2d,
+    turning: Turning,
+    length: float,
+    stop_on: Callable[[StopCourses], float] | None = None,
+) -> StopCourses:
+    """Sample the ground along all courses for ``length`` of the fastest wheel [m].
+
+    ``stop_on``: longest stop on some courses [m], inf where it does not end; what lies farther
+    ahead is not sampled.
+    """
     model, turn = scene.model, _turns(turning, length)
     axis = -model.turn_axis if turning.forward else model.turn_axis
     corner = math.hypot(
@@ -96,42 +112,54 @@ def courses_ahead(scene: GuardScene, pose: Pose2d, turning: Turning, length: flo
     step = SPACING / (turning.share + corner * float(np.abs(turn).max()))
     station = step * np.arange(math.ceil(length / step) + 1, dtype=np.float64)
     on = _Fan(scene, pose, turning, axis, step)
-    if len(turn) * len(station) > _MANY:
-        courses = _along(on, turn, station[: len(station) // 4])
+    is_long = len(turn) * len(station) > _MANY
+    heading, errors = scene.model.errors.heading, np.zeros((len(turn), 1))
+    if heading > 0.0 and turning.share > 0.0:
+        # A heading error leads aside, the farther the longer the stop is.
+        turn = np.concatenate(((turning.low, turning.high), turn))
+        errors = np.concatenate(([[-heading], [heading]], errors))
+    if is_long:
+        courses = _along(on, turn, station[: len(station) // 4], errors)
         if courses.end.reason:
             return courses
-    return _along(on, turn, station)
+    if is_long and stop_on is not None:
+        ends = np.array(sorted({turning.low, turning.commanded, turning.high}))
+        length = min(length, _MARGIN * stop_on(_along(on, ends, station, is_probe=True)))
+        station = station[: math.ceil(length / step) + 1]
+    return _along(on, turn, station, errors)
 
 
-def _along(on: _Fan, turn: Floats, station: Floats) -> StopCourses:
-    """Ground on courses of some turns (N,) at stations (S,), up to the first contact."""
-    model, _, ground, _ = on.scene
-    vehicle, share, table = model.vehicle, on.turning.share, on.scene.tables[0]
-    x, y, yaw = _poses(on, turn[:, None], station)
+def _along(
+    on: _Fan,
+    turn: Floats,
+    station: Floats,
+    heading_error: Floats | float = 0.0,
+    *,
+    is_probe: bool = False,
+) -> StopCourses:
+    """Ground on courses of some turns (N,) at stations (S,), up to the first contact.
+
+    ``heading_error``: of the start of each course (N, 1), 0 for the last one [rad].
+    A probe has the slopes only, as if there were no contact.
+    """
+    model, tables, ground, _ = on.scene
+    vehicle, share = model.vehicle, on.turning.share
+    x, y, yaw = _poses(on, turn[:, None], station, heading_error)
     cos, sin = np.cos(yaw), np.sin(yaw)
-    front, rear = model.shape.front, model.shape.rear
-    reach = (front, rear) if on.turning.forward else (rear, front)
-    felt = wheel_heights(ground, vehicle)
-
-    def contact(z: Floats) -> tuple[Floats, Floats, Contact]:
-        rise, cross_rise = (_extended(slope) for slope in plane_of(z, vehicle))
+    wheels, felt = wheel_places(vehicle, (x, y, cos, sin)), wheel_heights(ground, vehicle)
+    under = map_surfaces(model, ground)[classes_at(ground, *wheels)]
+    z, end = felt.at(*wheels), Contact(len(station), "", None)
+    rise, cross_rise, grade, roll = _slopes(z, vehicle)
+    if not is_probe:
+        steep = _too_steep(tables[0], grade, roll, under)
+        if steep.any():  # it may be the edge of a crack that tyres bridge
+            z = felt.contact(*wheels, yaw)
+            rise, cross_rise, grade, roll = _slopes(z, vehicle)
+            steep = _too_steep(tables[0], grade, roll, under)
         height = _extended(z.mean(axis=0), share * on.step * rise)
         poses = BodyPoses(x, y, cos, sin, height, rise, cross_rise, turn[:, None], share, on.axis)
-        end = first_contact(vehicle, ground, poses, reach, model.errors)
-        return np.arctan(rise), np.arctan(cross_rise), end
-
-    wheels = wheel_places(vehicle, (x, y, cos, sin))
-    grade, roll, end = contact(felt.at(*wheels))
+        end = _end(on, poses, steep)
     ahead = slice(end.sample + 1)  # what lies behind the end does not matter to stops before it
-    under = map_surfaces(model, ground)[classes_at(ground, *wheels)]
-    steep = _too_steep(table, grade[:, ahead], roll[:, ahead], under[..., ahead])
-    if steep.any():  # it may be the edge of a crack that tyres bridge
-        grade, roll, end = contact(felt.contact(*wheels, yaw))
-        steep = _too_steep(table, grade, roll, under)
-        k = int(np.argmax(steep))
-        if steep[k] and k < end.sample:
-            end = end._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
-        ahead = slice(end.sample + 1)
     grade = grade[:, ahead]
     return StopCourses(
         step=on.step,
@@ -147,6 +175,25 @@ def _along(on: _Fan, turn: Floats, station: Floats) -> StopCourses:
         possible=_possible(model, under[..., ahead]),
         end=end,
     )
+
+
+def _slopes(z: Floats, vehicle: Vehicle) -> tuple[Floats, Floats, Floats, Floats]:
+    """Rise ahead and to the left [1], grade and roll [rad], (N, S), of heights under wheels [m]."""
+    rise, cross_rise = (_extended(slope) for slope in plane_of(z, vehicle))
+    return rise, cross_rise, np.arctan(rise), np.arctan(cross_rise)
+
+
+def _end(on: _Fan, poses: BodyPoses, steep: Bools) -> Contact:
+    """First contact, or the first of the samples (S,) that are too steep."""
+    model = on.scene.model
+    front, rear = model.shape.front, model.shape.rear
+    reach = (front, rear) if on.turning.forward else (rear, front)
+    end = first_contact(model.vehicle, on.scene.ground, poses, reach, model.errors)
+    k = int(np.argmax(steep))
+    if not steep[k] or k >= end.sample:
+        return end
+    where = float(poses.x[-1, k]), float(poses.y[-1, k])
+    return end._replace(sample=k, reason=STEEP, where=where)
 
 
 def map_surfaces(model: GuardModel, ground: ElevationMap) -> Ints:
@@ -167,15 +214,17 @@ def _turns(turning: Turning, length: float) -> Floats:
     return between if turning.commanded in ends[:2] else np.append(between, turning.commanded)
 
 
-def _poses(on: _Fan, turn: Floats, station: Floats) -> tuple[Floats, Floats, Floats]:
+def _poses(
+    on: _Fan, turn: Floats, station: Floats, heading_error: Floats | float
+) -> tuple[Floats, Floats, Floats]:
     """x, y [m], direction of motion [rad], (N, S) each; the point at the axis moves straight on."""
-    start = on.pose.heading + (0.0 if on.turning.forward else math.pi)
+    start = on.pose.heading + heading_error + (0.0 if on.turning.forward else math.pi)
     yaw = start + turn * station
     # A chord of the circle lies in the mean direction, shorter than the arc by the factor sinc.
     chord = on.turning.share * station * np.sinc(0.5 * turn * station / np.pi)
     mean = start + 0.5 * turn * station
-    x = on.pose.x + chord * np.cos(mean) + (math.cos(start) - np.cos(yaw)) * on.axis
-    y = on.pose.y + chord * np.sin(mean) + (math.sin(start) - np.sin(yaw)) * on.axis
+    x = on.pose.x + chord * np.cos(mean) + (np.cos(start) - np.cos(yaw)) * on.axis
+    y = on.pose.y + chord * np.sin(mean) + (np.sin(start) - np.sin(yaw)) * on.axis
     return x, y, yaw
 
 

@@ -7,6 +7,7 @@ the obstacles of the map at every sample of a course. Nothing here is shared wit
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -37,8 +38,9 @@ _TENTH = 0.1  # step of the curvature by which lateral bands grow [1/m]
 _FACET = math.sqrt(2.0)
 """Rise of a facet along the steepest slope across its diagonal, in cells [1]."""
 
-_TOGETHER = 400
-"""Tiles whose points are looked up together [1]: most of a course lies behind the first contact."""
+_SAMPLES, _TOGETHER = 60, 400
+"""Samples and tiles that are looked up together [1]: most of a course may lie behind the first
+contact."""
 
 _ROUNDING = 1e-3  # of heights in single precision up to 1 km above the datum, ten times [m]
 
@@ -77,6 +79,7 @@ class _Points(NamedTuple):
     wheel: Bools  # under a wheel
     middle_ahead: Floats  # middle_ahead, middle_left: place of the tiles, (T,) each [m]
     middle_left: Floats
+    size: tuple[float, float, float]  # front, rear, half width of the body without errors [m]
 
 
 def first_contact(
@@ -136,10 +139,12 @@ def _points(
     columns = [np.array(np.broadcast_arrays(*part, np.zeros(1))) for part in parts]
     points: Floats = np.concatenate(columns, axis=1).astype(np.float32)
     points[4] = np.arange(points.shape[1]) < 2 * len(tyres)
-    return _by_tiles(points, front, rear)
+    return _by_tiles(points, front, rear, (*reach, side))
 
 
-def _by_tiles(points: Floats, front: float, rear: float) -> _Points:
+def _by_tiles(
+    points: Floats, front: float, rear: float, size: tuple[float, float, float]
+) -> _Points:
     """Points (5, P), see :class:`_Points`, by the tiles of their bounding rectangle."""
     side = float(points[1].max())
     columns, rows = (math.ceil(size / TILE - 1e-6) for size in (front + rear, 2.0 * side))
@@ -151,7 +156,8 @@ def _by_tiles(points: Floats, front: float, rear: float) -> _Points:
     ahead, left, normal_ahead, normal_left, wheel = points[:, chosen]
     middle_ahead: Floats = ((tiles % columns + 0.5) * length - rear).astype(np.float32)
     middle_left: Floats = ((tiles // columns + 0.5) * width - side).astype(np.float32)
-    return _Points(ahead, left, normal_ahead, normal_left, wheel > 0.0, middle_ahead, middle_left)
+    middles = middle_ahead, middle_left
+    return _Points(ahead, left, normal_ahead, normal_left, wheel > 0.0, *middles, size)
 
 
 def _contact(
@@ -159,10 +165,8 @@ def _contact(
 ) -> Contact:
     """First contact on all courses; ``exact``: with cells instead of facets."""
     of_all, cell = _in_cells(layers, poses, clearance + layers.noise, exact=exact), layers.cell
-    order = np.nonzero(_is_near(layers, of_all, points).transpose(1, 0, 2))
     touches, standing = False, None
-    for first in range(0, len(order[0]), _TOGETHER):
-        s, n, t = (of[first : first + _TOGETHER] for of in order)
+    for s, n, t in _near_tiles(layers, of_all, points):
         some, ahead, left = of_all[:, n, s, None], points.ahead[t], points.left[t]
         x, y = points_of(some[:4], ahead / cell, left / cell)
         top = layers.heights(x, y, exact=exact)
@@ -171,8 +175,10 @@ def _contact(
         edge &= points.wheel[t]
         if not hits.any():
             continue
-        touches |= bool((struck | edge)[s == 0].any())
-        _exempt_start(unknown, struck, of_all[:, 0, 0], some, poses, points, t, cell)
+        # Only where the body is measured to stand: there it creeps, which the errors do not excuse.
+        measured = (of_all[2:4, n, 0] == of_all[2:4, -1, :1]).all(axis=0)
+        touches |= bool((struck | edge)[(s == 0) & measured].any())
+        _exempt_start(unknown, struck, of_all[:, -1, 0], some, poses, points, t, cell)
         if edge.any():
             standing = _standing_on_edges(layers, of_all, points) if standing is None else standing
             edge &= ~standing[n, s, t]
@@ -195,7 +201,7 @@ def _standing_on_edges(layers: ObstacleLayers, of_all: Floats, points: _Points) 
     """
     ahead, left = points.ahead / layers.cell, points.left / layers.cell
     still = np.zeros((*of_all.shape[1:], *ahead.shape), np.bool_)
-    t, q = np.nonzero(layers.edges(*points_of(of_all[:4, 0, 0, None, None], ahead, left)))
+    t, q = np.nonzero(layers.edges(*points_of(of_all[:4, -1, 0, None, None], ahead, left)))
     on = layers.edges(*points_of(of_all[:4, ..., None], ahead[t, q], left[t, q]))
     still[..., t, q] = np.logical_and.accumulate(on, axis=1)
     return still
@@ -220,18 +226,25 @@ def _in_cells(layers: ObstacleLayers, poses: BodyPoses, clearance: float, *, exa
     return in_cells
 
 
-def _is_near(layers: ObstacleLayers, of_all: Floats, points: _Points) -> Bools:
-    """Poses of tiles (N, S, T) near which ground may strike their lowest corner, or is unknown.
+def _near_tiles(
+    layers: ObstacleLayers, of_all: Floats, points: _Points
+) -> Iterator[tuple[Ints, Ints, Ints]]:
+    """Samples, courses and tiles, some at a time, the first samples first.
 
-    The points of most tiles need no look-up.
+    Only those near which ground may strike their lowest corner, or is unknown: the points of most
+    tiles need no look-up.
     """
     ahead, left = points.middle_ahead, points.middle_left
-    poses = of_all[..., None]
-    lowest = _underside(poses, ahead, left)
-    lowest -= (HALF_DIAGONAL * np.hypot(of_all[5], of_all[6]) + np.float32(_ROUNDING))[..., None]
-    highest = layers.highest_near(*points_of(poses[:4], ahead / layers.cell, left / layers.cell))
-    near: Bools = highest > lowest
-    return near
+    for first in range(0, of_all.shape[2], _SAMPLES):
+        some = of_all[:, :, first : first + _SAMPLES]
+        poses = some[..., None]
+        lowest = _underside(poses, ahead, left)
+        lowest -= (HALF_DIAGONAL * np.hypot(some[5], some[6]) + np.float32(_ROUNDING))[..., None]
+        in_cells = points_of(poses[:4], ahead / layers.cell, left / layers.cell)
+        s, n, t = np.nonzero((layers.highest_near(*in_cells) > lowest).transpose(1, 0, 2))
+        for k in range(0, len(s), _TOGETHER):
+            part = slice(k, k + _TOGETHER)
+            yield s[part] + first, n[part], t[part]
 
 
 def _underside(poses: Floats, ahead: Floats, left: Floats) -> Floats:
@@ -254,7 +267,8 @@ def _exempt_start(
     """Clear what lies below the body or a cell from it where it stands, unless it moves there.
 
     Of unknown ground only the leading edge counts as moving there: a sensor often does not see the
-    ground next to the vehicle, and what was seen to be an obstacle is one.
+    ground next to the vehicle, and what was seen to be an obstacle is one. Farther away, where the
+    vehicle may stand by the errors of its pose, unknown ground is as obstacles are.
     """
     front, rear = float(points.ahead.max()), -float(points.ahead.min())
     side = float(points.left.max())
@@ -266,11 +280,14 @@ def _exempt_start(
     north = cell * (y - start[1]) + ahead * sin + left * cos
     cos, sin = start[2:4]
     along, across = east * cos + north * sin, north * cos - east * sin
-    within = (along < front + cell) & (along > -rear - cell) & (np.abs(across) < side + cell)
+    within, close = (
+        (along < ahead_of + cell) & (along > -behind - cell) & (np.abs(across) < half + cell)
+        for ahead_of, behind, half in ((front, rear, side), points.size)
+    )
     turn, normal = poses[7, m, 0], points.normal_ahead[at]
     outward = normal * (moved.share - turn * left) + points.normal_left[at] * turn * (
         ahead - moved.axis
     )
     leading = (normal > 0.0) & (moved.share > 0.0)
-    unknown[m, p] &= ~within | leading
+    unknown[m, p] &= ~within | leading | (~close & (outward > _OUTWARD))
     struck[m, p] &= ~within | (outward > _OUTWARD)

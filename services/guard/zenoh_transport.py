@@ -113,7 +113,7 @@ class ZenohTransport(ZenohOutput):
             guard.clear(message.distance, *stamp)
         else:
             pose = Pose2d(message.x, message.y, message.heading)
-            guard.motions.take(VehicleMotion(pose, message.speed), *stamp)
+            guard.motions.take(VehicleMotion(pose, message.speed, message.yaw_rate), *stamp)
         return False
 
     def close(self) -> None:

@@ -214,3 +214,53 @@ def test_errors_of_pose_and_time_in_the_model_widen_the_body_and_lengthen_the_st
         for of, age in ((late, 0.0), (model, 0.3))
     ]
     assert decisions[0] == decisions[1] != exact
+
+
+@pytest.mark.parametrize("column", [-4, -1, 0])
+def test_unknown_ground_that_errors_of_the_pose_bring_near_ends_a_turn_on_the_spot(
+    column: int,
+) -> None:
+    """A cell 0.15 m from the body, which a flank meets within 0.6 rad."""
+    tracked = dataclasses.replace(read_model(ATV), tracking=Tracking(cross_track_std=0.08))
+    heights = level()
+    heights[60 - 8, 60 + column] = np.nan
+    square = MIDDLE + CELL * column, MIDDLE - CELL * 8, 0.5 * CELL
+    assert not overlaps((MIDDLE, MIDDLE, 0.0), *square)
+    assert any(overlaps((MIDDLE, MIDDLE, angle), *square) for angle in np.arange(0.0, 0.6, 0.02))
+    decision = slopewise.guard_decision(
+        tracked, ground_of(heights), (MIDDLE, MIDDLE, 0.0), 0.0, (0.0, 0.5)
+    )
+    assert (decision.action, decision.brake) == ("stop", True)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize(("speed", "row"), [(3.0, 9), (4.0, 9), (4.0, 10)])
+def test_obstacle_where_a_heading_error_of_the_model_leads_is_a_stop(
+    speed: float, row: int, side: int
+) -> None:
+    """A base on the measured heading passes it; one 0.1 rad off meets it before it could stop."""
+    tracked = dataclasses.replace(read_model(ATV), tracking=Tracking(heading_std=0.05))
+    stop = speed * (0.1 + 0.3) + speed**2 / (2.0 * 9.80665 * (0.40 + 0.015 * speed))
+    heights, start = level(), (MIDDLE - 2.5, MIDDLE, 0.0)
+    j, i = 60 + side * row, 60 + round((0.6 + speed**2 / 8.2 - 1.6) / CELL)
+    heights[j, i] = 1.5
+    square = CELL * i, CELL * j, 0.5 * CELL
+    reached, exact = (
+        first_overlap(Pose2d(*start[:2], of), 1.0, 0.0, 0.0, square) for of in (0.1 * side, 0.0)
+    )
+    assert reached < stop < exact
+    decision = slopewise.guard_decision(tracked, ground_of(heights), start, speed, (speed, 0.0))
+    assert decision.action == "stop"
+    free = slopewise.guard_decision(read_model(ATV), ground_of(heights), start, speed, (speed, 0.0))
+    assert free.action == "pass"
+
+
+def test_only_obstacles_next_to_the_measured_body_make_it_creep() -> None:
+    """A body turned by the heading error reaches one 3 cm ahead: a stop there, free to leave."""
+    tracked = dataclasses.replace(read_model(ATV), tracking=Tracking(heading_std=0.05))
+    heights = level()
+    heights[64, 80] = 1.5
+    pose = (CELL * 79.0 - 0.03 - SHAPE.front, MIDDLE, 0.0)
+    for speed, action in ((1.0, "stop"), (-1.0, "pass")):
+        decision = slopewise.guard_decision(tracked, ground_of(heights), pose, 0.0, (speed, 0.0))
+        assert decision.action == action
