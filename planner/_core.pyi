@@ -257,7 +257,7 @@ def first_blocked(
     resolution: float,
     sizes: object,
     line: tuple[Floats, Floats, Floats],
-    resting: tuple[Floats, Floats, Floats],
+    resting: tuple[Floats, Floats, Floats, Floats],
     limits: tuple[float, ...],
     tolerance: tuple[float, float, float, float],
     begin: float,

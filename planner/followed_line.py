@@ -14,6 +14,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
 from slopewise.planner.compiled_core import core
 from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.raw_polyline import noise, without_noise
@@ -37,8 +38,11 @@ _GRID_STEPS = 8  # different steps of a search over a grid at most [1]
 _SAME_STEP = 1e-5  # [m] steps that differ less are the same
 _THRUST_SHARE = 0.8  # of the drive's force for a turn [1]: the rest is for grades
 _NARROWER, _WIDER = 0.7, 1.1  # half widths that are tried in turn [1]
-_SHARPER = 1.1  # of a line's own bends [1] from which on others count
-_ON_A_BANK = 0.5  # of the lateral limit [1]: the rest is for a bank that falls away from the turn
+_SHARPER = 1.05  # of a line's own bends [1] from which on others count
+_ON_A_BANK, _MIN_ON_A_BANK = 0.5, 0.1
+"""Shares of the lateral limit for turns sharper than the line [1]: the remainder is for a bank that
+falls away from the turn, for ``_BANK`` at least, as long as a tenth is left."""
+_BANK = 0.07  # sine of 4° [1]: steeper ground is rarely driven across stairs of a grid
 _NARROWEST = 0.02  # [m] half width
 _PLANNED = 0.85  # of that half width [1], planned on: stations cut the peaks of curvature
 _PLANNED_ON_GRID = 0.7  # the same where bends swing from step to step [1]
@@ -54,6 +58,7 @@ class LineLimits(NamedTuple):
         wheelbase: 0 for a vehicle without size [m].
         max_curvature: sharpest turn of its steering, or for which its drive has the force [1/m].
         lateral_accel: limit in turns [m/s²]. speed: highest one [m/s].
+        overhang: largest distance by which the body extends beyond an axle [m].
     """
 
     deviation: float = np.inf
@@ -61,6 +66,7 @@ class LineLimits(NamedTuple):
     max_curvature: float = np.inf
     lateral_accel: float = np.inf
     speed: float = np.inf
+    overhang: float = 0.0
 
     @property
     def gentlest(self) -> float:
@@ -71,6 +77,7 @@ class LineLimits(NamedTuple):
 def line_limits(model: Model) -> LineLimits:
     """Of a model's vehicle."""
     sharpest, limits = model.steering_geometry.max_curvature, model.limits
+    shape = model.vehicle.shape
     if model.vehicle.drive == "skid_steer":
         sharpest = min(sharpest, _sharpest_by_thrust(model))
     return LineLimits(
@@ -79,6 +86,7 @@ def line_limits(model: Model) -> LineLimits:
         sharpest,
         limits.lateral_accel,
         limits.speed,
+        max(max(shape.front, shape.rear) - 0.5 * model.vehicle.wheelbase, 0.0),
     )
 
 
@@ -161,7 +169,10 @@ class GivenPoints:
         if not slow.any():
             return None
         closer[~slow] = 0.0
-        return np.sqrt(_ON_A_BANK * self._limits.lateral_accel / np.maximum(closer, 1e-9))
+        spare = self._limits.lateral_accel - GRAVITY * _BANK
+        lateral = min(_ON_A_BANK * self._limits.lateral_accel, spare)
+        lateral = max(lateral, _MIN_ON_A_BANK * self._limits.lateral_accel)
+        return np.sqrt(lateral / np.maximum(closer, 1e-9))
 
     def _curvature(self, half: float, place: Floats) -> Floats:
         curvature = np.empty(len(place))

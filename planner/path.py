@@ -27,7 +27,7 @@ from slopewise.planner.followed_line import (
     narrower,
     wider,
 )
-from slopewise.planner.path_deviation import GivenPolyline
+from slopewise.planner.path_deviation import GivenPolyline, follower_offset
 from slopewise.planner.raw_polyline import arc, clean, first_cusp, without_noise
 from slopewise.planner.smooth_path import smooth
 
@@ -50,12 +50,14 @@ class EvenPath:
         speed_limit: (N,) the lowest of the polyline's limits around each station [m/s], None if
             there is none.
         given: the polyline itself; None if the stations are what was given.
+        follower_offset: (N,) distance of a vehicle that follows the polyline [m], None without any.
     """
 
     name: str
     points: Floats
     speed_limit: Floats | None
     given: GivenPolyline | None = None
+    follower_offset: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +71,8 @@ class PathBatch:
         speed_limit: (N, M) [m/s], inf where there is none; None if no candidate has any.
         given: (M,) the polylines, None for those whose stations are what was given; empty if all
             are.
+        follower_offset: (N, M) distance of a vehicle that follows the polyline [m], None without
+            any.
     """
 
     names: tuple[str, ...]
@@ -77,16 +81,18 @@ class PathBatch:
     count: Ints
     speed_limit: Floats | None
     given: tuple[GivenPolyline | None, ...] = ()
+    follower_offset: Floats | None = None
 
     def only(self, usable: Ints) -> PathBatch:
         """Some of the candidates, by their indices (m,)."""
         x, y = (np.ascontiguousarray(a[:, usable]) for a in (self.x, self.y))
-        limit = self.speed_limit
-        if limit is not None:
-            limit = np.ascontiguousarray(limit[:, usable])
+        limit, offset = (
+            None if a is None else np.ascontiguousarray(a[:, usable])
+            for a in (self.speed_limit, self.follower_offset)
+        )
         names = tuple(self.names[j] for j in usable)
         given = tuple(self.given[j] for j in usable) if self.given else ()
-        return PathBatch(names, x, y, self.count[usable], limit, given)
+        return PathBatch(names, x, y, self.count[usable], limit, given, offset)
 
     def given_points(self, j: int) -> Floats:
         """(n, 2) points that were given for a candidate [m]."""
@@ -103,15 +109,22 @@ def joined(paths: PathBatch, other: PathBatch) -> PathBatch:
     parts = (paths, other)
     rows = max(len(part.x) for part in parts)
     x, y = (_columns([getattr(part, name) for part in parts], rows) for name in "xy")
-    limit = None
-    if any(part.speed_limit is not None for part in parts):
-        known = [
-            np.full(part.x.shape, np.inf) if part.speed_limit is None else part.speed_limit
-            for part in parts
-        ]
-        limit = _columns(known, rows)
+    limit = _known_columns([part.speed_limit for part in parts], parts, np.inf)
+    offset = _known_columns([part.follower_offset for part in parts], parts, 0.0)
     count = np.concatenate([part.count for part in parts])
-    return PathBatch(paths.names + other.names, x, y, count, limit)
+    return PathBatch(paths.names + other.names, x, y, count, limit, (), offset)
+
+
+def _known_columns(
+    arrays: list[Floats | None], parts: tuple[PathBatch, ...], nothing: float
+) -> Floats | None:
+    """Columns of both batches, ``nothing`` in one that has none; None if neither has any."""
+    if all(a is None for a in arrays):
+        return None
+    filled = [
+        np.full(p.x.shape, nothing) if a is None else a for a, p in zip(arrays, parts, strict=True)
+    ]
+    return _columns(filled, max(len(part.x) for part in parts))
 
 
 def _columns(arrays: list[Floats], rows: int) -> Floats:
@@ -154,8 +167,14 @@ def resample(
         limit = _lowest_around(laid.place, drawn / drawn[-1], limit)
     if laid.speed_limit is not None:
         limit = laid.speed_limit if limit is None else np.minimum(limit, laid.speed_limit)
-    given = GivenPolyline(points, laid.deviation, ends)
-    return EvenPath(path.name, laid.points, limit, given)
+    given = GivenPolyline(points, float(laid.deviation.max()), ends)
+    offset = None
+    if len(points) > 2:
+        share = drawn / drawn[-1]
+        matched = np.stack([np.interp(laid.place, share, axis) for axis in points.T], axis=1)
+        size = limits.wheelbase, limits.overhang
+        offset = follower_offset(laid.deviation, laid.points, matched, *size)
+    return EvenPath(path.name, laid.points, limit, given, offset)
 
 
 class _Laid(NamedTuple):
@@ -163,13 +182,13 @@ class _Laid(NamedTuple):
 
     Attributes:
         points: (N, 2) [m]. place: (N,) of each, as a share of the polyline [1].
-        deviation: largest distance between both [m].
+        deviation: (N,) largest distance between both around each [m].
         speed_limit: (N,) for who follows the polyline itself [m/s], None where the line suits them.
     """
 
     points: Floats
     place: Floats
-    deviation: float
+    deviation: Floats
     speed_limit: Floats | None = None
 
 
@@ -183,9 +202,9 @@ def _line_along(points: Floats, along: Floats, spacing: float, limits: LineLimit
     even, length = _smoothed(points, along, spacing)
     place = np.linspace(0.0, length, len(even)) / length
     if len(points) == 2:
-        return _Laid(even, place, 0.0)
-    given, deviation = GivenPoints(points, along, spacing, limits), _largest_deviation(points, even)
-    if deviation <= limits.deviation and first_cusp(even) == 0 and given.agrees(even):
+        return _Laid(even, place, np.zeros(len(even)))
+    given, deviation = GivenPoints(points, along, spacing, limits), _deviation(points, even)
+    if deviation.max() <= limits.deviation and first_cusp(even) == 0 and given.agrees(even):
         return _Laid(even, place, deviation)
     return _followed(given, points, limits)
 
@@ -226,13 +245,13 @@ def _followed(given: GivenPoints, points: Floats, limits: LineLimits) -> _Laid:
         ParameterError: no such line is close enough.
     """
 
-    def tried(half: float) -> tuple[FollowedLine, float]:
+    def tried(half: float) -> tuple[FollowedLine, Floats]:
         line = given.line(half, MAX_STATIONS)
-        return line, _largest_deviation(points, line.points)
+        return line, _deviation(points, line.points)
 
     half = given.planned * given.half
     line, deviation = tried(half)
-    while deviation > limits.deviation:
+    while deviation.max() > limits.deviation:
         half = narrower(half)
         if half == 0.0:
             raise _too_far_error(points, line.points, limits.deviation)
@@ -240,23 +259,22 @@ def _followed(given: GivenPoints, points: Floats, limits: LineLimits) -> _Laid:
     near, length = half, arc(points)[-1]
     while line.sharpest > limits.max_curvature and half < length:
         gentler, farther = tried(wider(half))
-        if farther > limits.deviation:
+        if farther.max() > limits.deviation:
             break
         line, deviation, half = gentler, farther, wider(half)
     slow = given.speed_limit(near, half, line.place)
     return _Laid(line.points, line.place, deviation, slow)
 
 
-def _largest_deviation(given: Floats, even: Floats) -> float:
-    """Largest distance between a polyline and the line of stations [m]."""
+def _deviation(given: Floats, even: Floats) -> Floats:
+    """(N,) largest distance between a polyline and the line around each of its stations [m]."""
     distance = np.zeros(len(even))
     core.deviation_along(given, even, distance)
-    return float(distance.max())
+    return distance
 
 
 def _too_far_error(given: Floats, even: Floats, max_deviation: float) -> ParameterError:
-    distance = np.zeros(len(even))
-    core.deviation_along(given, even, distance)
+    distance = _deviation(given, even)
     (x, y), deviation = even[np.argmax(distance)], float(distance.max())
     return ParameterError(
         f"points[{_nearest_to(x, y, given)}]",
@@ -281,16 +299,20 @@ def side_by_side(paths: Sequence[EvenPath]) -> PathBatch:
     count = np.array([len(path.points) for path in paths], np.int64)
     shape = (int(count.max()), len(paths))
     x, y = np.empty(shape), np.empty(shape)
-    limits = None
+    limits = offset = None
     if any(path.speed_limit is not None for path in paths):
         limits = np.full(shape, np.inf)
+    if any(path.follower_offset is not None for path in paths):
+        offset = np.zeros(shape)
     for j, (path, n) in enumerate(zip(paths, count, strict=True)):
         x[:n, j], y[:n, j] = path.points.T
         x[n:, j], y[n:, j] = path.points[-1]
         if limits is not None and path.speed_limit is not None:
             limits[:n, j] = path.speed_limit
+        if offset is not None and path.follower_offset is not None:
+            offset[:n, j] = path.follower_offset
     given = tuple(path.given for path in paths)
-    return PathBatch(tuple(path.name for path in paths), x, y, count, limits, given)
+    return PathBatch(tuple(path.name for path in paths), x, y, count, limits, given, offset)
 
 
 def _lowest_around(wanted: Floats, along: Floats, limit: Floats) -> Floats:

@@ -10,12 +10,18 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from slopewise.models.arrays import Floats
 from slopewise.planner.compiled_core import core
 
 _EXPECTED_SHARE = 0.25
 """Distances above this share of their limit are more than smoothing needs, and get a sentence."""
+
+
+_ON_LINE = 0.01
+"""Who follows a line this close to the planned one is on it [m]: maps are not drawn more exactly,
+and odometry is not read so."""
 
 
 class GivenPolyline(NamedTuple):
@@ -64,6 +70,36 @@ class PathDeviation:
     def from_row(self, first: int, x: Floats, y: Floats, station: Floats) -> PathDeviation:
         """Of the same line from a row on; positions and stations of its rows, (N − first,) [m]."""
         return _largest_of(self.distance[first:], x, y, station, self.limit)
+
+
+def follower_offset(
+    deviation: Floats, points: Floats, matched: Floats, wheelbase: float, overhang: float
+) -> Floats | None:
+    """Largest lateral distance between line and a vehicle on the given polyline, None without any.
+
+    Its axles are on the polyline, and within the deviations around the station; the ends of its
+    body are farther away where the chord from axle to axle is turned from the line.
+
+    Args:
+        deviation: (N,) largest distance of both around each station [m].
+        points: (N, 2) stations [m], evenly apart. matched: (N, 2) places of the polyline [m].
+        wheelbase: distance of the axles [m].
+        overhang: largest distance by which the body extends beyond an axle [m].
+
+    Returns:
+        (N,) distances [m].
+    """
+    if deviation.max() <= _ON_LINE:
+        return None
+    step = max(float(np.hypot(*(points[1] - points[0]))), 1e-9)
+    reach = int(np.ceil(0.5 * wheelbase / step))
+    axles: Floats = maximum_filter1d(deviation, 2 * reach + 1, mode="nearest")
+    at, last = np.arange(len(points)), len(points) - 1
+    ahead = np.gradient(points, axis=0)
+    chord = matched[np.minimum(at + reach, last)] - matched[np.maximum(at - reach, 0)]
+    cross = ahead[:, 0] * chord[:, 1] - ahead[:, 1] * chord[:, 0]
+    turned = np.abs(cross) / np.maximum(np.hypot(*ahead.T) * np.hypot(*chord.T), 1e-9)
+    return np.where(axles > _ON_LINE, axles + overhang * turned, 0.0)
 
 
 def path_deviation(

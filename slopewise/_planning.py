@@ -17,7 +17,19 @@ from slopewise.planner.settings import PlannerSettings
 from slopewise.services.check.check_report import CheckReport
 from slopewise.services.check.external_plan import ExternalPlan, plan_of_columns
 from slopewise.services.check.plan_checker import check_plan_on_map
-from slopewise.services.jobs.plan import plan_paths
+from slopewise.services.jobs.plan import RefusedPath, plan_paths, without_refused
+
+
+class Plans(list[SpeedPlan]):
+    """Plans, best first.
+
+    Attributes:
+        refused: paths that cannot be planned, each with its ``candidate`` and a ``reason``.
+    """
+
+    def __init__(self, plans: Sequence[SpeedPlan], refused: tuple[RefusedPath, ...]) -> None:
+        super().__init__(plans)
+        self.refused = refused
 
 
 def plan(
@@ -29,13 +41,13 @@ def plan(
     clear: float = np.inf,
     quantile: float | None = QUANTILE,
     settings: PlannerSettings | None = None,
-) -> list[SpeedPlan]:
-    """A checked speed plan for every candidate path, best first.
+) -> Plans:
+    """A checked speed plan for every candidate path, best first; ``refused`` names the others.
 
     Args:
         model: vehicle, braking, ground and limits.
         elevation_map: ground.
-        paths: candidates; a malformed one raises, an undrivable one gets a status.
+        paths: candidates; a malformed one is refused, an undrivable one gets a status.
         start_speed: speed at the first station [m/s].
         clear: station up to which the path is known to be free, from the first point [m].
         quantile: one-sided probability that margins cover the model's uncertainty; None plans with
@@ -43,12 +55,14 @@ def plan(
         settings: spacing of the stations, smoothing, weights of the ranking.
 
     Raises:
-        ParameterError: names the candidate or the argument, and what was expected.
+        ParameterError: names the argument and what was expected; or the first candidate, where all
+            are refused.
     """
     uncertainty = None if quantile is None else Uncertainty(quantile=quantile)
     planner = CandidatePlanner(model, settings, uncertainty)
-    plans, *_ = plan_paths(planner, elevation_map, paths, start_speed=start_speed, clear=clear)
-    return plans
+    usable, refused = without_refused(planner, elevation_map, paths)
+    plans, *_ = plan_paths(planner, elevation_map, usable, start_speed=start_speed, clear=clear)
+    return Plans(plans, refused)
 
 
 def check_plan(

@@ -16,7 +16,9 @@ from slopewise.models.arrays import Floats
 from slopewise.models.parameters import Model
 from slopewise.planner.plan import SpeedPlan
 
-_STEP = 0.02  # [m] between places on the line
+from ..tracking.passes import poses_on
+
+PLACE_STEP = 0.02  # [m] between places on the line
 _TOLERANCE = 0.05  # [1] of a share: curvature is sampled, by plan and follower
 _REACH = 1.5  # [m] along the plan within which a place is looked for
 _PLACE_ERROR = 0.05  # [m] by which a nearest place may be off
@@ -63,7 +65,7 @@ class Places(NamedTuple):
 def places(given: Floats, plan: SpeedPlan, measured: Floats) -> Places:
     """Given line in steps of 2 cm with the speed that the plan has at the nearest of its places."""
     x, y = dense(given, measured)
-    at: Floats = _STEP * np.arange(len(x), dtype=np.float64)
+    at: Floats = PLACE_STEP * np.arange(len(x), dtype=np.float64)
     nearest = along_plan(x, y, plan)
     number = np.arange(len(plan.station))
     speed: Floats = np.sqrt(np.interp(nearest, number, plan.speed**2))
@@ -109,14 +111,14 @@ def follow_exactly(
         steers_at_noise: points are no noise.
     """
     # Noise makes the polyline longer than the way that is driven along it.
-    smooth = given if steers_at_noise else _averaged(given, model.vehicle.wheelbase)
+    smooth = given if steers_at_noise else averaged(given, model.vehicle.wheelbase)
     line = places(given, plan, smooth)
     span = (0.5 if steers_at_noise else 1.0) * model.vehicle.wheelbase
     x, y = dense(given, smooth)
-    window = min(2 * round(span / _STEP) + 1, (len(x) - 1) // 2 * 2 + 1)
+    window = min(2 * round(span / PLACE_STEP) + 1, (len(x) - 1) // 2 * 2 + 1)
 
     def derivative(values: Floats, order: int) -> Floats:
-        filtered: Floats = savgol_filter(values, window, 2, deriv=order, delta=_STEP)
+        filtered: Floats = savgol_filter(values, window, 2, deriv=order, delta=PLACE_STEP)
         return filtered[: len(line.arc)]
 
     dx, dy, ddx, ddy = (derivative(v, order) for order in (1, 2) for v in (x, y))
@@ -124,7 +126,13 @@ def follow_exactly(
     sharpest = model.steering_geometry.max_curvature
     curvature = np.clip(curvature, -sharpest, sharpest)
     along = np.interp(line.arc, _arc(smooth), _arc(given))
-    line = line._replace(heading=np.arctan2(dy, dx), arc=along)
+    heading = np.arctan2(dy, dx)
+    if model.vehicle.drive == "ackermann":
+        # Its body, which the bank tilts, trails the direction of the line in turns.
+        body = poses_on(x, y, model)
+        behind = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(body.x), np.diff(body.y)))))
+        heading = np.interp(line.arc, behind, np.unwrap(body.heading))
+    line = line._replace(heading=heading, arc=along)
     return _felt(line, curvature, plan, model, slope, float(along[-1]))
 
 
@@ -132,7 +140,7 @@ def dense(given: Floats, measured: Floats) -> tuple[Floats, Floats]:
     """Places of a polyline in steps of 2 cm, by the way along another with as many points."""
     arc = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(measured, axis=0).T))))
     distinct = np.concatenate(([True], np.diff(arc) > 0.0))
-    at = np.arange(0.0, arc[-1], _STEP)
+    at = np.arange(0.0, arc[-1], PLACE_STEP)
     x, y = (np.interp(at, arc[distinct], given[distinct, axis]) for axis in range(2))
     return x, y
 
@@ -142,12 +150,12 @@ def _arc(points: Floats) -> Floats:
     return arc
 
 
-def _averaged(points: Floats, length: float) -> Floats:
+def averaged(points: Floats, length: float) -> Floats:
     """Points averaged over a length [m] of their usual distance."""
     step = float(np.median(np.hypot(*np.diff(points, axis=0).T)))
     size = 2 * int(0.5 * length / step) + 1
-    averaged: Floats = uniform_filter1d(points, size, axis=0, mode="nearest")
-    return averaged
+    means: Floats = uniform_filter1d(points, size, axis=0, mode="nearest")
+    return means
 
 
 def _felt(

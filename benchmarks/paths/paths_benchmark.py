@@ -26,6 +26,7 @@ from ..common.timing import machine
 from .deviations import largest_distance
 from .followers import Drive, follow_exactly, pursue
 from .given_lines import KINDS, GivenLine, given_line
+from .obstacle_passes import Passed, pass_obstacle
 
 Result = dict[str, Any]
 
@@ -56,6 +57,7 @@ class Outcome:
     untold: bool = False
     exact: Drive | None = None
     pursuit: Drive | None = None
+    obstacle: Passed | None = None
 
 
 def outcome(kind: str, seed: int) -> Outcome:
@@ -87,6 +89,13 @@ def outcome(kind: str, seed: int) -> Outcome:
         untold=far > reported + _EXACT or deviation.largest > deviation.limit,
         exact=follow_exactly(given, plan, model, slope, steers_at_noise=kind != "noisy"),
         pursuit=pursue(given, plan, model, slope, rng),
+        obstacle=pass_obstacle(
+            given,
+            planner(vehicle),
+            plane(0.0, 0.0, _CELLS[0], line.points),
+            np.random.default_rng([seed, 1]),
+            steers_at_noise=kind != "noisy",
+        ),
     )
 
 
@@ -156,6 +165,10 @@ def summary(kind: str, outcomes: list[Outcome]) -> Result:
         for limit in ("lateral", "rollover", "friction", "stopping"):
             worst = max((getattr(drive, limit) for drive in done), default=0.0)
             row[f"{name}: {limit}"] = round(worst, 3)
+    passed = [o.obstacle for o in planned if o.obstacle is not None]
+    row["obstacles passed"] = len(passed)
+    row["touched"] = sum(p.touched for p in passed)
+    row["free distance [m]"] = round(float(np.mean([p.gap for p in passed] or [0.0])), 3)
     return row
 
 

@@ -58,7 +58,11 @@ def poses_on(x: Floats, y: Floats, model: Model) -> Poses:
 
 
 def strikes(
-    poses: Poses, model: Model, ground: ElevationMap, errors: Floats | None = None
+    poses: Poses,
+    model: Model,
+    ground: ElevationMap,
+    errors: Floats | None = None,
+    inset: float = 0.0,
 ) -> Bools:
     """Draws in which the body touches a high cell somewhere along the poses.
 
@@ -66,15 +70,17 @@ def strikes(
         poses: planned poses. model: sizes of the body.
         ground: cells higher than the clearance are obstacles; nothing else is checked.
         errors: (D, 2) distance of the body to the left [m] and turn [rad]; one of none by default.
+        inset: depth up to which there is no contact [m].
 
     Returns:
         (D,) true where something is touched.
     """
     shape = model.vehicle.shape
-    along = np.linspace(-shape.rear, shape.front, int((shape.rear + shape.front) / _SAMPLE))
-    across = np.linspace(-0.5 * shape.width, 0.5 * shape.width, int(shape.width / _SAMPLE))
+    front, rear, half = shape.front - inset, shape.rear - inset, 0.5 * shape.width - inset
+    along = np.linspace(-rear, front, int((rear + front) / _SAMPLE))
+    across = np.linspace(-half, half, int(2.0 * half / _SAMPLE))
     sides, ends = np.ones_like(along), np.ones_like(across)
-    u = np.concatenate([along, along, shape.front * ends, -shape.rear * ends])
+    u = np.concatenate([along, along, front * ends, -rear * ends])
     v = np.concatenate([across[0] * sides, across[-1] * sides, across, across])
     high = ground.elevation > shape.clearance
     return np.array(

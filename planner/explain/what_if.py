@@ -113,9 +113,10 @@ class WhatIf:
         vehicle = model.vehicle
         self._vehicle, self._name, self._limit = vehicle, path.name, part.speed_limit
         elevation_map = averaged_map(elevation_map, vehicle.wheel_radius)
-        self._profile = terrain_profile(
+        profile = terrain_profile(
             elevation_map, part.x, part.y, part.count, vehicle, model.steering_geometry
         )
+        self._profile = replace(profile, follower_offset=part.follower_offset)
         self._map, self._classes = elevation_map, elevation_map.class_names
         self._start_speed = start_speed
         self._conditions = conditions

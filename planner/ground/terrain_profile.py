@@ -47,6 +47,8 @@ class TerrainProfile:
         front: (N, 2, M) surface under the front wheels, left and right, above z of the first
             station [m], float32; what is unknown repeats the last known, or 0.
         body: pose of the body, None where it is that of the path.
+        follower_offset: (N, M) distance from the path, to either side, of a vehicle that follows
+            what was given for it [m], None where that is the path itself.
     """
 
     count: Ints
@@ -67,6 +69,7 @@ class TerrainProfile:
     front: Singles
     height_std: float = 0.0
     body: BodyRows | None = None
+    follower_offset: Floats | None = None
 
     @property
     def body_rows(self) -> BodyRows:

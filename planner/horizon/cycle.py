@@ -203,8 +203,9 @@ class Cycle:
             lambda: PlanFinalizer(solved, j, start_sq),
             Unfinished(solved.profile_of(j), not batch.too_fast[j], batch.passed(j), accel),
         )
-        limit = None if limit is None else limit[:n, j]
-        return PreviousPlan(plan, limit, Polyline(*np.empty((2, 0))))
+        columns = (limit, solved.profile.follower_offset)
+        limit, offset = (None if a is None else a[:n, j] for a in columns)
+        return PreviousPlan(plan, limit, Polyline(*np.empty((2, 0))), offset)
 
     # ------------------------------------------------------------------ answers
 

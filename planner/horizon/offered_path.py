@@ -42,8 +42,11 @@ def offered_path(
     n, first = int(path.count[0]), max(segment - BEHIND, 0)
     end = min(max(clear, 0.0), float(station[n - 1]))
     far = tuple(float(np.interp(end, station[:n], a[:n, 0])) for a in (path.x, path.y))
-    limit = None if path.speed_limit is None else path.speed_limit[first:n, 0]
-    stations = OfferedStations(Polyline(path.x[first:n, 0], path.y[first:n, 0]), limit)
+    limit, offset = (
+        None if a is None else a[first:n, 0] for a in (path.speed_limit, path.follower_offset)
+    )
+    line = Polyline(path.x[first:n, 0], path.y[first:n, 0])
+    stations = OfferedStations(line, limit, offset)
     return OfferedPath(stations, (far[0], far[1]), end - passed)
 
 

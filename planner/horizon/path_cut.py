@@ -43,7 +43,10 @@ def cut(paths: PathBatch, projection: PathProjection, at: tuple[float, float]) -
     limit = paths.speed_limit
     if limit is not None:
         limit = _cut_limits(limit, paths.count, kept, near | ahead, most)
-    return PathBatch(paths.names, rest[0, :most], rest[1, :most], count, limit)
+    offset = paths.follower_offset
+    if offset is not None:
+        offset = -_cut_limits(-offset, paths.count, kept, near | ahead, most)
+    return PathBatch(paths.names, rest[0, :most], rest[1, :most], count, limit, (), offset)
 
 
 def _cut_limits(limit: Floats, count: Ints, kept: Ints, own: Bools, rows: int) -> Floats:

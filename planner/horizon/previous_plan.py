@@ -28,10 +28,12 @@ class OfferedStations(NamedTuple):
     Attributes:
         line: their positions.
         limit: (n,) limits of the path itself [m/s], None if it has none.
+        follower_offset: (n,) distance from it of a vehicle on what was given [m], or None.
     """
 
     line: Polyline
     limit: Floats | None
+    follower_offset: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,18 +44,22 @@ class PreviousPlan:
         plan: as it was answered.
         speed_limit: (N,) limits of the path itself [m/s], None if it has none.
         behind: stations that the path had before those of the plan, at most `BEHIND`.
+        follower_offset: (N,) distance from it of a vehicle on what was given [m], or None.
     """
 
     plan: SpeedPlan
     speed_limit: Floats | None
     behind: Polyline
+    follower_offset: Floats | None = None
 
     @classmethod
     def on(cls, path: PathBatch, first: int, plan: SpeedPlan) -> PreviousPlan:
         """A plan that begins at station ``first`` of a path."""
-        limit = None if path.speed_limit is None else path.speed_limit[first:, 0]
+        limit, offset = (
+            None if a is None else a[first:, 0] for a in (path.speed_limit, path.follower_offset)
+        )
         behind = slice(max(first - BEHIND, 0), first)
-        return cls(plan, limit, Polyline(path.x[behind, 0], path.y[behind, 0]))
+        return cls(plan, limit, Polyline(path.x[behind, 0], path.y[behind, 0]), offset)
 
     def locate(self, at: tuple[float, float], heading: float) -> PathProjection:
         """The vehicle at a position [m] and heading [rad] on the plan's path."""
@@ -125,11 +131,12 @@ class PreviousPlan:
             np.concatenate((early, late))[first:]
             for early, late in ((self.behind.x, self.plan.x), (self.behind.y, self.plan.y))
         )
-        limit = self.speed_limit
-        if limit is not None:
-            # What the vehicle has left says nothing of what is ahead.
-            limit = np.concatenate((np.full(known, np.inf), limit))[first:]
-        return self._alone(x, y, limit), known + i - first
+        # What the vehicle has left says nothing of what is ahead.
+        limit, offset = (
+            None if a is None else np.concatenate((np.full(known, nothing), a))[first:]
+            for a, nothing in ((self.speed_limit, np.inf), (self.follower_offset, 0.0))
+        )
+        return self._alone(x, y, limit, offset), known + i - first
 
     def going_on(
         self,
@@ -148,7 +155,7 @@ class PreviousPlan:
             extended: with the stations with which the path goes on now.
         """
         path, first = self.rest(projection, behind)
-        line, limit = offered
+        line, limit, away = offered
         begin = self._extension(projection, line) if extended else len(line.x)
         limits = None
         if limit is not None or path.speed_limit is not None:
@@ -157,9 +164,18 @@ class PreviousPlan:
             if path.speed_limit is not None:
                 now = np.minimum(now, path.speed_limit[:, 0])
             limits = np.concatenate((now, new[begin:]))
+        offset = None
+        if away is not None or path.follower_offset is not None:
+            now = (
+                np.zeros(len(path.x))
+                if path.follower_offset is None
+                else path.follower_offset[:, 0]
+            )
+            new = np.zeros(len(line.x)) if away is None else away
+            offset = np.concatenate((now, new[begin:]))
         x = np.concatenate((path.x[:, 0], line.x[begin:]))
         y = np.concatenate((path.y[:, 0], line.y[begin:]))
-        return self._alone(x, y, limits), first
+        return self._alone(x, y, limits, offset), first
 
     def _extension(self, projection: PathProjection, offered: Polyline) -> int:
         """Index of the first offered station beyond the end of this path."""
@@ -182,8 +198,11 @@ class PreviousPlan:
             begin += 1
         return begin
 
-    def _alone(self, x: Floats, y: Floats, limit: Floats | None) -> PathBatch:
+    def _alone(
+        self, x: Floats, y: Floats, limit: Floats | None, offset: Floats | None
+    ) -> PathBatch:
         """One path as a batch."""
-        column = None if limit is None else np.ascontiguousarray(limit[:, None])
+        columns = [None if a is None else np.ascontiguousarray(a[:, None]) for a in (limit, offset)]
         x, y = (np.ascontiguousarray(values[:, None]) for values in (x, y))
-        return PathBatch((self.plan.candidate,), x, y, np.array([len(x)], np.int64), column)
+        count = np.array([len(x)], np.int64)
+        return PathBatch((self.plan.candidate,), x, y, count, columns[0], (), columns[1])

@@ -103,6 +103,7 @@ def time_optimal_batch(
     profile = terrain_profile(
         elevation_map, paths.x, paths.y, paths.count, model.vehicle, model.steering_geometry
     )
+    profile = replace(profile, follower_offset=paths.follower_offset)
     ground = ground_along(profile, model, elevation_map.class_names, conditions, uncertainty)
     errors = survived_errors(model, uncertainty)
     solved = solve(

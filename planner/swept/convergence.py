@@ -17,6 +17,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.parameters import Model
+from slopewise.models.quantity import GRAVITY
 from slopewise.planner.ground.body_pose import BodyRows
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 
@@ -36,6 +37,12 @@ short of bends."""
 _SHARE = 0.25
 """Share of the lateral acceleration that a vehicle uses to return to its line [1]; most of it is
 for bends of the line itself."""
+
+_BRAKING = 0.5
+"""Share of planned braking by which a vehicle slows for its turn back [1]: jerk takes time."""
+
+_ON_A_BANK = 0.1
+"""Share of the lateral limit that any bank leaves to turns [1], as in the bounds of the line."""
 
 
 class Departure(NamedTuple):
@@ -64,6 +71,8 @@ class Convergence(NamedTuple):
         body: middle of all courses. across: what they differ by, to either side [m].
         longer: what the body is longer by, ahead and behind, where headings differ [m].
         offset, turned: (M,) offset [m] and heading error [rad] of the vehicle, 0 on the line.
+        speed: highest one at which the sharpest course keeps to the lateral limits, inf up to the
+            station ahead of the vehicle [m/s].
     """
 
     body: BodyRows
@@ -71,6 +80,7 @@ class Convergence(NamedTuple):
     longer: float
     offset: Floats
     turned: Floats
+    speed: Floats
 
 
 def convergence(
@@ -97,14 +107,45 @@ def convergence(
     distance = np.concatenate((np.zeros((1, arc.shape[1])), arc)) - departure.along
     rows = min(max(int((distance < ends).sum(axis=0).max()) + 1, 2), len(distance))
     distance = np.ascontiguousarray(distance[:rows])
-    lateral, error = _hull(distance, offset, turned, shortest, longest, late)
+    lateral, error, curvature = _hull(distance, offset, turned, shortest, longest, late)
     return Convergence(
         _moved(profile, lateral[0], error[0], model.steering_geometry.body_offset),
         lateral[1] + arm * np.sin(error[1]),
         0.5 * shape.width * math.sin(float(error[1].max())),
         offset,
         turned,
+        _highest_speed(profile, departure, model, distance, curvature),
     )
+
+
+def _highest_speed(
+    profile: TerrainProfile,
+    departure: Departure,
+    model: Model,
+    distance: Floats,
+    curvature: Floats,
+) -> Floats:
+    """Speed at which the turn back to the line holds on the bank that is there, (K, M) [m/s].
+
+    The vehicle already drives, and brakes to it by half of what planned braking may.
+
+    Args:
+        distance: along the lines from the vehicle on, (K, M) [m].
+        curvature: largest one of any course, beyond that of the line, (K, M) [1/m].
+    """
+    vehicle, limits, rows = model.vehicle, model.limits, len(distance)
+    lever = 0.5 * vehicle.track_width / vehicle.cg_z
+    lateral = min(limits.lateral_accel, (1.0 - limits.min_load) * GRAVITY * lever)
+    if model.braking.sliding_friction is not None:
+        lateral = min(lateral, model.braking.sliding_friction * GRAVITY)
+    bank = GRAVITY * np.abs(profile.sin_roll[:rows])
+    total = np.abs(profile.curvature[:rows]) + curvature
+    held = np.maximum(lateral - bank, _ON_A_BANK * lateral) / np.maximum(total, 1e-9)
+    slowing = departure.speed**2 - _BRAKING * 2.0 * limits.decel * np.maximum(distance, 0.0)
+    speed = np.sqrt(np.maximum(held, slowing))
+    behind = np.arange(rows)[:, None] <= departure.segment + 1
+    free: Floats = np.where(behind | (curvature <= 0.0), np.inf, speed)
+    return free
 
 
 def offset_and_heading(
@@ -159,13 +200,17 @@ def _hull(
     shortest: float,
     longest: Floats,
     late: float,
-) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    """Middle and half the range of the offsets [m] and of the headings [rad] of all courses."""
-    courses = [
-        offset_and_heading(distance - begin, offset + begin * turned, turned, lookahead)
-        for lookahead in (shortest, np.sqrt(shortest * longest), longest)
-        for begin in ((0.0, late) if late > 0.0 else (0.0,))
-    ]
+) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats], Floats]:
+    """Offsets [m] and headings [rad] of all courses: middle and half the range; curvature [1/m]."""
+    courses, curvature = [], np.zeros_like(distance)
+    for lookahead in (shortest, np.sqrt(shortest * longest), longest):
+        for begin in (0.0, late) if late > 0.0 else (0.0,):
+            course = offset_and_heading(
+                distance - begin, offset + begin * turned, turned, lookahead
+            )
+            courses.append(course)
+            turn_back = np.abs(course[0] / lookahead + course[1]) * (2.0 / lookahead)
+            np.maximum(curvature, np.where(distance > begin, turn_back, 0.0), out=curvature)
     bounds = []
     for values in zip(*courses, strict=True):
         low, high = np.minimum.reduce(values), np.maximum.reduce(values)
@@ -176,7 +221,7 @@ def _hull(
                 np.where(distance > 0.0, 0.5 * (high - low), 0.0),
             )
         )
-    return bounds[0], bounds[1]
+    return bounds[0], bounds[1], curvature
 
 
 def _moved(

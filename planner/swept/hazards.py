@@ -110,6 +110,11 @@ def swept_hazards(
     if steering is not None:
         swept.code[steering.blocked & (swept.code == 0)] = _STEERING
         steering_speed = steering.speed
+    if swept.speed is not None:
+        if steering_speed.size == 0:
+            steering_speed = np.full(profile.x.shape, np.inf)
+        part = steering_speed[: len(swept.speed)]
+        np.minimum(part, swept.speed, out=part)
     return Hazards(
         HazardRows(swept.code, rough, steering_speed),
         cannot_see(sizes, elevation_map.resolution),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +32,7 @@ class SweptPoses:
         body: (N, M) poses that were swept.
         departures: (M,) sentences on where the vehicle comes from, where that decided.
         looked: poses that the screen of the map did not clear.
+        speed: highest speeds of the turn back to the lines, (K, M) [m/s]; None on them.
     """
 
     code: Ints
@@ -37,6 +40,7 @@ class SweptPoses:
     body: BodyRows
     departures: tuple[str, ...]
     looked: int
+    speed: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +64,54 @@ class Sweeper:
 
     def sweep(self, profile: TerrainProfile, converging: Convergence | None = None) -> SweptPoses:
         """Bars along the lines, or on the way to them."""
-        ground, geometry = self.elevation_map, self.model.steering_geometry
         sizes, body, added_band = self.sizes, profile.body_rows, None
-        trails = geometry.centre_offset > 0.0
         if converging is not None:
-            body, added_band, trails = converging.body, converging.across, True
+            body, added_band = converging.body, converging.across
             # In steps, so that the broad phase serves the next poses as well.
             longer = COARSE * math.ceil(converging.longer / COARSE)
             sizes = sizes._replace(front=sizes.front + longer, rear=sizes.rear + longer)
         stations, candidates = body.x.shape
         code, found = empty(stations, candidates).view(np.int64), np.zeros((candidates, 4))
+        swept = SweptPoses(code, found, body, ("",) * candidates, 0)
+        if profile.follower_offset is None:
+            return self._swept(sizes, profile, swept, added_band)
+        # The line of one candidate has nothing to do with what was given for another.
+        offset = profile.follower_offset[:stations]
+        leads_away = offset.max(axis=0) > 0.0
+        for lanes in (np.flatnonzero(~leads_away), np.flatnonzero(leads_away)):
+            if len(lanes) == 0:
+                continue
+            part = SweptPoses(
+                np.empty((stations, len(lanes)), np.int64),
+                np.zeros((len(lanes), 4)),
+                BodyRows(*_columns(body, lanes)),
+                ("",) * len(lanes),
+                0,
+            )
+            added = None if added_band is None else added_band[:, lanes]
+            if leads_away[lanes[0]]:
+                added = offset[:, lanes] if added is None else added + offset[:, lanes]
+            part = self._swept(sizes, _only(profile, lanes), part, added)
+            code[:, lanes], found[lanes] = part.code, part.found
+            swept = replace(swept, looked=swept.looked + part.looked)
+        return swept
+
+    def _swept(
+        self,
+        sizes: SweptSizes,
+        profile: TerrainProfile,
+        poses: SweptPoses,
+        added_band: Floats | None,
+    ) -> SweptPoses:
+        """Poses, with what bars them.
+
+        Args:
+            sizes: vehicle sizes on this map.
+            profile: M candidates of at least as many stations as poses.
+            poses: of them, nothing noted yet. added_band: to that of tracking errors, (N, M) [m].
+        """
+        stations, ground = len(poses.code), self.elevation_map
+        geometry = self.model.steering_geometry
         tube = tube_of(
             self.errors,
             profile.curvature[:stations],
@@ -78,6 +120,7 @@ class Sweeper:
             added_band,
         )
         across, band = (None, None) if tube is None else tube
+        body = poses.body
         looked = broad_phase_for(ground, sizes, band, body.x, body.y).sweep(
             *body,
             profile.station[:stations],
@@ -85,13 +128,13 @@ class Sweeper:
             profile.known[:stations],
             profile.twist[:stations],
             self.spacing,
-            trails,
+            geometry.centre_offset > 0.0 or added_band is not None,
             across,
             self.bars,
-            code,
-            found,
+            poses.code,
+            poses.found,
         )
-        return SweptPoses(code, found, body, ("",) * candidates, looked)
+        return replace(poses, looked=looked)
 
     def with_convergence(
         self, line: SweptPoses, profile: TerrainProfile, departure: Departure
@@ -115,5 +158,29 @@ class Sweeper:
             departures[j] = from_beside(float(converging.offset[j]), float(converging.turned[j]))
         body_rows = BodyRows(*body)
         return replace(
-            line, body=body_rows, departures=tuple(departures), looked=line.looked + way.looked
+            line,
+            body=body_rows,
+            departures=tuple(departures),
+            looked=line.looked + way.looked,
+            speed=converging.speed,
         )
+
+
+def _only(profile: TerrainProfile, lanes: Ints) -> TerrainProfile:
+    """Some candidates, by their indices, with what is swept."""
+    station, known, twist, curvature = _columns(
+        (profile.station, profile.known, profile.twist, profile.curvature), lanes
+    )
+    return replace(
+        profile,
+        count=profile.count[lanes],
+        station=station,
+        known=known,
+        twist=twist,
+        curvature=curvature,
+    )
+
+
+def _columns(rows: Iterable[Any], lanes: Ints) -> list[Any]:
+    """Columns of arrays (N, M), each of them contiguous."""
+    return [np.ascontiguousarray(row[:, lanes]) for row in rows]

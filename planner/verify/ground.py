@@ -178,13 +178,14 @@ def first_blocked(
 
     force = column(ground.lower_intercept) + column(ground.slowest) * column(ground.lower_slope)
     friction = np.full(n, np.inf) if ground.friction is None else column(ground.friction)
+    offset = np.zeros(n) if profile.follower_offset is None else column(profile.follower_offset)
     kind, *where = core.first_blocked(
         grid.elevation,
         *grid.origin,
         grid.resolution,
         body_sizes(model),
         (column(profile.x), column(profile.y), column(profile.station)),
-        (force, friction, column(profile.curvature)),
+        (force, friction, column(profile.curvature), offset),
         ground_limits(model, errors),
         GROUND_TOLERANCE,
         float(profile.station[min(first + 1, n - 1), j]),

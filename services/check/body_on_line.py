@@ -17,6 +17,7 @@ from slopewise.models.input_errors import InputErrors
 from slopewise.models.steering import SteeringGeometry
 
 _SUBSTEP = 0.5  # of e: so short a step of the integrator is exact to 0.1 %
+_ON_LINE = 0.01  # [m] from a line, within which a vehicle is on it: maps are not more exact
 
 
 class Body(NamedTuple):
@@ -39,6 +40,16 @@ class Body(NamedTuple):
         """Some of them."""
         x, y, heading, across, start_error = (values[samples] for values in self[:5])
         return Body(x, y, heading, across, start_error, self.turned, self.ahead)
+
+    def following(self, deviation: Floats, flat: Floats, wheelbase: float) -> Body:
+        """The same where the vehicle follows a path within distances (M,) of the line [m].
+
+        Its axles are on that path: the largest distance within half a wheelbase counts.
+        """
+        first = np.searchsorted(flat, flat - 0.5 * wheelbase)
+        end = np.searchsorted(flat, flat + 0.5 * wheelbase, "right")
+        largest = np.array([deviation[i:k].max() for i, k in zip(first, end, strict=True)])
+        return self._replace(across=self.across + np.where(largest > _ON_LINE, largest, 0.0))
 
     @property
     def has_band(self) -> bool:

@@ -29,6 +29,7 @@ COLUMNS: dict[str, str] = {
     "side_load": "1",
     "speed_bound": "m/s",
     "speed_limit": "m/s",
+    "path_deviation": "m",
 }
 """Columns of numbers that are checked, with their units; the first three are needed."""
 
@@ -60,6 +61,7 @@ class ExternalPlan:
         rear_load, side_load: least loads on that stop, as shares of the level static ones.
         speed_bound: highest speed that every bound allows [m/s].
         speed_limit: speed limit of the path [m/s].
+        path_deviation: largest distance of the given path around each row [m].
         limiting: (N,) names of what holds at each row.
         status: status as the planner calls it, "" if not reported.
         reason: its sentence about the status, None if not reported.
@@ -83,6 +85,7 @@ class ExternalPlan:
     side_load: Floats | None = None
     speed_bound: Floats | None = None
     speed_limit: Floats | None = None
+    path_deviation: Floats | None = None
     limiting: tuple[str, ...] | None = None
     status: str = ""
     reason: str | None = None
@@ -103,11 +106,12 @@ class ExternalPlan:
                 row = int(np.argmin(np.isfinite(values)))
                 raise ParameterError(f"{name}[{row}]", f"a finite number [{unit}]")
             object.__setattr__(self, name, values)
-        for name in ("speed", "speed_limit"):
+        for name in ("speed", "speed_limit", "path_deviation"):
             values = getattr(self, name)
             if values is not None and values.min() < 0.0:
                 row = int(np.argmax(values < 0.0))
-                raise ParameterError(f"{name}[{row}]", f"a speed >= 0, got {values[row]:g}")
+                noun = "distance" if name == "path_deviation" else "speed"
+                raise ParameterError(f"{name}[{row}]", f"a {noun} >= 0, got {values[row]:g}")
         if self.speed.max() > STANDSTILL_SPEED and not self.moved()[1:].any():
             raise ParameterError("plan", "at least 2 different places of a plan that moves, got 1")
 

@@ -1,8 +1,8 @@
 """Obstacles of wheels and body: steps, holes, ground that reaches underside or overhangs.
 
 Heights of the map along the track of each wheel and below the body, in the pose of the plane
-nearest to the wheels. It detects obstacles that exceed a limit by a tenth or more, and ignores the
-tyre's width, its travel, and rocking of the body.
+nearest to the wheels; a gap is as deep as a tyre sinks into it. It detects obstacles that exceed a
+limit by a tenth or more, and ignores the travel of a tyre and rocking of the body.
 """
 
 from __future__ import annotations
@@ -11,11 +11,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.check.body_on_line import Body
+from slopewise.services.check.contact_heights import contact_height
 from slopewise.services.check.path_ground import (
     LineGround,
     below_body,
@@ -28,6 +30,7 @@ from slopewise.services.physics.heights import height_of
 _NOTHING = -np.inf
 _FINEST = 0.05  # [m] between points below the body
 _PARTS = 4  # of the length over which a step rises
+_CLIMB = 1.5  # of the distance over which a tyre climbs a step [1]: places are sampled
 
 
 class Struck(NamedTuple):
@@ -102,7 +105,7 @@ def _steps_of(
     highest = _edges(heights, body, wheel, vehicle) if count else np.zeros(len(band))
     for share in np.linspace(-1.0, 1.0, 2 * count + 1) if count else (0.0,):
         line = offset_points(body, wheel[0], wheel[1] + share * band)
-        np.maximum(highest, _steps(heights, *line, vehicle), out=highest)
+        np.maximum(highest, _steps(heights, *line, body.heading, vehicle), out=highest)
     return highest
 
 
@@ -145,16 +148,52 @@ def _rises(z: Floats) -> Floats:
     return beyond
 
 
-def _steps(heights: ElevationMap, x: Floats, y: Floats, vehicle: Vehicle) -> Floats:
-    """Rise over a short length of a wheel's track, beyond that of the lengths before and after."""
+def _steps(
+    heights: ElevationMap, x: Floats, y: Floats, heading: Floats, vehicle: Vehicle
+) -> Floats:
+    """Rise over a short length of a wheel's track, beyond that of the lengths before and after.
+
+    A tyre is as high as that only where it does not bridge the gap: what its lowest point rises
+    over a length that holds all of its climb counts at most.
+    """
     along = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))))
     window = _window(heights, vehicle)
     highest = np.zeros(len(along))
     if along[-1] < 3.0 * window:
         return highest
     s = np.arange(0.0, along[-1], window / _PARTS)
-    step = np.abs(_rises(height_of(heights, np.interp(s, along, x), np.interp(s, along, y))))
-    middle = s[_PARTS : _PARTS + len(step)] + 0.5 * window
+    places = np.interp(s, along, x), np.interp(s, along, y)
+    step = np.abs(_rises(height_of(heights, *places)))
+    first = _PARTS * np.ones(1, np.int64) + np.arange(len(step))
+    if step.max(initial=0.0) > vehicle.shape.max_step:
+        at_rest = contact_height(heights, *places, np.interp(s, along, heading), vehicle)
+        np.minimum(step, _largest_climb(at_rest, window, vehicle)[first], out=step)
+    middle = s[first] + 0.5 * window
     sample = np.clip(np.searchsorted(along, middle, "right") - 1, 0, len(along) - 1)
     np.maximum.at(highest, sample, step)
     return highest
+
+
+def _largest_climb(at_rest: Floats, window: float, vehicle: Vehicle) -> Floats:
+    """(S,) largest climb or fall of a tyre around places a part of a window apart [m].
+
+    Its centre climbs a step over √(R² − (R − h)²); where too little is known there is no limit.
+    """
+    radius, limit = vehicle.wheel_radius, vehicle.shape.max_step
+    contact = math.sqrt(radius**2 - max(radius - limit, 0.0) ** 2)
+    length = _PARTS + math.ceil(_CLIMB * contact / window * _PARTS)
+    rise = at_rest[length:] - at_rest[:-length]
+    sign, count = np.sign(rise), len(rise)
+    if count <= 0:
+        return np.full(len(at_rest), np.inf)
+    padded = np.pad(np.nan_to_num(rise, nan=0.0), length)
+    before, after = padded[:count], padded[2 * length :]
+    # A slope on both sides continues below the step, be it with it or against it.
+    slopes = sign * np.array([before, after])
+    with_it, against_it = np.maximum(slopes.max(axis=0), 0.0), np.maximum(-slopes.min(axis=0), 0.0)
+    change = np.maximum(np.abs(rise) - with_it + against_it, 0.0)
+    beyond = np.where(np.isfinite(rise), change, np.inf)
+    # Windows that hold a place begin up to their length and that of a step before it.
+    ends = np.full(length, np.inf)
+    largest = maximum_filter1d(np.concatenate((beyond, ends)), 2 * length + 1, mode="nearest")
+    return np.asarray(largest)

@@ -87,6 +87,10 @@ def check_plan_on_map(
     errors = input_errors(model.tracking, quantile if quantile > 0.5 else None)
     beyond, ends = _tail_and_ends(plan, max(clear - model.front, 0.0))
     line = line_of(plan, beyond, model.steering_geometry, errors)
+    if plan.path_deviation is not None:
+        deviation = line.between(plan.path_deviation)
+        body = line.body.following(deviation, line.flat, model.vehicle.wheelbase)
+        line = line._replace(body=body)
     ground = ground_under(heights, line, model.vehicle)
     first = 0.0 if plan.station is None else float(plan.station[0])
     ground = ground._replace(station=ground.station + first)

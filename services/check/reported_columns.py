@@ -181,6 +181,10 @@ def verified_columns(plan: ExternalPlan) -> tuple[tuple[str, ...], tuple[str, ..
     """Columns of a plan that were verified, and the others that it has."""
     given = [name for name in COLUMNS if getattr(plan, name) is not None]
     given += [name for name in TEXT if getattr(plan, name)]
-    trusted = {"speed_limit", *(() if plan.status in _STATUSES else ("status", "reason"))}
+    trusted = {
+        "speed_limit",
+        "path_deviation",
+        *(() if plan.status in _STATUSES else ("status", "reason")),
+    }
     verified = tuple(name for name in given if name not in trusted)
     return verified, (*(name for name in given if name in trusted), *plan.unread)

@@ -21,7 +21,7 @@ def test_paths_of_all_kinds_are_planned_reported_and_driven_within_limits(kind: 
     outcomes = [outcome(kind, seed) for seed in SEEDS]
     row = summary(kind, outcomes)
     assert row["planned"] == len(SEEDS)
-    assert row["untold"] == row["exact: beyond"] == row["pursuit: beyond"] == 0
+    assert row["untold"] == row["exact: beyond"] == row["pursuit: beyond"] == row["touched"] == 0
     assert all(o.speed > 0.1 for o in outcomes)
 
 

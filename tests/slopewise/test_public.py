@@ -83,6 +83,22 @@ def test_plans_are_ranked_and_pass_the_check(hill: slopewise.ElevationMap) -> No
         )
 
 
+def test_a_refused_path_is_named_and_the_others_are_planned(hill: slopewise.ElevationMap) -> None:
+    model, place = slopewise.read_model("atv"), np.full((3, 2), 5.0)
+    nowhere = slopewise.CandidatePath(name="nowhere", points=place)
+    plans = slopewise.plan(model, hill, [straight(14.0), nowhere, straight(6.0)], start_speed=1.0)
+    (refused,) = plans.refused
+    assert refused.candidate == "nowhere"
+    assert refused.reason.startswith("nowhere.points")
+    without = slopewise.plan(model, hill, [straight(14.0), straight(6.0)], start_speed=1.0)
+    assert [plan.candidate for plan in plans] == [plan.candidate for plan in without]
+    for plan, alone in zip(plans, without, strict=True):
+        np.testing.assert_array_equal(plan.speed, alone.speed)
+    assert without.refused == ()
+    with pytest.raises(ValueError, match=r"nowhere\.points"):
+        slopewise.plan(model, hill, [nowhere])
+
+
 def test_the_check_bites(hill: slopewise.ElevationMap) -> None:
     model = brisk()
     (plan,) = slopewise.plan(model, hill, [straight(14.0)], start_speed=1.0, clear=12.0)

@@ -130,7 +130,7 @@ BodySizes sizes_of(const nb::handle& sizes) {
 
 nb::tuple blocked(const Input2& elevation, double origin_x, double origin_y, double resolution,
                  const nb::handle& sizes, const std::array<Input1, 3>& line,
-                 const std::array<Input1, 3>& resting, const std::array<double, 7>& limits,
+                 const std::array<Input1, 4>& resting, const std::array<double, 7>& limits,
                  const std::array<double, 4>& tolerance, double begin, double end) {
   const MapView map{elevation.data(), static_cast<Index>(elevation.shape(0)),
                     static_cast<Index>(elevation.shape(1)), origin_x, origin_y, resolution,
@@ -151,7 +151,8 @@ nb::tuple blocked(const Input2& elevation, double origin_x, double origin_y, dou
   {
     const nb::gil_scoped_release release;
     found = first_blocked(
-        map, body, path, {resting[0].data(), resting[1].data(), resting[2].data()},
+        map, body, path,
+        {resting[0].data(), resting[1].data(), resting[2].data(), resting[3].data()},
         {low, high, roll_low, roll_high, across, per_curvature, turned},
         {tolerance[0], tolerance[1], tolerance[2], tolerance[3]}, {begin, end}, memory);
   }

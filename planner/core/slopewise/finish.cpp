@@ -243,9 +243,10 @@ verify::GroundFinding blocked_by(const Planner::Candidates& c, Index j, const Fi
   const verify::PlannedLine line{n, x.data(), y.data(), on.station};
   const Index poses = verify::count_poses(line, verify::pose_step(map, c.model.body));
   Numbers1 memory(static_cast<std::size_t>(verify::ground_memory(line, poses, map.columns)));
-  return verify::first_blocked(map, c.model.body, line, {force.data(), on.friction, on.curvature},
-                               c.model.ground, c.model.tolerance, {on.station[1], f.clear},
-                               memory.data());
+  const Numbers1 on_line(static_cast<std::size_t>(n), 0.0);  // the planned line is the one followed
+  return verify::first_blocked(
+      map, c.model.body, line, {force.data(), on.friction, on.curvature, on_line.data()},
+      c.model.ground, c.model.tolerance, {on.station[1], f.clear}, memory.data());
 }
 
 // What even the slowest stop keeps free before the station k where it rests [m].

@@ -62,11 +62,12 @@ class NarrowPhase {
   Hazard check(const Pose2d& pose, double back, std::int32_t required, double across) noexcept {
     required = look_closer(pose, required, grid_);
     const double wheel_band = band_.of_wheels(across);
-    if (band_.any()) required = without_even_swaths(pose, back, required, wheel_band);
+    const bool has_band = wheel_band > 0.0;
+    if (has_band) required = without_even_swaths(pose, back, required, wheel_band);
     if (required == 0) return {};
     ++checked_;
     Hazard found = check_line(pose, back, required, across);
-    if (band_.any() && !blocks(found.kind)) found = check_beside(pose, back, required, wheel_band);
+    if (has_band && !blocks(found.kind)) found = check_beside(pose, back, required, wheel_band);
     return found;
   }
 

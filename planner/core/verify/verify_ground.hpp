@@ -171,7 +171,8 @@ class GroundVerifier {
   void look_under_body(const BodyPose& p, const Plane& plane) noexcept {
     const double bend = std::abs(at(resting_.curvature, p.segment, p.share));
     const double arm = max_of(sizes_.front, sizes_.rear) + sizes_.body_offset;
-    const double band = limits_.across + limits_.across_per_curvature * bend + arm * limits_.turned;
+    const double band = limits_.across + limits_.across_per_curvature * bend +
+                        arm * limits_.turned + at(resting_.offset, p.segment, p.share);
     const double half = 0.5 * sizes_.width + band, longer = 0.5 * sizes_.width * limits_.turned;
     const double front = sizes_.front + longer, rear = sizes_.rear + longer;
     const double up = front * p.heading_y, down = -rear * p.heading_y;

@@ -31,11 +31,12 @@ struct GroundTolerance {
 // roll as linear there, and on cells of the size of a wheel the ground is not.
 inline constexpr double between_tolerances = 5.0;
 
-// What holds a vehicle at rest, and how it turns; (N,) each.
+// What holds a vehicle at rest, how it turns, and how far off the line it may be; (N,) each.
 struct RestingGround {
   const double* force;      // F_b/W at standstill [1]
   const double* friction;   // inf where it is not known [1]
   const double* curvature;  // [1/m]
+  const double* offset;     // of a vehicle on the path that was given [m]
 };
 
 // Stations from and to which a candidate is looked at: the vehicle stands at the first [m].

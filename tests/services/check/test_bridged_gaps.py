@@ -1,0 +1,67 @@
+"""A wheel sinks into a gap by R − √(R² − (w/2)²), however deep it is; steps keep their height."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import slopewise
+from slopewise.models.arrays import Floats
+
+CASES = [("atv", 0.1), ("atv", 0.25), ("husky", 0.1), ("ugv", 0.1), ("ugv", 0.25)]
+
+
+def refused(vehicle: str, cell: float, heights: Callable[[Floats], Floats], turn: float) -> bool:
+    """The checker refuses a slow plan over heights by the distance from their middle [m]."""
+    along = np.arange(0.0, 14.0, cell)
+    east, north = np.meshgrid(along, along)
+    ahead = (east - 7.0) * math.cos(turn) + (north - 7.0) * math.sin(turn)
+    ground = slopewise.ElevationMap(
+        elevation=heights(ahead), resolution=cell, origin=(0.0, 0.0), height_std=0.0
+    )
+    s = np.linspace(-4.0, 4.0, 81)
+    plan = slopewise.GivenPlan(
+        name="over",
+        x=7.0 + s * math.cos(turn),
+        y=7.0 + s * math.sin(turn),
+        speed=np.where(s < s[-1], 0.3, 0.0),
+    )
+    report = slopewise.check_plan(plan, slopewise.read_model(vehicle), ground, quantile=0.5)
+    return "step" in {violation.kind for violation in report.violations}
+
+
+@pytest.mark.parametrize(("vehicle", "cell"), CASES)
+def test_gaps_are_as_deep_as_a_wheel_sinks(vehicle: str, cell: float) -> None:
+    car = slopewise.read_model(vehicle).vehicle
+    radius, limit = car.wheel_radius, car.shape.max_step
+    for cells in (1, 2, 3, 6):
+        wide = cells * cell
+        sinks = radius - math.sqrt(max(radius**2 - 0.25 * wide**2, 0.0))
+
+        def gap(ahead: Floats, wide: float = wide) -> Floats:
+            return np.where((ahead > -0.5 * cell) & (ahead < wide - 0.5 * cell), -2.5 * limit, 0.0)
+
+        if sinks < 0.8 * limit:
+            assert not refused(vehicle, cell, gap, 0.0), cells
+        elif wide > 3.0 * radius:
+            assert refused(vehicle, cell, gap, 0.0), cells
+
+
+@pytest.mark.parametrize(("vehicle", "cell"), CASES)
+@pytest.mark.parametrize("turn", [0.0, 0.5])
+def test_steps_up_and_down_count_on_any_slope(vehicle: str, cell: float, turn: float) -> None:
+    limit = slopewise.read_model(vehicle).vehicle.shape.max_step
+    for sign in (-1.0, 1.0):
+        for slope in (0.0, 0.1):
+
+            def step(ahead: Floats, high: float, slope: float = slope) -> Floats:
+                return slope * ahead + np.where(ahead > 0.0, high, 0.0)
+
+            high = 1.5 if sign * slope >= 0.0 else 2.0  # a slope against it hides part of a step
+            assert refused(
+                vehicle, cell, lambda a, s=sign, f=step, h=high: f(a, s * h * limit), turn
+            )
+            assert not refused(vehicle, cell, lambda a, s=sign, f=step: f(a, s * 0.7 * limit), turn)
