@@ -23,6 +23,7 @@ BENCHMARKS: dict[str, tuple[str, tuple[str, ...]]] = {
     "optimality": ("planner.optimality", ()),
     "closed-loop": ("closed_loop.loop_campaign", ("mujoco",)),
     "discrepancy": ("discrepancy.discrepancy_campaign", ()),
+    "worlds": ("discrepancy.worlds", ()),
     "fleet": ("fleet.fleet_benchmark", ("dask", "pyarrow")),
     "margins": ("calibration.margins", ()),
     "streams": ("calibration.streams", ()),
@@ -88,8 +89,8 @@ def _parser() -> argparse.ArgumentParser:
     out = "closed-loop, discrepancy: store results, from which an interrupted run resumes; "
     out += "fleet: folder with space for the map; growth: folder for the picture"
     parser.add_argument("--out", type=Path, metavar="DIR", help=out)
-    parser.add_argument("--sets", type=int, metavar="N", help="discrepancy: at most N sets")
-    minutes = "discrepancy: start no further set after M minutes"
+    parser.add_argument("--sets", type=int, metavar="N", help="discrepancy, worlds: at most N sets")
+    minutes = "discrepancy, worlds: start no further set after M minutes"
     parser.add_argument("--minutes", type=float, metavar="M", default=math.inf, help=minutes)
     share = "discrepancy: only this share of the multi-body car's tuning half"
     parser.add_argument("--tuning-share", type=float, metavar="S", default=0.0, help=share)

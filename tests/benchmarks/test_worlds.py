@@ -19,6 +19,8 @@ from benchmarks.discrepancy import (
 )
 from benchmarks.discrepancy.plant_physics import Physics, Stops
 from benchmarks.discrepancy.world_changes import Changes, calm, draw_stops
+from benchmarks.discrepancy.world_logs import WorldLog
+from benchmarks.discrepancy.worlds import compared
 from tests.benchmarks.driven_stops import G, decelerations, stops
 
 PLAIN = {"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.4, "rolling": 0.03, "mount": 0.0}
@@ -76,3 +78,25 @@ def test_calibrated_base_law_holds_on_other_stops(
 
     assert disagreement(base) < 0.05
     assert disagreement(base | {"b_b": 0.9 * base["b_b"]}) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("kind", "verdict", "names", "axis", "expected"),
+    [
+        ("single", "missing_effect", ("brake_lag",), "", (True, False)),
+        ("single", "missing_effect", ("brake_lag", "surface_patch"), "", (False, True)),
+        ("single", "ambiguous", ("brake_lag",), "", (False, False)),
+        ("clean", "none", (), "", (True, False)),
+        ("clean", "missing_effect", ("brake_lag",), "", (False, True)),
+        ("drift", "parameter_drift", (), "", (True, False)),
+        ("outside", "unknown", (), "battery", (True, False)),
+        ("outside", "unknown", (), "speed", (False, False)),
+    ],
+)
+def test_answers_are_compared_with_the_truth(
+    kind: str, verdict: str, names: tuple[str, ...], axis: str, expected: tuple[bool, bool]
+) -> None:
+    truth = (("brake_lag",),) if kind == "single" else ()
+    axes = ("battery",) if kind == "outside" else ()
+    log = WorldLog("engine", kind, kind, 1, truth, axes, {}, {})
+    assert compared(log, verdict, names, axis) == expected
