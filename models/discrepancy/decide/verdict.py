@@ -14,6 +14,7 @@ import numpy as np
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.size import ChangeOfStops, sizes_of
 from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.answer import Answer
 from slopewise.models.discrepancy.likelihood.posterior import LAG, Explanation
 from slopewise.models.discrepancy.model.hypothesis import builds_up, is_placed
@@ -24,10 +25,10 @@ from slopewise.models.discrepancy.search.patches import moved_patch
 from slopewise.models.discrepancy.search.refine import Fit, fit_either_way, fit_other_forms
 from slopewise.models.discrepancy.search.resolvable import Resolvable
 from slopewise.models.discrepancy.settings import DiscrepancySettings
-from slopewise.models.discrepancy.thresholds import ABSORBED_SHARE
+from slopewise.models.discrepancy.thresholds import ABSORBED_SHARE, WILD_SCATTER
 from slopewise.models.parameters import Effect
 
-_BEYOND_NOISE = 0.99  # probability of an answer in a log that could hardly have shown any [1]
+_BEYOND_NOISE = 0.99  # probability of an answer that wild stops do not give by chance [1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,8 @@ def decide(
         seen: what could have been seen. settings: what matters.
     """
     nothing = Decision(Verdict.NONE, FittedExplanation(plain), visible=seen.visible)
-    if _too_noisy(table, seen, settings) and answer.probability < _BEYOND_NOISE:
+    unsure = answer.probability < _BEYOND_NOISE and _is_wild(table, plain)
+    if _too_noisy(table, seen, settings) and (answer.verdict is Verdict.NONE or unsure):
         return replace(nothing, verdict=Verdict.TOO_NOISY)
     match answer.verdict:
         case Verdict.MISSING_EFFECT if _hidden(answer, seen):
@@ -117,6 +119,11 @@ def decide(
             return drifted(table, nothing, seen)
         case _:
             return nothing
+
+
+def _is_wild(table: StopTable, plain: Fit) -> bool:
+    """Stops differ so much among themselves that a name is one of many that chance could give."""
+    return plain.noise.scatter > WILD_SCATTER * max(float(np.median(table.force)), 1e-3)
 
 
 def _hidden(answer: Answer, seen: Resolvable) -> bool:
@@ -148,7 +155,7 @@ def _named(
     fit = fitted(table, built, answer.leader)
     added = fit.hypothesis.added
     sizes = tuple(
-        replace(size, practical=float(LAG in answer.leader.names)) if builds_up(effect) else size
+        replace(size, practical=float(_is_lag(effect, answer))) if builds_up(effect) else size
         for effect, size in zip(added, sizes_of(table, fit, settings), strict=True)
     )
     small = tuple(
@@ -172,6 +179,11 @@ def _named(
         notes=small,
         sizes=sizes,
     )
+
+
+def _is_lag(effect: Effect, answer: Answer) -> bool:
+    """Whether a build-up is a lag: by the weights, and still when fitted with its own law."""
+    return LAG in answer.leader.names and effect.parameters["tau"] > 0.5 * prior.LAG[0]
 
 
 def fitted(table: StopTable, built: Fit, explanation: Explanation) -> Fit:

@@ -56,17 +56,22 @@ def between(table: StopTable, best: Fit, rivals: Sequence[Fit]) -> Experiment:
             gain.add(pick)
     reached = min(gain.total for gain in gains)
     repeats = int(np.ceil(TELLS_APART / reached)) if reached > 0.0 else 0
-    names = " or ".join("+".join(f.hypothesis.names) or "new coefficients" for f in (best, *rivals))
+    own, *others = (_named(f) for f in (best, *rivals))
+    names = " or ".join("+".join(each) or "new coefficients" for each in (own, *others))
     stops = tuple(plans[i] for i in chosen)
     if repeats == 0 or repeats > MOST_REPEATS:
-        own = best.hypothesis.names
-        others = [n for f in rivals for n in f.hypothesis.names if n not in own]
-        test = LAWS[(others or own)[0]].experiment
+        different = [n for each in others for n in each if n not in own]
+        test = LAWS[(different or own)[0]].experiment
         text = f"no few stops like those of the log tell {names}: {test}"
         return Experiment(text, stops, repeats if repeats <= 100 else 0)
     text = f"to tell {names}, drive {_words(stops)}"
     text += f"; {repeats} times ({repeats * len(stops)} stops)" if repeats > 1 else ""
     return Experiment(text, stops, repeats)
+
+
+def _named(fit: Fit) -> tuple[str, ...]:
+    """Names of an explanation; the build-up of the brakes where it has no other."""
+    return fit.hypothesis.names or tuple(e.name for e in fit.hypothesis.added)
 
 
 def sharpening(table: StopTable, best: Fit, beyond: float = 0.0) -> Experiment:
