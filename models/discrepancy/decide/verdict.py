@@ -104,8 +104,8 @@ def decide(
         seen: what could have been seen. settings: what matters.
     """
     nothing = Decision(Verdict.NONE, FittedExplanation(plain), visible=seen.visible)
-    unsure = answer.probability < _BEYOND_NOISE and _is_wild(table, plain)
-    if _too_noisy(table, seen, settings) and (answer.verdict is Verdict.NONE or unsure):
+    uncertain = answer.probability < _BEYOND_NOISE and _scatters_wildly(table, plain)
+    if _too_noisy(table, seen, settings) and (answer.verdict is Verdict.NONE or uncertain):
         return replace(nothing, verdict=Verdict.TOO_NOISY)
     match answer.verdict:
         case Verdict.MISSING_EFFECT if _hidden(answer, seen):
@@ -121,7 +121,7 @@ def decide(
             return nothing
 
 
-def _is_wild(table: StopTable, plain: Fit) -> bool:
+def _scatters_wildly(table: StopTable, plain: Fit) -> bool:
     """Stops differ so much among themselves that a name is one of many that chance could give."""
     return plain.noise.scatter > WILD_SCATTER * max(float(np.median(table.force)), 1e-3)
 
@@ -182,7 +182,7 @@ def _named(
 
 
 def _is_lag(effect: Effect, answer: Answer) -> bool:
-    """Whether a build-up is a lag: by the weights, and still when fitted with its own law."""
+    """Whether a build-up is a lag by the weights, and with its exact law as well."""
     return LAG in answer.leader.names and effect.parameters["tau"] > 0.5 * prior.LAG[0]
 
 
