@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from slopewise.models.arrays import Floats
 from slopewise.planner.compiled_core import core
@@ -93,7 +92,8 @@ def follower_offset(
         return None
     step = max(float(np.hypot(*(points[1] - points[0]))), 1e-9)
     reach = int(np.ceil(0.5 * wheelbase / step))
-    axles: Floats = maximum_filter1d(deviation, 2 * reach + 1, mode="nearest")
+    around = np.pad(deviation, reach, mode="edge")
+    axles: Floats = np.lib.stride_tricks.sliding_window_view(around, 2 * reach + 1).max(axis=1)
     at, last = np.arange(len(points)), len(points) - 1
     ahead = np.gradient(points, axis=0)
     chord = matched[np.minimum(at + reach, last)] - matched[np.maximum(at - reach, 0)]

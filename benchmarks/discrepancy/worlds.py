@@ -1,4 +1,4 @@
-"""Vehicles drawn at random in four worlds: which effects are named, and what the gap closes."""
+"""Vehicles drawn at random in four worlds: which effects are named, and which are false."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rich.table import Table
 
 from ..common.campaign import BenchmarkRequest, Progress, run_jobs
 from ..common.text_tables import table_of
-from .blind_run import runs_of
+from .blind_run import SealedLog, investigate_log
 from .world_logs import WorldLog
 
 Result = dict[str, Any]
@@ -40,7 +40,6 @@ class Scored:
 
     Attributes:
         right, false: exactly the true names, or the right word; a name that is not there.
-        closed: share of the gap in stopping distance that closed on stops held out.
     """
 
     request: Request
@@ -50,7 +49,6 @@ class Scored:
     axis: str
     right: bool
     false: bool
-    closed: float | None
     seconds: float
 
 
@@ -95,27 +93,13 @@ def make(request: Request) -> WorldLog:
 
 def answer(request: Request) -> Scored:
     """Ask the workflow about one log, and compare."""
-    from slopewise.models.discrepancy.workflow import investigate
-    from slopewise.services.io.model_file import model_from_dict
-
     log = make(request)
-    begin = time.process_time()
-    model = model_from_dict(log.tables, "log")
-    findings = investigate(log.columns, runs_of(log.columns), model)
-    names = tuple(e.name for e in findings.effects)
-    axis = findings.located[0].axis if findings.located else ""
-    right, false = compared(log, findings.verdict.value, names, axis)
-    return Scored(
-        request,
-        findings.verdict.value,
-        names,
-        min((e.confidence for e in findings.effects), default=0.0),
-        axis,
-        right,
-        false,
-        findings.stop_distance.closed,
-        time.process_time() - begin,
-    )
+    finding = investigate_log(SealedLog(log.columns, log.tables))
+    axis = finding.located[0][0] if finding.located else ""
+    right, false = compared(log, finding.verdict, finding.names, axis)
+    confidence = min((float(e["confidence"]) for e in finding.effects), default=0.0)
+    answer = (finding.verdict, finding.names, confidence, axis)
+    return Scored(request, *answer, right, false, finding.seconds)
 
 
 def compared(log: WorldLog, verdict: str, names: Sequence[str], axis: str) -> tuple[bool, bool]:
@@ -145,14 +129,12 @@ def _groups(answers: Iterable[Scored]) -> dict[tuple[str, str], list[Scored]]:
 
 def _row(world: str, kind: str, group: Sequence[Scored]) -> Result:
     seconds = sorted(a.seconds for a in group)
-    closed = sorted(a.closed for a in group if a.closed is not None)
     return {
         "world": world,
         "kind": kind,
         "logs": len(group),
         "right": sum(a.right for a in group),
         "false_names": sum(a.false for a in group),
-        "closed_median": closed[len(closed) // 2] if closed else None,
         "seconds_median": seconds[len(seconds) // 2],
         "seconds_max": seconds[-1],
     }
@@ -162,14 +144,13 @@ def show(result: Result, console: Console) -> None:
     """Print answers by world and kind."""
     table: Table = table_of(
         "vehicles drawn at random",
-        *("kind", "logs", "right", "false names", "closed", "median [s]", "most [s]"),
+        *("kind", "logs", "right", "false names", "median [s]", "most [s]"),
         first="world",
     )
     for row in result["rows"]:
-        closed = "–" if row["closed_median"] is None else f"{row['closed_median']:.0%}"
         cells = [str(row[key]) for key in ("world", "kind", "logs", "right", "false_names")]
         times = (f"{row[key]:.1f}" for key in ("seconds_median", "seconds_max"))
-        table.add_row(*cells, closed, *times)
+        table.add_row(*cells, *times)
     console.print(table)
     for world in result["missing"]:
         console.print(f"{world} needs the package {WORLDS[world]}: pip install '.\\[sim]'")

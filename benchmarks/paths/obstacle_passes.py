@@ -25,7 +25,7 @@ _CELL = 0.1  # [m] of the maps
 _HIGH = 1.0  # [m] of obstacles
 _POST, _WALL = 0.2, 2.0  # [m] along the path, of a post and of a wall
 _NEAREST, _STEP, _TRIES = 0.0, 0.05, 18  # [m] from the planned body, and how often farther [1]
-_TOUCHES = 0.01  # [m] deep: stations sample a path, and maps are not drawn more exactly
+_TOUCHES = 0.02  # [m] deep: stations sample a path, and maps are not drawn more exactly
 _ENDS = 0.15  # share of a path at its ends [1] without obstacles: it has to begin on free ground
 
 

@@ -135,14 +135,22 @@ def symbols(size: int, *names: str) -> dict[str, Any]:
     return {name: ca.SX.sym(name, size) for name in names}
 
 
-def times_of(v: Any, p: Mapping[str, Any]) -> Any:
+def times_of(speed: Any, parameters: Mapping[str, Any]) -> Any:
     """Time on each segment, 0 where nothing moves."""
-    return 2.0 * p["moving"] * p["ds"] / (v[:-1] + v[1:] + (1.0 - p["moving"]))
+    moving = parameters["moving"]
+    return 2.0 * moving * parameters["ds"] / (speed[:-1] + speed[1:] + (1.0 - moving))
 
 
-def program_of(v: Any, p: Mapping[str, Any], constraints: Any, max_iterations: int) -> Any:
-    """A solver that takes speeds v and the parameters p, in their order."""
-    program = {"x": v, "p": ca.vertcat(*p.values()), "f": ca.sum1(times_of(v, p)), "g": constraints}
+def program_of(
+    speed: Any, parameters: Mapping[str, Any], constraints: Any, max_iterations: int
+) -> Any:
+    """A solver that takes speeds and the parameters, in their order."""
+    program = {
+        "x": speed,
+        "p": ca.vertcat(*parameters.values()),
+        "f": ca.sum1(times_of(speed, parameters)),
+        "g": constraints,
+    }
     options: dict[str, Any] = {
         "print_time": False,
         "error_on_fail": False,

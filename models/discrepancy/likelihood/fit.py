@@ -1,4 +1,4 @@
-"""The onset and the noise, fitted under each explanation: dead time, build-up, swing, scatter.
+"""The onset and the noise, fitted under each explanation.
 
 All four numbers of the onset are moved together, from a short and from a long build-up, the noise
 in between. Then the evidence is followed over all build-ups, so that no start decides between a
@@ -37,7 +37,7 @@ from slopewise.models.discrepancy.likelihood.trace import (
 BUILD_UPS = np.array([0.005, 0.012, 0.025, 0.045, 0.075, 0.12, 0.18, 0.27, 0.4, 0.6])
 """Time constants at which the evidence is computed [s]."""
 _STARTS = (0.02, 0.2)  # build-ups that the first fit starts from [s]
-_SWINGS = (1.5, 3.0, 5.0)  # natural frequencies that it starts from [Hz]
+_OSCILLATIONS = (1.5, 3.0, 5.0)  # natural frequencies that it starts from [Hz]
 _SCALE = np.array([0.004, 0.15, 0.08, 0.15])  # of dead time [s], and logarithms of the others [1]
 _STEP, _FARTHEST = 0.05, 25.0  # of derivatives, and of a fit, in these scales
 _FIRST, _AGAIN = 45, 25  # evidences that a fit of the onset takes at most
@@ -46,7 +46,7 @@ _SETTLING = 2  # steps of the dead time
 _LATE, _LATEST = 2, 0.06  # place of the dead time among a stop's own effects; its most [s]
 _HOPELESS = 60.0  # evidence by which a build-up is too much worse to be followed further
 _SHORTEST = -0.05  # dead time [s]
-_DAMPING_SPREAD, _SWING_SPREAD = 0.5, 0.5  # prior of ln damping about 0.3 and ln f about 2.5 Hz
+_DAMPING_SPREAD, _OSCILLATION_SPREAD = 0.5, 0.5  # of ln damping about 0.3, ln f about 2.5 Hz
 _SCATTERS = (0.02, 0.5)  # of the force, that a fit starts from [1]
 _TURNS, _GAIN = 5, 0.5  # of a fit at most; evidence below which it has converged
 _SLIDING = 0.6  # quantile of the forces of stops that slide
@@ -127,21 +127,21 @@ class Problem:
         """Of largest evidence near a start."""
 
         def at(x: Floats) -> Onset:
-            tau, swing, damping = np.exp(np.clip(x[1:], np.log(3e-3), np.log(8.0)))
+            tau, oscillation, damping = np.exp(np.clip(x[1:], np.log(3e-3), np.log(8.0)))
             return replace(
                 start,
                 dead_time=max(float(x[0]), _SHORTEST),
                 build_up=float(min(tau, 0.8)),
-                swing=float(swing),
+                oscillation=float(oscillation),
                 damping=float(min(damping, 1.0)),
             )
 
         def loss(z: Floats) -> float:
             y = x + _SCALE * z
-            off = (y[2] - np.log(2.5)) / _SWING_SPREAD, (y[3] - np.log(0.3)) / _DAMPING_SPREAD
+            off = (y[2] - np.log(2.5)) / _OSCILLATION_SPREAD, (y[3] - np.log(0.3)) / _DAMPING_SPREAD
             return float(0.5 * (off[0] ** 2 + off[1] ** 2) - self.at(at(y), noise).evidence)
 
-        x = np.array([start.dead_time, *np.log([start.build_up, start.swing, start.damping])])
+        x = np.array([start.dead_time, *np.log([start.build_up, start.oscillation, start.damping])])
         options = {"maxfun": steps, "ftol": 1e-5, "maxls": 6, "eps": _STEP}
         bounds = [(-_FARTHEST, _FARTHEST)] * 4
         best = minimize(loss, np.zeros(4), method="L-BFGS-B", options=options, bounds=bounds)
@@ -239,7 +239,10 @@ def _first(problem: Problem) -> tuple[Onset, Floats]:
     noise[1] = np.clip(off, *_SCATTERS)
     tried = [
         max(
-            (problem.settled(Onset(total - 0.7 * tau, tau, swing), noise) for swing in _SWINGS),
+            (
+                problem.settled(Onset(total - 0.7 * tau, tau, oscillation), noise)
+                for oscillation in _OSCILLATIONS
+            ),
             key=lambda t: t[1].evidence,
         )[0]
         for tau in _STARTS

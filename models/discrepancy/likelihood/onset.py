@@ -17,7 +17,7 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.quantity import GRAVITY
 
-_FINE = 0.004  # step at which the swing is computed [s]: a fiftieth of its shortest period
+_FINE = 0.004  # step at which the oscillation is computed [s]: a fiftieth of its shortest period
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,13 +26,13 @@ class Onset:
 
     Attributes:
         dead_time: from the command to the onset [s]. build_up: time constant of the brakes [s].
-        swing, damping: natural frequency [Hz] and damping [1] of the sprung body.
+        oscillation, damping: natural frequency [Hz] and damping [1] of the sprung body.
         late: (S,) by how much the onset of each stop is later, or one of all [s].
     """
 
     dead_time: float
     build_up: float
-    swing: float = 2.5
+    oscillation: float = 2.5
     damping: float = 0.3
     late: Floats = field(default_factory=lambda: np.zeros(1))
 
@@ -50,10 +50,10 @@ class Onset:
         """∫ (1 − c) du since the onset [s]."""
         return self.build_up * self.built(u)
 
-    def swung(self, u: Floats) -> tuple[Floats, Floats, Floats]:
+    def oscillated(self, u: Floats) -> tuple[Floats, Floats, Floats]:
         """Rate, its change, and ∫ (c − state) du of a sprung body that follows c."""
         since = np.arange(0.0, max(float(u.max()), 0.0) + 2.0 * _FINE, _FINE)
-        pulse = 2.0 * np.pi * self.swing
+        pulse = 2.0 * np.pi * self.oscillation
         # ω² s/(s² + 2 ζ ω s + ω²) by the bilinear transform, s = k (1 − z⁻¹)/(1 + z⁻¹).
         k, twice = 2.0 / _FINE, 2.0 * self.damping * pulse
         top = pulse**2 * k * np.array([1.0, 0.0, -1.0])

@@ -11,9 +11,12 @@ from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.fit import Fit
 from slopewise.models.discrepancy.likelihood.trace import HAT_PLACES, Trace, base_shares
+from slopewise.models.effects.effect_law import Enters
+from slopewise.models.effects.registry import LAWS
 from slopewise.models.quantity import GRAVITY
 
-LAG = "brake_lag"
+LAG = next(name for name, law in LAWS.items() if law.enters is Enters.LAG)
+"""Name of the effect that is an onset, not a column."""
 _TAUS = (0.004, 0.8)  # [s] of that integral
 _BEYOND = 60.0  # evidence below the last build-up that was followed
 _FINE = 120  # points of the integral over ln τ

@@ -10,8 +10,8 @@ from slopewise.models.arrays import Floats
 DEAD_TIME_STEP = 0.02  # [s] that a step of the linear fit may move the dead time
 SLIP = 0.02  # slip of the tyres per share of the weight [1]
 EARLY = 0.04  # resistance before the brakes take hold, share of the weight [1]
-SWING = 0.005  # that a point of the body moves per deceleration [m per m/s²]
-SWING_SHIFT = 0.00015  # the same within 30 ms of delay [m s per m/s²]
+OSCILLATION = 0.005  # that a point of the body moves per deceleration [m per m/s²]
+OSCILLATION_SHIFT = 0.00015  # the same within 30 ms of delay [m s per m/s²]
 DIVE = 0.006  # pitch of the body per deceleration, seen in the grade [rad per m/s²]
 SESSION = 0.03  # force of a session, share of the force [1]
 SPIKE = 0.005  # force of every smooth effect, share of the force [1]

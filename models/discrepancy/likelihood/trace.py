@@ -180,7 +180,7 @@ def grams_at(trace: Trace, onset: Onset, extra: Integrated) -> tuple[Grams, Floa
 def _nuisances(trace: Trace, onset: Onset, moment: Moment) -> tuple[list[Floats], Floats]:
     """(S, K) each of the onset, the first one of the dead time, and (N,) their deviations."""
     u, mean, pull = moment.u, trace.samples.mean, trace.pull
-    rates, changes, behind = (mean(x) for x in onset.swung(u))
+    rates, changes, behind = (mean(x) for x in onset.oscillated(u))
     hats = [
         pull * mean(np.maximum(1.0 - np.abs(u - middle) / width, 0.0))
         for middle, width in zip(HATS, np.diff(HATS, prepend=-HATS[1]), strict=True)
@@ -189,7 +189,7 @@ def _nuisances(trace: Trace, onset: Onset, moment: Moment) -> tuple[list[Floats]
     early = -GRAVITY * mean(np.clip(t, 0.0, np.maximum(onset.each, 0.0)[:, None, None]))
     built = pull * mean(onset.built(u / trace.quicker[:, :, None]))
     stds = [prior.DEAD_TIME_STEP, prior.SLIP, prior.EARLY]
-    stds += [prior.SWING, prior.SWING_SHIFT, prior.DIVE]
+    stds += [prior.OSCILLATION, prior.OSCILLATION_SHIFT, prior.DIVE]
     columns = [built, -trace.speed * built / GRAVITY, early, pull * rates, pull * changes]
     columns += [GRAVITY * pull * behind, *hats]
     return columns, np.array([*stds, *[1.0] * len(HATS)])

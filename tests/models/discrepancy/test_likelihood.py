@@ -97,7 +97,7 @@ def test_columns_are_integrated_motion(build_up: float) -> None:
 def test_the_swing_follows_its_equation_of_motion() -> None:
     onset = Onset(0.0, 0.03, 2.2, 0.25)
     u = np.linspace(0.0, 1.5, 151)
-    pulse = 2.0 * np.pi * onset.swing
+    pulse = 2.0 * np.pi * onset.oscillation
 
     def motion(at: float, y: Floats) -> list[float]:
         built = -np.expm1(-at / onset.build_up)
@@ -105,6 +105,6 @@ def test_the_swing_follows_its_equation_of_motion() -> None:
         return [y[1], pull, built - y[0]]
 
     truth = solve_ivp(motion, (0.0, 1.5), [0.0, 0.0, 0.0], t_eval=u, rtol=1e-9).y
-    rate, _, behind = onset.swung(u)
+    rate, _, behind = onset.oscillated(u)
     np.testing.assert_allclose(rate, truth[1], atol=0.03 * np.abs(truth[1]).max())
     np.testing.assert_allclose(behind, truth[2], atol=0.05 * np.abs(truth[2]).max())

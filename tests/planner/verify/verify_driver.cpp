@@ -106,11 +106,12 @@ void ground() {
   }
   const PlannedLine line{n, x.data(), y.data(), station.data()};
   const auto force = numbers(n, 0.1, 0.6), friction = numbers(n, 0.2, 1.0);
+  const auto offset = numbers(n, 0.0, 0.3);
   std::vector<double> memory(static_cast<std::size_t>(
       ground_memory(line, count_poses(line, pose_step(map, sizes)), columns)));
   const GroundRange range{uniform(0.0, 1.0), uniform(0.0, 20.0)};
   const GroundFinding found = first_blocked(
-      map, sizes, line, {force.data(), friction.data(), y.data()},
+      map, sizes, line, {force.data(), friction.data(), y.data(), offset.data()},
       {-0.26, 0.26, -0.26, 0.26, uniform(0.0, 0.2), 0.0, 0.02}, {0.01, 0.01, 0.1, 0.25}, range,
       memory.data());
   expect(found.kind == GroundKind::none ||

@@ -34,7 +34,7 @@ def flat(sequence: int = 1, shape: tuple[int, int] = (200, 400), **changes: Any)
 
 
 class GuardRobot:
-    """Stands at 0, 0 and reports a speed; commands and motion at 50 Hz while they are on."""
+    """Stands near 0, 0 and reports a speed; commands and motion at 50 Hz while they are on."""
 
     def __init__(self, session: zenoh.Session, requested: float = 1.0) -> None:
         self.session, self.speed, self.requested = session, 0.0, requested
@@ -61,7 +61,8 @@ class GuardRobot:
             self._sequence += 1
             number = self._sequence
             if self.sends_motion:
-                place = {"x": 0.0, "y": 0.0, "heading": 0.0, "speed": self.speed}
+                x = 1e-4 * (number % 1000)  # a pose that stays while the base moves is a fault
+                place = {"x": x, "y": 0.0, "heading": 0.0, "speed": self.speed}
                 self.put("guard/motion", GuardMotion(source="r", sequence=number, **place))
             if self.sends_command:
                 speeds = {"speed": self.requested, "yaw_rate": 0.0}

@@ -140,7 +140,7 @@ def test_map_that_cannot_be_read_removes_the_ground(robot: GuardRobot) -> None:
 def test_lost_patch_is_a_stop_until_the_next_whole_map(robot: GuardRobot) -> None:
     robot.put("map", flat(2, (2, 2), patch=True))
     time.sleep(0.3)
-    assert robot.last()["action"] == "pass"
+    assert robot.last()["action"] == "pass", robot.last()
     robot.put("map", flat(4, (2, 2), patch=True))
     robot.wait_for("stop", reason="a map patch was lost; waiting for a whole map")
     robot.speed = 0.0
