@@ -113,7 +113,7 @@ def _promised_again(table: StopTable, braking: Braking, held_out: Floats) -> Sto
         np.ones_like(table.held),
         table.distance,
         held_out,
-        np.array(table.run_names)[table.run],
+        np.array(table.run_names),
     )
     try:
         return learn_distance(stops, law, (braking.speed_range, braking.grade_range)).table

@@ -9,7 +9,7 @@ import pytest
 
 from slopewise.models.discrepancy.decide.gap import distances
 from slopewise.models.discrepancy.decide.model_form import as_in_the_model
-from slopewise.models.discrepancy.decide.revised import revised
+from slopewise.models.discrepancy.decide.revised import _promised_again, revised
 from slopewise.models.discrepancy.decide.verdict import Decision, FittedExplanation
 from slopewise.models.discrepancy.findings import Verdict
 from slopewise.models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
@@ -109,3 +109,12 @@ def test_the_longest_alternative_is_in_the_offset() -> None:
     assert revised_model.braking.distance_offset > max(
         alone, 0.9 * float(np.quantile(longer, 0.97))
     )
+
+
+def test_a_promise_is_learned_where_only_some_stops_could_be_compared() -> None:
+    stops = table("step")
+    late = stops.take(np.arange(5, len(stops)))  # of later runs only
+    assert late.run.max() >= len(late)
+    predicted = late.distance * np.linspace(0.98, 1.02, len(late))
+    promise = _promised_again(late, BASE.braking, predicted)
+    assert promise is not None
