@@ -74,17 +74,12 @@ def test_the_hidden_effects_are_named_with_their_numbers(name: str) -> None:
 
 
 @pytest.mark.nightly
-def test_a_surface_in_two_places_is_named_twice() -> None:
+def test_a_surface_in_two_places_follows_the_place() -> None:
+    """One circle is not enough, and more are not searched: what is missing has a place, no name."""
     f = findings_of("places")
-    assert f.verdict is Verdict.MISSING_EFFECT
-    assert [e.name for e in f.effects] == ["surface_patch"] * 2
-    truth = WORLDS["places"]
-    first = truth.effects["surface_patch"]
-    for x, y, radius in ((first["x"], first["y"], first["radius"]), *truth.further_places):
-        patches = [e.parameters for e in f.model.effect if e.name == "surface_patch"]
-        near = [p for p in patches if np.hypot(p["x"] - x, p["y"] - y) < radius]
-        assert len(near) == 1, (x, y)
-        assert near[0]["delta"] == pytest.approx(first["delta"], abs=0.03)
+    assert f.verdict is Verdict.UNKNOWN
+    assert "it follows place" in f.summary
+    assert f.model.effect == ()
 
 
 def test_a_log_in_which_nothing_could_show_is_too_noisy() -> None:
