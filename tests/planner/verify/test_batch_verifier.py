@@ -110,5 +110,6 @@ def test_each_kind_of_breach_is_found_in_the_right_candidate(
     assert together[1, Violations._fields.index(kind)] > 0.0
 
 
+@pytest.mark.nightly  # by day with the whole planner, tests/planner/test_from_cpp.py
 def test_random_plans_pass_the_sanitizers(tmp_path: Path) -> None:
     run_under_sanitizers(Path(__file__).parent / "verify_driver.cpp", tmp_path)
