@@ -6,7 +6,7 @@ A program over the speeds at the stations with exactly the discrete constraints 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -24,56 +24,22 @@ from slopewise.planner.profile.reference import (
 )
 from slopewise.planner.profile.time_optimal import ProfileProblem
 
-
-@dataclass(frozen=True, slots=True)
-class TimeOptimalProblem:
-    """One candidate from :class:`slopewise.planner.profile.time_optimal.ProfileProblem`; arrays
-    are (N,).
-
-    Attributes:
-        station: [m], increasing.
-        speed_sq_max: highest v² [m²/s²].
-        sin_grade: sine of the grade.
-        lower_slope, lower_intercept: coefficients of the braking force [s/m], [1].
-        slowest: below it the force does not change with speed [m/s].
-        accel_max: by comfort, thrust and axle load [m/s²].
-        demand: share of the weight that holding the speed costs.
-        start_sq: highest v² at the first station [m²/s²].
-        decel: service deceleration [m/s²].
-        specific_power: drive power / weight [m/s].
-    """
-
-    station: Floats
-    speed_sq_max: Floats
-    sin_grade: Floats
-    lower_slope: Floats
-    lower_intercept: Floats
-    slowest: Floats
-    accel_max: Floats
-    demand: Floats
-    start_sq: float
-    decel: float
-    specific_power: float
-
-    def until(self, end: int) -> TimeOptimalProblem:
-        """The first ``end`` stations of it."""
-        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
-        return replace(self, **{k: v[:end] for k, v in arrays.items() if np.ndim(v) == 1})
+_COLUMNS = ProfileProblem._fields.index("start_sq")
+"""Fields with a number at each station come before the start [1]."""
 
 
-def time_optimal_problem(batch: ProfileProblem, candidate: int, count: int) -> TimeOptimalProblem:
-    """The problem of one candidate of a batch, its first ``count`` stations."""
-    columns = {
-        name: np.ascontiguousarray(getattr(batch, name)[:count, candidate])
-        for name in ProfileProblem._fields
-        if np.ndim(getattr(batch, name)) == 2
-    }
-    return TimeOptimalProblem(
-        **columns,
-        start_sq=float(batch.start_sq[candidate]),
-        decel=batch.decel,
-        specific_power=batch.specific_power,
-    )
+def with_columns(
+    problem: ProfileProblem, change: Callable[[Floats], Floats], start_sq: Floats
+) -> ProfileProblem:
+    """A problem with other stations or candidates, from the same start or another."""
+    columns = [np.ascontiguousarray(change(np.asarray(v))) for v in problem[:_COLUMNS]]
+    return ProfileProblem._make([*columns, start_sq, problem.decel, problem.specific_power])
+
+
+def problem_of_one(batch: ProfileProblem, candidate: int, count: int) -> ProfileProblem:
+    """The problem of one candidate, (N,) where a batch has (N, M): its first ``count`` stations."""
+    start_sq = batch.start_sq[candidate : candidate + 1]
+    return with_columns(batch, lambda values: values[:count, candidate], start_sq)
 
 
 class TimeOptimalReference:
@@ -88,10 +54,10 @@ class TimeOptimalReference:
         """
         self._solver = _time_optimal_solver(stations, max_iterations)
 
-    def solve(self, problem: TimeOptimalProblem) -> Reference:
-        """Solve one candidate; the first station is as fast as start and constraints allow."""
+    def solve(self, problem: ProfileProblem) -> Reference:
+        """Solve one candidate, (N,); it begins as fast as start and constraints allow."""
         bound = np.maximum(problem.speed_sq_max, 0.0)
-        bound[0] = min(bound[0], problem.start_sq)
+        bound[0] = min(bound[0], float(problem.start_sq[0]))
         ds = np.diff(problem.station)
         braking = problem.lower_intercept + problem.sin_grade
         idle = idle_segments(bound)

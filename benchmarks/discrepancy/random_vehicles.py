@@ -9,26 +9,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
-from . import car_sets, catalogue, sensing
+from . import car_sets, catalogue, sensing, world_logs
 from .blind_run import tables_of
 from .car_outcomes import CAR_NAMES, CarSpec
 from .catalogue import SetSpec
 from .effect_plant import DrivenStops, drive
 from .hidden_effects import NAMED, PAIRS
-from .plant_physics import Floats, Stops
+from .plant_physics import Stops
+from .world_changes import OUTSIDE
 from .world_logs import WorldLog
-
-OUTSIDE: dict[str, tuple[str, ...]] = {
-    "battery": ("battery",),
-    "ripple": ("x", "y", "place", "station"),
-    "heading": ("heading",),
-    "temperature": ("temperature",),
-    "tyre_pressure": ("roll", "abs_roll", "yaw_rate"),
-    "sticking_sensor": (),
-}
-"""Effects that no name fits, and axes that are right; () where any answer without a name is."""
 
 _CONDITIONS = catalogue.SetConditions(
     designs=("mixed", "fast", "steep"),
@@ -102,7 +92,7 @@ def make(family: str, kind: str, label: str, names: tuple[str, ...], seed: int) 
     if "session" in columns:
         columns["session"] = np.char.add("day ", columns["session"].astype(str))
     if label == "sticking_sensor":
-        _stick(columns, rng)
+        world_logs.stick(columns, rng)
     truth = (names,) if names else ()
     axes = OUTSIDE.get(label, ())
     # An earlier calibration took the vehicle's own build-up and filter for dead time.
@@ -154,16 +144,5 @@ def _as_sensed(motion: DrivenStops, rng: np.random.Generator) -> tuple[DrivenSto
     reach = stiff * float(rng.uniform(0.0, _REACH)) * float(rng.choice([-1.0, 1.0]))
     dive = stiff * float(rng.uniform(0.0, _DIVE))
     slow = max(float(rng.uniform(0.0, _FILTER)), 1e-3)
-    keep = float(np.exp(-step / slow))
-    seen: Floats = motion.speed + reach * rates
-    start = seen[:, :1]
-    seen = start + lfilter([1.0 - keep], [1.0, -keep], seen - start, axis=1)
+    seen = world_logs.filtered(motion.speed + reach * rates, slow)
     return motion._replace(speed=seen, grade=motion.grade - dive * swing), slow
-
-
-def _stick(columns: sensing.Columns, rng: np.random.Generator) -> None:
-    """Hold the speed for a fifth of a second now and then."""
-    speed, hold = columns["v"].copy(), round(0.2 * sensing.RATE)
-    for at in np.flatnonzero(rng.random(len(speed)) < 0.01):
-        speed[at : at + hold] = speed[at]
-    columns["v"] = speed

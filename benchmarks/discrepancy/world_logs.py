@@ -59,6 +59,14 @@ def filtered(speed: Floats, slow: float) -> Floats:
     return slower
 
 
+def stick(columns: sensing.Columns, rng: np.random.Generator) -> None:
+    """Hold the speed for a fifth of a second now and then."""
+    speed, hold = columns["v"].copy(), round(0.2 * sensing.RATE)
+    for at in np.flatnonzero(rng.random(len(speed)) < 0.01):
+        speed[at : at + hold] = speed[at]
+    columns["v"] = speed
+
+
 def calibrated(motion: DrivenStops) -> dict[str, float]:
     """Coefficients and dead time of noise-free stops without changes, by least squares."""
     before = motion.time < 0.0
@@ -115,10 +123,7 @@ def world_log(
         day = columns["session"].astype(np.int64).astype(str)
         columns["session"] = np.char.add("day ", day)
     if label == "sticking_sensor":
-        speed, hold = columns["v"].copy(), round(0.2 * sensing.RATE)
-        for at in np.flatnonzero(rng.random(len(speed)) < 0.01):
-            speed[at : at + hold] = speed[at]
-        columns["v"] = speed
+        stick(columns, rng)
     names = tuple(label.split("+")) if kind in ("single", "pair") else ()
     # Wind on a body is also drag on it.
     either = [((n,), (n, "aerodynamic_drag")) if n == "headwind" else ((n,),) for n in names]

@@ -18,7 +18,6 @@ from .guarded_plans import drive_twice
 
 COUNTS = {"forest": 1000, "pivot": 500, "swerve": 500, "slope": 500}  # drives of a whole run [1]
 PLANS = 40  # paths over open ground of a whole run [1]
-HELD_OUT = 100_000  # first seed of drives that no change of the guard was made for [1]
 _QUICK = 40  # of a quick run there are that many times fewer [1]
 
 Result = dict[str, Any]

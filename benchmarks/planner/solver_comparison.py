@@ -36,9 +36,9 @@ from slopewise.planner.verify.track import track_of
 from ..common.profile_quality import excess, smooth_excess, stations_of, travel_time
 from ..common.scene import BenchmarkScene
 from ..common.time_optimal_reference import (
-    TimeOptimalProblem,
     TimeOptimalReference,
-    time_optimal_problem,
+    problem_of_one,
+    with_columns,
 )
 from ..common.timing import summary, timed
 
@@ -54,7 +54,7 @@ class BaselineTask:
 
     accel: float  # accel, decel: service limits [m/s²]
     decel: float
-    problem: TimeOptimalProblem  # stations, bounds, brakes and drive as the planner knows them
+    problem: ProfileProblem  # stations, bounds, brakes and drive as the planner knows them
 
     @property
     def speed_max(self) -> Floats:
@@ -171,8 +171,9 @@ def tasks_of(scene: BenchmarkScene, candidates: Sequence[int]) -> list[BaselineT
     )
     tasks = []
     for j in candidates:
-        problem = time_optimal_problem(batch, j, int(solved.profile.count[j]))
-        problem = problem.until(int(np.flatnonzero(problem.speed_sq_max > 0.0)[-1]) + 2)
+        count = int(solved.profile.count[j])
+        rest = int(np.flatnonzero(batch.speed_sq_max[:count, j] > 0.0)[-1]) + 2
+        problem = problem_of_one(batch, j, min(rest, count))
         tasks.append(BaselineTask(limits.accel, limits.decel, problem))
     return tasks
 
@@ -192,11 +193,7 @@ def time_optimal(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: i
 
 def profile_stage(task: BaselineTask) -> Callable[[], Floats]:
     """The planner's profile stage on one candidate, exact in brakes and drive."""
-    p = task.problem
-    columns = [p.station, p.speed_sq_max, p.sin_grade, p.lower_slope, p.lower_intercept]
-    columns += [p.slowest, p.accel_max, p.demand]
-    batch = [np.ascontiguousarray(values[:, None]) for values in columns]
-    problem = ProfileProblem._make([*batch, np.array([p.start_sq]), p.decel, p.specific_power])
+    problem = with_columns(task.problem, lambda values: values[:, None], task.problem.start_sq)
     return lambda: time_optimal_profile(problem)[0][:, 0]
 
 

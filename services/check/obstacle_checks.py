@@ -164,7 +164,7 @@ def _steps(
     s = np.arange(0.0, along[-1], window / _PARTS)
     places = np.interp(s, along, x), np.interp(s, along, y)
     step = np.abs(_rises(height_of(heights, *places)))
-    first = _PARTS * np.ones(1, np.int64) + np.arange(len(step))
+    first = _PARTS + np.arange(len(step))
     if step.max(initial=0.0) > vehicle.shape.max_step:
         at_rest = contact_height(heights, *places, np.interp(s, along, heading), vehicle)
         np.minimum(step, _largest_climb(at_rest, window, vehicle)[first], out=step)

@@ -129,8 +129,9 @@ class Guard:
                 return stop(self._latched)
             self._latched = ""
         timing = self.settings.timing
-        age = self._pose_age.update(motion, self.motions.newest.bound(now), now)
-        if (unchanged := age - self.motions.newest.bound(now)) > timing.motion:
+        since = self.motions.newest.bound(now)
+        age = self._pose_age.update(motion, since, now)
+        if (unchanged := age - since) > timing.motion:
             return stop(f"the base moves, and its pose has not changed for {unchanged:.2f} s")
         late = age + timing.transport
         reached = self._reached(now - late, motion)

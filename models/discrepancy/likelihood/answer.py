@@ -14,9 +14,7 @@ from slopewise.models.discrepancy.likelihood.weigh import Weights
 
 _ANSWERED = 0.5  # probability from which an answer is given, else `ambiguous` [1]
 _COMPANION = 0.65  # probability from which a second name stands next to the first [1]
-_RULED_OUT = (
-    0.05  # weight relative to the leader's below which an explanation is no alternative [1]
-)
+_RULED_OUT = 0.05  # weight relative to the leader's of what is no alternative any more [1]
 _COMPANY = 0.7  # share of the weight of causes without a name that one name next to them spoils [1]
 _UNSOLVED = 0.08  # force left at the onset from which its shape is not understood [1]
 _WILD = 0.3  # force that varies along each stop, from which speeds are no speeds [1]
@@ -48,23 +46,24 @@ class Answer:
 def answered(weights: Weights) -> Answer:
     """The answer that the weights give."""
     every = weights.explanations
-    share = _shares(every)
     calm = next(e for e in every if not e.names and not e.axes)
     if calm.fit.noise[WAVE] > _WILD:
         return Answer(Verdict.UNKNOWN, calm, "", 1.0, {})
-    solved = calm.fit.noise[ONSET_FORCE] < _UNSOLVED
-    each = [(_kind(e, solved=bool(solved)), e, s) for e, s in zip(every, share, strict=True)]
+    solved = bool(calm.fit.noise[ONSET_FORCE] < _UNSOLVED)
+    share = _shares(every)
+    each = [(_kind(e, solved=solved), e, s) for e, s in zip(every, share, strict=True)]
     kinds = _summed((kind, s) for kind, _, s in each)
-    axes = _summed((a, s) for e, s in zip(every, share, strict=True) for a in e.axes)
+    axes = _summed((a, s) for _, e, s in each for a in e.axes)
     of_names = _summed((n, s) for kind, e, s in each if kind == _NAMED for n in e.names)
     axis = max(axes, key=lambda a: axes[a], default="")
     along = kinds.get(_UNKNOWN, 0.0) + kinds.get(_MIXED, 0.0)
-    if axis and along >= _ANSWERED and not _spoiled(every, share, along):
+    company = _summed((n, s) for _, e, s in each if e.axes for n in e.names)
+    spoiled = max(company.values(), default=0.0) >= _COMPANY * along
+    if axis and along >= _ANSWERED and not spoiled:
         leader = next(e for e in every if e.axes)
         return Answer(Verdict.UNKNOWN, leader, axis, along, of_names)
     if kinds.get(_CALM, 0.0) >= _ANSWERED:
-        worth = _CHANGED[0] if weights.changed > 0.5 else _CHANGED[1]
-        drifted = weights.change > worth
+        drifted = weights.change > _CHANGED[weights.changed <= 0.5]
         verdict = Verdict.PARAMETER_DRIFT if drifted else Verdict.NONE
         return Answer(verdict, calm, axis, kinds[_CALM], of_names)
     first = max(of_names, key=lambda n: of_names[n], default="")
@@ -75,7 +74,7 @@ def answered(weights: Weights) -> Answer:
     leader = named[0] if named else every[0]
     near = leader.log_weight + np.log(_RULED_OUT)
     rivals = [e for e in named[1:] if not e.names >= leader.names and e.log_weight > near]
-    of_all = _summed((n, s) for e, s in zip(every, share, strict=True) for n in e.names)
+    of_all = _summed((n, s) for _, e, s in each for n in e.names)
     return Answer(Verdict.AMBIGUOUS, leader, axis, max(share), of_all, tuple(rivals[:3]))
 
 
@@ -94,12 +93,6 @@ def _kind(e: Explanation, *, solved: bool) -> str:
         return _CALM
     # A lag is the shape of the onset: it has no name where that shape is not solved.
     return _NAMED if solved or LAG not in e.names else _MIXED
-
-
-def _spoiled(every: Iterable[Explanation], share: Iterable[float], along: float) -> bool:
-    """Whether one name stands next to most causes without a name."""
-    company = _summed((n, s) for e, s in zip(every, share, strict=True) if e.axes for n in e.names)
-    return max(company.values(), default=0.0) >= _COMPANY * along
 
 
 def _shares(every: Iterable[Explanation]) -> list[float]:

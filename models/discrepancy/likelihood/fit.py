@@ -60,8 +60,7 @@ class Fit:
 
     Attributes:
         chosen: candidates in it. taus: (T,) [s]. onsets: state at each. noise: (6,) of the stops.
-        evidence: (T,) ln of the marginal likelihood. means: (T,) of (P,) all columns.
-        spreads: (T,) of (P, P) their covariance.
+        evidence: (T,) ln of the marginal likelihood. solutions: (T,) all columns, solved.
     """
 
     chosen: tuple[Candidate, ...]

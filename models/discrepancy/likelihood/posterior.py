@@ -10,7 +10,7 @@ from scipy.special import logsumexp
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.fit import Fit
-from slopewise.models.discrepancy.likelihood.trace import HAT_PLACES, Trace, base_shares
+from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, Trace, base_shares
 from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.quantity import GRAVITY
@@ -28,26 +28,21 @@ class Explanation:
 
     Attributes:
         names: of effects. axes: causes without a name.
-        log_weight: ln of its weight. log_prior: before the log. evidence: raw, beside none's.
-        fit, at: and the build-up it holds at.
+        log_weight: ln of its weight. fit, at: and the build-up it holds at.
     """
 
     names: frozenset[str]
     axes: frozenset[str]
     log_weight: float
-    log_prior: float
-    evidence: float
     fit: Fit
     at: int
 
 
-def explanations(
-    fits: list[tuple[Fit, float]], calm: float, dead_time: float, odds: float
-) -> list[Explanation]:
+def explanations(fits: list[tuple[Fit, float]], dead_time: float, odds: float) -> list[Explanation]:
     """Answers of refitted sets.
 
     Args:
-        fits: each with what its grids add to ln of its prior. calm: evidence of reference.
+        fits: each with what its grids add to ln of its prior.
         dead_time: of the model file [s]. odds: of causes, over those of :mod:`.prior`.
     """
     found = []
@@ -56,36 +51,34 @@ def explanations(
         for lag in (False, True):
             own = log_prior + (np.log(odds * prior.NAME) if lag else 0.0)
             own += np.log(prior.FURTHER) if lag and fit.chosen else 0.0
-            weight, at, raw = _over_build_up(fit, fit.evidence - calm, late - dead_time, lag)
+            weight, at = _over_build_up(fit, late - dead_time, lag)
             names = frozenset(c.name for c in fit.chosen if c.named) | ({LAG} if lag else set())
             axes = frozenset(c.name for c in fit.chosen if not c.named)
-            found.append(Explanation(names, axes, own + weight, own, raw, fit, at))
+            found.append(Explanation(names, axes, own + weight, fit, at))
     return sorted(found, key=lambda e: -e.log_weight)
 
 
-def _over_build_up(fit: Fit, evidence: Floats, late: Floats, lag: bool) -> tuple[float, int, float]:
-    """Logarithm of the integral over ln τ, the index of its largest term, and its evidence."""
-    log_tau = np.log(fit.taus)
+def _over_build_up(fit: Fit, late: Floats, lag: bool) -> tuple[float, int]:
+    """Logarithm of the integral over ln τ, and the index of its largest term."""
+    log_tau, evidence = np.log(fit.taus), fit.evidence
     # A calibration took the usual build-up for dead time, and a lag that came later did not.
     off = late + (np.minimum(fit.taus, prior.BUILD_UP) if lag else fit.taus)
     usual = -0.5 * (off / prior.DEAD_TIME) ** 2
     fine = np.linspace(np.log(_TAUS[0]), np.log(_TAUS[1]), _FINE)
     density = prior.of_lag(fine) if lag else prior.of_build_up(fine)
     lowest = float(evidence.min()) - _BEYOND
-    own = np.interp(fine, log_tau, evidence, left=lowest, right=lowest)
-    terms = prior.TEMPER * own + np.interp(fine, log_tau, usual)
+    followed = np.interp(fine, log_tau, evidence, left=lowest, right=lowest)
+    terms = prior.TEMPER * followed + np.interp(fine, log_tau, usual)
     terms = terms + np.log(np.maximum(density, 1e-300))
     weight = float(logsumexp(terms) + np.log(fine[1] - fine[0]))
-    top = int(np.argmax(terms))
-    return weight, int(np.argmin(np.abs(log_tau - fine[top]))), float(own[top])
+    return weight, int(np.argmin(np.abs(log_tau - fine[int(np.argmax(terms))])))
 
 
 def change_of_stops(trace: Trace, fit: Fit) -> float:
     """Root mean square change of stopping distances by coefficients and dead time [1]."""
     table, onset = trace.table, fit.onsets[fit.best]
     mean = fit.solutions[fit.best].mean
-    first = HAT_PLACES.stop
-    shift = base_shares(table) @ mean[first : first + 4]
+    shift = base_shares(table) @ mean[BASE_PLACES]
     braking = trace.used
     count = np.maximum(braking.sum(axis=1), 1.0)
     average = [(x * braking).sum(axis=1) / count for x in (trace.expected.shares[:, :, 0], shift)]

@@ -27,6 +27,12 @@ from slopewise.models.quantity import GRAVITY
 HATS = (0.0, 0.05, 0.11, 0.19, 0.29, 0.42)
 """Middles of the hats over the onset, since it [s]: denser where the brakes take hold."""
 ONSET, ONSET_WAVES = 0.6, 5  # in which brakes and body settle [s]; waves of their force in it
+HAT_PLACES = slice(6, 6 + len(HATS))
+"""Where the hats are among the columns that are always there."""
+BASE_PLACES = slice(HAT_PLACES.stop, HAT_PLACES.stop + 4)
+"""Where the coefficients are."""
+EARLY_PLACES = slice(HAT_PLACES.stop + 4, HAT_PLACES.stop + 4 + ONSET_WAVES)
+"""Where the waves of the force after the onset are."""
 _SLOW_WAVES = 5  # cosines of the force along a stop: as many as its bins resolve
 
 
@@ -193,11 +199,3 @@ def _nuisances(trace: Trace, onset: Onset, moment: Moment) -> tuple[list[Floats]
     columns = [built, -trace.speed * built / GRAVITY, early, pull * rates, pull * changes]
     columns += [GRAVITY * pull * behind, *hats]
     return columns, np.array([*stds, *[1.0] * len(HATS)])
-
-
-HAT_PLACES = slice(6, 6 + len(HATS))
-"""Where the hats are among the columns that are always there."""
-BASE_PLACES = slice(HAT_PLACES.stop, HAT_PLACES.stop + 4)
-"""Where the coefficients are."""
-EARLY_PLACES = slice(HAT_PLACES.stop + 4, HAT_PLACES.stop + 4 + ONSET_WAVES)
-"""Where the waves of the force after the onset are."""

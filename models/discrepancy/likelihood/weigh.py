@@ -98,7 +98,7 @@ def weighed(
     for names in {*ranked[:_SURE], nothing} - {leader}:
         known[names] = _converged(trace, book, known[names], known[leader].fit)
     fits = [(w.fit, w.log_prior) for w in known.values()]
-    every = explanations(fits, float(base.evidence.max()), model.braking.dead_time, odds)
+    every = explanations(fits, model.braking.dead_time, odds)
     advance(1.0)
     calm = known[nothing].fit
     solution = calm.solutions[calm.best]

@@ -10,7 +10,6 @@ import numpy as np
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.search import screening
 from slopewise.models.discrepancy.search.candidates import candidates
-from slopewise.models.discrepancy.search.patches import left_of
 from slopewise.models.discrepancy.search.refine import Fit, prior_precision
 
 _NAMED_FROM = 12.0
@@ -38,8 +37,7 @@ def resolvable(table: StopTable, fit: Fit) -> Resolvable:
     """
     found, columns = candidates(table, fit.hypothesis)
     sums = screening.reduced(fit.white, fit.jacobian, columns, prior_precision(fit.hypothesis))
-    one_sided = np.array([c.search.one_sided for c in found])
-    scored = screening.scores(sums, left_of(table, fit), fit.noise.scatter, one_sided)
+    shares = sums.at(fit.noise.scatter).absorbed
     sizes = screening.visible(sums, table, fit, columns, _NAMED_FROM)
     visible: dict[str, float] = {}
     absorbed: dict[str, float] = {}
@@ -47,5 +45,5 @@ def resolvable(table: StopTable, fit: Fit) -> Resolvable:
         own = [i for i, c in enumerate(found) if c.name == name]
         # Nobody chooses where a surface lies or which way the wind blows: the middle of the grid.
         visible[name] = float(np.median(sizes[own]))
-        absorbed[name] = float(np.min(scored.absorbed[own]))
+        absorbed[name] = float(np.min(shares[own]))
     return Resolvable(visible, absorbed)

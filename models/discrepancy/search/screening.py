@@ -1,9 +1,7 @@
-"""What each candidate would explain beyond the fit so far, and how much chance would.
+"""What candidates would explain beyond a fit, how much of them it absorbs, and what would show.
 
 Everything is done on what a stop tells in few numbers: its share along its own friction, which
-scatters from stop to stop, and its share within, which only noise disturbs. Logs without the
-candidates are simulated in these numbers, hundreds at a time, each with its own scatter estimated
-anew, so that the threshold is that of the whole library on this very log.
+scatters from stop to stop, and its share within, which only noise disturbs.
 """
 
 from __future__ import annotations
@@ -30,7 +28,7 @@ class Reduced:
     Attributes:
         base_within: (P, P). cross_within: (P, Q). own_within: (Q,).
         base_between: (S, P). between: (S, Q). power: (S,), see :class:`Whitener`.
-        rows_base: (N, P), rows: (N, Q) whitened within, for simulation.
+        rows_base: (N, P), rows: (N, Q) whitened within.
         precision: (P,) of the prior.
     """
 
@@ -76,6 +74,12 @@ class _Projector:
     left: Floats
     own: Floats
 
+    @property
+    def absorbed(self) -> Floats:
+        """(Q,) share of each candidate's column that the base takes up."""
+        share: Floats = 1.0 - self.left / np.maximum(self.own, 1e-300)
+        return share
+
 
 def reduced(white: Whitener, base: Floats, columns: Floats, precision: Floats) -> Reduced:
     """Sums over all stops.
@@ -116,13 +120,11 @@ class Scores:
         gain: drop of −2 log likelihood with the scatter that belongs to the candidate itself; 0
             where the strength would have the wrong sign.
         strength: at its best.
-        absorbed: share of its column that the fit so far takes up.
     """
 
     z: Floats
     gain: Floats
     strength: Floats
-    absorbed: Floats
 
 
 def scores(
@@ -139,19 +141,19 @@ def scores(
     least = here[0]
     lowest, strength = np.full(len(one_sided), np.inf), np.zeros(len(one_sided))
     for factor in OWN_SCATTERS:
-        cost, z, size, _ = _scored(sums, factor * scatter, between, within)
+        cost, z, size = _scored(sums, factor * scatter, between, within)
         least = min(least, cost)
         able = np.where(one_sided & (z < 0.0), 0.0, z)
         better = cost - able**2 < lowest
         lowest = np.where(better, cost - able**2, lowest)
         strength = np.where(better, size, strength)
-    return Scores(here[1], np.maximum(least - lowest, 0.0), strength, here[3])
+    return Scores(here[1], np.maximum(least - lowest, 0.0), strength)
 
 
 def _scored(
     sums: Reduced, scatter: float, between: Floats, within: Floats
-) -> tuple[float, Floats, Floats, Floats]:
-    """−2 log likelihood without candidates; z, strength and absorbed share of each (Q,)."""
+) -> tuple[float, Floats, Floats]:
+    """−2 log likelihood without candidates; z and strength of each (Q,)."""
     on = sums.at(scatter)
     top = _tops(sums, on, between, within)[:, 0]
     left = np.where(on.left > LEAST_COLUMN * on.own, on.left, np.inf)
@@ -159,8 +161,7 @@ def _scored(
     base = sums.rows_base.T @ within[:, 0] + sums.base_between.T @ weighted
     cost = float(weighted @ between[:, 0] - base @ (on.inverse @ base) - np.sum(np.log(on.weight)))
     # More fall is less speed: a strength is positive where the residual is negative.
-    absorbed = 1.0 - on.left / np.maximum(on.own, 1e-300)
-    return cost, -top / np.sqrt(left), -top / left, absorbed
+    return cost, -top / np.sqrt(left), -top / left
 
 
 def _tops(sums: Reduced, on: _Projector, between: Floats, within: Floats) -> Floats:

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.common.time_optimal_reference import TimeOptimalProblem, TimeOptimalReference
+from benchmarks.common.time_optimal_reference import TimeOptimalReference
 from slopewise.models.laws import drive
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
@@ -24,6 +24,7 @@ from slopewise.planner.profile import smoothing
 from slopewise.planner.profile.reference import JerkLimitedReference
 from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.profile.time_optimal import ProfileProblem
 from slopewise.planner.settings import Solver
 from tests.world.ground import arc, ground_map, hills
 from tests.world.roads import BIG, Road, assert_exact, problem_of, road, travel_time, wavy
@@ -234,8 +235,8 @@ def test_lowering_any_bound_never_makes_any_station_faster(
     assert np.all(after <= before + 1e-9)
 
 
-def problem_on(r: Road) -> TimeOptimalProblem:
-    return TimeOptimalProblem(
+def problem_on(r: Road) -> ProfileProblem:
+    return ProfileProblem(
         r.station,
         r.bound**2,
         r.sin_grade,
@@ -244,7 +245,7 @@ def problem_on(r: Road) -> TimeOptimalProblem:
         r.slowest,
         r.accel_max,
         r.demand,
-        r.start**2,
+        np.array([r.start**2]),
         r.scalars.decel,
         r.scalars.specific_power,
     )
