@@ -22,8 +22,7 @@ BENCHMARKS: dict[str, tuple[str, tuple[str, ...]]] = {
     "growth": ("planner.growth", ()),
     "optimality": ("planner.optimality", ()),
     "closed-loop": ("closed_loop.loop_campaign", ("mujoco",)),
-    "discrepancy": ("discrepancy.discrepancy_campaign", ()),
-    "worlds": ("discrepancy.worlds", ()),
+    "discrepancy": ("discrepancy.naming_benchmark", ()),
     "fleet": ("fleet.fleet_benchmark", ("dask", "pyarrow")),
     "margins": ("calibration.margins", ()),
     "streams": ("calibration.streams", ()),
@@ -57,9 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.out is not None and options.out.exists() and not options.out.is_dir():
         parser.error(f"--out: expected a folder, got the file {options.out}")
     console = Console(width=max(Console().width, _WIDTH))
-    request = BenchmarkRequest(
-        options.quick, options.out, options.sets, options.minutes, options.tuning_share
-    )
+    request = BenchmarkRequest(options.quick, options.out, options.sets, options.minutes)
     module = benchmark(options.what)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as display:
@@ -89,11 +86,9 @@ def _parser() -> argparse.ArgumentParser:
     out = "closed-loop, discrepancy: store results, from which an interrupted run resumes; "
     out += "fleet: folder with space for the map; growth: folder for the picture"
     parser.add_argument("--out", type=Path, metavar="DIR", help=out)
-    parser.add_argument("--sets", type=int, metavar="N", help="discrepancy, worlds: at most N sets")
-    minutes = "discrepancy, worlds: start no further set after M minutes"
+    parser.add_argument("--sets", type=int, metavar="N", help="discrepancy: at most N logs")
+    minutes = "discrepancy: start no further log after M minutes"
     parser.add_argument("--minutes", type=float, metavar="M", default=math.inf, help=minutes)
-    share = "discrepancy: only this share of the multi-body car's tuning half"
-    parser.add_argument("--tuning-share", type=float, metavar="S", default=0.0, help=share)
     return parser
 
 

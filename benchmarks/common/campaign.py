@@ -37,9 +37,8 @@ class BenchmarkRequest:
 
     quick: bool = False  # fewer repetitions
     out: Path | None = None  # folder for stored results, or with space for large files
-    sets: int | None = None  # maximum number of sets of hidden effects
-    minutes: float = float("inf")  # time after which no further set is started [min]
-    tuning_share: float = 0.0  # share of the car's tuning half, instead of all other sets [1]
+    sets: int | None = None  # maximum number of logs with hidden effects
+    minutes: float = float("inf")  # time after which no further log is started [min]
 
 
 def no_progress(_title: str, _total: int) -> Callable[[int], Any]:

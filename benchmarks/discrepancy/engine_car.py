@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from . import world_changes, world_logs
+from .blind_run import tables_of
 from .effect_plant import GRAVITY, DrivenStops
 from .engine_vehicle import EngineCar, build, draw_car
 from .plant_physics import Floats, Stops
@@ -216,7 +217,7 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
         car = replace(car, sensor=0.5 * car.height)  # wheels that slide show no speed
     scene: world_changes.Scene = world_changes.draw_scene(kind, label, car.force, rng)
     motion = drive(car, scene.changes, scene.stops)
-    model = (
+    tables = tables_of(
         calibration_of(car, scene.changes.eager),
         world_logs.vehicle_table(
             car.mass,
@@ -228,7 +229,8 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
         ),
     )
     noise = float(rng.uniform(0.01, 0.04))
-    return world_logs.world_log(("engine", kind, label, seed), scene, motion, noise, model, rng)
+    measured = (("engine", kind, label, seed), scene.extra, scene.stops, motion, noise)
+    return world_logs.world_log(*measured, tables, rng)
 
 
 def requests(seed: int = 1) -> list[tuple[str, str, int]]:

@@ -1,4 +1,4 @@
-"""Effects that may be hidden: every named one in three sizes, pairs, and effects without a name.
+"""Effects that may be hidden: every named one in three sizes, and effects without a name.
 
 The size is the largest share of the braking force, or of the distance, that the effect takes:
 small about 4 %, medium about 10 %, large about 25 %.
@@ -15,25 +15,6 @@ from .plant_physics import FIELD, Floats, Physics, Stops
 
 SIZES = ("small", "medium", "large")
 _SHARES = (0.04, 0.10, 0.25)  # of the braking force [1]
-
-PAIRS = (
-    ("aerodynamic_drag", "cross_slope"),
-    ("aerodynamic_drag", "step_change"),
-    ("viscous_resistance", "grade_asymmetry"),
-    ("viscous_resistance", "surface_patch"),
-    ("brake_lag", "session_drift"),
-    ("brake_lag", "cross_slope"),
-    ("brake_lag", "directional_surface"),
-    ("brake_fade", "grade_nonlinearity"),
-    ("brake_fade", "brake_lag"),
-    ("headwind", "grade_asymmetry"),
-    ("surface_patch", "step_change"),
-    ("surface_patch", "aerodynamic_drag"),
-    ("turning_resistance", "cross_slope"),
-    ("session_drift", "grade_nonlinearity"),
-    ("wheel_lockup", "directional_surface"),
-    ("step_change", "directional_surface"),
-)
 
 OFF_LIBRARY = ("ambient", "ripple", "bump", "grab", "overshoot")
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import sensing, world_changes, world_logs
+from .blind_run import tables_of
 from .effect_plant import DrivenStops
 from .plant_physics import Floats, Stops
 from .rocking_motion import SETTLE, StopForces, stop
@@ -111,7 +112,7 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
         car = replace(car, counts=0)  # wheels that slide show no speed
     scene = world_changes.draw_scene(kind, label, car.force, rng)
     motion = drive(car, scene.changes, scene.stops)
-    model = (
+    tables = tables_of(
         calibration_of(car, scene.changes.eager),
         world_logs.vehicle_table(
             car.mass,
@@ -123,7 +124,8 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
         ),
     )
     noise = float(rng.uniform(0.01, 0.03))
-    return world_logs.world_log(("rocking", kind, label, seed), scene, motion, noise, model, rng)
+    measured = (("rocking", kind, label, seed), scene.extra, scene.stops, motion, noise)
+    return world_logs.world_log(*measured, tables, rng)
 
 
 def requests(seed: int = 1) -> list[tuple[str, str, int]]:

@@ -240,11 +240,15 @@ def draw_scene(kind: str, label: str, force: float, rng: np.random.Generator) ->
             changes = draw_change(name, changes, stops, force, rng)
     slow = {"step_change", "session_drift", "brake_fade", "temperature", "battery"}
     if not slow & set(label.split("+")) and rng.random() < 0.5:
-        session = np.arange(len(stops.speed)) * int(rng.integers(3, 6)) // len(stops.speed)
-        offset = 1.0 + _SESSION * rng.standard_normal(6)[session]
-        extra["session"] = np.asarray(session, np.float64)
-        stops = stops._replace(friction=stops.friction * offset)
+        stops, extra["session"] = in_sessions(stops, rng)
     return Scene(stops, changes, extra)
+
+
+def in_sessions(stops: Stops, rng: np.random.Generator) -> tuple[Stops, Floats]:
+    """Stops of several days whose brakes differ, and the number of each stop's day."""
+    day = np.arange(len(stops.speed)) * int(rng.integers(3, 6)) // len(stops.speed)
+    offset = 1.0 + _SESSION * rng.standard_normal(6)[day]
+    return stops._replace(friction=stops.friction * offset), np.asarray(day, np.float64)
 
 
 def requests_of(

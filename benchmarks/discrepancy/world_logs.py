@@ -11,10 +11,11 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from . import sensing
-from .blind_run import COEFFICIENTS, tables_of
+from .blind_run import COEFFICIENTS
 from .effect_plant import GRAVITY, DrivenStops
-from .plant_physics import Floats
-from .world_changes import OUTSIDE, Scene
+from .plant_physics import Floats, Stops
+from .plant_sets import HiddenSet
+from .world_changes import OUTSIDE
 
 _MIN_FIT_SPEED = 0.3  # [m/s]; slower, the body rocks
 BEFORE, LONGEST = 1.2, 12.0  # sampled before and after each command [s]
@@ -33,6 +34,7 @@ class WorldLog:
         axes: right axes of a change without a name.
         columns: drive log.
         tables: model file.
+        hidden: the set, if the plant drives it: its finding can be judged on fresh stops.
     """
 
     family: str
@@ -43,6 +45,7 @@ class WorldLog:
     axes: tuple[str, ...]
     columns: sensing.Columns
     tables: dict[str, Any]
+    hidden: HiddenSet | None = None
 
 
 def sample_times(before: float) -> Floats:
@@ -108,17 +111,18 @@ def vehicle_table(
 
 def world_log(
     request: tuple[str, str, str, int],
-    scene: Scene,
+    extra: dict[str, Floats],
+    stops: Stops,
     motion: DrivenStops,
     noise: float,
-    model: tuple[dict[str, float], dict[str, float | str]],
+    tables: dict[str, Any],
     rng: np.random.Generator,
 ) -> WorldLog:
-    """Columns with this noise of the speed [m/s], model file and truth of driven stops."""
+    """Columns with this noise of the speed [m/s] and further ones by run, model file, truth."""
     family, kind, label, seed = request
-    columns = sensing.log(motion, scene.stops, noise, rng)
+    columns = sensing.log(motion, stops, noise, rng)
     run = columns["run"].astype(np.int64)
-    columns |= {name: values[run] for name, values in scene.extra.items()}
+    columns |= {name: values[run] for name, values in extra.items()}
     if "session" in columns:
         day = columns["session"].astype(np.int64).astype(str)
         columns["session"] = np.char.add("day ", day)
@@ -129,7 +133,6 @@ def world_log(
     either = [((n,), (n, "aerodynamic_drag")) if n == "headwind" else ((n,),) for n in names]
     truth = tuple(tuple(n for part in parts for n in part) for parts in product(*either))
     axes = OUTSIDE.get(label, ()) if kind == "outside" else ()
-    tables = tables_of(*model)
     return WorldLog(
         family, kind, label or kind, seed, truth if names else (), axes, columns, tables
     )

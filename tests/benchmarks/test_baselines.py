@@ -1,13 +1,11 @@
-"""The least-squares baseline on small logs whose truth is plain, and the counts of all methods."""
+"""The least-squares baseline on small logs whose truth is plain."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from benchmarks.discrepancy import baselines, catalogue, gls_base, gls_scan
-from benchmarks.discrepancy.baselines import BaselineAnswer
-from benchmarks.discrepancy.car_outcomes import CarOutcome
+from benchmarks.discrepancy import gls_base, gls_scan, plant_sets
 from benchmarks.discrepancy.plant_physics import Physics, draw
 from benchmarks.discrepancy.sensing import Columns
 
@@ -18,9 +16,9 @@ CONFIGURED = {"m_m": 0.001, "b_m": -0.21, "m_b": 0.004, "b_b": 0.46, "dead_time"
 def logged(truth: Physics, count: int = 50, seed: int = 3) -> Columns:
     """Stops of a plant, measured with 1 cm/s of noise."""
     stops = draw("mixed", count, 0.01, np.random.default_rng(seed))
-    spec = catalogue.SetSpec("single", (), "", seed)
-    hidden = catalogue.HiddenSet(spec, "mixed", 0.01, 0.01, {}, {}, truth, (), stops)
-    return catalogue.measure(hidden, np.random.default_rng(seed)).columns
+    spec = plant_sets.SetSpec("single", (), "", seed)
+    hidden = plant_sets.HiddenSet(spec, "mixed", 0.01, 0.01, {}, {}, truth, (), stops)
+    return plant_sets.measure(hidden, np.random.default_rng(seed)).columns
 
 
 @pytest.mark.parametrize(
@@ -50,19 +48,7 @@ def test_base_is_fitted_with_its_dead_time_and_scatter() -> None:
     assert fit.scatter.friction == pytest.approx(0.01, rel=0.6)
 
 
-def test_faults_are_reported_and_shares_counted() -> None:
+def test_too_few_stops_are_refused() -> None:
     short = {name: values[:300] for name, values in logged(BASE, count=8).items()}
-    assert "eight" in baselines.ask(short, CONFIGURED).fault
-
-    def outcome(what: str, right: bool) -> CarOutcome:
-        verdict = "missing_effect" if right else "none"
-        gap = (0.2, 0.1, 0.05, None)
-        return CarOutcome(what, 1, 0.01, 0.02, verdict, (), right, False, *gap, 1.0, "")
-
-    answers = [BaselineAnswer(named, 1.0) for named in (("drag",), ("wind", "drag"), ())]
-    outcomes = [outcome("air", True), outcome("air", False), outcome("clean", False)]
-    sets = list(zip(outcomes, answers, strict=True))
-    kinds = {"exact": sets[:2], "wrong": sets[:2], "first": sets[:2], "named": sets[2:]}
-    rows = baselines.summary({k: (v, k) for k, v in kinds.items()}, lambda _: (("drag",),))
-    counts = [(r["gls_scan"]["hits"], r["slopewise"]["hits"], r["slopewise"]["of"]) for r in rows]
-    assert counts == [(1, 1, 2), (1, 0, 2), (1, 1, 2), (0, 0, 1)]
+    with pytest.raises(ValueError, match="eight"):
+        gls_scan.name_effects(short, CONFIGURED)

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rich.console import Console
@@ -22,12 +19,8 @@ from benchmarks.common.campaign import (
     no_progress,
     run_jobs,
 )
-from benchmarks.discrepancy import discrepancy_campaign
-from benchmarks.discrepancy.car_outcomes import CarSpec
-from benchmarks.discrepancy.catalogue import ALL, SetConditions, SetSpec
-from benchmarks.discrepancy.discrepancy_campaign import QUICK, run_sets
-
-EASY = SetConditions(designs=("mixed",), counts=(40,), noises=(0.01,), scatters=(0.005,))
+from benchmarks.discrepancy import naming_benchmark
+from benchmarks.discrepancy.naming_benchmark import Request, run_logs
 
 
 def square(folder: Path, fails_at: int, number: int) -> int:
@@ -63,37 +56,40 @@ def test_digest_follows_sources_and_origins() -> None:
     assert digest != digest_of_sources(parts[:1], ())
 
 
-def test_sets_resume_and_add_up(tmp_path: Path) -> None:
-    todo = [SetSpec("clean", (), "", 61), SetSpec("single", ("brake_lag",), "large", 62)]
-    size = replace(QUICK, conditions=EASY)
-    result = run_sets(todo, size, no_progress, tmp_path)
+def test_logs_resume_and_add_up(tmp_path: Path) -> None:
+    todo = [Request("plant", "single", "brake_lag", 62), Request("plant", "clean", "", 61)]
+    request = BenchmarkRequest(out=tmp_path)
+    result = run_logs(todo, request, no_progress)
     steps: list[int] = []
-
-    def progress(_title: str, total: int) -> Callable[[int], Any]:
-        assert total == 3
-        return steps.append
-
     # In no time nothing more is run.
-    again = run_sets([*todo, CarSpec("", 1)], replace(size, minutes=0.0), progress, tmp_path)
+    later = BenchmarkRequest(out=tmp_path, minutes=0.0)
+    more = [*todo, Request("engine", "clean", "", 1)]
+    again = run_logs(more, later, lambda _title, _total: steps.append)
     assert again == result | {"planned": 3}
-    assert sum(steps) == again["sets"] == 2
-    empty = run_sets(todo, replace(size, minutes=0.0, conditions=ALL), no_progress, tmp_path)
-    assert empty["sets"] == 0
-    assert [o["kind"] for o in result["outcomes"]] == ["clean", "single"]
-    assert json.loads(json.dumps(result, allow_nan=False))["by_effect"] == result["by_effect"]
-    assert {row["effect"]: row["sets"] for row in result["by_effect"]} == {"": 1, "brake_lag": 1}
-    assert result["peer"][0]["gls_scan"]["hits"] == 1
+    assert sum(steps) == again["logs"] == 2
+    rows = {row["kind"]: row for row in result["rows"]}
+    assert (rows["single"]["right"], rows["clean"]["right"]) == (1, 1)
+    assert json.loads(json.dumps(result, allow_nan=False))["stated"] == result["stated"]
     console = Console(record=True, width=150)
-    discrepancy_campaign.show(result, console)
-    text = console.export_text()
-    assert "right name first" in text
-    assert "GLS scan" in text
+    naming_benchmark.show(result, console)
+    assert "gap on stops held out" in console.export_text()
+
+
+def test_every_first_part_of_the_logs_is_a_fair_share() -> None:
+    every = naming_benchmark.requests("plant") + naming_benchmark.requests("rocking")
+    order = naming_benchmark.spread(every)
+    assert sorted(map(repr, order)) == sorted(map(repr, every))
+    assert len({job.seed for job in every}) == len(every)
+    for world in ("plant", "rocking"):
+        assert sum(j.world == world and j.kind == "clean" for j in every) == 75
+    for end in (30, 100, 200):
+        for kind in ("clean", "single"):
+            expected = end / len(every) * sum(job.kind == kind for job in every)
+            assert sum(job.kind == kind for job in order[:end]) == pytest.approx(expected, abs=5.0)
 
 
 @pytest.mark.nightly
-def test_quick_campaigns_run_every_world_safely(tmp_path: Path) -> None:
-    todo = discrepancy_campaign.planned(replace(QUICK, share=0.0, multibody=0.01, max_sets=4))
-    assert run_sets(todo, QUICK, no_progress, tmp_path)["sets"] == 4
+def test_quick_closed_loop_drives_safely(tmp_path: Path) -> None:
     request = BenchmarkRequest(quick=True, out=tmp_path)
     first = loop_campaign.run(request, no_progress)
     reached = {row["what"]: row["reached"] for row in first["targets"]}

@@ -1,4 +1,4 @@
-"""The multi-body car against free bodies, and its sets; by night: compiling takes half a minute.
+"""The multi-body car against free bodies, and its logs; by night: compiling takes half a minute.
 
 By day the plant of `test_effect_plant.py` is driven, measured, investigated and scored.
 """
@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("vehiclemodels", reason="the extra sim is not installed")
 
-from benchmarks.discrepancy import blind_run, car_outcomes, car_sets, multibody, vehicle_models
+from benchmarks.discrepancy import blind_run, multibody, multibody_world, vehicle_models
 from benchmarks.discrepancy.multibody import CarNature
 from tests.benchmarks.driven_stops import G, decelerations, stops
 
@@ -49,8 +49,8 @@ def test_car_brakes_as_a_free_body_at_any_step() -> None:
     motion = multibody.drive(CarNature(assist=0.0), stops(speed=5.0))
     braked = float(motion.distance[0]) - 5.0 * (CarNature().delay + 2.0 * CarNature().build_up)
     assert pytest.approx(G * FORCE * braked, rel=0.015) == 0.5 * 25.0 * (1.0 + SPIN)
-    scene = car_sets.draw_stops(12, 0.01, np.random.default_rng(2))
-    for nature in (CarNature(), CarNature(friction=0.4, assist=car_sets.EAGER)):
+    scene = multibody_world.draw_stops(12, 0.01, np.random.default_rng(2))
+    for nature in (CarNature(), CarNature(friction=0.4, assist=multibody_world.EAGER)):
         coarse, fine = multibody.drive(nature, scene), multibody.drive(nature, scene, finer=2.0)
         np.testing.assert_allclose(coarse.distance, fine.distance, atol=1e-3)
 
@@ -90,26 +90,12 @@ def test_body_dives_turns_and_stops() -> None:
     np.testing.assert_allclose(motion.station[:, -1], motion.distance, atol=1e-6)
 
 
-def test_specs_hold_every_effect_and_halves_share_no_seed() -> None:
-    for half, parity in zip(car_outcomes.HALVES, (1, 0), strict=True):
-        specs = car_outcomes.car_specs(1.0, half)
-        assert {s.seed % 2 for s in specs} == {parity}
-        assert len(specs) == 12 * 3 * 5 + 60
-        assert {s.what for s in specs} == {"", *car_outcomes.CAR_NAMES}
-
-
 @pytest.mark.nightly
-def test_a_set_from_end_to_end() -> None:
-    """Weaker brakes: driven, measured, investigated, scored."""
-    specs = car_outcomes.car_specs(0.2, "tuning")
-    spec = next(s for s in specs if (s.what, s.strength) == ("weaker brakes", "large"))
-    configured = {"m_m": 0.0, "b_m": -0.1, "m_b": 0.0, "b_b": 0.427, "dead_time": 0.19}
-    hidden = car_sets.make(spec, 40, configured)
-    assert hidden.nature.repair < 0.8
-    tables = blind_run.tables_of(hidden.configured, car_sets.car_table())
-    finding = blind_run.investigate_log(blind_run.SealedLog(hidden.columns, tables))
+def test_a_log_from_end_to_end() -> None:
+    """Weaker brakes: driven, measured, investigated."""
+    log = multibody_world.make("single", "weaker brakes", 5)
+    finding = blind_run.investigate_log(blind_run.SealedLog(log.columns, log.tables))
     assert finding.verdict != "fault", finding.text
-    outcome = car_sets.score_set(hidden, finding)
-    assert "step_change" in outcome.named
-    assert outcome.closed is not None
-    assert outcome.closed > 0.8
+    assert "step_change" in finding.names
+    before, _, after, floor = finding.gap
+    assert after < before - 0.8 * (before - floor)

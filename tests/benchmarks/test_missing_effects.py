@@ -1,22 +1,21 @@
-"""Hidden effects are found by a process that receives a log only, and findings are scored."""
+"""Hidden effects are found by a process that receives a log only, and findings are judged."""
 
 from __future__ import annotations
 
 import os
 import pickle
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import pytest
 
-from benchmarks.discrepancy import catalogue
+from benchmarks.discrepancy import plant_sets
 from benchmarks.discrepancy.blind_run import BlindRun, Finding, SealedLog, tables_of
-from benchmarks.discrepancy.catalogue import HiddenSet, SetConditions, SetSpec
-from benchmarks.discrepancy.discrepancy_metrics import share, wilson
+from benchmarks.discrepancy.fresh_stops import closing, covered
 from benchmarks.discrepancy.hidden_effects import FIELDS
-from benchmarks.discrepancy.score import SetOutcome, score
+from benchmarks.discrepancy.plant_sets import HiddenSet, SetConditions, SetSpec
 
 ABSORBED = {"none", "parameter_drift", "unidentifiable"}
 EASY = SetConditions(designs=("mixed",), counts=(40,), noises=(0.01, 0.03), scatters=(0.005, 0.02))
@@ -28,13 +27,14 @@ def process() -> Iterator[BlindRun]:
         yield running
 
 
-def investigated(process: BlindRun, kind: str, names: str, size: str, seed: int) -> SetOutcome:
+def investigated(
+    process: BlindRun, kind: str, names: str, size: str, seed: int
+) -> tuple[HiddenSet, Finding]:
     spec = SetSpec(kind, tuple(names.split("+")) if names else (), size, seed)
-    hidden = catalogue.make(spec, EASY)
-    log = SealedLog(hidden.columns, tables_of(hidden.configured))
-    outcome = score(hidden, process.investigate(log))
-    assert outcome.verdict != "fault", outcome.text
-    return outcome
+    hidden = plant_sets.make(spec, EASY)
+    finding = process.investigate(SealedLog(hidden.columns, tables_of(hidden.configured)))
+    assert finding.verdict != "fault", finding.text
+    return hidden, finding
 
 
 def by_night(*case: object) -> Any:
@@ -58,14 +58,14 @@ def test_large_effects_are_named_and_close_the_gap(
     process: BlindRun, names: str, seed: int
 ) -> None:
     pair = "+" in names
-    outcome = investigated(process, "pair" if pair else "single", names, "large", seed)
-    assert outcome.identifiable
-    assert outcome.right, (outcome.verdict, outcome.named)
+    hidden, finding = investigated(process, "pair" if pair else "single", names, "large", seed)
+    assert hidden.identifiable
+    assert finding.is_confident
+    assert set(finding.names) == set(hidden.spec.names)
     if not pair:
-        assert outcome.axis_right, outcome.located
         # The rim of a patch lies between the stops, and fresh ones fall there.
-        smallest = 0.2 if names == "surface_patch" else 0.8
-        assert outcome.closing.share is None or outcome.closing.share > smallest
+        share = closing(hidden, finding).share
+        assert share is None or share > (0.2 if names == "surface_patch" else 0.8)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_large_effects_are_named_and_close_the_gap(
         ("absorbed", "grade_bias", "medium", 51, ABSORBED),
         *(
             by_night("absorbed", name, "medium", 51, ABSORBED)
-            for name in catalogue.CONFOUNDED
+            for name in plant_sets.CONFOUNDED
             if name != "grade_bias"
         ),
     ],
@@ -85,44 +85,35 @@ def test_large_effects_are_named_and_close_the_gap(
 def test_other_sets_get_no_name(
     process: BlindRun, kind: str, name: str, size: str, seed: int, verdicts: set[str]
 ) -> None:
-    outcome = investigated(process, kind, name, size, seed)
-    assert outcome.verdict in verdicts, outcome.named
-    assert outcome.axis_right or kind != "off", outcome.located
+    hidden, finding = investigated(process, kind, name, size, seed)
+    assert finding.verdict in verdicts, finding.names
+    if kind == "off":
+        assert finding.located[0][0] in ("speed", "time_since_onset", "onset_speed")
     if kind == "drift":
-        assert outcome.closing.share is not None
-        assert outcome.closing.share > 0.9
+        share = closing(hidden, finding).share
+        assert share is not None
+        assert share > 0.9
 
 
 def test_process_and_log_hold_no_truth(process: BlindRun) -> None:
     assert process.pool.submit(os.getppid).result() == os.getpid()
     assert process.pool.submit(os.listdir).result() == []
     modules = process.pool.submit(eval, "sorted(__import__('sys').modules)").result()
-    for name in ("catalogue", "hidden_effects", "discrepancy_campaign", "score"):
+    for name in ("plant_sets", "hidden_effects", "naming_benchmark", "fresh_stops"):
         assert f"benchmarks.discrepancy.{name}" not in modules
     assert [f.name for f in fields(SealedLog)] == ["columns", "model"]
-    hidden = catalogue.make(SetSpec("single", ("aerodynamic_drag",), "large", 11))
+    hidden = plant_sets.make(SetSpec("single", ("aerodynamic_drag",), "large", 11))
     sent = pickle.dumps(SealedLog(hidden.columns, tables_of(hidden.configured)))
     assert not [t for t in (b"drag", b"single", b"large", b"truth", b"seed") if t in sent]
     columns = "run t v v_cmd pitch roll yaw yaw_rate x y ambient"
     assert set(hidden.columns) == set(columns.split())
 
 
-def test_sets_repeat_from_their_seed_and_cover_every_kind() -> None:
-    kinds = {"clean", "drift", "single", "pair", "absorbed", "off", "faint"}
-    specs = catalogue.specs(0.01)
-    assert {s.kind for s in specs} == kinds
-    spec = next(s for s in specs if s.kind == "drift")
-    first, again = catalogue.make(spec), catalogue.make(spec)
-    np.testing.assert_array_equal(first.columns["v"], again.columns["v"])
-    every = catalogue.specs(1.0)
-    for end in (100, 250, 500):
-        for kind in ("clean", "drift", "single"):
-            expected = end / len(every) * sum(s.kind == kind for s in every)
-            assert sum(s.kind == kind for s in every[:end]) == pytest.approx(expected, abs=9.0)
-
-
-def true_finding(hidden: HiddenSet) -> Finding:
-    """A finding that states the truth."""
+@pytest.mark.parametrize("name", sorted(FIELDS))
+def test_truth_closes_the_gap_and_silence_nothing(name: str) -> None:
+    rng = np.random.default_rng(4)
+    hidden = plant_sets.draw_set(SetSpec("single", (name,), "large", 4), rng)
+    hidden = plant_sets.measure(hidden, rng)
     effects = tuple(
         {
             "name": h.name,
@@ -135,34 +126,10 @@ def true_finding(hidden: HiddenSet) -> Finding:
     braking = {key: getattr(hidden.truth, key) for key in ("m_m", "b_m", "m_b", "b_b")}
     braking["dead_time"] = hidden.truth.dead_time - 0.01
     added = tuple((h.name, h.parameters) for h in hidden.hidden)
-    return Finding("missing_effect", effects, (("speed", 1e-6),), braking, added)
-
-
-@pytest.mark.parametrize("name", sorted(FIELDS))
-def test_truth_scores_in_full_and_silence_nothing(name: str) -> None:
-    rng = np.random.default_rng(4)
-    hidden = catalogue.measure(catalogue.draw_set(SetSpec("single", (name,), "large", 4), rng), rng)
-    truth = true_finding(hidden)
-    outcome = score(hidden, truth)
-    assert outcome.right
-    assert not outcome.wrong
-    assert all(outcome.covered.values())
-    assert outcome.closing.after == pytest.approx(outcome.closing.floor, rel=1e-6)
-    silent = score(hidden, Finding("none"))
-    assert (silent.right, silent.wrong, silent.covered) == (False, False, {})
-    assert silent.closing.after == silent.closing.before
-    false_name = "brake_lag" if name != "brake_lag" else "cross_slope"
-    claim = {"name": false_name, "parameters": {}, "confidence": 0.9, "alternatives": [name]}
-    false = score(hidden, replace(truth, effects=(claim,)))
-    assert (false.right, false.wrong) == (False, True)
-    assert not score(hidden, replace(truth, verdict="ambiguous", effects=(claim,))).wrong
-
-
-def test_shares_have_wilson_intervals() -> None:
-    # Published: Newcombe 1998, table I: 81 of 263 and 1 of 29 by Wilson's score.
-    assert wilson(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)
-    assert wilson(1, 29) == pytest.approx((0.0061, 0.1718), abs=1e-4)
-    metric = share("x", ">=", 0.9, [True] * 9 + [False])
-    assert (metric.passed, metric.hits) == (True, 9)
-    assert share("x", "in", (0.92, 0.97), [True] * 10).passed is False
-    assert share("x", ">=", 0.9, []).passed is None
+    truth = Finding("missing_effect", effects, (("speed", 1e-6),), braking, added)
+    assert all(covered(hidden.hidden, truth).values())
+    gap = closing(hidden, truth)
+    assert gap.after == pytest.approx(gap.floor, rel=1e-6)
+    silent = closing(hidden, Finding("none"))
+    assert silent.after == silent.before
+    assert covered(hidden.hidden, Finding("none")) == {}

@@ -17,10 +17,10 @@ from benchmarks.discrepancy import (
     rocking_car,
     rocking_vehicle,
 )
+from benchmarks.discrepancy.naming_benchmark import compared
 from benchmarks.discrepancy.plant_physics import Physics, Stops
 from benchmarks.discrepancy.world_changes import Changes, calm, draw_stops
 from benchmarks.discrepancy.world_logs import WorldLog
-from benchmarks.discrepancy.worlds import compared
 from tests.benchmarks.driven_stops import G, decelerations, stops
 
 PLAIN = {"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.4, "rolling": 0.03, "mount": 0.0}

@@ -1,26 +1,24 @@
-"""Logs of the plant and of the car by vehicles drawn at random, and effects of no library.
+"""Logs of the plant by vehicles drawn at random, and effects of no library.
 
-What other worlds keep still is drawn here: build-up of the brakes, swing of the sprung body seen by
-speed and pitch, the sensor's filter, sessions. None of these is an effect.
+Drawn, too, are build-up of the brakes, swing of the sprung body seen by speed and pitch, the
+sensor's filter, sessions. None of these is an effect.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from . import car_sets, catalogue, sensing, world_logs
+from . import plant_sets, sensing, world_changes, world_logs
 from .blind_run import tables_of
-from .car_outcomes import CAR_NAMES, CarSpec
-from .catalogue import SetSpec
 from .effect_plant import DrivenStops, drive
-from .hidden_effects import NAMED, PAIRS
-from .plant_physics import Stops
+from .plant_physics import Floats, Stops
+from .plant_sets import SetConditions, SetSpec
 from .world_changes import OUTSIDE
-from .world_logs import WorldLog
 
-_CONDITIONS = catalogue.SetConditions(
+_CONDITIONS = SetConditions(
     designs=("mixed", "fast", "steep"),
     counts=(45, 60),
     noises=(0.01, 0.02, 0.04),
@@ -33,79 +31,59 @@ _REACH = 0.006  # most that a point of such a body moves per deceleration [m per
 _DIVE = 0.008  # most that it pitches per deceleration [rad per m/s²]; both fall as 1/f²
 _BUILD_UP = (0.004, 0.035)  # time constant of brakes without a lag [s]
 _FILTER = 0.02  # longest time constant of the speed sensor [s]
-_SESSION = 0.02  # differences of the force between sessions [1]
 
 
-def requests(family: str, repeat: int, half: int) -> list[tuple[str, str, tuple[str, ...], int]]:
-    """Kind, label, names and seed of one round of logs; halves share no seed."""
-    rng = np.random.default_rng((41, len(family), repeat, half))
-    logs: list[tuple[str, str, tuple[str, ...], int]]
-    if family == "car":
-        logs = [("single", what, (), 0) for what in CAR_NAMES if what != "two slippery areas"]
-        logs += [("clean", "", (), 0)] * 2
-    else:
-        logs = [("single", name, (name,), 0) for name in NAMED]
-        chosen = rng.permutation(len(PAIRS))[:4]
-        logs += [("pair", "+".join(PAIRS[i]), PAIRS[i], 0) for i in chosen]
-        logs += [("outside", name, (), 0) for name in OUTSIDE]
-        logs += [("clean", "", (), 0)] * 4 + [("drift", "", (), 0)] * 2
-    return [(k, what, names, 2 * int(rng.integers(2**30)) + half) for k, what, names, _ in logs]
+def requests(seed: int = 1) -> list[tuple[str, str, int]]:
+    """Kind, label and seed of a round of logs."""
+    return world_changes.requests_of(41 + 1000 * seed, 10, 3, tuple(OUTSIDE))
 
 
-def make(family: str, kind: str, label: str, names: tuple[str, ...], seed: int) -> WorldLog:
-    """Drive and measure one log."""
+def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
+    """One log: clean, drift, single, pair or outside."""
     rng = np.random.default_rng((43, seed))
-    if family == "car":
-        strength = str(rng.choice(["medium", "large"])) if label else ""
-        car = car_sets.make(CarSpec(label, seed, strength), count=60)
-        tables = tables_of(car.configured, car_sets.car_table())
-        truth = CAR_NAMES.get(label, ())
-        return WorldLog(family, kind, label or kind, seed, truth, (), car.columns, tables)
-    size = str(rng.choice(["medium", "large"])) if names else ""
-    request = "clean" if kind == "outside" else kind
-    spec = SetSpec(request, names, size, seed)
-    hidden = catalogue.draw_set(spec, rng, _CONDITIONS)
-    for _ in range(5):
-        if kind not in ("single", "pair") or hidden.identifiable:
-            break
-        hidden = catalogue.draw_set(spec, rng, _CONDITIONS)
+    names = tuple(label.split("+")) if kind in ("single", "pair") else ()
+    hidden = _nameable_set(kind, names, seed, rng)
     physics, stops = hidden.truth, hidden.stops
     if "brake_lag" not in names:
         physics = physics._replace(lag=float(rng.uniform(*_BUILD_UP)))
-    extra: sensing.Columns = {}
+    extra: dict[str, Floats] = {}
     if kind == "outside":
         stops, extra, physics = _outside(label, stops, physics, rng)
     by_session = not {"step_change", "session_drift"} & set(names) and label != "temperature"
     if by_session and rng.random() < 0.5:
-        session = np.arange(len(stops.speed)) * int(rng.integers(3, 6)) // len(stops.speed)
-        stops = stops._replace(
-            friction=stops.friction * (1.0 + _SESSION * rng.standard_normal(6)[session])
-        )
-        extra["session"] = session
-    late = catalogue.sampled_late(stops, rng)
+        stops, extra["session"] = world_changes.in_sessions(stops, rng)
+    late = plant_sets.sampled_late(stops, rng)
     motion, filtered = _as_sensed(drive(physics, late, sensing.sample_times(11.0)), rng)
-    columns = sensing.log(motion, late, hidden.noise, rng)
     if label == "battery":
-        columns["battery"] = columns.pop("ambient")
-    run = columns["run"].astype(np.int64)
-    columns |= {name: values[run] for name, values in extra.items()}
-    if "session" in columns:
-        columns["session"] = np.char.add("day ", columns["session"].astype(str))
-    if label == "sticking_sensor":
-        world_logs.stick(columns, rng)
-    truth = (names,) if names else ()
-    axes = OUTSIDE.get(label, ())
+        extra["battery"] = late.ambient
     # An earlier calibration took the vehicle's own build-up and filter for dead time.
     delay = filtered + (0.0 if "brake_lag" in names else physics.lag)
-    tables = tables_of(hidden.configured | {"dead_time": hidden.configured["dead_time"] + delay})
-    return WorldLog(family, kind, label or kind, seed, truth, axes, columns, tables)
+    known = hidden.configured | {"dead_time": hidden.configured["dead_time"] + delay}
+    measured = (("plant", kind, label, seed), extra, late, motion, hidden.noise)
+    log = world_logs.world_log(*measured, tables_of(known), rng)
+    if label == "battery":
+        del log.columns["ambient"]
+    return replace(log, hidden=replace(hidden, truth=physics, stops=stops, configured=known))
+
+
+def _nameable_set(
+    kind: str, names: tuple[str, ...], seed: int, rng: np.random.Generator
+) -> plant_sets.HiddenSet:
+    """A set, drawn again a few times where its effect cannot be named."""
+    size = str(rng.choice(["medium", "large"])) if names else ""
+    spec = SetSpec("clean" if kind == "outside" else kind, names, size, seed)
+    for _ in range(6):
+        hidden = plant_sets.draw_set(spec, rng, _CONDITIONS)
+        if not names or hidden.identifiable:
+            break
+    return hidden
 
 
 def _outside(
     label: str, stops: Stops, physics: Any, rng: np.random.Generator
-) -> tuple[Stops, sensing.Columns, Any]:
+) -> tuple[Stops, dict[str, Floats], Any]:
     share = float(rng.uniform(0.06, 0.12)) * float(rng.choice([-1.0, 1.0]))
-    extra: sensing.Columns = {}
+    extra: dict[str, Floats] = {}
     if label == "ripple":
         length = float(rng.uniform(1.5, 4.0))
         return stops, extra, physics._replace(ripple=1.5 * share * 0.45, ripple_length=length)

@@ -1,8 +1,8 @@
-"""Sets of the multi-body car: the nature drawn for each effect, its log, and its score."""
+"""Logs of the multi-body car: the nature drawn for each effect, and what is measured."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -10,18 +10,33 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from . import sensing
-from .blind_run import COEFFICIENTS, Finding
-from .car_outcomes import CAR_NAMES, CLEAN, CarOutcome, CarSpec
+from .blind_run import COEFFICIENTS, tables_of
 from .effect_plant import speeds
 from .multibody import MAX_CURVATURE, CarNature, drive
 from .plant_physics import FIELD, Floats, Physics, Stops, draw
-from .score import closed_share, physics_of
 from .vehicle_models import CAR
+from .world_logs import WorldLog
 
-STOPS, FRESH = 70, 24  # of a log, and fresh ones to score it
+STOPS = 60  # of a log
 EAGER = -0.4  # assist of brakes that press harder downhill, so that grip ends only there [1/rad]
 SHARES = {"small": 0.04, "medium": 0.10, "large": 0.25}
 """Share of the braking force on level ground that an effect takes at its largest [1]."""
+
+CAR_NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
+    "heavier body": (("step_change",),),
+    "weaker brakes": (("step_change",),),
+    "air": (("aerodynamic_drag",),),
+    "wind": (("headwind",), ("headwind", "aerodynamic_drag")),
+    "fading pads": (("brake_fade",),),
+    "slippery area": (("surface_patch",),),
+    "two slippery areas": (("surface_patch",),),
+    "viscous driveline": (("viscous_resistance",),),
+    "slow hydraulics": (("brake_lag",),),
+    "glazing pads": (("session_drift",),),
+    "locking wheels": (("wheel_lockup",),),
+    "furrows": (("directional_surface",),),
+}
+"""Right names of each effect; wind on a body is also drag on it."""
 
 _KNOTS = (0.03, 0.06, 0.12, 0.30)  # shares of the figures below [1]
 SIZES: dict[str, tuple[float, float, float, float]] = {
@@ -44,20 +59,7 @@ median. Hydraulics are slower: the part of a lag that the dead time absorbs is n
 
 _MARGIN = 230.0  # [m] from the middle of a slippery area to the field's edge
 _RADIUS = 200.0  # [m]
-_MIN_SPEED = 0.1  # [m/s] of compared samples
-
-
-@dataclass(frozen=True, slots=True)
-class CarSet:
-    """A log of the car, the configured model, and the truth."""
-
-    spec: CarSpec
-    noise: float
-    scatter: float
-    nature: CarNature
-    columns: sensing.Columns
-    configured: dict[str, float]
-    stops: Stops
+_MIN_SPEED = 0.1  # [m/s] of samples to calibrate by
 
 
 def car_table() -> dict[str, Any]:
@@ -77,15 +79,25 @@ def car_table() -> dict[str, Any]:
     }
 
 
-def make(spec: CarSpec, count: int = STOPS, configured: dict[str, float] | None = None) -> CarSet:
-    """Drive and measure one set, with the coefficients of the car before any change."""
-    rng = np.random.default_rng(spec.seed)
+def make(kind: str, label: str, seed: int) -> WorldLog:
+    """One log, clean or with one change of the car."""
+    rng = np.random.default_rng((43, seed))
+    strength = str(rng.choice(["medium", "large"])) if label else ""
+    rng = np.random.default_rng(seed)
     noise, scatter = float(rng.choice([0.01, 0.03])), float(rng.choice([0.0075, 0.02]))
-    stops = draw_stops(count, scatter, rng)
-    nature = draw_nature(spec, stops, rng)
+    stops = draw_stops(STOPS, scatter, rng)
+    nature = draw_nature(label, strength, stops, rng)
     columns = sensing.log(drive(nature, stops), stops, noise, rng)
-    known = configured or calibrated(nature.assist)
-    return CarSet(spec, noise, scatter, nature, columns, known, stops)
+    tables = tables_of(calibrated(nature.assist), car_table())
+    truth = CAR_NAMES.get(label, ())
+    return WorldLog("multibody", kind, label or kind, seed, truth, (), columns, tables)
+
+
+def requests(seed: int = 1) -> list[tuple[str, str, int]]:
+    """Kind, label and seed of a round of logs: each change twice, and clean ones."""
+    rng = np.random.default_rng(47 + 1000 * seed)
+    kinds = [("single", what) for what in CAR_NAMES] * 2 + [("clean", "")] * 10
+    return [(*kind, int(rng.integers(2**31))) for kind in kinds]
 
 
 def draw_stops(count: int, scatter: float, rng: np.random.Generator) -> Stops:
@@ -95,15 +107,15 @@ def draw_stops(count: int, scatter: float, rng: np.random.Generator) -> Stops:
     return stops._replace(curvature=curvature, roll=0.6 * stops.roll)
 
 
-def draw_nature(spec: CarSpec, stops: Stops, rng: np.random.Generator) -> CarNature:
+def draw_nature(change: str, strength: str, stops: Stops, rng: np.random.Generator) -> CarNature:
     """Draw a car with one effect: its size, place, time and direction."""
     vary, eager = float(rng.uniform(0.85, 1.15)), bool(rng.random() < 0.5)
     run = round(len(stops.speed) * rng.uniform(0.35, 0.65))
     direction = float(rng.uniform(-np.pi, np.pi))
     x, y, across = (float(rng.uniform(_MARGIN, FIELD[k] - _MARGIN)) for k in (0, 1, 1))
-    if not spec.what:
+    if not change:
         return CarNature(assist=EAGER if eager else CarNature().assist)
-    size = float(np.interp(SHARES[spec.strength] * vary, _KNOTS, SIZES[spec.what]))
+    size = float(np.interp(SHARES[strength] * vary, _KNOTS, SIZES[change]))
     opposite = float(np.clip((x + 0.5 * FIELD[0]) % FIELD[0], _MARGIN, FIELD[0] - _MARGIN))
     areas = ((x, y, _RADIUS, size), (opposite, across, _RADIUS, size))
     changes: dict[str, dict[str, Any]] = {
@@ -120,7 +132,7 @@ def draw_nature(spec: CarSpec, stops: Stops, rng: np.random.Generator) -> CarNat
         "locking wheels": {"friction": size, "assist": EAGER},
         "furrows": {"furrows": size, "furrows_along": direction},
     }
-    return replace(CarNature(), **changes[spec.what])
+    return replace(CarNature(), **changes[change])
 
 
 @cache
@@ -141,62 +153,3 @@ def calibrated(assist: float) -> dict[str, float]:
     start = np.array([0.0, 0.0, 0.0, 0.42, 0.25])
     best = least_squares(residual, start, x_scale=[0.01, 0.1, 0.01, 0.1, 0.05], diff_step=1e-4)
     return dict(zip(COEFFICIENTS, (float(v) for v in best.x), strict=True))
-
-
-def score_set(hidden: CarSet, finding: Finding) -> CarOutcome:
-    """Compare names with the truth, and measure the gap on fresh stops that are driven twice."""
-    spec = hidden.spec
-    allowed = [frozenset(names) for names in CAR_NAMES.get(spec.what, ())]
-    named = frozenset(finding.names)
-    before, after, floor = _gap_on_fresh_stops(hidden, finding)
-    conditions = (spec.seed, hidden.noise, hidden.scatter)
-    return CarOutcome(
-        *(spec.what or CLEAN, *conditions, finding.verdict, finding.names),
-        right=finding.is_confident and named in allowed,
-        wrong=finding.is_confident and not any(named <= names for names in allowed),
-        before=before,
-        after=after,
-        floor=floor,
-        closed=closed_share(before, after, floor) if spec.what else None,
-        seconds=finding.seconds * 100.0 / len(hidden.stops.speed),
-        text=finding.text,
-        strength=spec.strength,
-        worse=finding.worse,
-    )
-
-
-def _gap_on_fresh_stops(hidden: CarSet, finding: Finding) -> tuple[float, float, float]:
-    """Speed disagreement by the configured model, by the finding, and between repeats [m/s]."""
-    rng = np.random.default_rng((hidden.spec.seed, 9))
-    count = len(hidden.stops.speed)
-    share_of_runs = FRESH / count
-    clock = np.interp(np.linspace(0.0, count - 1.0, FRESH), np.arange(count), hidden.stops.clock)
-    run = round(hidden.nature.payload_run * share_of_runs)
-    nature = replace(hidden.nature, payload_run=run)
-    stops = draw_stops(FRESH, 0.0, rng)._replace(clock=clock)
-    repeats = []
-    for _ in range(2):
-        friction = 1.0 + hidden.scatter * rng.standard_normal(FRESH)
-        delay = 0.006 * rng.standard_normal(FRESH)
-        repeats.append(drive(nature, stops._replace(friction=friction, delay=delay)))
-    # Resistance lets a vehicle arrive a little slower than commanded.
-    command = int(np.searchsorted(repeats[0].time, 0.0))
-    calm = stops._replace(
-        friction=np.ones(FRESH),
-        delay=np.zeros(FRESH),
-        speed=0.5 * (repeats[0].speed[:, command] + repeats[1].speed[:, command]),
-    )
-    time = repeats[0].time[repeats[0].time >= 0.0]
-    real = [driven.speed[:, driven.time >= 0.0] for driven in repeats]
-    rolling = (real[0] > _MIN_SPEED) & (real[1] > _MIN_SPEED)
-    noise = hidden.noise**2
-    floor = np.sqrt(0.5 * np.mean((real[0] - real[1])[rolling] ** 2) + noise)
-    base = Physics(**hidden.configured)
-    model = physics_of(finding, base)
-    model = model._replace(step_run=float(round(model.step_run * share_of_runs)))
-    gaps = []
-    for physics in (base, model):
-        here = speeds(physics, calm, time)
-        errors = [(driven - here)[rolling] ** 2 for driven in real]
-        gaps.append(float(np.sqrt(np.mean(errors) + noise)))
-    return gaps[0], gaps[1], float(floor)

@@ -1,20 +1,16 @@
-"""Sets of the plant: which there are, and how each is made from its seed."""
+"""Sets of the plant: how each is made from its seed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
 from . import sensing
 from .effect_plant import drive
-from .hidden_effects import NAMED, OFF_LIBRARY, PAIRS, SIZES, HiddenTerm, draw_hidden
+from .hidden_effects import HiddenTerm, draw_hidden
 from .identifiability import NOT_IDENTIFIABLE, Identifiability, identifiability
 from .plant_physics import DESIGNS, Physics, Stops, draw
-
-T = TypeVar("T")
 
 CONFOUNDED = ("grade_bias", "furrows one way", "uphill only", "same roll everywhere")
 """Effects that the stops of their sets cannot show: the base model absorbs them."""
@@ -42,9 +38,9 @@ ALL = SetConditions()
 class SetSpec:
     """One requested set."""
 
-    kind: str  # clean, drift, single, pair, absorbed, off or faint (a small effect as drawn)
+    kind: str  # clean, drift, single, pair, absorbed or off
     names: tuple[str, ...]  # hidden effects
-    size: str  # one of :data:`SIZES`, "" for none
+    size: str  # one of :data:`.hidden_effects.SIZES`, "" for none
     seed: int  # determines all that is drawn
 
 
@@ -74,42 +70,6 @@ class HiddenSet:
         """Whether the log suffices for a right answer."""
         known = self.identifiability
         return known.has_shape if self.spec.kind == "off" else known.has_name
-
-
-def specs(share: float, seed: int = 1) -> list[SetSpec]:
-    """All kinds in random order, each kind spread evenly over it; a share of each."""
-    rng = np.random.default_rng((6, seed))
-    drawn_specs = [SetSpec(*what, seed=int(rng.integers(2**31))) for what in _families(share)]
-    return spread(drawn_specs, lambda s: (s.kind, s.names, s.size), rng)
-
-
-def spread(
-    items: Sequence[T], family: Callable[[T], Hashable], rng: np.random.Generator
-) -> list[T]:
-    """Shuffle so that every first part holds a fair share of each family."""
-    members: dict[Hashable, list[T]] = {}
-    for item in items:
-        members.setdefault(family(item), []).append(item)
-    places = [
-        ((i + begin) / len(group), item)
-        for group, begin in zip(members.values(), rng.random(len(members)), strict=True)
-        for i, item in enumerate(group)
-    ]
-    return [item for _, item in sorted(places, key=lambda placed: placed[0])]
-
-
-def _families(share: float) -> Iterator[tuple[str, tuple[str, ...], str]]:
-    """Kind, effects and size of each set, as often as this share of the benchmark has it."""
-    singles = [("single", (name,), size, 5) for name in NAMED for size in SIZES]
-    pairs = [("pair", pair, size, 2) for pair in PAIRS for size in ("medium", "large")]
-    absorbed = [("absorbed", (name,), "medium", 6) for name in CONFOUNDED]
-    off_library = [("off", (name,), size, 4) for name in OFF_LIBRARY for size in SIZES[1:]]
-    faint = [("faint", (name,), "small", 2) for name in NAMED]
-    plain: list[tuple[str, tuple[str, ...], str, int]]
-    plain = [("clean", (), "", 300), ("drift", (), "", 60)]
-    for kind, names, size, count in plain + singles + pairs + absorbed + off_library + faint:
-        for _ in range(max(round(share * count), 1)):
-            yield kind, names, size
 
 
 def make(spec: SetSpec, conditions: SetConditions = ALL) -> HiddenSet:
