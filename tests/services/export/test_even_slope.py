@@ -27,8 +27,8 @@ from tests.world.ground import ground_map
 
 SHIPPED = [read_model(find_model(name)) for name in ("atv", "husky", "ugv")]
 EXACT, RELATIVE = 1e-3, 1e-6  # [m], [1]
-POINTS = 20
-"""Speeds and grades of one model."""
+POINTS = 5
+"""Speeds and grades of one model: other models show more than more points of one."""
 
 Draw = Callable[[float, float], float]
 EFFECTS: dict[str, Callable[[Draw], dict[str, float]]] = {
@@ -146,7 +146,7 @@ def test_no_exported_stop_is_shorter_than_the_simulated_one() -> None:
 
 @pytest.mark.nightly
 def test_no_exported_stop_is_shorter_at_ten_thousand_points() -> None:
-    check_stops(500, 5)
+    check_stops(2000, 5)
 
 
 def test_where_only_brakes_and_grade_act_the_stop_is_exact() -> None:
@@ -281,5 +281,5 @@ def test_c_code_is_infinite_where_no_stop_is_known(tmp_path: Path) -> None:
     )
     out = tmp_path / "check"
     files = [str(check), str(source), f"-I{header.parent}", "-lm", "-o", str(out)]
-    subprocess.run(["gcc", "-O1", *files], check=True)
+    subprocess.run(["gcc", "-O0", *files], check=True)
     assert subprocess.run([str(out)], check=False).returncode == 0
