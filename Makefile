@@ -28,7 +28,7 @@ core: $(VENV)/bin/python  ## the compiled core, again, and nothing else
 
 nightly: $(VENV)/.installed-dev  ## thousands of generated cases, all real terrain, half an hour of random input under sanitizers
 	$(BIN)/python -m pytest -n $(JOBS) -m nightly --timeout 7200
-	SLOPEWISE_FUZZ_SECONDS=600 $(BIN)/python -m pytest -n $(JOBS) -k sanitizers --timeout 7200 tests/planner
+	SLOPEWISE_FUZZ_SECONDS=600 $(BIN)/python -m pytest -n $(JOBS) -m "nightly or not nightly" --timeout 7200 tests/planner/test_sanitizers.py
 
 bench: $(VENV)/.installed-dev  ## the planner beside its peers
 	$(BIN)/slopewise bench --json out/bench.json

@@ -21,7 +21,6 @@ from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import Status
 from slopewise.services.cli.app import app, main
 from slopewise.services.export.cpp_model import write_cpp
-from tests.world.compilers import run_under_sanitizers
 
 ROOT = Path(__file__).parents[2]
 STATUSES = list(Status)
@@ -73,10 +72,6 @@ def test_the_example_plans_as_python_does(tmp_path: Path) -> None:
         np.testing.assert_allclose(station, plan.station, rtol=0.0, atol=1e-12)
         np.testing.assert_allclose(speed, plan.speed, rtol=0.0, atol=1e-9)
     assert {plan.status for plan in plans} == {Status.OK, Status.BLOCKED}
-
-
-def test_random_maps_paths_and_vehicles_pass_the_sanitizers(tmp_path: Path) -> None:
-    run_under_sanitizers(Path(__file__).parent / "planner_driver.cpp", tmp_path)
 
 
 @pytest.mark.parametrize(

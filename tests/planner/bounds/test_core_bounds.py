@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from slopewise.planner.bounds.speed_bounds import speed_bounds
 from slopewise.planner.limiting import Limiting
-from tests.world.compilers import CORE, run_under_sanitizers
+from tests.world.compilers import CORE
 from tests.world.ground import ground_map, plane, straight
 from tests.world.stages import bounds_of
 from tests.world.vehicles import BASE, model_of, tables_with
-
-HERE = Path(__file__).parent
 
 
 def test_codes_of_bounds_are_those_of_python() -> None:
@@ -52,7 +49,3 @@ def test_arrays_that_do_not_fit_are_named() -> None:
     strided = dataclasses.replace(profile, grade=np.repeat(profile.grade, 2, axis=1)[:, ::2])
     with pytest.raises(TypeError, match="grade: expected a contiguous"):
         speed_bounds(strided, ground, BASE, np.ones(1))
-
-
-def test_random_problems_pass_the_sanitizers(tmp_path: Path) -> None:
-    run_under_sanitizers(HERE / "core_driver.cpp", tmp_path)

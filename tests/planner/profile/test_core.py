@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,10 +18,7 @@ from slopewise.planner.profile.time_optimal import (
     travel_cost,
 )
 from tests.planner.profile import reference_profile as reference
-from tests.world.compilers import run_under_sanitizers
 from tests.world.roads import problem_of, wavy
-
-HERE = Path(__file__).parent
 
 
 def random_problem(seed: int, n: int = 40, m: int = 3) -> ProfileProblem:
@@ -145,8 +141,3 @@ def test_rows_are_declared_with_type_and_unit() -> None:
     assert all(f"{name}: ndarray" in described for name in names)
     assert {kind for _, kind, *_ in core.ROWS} == {"float64"}
     assert all(unit and meaning for _, _, unit, meaning in core.ROWS)
-
-
-@pytest.mark.parametrize("source", [HERE / "core_driver.cpp", HERE.parent / "path_driver.cpp"])
-def test_random_problems_pass_the_sanitizers(tmp_path: Path, source: Path) -> None:
-    run_under_sanitizers(source, tmp_path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from slopewise.planner.verify.batch_judge import screen
 from slopewise.planner.verify.judge import Violations, check
 from slopewise.planner.verify.track import track_of
 from tests.world import generated
-from tests.world.compilers import run_under_sanitizers
 from tests.world.generated import between
 from tests.world.ground import arc, ground_map, plane, straight
 from tests.world.vehicles import model_of, tables_with
@@ -108,8 +106,3 @@ def test_each_kind_of_breach_is_found_in_the_right_candidate(
     assert_agree(together, single)
     assert together[0].max() == 0.0
     assert together[1, Violations._fields.index(kind)] > 0.0
-
-
-@pytest.mark.nightly  # by day with the whole planner, tests/planner/test_from_cpp.py
-def test_random_plans_pass_the_sanitizers(tmp_path: Path) -> None:
-    run_under_sanitizers(Path(__file__).parent / "verify_driver.cpp", tmp_path)

@@ -1,0 +1,56 @@
+"""Random input through the core under sanitizers: by day the whole planner and the given paths.
+
+By night its parts as well, each with input that the planner itself never hands to it.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.world.compilers import CORE, compiler_with
+
+HERE = Path(__file__).parent
+BY_DAY = ("planner_driver.cpp", "path_driver.cpp")
+DRIVERS = sorted(HERE.rglob("*_driver.cpp"))
+SECONDS = int(os.environ.get("SLOPEWISE_FUZZ_SECONDS", 2))
+"""For each program; more of a night."""
+
+
+@pytest.mark.skipif(
+    not all(map(shutil.which, ("c++", "cmake", "ninja"))),
+    reason="no compiler with sanitizers on the path",
+)
+@pytest.mark.parametrize(
+    "driver",
+    [
+        pytest.param(
+            driver,
+            id=driver.relative_to(HERE).as_posix(),
+            marks=() if driver.name in BY_DAY else pytest.mark.nightly,
+        )
+        for driver in DRIVERS
+    ],
+)
+def test_random_input_passes_the_sanitizers(driver: Path, tmp_path: Path) -> None:
+    # Reports need lines of the sources, not values of variables.
+    environment = os.environ | compiler_with("-g1", tmp_path)
+    build = tmp_path / "build"
+    source = f"-DSLOPEWISE_DRIVER={driver}"
+    for command in (
+        ["cmake", "-G", "Ninja", "-S", str(CORE), "-B", str(build), source],
+        ["cmake", "--build", str(build)],
+        [str(build / "driver"), str(SECONDS)],
+    ):
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=500 + SECONDS, env=environment
+        )
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+
+def test_the_drivers_by_day_are_there() -> None:
+    assert {driver.name for driver in DRIVERS} >= set(BY_DAY)
