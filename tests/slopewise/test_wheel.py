@@ -21,16 +21,26 @@ PARTS = ("slopewise", "models", "planner", "services", "configs", "benchmarks")
 FILES = ("hatch_build.py", "pyproject.toml", "README.md", "LICENSE")
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("wheel")
+NOT_AGAIN = """
+
+def compile_core(folder: Path) -> Path:
+    return next(PLANNER.glob("_core.*so"))
+"""
+"""End of the build script in a copy of the sources: the core is the one that was compiled here."""
+
+
+def wheel_of(folder: Path, *, compiles: bool) -> Path:
+    """A wheel, built in a copy of the sources."""
     source = folder / "source"
     source.mkdir()
     for part in PARTS:
-        ignore = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc")
+        ignore = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / part, source / part, ignore=ignore, symlinks=True)
     for file in FILES:
         shutil.copy(ROOT / file, source)
+    if not compiles:
+        with (source / "hatch_build.py").open("a") as script:
+            script.write(NOT_AGAIN)
     # What is inside and whether it starts does not depend on how fast it is.
     quick = compiler_with("-O0", folder)
     pip("wheel", source, "--no-build-isolation", "--wheel-dir", folder, environment=quick)
@@ -38,7 +48,16 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return wheel_of(tmp_path_factory.mktemp("wheel"), compiles=False)
+
+
+@pytest.fixture(scope="module")
 def installed(wheel: Path) -> Path:
+    return install(wheel)
+
+
+def install(wheel: Path) -> Path:
     target = wheel.parent / "installed"
     pip("install", wheel, "--no-compile", "--target", target)
     return target
@@ -132,7 +151,9 @@ def test_the_command_works(installed: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.nightly
-def test_it_plans_and_measures(installed: Path, tmp_path: Path) -> None:
+def test_compiled_from_its_own_sources_it_plans_and_measures(tmp_path: Path) -> None:
+    """By day tests/docs/test_extending.py compiles the core."""
+    installed = install(wheel_of(tmp_path, compiles=True))
     python(installed, tmp_path, "-m", "slopewise", "demo", "--out", "demo")
     assert (tmp_path / "demo" / "report.html").stat().st_size > 100_000
     figures = tmp_path / "bench.json"
