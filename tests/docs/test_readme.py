@@ -47,8 +47,8 @@ def inputs(folder: Path) -> None:
     write_csv({"run": ["1"] * len(skid["t"]), **skid}, folder / "husky.csv")
     tiled_map(folder / "county.tif")
     (folder / "logs").mkdir()
-    for number in range(2):
-        log = made_up.stops(12, seed=number)
+    for number, count in enumerate((12, 8)):  # eight are enough to calibrate, not to search in
+        log = made_up.stops(count, seed=number)
         runs = [f"{run:.0f}" for run in log.pop("run")]
         write_csv({"run": runs, **log}, folder / "logs" / f"robot-{number}.csv")
 

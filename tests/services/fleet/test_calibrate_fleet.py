@@ -45,6 +45,7 @@ def test_each_vehicle_gets_a_model_file_that_can_be_read(logs: list[Path], tmp_p
     assert np.sqrt(summary["surfaces"][""]["spread"][3][3]) > 0.005
 
 
+@pytest.mark.nightly  # by day with plans, test_plan_fleet.py
 def test_two_processes_give_the_same_files(logs: list[Path], tmp_path: Path) -> None:
     run(logs, tmp_path / "here")
     run(logs, tmp_path / "there", workers=2)

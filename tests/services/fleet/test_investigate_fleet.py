@@ -182,6 +182,7 @@ def test_each_vehicle_has_a_row_a_line_and_its_files(local: Path) -> None:
         assert "data:image/svg+xml" in (local / "vehicles" / name / "report.html").read_text()
 
 
+@pytest.mark.nightly  # by day with plans, test_plan_fleet.py
 def test_a_scheduler_and_workers_one_of_them_killed_write_the_same_bytes(
     logs: list[Path], local: Path, tmp_path: Path
 ) -> None:

@@ -1,8 +1,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import threading
 import time
 from dataclasses import replace
@@ -13,6 +11,7 @@ import psutil
 import pyarrow.parquet as pq
 import pytest
 
+from benchmarks.fleet.local_cluster import cluster, workers_of
 from slopewise.models.errors import InputError
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.pipeline.candidates import CandidatePlanner
@@ -195,30 +194,30 @@ def test_an_invalid_path_does_not_stop_the_run(
     assert "expected" in refused["reason"]
 
 
-def test_two_workers_one_of_them_killed_give_the_same_bytes(
+def test_a_scheduler_and_workers_one_of_them_killed_give_the_same_bytes(
     inputs: tuple[Path, list[Path]], tmp_path: Path, local: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(plan_fleet, "plan_part", slow_part)
     killed: list[int] = []
 
-    def kill_one() -> None:
-        me = psutil.Process()
-        until = time.monotonic() + 60.0
-        while time.monotonic() < until:
-            if len(content(tmp_path)) >= 2:
-                for child in me.children(recursive=True):
-                    mapped = " ".join(m.path for m in child.memory_maps())
-                    if "rasterio" in mapped:  # a worker at work, not its nanny
-                        os.kill(child.pid, signal.SIGKILL)
-                        killed.append(child.pid)
-                        return
-            time.sleep(0.01)
+    with cluster(2) as (address, nannies):
 
-    thread = threading.Thread(target=kill_one)
-    thread.start()
-    result = run(inputs, tmp_path, workers=2)
-    thread.join()
+        def kill_one_at_work() -> None:
+            until = time.monotonic() + 60.0
+            while not killed and time.monotonic() < until:
+                for worker in workers_of(nannies) if len(content(tmp_path)) >= 2 else ():
+                    if "rasterio" in " ".join(m.path for m in worker.memory_maps()):
+                        worker.kill()
+                        killed.append(worker.pid)
+                        return
+                time.sleep(0.01)
+
+        thread = threading.Thread(target=kill_one_at_work)
+        thread.start()
+        result = run(inputs, tmp_path, workers=None, scheduler=address)
+        thread.join()
     assert len(killed) == 1
+    assert not psutil.pid_exists(killed[0])
     assert result.planned == 54
     assert content(tmp_path) == content(local)
     assert not list(tmp_path.glob("**/*.tmp"))
