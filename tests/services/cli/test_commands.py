@@ -20,9 +20,10 @@ import numpy as np
 import pytest
 import typer
 
+from slopewise.models.discrepancy.workflow import investigate_with_evidence
 from slopewise.services.cli import app
 from slopewise.services.io.table import read_csv
-from slopewise.services.jobs import demo
+from slopewise.services.jobs import demo, discrepancy
 from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.faults import real_data
 from tests.services.service_process import free_port
@@ -128,8 +129,17 @@ def keys_of(value: Any, where: str = "") -> Iterator[str]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_prints_its_keys_and_its_table(world: Path, name: str) -> None:
+def test_a_command_prints_its_keys_and_its_table(
+    world: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     command, status, line = COMMANDS[name]
+    found: list[Any] = []
+
+    def searched_once(*arguments: Any, **named: Any) -> Any:
+        found[:] = found or [investigate_with_evidence(*arguments, **named)]
+        return found[0]
+
+    monkeypatch.setattr(discrepancy, "investigate_with_evidence", searched_once)
     done = here(*command.split(), "--json")
     assert done.returncode == status, done.stderr
     keys = sorted(set(keys_of(json.loads(done.stdout))))
