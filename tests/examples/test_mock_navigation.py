@@ -25,7 +25,7 @@ from slopewise.services.daemon.daemon import Service
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.settings.service_settings import ServiceConfig, ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
-from tests.services.service_process import free_port
+from tests.services.service_process import free_port, running
 
 
 def test_it_stays_on_the_map_for_a_lap_and_obeys(tmp_path: Path) -> None:
@@ -46,6 +46,19 @@ def test_it_stays_on_the_map_for_a_lap_and_obeys(tmp_path: Path) -> None:
             if robot.driven > robot.loop.length:
                 break
     assert robot.driven > robot.loop.length
+
+
+@pytest.mark.nightly
+def test_the_first_questions_to_a_new_service_are_answered(tmp_path: Path) -> None:
+    robot = Robot(hills(), Loop.ellipse())
+    with (
+        running(tmp_path, fresh=True) as started,
+        started.session() as session,
+        PlanClient(session, namespace=started.namespace, name="mock", timeout=1.0) as client,
+    ):
+        done = drive_around(robot, client, 0.1, 120)
+    assert done.stops == 0
+    assert robot.driven > 10.0
 
 
 def check_track(track: np.ndarray, period: float) -> None:

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.paths.deviations import largest_distance
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
@@ -23,7 +24,7 @@ from slopewise.planner.path import MAX_STATIONS, batch, joined, resample
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.raw_polyline import clean, noise
-from tests.world.given_paths import given_paths, largest_distance
+from tests.world.given_paths import given_paths
 from tests.world.ground import arc, straight
 from tests.world.vehicles import ATV, model_of, tables_with
 

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import zenoh
 
-from tests.services.service_process import Running, running
+from tests.services.service_process import Running, running, until
 
 FORMAT = "application/msgpack;slopewise.{}.v1"
 SCHEMAS = {"stop": "stop_observation", "drive": "drive_samples", "terrain": "terrain_label"}
@@ -125,15 +125,13 @@ class Robot:
         assert reply["plans"], reply
         return float(speeds_of(reply["plans"][0]).max())
 
-    def status(self, until: float = 5.0) -> dict[str, Any]:
+    def status(self, seconds: float = 5.0) -> dict[str, Any]:
         """The next status."""
         received: list[bytes] = []
         with self.session.declare_subscriber(
             self.service.key("status"), lambda s: received.append(s.payload.to_bytes())
         ):
-            end = time.monotonic() + until
-            while len(received) < 2 and time.monotonic() < end:
-                time.sleep(0.02)
+            until(lambda: len(received) > 1, seconds)
         return dict(msgspec.json.decode(received[-1]))
 
 
@@ -165,9 +163,9 @@ def ground(names: list[str] | None = None, classes: Any = None, length: int = 20
 def send_ground(robot: Robot, update: dict[str, Any] | None = None) -> None:
     """Put a map in, and wait until plans are made from it."""
     before = robot.plan()["map_version"]
-    payload, until = msgspec.msgpack.encode(update or ground()), time.monotonic() + 10.0
+    payload, end = msgspec.msgpack.encode(update or ground()), time.monotonic() + 10.0
     while robot.plan()["map_version"] == before:
-        assert time.monotonic() < until, "the map did not arrive"
+        assert time.monotonic() < end, "the map did not arrive"
         # What is put before the service's subscription is known here goes nowhere.
         robot.session.put(robot.service.key("map"), payload, encoding=FORMAT.format("map_update"))
         time.sleep(0.2)

@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -109,6 +109,20 @@ def running(
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait(10.0)
+
+
+def until(true: Callable[[], object], seconds: float = 8.0) -> None:
+    """Wait for something that takes a while in another process or thread."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.02)
+
+
+def resident(process: int) -> float:
+    """Memory of a process [MB]."""
+    status = Path(f"/proc/{process}/status").read_text()
+    return int(status.split("VmRSS:")[1].split()[0]) / 1024.0
 
 
 def suspend(process: int) -> None:

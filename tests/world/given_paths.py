@@ -1,18 +1,13 @@
-"""Paths as planners and people give them, of many kinds, and how far another line lies from them.
-
-The distance is measured by dense samples alone, and shares nothing with the product's own.
-"""
+"""Paths as planners and people give them, of many kinds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 Path = np.ndarray
 Random = np.random.Generator
-STEP = 0.004  # [m] between two samples
 
 
 def alternating(rng: Random) -> Path:
@@ -103,20 +98,3 @@ def given_paths(count: int, seed: int = 1) -> Iterator[tuple[str, Path]]:
             cosine, sine = np.cos(turn), np.sin(turn)
             points = points @ np.array([[cosine, sine], [-sine, cosine]]) + rng.uniform(-5, 5, 2)
         yield kind.__name__, points
-
-
-def samples(line: Path) -> Path:
-    """Places on a line, no two in a row farther apart than STEP."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    at = np.unique(np.concatenate([along, np.arange(0.0, along[-1], STEP)]))
-    distinct = np.concatenate([[True], np.diff(along) > 0.0])
-    return np.stack(
-        [np.interp(at, along[distinct], line[distinct, axis]) for axis in range(2)], axis=1
-    )
-
-
-def largest_distance(first: Path, second: Path) -> float:
-    """Largest distance from either line to the nearest place of the other [m]."""
-    here, there = samples(first), samples(second)
-    away, back = cKDTree(there).query(here)[0], cKDTree(here).query(there)[0]
-    return float(max(away.max(), back.max()))

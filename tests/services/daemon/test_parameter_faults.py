@@ -14,7 +14,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,18 +28,11 @@ from slopewise.services.planning.plan_endpoint import PlanEndpoint
 from slopewise.services.settings.service_settings import Planning, ServiceConfig, ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.parameter_client import Robot, robot_on_ground, send_ground, speeds_of
-from tests.services.service_process import Running, free_port, running
+from tests.services.service_process import Running, free_port, running, until
 from tests.services.warm_process import WarmProcess
 
 G = 9.80665
 STORE = '[store]\npath = "p.sqlite"\nretry = 0.2\n'
-
-
-def until(true: Callable[[], bool], seconds: float = 8.0) -> None:
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.05)
 
 
 def flagged(robot: Robot, text: str) -> bool:

@@ -13,7 +13,7 @@ import zenoh
 
 from tests.services.parameter_client import FORMAT, Robot, block, ground, send_ground
 from tests.services.robot_plant import Surface, Vehicle
-from tests.services.service_process import running
+from tests.services.service_process import running, until
 
 G = 9.80665
 
@@ -76,9 +76,7 @@ def test_changes_are_published(robot: Robot, session: zenoh.Session) -> None:
     ):
         time.sleep(0.3)
         receipt = robot.stop(0.4 * G)
-        until = time.monotonic() + 5.0
-        while not (received and all_of_them) and time.monotonic() < until:
-            time.sleep(0.01)
+        until(lambda: received and all_of_them)
     groups = json.loads(all_of_them[-1].payload.to_bytes())["groups"]
     assert {"braking", "limits"} <= {group["group"] for group in groups}
     fields = [json.loads(s.payload.to_bytes()) for s in received]

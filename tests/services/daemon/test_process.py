@@ -22,7 +22,7 @@ import pytest
 from slopewise.services.client import PlanClient
 from slopewise.services.daemon import systemd
 from slopewise.services.daemon.log_rate_limit import RateLimitFilter
-from tests.services.service_process import fan, flat, running
+from tests.services.service_process import fan, flat, resident, running
 
 UNIT = Path(__file__).parents[3] / "configs" / "systemd" / "slopewise.service"
 _MAX_EXPOSURE = 2.0
@@ -108,13 +108,6 @@ def test_nothing_is_imported_that_serving_does_not_use() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def resident(process: int) -> float:
-    """[MB]."""
-    status = Path(f"/proc/{process}/status").read_text()
-    line = re.search(r"^VmRSS:\s+(\d+) kB", status, re.MULTILINE)
-    return int(line[1]) / 1024
 
 
 def test_memory_after_a_hundred_questions(tmp_path: Path) -> None:

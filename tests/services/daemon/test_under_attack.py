@@ -18,7 +18,7 @@ import zenoh
 from tests.services import attackers
 from tests.services.attackers import MACHINE, block, straight
 from tests.services.parameter_client import robot_on_ground, speeds_of
-from tests.services.service_process import Running, free_port
+from tests.services.service_process import Running, free_port, resident
 
 LONG = "SLOPEWISE_ATTACK" in os.environ
 SECONDS = float(os.environ.get("SLOPEWISE_ATTACK", "6"))
@@ -76,15 +76,9 @@ class Honest:
         while (begun := time.monotonic()) < start + seconds:
             self.ask()
             if begun > start + 0.5 * seconds:
-                memory.append(resident(self.service))
+                memory.append(resident(self.service.process.pid))
             time.sleep(max(0.05 - (time.monotonic() - begun), 0.0))
         return float(np.median(memory))
-
-
-def resident(service: Running) -> float:
-    """Memory of the service [MB]."""
-    status = Path(f"/proc/{service.process.pid}/status").read_text()
-    return int(status.split("VmRSS:")[1].split()[0]) / 1000.0
 
 
 @contextlib.contextmanager

@@ -14,10 +14,9 @@ from slopewise.services.planning.map_store import MapSnapshot, MapStore
 from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.wire.plan_messages import Path as Candidate
 from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
-from tests.services.daemon.test_parameter_faults import until
 from tests.services.parameter_client import Robot, ground, send_ground
 from tests.services.planning.plan_requests import ATV, plan_service, snapshot_of
-from tests.services.service_process import flat, running
+from tests.services.service_process import flat, running, until
 
 FLAT = ElevationMap(elevation=np.zeros((41, 400)), resolution=0.5, origin=(-5.0, -10.0))
 MAX_AGE = 30.0

@@ -19,7 +19,7 @@ from slopewise.services.io.model_file import find_model, model_sha256, read_mode
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.plan_messages import PlanReply, PlanRequest, ServiceStatus
-from tests.services.service_process import Running, fan, flat, running
+from tests.services.service_process import Running, fan, flat, running, until
 
 LARGEST = 10**8
 ENCODING = codec.encoding_of(PlanRequest, Format.MESSAGEPACK)
@@ -30,13 +30,8 @@ def put_map(client: PlanClient, **changes: object) -> int:
     before = client.plan(0.0, []).reply
     assert before is not None
     client.put_map(flat(source=f"test-{time.monotonic_ns()}", **changes))
-    until = time.monotonic() + 5.0
-    while time.monotonic() < until:
-        after = client.plan(0.0, []).reply
-        if after.map_version > before.map_version:
-            return after.map_version
-        time.sleep(0.01)
-    raise AssertionError("the map did not arrive")
+    until(lambda: client.plan(0.0, []).reply.map_version > before.map_version)
+    return client.plan(0.0, []).reply.map_version
 
 
 @pytest.fixture
@@ -55,9 +50,7 @@ def plan_reply(replies: Iterable[zenoh.Reply]) -> PlanReply:
 def status_of(session: zenoh.Session, service: Running) -> ServiceStatus:
     received: list[zenoh.Sample] = []
     with session.declare_subscriber(service.key("status"), received.append):
-        until = time.monotonic() + 5.0
-        while len(received) < 2 and time.monotonic() < until:
-            time.sleep(0.02)
+        until(lambda: len(received) > 1)
     last = received[-1]
     return codec.decode(ServiceStatus, last.payload, str(last.encoding), "status", LARGEST)
 
@@ -138,8 +131,8 @@ def test_bad_and_old_maps_are_counted_and_change_nothing(
     client.put_map(flat(source="bad", origin=(float("nan"), 0.0)))
     client.put_map(flat(source="bad", patch=True, origin=(1e6, 0.0)))
     session.put(service.key("map"), b"\xff", encoding="nonsense")
-    gained, until = Counter[str](), time.monotonic() + 5.0
-    while sum(gained.values()) < 8 and time.monotonic() < until:
+    gained, end = Counter[str](), time.monotonic() + 5.0
+    while sum(gained.values()) < 8 and time.monotonic() < end:
         after = status_of(session, service)
         assert after.map_version == before.map_version
         gained = Counter(after.counters) - Counter(before.counters)

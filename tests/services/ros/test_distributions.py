@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -24,7 +24,7 @@ from slopewise.services.ros.topic_matching import ConnectionWatch
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services import grid_maps
-from tests.services.service_process import free_port
+from tests.services.service_process import free_port, until
 
 LIMIT, PLAN = "speed_limit", "plan"
 TYPES = {SPEED_LIMIT: "nav2_msgs::msg::dds_::SpeedLimit_", PATH: "nav_msgs::msg::dds_::Path_"}
@@ -80,13 +80,6 @@ class RosRobot:
         self.session.put(self.key(PLAN, PATH), payload, attachment=attachment)
 
 
-def wait_for(condition: Callable[[], object], seconds: float = 5.0) -> None:
-    until = time.monotonic() + seconds
-    while not condition() and time.monotonic() < until:
-        time.sleep(0.02)
-    assert condition()
-
-
 @pytest.mark.parametrize("setting", ["auto", "set"])
 @pytest.mark.parametrize("distribution", ["humble", "jazzy", "kilted", "lyrical", "dds"])
 def test_messages_of_each_distribution_pass_both_ways(
@@ -104,14 +97,14 @@ def test_messages_of_each_distribution_pass_both_ways(
             node.follow()
             return not any(match.missing for match in node.matches())
 
-        wait_for(is_connected)
+        until(is_connected)
         assert {a.nodes for a in node.matches()} == {
             (f"zenoh-bridge-ros2dds {str(their_session.info.zid())[:8]}",)
             if distribution == "dds"
             else ("/nav",)
         }
         limit.send(ros.speed_limit(SpeedAdvice(1.25, False, ""), 0))
-        wait_for(lambda: robot.received)
+        until(lambda: robot.received)
         (sample,) = robot.received
         message: Any = typestore().deserialize_cdr(sample.payload.to_bytes(), SPEED_LIMIT)
         assert message.speed_limit == 1.25
@@ -126,9 +119,9 @@ def test_unhashed_and_hashed_robots_together(sessions: tuple[zenoh.Session, zeno
     robots = [RosRobot(their_session, distribution, 31) for distribution in ("humble", "jazzy")]
     with Node(our_session, 31, "/", "slopewise") as node:
         limit = node.publisher(LIMIT, SPEED_LIMIT)
-        wait_for(lambda: node.follow() or KeyScheme.UNHASHED in node.schemes)
+        until(lambda: node.follow() or KeyScheme.UNHASHED in node.schemes)
         limit.send(ros.speed_limit(SpeedAdvice(0.5, False, ""), 0))
-        wait_for(lambda: all(robot.received for robot in robots))
+        until(lambda: all(robot.received for robot in robots))
         assert [len(robot.received) for robot in robots] == [1, 1]
 
 
@@ -146,7 +139,7 @@ def test_missing_match_is_in_diagnostics_and_log(
         assert condition.message.startswith("no node subscribes to /speed_limit with our type")
         assert caplog.text.count("no node subscribes") == 1
         unhashed = RosRobot(their_session, "humble", 40)
-        wait_for(lambda: "Humble" in connections.check(node.matches(), node.schemes).message)
+        until(lambda: "Humble" in connections.check(node.matches(), node.schemes).message)
         jazzy = RosRobot(their_session, "jazzy", 40)
-        wait_for(lambda: connections.check(node.matches(), node.schemes).level == ros.OK)
+        until(lambda: connections.check(node.matches(), node.schemes).level == ros.OK)
         assert unhashed.session is jazzy.session
