@@ -17,7 +17,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from slopewise.models.elevation_map import ElevationMap
@@ -25,11 +25,11 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from tests.planner.test_properties import Drive, drives
-from tests.world.generated import between
+from tests.world.generated import between, by_day_and_night
 from tests.world.vehicles import Tables, model_of
 
 STARTS = st.one_of(st.just(0.0), between(0.0, 6.0))
-SOME = settings(max_examples=100)
+SOME = by_day_and_night(40, 1000)
 
 
 def solve(

@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import assume, event, given, settings
+from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
 from slopewise.models.candidate_path import CandidatePath
@@ -22,7 +22,7 @@ from tests.world.ground import ground_map
 from tests.world.vehicles import Tables, model_of
 
 SEEN: Counter[str] = Counter()
-FEW = settings(max_examples=50)
+FEW = by_day_and_night(30, 500)
 
 
 def planned(scene: Scene) -> SpeedPlan:
