@@ -27,11 +27,16 @@ def logged(truth: Physics, count: int = 50, seed: int = 3) -> Columns:
         ({}, ()),
         ({"drag": 0.05}, ("aerodynamic_drag",)),
         ({"step_scale": 0.8, "step_run": 24.0}, ("step_change",)),
-        ({"lag": 0.15}, ("brake_lag",)),
-        ({"furrow": 0.05, "furrow_direction": 0.7}, ("directional_surface",)),
-        ({"cross_slope": 0.5}, ("cross_slope",)),
-        ({"turning": 0.3}, ("turning_resistance",)),
-        ({"asymmetry": 0.5}, ("grade_asymmetry",)),
+        *(
+            pytest.param(*case, marks=pytest.mark.nightly)
+            for case in (
+                ({"lag": 0.15}, ("brake_lag",)),
+                ({"furrow": 0.05, "furrow_direction": 0.7}, ("directional_surface",)),
+                ({"cross_slope": 0.5}, ("cross_slope",)),
+                ({"turning": 0.3}, ("turning_resistance",)),
+                ({"asymmetry": 0.5}, ("grade_asymmetry",)),
+            )
+        ),
     ],
 )
 def test_scan_names_plain_effects(fields: dict[str, float], names: tuple[str, ...]) -> None:

@@ -56,6 +56,7 @@ def test_digest_follows_sources_and_origins() -> None:
     assert digest != digest_of_sources(parts[:1], ())
 
 
+@pytest.mark.nightly  # by day jobs resume above, and test_missing_effects.py judges findings
 def test_logs_resume_and_add_up(tmp_path: Path) -> None:
     todo = [Request("plant", "single", "brake_lag", 62), Request("plant", "clean", "", 61)]
     request = BenchmarkRequest(out=tmp_path)
