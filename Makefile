@@ -9,19 +9,26 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 JOBS ?= 2
 CORE := hatch_build.py $(wildcard planner/core/* planner/core/*/*)
 
-.PHONY: demo test lint core nightly bench docs format clean
+.PHONY: demo test lint style types tests core nightly bench docs format clean
 
 demo: $(VENV)/.installed  ## plan a dozen candidates over a generated hill, and say where the page is
 	$(BIN)/slopewise demo --out out/demo
 
-test: lint  ## everything that has to hold: style, types, import contracts, tests
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not nightly"
+test: style  ## everything that has to hold: style, types, import contracts, tests
+	$(MAKE) --no-print-directory -j 2 types tests  # types are derived on one core alone
 
-lint: $(VENV)/.installed-dev  ## style, types, import contracts
+lint: style types  ## style, types, import contracts
+
+style: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: $(VENV)/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+tests: $(VENV)/.installed-dev
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not nightly"
 
 core: $(VENV)/bin/python  ## the compiled core, again, and nothing else
 	$(PIP) install -e . --no-deps
