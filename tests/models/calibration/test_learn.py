@@ -99,7 +99,7 @@ def test_the_truth_is_recovered() -> None:
 
 
 def test_the_truth_is_recovered_from_gross_outliers() -> None:
-    recover(range(20, 22), 100, outliers=0.05)
+    recover(range(20, 21), 100, outliers=0.05)
 
 
 @pytest.mark.nightly
@@ -108,38 +108,36 @@ def test_the_truth_is_recovered_two_hundred_times() -> None:
 
 
 def test_outliers_change_nothing_by_more_than_a_standard_deviation() -> None:
-    for seed in range(2):
-        plant = plant_of(seed)
-        clean = learn(*drive(plant, 100, seed)[:2], KNOWN)
-        dirty = learn(*drive(replace(plant, outliers=0.05), 100, seed)[:2], KNOWN)
-        std = deviations(clean, misaligned=False)
-        shift = dirty.surfaces[0].fit.coefficients - clean.surfaces[0].fit.coefficients
-        assert np.all(np.abs(shift) < std)
-        assert any("coefficients do not rest" in text for text in dirty.warnings)
+    plant = plant_of(0)
+    clean = learn(*drive(plant, 100, 0)[:2], KNOWN)
+    dirty = learn(*drive(replace(plant, outliers=0.05), 100, 0)[:2], KNOWN)
+    std = deviations(clean, misaligned=False)
+    shift = dirty.surfaces[0].fit.coefficients - clean.surfaces[0].fit.coefficients
+    assert np.all(np.abs(shift) < std)
+    assert any("coefficients do not rest" in text for text in dirty.warnings)
 
 
-@pytest.mark.parametrize("source", ["both ways", "map"])
-def test_diving_and_misaligned_no_downhill_stop_is_predicted_short(source: str) -> None:
-    for seed in range(2):
-        plant = plant_of(seed, **DIVING)
-        log, runs, _ = drive(plant, 100, seed, out_and_back=source == "both ways")
-        ground = None
-        if source == "map":
-            same = drive(replace(plant, dive=0.0, mount=0.0, pitch_noise=0.0), 100, seed)[0]
-            ground = -same["pitch"]
-        learned = learn(log, runs, KNOWN, ground=ground)
-        _, _, held_out = drive(plant, 100, 7_000 + seed, grades=(-0.25, -0.03))
-        assert np.min(excess(learned, held_out)) > -0.05
-        assert np.all(np.abs(off_in_std(learned, plant)) < 4.0)
-        assert learned.mount.known
-        assert learned.mount.offset == pytest.approx(DIVING["mount"], abs=np.deg2rad(0.25))
-        assert learned.dive.per_deceleration == pytest.approx(DIVING["dive"], rel=0.1)
+@pytest.mark.parametrize(("source", "seed"), [("both ways", 0), ("map", 1)])
+def test_diving_and_misaligned_no_downhill_stop_is_predicted_short(source: str, seed: int) -> None:
+    plant = plant_of(seed, **DIVING)
+    log, runs, _ = drive(plant, 100, seed, out_and_back=source == "both ways")
+    ground = None
+    if source == "map":
+        same = drive(replace(plant, dive=0.0, mount=0.0, pitch_noise=0.0), 100, seed)[0]
+        ground = -same["pitch"]
+    learned = learn(log, runs, KNOWN, ground=ground)
+    _, _, held_out = drive(plant, 100, 7_000 + seed, grades=(-0.25, -0.03))
+    assert np.min(excess(learned, held_out)) > -0.05
+    assert np.all(np.abs(off_in_std(learned, plant)) < 4.0)
+    assert learned.mount.known
+    assert learned.mount.offset == pytest.approx(DIVING["mount"], abs=np.deg2rad(0.25))
+    assert learned.dive.per_deceleration == pytest.approx(DIVING["dive"], rel=0.1)
 
 
 def test_a_body_that_dives_downhill_does_not_shift_the_slope_coefficients() -> None:
     """Its pitch is g · dive steeper than the ground; taken for it, b_m is off by nearly that."""
     deviation = []
-    for seed in range(3):
+    for seed in range(2):
         plant = replace(plant_of(seed, dive=2.0 * DIVING["dive"]), pitch_noise=0.0)
         log, runs, _ = drive(plant, 100, seed)
         learned = learn(log, runs, KNOWN).braking
@@ -150,7 +148,7 @@ def test_a_body_that_dives_downhill_does_not_shift_the_slope_coefficients() -> N
 
 def test_from_pitch_alone_no_downhill_stop_is_predicted_short() -> None:
     # Also where brakes only just hold the slope.
-    for seed, weak in ((1, {}), (4, {}), (8, {"b_b": 0.36, "m_b": 0.0})):
+    for seed, weak in ((4, {}), (8, {"b_b": 0.36, "m_b": 0.0})):
         plant = replace(plant_of(seed, **DIVING), **weak)
         log, runs, _ = drive(plant, 100, seed)
         learned = learn(log, runs, KNOWN)
