@@ -22,7 +22,7 @@ from slopewise.services.guard.decide import (
     VehicleMotion,
     decide,
 )
-from slopewise.services.guard.guard_model import GuardScene, brake_table, guard_model
+from slopewise.services.guard.guard_model import GuardScene, guard_model
 from slopewise.services.guard.stop_courses import Pose2d
 
 from .drive_loop import DrivenScene, dem_folder, run_drive, scene
@@ -50,7 +50,6 @@ class Guarded:
         self._goal, self._until = 0.0, -1.0
         self._delay, self._waiting = round(latency / CYCLE), deque[float]()
         self._model = guard_model(model)
-        self._tables = (brake_table(self._model),)
         self.actions: Counter[str] = Counter()  # of the guard
 
     def command(self, view: View) -> DriveCommand:
@@ -85,7 +84,7 @@ class Guarded:
         curvature = turn / float(ahead[1] - ahead[0])
         # The clear distance is that of the middle of the wheelbase.
         clear = max(view.clear - RESERVE, 0.0)
-        guard_scene = GuardScene(self._model, self._tables, view.elevation_map, clear)
+        guard_scene = GuardScene(self._model, view.elevation_map, clear)
         motion = VehicleMotion(Pose2d(state.x, state.y, state.yaw), max(state.speed, 0.0))
         command = BaseCommand(speed, curvature * max(speed, state.speed))
         return decide(

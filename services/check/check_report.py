@@ -12,47 +12,34 @@ from slopewise.services.check.tolerances import TOLERANCES
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """One rule broken at one row of a plan, where it is worst between that row and the next.
-
-    Attributes:
-        row: index of the plan's row, from 0.
-        station: metres along the ground.
-        kind: of :data:`slopewise.services.check.tolerances.TOLERANCES`.
-        size: by how much the limit is passed, in ``unit``.
-    """
+    """One rule broken at one row of a plan, where it is worst between that row and the next."""
 
     candidate: str
-    row: int
-    station: float
-    kind: str
-    size: float
+    row: int  # index of the plan's row, from 0
+    station: float  # metres along the ground
+    kind: str  # of :data:`slopewise.services.check.tolerances.TOLERANCES`
+    size: float  # by how much the limit is passed, in ``unit``
     unit: str
     sentence: str
 
 
 @dataclass(frozen=True, slots=True)
 class CheckReport:
-    """Result of one plan with N rows at different places.
-
-    Attributes:
-        violations: by station; empty if the plan keeps every rule that could be judged.
-        verified: columns of the plan that agree with positions, speeds, map and model, or are
-            among the violations; unverified: its other columns.
-        station: (N,) own stations [m].
-        stop_distance: (N,) nominal emergency stops, with the safety offset, 0 at rest [m]: speed
-            held in the dead time, force as learned. Of a stop that was not followed to its end,
-            the distance up to there.
-        rear_load: (N,) least rear load on them, as a share of the level static one.
-    """
+    """Result of one plan with N rows at different places."""
 
     candidate: str
     status: str
+    # by station; empty if the plan keeps every rule that could be judged
     violations: tuple[Violation, ...]
     notes: tuple[str, ...]
-    station: Floats
+    station: Floats  # (N,) own stations [m]
+    # (N,) nominal emergency stops, with the safety offset, 0 at rest [m]: speed held in the dead
+    # time, force as learned. Of a stop that was not followed to its end, the distance up to there.
     stop_distance: Floats
-    rear_load: Floats
+    rear_load: Floats  # (N,) least rear load on them, as a share of the level static one
     stops: int
+    # columns of the plan that agree with positions, speeds, map and model, or are among the
+    # violations; its other columns
     verified: tuple[str, ...] = ()
     unverified: tuple[str, ...] = ()
 

@@ -48,48 +48,31 @@ class ExternalPlan:
     """One plan of N rows, at least two where it moves.
 
     Arrays are (N,), SI, and None where the plan does not report them.
-
-    Attributes:
-        x, y: reference point of the vehicle in map coordinates [m].
-        speed: v >= 0; v² is linear between rows [m/s].
-        station: metres along the ground, in three dimensions.
-        z: height of the ground [m]. grade, roll: uphill and left side up positive [rad].
-        curvature: left positive [1/m]. accel: holds from its row to the next [m/s²].
-        time: since the start [s].
-        stop_distance: emergency stop from each row, safety offset included [m].
-        clear_distance: station before which every stop ends [m].
-        rear_load, side_load: least loads on that stop, as shares of the level static ones.
-        speed_bound: highest speed that every bound allows [m/s].
-        speed_limit: speed limit of the path [m/s].
-        path_deviation: largest distance of the given path around each row [m].
-        limiting: (N,) names of what holds at each row.
-        status: status as the planner calls it, "" if not reported.
-        reason: its sentence about the status, None if not reported.
-        unread: names of further columns, which are not verified.
     """
 
     name: str
-    x: Floats
+    x: Floats  # x, y: reference point of the vehicle in map coordinates [m]
     y: Floats
-    speed: Floats
-    station: Floats | None = None
-    z: Floats | None = None
-    grade: Floats | None = None
+    speed: Floats  # v >= 0; v² is linear between rows [m/s]
+    station: Floats | None = None  # metres along the ground, in three dimensions
+    z: Floats | None = None  # height of the ground [m]
+    grade: Floats | None = None  # grade, roll: uphill and left side up positive [rad]
     roll: Floats | None = None
-    curvature: Floats | None = None
-    accel: Floats | None = None
-    time: Floats | None = None
-    stop_distance: Floats | None = None
-    clear_distance: Floats | None = None
+    curvature: Floats | None = None  # left positive [1/m]
+    accel: Floats | None = None  # holds from its row to the next [m/s²]
+    time: Floats | None = None  # since the start [s]
+    stop_distance: Floats | None = None  # emergency stop from each row, safety offset included [m]
+    clear_distance: Floats | None = None  # station before which every stop ends [m]
+    # rear_load, side_load: least loads on that stop, as shares of the level static ones
     rear_load: Floats | None = None
     side_load: Floats | None = None
-    speed_bound: Floats | None = None
-    speed_limit: Floats | None = None
-    path_deviation: Floats | None = None
-    limiting: tuple[str, ...] | None = None
-    status: str = ""
-    reason: str | None = None
-    unread: tuple[str, ...] = ()
+    speed_bound: Floats | None = None  # highest speed that every bound allows [m/s]
+    speed_limit: Floats | None = None  # speed limit of the path [m/s]
+    path_deviation: Floats | None = None  # largest distance of the given path around each row [m]
+    limiting: tuple[str, ...] | None = None  # (N,) names of what holds at each row
+    status: str = ""  # as the planner calls it, "" if not reported
+    reason: str | None = None  # sentence about the status, None if not reported
+    unread: tuple[str, ...] = ()  # names of further columns, which are not verified
 
     def __post_init__(self) -> None:
         count = np.size(self.x)

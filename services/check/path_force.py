@@ -16,10 +16,10 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.effects import registry
 from slopewise.models.effects.effect_law import Place
 from slopewise.models.parameters import Braking, Model
-from slopewise.models.surface_names import candidate_surfaces
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Line
 from slopewise.services.physics.force import NO_FRICTION_LIMIT, applied_share, force_line
+from slopewise.services.physics.surfaces import possible_surfaces
 
 
 class PathForce(NamedTuple):
@@ -109,14 +109,11 @@ def _touched(
     model: Model, ground: LineGround, class_names: tuple[str, ...]
 ) -> tuple[tuple[str, ...], Bools]:
     """Names of the R surfaces that wheels touch, and (R, M) where; "" is the base."""
-    names = ["", *model.braking.terrain]
-    on = np.zeros((len(names), len(ground.grade)), np.bool_)
-    for index, name in enumerate(class_names):
-        for surface in candidate_surfaces(model.braking.terrain, name):
-            on[names.index(surface)] |= ground.classes[index]
-    nameless = ~on.any(axis=0)
-    for surface in ("", *model.braking.states_of("")):
-        on[names.index(surface)] |= nameless
+    tables = model.braking.terrain
+    may_be = possible_surfaces(tables, (*class_names, ""))
+    classes = np.vstack((ground.classes, ~ground.classes.any(axis=0)))
+    on: Bools = np.any(classes[:, None] & may_be[:, :, None], axis=0)
+    names = ["", *tables]
     touched = np.flatnonzero(on.any(axis=1)).tolist()
     return tuple(names[i] for i in touched), on[touched]
 

@@ -14,7 +14,12 @@ from slopewise.services.check.driving_checks import LOADS, add_load
 from slopewise.services.check.path_ground import LineGround
 from slopewise.services.check.plan_line import Motion
 from slopewise.services.check.stop_dynamics import StopDynamics
-from slopewise.services.check.stop_integration import StopEnds, nominal_stops, worst_case_stops
+from slopewise.services.check.stop_integration import (
+    StopEnds,
+    StopStarts,
+    nominal_stops,
+    worst_case_stops,
+)
 from slopewise.services.physics.loads import braking_cap
 
 _TRAINED = np.deg2rad(0.6)  # [rad] beyond the trained range: slopes between two rows
@@ -38,8 +43,7 @@ def worst_stops(drive: CheckedDrive, motions: Sequence[Motion]) -> list[StopEnds
     lanes = [_lanes(drive.ground, motion) for motion in motions]
     together = np.concatenate(lanes)
     speed = np.concatenate([m.speed[at] for m, at in zip(motions, lanes, strict=True)])
-    start, dead_time = drive.ground.station[together], drive.brakes.dead_time[together]
-    stops = worst_case_stops(drive.field, start, speed, dead_time, _give_up(drive))
+    stops = worst_case_stops(drive.field, _starts(drive, together, speed))
     ends = np.cumsum([len(at) for at in lanes])
     parts = [np.split(values, ends[:-1], axis=-1) for values in stops]
     return [StopEnds(*columns) for columns in zip(*parts, strict=True)]
@@ -49,9 +53,10 @@ def _lanes(ground: LineGround, motion: Motion) -> Ints:
     return np.flatnonzero(motion.moving & ground.known)
 
 
-def _give_up(drive: CheckedDrive) -> float:
-    """Station behind which stops are not followed [m]."""
-    return float(drive.clear.max()) + _OVERRUN
+def _starts(drive: CheckedDrive, lanes: Ints, speed: Floats) -> StopStarts:
+    """Stops from samples (L,) at speeds (L,)."""
+    give_up = float(drive.clear.max()) + _OVERRUN
+    return StopStarts(drive.ground.station[lanes], speed, drive.brakes.dead_time[lanes], give_up)
 
 
 def check_stops(log: ViolationLog, drive: CheckedDrive, motion: Motion, stops: StopEnds) -> None:
@@ -81,8 +86,8 @@ def stops_at_rows(drive: CheckedDrive, motion: Motion, worst: StopEnds) -> Check
     moving = motion.moving & ground.known
     moves = moving[rows]
     first = rows[moves]
-    start, speed = ground.station[first], motion.speed[first]
-    stops = nominal_stops(drive.field, start, speed, drive.brakes.dead_time[first], _give_up(drive))
+    start = ground.station[first]
+    stops = nominal_stops(drive.field, _starts(drive, first, motion.speed[first]))
     lane = (np.cumsum(moving) - 1)[first]
 
     def at_rows(end: Floats, min_loads: Floats) -> Floats:

@@ -131,38 +131,35 @@ class StopEnds(NamedTuple):
         )
 
 
-def worst_case_stops(
-    field: StopDynamics, station: Floats, speed: Floats, dead_time: Floats, give_up: float
-) -> StopEnds:
-    """Emergency stops from L places at worst: stations, speeds and dead times (L,) of the commands.
+class StopStarts(NamedTuple):
+    """Beginnings of L stops, (L,); not followed further than the station ``give_up`` [m]."""
 
-    Where the model says that the drive may be cut in the dead time, the longer stop is used. A stop
-    that gets to the station ``give_up`` is not followed further [m].
+    station: Floats
+    speed: Floats
+    dead_time: Floats  # from the command to the brakes [s]
+    give_up: float
+
+
+def worst_case_stops(field: StopDynamics, starts: StopStarts) -> StopEnds:
+    """Emergency stops at worst.
+
+    Where the model says that the drive may be cut in the dead time, the longer stop is used.
     """
-    held = _driven(field, station, speed, dead_time, give_up, False)
+    held = _driven(field, starts, cut=False)
     steepest = -float(field.table[0].min())
     runs_on = steepest > field.model.terrain.motion_resistance
     if field.model.braking.drive_in_dead_time == "held" or not runs_on:
         return held
-    return held.worst_of(_driven(field, station, speed, dead_time, give_up, True))
+    return held.worst_of(_driven(field, starts, cut=True))
 
 
-def nominal_stops(
-    field: StopDynamics, station: Floats, speed: Floats, dead_time: Floats, give_up: float
-) -> StopEnds:
+def nominal_stops(field: StopDynamics, starts: StopStarts) -> StopEnds:
     """Emergency stops as plans report them: speed held in the dead time, force as learned."""
-    learned = replace(field, nominal=True)
-    return _driven(learned, station, speed, dead_time, give_up, False)
+    return _driven(replace(field, nominal=True), starts, cut=False)
 
 
-def _driven(
-    field: StopDynamics,
-    station: Floats,
-    speed: Floats,
-    dead_time: Floats,
-    give_up: float,
-    cut: bool,
-) -> StopEnds:
+def _driven(field: StopDynamics, starts: StopStarts, *, cut: bool) -> StopEnds:
+    station, speed, dead_time, give_up = starts
     count = len(station)
     motion = np.stack((station, speed, np.zeros(count), np.zeros(count)))
     state = State(np.arange(count), motion, speed, np.full((2, 3, count), np.inf))

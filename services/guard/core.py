@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,12 +34,9 @@ _SAMPLES = 1000  # decisions of which durations and given speeds are stored: 50 
 _DECEL_SHARE = 0.5  # share of the service deceleration that a base reaches on any slope [1]
 
 
-@dataclass(frozen=True, slots=True)
-class _Clear:
-    """Clear distance [m], and the newest motion on its arrival with its age [s]."""
-
-    distance: float
-    motion: VehicleMotion | None
+class _Clear(NamedTuple):
+    distance: float  # [m]
+    motion: VehicleMotion | None  # the newest on its arrival, and its age [s]
     age: float
 
 
@@ -69,10 +65,10 @@ class Guard:
         self.learned = ServiceParameters(model, settings.judgement.trust_learned)
         self.seconds: deque[float] = deque(maxlen=_SAMPLES)
         self.last = ""
-        dead = self._dead_time = max(s.dead_time for s in model.surfaces.values())
+        dead = self._dead_time = float(model.tables[0].dead_time.max())
         tolerance = settings.judgement.disobedience
         self._overspeed = OverspeedMonitor(
-            dead + timing.motion, _DECEL_SHARE * model.decel, tolerance
+            dead + timing.motion, _DECEL_SHARE * model.promised.limits.decel, tolerance
         )
         self._pose_age = PoseAge()
         self._latched = ""
@@ -81,7 +77,7 @@ class Guard:
 
     def learn(self) -> None:
         """Use the parameters in :attr:`learned`."""
-        self._tables, self._model = self.learned.tables(), self.learned.limited()
+        self._model = self.learned.in_use()
 
     def forget(self) -> None:
         """Discard all inputs: they may be older than they seem."""
@@ -142,7 +138,7 @@ class Guard:
             self.counters["disobeyed"] += 1
             return stop(f"the base is {excess:.1f} m/s faster than commanded")
         decision = decide(
-            GuardScene(self._model, self._tables, ground, distance),
+            GuardScene(self._model, ground, distance),
             motion,
             command,
             hold_time=timing.stands,

@@ -16,7 +16,7 @@ import numpy as np
 
 from slopewise.models.quantity import GRAVITY
 from slopewise.services.guard.guard_model import GuardModel, GuardScene
-from slopewise.services.guard.stop_courses import Pose2d, StopCourses, Turning, courses_ahead
+from slopewise.services.guard.stop_courses import Course, Pose2d, StopCourses, courses_ahead
 from slopewise.services.guard.stop_distances import stops_along
 
 _SPEEDS = 10
@@ -69,15 +69,6 @@ class GuardDecision(NamedTuple):
 
 
 STILL = BaseCommand(0.0, 0.0)  # command of a stopped base [m/s, rad/s]
-
-
-class _Course(NamedTuple):
-    """A command as the motion of the fastest wheel; speeds are of that wheel [m/s]."""
-
-    turning: Turning
-    requested: float  # speed that is commanded
-    moving: float  # speed of the vehicle
-    top: float  # higher of the two
 
 
 class _Verdict(NamedTuple):
@@ -161,7 +152,7 @@ def _courses(
     *,
     forward: bool,
     reverses: bool,
-) -> list[_Course]:
+) -> list[Course]:
     """Motions that a command may lead to: on its arc; of a slow base, turning before it drives."""
     requested = 0.0 if reverses else abs(command.speed)
     top = max(moving, requested)
@@ -177,14 +168,13 @@ def _courses(
 
 def _on_the_spot(
     model: GuardModel, command: BaseCommand, before: tuple[BaseCommand, ...]
-) -> _Course:
+) -> Course:
     radius = 0.5 * model.vehicle.track_width
     rates = [c.yaw_rate for c in before if abs(c.yaw_rate) >= _STANDSTILL]
     moving = radius * max(map(abs, rates), default=0.0)
     turns = [math.copysign(1.0 / radius, rate) for rate in (command.yaw_rate, *rates)]
-    turning = Turning(0.0, turns[0], min(turns), max(turns), forward=True)
     requested = radius * abs(command.yaw_rate)
-    return _Course(turning, requested, moving, max(requested, moving))
+    return Course(0.0, turns[0], min(turns), max(turns), True, requested, moving)
 
 
 def _on_an_arc(
@@ -195,7 +185,7 @@ def _on_an_arc(
     before: tuple[BaseCommand, ...],
     *,
     forward: bool,
-) -> _Course:
+) -> Course:
     """Course between straight on and the turns of this command and of those before it."""
     top = max(moving, requested)
     turn = command.yaw_rate / top
@@ -209,39 +199,37 @@ def _on_an_arc(
     ]
     factor = max(1.0, 0.5 * model.vehicle.track_width * max(map(abs, (turn, *other_turns))))
     ends = (0.0, turn, *other_turns)
-    turning = Turning(
-        1.0 / factor, turn / factor, min(ends) / factor, max(ends) / factor, forward=forward
-    )
-    return _Course(turning, factor * requested, factor * moving, factor * top)
+    turns = turn / factor, min(ends) / factor, max(ends) / factor
+    return Course(1.0 / factor, *turns, forward, factor * requested, factor * moving)
 
 
 def _checked(
-    scene: GuardScene, pose: Pose2d, course: _Course, held: float, late: float, load: float
+    scene: GuardScene, pose: Pose2d, course: Course, held: float, late: float, load: float
 ) -> _Verdict:
     """Try speeds up to the highest; the last one is that of the vehicle, on its way already."""
-    turning, model = course.turning, scene.model
-    clear = scene.clear / turning.share if turning.share else math.inf
-    length = _course_length(scene, course.top, held, clear)
-    speeds = np.append(course.top * np.arange(1, _SPEEDS) / _SPEEDS, (course.top, course.moving))
+    model, share, top = scene.model, course.share, max(course.requested, course.moving)
+    clear = scene.clear / share if share else math.inf
+    length = _course_length(model, top, held, clear)
+    speeds = np.append(top * np.arange(1, _SPEEDS) / _SPEEDS, (top, course.moving))
     times = np.append(np.full(_SPEEDS, held), late)
-    top = slice(_SPEEDS - 1, _SPEEDS)
+    at_top = slice(_SPEEDS - 1, _SPEEDS)
     ways = courses_ahead(
         scene,
         pose,
-        turning,
+        course,
         length,
-        lambda on: float(stops_along(scene, on, speeds[top], times[top], 0.0).distance[0]),
+        lambda on: float(stops_along(model, on, speeds[at_top], times[at_top], 0.0).distance[0]),
     )
-    stops = stops_along(scene, ways, speeds, times, load * model.min_load)
+    stops = stops_along(model, ways, speeds, times, load * model.promised.limits.min_load)
     free = max(ways.end.sample - 1, 0) * ways.step if ways.end.reason else math.inf
     inside = np.isfinite(stops.distance) & (stops.distance <= min(free, clear))
-    cornering = abs(turning.commanded) * turning.share * speeds**2 <= model.lateral
+    cornering = abs(course.commanded) * share * speeds**2 <= model.lateral
     fine = (inside & stops.loaded & cornering)[:-1]
     failed = _SPEEDS if fine.all() else int(np.argmin(fine))
     cap = _CREEP if ways.end.touches else math.inf
-    if turning.share:
-        fastest = scene.tables[0].fastest[ways.possible].min()
-        cap = min(cap, float(min(model.speed, fastest)) / turning.share)
+    if share:
+        fastest = model.tables[0].fastest[ways.possible].min()
+        cap = min(cap, float(min(model.speed, fastest)) / share)
     allowed = min(float(speeds[failed - 1]) if failed else 0.0, cap)
     brakes = course.moving >= _STANDSTILL and not inside[-1]
     k = _SPEEDS if brakes else failed
@@ -265,16 +253,16 @@ def _reason(
         return f"the clear distance ends {ways.share * clear:.2f} m ahead", None
     if ways.share > 0.0:
         return f"{ways.end.reason} {ways.share * free:.2f} m ahead", ways.end.where
-    angle = math.degrees(free * abs(float(ways.turn[0])))
+    angle = math.degrees(free * abs(float(ways.turn[0, 0, 0])))
     return f"{ways.end.reason} {angle:.0f}° ahead in the turn", ways.end.where
 
 
-def _course_length(scene: GuardScene, speed: float, held: float, clear: float) -> float:
+def _course_length(model: GuardModel, speed: float, held: float, clear: float) -> float:
     """Distance within which a stop from a speed ends, where it ends at all [m]."""
-    surfaces = scene.model.surfaces.values()
-    weakest = min(s.level * (s.b_b + min(s.m_b, 0.0) * speed) for s in surfaces)
+    table = model.tables[0]
+    weakest = float(np.min(table.level * (table.b_b + np.minimum(table.m_b, 0.0) * speed)))
     decel = GRAVITY * max(_SLOW_SHARE * weakest, _MIN_SLOW)
-    dead, offset = max(s.dead_time for s in surfaces), max(s.offset for s in surfaces)
+    dead, offset = float(table.dead_time.max()), float(table.offset.max())
     reach = speed * (held + dead) + speed * speed / (2.0 * decel) + offset + _PAST_STOP
     return float(min(reach, clear + _PAST_CLEAR, _MAX_LENGTH))
 

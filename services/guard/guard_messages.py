@@ -7,6 +7,8 @@ cannot be seen.
 
 from __future__ import annotations
 
+from typing import Any, TypeAlias
+
 from msgspec import field
 
 from slopewise.services.wire.plan_messages import Message, Name, NotNegative, Number
@@ -70,3 +72,7 @@ class GuardStatus(Message, frozen=True):
     last: str  # last reason to limit or stop
     # use of the stamps of each input that came, `shared clock`, `growth only` or `none`
     stamps: dict[str, str] = field(default_factory=dict)
+
+
+GuardInput: TypeAlias = tuple[Any, str, int | None, float | None]
+"""Value as the feed of its kind takes it, sender, sequence, stamp on the sender's clock [s]."""

@@ -15,7 +15,7 @@ from slopewise.services.guard.decide import (
     VehicleMotion,
     decide,
 )
-from slopewise.services.guard.guard_model import GuardModel, GuardScene, brake_table, guard_model
+from slopewise.services.guard.guard_model import GuardModel, GuardScene, guard_model
 from slopewise.services.guard.settings import GuardJudgement, GuardTiming  # words: ok, key
 from slopewise.services.guard.stop_courses import Pose2d
 
@@ -62,7 +62,7 @@ def guard_decision(
     worst = _models.get(lambda: guard_model(model), model)
     fastest = max((speed, *(c[0] for c in before)), key=abs)
     return decide(
-        GuardScene(worst, (brake_table(worst),), elevation_map, clear),
+        GuardScene(worst, elevation_map, clear),
         VehicleMotion(Pose2d(*pose), speed),
         BaseCommand(*command),
         hold_time=GuardTiming().stands,

@@ -12,14 +12,13 @@ from typing import Any
 import zenoh
 
 from slopewise.models.errors import InputError, ParameterError
-from slopewise.services.guard.core import Guard
 from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleMotion
-from slopewise.services.guard.input_feed import InputFeed
+from slopewise.services.guard.guard_messages import GuardInput
 from slopewise.services.guard.settings import GuardRos
 from slopewise.services.guard.stop_courses import Pose2d
-from slopewise.services.io.bags import typestore
+from slopewise.services.io.bags import read_cdr, typestore
 from slopewise.services.ros.conversions import BOOL, ODOMETRY, flag, header, motion_of, stamp_of
-from slopewise.services.ros.inbox import Inbox, Received, decoded
+from slopewise.services.ros.inbox import Received
 from slopewise.services.ros.naming import read_attachment
 from slopewise.services.ros.node import Node
 
@@ -60,34 +59,21 @@ class RosTransport(RosOutput):
     def __init__(self, session: zenoh.Session, settings: GuardRos) -> None:
         """Subscribe."""
         super().__init__(session, settings, settings.node)
-        self._frame = settings.frame.lstrip("/")
-        self._odometry = self.node.subscribe(settings.odometry, ODOMETRY)
-        self._command = self.node.subscribe(settings.command, self._kind)
-        self.inbox: Inbox = self.node.inbox
-        self.topics: tuple[str, ...] = (self._odometry, self._command)
+        self._frame, self.inbox = settings.frame.lstrip("/"), self.node.inbox
+        odometry = self.node.subscribe(settings.odometry, ODOMETRY)
+        command = self.node.subscribe(settings.command, self._kind)
+        self._inputs: dict[str, tuple[str, Callable[[Any, int], Any]]] = {
+            odometry: (ODOMETRY, self._motion_of),
+            command: (self._kind, _command_of),
+        }
+        self.topics: dict[str, str] = {odometry: "motion", command: "command"}
 
-    def take(self, guard: Guard, received: dict[str, list[Received]]) -> bool:
-        """Hand messages over to the guard; return True if a new command is among them."""
-        commanded = False
-        inputs: tuple[tuple[str, str, InputFeed[Any], Callable[[Any, int], Any]], ...] = (
-            (self._odometry, ODOMETRY, guard.motions, self._motion_of),
-            (self._command, self._kind, guard.commands, _command_of),
-        )
-        for topic, kind, feed, value_of in inputs:
-            for item in received.get(topic, ()):
-                message = decoded(self.inbox, topic, item, kind)
-                sender, sequence = _sender_of(item)
-                try:
-                    value = message and value_of(message, sequence or 0)
-                except ParameterError as error:
-                    self.inbox.refuse(topic, str(error))
-                    value = None
-                if value is None:
-                    feed.drop()
-                    continue
-                is_new = feed.take(value, item.at, sender, sequence, _stamp_of(message))
-                commanded |= is_new and topic == self._command
-        return commanded
+    def read(self, topic: str, item: Received) -> GuardInput:
+        """Decode a message."""
+        kind, value_of = self._inputs[topic]
+        message = read_cdr(item.raw, kind, topic, "")
+        sender, sequence = _sender_of(item)
+        return value_of(message, sequence or 0), sender, sequence, _stamp_of(message)
 
     def _motion_of(self, message: Any, _: int) -> VehicleMotion:
         frame = message.header.frame_id.lstrip("/")

@@ -7,13 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slopewise.models.force_design import corner_design
-from slopewise.services.guard.guard_model import (
-    SPREAD,
-    GuardModel,
-    SurfaceTable,
-    Tables,
-    brake_table,
-)
+from slopewise.services.guard.guard_model import SPREAD, BrakeTable, GuardModel
 from slopewise.services.wire.parameter_messages import FORCE_STD, STOP_FACTOR, ParameterGroup
 
 _FORCE = ("m_m", "b_m", "m_b", "b_b")
@@ -39,28 +33,25 @@ class ServiceParameters:
         if np.isfinite(numbers).all() and has_slot:
             self.groups[group.group] = group
 
-    def tables(self) -> Tables:
-        """Surfaces by the model file, and as learned."""
-        file, learned = brake_table(self.model), brake_table(self.model)
-        changed = False
-        for k, name in enumerate(self.model.surfaces):
-            group = self.groups.get(f"{_BRAKING}.{name}" if name else _BRAKING)
-            if group is not None and all(key in group.values for key in _FORCE):
-                _learn(learned, k, group)
-                changed = True
-        if not changed:
-            return (file,)
-        learned.dead_time[-1] = learned.dead_time.max()
-        return (learned,) if self.trusted else (file, learned)
-
-    def limited(self) -> GuardModel:
-        """Model with the limits that an operator lowered."""
-        group = self.groups.get(_LIMITS)
-        if group is None:
-            return self.model
-        speed = min(self.model.speed, group.values.get("speed", self.model.speed))
-        lateral = min(self.model.lateral, group.values.get("lateral_accel", self.model.lateral))
-        return self.model._replace(speed=max(speed, 0.0), lateral=max(lateral, 0.0))
+    def in_use(self) -> GuardModel:
+        """The model with learned brakes, and with the limits that an operator lowered."""
+        model, (file,), limits = self.model, self.model.tables, self.groups.get(_LIMITS)
+        learned = BrakeTable(*np.array(file))
+        groups = [self.groups.get(f"{_BRAKING}.{n}" if n else _BRAKING) for n in model.surfaces]
+        changed = {
+            k: of
+            for k, of in enumerate(groups)
+            if of is not None and all(key in of.values for key in _FORCE)
+        }
+        for k, group in changed.items():
+            _learn(learned, k, group)
+        if changed:
+            model = model._replace(tables=(learned,) if self.trusted else (file, learned))
+        if limits is None:
+            return model
+        speed = min(model.speed, limits.values.get("speed", model.speed))
+        lateral = min(model.lateral, limits.values.get("lateral_accel", model.lateral))
+        return model._replace(speed=max(speed, 0.0), lateral=max(lateral, 0.0))
 
     def warnings(self) -> list[str]:
         """Parameters that the guard cannot use."""
@@ -70,7 +61,7 @@ class ServiceParameters:
         return []
 
 
-def _learn(table: SurfaceTable, k: int, group: ParameterGroup) -> None:
+def _learn(table: BrakeTable, k: int, group: ParameterGroup) -> None:
     """Write the learned brakes of a surface into its row."""
     # Uphill the coefficients of the file hold where they differ from those downhill.
     as_downhill = (table.up_m[k], table.up_b[k]) == (table.m_m[k], table.b_m[k])
@@ -92,7 +83,7 @@ def _learn(table: SurfaceTable, k: int, group: ParameterGroup) -> None:
     table.dead_time[k] = max(late, table.dead_time[k])
 
 
-def _weaker_by(table: SurfaceTable, k: int, group: ParameterGroup) -> float:
+def _weaker_by(table: BrakeTable, k: int, group: ParameterGroup) -> float:
     """Largest F_b/W [1] by which the learned mean is above a row of a table."""
     corners = corner_design(
         (table.slowest[k], table.fastest[k]), (table.grade_min[k], table.grade_max[k])

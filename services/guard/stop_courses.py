@@ -15,22 +15,21 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
-from slopewise.models.elevation_map import ElevationMap
-from slopewise.models.surface_names import resolve_class
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.guard_map import classes_at, wheel_heights
-from slopewise.services.guard.guard_model import GuardModel, GuardScene, SurfaceTable
+from slopewise.services.guard.guard_model import BrakeTable, GuardScene
 from slopewise.services.guard.obstacle_layers import SPACING
 from slopewise.services.guard.swept_contact import BodyPoses, Contact, first_contact
 from slopewise.services.physics.body import plane_of, wheel_places
+from slopewise.services.physics.surfaces import possible_surfaces
 
 _HEADINGS = 0.2
 """Angle between neighbouring courses where they end [rad]: their bodies overlap by far, and at the
 corner of a body 1.2 m wide the nearest is 6 cm from each course between them."""
 
 _MANY = 600
-"""Samples from which the first quarter of all courses is tried first, and then only as much as the
-stop needs [1]: obstacles are often near, and fewer samples take no less time."""
+"""Samples from which the outermost courses and the command's are tried first, and all of them only
+as far as those go [1]: obstacles are often near, and fewer samples take no less time."""
 
 _MARGIN = 1.1
 """Length of courses over the longest stop on the outermost ones and on the command's [1]: between
@@ -51,34 +50,40 @@ class Pose2d(NamedTuple):
     heading: float
 
 
-class Turning(NamedTuple):
-    """Turn of a command, and the turns that a stop may take [rad] per metre of the fastest wheel.
+class Course(NamedTuple):
+    """A command as the motion of the fastest wheel, and the turns that a stop may take.
 
-    Left positive, whatever the direction of motion.
+    Turns are in rad per metre of that wheel, left positive, whatever the direction of motion;
+    speeds are of that wheel [m/s].
     """  # words: ok
 
     share: float  # distance of the middle of the wheelbase per metre of that wheel [1]
-    commanded: float
+    commanded: float  # turn of the command; low, high: the least and the largest of a stop
     low: float
     high: float
     forward: bool
+    requested: float = 0.0  # speed that is commanded
+    moving: float = 0.0  # speed of the vehicle
 
 
 class StopCourses(NamedTuple):
-    """N courses of S samples; arrays are (N, S) where no other shape is given."""
+    """The outermost courses, one between them and the command's: N of S samples, (N, 1, S) each.
+
+    The slopes of all others lie between. Speeds of stops are along the axis in the middle.
+    """
 
     step: float  # distance of samples, of the fastest wheel [m]
-    share: float  # see :class:`Turning`
-    turn: Floats  # (N,) left positive [rad/m]
+    share: float  # see :class:`Course`
+    turn: Floats  # (N, 1, 1) left positive [rad/m]
     grade: Floats  # grade, roll: uphill positive along the motion, left side up positive [rad]
     roll: Floats
     vertical_curvature: Floats  # for v² of the fastest wheel, negative over a crest [1/m]
     x: Floats  # x, y, yaw: middle of the wheelbase [m], direction of motion [rad]
     y: Floats
     yaw: Floats
-    # (4, N, S) surface under each wheel as index into the model, -1 for any; (1, N, S) of one class
-    under: Ints
-    possible: list[int]  # indices of all surfaces that may be under a wheel, with their states
+    under: Ints  # (4, N, 1, S) class of the map under each wheel; (1, N, 1, S) of one class
+    may_be: Bools  # (classes, surfaces) see :func:`possible_surfaces`
+    possible: Ints  # indices of all surfaces that may be under a wheel on any course
     end: Contact  # what is first in the way of all courses
 
 
@@ -87,7 +92,7 @@ class _Fan(NamedTuple):
 
     scene: GuardScene
     pose: Pose2d
-    turning: Turning
+    course: Course
     axis: float  # see :class:`slopewise.services.guard.swept_contact.BodyPoses` [m]
     step: float  # distance of samples, of the fastest wheel [m]
 
@@ -95,177 +100,160 @@ class _Fan(NamedTuple):
 def courses_ahead(
     scene: GuardScene,
     pose: Pose2d,
-    turning: Turning,
+    course: Course,
     length: float,
-    stop_on: Callable[[StopCourses], float] | None = None,
+    stop_on: Callable[[StopCourses], float] = lambda _: math.inf,
 ) -> StopCourses:
     """Sample the ground along all courses for ``length`` of the fastest wheel [m].
 
-    ``stop_on``: longest stop on some courses [m], inf where it does not end; what lies farther
-    ahead is not sampled.
+    ``stop_on``: longest stop on some courses [m], inf where it does not end. What lies farther
+    ahead, or behind what ends the outermost courses or the command's, is not sampled.
     """
-    model, turn = scene.model, _turns(turning, length)
-    axis = -model.turn_axis if turning.forward else model.turn_axis
-    corner = math.hypot(
-        max(model.shape.front, model.shape.rear) + abs(axis), 0.5 * model.shape.width
-    )
-    step = SPACING / (turning.share + corner * float(np.abs(turn).max()))
+    model, turn = scene.model, _turns(course, length * (course.high - course.low))
+    shape, heading = model.shape, model.errors.heading
+    axis = -model.turn_axis if course.forward else model.turn_axis
+    corner = math.hypot(max(shape.front, shape.rear) + abs(axis), 0.5 * shape.width)
+    step = SPACING / (course.share + corner * float(np.abs(turn).max()))
     station = step * np.arange(math.ceil(length / step) + 1, dtype=np.float64)
-    on = _Fan(scene, pose, turning, axis, step)
-    is_long = len(turn) * len(station) > _MANY
-    heading, errors = scene.model.errors.heading, np.zeros((len(turn), 1))
-    if heading > 0.0 and turning.share > 0.0:
+    on, errors = _Fan(scene, pose, course, axis, step), np.zeros((len(turn), 1))
+    if heading > 0.0 and course.share > 0.0:
         # A heading error leads aside, the farther the longer the stop is.
-        turn = np.concatenate(((turning.low, turning.high), turn))
+        turn = np.concatenate(((course.low, course.high), turn))
         errors = np.concatenate(([[-heading], [heading]], errors))
-    if is_long:
-        courses = _along(on, turn, station[: len(station) // 4], errors)
-        if courses.end.reason:
-            return courses
-    if is_long and stop_on is not None:
-        ends = np.array(sorted({turning.low, turning.commanded, turning.high}))
-        length = min(length, _MARGIN * stop_on(_along(on, ends, station, is_probe=True)))
-        station = station[: math.ceil(length / step) + 1]
+    if len(turn) * len(station) > _MANY:
+        ends = _turns(course, 0.0)
+        few = _along(on, ends, station, np.zeros((len(ends), 1)))
+        length = min(length, _MARGIN * stop_on(few))
+        station = station[: min(math.ceil(length / step), few.end.sample) + 1]
     return _along(on, turn, station, errors)
 
 
-def _along(
-    on: _Fan,
-    turn: Floats,
-    station: Floats,
-    heading_error: Floats | float = 0.0,
-    *,
-    is_probe: bool = False,
-) -> StopCourses:
+def _along(on: _Fan, turn: Floats, station: Floats, heading_error: Floats) -> StopCourses:
     """Ground on courses of some turns (N,) at stations (S,), up to the first contact.
 
     ``heading_error``: of the start of each course (N, 1), 0 for the last one [rad].
-    A probe has the slopes only, as if there were no contact.
     """
-    model, tables, ground, _ = on.scene
-    vehicle, share = model.vehicle, on.turning.share
+    (model, ground, _), vehicle, share = on.scene, on.scene.model.vehicle, on.course.share
     x, y, yaw = _poses(on, turn[:, None], station, heading_error)
     cos, sin = np.cos(yaw), np.sin(yaw)
     wheels, felt = wheel_places(vehicle, (x, y, cos, sin)), wheel_heights(ground, vehicle)
-    under = map_surfaces(model, ground)[classes_at(ground, *wheels)]
-    z, end = felt.at(*wheels), Contact(len(station), "", None)
-    rise, cross_rise, grade, roll = _slopes(z, vehicle)
-    if not is_probe:
-        steep = _too_steep(tables[0], grade, roll, under)
-        if steep.any():  # it may be the edge of a crack that tyres bridge
-            z = felt.contact(*wheels, yaw)
-            rise, cross_rise, grade, roll = _slopes(z, vehicle)
-            steep = _too_steep(tables[0], grade, roll, under)
-        height = _extended(z.mean(axis=0), share * on.step * rise)
-        poses = BodyPoses(x, y, cos, sin, height, rise, cross_rise, turn[:, None], share, on.axis)
-        end = _end(on, poses, steep)
-    ahead = slice(end.sample + 1)  # what lies behind the end does not matter to stops before it
-    grade = grade[:, ahead]
+    under = classes_at(ground, *wheels)
+    may_be = possible_surfaces(model.promised.braking.terrain, ground.class_names)
+    limits = _slope_limits(model.tables[0], may_be)
+    z = felt.at(*wheels)
+    height, rise, cross_rise = _extended(z, vehicle, share * on.step)
+    steep = _too_steep(limits, rise, cross_rise, under)
+    if steep.any():  # it may be the edge of a crack that tyres bridge
+        x_steep, y_steep = (of[:, steep] for of in wheels)
+        z[:, steep] = felt.contact(x_steep, y_steep, yaw[steep])
+        height, rise, cross_rise = _extended(z, vehicle, share * on.step)
+        steep = _too_steep(limits, rise, cross_rise, under)
+    poses = BodyPoses(x, y, cos, sin, height, rise, cross_rise, turn[:, None], share, on.axis)
+    end = _end(on, poses, steep)
+    # What lies behind the end does not matter to stops before it.
+    last = len(turn) - 1
+    chosen = sorted({int(np.argmin(turn)), last // 2, int(np.argmax(turn)), last})
+    some = (..., chosen, None, slice(end.sample + 1))
+    grade, roll = np.arctan(rise[some]), np.arctan(cross_rise[some])
+    # Classes are few: counting them takes less than sorting.
+    counts = np.bincount(under[..., : end.sample + 1].ravel(), minlength=len(may_be))
     return StopCourses(
         step=on.step,
         share=share,
-        turn=turn,
+        turn=turn[chosen, None, None],
         grade=grade,
-        roll=roll[:, ahead],
+        roll=roll,
         vertical_curvature=_vertical_curvature(grade, share, on.step, vehicle.wheelbase),
-        x=x[:, ahead],
-        y=y[:, ahead],
-        yaw=yaw[:, ahead],
-        under=under[..., ahead],
-        possible=_possible(model, under[..., ahead]),
+        x=x[some],
+        y=y[some],
+        yaw=yaw[some],
+        under=under[some],
+        may_be=may_be,
+        possible=np.flatnonzero(may_be[counts > 0].any(axis=0)),
         end=end,
     )
 
 
-def _slopes(z: Floats, vehicle: Vehicle) -> tuple[Floats, Floats, Floats, Floats]:
-    """Rise ahead and to the left [1], grade and roll [rad], (N, S), of heights under wheels [m]."""
-    rise, cross_rise = (_extended(slope) for slope in plane_of(z, vehicle))
-    return rise, cross_rise, np.arctan(rise), np.arctan(cross_rise)
-
-
 def _end(on: _Fan, poses: BodyPoses, steep: Bools) -> Contact:
-    """First contact, or the first of the samples (S,) that are too steep."""
+    """First contact, or the first sample that is too steep (N, S) on any course."""
     model = on.scene.model
     front, rear = model.shape.front, model.shape.rear
-    reach = (front, rear) if on.turning.forward else (rear, front)
-    end = first_contact(model.vehicle, on.scene.ground, poses, reach, model.errors)
-    k = int(np.argmax(steep))
-    if not steep[k] or k >= end.sample:
+    reach = (front, rear) if on.course.forward else (rear, front)
+    end = first_contact(model, on.scene.ground, poses, reach)
+    k = int(np.argmax(steep.any(axis=0)))
+    if not steep[:, k].any() or k >= end.sample:
         return end
     where = float(poses.x[-1, k]), float(poses.y[-1, k])
     return end._replace(sample=k, reason=STEEP, where=where)
 
 
-def map_surfaces(model: GuardModel, ground: ElevationMap) -> Ints:
-    """Index in the model of each surface that the map names; -1 where the model lacks it."""
-    names = list(model.surfaces)
-    surfaces = [resolve_class(model.named, name) for name in ground.class_names]
-    return np.array([-1 if surface is None else names.index(surface) for surface in surfaces])
-
-
-def _turns(turning: Turning, length: float) -> Floats:
-    """Turns of the courses (N,), that of the command among them."""
-    ends = turning.low, turning.high, turning.commanded
-    if turning.share == 0.0:
+def _turns(course: Course, span: float) -> Floats:
+    """Turns of courses (N,) that end within a span [rad], that of the command among them."""
+    ends = course.low, course.high, course.commanded
+    if course.share == 0.0 or course.low == course.high:
         return np.array(sorted(set(ends)))  # slower turns on the spot end within faster ones
-    span = (turning.high - turning.low) * length
-    count = min(math.ceil(span / _HEADINGS), _MAX_COURSES)
-    between = np.linspace(turning.low, turning.high, count + 1)
-    return between if turning.commanded in ends[:2] else np.append(between, turning.commanded)
+    count = min(max(math.ceil(span / _HEADINGS), 1), _MAX_COURSES)
+    between = np.linspace(course.low, course.high, count + 1)
+    return between if course.commanded in ends[:2] else np.append(between, course.commanded)
 
 
 def _poses(
-    on: _Fan, turn: Floats, station: Floats, heading_error: Floats | float
+    on: _Fan, turn: Floats, station: Floats, heading_error: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """x, y [m], direction of motion [rad], (N, S) each; the point at the axis moves straight on."""
-    start = on.pose.heading + heading_error + (0.0 if on.turning.forward else math.pi)
+    start = on.pose.heading + heading_error + (0.0 if on.course.forward else math.pi)
     yaw = start + turn * station
     # A chord of the circle lies in the mean direction, shorter than the arc by the factor sinc.
-    chord = on.turning.share * station * np.sinc(0.5 * turn * station / np.pi)
+    chord = on.course.share * station * np.sinc(0.5 * turn * station / np.pi)
     mean = start + 0.5 * turn * station
     x = on.pose.x + chord * np.cos(mean) + (np.cos(start) - np.cos(yaw)) * on.axis
     y = on.pose.y + chord * np.sin(mean) + (np.sin(start) - np.sin(yaw)) * on.axis
     return x, y, yaw
 
 
-def _extended(values: Floats, slope: Floats | None = None) -> Floats:
-    """Values with unknown ones replaced by the first known one of each course, along a slope."""
-    known = np.isfinite(values)
+def _extended(z: Floats, vehicle: Vehicle, step: float) -> tuple[Floats, Floats, Floats]:
+    """Mean height [m] and slopes ahead and to the left [1], (N, S), of wheels at heights (4, N, S).
+
+    Where these are unknown the first known plane of the course is continued, 0 without one.
+    """
+    height, (rise, cross_rise) = z.mean(axis=0), plane_of(z, vehicle)
+    known = np.isfinite(rise)
     if known.all():
-        return values
-    first = np.argmax(known, axis=1)[:, None]
-    value = np.nan_to_num(np.take_along_axis(values, first, axis=1))
-    if slope is not None:
-        value = value + slope * (np.arange(values.shape[1]) - first)
-    return np.where(known, values, value)
+        return height, rise, cross_rise
+    n, first = np.arange(len(known)), np.argmax(known, axis=1)
+    start = np.nan_to_num(np.array((height, rise, cross_rise))[:, n, first])[..., None]
+    rise, cross_rise = np.where(known, rise, start[1]), np.where(known, cross_rise, start[2])
+    further = np.arange(known.shape[1]) - first[:, None]
+    return np.where(known, height, start[0] + step * rise * further), rise, cross_rise
 
 
 def _vertical_curvature(grade: Floats, share: float, step: float, wheelbase: float) -> Floats:
-    """Vertical curvature over a wheelbase for v² of the fastest wheel, (N, S) [1/m].
+    """Vertical curvature over a wheelbase for v² of the fastest wheel, (N, 1, S) [1/m].
 
     The middle is slower by the share s of a course, and the grade changes over distances shorter by
     it: s² κ_v = s dθ/ds. On the spot nothing curves.
     """
     change, reach = np.zeros_like(grade), max(round(0.5 * wheelbase / step), 1)
-    if grade.shape[1] > 2 * reach:
-        rise = grade[:, 2 * reach :] - grade[:, : -2 * reach]
-        change[:, reach:-reach] = share / (2.0 * reach * step) * rise
+    if grade.shape[-1] > 2 * reach:
+        rise = grade[..., 2 * reach :] - grade[..., : -2 * reach]
+        change[..., reach:-reach] = share / (2.0 * reach * step) * rise
     return change
 
 
-def _possible(model: GuardModel, under: Ints) -> list[int]:
-    # Indices are few: counting them takes less than sorting.
-    seen = set(np.flatnonzero(np.bincount(under.ravel() + 1)) - 1)
-    if -1 in seen:
-        return list(range(len(model.surfaces)))
-    return [k for k, of in enumerate(model.governing) if k in seen or of in seen]
+def _slope_limits(table: BrakeTable, may_be: Bools) -> tuple[Floats, Floats]:
+    """(2, C) min and max of rise and cross rise that each class was trained on."""
+    low = np.array((table.grade_min, table.roll_min))[:, None]
+    high = np.array((table.grade_max, table.roll_max))[:, None]
+    lows, highs = np.where(may_be, low, -np.inf), np.where(may_be, high, np.inf)
+    return np.tan(lows.max(axis=2)), np.tan(highs.min(axis=2))
 
 
-def _too_steep(table: SurfaceTable, grade: Floats, roll: Floats, under: Ints) -> Bools:
-    """Samples (S,) at which a course is steeper than a surface under a wheel was trained on."""
-    steep: Bools = grade < table.grade_min[under].max(axis=0)
-    steep |= roll < table.roll_min[under].max(axis=0)
-    steep |= grade > table.grade_max[under].min(axis=0)
-    steep |= roll > table.roll_max[under].min(axis=0)
-    at_any: Bools = np.any(steep, axis=0)
-    return at_any
+def _too_steep(
+    limits: tuple[Floats, Floats], rise: Floats, cross_rise: Floats, under: Ints
+) -> Bools:
+    """Samples (N, S) that are steeper than a surface under a wheel was trained on."""
+    steep: Bools = np.zeros(rise.shape, np.bool_)
+    for slope, lowest, highest in zip((rise, cross_rise), *limits, strict=True):
+        steep |= slope < lowest[under].max(axis=0)
+        steep |= slope > highest[under].min(axis=0)
+    return steep

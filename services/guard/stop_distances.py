@@ -18,7 +18,7 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.effects import registry
 from slopewise.models.effects.effect_law import Place
 from slopewise.models.quantity import GRAVITY
-from slopewise.services.guard.guard_model import GuardModel, GuardScene, Tables
+from slopewise.services.guard.guard_model import GuardModel
 from slopewise.services.guard.stop_courses import StopCourses
 from slopewise.services.physics.force import NO_FRICTION_LIMIT, force_line
 from slopewise.services.physics.loads import attitude_of, braking_cap, shares_of
@@ -36,15 +36,13 @@ class StopOutcomes(NamedTuple):
 
 
 def stops_along(
-    scene: GuardScene, courses: StopCourses, speeds: Floats, held: Floats, min_load: float
+    model: GuardModel, courses: StopCourses, speeds: Floats, held: Floats, min_load: float
 ) -> StopOutcomes:
     """Stop from K speeds [m/s], (K,), each ``held`` for a time before the dead time [s].
 
-    Speeds and distances are those of the fastest wheel. Stops are integrated on the outermost
-    courses, one between them and the last one: the slopes of the others lie between.
+    Speeds and distances are those of the fastest wheel.
     """
-    model, tables, courses = scene.model, scene.tables, _by_speed(courses)
-    step, possible = courses.step, courses.possible
+    tables, step, possible = model.tables, courses.step, courses.possible
     sine, upright = np.sin(courses.grade), np.cos(courses.grade) * np.cos(courses.roll)
     crest = np.minimum(courses.vertical_curvature, 0.0)
     dead = max(table.dead_time[possible].max() for table in tables)
@@ -52,15 +50,15 @@ def stops_along(
     # Share of each sample interval before the brakes take hold.
     covered = v * (held[:, None] + dead) - step * np.arange(sine.shape[-1])
     holds = np.minimum(np.maximum(covered / step, 0.0), 1.0)
-    gain = GRAVITY * np.maximum(-sine - model.resistance, 0.0) * step
+    gain = GRAVITY * np.maximum(-sine - model.promised.terrain.motion_resistance, 0.0) * step
     onset_sq = v * v + 2.0 * np.sum(holds * gain, axis=-1, keepdims=True)
     onset = np.sqrt(onset_sq)
-    weakest, strongest = _force(model, tables, courses, onset)
+    weakest, strongest = _force(model, courses, onset)
     if model.motion.fade > 0.0:
         # Heat of this stop and of one more before it.
         weakest = weakest / (1.0 + model.motion.fade * onset_sq)
     unloaded = -crest * onset_sq / (GRAVITY * upright)
-    share = registry.crest_share(model.effects) or 0.0
+    share = registry.crest_share(model.promised.effect) or 0.0
     weakest = weakest * np.maximum(1.0 - unloaded * max(1.0, share), 0.0)
     decel = GRAVITY * (weakest + sine) - _push(model, courses, onset)
     decel[..., :-1] = np.minimum(decel[..., :-1], decel[..., 1:])
@@ -70,45 +68,35 @@ def stops_along(
     before = np.maximum(energy, 0.0) + 2.0 * np.maximum(decel, 0.0) * step
     speed_sq = np.minimum(before, onset_sq)
     loaded = _loads(model, courses, speed_sq, strongest) >= min_load
-    corner = math.hypot(max(model.shape.front, model.shape.rear), 0.5 * model.shape.width)
+    shape = model.shape
+    corner = math.hypot(max(shape.front, shape.rear), 0.5 * shape.width)
     # Where the vehicle turns on the spot it is kept by the corners, which are the fastest.
     offset = tables[0].offset[possible].max()
     offset *= max(courses.share, 0.5 * model.vehicle.track_width / corner)
     return StopOutcomes(distance.max(axis=0) + offset, np.all(loaded | ~moving, axis=(0, 2)))
 
 
-def _by_speed(courses: StopCourses) -> StopCourses:
-    """The outermost courses, one between them and the last one, by speeds, (N, 1, S)."""
-    turn, last = courses.turn, len(courses.turn) - 1
-    chosen = sorted({int(np.argmin(turn)), last // 2, int(np.argmax(turn)), last})
-    names = ("grade", "roll", "vertical_curvature", "x", "y", "yaw")
-    shaped = {name: getattr(courses, name)[chosen, None, :] for name in names}
-    under = courses.under[:, chosen, None, :]
-    return courses._replace(turn=courses.turn[chosen, None, None], under=under, **shaped)
-
-
-def _force(
-    model: GuardModel, tables: Tables, courses: StopCourses, onset: Floats
-) -> tuple[Floats, Floats]:
+def _force(model: GuardModel, courses: StopCourses, onset: Floats) -> tuple[Floats, Floats]:
     """Weakest and strongest F_b/W of the surfaces under the wheels, (N, K, S)."""
     grade, roll, under = courses.grade, courses.roll, courses.under
+    scale = registry.force_scale(model.promised.effect)
     place = Place(grade, roll, courses.x, courses.y, courses.yaw, 0.0)
-    extra = registry.ground_term(model.effects, place)
+    extra = registry.ground_term(model.promised.effect, place)
     pose = attitude_of(grade, roll, np.zeros_like(grade), courses.share * courses.turn)
     weakest = np.full((*onset.shape[:2], grade.shape[-1]), np.inf)
     strongest = -weakest
-    for k, t in itertools.product(courses.possible, tables):
+    for k, t in itertools.product(courses.possible, model.tables):
         speed = np.maximum(onset, t.slowest[k])
         downhill, uphill = (t.m_m[k], t.b_m[k]), (t.up_m[k], t.up_b[k])
         slope, intercept = force_line(downhill, uphill, (t.m_b[k], t.b_b[k]), grade)
         force = slope * speed + intercept
-        force = model.scale * t.level[k] * force + (1.0 - t.level[k]) * t.rolling[k] + extra
+        force = scale * t.level[k] * force + (1.0 - t.level[k]) * t.rolling[k] + extra
         force = np.minimum(force, t.friction[k] * pose.normal_ratio)
         weak = force
         if t.friction[k] < NO_FRICTION_LIMIT:
             # Turn and bank take most of it, and axles lock first, at the highest speed.
             weak = np.minimum(force, braking_cap(model.vehicle, pose, t.friction[k], onset * onset))
-        present = ((under == k) | (under == -1) | (under == model.governing[k])).any(axis=0)
+        present = courses.may_be[:, k][under].any(axis=0)
         np.minimum(weakest, weak, out=weakest, where=present)
         np.maximum(strongest, force * t.stronger[k] + t.extra[k], out=strongest, where=present)
     return weakest, strongest

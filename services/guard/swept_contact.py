@@ -17,6 +17,7 @@ from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.input_errors import InputErrors, lateral_band
 from slopewise.models.vehicle import Vehicle
+from slopewise.services.guard.guard_model import GuardModel
 from slopewise.services.guard.obstacle_layers import (
     HALF_DIAGONAL,
     SPACING,
@@ -83,25 +84,22 @@ class _Points(NamedTuple):
 
 
 def first_contact(
-    vehicle: Vehicle,
-    ground: ElevationMap,
-    poses: BodyPoses,
-    reach: tuple[float, float],
-    errors: InputErrors,
+    model: GuardModel, ground: ElevationMap, poses: BodyPoses, reach: tuple[float, float]
 ) -> Contact:
     """First contact of a body that reaches so far ahead and behind of mid-wheelbase [m].
 
     Errors of the pose widen and lengthen it.
     """
+    vehicle, errors, clearance = model.vehicle, model.errors, model.shape.clearance
     layers, bare = obstacle_layers(ground, vehicle), _points(vehicle, reach, 0.0, 0.0, 0.0)
     points = bare
     if errors.has_band or errors.along_track > 0.0:
         points = _points(vehicle, reach, *_bands(vehicle, poses, errors))
-    first = _contact(layers, poses, points, vehicle.shape.clearance, exact=False)
+    first = _contact(layers, poses, points, clearance, exact=False)
     if not first.touches:
         return first
     # What is closer than the next cell is judged by the cells alone, or nothing could leave it.
-    contact = _contact(layers, poses, bare, vehicle.shape.clearance, exact=True)
+    contact = _contact(layers, poses, bare, clearance, exact=True)
     return contact._replace(touches=True)
 
 

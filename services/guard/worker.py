@@ -15,11 +15,13 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import zenoh
 
+from slopewise.models.errors import InputError, ParameterError
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.decide import GuardDecision, stop
 from slopewise.services.guard.guard_map import read_guard_map
@@ -30,10 +32,11 @@ from slopewise.services.guard.guard_session import (
     open_session,
     request_realtime_priority,
 )
+from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.map_updates import MapUpdates
 from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
 from slopewise.services.guard.zenoh_transport import ZenohTransport
-from slopewise.services.ros.inbox import Inbox
+from slopewise.services.ros.inbox import Inbox, Received
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 
@@ -77,13 +80,13 @@ class Worker:
         timing, due = self._settings.timing, time.monotonic()
         last, ignored_until, orphaned = due, 0.0, math.inf
         while not self._stopped.is_set():
-            received = self._transport.inbox.take(self._transport.topics, due)
+            received = self._transport.inbox.take(tuple(self._transport.topics), due)
             begun, now = time.perf_counter(), time.monotonic()
             if now - last > timing.stall:
                 # The process was held up: what comes now may have waited as long, and looks new.
                 self.guard.forget()
                 ignored_until = now + _DRAINING
-            commanded = now >= ignored_until and self._transport.take(self.guard, received)
+            commanded = now >= ignored_until and hand_over(self.guard, self._transport, received)
             self._updates.take(self.guard)
             now = last = time.monotonic()
             is_silent = self._heartbeat.is_silent()
@@ -131,6 +134,29 @@ class Worker:
             stamps=self.guard.stamps(),
         )
         self._status.put(**codec.payload_of(status, Format.JSON))
+
+
+def hand_over(
+    guard: Guard, transport: ZenohTransport | RosTransport, received: dict[str, list[Received]]
+) -> bool:
+    """Read messages for the guard, a command with the newest motion; True if one is new."""
+    commanded = False
+    takers: dict[str, tuple[InputFeed[Any], Callable[..., bool]]] = {
+        "motion": (guard.motions, guard.motions.take),
+        "clear": (guard.clears, guard.clear),
+        "command": (guard.commands, guard.commands.take),
+    }
+    for topic, kind in transport.topics.items():
+        feed, take = takers[kind]
+        for item in received.get(topic, ()):
+            try:
+                value, *stamp = transport.read(topic, item)
+                commanded |= take(value, item.at, *stamp) and kind == "command"
+            except (InputError, ParameterError) as error:
+                # An unreadable message makes the one before it void.
+                feed.drop(at=item.at)
+                transport.inbox.refuse(topic, str(error))
+    return commanded
 
 
 def _transport(settings: GuardSettings, session: zenoh.Session) -> ZenohTransport | RosTransport:

@@ -7,16 +7,14 @@ from typing import Any
 
 import zenoh
 
-from slopewise.models.errors import InputError
-from slopewise.services.guard.core import Guard
 from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleMotion
 from slopewise.services.guard.guard_messages import (
     GuardClear,
     GuardCommand,
+    GuardInput,
     GuardMotion,
     GuardOutput,
 )
-from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.stop_courses import Pose2d
 from slopewise.services.ros.inbox import Inbox, Received
 from slopewise.services.wire import codec
@@ -76,7 +74,7 @@ class ZenohTransport(ZenohOutput):
         """Subscribe."""
         super().__init__(session, namespace, "guard")
         self.inbox = inbox
-        self.topics: tuple[str, ...] = tuple(_KINDS)
+        self.topics = {name: name for name in _KINDS}
         self._subscribers = [
             session.declare_subscriber(f"{namespace}/v1/guard/{name}", partial(self._keep, name))
             for name in self.topics
@@ -88,33 +86,17 @@ class ZenohTransport(ZenohOutput):
         else:
             self.inbox.put(name, sample.payload.to_bytes())
 
-    def take(self, guard: Guard, received: dict[str, list[Received]]) -> bool:
-        """Hand messages over to the guard; return True if a new command is among them."""
-        commanded = False
-        feeds: dict[str, InputFeed[Any]] = {"motion": guard.motions, "clear": guard.clears}
-        for name in _KINDS:
-            for item in received.get(name, ()):
-                try:
-                    commanded |= self._take(guard, name, item)
-                except InputError as error:
-                    # An unreadable message makes the one before it void.
-                    feeds.get(name, guard.commands).drop(at=item.at)
-                    self.inbox.refuse(name, str(error))
-        return commanded
-
-    def _take(self, guard: Guard, name: str, item: Received) -> bool:
-        encoding = codec.encoding_of(_KINDS[name], format_of(item.raw))
-        message: Any = codec.decode(_KINDS[name], item.raw, encoding, name, _MAX_BYTES)
-        stamp = item.at, message.source, message.sequence, message.time
-        if name == "command":
-            command = BaseCommand(message.speed, message.yaw_rate)
-            return guard.commands.take((command, message.sequence), *stamp)
-        if name == "clear":
-            guard.clear(message.distance, *stamp)
-        else:
+    def read(self, topic: str, item: Received) -> GuardInput:
+        """Decode a message."""
+        encoding = codec.encoding_of(_KINDS[topic], format_of(item.raw))
+        message: Any = codec.decode(_KINDS[topic], item.raw, encoding, topic, _MAX_BYTES)
+        value: Any = message.distance if topic == "clear" else None
+        if topic == "command":
+            value = BaseCommand(message.speed, message.yaw_rate), message.sequence
+        elif topic == "motion":
             pose = Pose2d(message.x, message.y, message.heading)
-            guard.motions.take(VehicleMotion(pose, message.speed, message.yaw_rate), *stamp)
-        return False
+            value = VehicleMotion(pose, message.speed, message.yaw_rate)
+        return value, message.source, message.sequence, message.time
 
     def close(self) -> None:
         """Unsubscribe."""

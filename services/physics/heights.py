@@ -19,7 +19,9 @@ def height_of(ground: ElevationMap, x: Floats, y: Floats) -> Floats:
     rows, columns = ground.elevation.shape
     u, v = in_cells(ground, x, y)
     inside = (u >= 0.0) & (v >= 0.0) & (u <= columns - 1) & (v <= rows - 1)
-    u, v = np.where(inside, u, 0.0), np.where(inside, v, 0.0)
+    all_inside = bool(np.all(inside))  # mostly
+    if not all_inside:
+        u, v = np.where(inside, u, 0.0), np.where(inside, v, 0.0)
     i = np.minimum(v.astype(np.int64), rows - 2)
     j = np.minimum(u.astype(np.int64), columns - 2)
     p, q = u - j, v - i
@@ -29,4 +31,5 @@ def height_of(ground: ElevationMap, x: Floats, y: Floats) -> Floats:
     )
     low = (1.0 - p) * south_west + p * south_east
     high = (1.0 - p) * north_west + p * north_east
-    return np.where(inside, (1.0 - q) * low + q * high, np.nan)
+    height = (1.0 - q) * low + q * high
+    return height if all_inside else np.where(inside, height, np.nan)

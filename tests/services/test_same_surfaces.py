@@ -25,8 +25,8 @@ from slopewise.services.guard.decide import (
     decide,
 )
 from slopewise.services.guard.guard_map import read_guard_map
-from slopewise.services.guard.guard_model import GuardScene, brake_table, read_guard_model
-from slopewise.services.guard.stop_courses import Pose2d, Turning, courses_ahead
+from slopewise.services.guard.guard_model import GuardScene, read_guard_model
+from slopewise.services.guard.stop_courses import Course, Pose2d, courses_ahead
 from slopewise.services.io.map_file import read_map
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.planning.map_store import MapStore
@@ -78,11 +78,9 @@ def guarded(model_file: Path, name: str) -> set[str]:
     model = read_guard_model(model_file)
     classes = np.ones(SHAPE, np.int64)
     ground = ElevationMap(**FLAT, terrain_class=classes, class_names=("", name))  # type: ignore[arg-type]
-    straight, pose = Turning(1.0, 0.0, 0.0, 0.0, forward=True), Pose2d(5.0, 0.0, 0.0)
-    courses = courses_ahead(
-        GuardScene(model, (brake_table(model),), ground, np.inf), pose, straight, 6.0
-    )
-    return {list(model.surfaces)[kind] for kind in courses.possible}
+    straight, pose = Course(1.0, 0.0, 0.0, 0.0, forward=True), Pose2d(5.0, 0.0, 0.0)
+    courses = courses_ahead(GuardScene(model, ground, np.inf), pose, straight, 6.0)
+    return {model.surfaces[kind] for kind in courses.possible}
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -137,7 +135,7 @@ def class_names_of(ground: ElevationMap) -> np.ndarray:
 def drive(model_file: Path, map_file: Path, speed: float) -> GuardDecision:
     """The guard, with a map to begin with, on a command that keeps the speed."""
     model = read_guard_model(model_file)
-    scene = GuardScene(model, (brake_table(model),), read_guard_map(map_file), 3.0)
+    scene = GuardScene(model, read_guard_map(map_file), 3.0)
     motion = VehicleMotion(Pose2d(2.0, 0.0, 0.0), speed)
     return decide(scene, motion, BaseCommand(speed, 0.0), hold_time=0.1, late=0.02, load=0.5)
 

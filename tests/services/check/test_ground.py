@@ -20,7 +20,12 @@ from slopewise.services.check.path_force import path_force_along
 from slopewise.services.check.path_ground import classes_around, ground_under
 from slopewise.services.check.plan_line import line_of
 from slopewise.services.check.stop_dynamics import StopDynamics
-from slopewise.services.check.stop_integration import StopEnds, nominal_stops, worst_case_stops
+from slopewise.services.check.stop_integration import (
+    StopEnds,
+    StopStarts,
+    nominal_stops,
+    worst_case_stops,
+)
 from slopewise.services.physics.loads import BodyAttitude
 from tests.services.check.drives import Surface, ground, model_with, round_turn, slope, straight
 
@@ -134,8 +139,8 @@ def stops_on(
 ) -> tuple[StopEnds, StopEnds]:
     """Nominal and worst-case stops."""
     count = len(SPEEDS)
-    arguments = (field, np.full(count, station), SPEEDS, np.full(count, dead_time), 1e3)
-    return nominal_stops(*arguments), worst_case_stops(*arguments)
+    starts = StopStarts(np.full(count, station), SPEEDS, np.full(count, dead_time), 1e3)
+    return nominal_stops(field, starts), worst_case_stops(field, starts)
 
 
 @pytest.mark.parametrize("grade", [-0.2, 0.0, 0.2])
@@ -220,7 +225,8 @@ def test_a_vehicle_that_does_not_stop_is_not_followed_for_ever() -> None:
     model = model_with(braking={"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.15})
     field = field_of(model, slope(-0.2))
     count = len(SPEEDS)
-    stops = worst_case_stops(field, np.full(count, 2.0), SPEEDS, np.full(count, 0.3), give_up=10.0)
+    starts = StopStarts(np.full(count, 2.0), SPEEDS, np.full(count, 0.3), give_up=10.0)
+    stops = worst_case_stops(field, starts)
     assert not stops.ended.any()
     assert (stops.end > 10.0).all()
 

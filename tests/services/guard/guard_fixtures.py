@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -114,6 +113,3 @@ def map_update(sequence: int = 1, **changes: Any) -> MapUpdate:
         "origin": (0.0, 0.0),
     }
     return MapUpdate(**(fields | changes))
-
-
-SHIPPED_SETTINGS = Path(__file__).parents[3] / "configs" / "guard.toml"

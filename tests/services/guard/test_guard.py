@@ -15,7 +15,6 @@ from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from tests.services.faults import fault_in
 from tests.services.guard.guard_fixtures import (
-    SHIPPED_SETTINGS,
     WALL_TIME,
     braking_group,
     feed,
@@ -254,7 +253,8 @@ def test_messages_without_a_stamp_are_read() -> None:
 
 
 def test_shipped_settings_are_the_defaults() -> None:
-    assert read_guard_settings(SHIPPED_SETTINGS) == GuardSettings(model="atv")
+    shipped = Path(__file__).parents[3] / "configs" / "guard.toml"
+    assert read_guard_settings(shipped) == GuardSettings(model="atv")
 
 
 @pytest.mark.parametrize(

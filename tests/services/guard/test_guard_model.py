@@ -15,7 +15,7 @@ from slopewise.models.parameters import Braking, Effect, Limits, Model, Terrain
 from slopewise.models.steering import Steering
 from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.guard.guard_model import brake_table, read_guard_model
+from slopewise.services.guard.guard_model import read_guard_model
 from tests.services.guard.guard_fixtures import ATV, MODEL, slope
 from tests.services.guard.test_stop_distances import arc_on, stop_from
 
@@ -119,16 +119,16 @@ def test_spread_lag_and_partial_brakes_make_stops_longer(tmp_path: Path) -> None
 
 
 def test_ground_that_may_be_any_surface_has_the_worst_numbers(tmp_path: Path) -> None:
+    """A class that the model does not name: the slopes, speed and dead time of the mud hold."""
     file = tmp_path / "model.toml"
-    mud = "[braking.terrain.mud]\nb_b = 0.3\ndead_time = 0.6\ngrade_range = [-0.1, 0.1]\n"
-    file.write_text(
-        f"{ATV.read_text()}\n{mud}roll_range = [-0.2, 0.05]\nspeed_range = [1.0, 2.0]\n"
-    )
-    table = brake_table(read_guard_model(file))
-    assert len(table.b_b) == 3
-    assert (table.dead_time[-1], table.fastest[-1]) == (0.6, 2.0)
-    assert (table.grade_min[-1], table.grade_max[-1]) == (-0.1, 0.1)
-    assert (table.roll_min[-1], table.roll_max[-1]) == (-0.2, 0.05)
+    mud = "[braking.terrain.mud]\nb_b = 0.40\ndead_time = 0.6\ngrade_range = [-0.1, 0.1]\n"
+    file.write_text(f"{ATV.read_text()}\n{mud}speed_range = [1.0, 2.0]\n")
+    model = read_guard_model(file)
+    for name, longer in (("", 0.0), ("mud", 0.9), ("gravel", 0.9)):
+        level, steep = (dataclasses.replace(slope(g), class_names=(name,)) for g in (0.0, 0.15))
+        stop = stop_from(model, arc_on(model, level), 3.0)
+        assert stop == pytest.approx(distance(file, ATV.read_text()) + longer)
+        assert ("steeper" in arc_on(model, steep).end.reason) == (longer > 0.0)
 
 
 def test_width_that_is_omitted_follows_the_tyres(tmp_path: Path) -> None:
@@ -136,4 +136,4 @@ def test_width_that_is_omitted_follows_the_tyres(tmp_path: Path) -> None:
     tyres = re.sub(r"(?m)^width = .*$", "wheel_width = 0.3", text, count=1)
     tyres = tyres if tyres != text else text.replace("wheelbase", "wheel_width = 0.3\nwheelbase", 1)
     file.write_text(tyres)
-    assert read_guard_model(file).shape.width == MODEL.vehicle.track_width + 0.3
+    assert read_guard_model(file).vehicle.shape.width == MODEL.vehicle.track_width + 0.3

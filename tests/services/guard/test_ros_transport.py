@@ -14,6 +14,7 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.ros_transport import RosTransport
 from slopewise.services.guard.settings import GuardRos, GuardSettings, GuardTiming
+from slopewise.services.guard.worker import hand_over
 from slopewise.services.ros.node import Node
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
@@ -40,7 +41,7 @@ def test_header_stamps_are_read(late: float) -> None:
             twist.send(unfilled)
             time.sleep(0.2)
             inbox = transport.inbox
-            transport.take(guard, inbox.take(transport.topics, time.monotonic() + 5.0))
+            hand_over(guard, transport, inbox.take(tuple(transport.topics), time.monotonic() + 5.0))
         transport.close()
     now = time.monotonic()
     assert guard.stamps() == {"command": "none", "odometry": "shared clock"}

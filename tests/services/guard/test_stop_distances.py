@@ -11,19 +11,22 @@ from slopewise.services.check.path_force import path_force_along
 from slopewise.services.check.path_ground import ground_under
 from slopewise.services.check.plan_line import line_of
 from slopewise.services.check.stop_dynamics import StopDynamics
-from slopewise.services.check.stop_integration import worst_case_stops
-from slopewise.services.guard.guard_model import GuardModel, GuardScene, brake_table
-from slopewise.services.guard.stop_courses import Pose2d, StopCourses, Turning, courses_ahead
+from slopewise.services.check.stop_integration import StopStarts, worst_case_stops
+from slopewise.services.guard.guard_model import GuardModel, GuardScene
+from slopewise.services.guard.stop_courses import Course, Pose2d, StopCourses, courses_ahead
 from slopewise.services.guard.stop_distances import StopOutcomes, stops_along
 from slopewise.services.io.model_file import read_model
-from tests.services.guard.guard_fixtures import ATV, CELL, FLAT, MODEL, hills, slope
+from tests.services.guard.guard_fixtures import ATV, CELL, MODEL, hills, slope
 
 G = 9.80665
 ORIGIN = Pose2d(0.0, 0.0, 0.0)
 
 
-def scene_of(model: GuardModel, ground: ElevationMap = FLAT) -> GuardScene:
-    return GuardScene(model, (brake_table(model),), ground, np.inf)
+def with_brakes(**numbers: float) -> GuardModel:
+    """The quad with other brakes, everywhere."""
+    (table,) = MODEL.tables
+    columns = {name: np.full_like(table.b_b, value) for name, value in numbers.items()}
+    return MODEL._replace(tables=(table._replace(**columns),))
 
 
 def arc_on(
@@ -35,14 +38,14 @@ def arc_on(
     forward: bool = True,
 ) -> StopCourses:
     """The one course of a turn that is held, left positive."""
-    turning = Turning(1.0, curvature, curvature, curvature, forward=forward)
-    return courses_ahead(scene_of(model, ground), pose, turning, 15.0)
+    course = Course(1.0, curvature, curvature, curvature, forward=forward)
+    return courses_ahead(GuardScene(model, ground, np.inf), pose, course, 15.0)
 
 
 def stops(
     model: GuardModel, arc: StopCourses, speed: float, held: float = 0.0, load: float = 0.0
 ) -> StopOutcomes:
-    return stops_along(scene_of(model), arc, np.array([speed]), np.array([held]), load)
+    return stops_along(model, arc, np.array([speed]), np.array([held]), load)
 
 
 def stop_from(model: GuardModel, arc: StopCourses, speed: float, held: float = 0.0) -> float:
@@ -77,7 +80,7 @@ def test_an_arc_lies_on_its_circle_with_the_slopes_along_it(
     radius = np.hypot(arc.x - centre[0], arc.y - centre[1])
     np.testing.assert_allclose(radius, 1.0 / abs(curvature))
     np.testing.assert_allclose(np.hypot(np.diff(arc.x), np.diff(arc.y)), arc.step, rtol=1e-3)
-    assert (arc.x[0, 0], arc.y[0, 0]) == pytest.approx((3.0, -2.0))
+    assert (arc.x[0, 0, 0], arc.y[0, 0, 0]) == pytest.approx((3.0, -2.0))
     cos, sin = np.cos(arc.yaw), np.sin(arc.yaw)
     np.testing.assert_allclose(arc.grade, np.arctan(0.1 * cos + 0.05 * sin), atol=1e-9)
     np.testing.assert_allclose(arc.roll, np.arctan(0.05 * cos - 0.1 * sin), atol=1e-9)
@@ -101,7 +104,8 @@ def test_stop_on_hills_is_not_shorter_than_the_checkers(seed: int) -> None:
     under = ground_under(heights, line, model.vehicle)
     brakes = path_force_along(model, under, line, heights.class_names)
     field = StopDynamics.along(model, line, under, brakes)
-    checked = worst_case_stops(field, np.zeros(1), np.array([speed]), np.array([0.30]), 14.0)
+    starts = StopStarts(np.zeros(1), np.array([speed]), np.array([0.30]), 14.0)
+    checked = worst_case_stops(field, starts)
     theirs, ours = float(checked.end[0]) + 0.20, stop_from(MODEL, arc, speed)
     # Stations of the checker lie along the slope, those of the guard on the map.
     assert theirs / 1.04 - 0.02 <= ours <= theirs * 1.15 + 0.15
@@ -138,7 +142,7 @@ def test_load_of_the_trailing_axle_over_a_crest_in_a_turn() -> None:
 
 
 def test_a_bank_leaves_less_friction_for_the_brakes() -> None:
-    slippery = MODEL._replace(surfaces={"": MODEL.surfaces[""]._replace(friction=0.42)})
+    slippery = with_brakes(friction=0.42)
     arc, speed = arc_on(slippery, slope(0.2), Pose2d(0.0, 0.0, 0.5 * np.pi)), 3.0
     left = np.sqrt((0.42 * np.cos(0.2)) ** 2 - np.sin(0.2) ** 2)
     by_hand = speed * 0.30 + speed**2 / (2.0 * G * left) + 0.20
@@ -147,8 +151,7 @@ def test_a_bank_leaves_less_friction_for_the_brakes() -> None:
 
 
 def test_slope_that_brakes_do_not_hold_has_no_stop() -> None:
-    weak = MODEL.surfaces[""]._replace(b_b=0.1, m_b=0.0, b_m=0.0, m_m=0.0)
-    model = MODEL._replace(surfaces={"": weak})
+    model = with_brakes(b_b=0.1, m_b=0.0, b_m=0.0, m_m=0.0)
     assert stop_from(model, arc_on(model, slope(-0.2)), 1.0) == np.inf
 
 

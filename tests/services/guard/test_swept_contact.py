@@ -13,14 +13,14 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.input_errors import Tracking
 from slopewise.services.guard.decide import GuardDecision
-from slopewise.services.guard.guard_model import GuardScene, brake_table
+from slopewise.services.guard.guard_model import GuardScene
 from slopewise.services.guard.obstacle_layers import ObstacleLayers
-from slopewise.services.guard.stop_courses import Pose2d, Turning, courses_ahead
+from slopewise.services.guard.stop_courses import Course, Pose2d, courses_ahead
 from slopewise.services.io.model_file import read_model
 from tests.services.guard.guard_fixtures import ATV, MODEL
 
 CELL, EDGE = 0.1, 12.0
-SHAPE = MODEL.shape
+SHAPE = MODEL.vehicle.shape
 MIDDLE = 0.5 * EDGE
 
 
@@ -75,7 +75,7 @@ def test_first_contact_is_not_later_than_that_of_polygons_nor_without_cause(
 ) -> None:
     rng = np.random.default_rng(round(10 * share))
     axis = -0.5 * MODEL.vehicle.wheelbase if drive == "ackermann" else 0.0
-    model, table, met = MODEL._replace(turn_axis=-axis), (brake_table(MODEL),), 0
+    model, met = MODEL._replace(turn_axis=-axis), 0
     for _ in range(120):
         start = Pose2d(*rng.uniform(5.0, 7.0, 2), rng.uniform(-3.0, 3.0))
         turn = float(rng.uniform(-0.6, 0.6)) if share == 1.0 else float(rng.choice([-2.0, 2.0]))
@@ -88,9 +88,9 @@ def test_first_contact_is_not_later_than_that_of_polygons_nor_without_cause(
         square = CELL * i, CELL * j
         if overlaps((start.x, start.y, start.heading), *square, 1.1 * CELL):
             continue
-        turning = Turning(share, turn, turn, turn, forward=True)
-        scene = GuardScene(model, table, ground_of(heights), math.inf)
-        courses = courses_ahead(scene, start, turning, 3.0)
+        course = Course(share, turn, turn, turn, forward=True)
+        scene = GuardScene(model, ground_of(heights), math.inf)
+        courses = courses_ahead(scene, start, course, 3.0)
         reached = max(courses.end.sample - 1, 0) * courses.step if courses.end.reason else math.inf
         latest = first_overlap(start, share, turn, axis, (*square, 0.5 * CELL))
         earliest = first_overlap(start, share, turn, axis, (*square, 2.1 * CELL))
@@ -114,7 +114,7 @@ def test_steps_block_wheels_from_their_height_on_and_slopes_do_not(
     n = round(6.0 / cell)
     north, east = cell * np.indices((n, n))
     across = east * math.cos(angle) + north * math.sin(angle) - 4.0
-    slope, highest = 0.25 * across, MODEL.shape.max_step
+    slope, highest = 0.25 * across, MODEL.vehicle.shape.max_step
     for height, blocks in ((1.2 * highest, True), (0.8 * highest, False), (-1.2 * highest, True)):
         shapes = [slope + height * (across > 0.0)]
         if cell < 0.2:
