@@ -100,7 +100,7 @@ def guard(
     _require_zenoh("guard")
     from slopewise.services.guard.watchdog import serve as run_guard
 
-    run_guard(config, None, partial(print_ready, as_json))
+    run_guard(config, partial(print_ready, as_json))
 
 
 def _require_zenoh(name: str) -> None:

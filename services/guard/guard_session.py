@@ -5,8 +5,12 @@ from __future__ import annotations
 import json
 import logging
 import os
+import signal
 import socket
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import zenoh
@@ -47,6 +51,17 @@ def open_session(settings: GuardSettings) -> zenoh.Session:
     except zenoh.ZError:
         where = ", ".join(ours.connect)
         raise InputError("zenoh", "connect", f"expected a router at {where}, got none") from None
+
+
+@contextmanager
+def running(settings: GuardSettings) -> Iterator[tuple[zenoh.Session, threading.Event]]:
+    """Session of a process with priority, and an event that a signal to end it sets."""
+    ended = threading.Event()
+    request_realtime_priority()
+    with open_session(settings) as session:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: ended.set())
+        yield session, ended
 
 
 class Heartbeat:

@@ -38,15 +38,10 @@ _MAX_BYTES = 256_000_000  # size of an update: a whole map of 32 million cells [
 
 
 class KnownMap:
-    """Map that its updates result in.
-
-    Attributes:
-        map: None before the first whole map, and after a lost update until the next one.
-        reason: reason why it is missing, as text.
-    """
+    """Map that its updates result in."""
 
     def __init__(self, known: ElevationMap | None) -> None:
-        """Begin with a map, or without one."""
+        # None before the first whole map, and after a lost update until the next one, for a reason
         self.map, self.reason = known, ""
         self.counters: Counter[str] = Counter()  # of updates
         self._last: OrderedDict[tuple[str, str], int] = OrderedDict()

@@ -7,8 +7,6 @@ nothing is sent any more: then the base's own timeout on commands has to act.
 from __future__ import annotations
 
 import logging
-import math
-import signal
 import socket
 import subprocess
 import sys
@@ -23,11 +21,7 @@ import zenoh
 from slopewise.services.guard.decide import stop
 from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_model import read_guard_model
-from slopewise.services.guard.guard_session import (
-    Heartbeat,
-    open_session,
-    request_realtime_priority,
-)
+from slopewise.services.guard.guard_session import Heartbeat, running
 from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
 from slopewise.services.guard.zenoh_transport import ZenohOutput
 
@@ -45,7 +39,6 @@ class Watchdog:
     def __init__(self, settings: GuardSettings, config: Path, session: zenoh.Session) -> None:
         """Start a worker with the settings of a file."""
         self._settings, self._config = settings, config
-        self._stopped = threading.Event()
         self._output = _output(settings, session)
         self._start()
 
@@ -58,12 +51,10 @@ class Watchdog:
         theirs.close()
         self._heartbeat = Heartbeat(self._link, self._settings.timing.stall)
 
-    def run(self, seconds: float | None = None) -> None:
-        """Watch until :meth:`end`, or for a time."""
-        period = self._settings.timing.period
-        until = math.inf if seconds is None else time.monotonic() + seconds
-        was_silent = False
-        while not self._stopped.wait(0.5 * period) and time.monotonic() < until:
+    def run(self, ended: threading.Event) -> None:
+        """Watch until an event."""
+        period, was_silent = self._settings.timing.period, False
+        while not ended.wait(0.5 * period):
             self._heartbeat.beat()
             is_silent = self._heartbeat.is_silent()
             if is_silent:
@@ -80,10 +71,6 @@ class Watchdog:
             _log.warning("the guard ended with status %s, and is restarted", status)
             self._link.close()
             self._start()
-
-    def end(self) -> None:
-        """Let :meth:`run` return."""
-        self._stopped.set()
 
     def close(self) -> None:
         """End the worker, and send a final stop."""
@@ -104,22 +91,17 @@ def _output(settings: GuardSettings, session: zenoh.Session) -> Any:
     return RosOutput(session, settings.ros, f"{settings.ros.node}_watch")
 
 
-def serve(
-    config: Path, seconds: float | None, ready: Callable[[str, dict[str, object]], None]
-) -> None:
-    """Guard until a signal asks to end, or for a time; ``ready`` is called once it runs."""
+def serve(config: Path, ready: Callable[[str, dict[str, object]], None]) -> None:
+    """Guard until a signal asks to end; ``ready`` is called once it runs."""
     settings = read_guard_settings(config)
     # Files that cannot be read are reported before anything moves.
     read_guard_model(model_path(settings))
     if settings.map:
         read_guard_map(Path(settings.map))
-    request_realtime_priority()
-    with open_session(settings) as session:
+    with running(settings) as (session, ended):
         watchdog = Watchdog(settings, config, session)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: watchdog.end())
         reaction, guarded = settings.timing.reaction, settings.zenoh.namespace
         text = f"guards {guarded}; any single fault is a stop within {reaction:.2f} s"
         ready(text, {"guards": guarded, "reaction": reaction})
-        watchdog.run(seconds)
+        watchdog.run(ended)
         watchdog.close()

@@ -10,7 +10,6 @@ from __future__ import annotations
 import gc
 import logging
 import math
-import signal
 import socket
 import sys
 import threading
@@ -27,11 +26,7 @@ from slopewise.services.guard.decide import GuardDecision, stop
 from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_messages import GuardStatus
 from slopewise.services.guard.guard_model import read_guard_model
-from slopewise.services.guard.guard_session import (
-    Heartbeat,
-    open_session,
-    request_realtime_priority,
-)
+from slopewise.services.guard.guard_session import Heartbeat, running
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.map_updates import MapUpdates
 from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
@@ -67,19 +62,18 @@ class Worker:
         self._settings, self._heartbeat = settings, heartbeat
         self._transport = _transport(settings, session)
         self._begun = self._reported = time.monotonic()
-        self._stopped = threading.Event()
         space = settings.zenoh.namespace
         self._updates = MapUpdates(session, space, known, model.vehicle)
         self._status = session.declare_publisher(
             f"{space}/v1/guard/status", congestion_control=zenoh.CongestionControl.DROP
         )
 
-    def run(self) -> None:
-        """Decide until :meth:`end`, or until the watchdog has been gone for some time."""
+    def run(self, ended: threading.Event) -> None:
+        """Decide until an event, or until the watchdog has been gone for some time."""
         self._updates.open()
         timing, due = self._settings.timing, time.monotonic()
         last, ignored_until, orphaned = due, 0.0, math.inf
-        while not self._stopped.is_set():
+        while not ended.is_set():
             received = self._transport.inbox.take(tuple(self._transport.topics), due)
             begun, now = time.perf_counter(), time.monotonic()
             if now - last > timing.stall:
@@ -101,10 +95,6 @@ class Worker:
             orphaned = min(orphaned, now) if self._heartbeat.gone else math.inf
             if now - orphaned > _ORPHANED:
                 return
-
-    def end(self) -> None:
-        """Let :meth:`run` return."""
-        self._stopped.set()
 
     def close(self) -> None:
         """Send a final stop, and unsubscribe."""
@@ -171,17 +161,14 @@ def main() -> None:
     """Decide until a signal asks to end."""
     settings = read_guard_settings(Path(sys.argv[1]))
     heartbeat = Heartbeat(socket.socket(fileno=int(sys.argv[2])), settings.timing.stall)
-    request_realtime_priority()
-    with open_session(settings) as session:
+    with running(settings) as (session, ended):
         worker = Worker(settings, session, heartbeat)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: worker.end())
         gc.collect()
         gc.freeze()
         gc.set_threshold(100_000, 50, 100)  # objects of a decision are freed by counting
         print("ready", flush=True)
         heartbeat.reset()
-        worker.run()
+        worker.run(ended)
         worker.close()
 
 
