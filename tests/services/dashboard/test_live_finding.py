@@ -22,8 +22,8 @@ from slopewise.services.dashboard.live_state import LiveState, ProposalEntry
 from tests.services import browser
 from tests.services.command_line import Done, here, one_line_of, slopewise
 from tests.services.dashboard.page_fixtures import HOSTILE, served
-from tests.services.dashboard.test_parameter_state import proposal
 from tests.services.parameter_client import Robot, block, column, send_ground
+from tests.services.parameters.parameter_fixtures import proposal
 from tests.services.robot_plant import Surface, Vehicle
 from tests.services.service_process import free_port, running
 

@@ -4,52 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.parameters import Effect, Model
+from slopewise.models.parameters import Model
 from slopewise.services.dashboard.live_state import LiveState, ProposalEntry
 from slopewise.services.dashboard.parameter_state import ParameterFeed
-from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.learning_settings import StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.model_proposal import ModelProposal, StopDistanceChange
-
-FILE = read_model(find_model("atv"))
-LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))
-
-
-def proposal(number: int = 1, **changes: Any) -> ModelProposal:
-    """An offer with numbers as the workflow writes them."""
-    effect = {
-        "name": "brake_lag",
-        "parameters": {"tau": {"value": 0.2984, "std": 0.012, "unit": "s"}},
-        "confidence": 0.98,
-        "alternatives": [],
-        "where": "",
-    }
-    gap = {"metric": "stopping distance", "before": 0.412, "after": 0.057, "noise_floor": 0.049}
-    fields: dict[str, Any] = {
-        "id": f"offer{number}",
-        "at": 1e9 + number,
-        "cause": "by schedule",
-        "verdict": "missing_effect",
-        "summary": "The model lacks: brakes that answer late.",
-        "findings": {"effects": [effect], "stop_distance": gap, "seconds": 3.0},
-        "data": "0",
-        "stops": 26,
-        "beside_file": StopDistanceChange(least=0.11, most=0.93, where="2 m/s"),
-        "beside_use": StopDistanceChange(least=0.11, most=0.93, where="2 m/s"),
-        "valid": True,
-        "changes": True,
-        "notes": [],
-        "model": model_to_dict(dataclasses.replace(FILE, effect=(LAG,))),
-    }
-    return ModelProposal(**(fields | changes))
-
+from tests.services.parameters.parameter_fixtures import ATV, proposal
 
 FASTER = {"beside_file": StopDistanceChange(least=-0.4, most=0.1, where="3 m/s")}
 
@@ -57,7 +23,7 @@ FASTER = {"beside_file": StopDistanceChange(least=-0.4, most=0.1, where="3 m/s")
 class ShownService:
     """A service in this process, and the board that its page is drawn from."""
 
-    def __init__(self, folder: Path | None, model: Model = FILE) -> None:
+    def __init__(self, folder: Path | None, model: Model = ATV) -> None:
         store = StoreSettings(path="" if folder is None else str(folder / "p.sqlite"))
         config = ServiceConfig(model="atv", store=store)
         self.service, self.board = ParameterService(config, model), LiveState()
@@ -109,7 +75,7 @@ def test_each_status_has_the_command_of_the_next_step(
     shown.service.roll_back(5, "effects", "dan")
     shown.service.close()
     # Findings for another model file are not shown.
-    changed = dataclasses.replace(FILE, braking=dataclasses.replace(FILE.braking, b_b=0.38))
+    changed = dataclasses.replace(ATV, braking=dataclasses.replace(ATV.braking, b_b=0.38))
     shown = ShownService(tmp_path, changed)
     shown.feed.show()
     assert shown.board.proposal is None

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from pathlib import Path
 from typing import Any
 
-from slopewise.models.parameters import Model
-from slopewise.services.io.model_file import find_model, read_model
+import numpy as np
+
+from slopewise.models.parameters import Effect, Model
+from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.parameters.learner import Learner
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.learning_settings import Learning, StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.observations import ObservationAck, StopObservation
+from slopewise.services.wire.model_proposal import ModelProposal, StopDistanceChange
+from slopewise.services.wire.observations import DriveSamples, ObservationAck, StopObservation
 
 G = 9.80665
 ATV, HUSKY = read_model(find_model("atv")), read_model(find_model("husky"))
+LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))
 NUMBERS = itertools.count(1)
 
 
@@ -31,6 +36,48 @@ def stop(force: float, surface: str = "", speed: float = 2.0, **more: Any) -> St
         "deceleration_std": 0.02,
     }
     return StopObservation(**(fields | {"speed": speed, "surface": surface} | more))
+
+
+def proposal(number: int = 1, **changes: Any) -> ModelProposal:
+    """An offer with numbers as the workflow writes them."""
+    effect = {
+        "name": "brake_lag",
+        "parameters": {"tau": {"value": 0.2984, "std": 0.012, "unit": "s"}},
+        "confidence": 0.98,
+        "alternatives": [],
+        "where": "",
+    }
+    gap = {"metric": "stopping distance", "before": 0.412, "after": 0.057, "noise_floor": 0.049}
+    fields: dict[str, Any] = {
+        "id": f"offer{number}",
+        "at": 1e9 + number,
+        "cause": "by schedule",
+        "verdict": "missing_effect",
+        "summary": "The model lacks: brakes that answer late.",
+        "findings": {"effects": [effect], "stop_distance": gap, "seconds": 3.0},
+        "data": "0",
+        "stops": 26,
+        "beside_file": StopDistanceChange(least=0.11, most=0.93, where="2 m/s"),
+        "beside_use": StopDistanceChange(least=0.11, most=0.93, where="2 m/s"),
+        "valid": True,
+        "changes": True,
+        "notes": [],
+        "model": model_to_dict(dataclasses.replace(ATV, effect=(LAG,))),
+    }
+    return ModelProposal(**(fields | changes))
+
+
+def samples(columns: dict[str, Any], source: str = "robot", surface: str = "") -> DriveSamples:
+    """Samples of a drive, numbered after all observations before them."""
+    number = next(NUMBERS)
+    return DriveSamples(
+        source=source,
+        sequence=number,
+        time=float(number),
+        columns=list(columns),
+        values=np.stack(list(columns.values())),
+        surface=surface,
+    )
 
 
 def learner(model: Model = ATV, named: bool = False, **settings: Any) -> Learner:

@@ -20,10 +20,9 @@ from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.learning_settings import Investigation, StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.model_proposal import ModelProposal
-from tests.services.parameters.parameter_fixtures import ATV, G, level_force, stop
+from tests.services.parameters.parameter_fixtures import ATV, LAG, G, level_force, proposal, stop
 
 FILE = ATV
-LAG = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))
 WEAKER = Effect(name="step_change", parameters={"scale": 0.7}, covariance=((0.01**2,),))
 PATCH = Effect(name="surface_patch", parameters={"delta": 0.1, "x": 5.0, "y": 5.0, "radius": 2.0})
 DRAG = Effect(name="aerodynamic_drag", parameters={"c": 0.05}, covariance=((0.002**2,),))
@@ -37,20 +36,12 @@ def with_effects(*effects: Effect, **braking: float) -> Model:
 
 def offer_of(model: Model, *, valid: bool = True, active: Model = FILE) -> ModelProposal:
     careful = cautious(model, FILE)
-    return ModelProposal(
+    return proposal(
         id=f"{len(model.effect)}-{model.braking.b_b:g}-{valid}",
-        at=time.time(),
         cause="test",
-        verdict="missing_effect" if valid else "ambiguous",
-        summary="",
-        findings={"effects": []},
-        data="0",
-        stops=20,
         beside_file=compare_stops(careful, FILE),
         beside_use=compare_stops(careful, active),
         valid=valid,
-        changes=True,
-        notes=[],
         model=model_to_dict(model),
     )
 

@@ -24,9 +24,8 @@ from slopewise.services.parameters.parameter_group import (
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.settings.learning_settings import Learning, StoreSettings
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire.observations import DriveSamples
 from slopewise.services.wire.parameter_messages import ParameterQuestion
-from tests.services.parameters.parameter_fixtures import ATV
+from tests.services.parameters.parameter_fixtures import ATV, samples
 
 
 class WheelsStub(ParameterGroups):
@@ -62,18 +61,6 @@ class WheelsStub(ParameterGroups):
         if set(values) != {"max_wheel_speed"}:
             raise ParameterError("values", "max_wheel_speed")
         self._values = dict(values)
-
-
-def samples(sequence: int, speed: float) -> DriveSamples:
-    t = np.arange(50) * 0.02
-    values = np.stack([t, np.full(50, speed), np.full(50, speed), np.zeros(50)])
-    return DriveSamples(
-        source="robot",
-        sequence=sequence,
-        time=float(sequence),
-        columns=["t", "v", "v_cmd", "pitch"],
-        values=values,
-    )
 
 
 @pytest.mark.parametrize("make", GROUPS)
@@ -115,7 +102,9 @@ def test_an_estimator_in_the_registry_is_used_everywhere(
     config = ServiceConfig(model="atv", store=store)
     first = ParameterService(config, ATV)
     assert first.learner.state.names()[-2:] == ["wheels", "effects"]
-    receipt = first.observe("drive", samples(1, 1.5), "k", time.monotonic())
+    t, speed = np.arange(50) * 0.02, np.full(50, 1.5)
+    drive = samples({"t": t, "v": speed, "v_cmd": speed, "pitch": 0.0 * t})
+    receipt = first.observe("drive", drive, "k", time.monotonic())
     assert receipt.status == "taken"
     assert first.changed >= {"wheels"}
     assert first.active.model.vehicle.max_wheel_speed == 1.5

@@ -17,7 +17,7 @@ from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 from slopewise.services.parameters.learner import Learner
 from slopewise.services.parameters.terrain_group import TerrainGroup
 from slopewise.services.settings.learning_settings import Learning
-from slopewise.services.wire.observations import DriveSamples, TerrainLabel
+from slopewise.services.wire.observations import TerrainLabel
 from tests.models.terrain import plant
 from tests.services.parameters.parameter_fixtures import (
     ATV,
@@ -26,21 +26,11 @@ from tests.services.parameters.parameter_fixtures import (
     G,
     learner,
     level_force,
+    samples,
     started,
     stop,
 )
 from tests.services.robot_plant import Surface, Vehicle
-
-
-def samples(columns: dict[str, Any], source: str = "robot", surface: str = "") -> DriveSamples:
-    return DriveSamples(
-        source=source,
-        sequence=next(NUMBERS),
-        time=0.0,
-        columns=list(columns),
-        values=np.stack(list(columns.values())),
-        surface=surface,
-    )
 
 
 def label(surface: str, probability: float = 1.0) -> TerrainLabel:

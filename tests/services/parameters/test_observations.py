@@ -25,8 +25,8 @@ from slopewise.services.parameters.observation_filter import ObservationFilter, 
 from slopewise.services.parameters.parameter_endpoint import KINDS
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.observations import DRIVE_COLUMNS, DriveSamples, TerrainLabel
-from tests.services.parameters.parameter_fixtures import started
+from slopewise.services.wire.observations import DRIVE_COLUMNS, TerrainLabel
+from tests.services.parameters.parameter_fixtures import samples, started
 from tests.services.robot_plant import Surface, Vehicle
 
 SIZES = (0.0, 5e-324, 2.2e-308, 1e-160, 1e-12, 1.0, 2.0**53, 2.0**63, 1e154, 1e308, math.inf)
@@ -223,23 +223,17 @@ def test_only_the_latest_sources_are_remembered() -> None:
 
 def test_columns_are_validated_before_anything_is_learned() -> None:
     _, columns = Vehicle().stop(Surface(0.3), 2.0)
-    samples = DriveSamples(
-        source="robot",
-        sequence=1,
-        time=0.0,
-        columns=list(columns),
-        values=np.stack(list(columns.values())),
-    )
-    assert list(columns_of(samples, "obs/drive")) == list(columns)
+    drive = samples(columns)
+    assert list(columns_of(drive, "obs/drive")) == list(columns)
     steps = np.tile(np.arange(20_001.0) * 1e-4, (4, 1))
     with pytest.raises(InputError, match="at most 20000 samples"):
-        columns_of(msgspec.structs.replace(samples, values=steps), "obs/drive")
-    names = samples.columns
+        columns_of(msgspec.structs.replace(drive, values=steps), "obs/drive")
+    names = drive.columns
     for columns in (["t", "v", "v_cmd", "v"], names[:2] + names[3:], ["colour", *names[1:]]):
         with pytest.raises(InputError, match="columns"):
-            columns_of(msgspec.structs.replace(samples, columns=columns), "obs/drive")
+            columns_of(msgspec.structs.replace(drive, columns=columns), "obs/drive")
     for name, i, value in (("v", 5, np.nan), ("pitch", 0, np.inf), ("t", 9, 0.0), ("v", 0, 1e6)):
-        values = samples.values.copy()
+        values = drive.values.copy()
         values[names.index(name), i] = value
         with pytest.raises(InputError, match=rf"values\.{name}\[{i}\]"):
-            columns_of(msgspec.structs.replace(samples, values=values), "obs/drive")
+            columns_of(msgspec.structs.replace(drive, values=values), "obs/drive")

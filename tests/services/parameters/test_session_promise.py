@@ -11,17 +11,16 @@ import numpy as np
 import pytest
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.parameters import Effect, Model
+from slopewise.models.parameters import Model
 from slopewise.models.stop_distance import StopDistance
 from slopewise.services.discovery.model_comparison import compare_stops
 from slopewise.services.guard.guard_model import guard_model
 from slopewise.services.guard.service_parameters import ServiceParameters
 from slopewise.services.io.model_file import model_to_dict
 from slopewise.services.parameters.parameter_service import ParameterService
-from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.parameter_messages import STOP_FACTOR
 from tests.services.guard.guard_fixtures import braking_group
-from tests.services.parameters.parameter_fixtures import ATV, G, started, stop
+from tests.services.parameters.parameter_fixtures import ATV, LAG, G, proposal, started, stop
 
 QUANTILES = (0.5, 0.9, 0.99, 0.999, 0.9999)
 SPEED, FORCE = 2.5, 0.43
@@ -46,14 +45,19 @@ def promising(model: Model, *, session: float = 0.08, within: float = 0.05) -> M
 FILE = promising(ATV)
 
 
-def drive(service: ParameterService, stops: int, weaker: float = 1.0) -> None:
-    """Stops as the model file has them, or weaker ones."""
-    on = FILE.braking
+def drive(
+    service: ParameterService,
+    stops: int,
+    weaker: float = 1.0,
+    surface: str = "",
+    dead_time: float = FILE.braking.dead_time,
+) -> None:
+    """Stops as the model file has them, or weaker ones, on a surface, with a dead time [s]."""
     for k in range(stops):
         speed = 1.5 + k % 3
-        force = weaker * on.level_force(speed)
-        distance = speed * on.dead_time + speed**2 / (2.0 * G * force)
-        report = stop(force, speed=speed, distance=distance, dead_time=on.dead_time)
+        force = weaker * FILE.braking.level_force(speed)
+        distance = speed * dead_time + speed**2 / (2.0 * G * force)
+        report = stop(force, surface, speed=speed, distance=distance, dead_time=dead_time)
         service.observe("stop", report, "obs/stop", float(report.sequence))
 
 
@@ -92,17 +96,6 @@ def allowed(service: ParameterService, surface: str = "", speed: float = 3.0) ->
     return on.distance.worst(0.99) * (speed * on.dead_time + speed**2 / (2.0 * pull))
 
 
-def drive_on(service: ParameterService, surface: str, dead_time: float, count: int) -> None:
-    """Stops as the model file has them, on a surface and with another dead time [s]."""
-    on = FILE.braking
-    for k in range(count):
-        speed = 1.5 + k % 3
-        force = on.level_force(speed)
-        distance = speed * dead_time + speed**2 / (2.0 * G * force)
-        report = stop(force, surface, speed=speed, distance=distance, dead_time=dead_time)
-        service.observe("stop", report, "obs/stop", float(report.sequence))
-
-
 def on_map(service: ParameterService, *surfaces: str) -> ParameterService:
     state = dataclasses.replace(service.learner.state, map_surfaces=lambda: surfaces)
     service.learner.state = state
@@ -111,9 +104,9 @@ def on_map(service: ParameterService, *surfaces: str) -> ParameterService:
 
 def test_sooner_brakes_on_one_surface_shorten_no_stop_on_another(tmp_path: Path) -> None:
     service = on_map(started(tmp_path / "a.sqlite", FILE, stops_at_once=1000), "x", "y")
-    drive_on(service, "x", 0.9, 40)
+    drive(service, 40, surface="x", dead_time=0.9)
     before = allowed(service, "x")
-    drive_on(service, "y", 0.3, 4)
+    drive(service, 4, surface="y", dead_time=0.3)
     assert allowed(service, "x") >= before * (1.0 - 1e-9)
 
 
@@ -155,14 +148,14 @@ def test_values_of_an_operator_keep_a_longer_promise(tmp_path: Path) -> None:
 
 def test_the_dead_time_of_a_stop_counts_once(tmp_path: Path) -> None:
     service = started(tmp_path / "a.sqlite", FILE, stops_at_once=1000)
-    drive_on(service, "x", 0.9, 1)
+    drive(service, 1, surface="x", dead_time=0.9)
     assert list(service.learner.state.braking.forces.dead_times) == [0.9]
 
 
 def test_weaker_ground_that_is_reached_lends_the_base_its_promise(tmp_path: Path) -> None:
     service = on_map(started(tmp_path / "a.sqlite", FILE, stops_at_once=1000), "x")
     drive(service, 10)
-    drive_on(service, "x", FILE.braking.dead_time, 3)
+    drive(service, 3, surface="x")
     for _ in range(8):  # longer than by their force
         on = FILE.braking
         force = on.level_force(2.0)
@@ -180,25 +173,9 @@ def test_weaker_ground_that_is_reached_lends_the_base_its_promise(tmp_path: Path
 def test_an_adopted_finding_changes_the_planned_distance_by_what_it_stated(tmp_path: Path) -> None:
     service = started(tmp_path / "a.sqlite", FILE, stops_at_once=1000)
     drive(service, 30)
-    lag = Effect(name="brake_lag", parameters={"tau": 0.3}, covariance=((0.01**2,),))
-    finding = dataclasses.replace(promising(ATV, session=0.04, within=0.03), effect=(lag,))
+    finding = dataclasses.replace(promising(ATV, session=0.04, within=0.03), effect=(LAG,))
     stated = compare_stops(finding, FILE)
-    offer = ModelProposal(
-        id="lag",
-        at=0.0,
-        cause="test",
-        verdict="missing_effect",
-        summary="",
-        findings={"effects": []},
-        data="0",
-        stops=30,
-        beside_file=stated,
-        beside_use=stated,
-        valid=True,
-        changes=True,
-        notes=[],
-        model=model_to_dict(finding),
-    )
+    offer = proposal(beside_file=stated, beside_use=stated, model=model_to_dict(finding))
     service.learner.state = service.learner.state.propose(offer)
     service.adopt(offer.id, "ann", faster=True)
     done = compare_stops(service.active.model, FILE)
