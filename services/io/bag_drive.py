@@ -55,40 +55,6 @@ class UnusableMessage:
 Event = ElevationMap | RecordedPose | CandidatePath | RecordedCommand | UnusableMessage
 
 
-@dataclass(frozen=True, slots=True)
-class DriveTopics:
-    """Topics of a recorded drive; `command` is empty without one."""
-
-    elevation_map: str
-    odometry: str
-    paths: tuple[str, ...]
-    command: str
-
-
-def drive_events(
-    path: Path, topics: Path | None = None
-) -> tuple[DriveTopics, Iterator[tuple[float, Event]]]:
-    """Topics of a recording, and its messages with their times since the first one [s].
-
-    Messages are decoded one by one, so that a recording may be larger than the memory.
-
-    Raises:
-        InputError: the file, or a kind of topic that is missing or ambiguous.
-    """
-    with opened(path) as bag:
-        return _topics_of(bag, topics), _events(path, topics)
-
-
-def _topics_of(bag: Bag, mapping: Path | None) -> DriveTopics:
-    source, paths = read_sources(mapping)
-    return DriveTopics(
-        source.topic or _only(bag, GRID_MAP, "elevation_map"),
-        _only(bag, ODOMETRY, "odom"),
-        tuple(paths.topics or bag.topics_of(PATH)),
-        next((t for kind in _TWISTS for t in sorted(bag.types) if bag.types[t] == kind), ""),
-    )
-
-
 def _only(bag: Bag, kind: str, conventional: str) -> str:
     """The only topic of a type, or the only one of them with the conventional name."""
     there = bag.topics_of(kind)
@@ -100,10 +66,20 @@ def _only(bag: Bag, kind: str, conventional: str) -> str:
     raise fault(bag.path, "topics", expected)
 
 
-def _events(path: Path, mapping: Path | None) -> Iterator[tuple[float, Event]]:
+def drive_events(path: Path, mapping: Path | None = None) -> Iterator[tuple[float, Event]]:
+    """Messages of a recording with their times since the first one [s].
+
+    They are decoded one by one, so that a recording may be larger than the memory.
+    """
+    source, paths = read_sources(mapping)
     with opened(path) as bag:
-        topics, layer = _topics_of(bag, mapping), read_sources(mapping)[0].layer
-        names = {topics.elevation_map, topics.odometry, topics.command, *topics.paths}
+        twists = (t for kind in _TWISTS for t in sorted(bag.types) if bag.types[t] == kind)
+        names = {
+            source.topic or _only(bag, GRID_MAP, "elevation_map"),
+            _only(bag, ODOMETRY, "odom"),
+            *(paths.topics or bag.topics_of(PATH)),
+            next(twists, ""),  # of commands; not all robots record them
+        }
         connections = [c for c in bag.reader.connections if c.topic in names]
         frame, begin = "", None
         for connection, at, raw in bag.raw(connections):
@@ -114,7 +90,7 @@ def _events(path: Path, mapping: Path | None) -> Iterator[tuple[float, Event]]:
                 message = read_cdr(raw, kind, path, f"topic {topic}")
                 frame = frame or message.header.frame_id
                 try:
-                    yield time, elevation_map_of(message, layer)
+                    yield time, elevation_map_of(message, source.layer)
                 except ParameterError as error:
                     yield time, UnusableMessage(topic, f"{error.field}: expected {error.expected}")
                 continue

@@ -10,7 +10,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
-from slopewise.services.io.bags import PATH, RecordedMessage, opened
+from slopewise.services.io.bags import PATH, opened
 from slopewise.services.io.files import fault, faults_of
 from slopewise.services.io.topics import read_sources
 
@@ -31,18 +31,22 @@ def read_bag_paths(path: Path, topics: Path | None = None, frame: str = "") -> l
         raise fault(path, "", f"expected at most {_MAX_PATHS} paths, got {len(recorded)}")
     numbers = {topic: itertools.count() for topic in used}
     return [
-        _candidate(path, f"#{next(numbers[m.topic])}" if source.all_messages else "", m, frame)
-        for m in recorded
+        _candidate(
+            path,
+            f"{topic}#{next(numbers[topic])}" if source.all_messages else topic,
+            message,
+            frame,
+        )
+        for topic, message in recorded
     ]
 
 
-def _candidate(path: Path, end: str, recorded: RecordedMessage, frame: str) -> CandidatePath:
-    name = recorded.topic + end
-    if frame and (different := other_frame(recorded.message, frame)):
+def _candidate(path: Path, name: str, message: Any, frame: str) -> CandidatePath:
+    if frame and (different := other_frame(message, frame)):
         expected = f"expected frame {frame} as the map has it, got {different}"
         raise fault(path, f"{name}, header.frame_id", expected)
     with faults_of(path, f"{name}, "):
-        return CandidatePath(name, points_of(recorded.message))
+        return CandidatePath(name, points_of(message))
 
 
 def other_frame(message: Any, frame: str) -> str:

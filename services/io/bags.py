@@ -125,15 +125,6 @@ def attitude(w: float, x: float, y: float, z: float) -> tuple[float, float, floa
     return float(roll), float(pitch), float(yaw)
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedMessage:
-    """One message, and when it was received [ns since 1970]."""
-
-    topic: str
-    at: int
-    message: Any
-
-
 def is_bag(path: Path) -> bool:
     """Return True if a path is a ROS 2 recording: a file of one, or its folder."""
     return path.suffix.lower() in SUFFIXES or (path / "metadata.yaml").is_file()
@@ -164,25 +155,25 @@ class Bag:
 
     def messages_of(
         self, topics: Sequence[str], kind: str, *, last: bool = False
-    ) -> list[RecordedMessage]:
-        """Messages of recorded topics in the order received; maybe only the last of each."""
+    ) -> list[tuple[str, Any]]:
+        """Recorded topics and messages in the order received; maybe only the last of each."""
         for topic in topics:
             if self.types.get(topic) != kind:
                 there = ", ".join(sorted(t for t, given in self.types.items() if given == kind))
                 expected = f"expected one of {kind}, here: {there or 'none'}"
                 raise fault(self.path, f"topic {topic}", expected)
         here = [c for c in self.reader.connections if c.topic in topics]
-        raws: dict[object, tuple[str, int, bytes]] = {}
-        for number, (connection, at, raw) in enumerate(self.raw(here)):
+        raws: dict[object, tuple[str, bytes]] = {}
+        for number, (connection, _, raw) in enumerate(self.raw(here)):
             topic = connection.topic
-            raws[topic if last else number] = topic, at, bytes(raw)
-        recorded = {topic for topic, _, _ in raws.values()}
+            raws[topic if last else number] = topic, bytes(raw)
+        recorded = {topic for topic, _ in raws.values()}
         for topic in topics:
             if topic not in recorded:
                 raise fault(self.path, f"topic {topic}", "expected messages, got none")
         return [
-            RecordedMessage(topic, at, read_cdr(raw, kind, self.path, f"topic {topic}"))
-            for topic, at, raw in raws.values()
+            (topic, read_cdr(raw, kind, self.path, f"topic {topic}"))
+            for topic, raw in raws.values()
         ]
 
     def raw(self, connections: list[Any]) -> Iterator[tuple[Any, int, bytes]]:

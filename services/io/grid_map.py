@@ -72,7 +72,7 @@ def _decoded(
         topic = source.topic or _only_topic(bag)
         recorded = bag.messages_of([topic], GRID_MAP, last=source.message == -1)
     try:
-        message = recorded[source.message].message
+        message = recorded[source.message][1]
     except IndexError:
         expected = f"expected message {source.message} of {len(recorded)}"
         raise fault(path, f"topic {topic}", expected) from None

@@ -25,7 +25,6 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import CycleAnswer, HorizonSettings, PlanarState
 from slopewise.planner.horizon.horizon import Horizon
 from slopewise.services.io.bag_drive import (
-    DriveTopics,
     RecordedCommand,
     RecordedPose,
     UnusableMessage,
@@ -48,25 +47,17 @@ GuardDecide = Callable[..., Any]
 
 @dataclass(frozen=True, slots=True)
 class ReplayCycle:
-    """One cycle.
+    """One cycle of the horizon and of the guard."""
 
-    Attributes:
-        time: since the first message [s]. pose: vehicle pose.
-        later: recorded speed one period later [m/s], NaN at the end.
-        status, reason: result of the horizon. limit: its speed after one period [m/s].
-        action, guard_reason: result of the guard. guard_limit: its command [m/s].
-        plan_seconds, guard_seconds: duration of each [s].
-    """
-
-    time: float
+    time: float  # since the first message [s]
     pose: RecordedPose
-    later: float
+    later: float  # recorded speed one period later [m/s], NaN at the end
     status: str
     reason: str
-    limit: float
+    limit: float  # speed of the horizon after one period [m/s]
     action: str
     guard_reason: str
-    guard_limit: float
+    guard_limit: float  # commanded by the guard [m/s]
     plan_seconds: float
     guard_seconds: float
 
@@ -81,7 +72,6 @@ class ReplayResult:
     """Cycles of a recording, what was received, and what was missing."""
 
     model: Model
-    topics: DriveTopics
     period: float
     cycles: list[ReplayCycle] = field(default_factory=list)
     received: Counter[str] = field(default_factory=Counter)
@@ -96,26 +86,18 @@ def replay_plan(
     *,
     topics: Path | None = None,
     speed_up: float = 1.0,
-    uncertainty: Uncertainty | None = None,
 ) -> ReplayResult:
-    """Replay a recording.
+    """Replay a recording with a grid map, odometry and paths in one frame; decide: the guard.
 
-    Args:
-        bag: recording with a grid map, odometry and paths in one frame.
-        model_file: file or name of a model. decide: the guard.
-        topics: topic mapping. speed_up: seconds of the recording per second.
-        uncertainty: errors that plans survive.
-
-    Raises:
-        InputError: names file and topic, or that no cycle had all that it needs.
+    Seconds of the recording pass `speed_up` times as fast. InputError: also where no cycle had all
+    that it needs.
     """
     model = read_model(find_model(model_file))
-    used, events = drive_events(bag, topics)
     settings = HorizonSettings()
-    horizon = Horizon(model, settings, uncertainty=uncertainty or Uncertainty())
-    result = ReplayResult(model, used, settings.period)
+    horizon = Horizon(model, settings, uncertainty=Uncertainty())
+    result = ReplayResult(model, settings.period)
     replay, due, begin = _Replay(horizon, decide), 0.0, time.monotonic()
-    for at, event in events:
+    for at, event in drive_events(bag, topics):
         result.driven = at
         result.received[replay.take(event)] += 1
         if not isinstance(event, RecordedPose) or at < due:

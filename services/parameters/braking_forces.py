@@ -131,9 +131,7 @@ class BrakingForces:
         if outcome in (Acceptance.ACCEPTED, Acceptance.CHANGED):
             self._updated[surface] = now
         self._changed()
-        return LearnedStop(
-            now, source, surface, speed, grade, predicted, distance, outcome=outcome.value
-        )
+        return LearnedStop(surface, speed, grade, predicted, distance, outcome=outcome.value)
 
     def _lower_after_rejections(
         self, stop: StreamedStop, surface: str, source: str, planned: float

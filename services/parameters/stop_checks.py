@@ -40,8 +40,6 @@ _HOLD_TIME = 1.0  # time for which the speed of a stop was held before it [s]
 class LearnedStop:
     """A stop and the prediction from before it was learned from."""
 
-    at: float  # monotonic clock [s]
-    source: str  # sender
     surface: str
     speed: float  # at the stop command [m/s]
     grade: float  # [rad]

@@ -106,11 +106,6 @@ class PlanService:
             with known.lock:
                 known.horizon.forget()
 
-    def drop(self, client: str) -> None:
-        """Remove a client."""
-        with self._lock:
-            self._clients.pop(client, None)
-
     def answer(
         self,
         request: PlanRequest,

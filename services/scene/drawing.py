@@ -71,7 +71,6 @@ class Ribbon:
 
     points: Floats  # (n, 3) [m]
     colours: NDArray[np.uint8]  # (n, 3)
-    driven: int  # number of points that are driven
 
 
 def ribbon(plan: SpeedPlan, fastest: float) -> Ribbon:
@@ -80,7 +79,7 @@ def ribbon(plan: SpeedPlan, fastest: float) -> Ribbon:
     driven = int(np.count_nonzero(plan.station <= plan.progress + 1e-9))
     colours = speed_colours(plan.speed, fastest)
     colours[driven:] = NOT_DRIVEN
-    return Ribbon(points, colours, driven if plan.progress > 0.0 else 0)
+    return Ribbon(points, colours)
 
 
 def speed_colours(speed: Floats, fastest: float) -> NDArray[np.uint8]:

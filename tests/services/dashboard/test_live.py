@@ -212,8 +212,7 @@ def page() -> LiveState:
 
 
 def stop_of(predicted: float, actual: float) -> LearnedStop:
-    facts = {"at": 0.0, "source": "robot", "surface": "sand", "outcome": "accepted"}
-    return LearnedStop(**facts, speed=2.0, grade=0.05, predicted=predicted, actual=actual)
+    return LearnedStop("sand", 2.0, 0.05, predicted, actual, outcome="accepted")
 
 
 def test_parameters_stops_and_terrain_are_shown(page: LiveState) -> None:
