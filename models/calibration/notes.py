@@ -75,11 +75,7 @@ def _corners(base: SurfaceFit) -> list[str]:
 
 
 def objections(surfaces: tuple[SurfaceFit, ...], dead_time: DeadTime) -> tuple[str, ...]:
-    """What is wrong with a calibration, in sentences; none where nothing is.
-
-    Args:
-        surfaces: as learned, with what plans allow for each stop. dead_time: of the brakes.
-    """
+    """What is wrong with a calibration, in sentences; none where nothing is."""
     said = []
     if dead_time.value > _LATEST:
         said.append(

@@ -177,9 +177,6 @@ class LowStops:
         """Share of the force by these coefficients (4,) that all but one of the last stops had.
 
         1 where none is weaker than scatter makes it.
-
-        Args:
-            coefficients: estimate. scatter: of F_b/W from stop to stop.
         """
         shares = []
         for x, force, std in self._last:

@@ -16,11 +16,7 @@ from slopewise.models.quantity import GRAVITY
 def deceleration(
     speed: Elementwise, curvature: Elementwise, yaw: Elementwise, c: Elementwise
 ) -> Elementwise:
-    """Deceleration c v² [m/s²].
-
-    Args:
-        speed: v [m/s]. curvature, yaw: unused. c: [1/m].
-    """
+    """Deceleration c v² [m/s²]."""
     return c * speed * speed
 
 

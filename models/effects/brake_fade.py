@@ -15,11 +15,7 @@ _COOLING = (20.0, 40.0, 100.0, 300.0, 1000.0)  # [s] of the search
 
 
 def remaining_share(heat: Elementwise, k: Elementwise, tau: Elementwise) -> Elementwise:
-    """Share of F_b that hot brakes keep, 1/(1 + k q).
-
-    Args:
-        heat: q per mass [J/kg], >= 0. k: [kg/J]. tau: acts on q only [s].
-    """
+    """Share of F_b that hot brakes keep, 1/(1 + k q)."""
     return 1.0 / (1.0 + k * heat)
 
 

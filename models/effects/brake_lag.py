@@ -12,11 +12,7 @@ from slopewise.models.effects.effect_law import POSITIVE, EffectLaw, Enters, Par
 
 
 def missing_share(since: Elementwise, tau: Elementwise) -> Elementwise:
-    """Share of a constant F that is still missing, e^(−t/τ).
-
-    Args:
-        since: time t since the onset, or since the last evaluation of the force [s]. tau: [s], > 0.
-    """
+    """Share of a constant F still missing since onset or last evaluation, e^(−t/τ), τ > 0."""
     return np.exp(-since / tau)
 
 

@@ -12,11 +12,7 @@ from slopewise.models.effects.stops_seen import StopsSeen
 
 
 def force_term(place: Place, k: Elementwise) -> Elementwise:
-    """Term of F_b/W, k |φ| [1].
-
-    Args:
-        place: its roll counts. k: [1/rad].
-    """
+    """Term of F_b/W, k |φ| [1]."""
     return k * np.fabs(place.roll)
 
 

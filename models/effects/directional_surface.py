@@ -14,11 +14,7 @@ _HEADINGS = 12  # of the search
 
 
 def force_term(place: Place, k: Elementwise, direction: Elementwise) -> Elementwise:
-    """Term of F_b/W, k cos 2(yaw − direction) [1].
-
-    Args:
-        place: its yaw counts. k: [1]. direction: along which it is largest [rad].
-    """
+    """Term of F_b/W, k cos 2(yaw − direction) [1], largest along ``direction``."""
     return k * np.cos(2.0 * (place.yaw - direction))
 
 

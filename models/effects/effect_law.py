@@ -25,7 +25,8 @@ POSITIVE = (0.0, math.inf)
 class Enters(Enum):
     """Where an effect enters the equation of motion, and what its law looks like there.
 
-    Parameters follow the arguments that are named, in the order of :attr:`EffectLaw.parameters`.
+    Parameters follow the arguments that are named, in the order of :attr:`EffectLaw.parameters` and
+    in their units. Speeds are in m/s, curvatures in 1/m, angles in rad, heat in J/kg, times in s.
     """
 
     GROUND = "law(place: Place, …): added to F_b/W"

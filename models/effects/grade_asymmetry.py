@@ -15,11 +15,7 @@ from slopewise.models.effects.stops_seen import StopsSeen
 
 
 def force_term(place: Place, k: Elementwise) -> Elementwise:
-    """Term of F_b/W, k max(θ, 0) [1].
-
-    Args:
-        place: its grade counts. k: [1/rad].
-    """
+    """Term of F_b/W, k max(θ, 0) [1]."""
     return k * np.fmax(place.grade, 0.0)
 
 

@@ -12,11 +12,7 @@ from slopewise.models.effects.stops_seen import StopsSeen
 
 
 def force_term(place: Place, k: Elementwise) -> Elementwise:
-    """Term of F_b/W, k θ|θ| [1].
-
-    Args:
-        place: its grade counts. k: [1/rad²].
-    """
+    """Term of F_b/W, k θ|θ| [1]."""
     return k * place.grade * np.fabs(place.grade)
 
 

@@ -37,12 +37,7 @@ def deceleration(
     wind: Elementwise,
     direction: Elementwise,
 ) -> Elementwise:
-    """Deceleration by the wind alone [m/s²], negative from behind.
-
-    Args:
-        speed: v [m/s]. curvature: unused. yaw: [rad]. c: [1/m]. wind: [m/s].
-        direction: the vehicle heads there when it meets the wind [rad].
-    """
+    """Deceleration by the wind alone [m/s²], negative from behind; ``direction`` heads into it."""
     relative = speed + wind * np.cos(yaw - direction)
     return c * (np.fabs(relative) * relative - speed * speed)
 

@@ -14,11 +14,7 @@ _LONGEST = 4.0 * 3600.0  # [s] of a session
 
 
 def force_term(place: Place, k: Elementwise) -> Elementwise:
-    """Term of F_b/W, k t [1].
-
-    Args:
-        place: its session time counts. k: [1/s].
-    """
+    """Term of F_b/W, k t [1]."""
     return k * place.session_time
 
 

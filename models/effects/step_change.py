@@ -24,11 +24,7 @@ from slopewise.models.effects.stops_seen import MIN_STOP_COUNT, StopsSeen
 def changed_force(
     force: Elementwise, scale: Elementwise, delta: Elementwise, run: Elementwise
 ) -> Elementwise:
-    """F_b/W after the change [1].
-
-    Args:
-        force: F_b/W before it [1]. scale, delta: [1]. run: unused, the change is in force.
-    """
+    """F_b/W after the change [1]."""
     return force * scale + delta
 
 

@@ -25,11 +25,7 @@ _RADII = (0.07, 0.14, 0.25)  # of the field
 def force_term(
     place: Place, delta: Elementwise, x: Elementwise, y: Elementwise, radius: Elementwise
 ) -> Elementwise:
-    """Term of F_b/W, δ inside the circle and 0 outside [1].
-
-    Args:
-        place: only x and y are used [m]. delta: [1]. x, y, radius: circle [m].
-    """
+    """Term of F_b/W, δ inside the circle and 0 outside [1]."""
     return delta * (np.hypot(place.x - x, place.y - y) <= radius)
 
 

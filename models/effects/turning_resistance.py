@@ -19,11 +19,7 @@ from slopewise.models.quantity import GRAVITY
 def deceleration(
     speed: Elementwise, curvature: Elementwise, yaw: Elementwise, k: Elementwise
 ) -> Elementwise:
-    """Deceleration g k |κ| v [m/s²].
-
-    Args:
-        speed: v [m/s]. curvature: κ of the path [1/m]. yaw: unused. k: [s/rad].
-    """
+    """Deceleration g k |κ| v [m/s²]."""
     return GRAVITY * (k * np.fabs(curvature)) * speed
 
 

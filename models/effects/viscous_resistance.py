@@ -16,11 +16,7 @@ from slopewise.models.quantity import GRAVITY
 def deceleration(
     speed: Elementwise, curvature: Elementwise, yaw: Elementwise, c: Elementwise
 ) -> Elementwise:
-    """Deceleration g c v [m/s²].
-
-    Args:
-        speed: v [m/s]. curvature, yaw: unused. c: [s/m].
-    """
+    """Deceleration g c v [m/s²]."""
     return GRAVITY * c * speed
 
 

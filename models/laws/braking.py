@@ -4,6 +4,11 @@ The braking force F_b is everything that slows the vehicle apart from gravity: b
 resistance together. As a share of the weight W it is a bilinear function of grade and of the speed
 at brake onset, learned from stops.
 
+Arguments: grade θ of the ground along the direction of travel, uphill positive [rad]; force_ratio
+F_b/W, at full application unless stated otherwise [1]; speed v at the stop command, >= 0 [m/s];
+deceleration a_x, positive while slowing and constant during a stop [m/s²]; dead_time t_delay from
+command to onset [s]; safety offsets time_offset [s] and distance_offset s_offset [m].
+
 Validity: straight stops with constant brake application, grades within about ±15°, onset speeds
 within the range the coefficients were learned on; outside, the law extrapolates and the caller has
 to say so. Omits: lock-up, brake fade and lag, drag that follows the current speed, turning.
@@ -36,7 +41,6 @@ def force_ratio(
     contradicts itself on the sign of the slope coefficient: it is learned, never assumed.
 
     Args:
-        grade: θ of the ground along the direction of travel [rad], uphill positive.
         onset_speed: speed v_i when the brakes take hold [m/s], >= 0.
         m_m: change of the slope coefficient with onset speed [s/m].
         b_m: slope coefficient towards standstill [1].
@@ -57,7 +61,6 @@ def force_ratio_at_level(
     stays. Source: Braking (6). Omits: any change of R_x with the brake level.
 
     Args:
-        force_ratio: F_b/W at full application [1].
         motion_resistance: R_x/W, the coefficient f_r [1].
         level: share of full application [1], 0 rolls freely, 1 brakes fully.
     """
@@ -69,10 +72,6 @@ def deceleration(force_ratio: Elementwise, grade: Elementwise) -> Elementwise:
 
     A result <= 0 means that the brakes do not stop the vehicle on this grade.
     Source: Braking (2). The grade is the ground's: a pitch sensor also shows the dive of the body.
-
-    Args:
-        force_ratio: F_b/W [1].
-        grade: θ [rad], uphill positive.
     """
     return GRAVITY * (force_ratio + np.sin(grade))
 
@@ -82,10 +81,6 @@ def force_ratio_of_deceleration(deceleration: Elementwise, grade: Elementwise) -
 
     Source: Braking (2), solved for the force. This gravity-free value is what a calibration has to
     regress; print regresses the deceleration itself in (9).
-
-    Args:
-        deceleration: a_x [m/s²], positive while slowing.
-        grade: θ [rad], uphill positive.
     """
     return deceleration / GRAVITY - np.sin(grade)
 
@@ -113,12 +108,6 @@ def stopping_time(
     """Time from stop command to standstill, t_s = v/a + t_delay + t_offset [s].
 
     NaN where a < 0: nothing stops there. Source: Braking (11).
-
-    Args:
-        speed: v at the stop command [m/s], >= 0.
-        deceleration: a > 0, constant during the stop [m/s²].
-        dead_time: t_delay from command to onset [s].
-        time_offset: safety offset [s].
     """
     slowing = deceleration * np.sqrt(np.sign(deceleration))
     return speed / slowing + dead_time + time_offset
@@ -135,12 +124,6 @@ def stopping_distance(
     The speed controller holds v during the dead time. Valid on constant grade; along a varying
     slope integrate v dv = −a ds instead. NaN where a < 0: nothing stops there.
     Source: Braking (12), corrected: see :func:`stopping_distance_as_printed`.
-
-    Args:
-        speed: v at the stop command [m/s], >= 0.
-        deceleration: a > 0, constant during the stop [m/s²].
-        dead_time: t_delay from command to onset [s].
-        distance_offset: safety offset s_offset [m].
     """
     slowing = deceleration * np.sqrt(np.sign(deceleration))
     return speed * speed / (2.0 * slowing) + dead_time * speed + distance_offset
@@ -158,13 +141,6 @@ def stopping_distance_as_printed(
     For comparison with the paper only. t_s holds the dead time already, so the delay is included
     twice: with ``time_offset`` 0 the result exceeds the true distance by ½ a t_delay² + v t_delay.
     NaN where a < 0. Source: Braking (12), uncorrected.
-
-    Args:
-        speed: v at the stop command [m/s], >= 0.
-        deceleration: a > 0 [m/s²].
-        dead_time: t_delay [s].
-        time_offset: safety offset t_offset inside t_s [s].
-        distance_offset: safety offset s_offset [m].
     """
     slowing = deceleration * np.sqrt(np.sign(deceleration))
     t_s = speed / slowing + dead_time + time_offset
@@ -186,9 +162,6 @@ def speed_of_stopping_distance(
 
     Args:
         distance: clear distance [m].
-        deceleration: a > 0, constant during the stop [m/s²].
-        dead_time: t_delay [s].
-        distance_offset: safety offset s_offset [m].
     """
     spare = distance - distance_offset
     d = 0.5 * (spare + np.fabs(spare))

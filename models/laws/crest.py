@@ -4,6 +4,8 @@ On ground of vertical curvature κ_v = dθ/ds, θ the grade uphill positive and 
 vehicle at speed v falls with −v² κ_v, so its normal load is W cos θ + m v² κ_v. Taken at the centre
 of gravity, the loss unloads every axle by the same share of its level static load.
 
+Arguments: speed v [m/s]; vertical_curvature κ_v [1/m].
+
 Validity: wheels that keep touching the ground; grade and its change as seen over the wheelbase.
 Only the loss is a law here: in a hollow wheels press more, which no plan may count on. Omits: the
 suspension, which gives a part of it back on crests shorter than the vehicle.
@@ -24,12 +26,7 @@ _EPSILON = 1e-300
 
 
 def load_loss(speed: Elementwise, vertical_curvature: Elementwise) -> Elementwise:
-    """Share of the weight that no longer presses on the ground, max(0, −κ_v) v²/g; NaN of NaN.
-
-    Args:
-        speed: v [m/s].
-        vertical_curvature: κ_v = dθ/ds, negative over a crest [1/m].
-    """
+    """Share of the weight that no longer presses on the ground, max(0, −κ_v) v²/g; NaN of NaN."""
     falling = 0.5 * (np.fabs(vertical_curvature) - vertical_curvature)
     return speed * speed * falling / GRAVITY
 
@@ -40,8 +37,6 @@ def remaining_force(
     """Share of F_b that remains over a crest, max(0, 1 − k load loss); NaN of NaN.
 
     Args:
-        speed: v [m/s].
-        vertical_curvature: κ_v = dθ/ds, negative over a crest [1/m].
         share: k, how much of the lost load the force loses; 1 if friction decides.
     """
     falling = 0.5 * (np.fabs(vertical_curvature) - vertical_curvature)
@@ -61,7 +56,6 @@ def crest_speed_sq(
         min_share_without_crest: smallest share of the level static load that any of them
             has without the crest [1].
         min_share: share that each must keep [1].
-        vertical_curvature: κ_v = dθ/ds, negative over a crest [1/m].
     """
     over = min_share_without_crest - min_share
     spare = 0.5 * (over + np.fabs(over))
@@ -74,7 +68,6 @@ def dip_speed_sq(vertical_accel: Elementwise, vertical_curvature: Elementwise) -
 
     Args:
         vertical_accel: highest one allowed [m/s²].
-        vertical_curvature: κ_v = dθ/ds, positive in a dip [1/m].
     """
     rising = 0.5 * (np.fabs(vertical_curvature) + vertical_curvature)
     return vertical_accel / (rising + _EPSILON)

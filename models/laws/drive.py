@@ -4,6 +4,10 @@ Newton's second law along the slope, with the resistances of motion and turning 
 normal load. Validity: wheels do not spin. Omits: the inertia of rotating parts, losses between
 motor and wheel, limits of a single side in a turn, drag of the air. Source: Braking (2) with
 thrust in place of braking force; Slip (12).
+
+Arguments: grade θ, uphill positive, and roll φ [rad]; speed v, >= 0 [m/s]; mass m [kg];
+max_drive_force F [N] and max_drive_power P [W] of all wheels together; resistance_ratio f, motion
+and turning resistance as a share of the normal load [1].
 """
 
 from __future__ import annotations
@@ -33,15 +37,6 @@ def powered_accel_limit(
     """Highest forward acceleration [m/s²] the drive gives at a speed.
 
     min(F, P/v)/m − g (sin θ + f cos θ cos φ). Negative where the vehicle slows at full drive.
-
-    Args:
-        speed: v [m/s], >= 0.
-        grade: θ [rad], uphill positive.
-        roll: φ [rad].
-        mass: m [kg].
-        max_drive_force: F, highest thrust of all wheels together [N].
-        max_drive_power: P, highest power of all wheels together [W].
-        resistance_ratio: f, motion and turning resistance as a share of the normal load [1].
     """
     thrust = np.fmin(max_drive_force, max_drive_power / np.fmax(speed, _MIN_SPEED))
     is_number = np.sign(1.0 + np.fabs(speed) + np.fabs(max_drive_force) + np.fabs(max_drive_power))
@@ -60,12 +55,6 @@ def sustained_speed(
     Downhill, where nothing has to be held, the denominator is taken as 10⁻⁶ W and the result is
     huge but finite. NaN where f < 0. Holds where the drive force suffices, as
     :func:`powered_accel_limit` says. Roll is omitted, which errs to the slow side.
-
-    Args:
-        grade: θ [rad], uphill positive.
-        mass: m [kg].
-        max_drive_power: P, highest power of all wheels together [W].
-        resistance_ratio: f, motion and turning resistance as a share of the normal load [1].
     """
     rolling = resistance_ratio * np.sqrt(np.sign(resistance_ratio + _EPSILON))
     resistance = np.sin(grade) + rolling * np.cos(grade)

@@ -3,6 +3,10 @@
 (F_x/(μ N))² + (F_y/(μ N))² ≤ 1 with the normal load N = W (cos θ cos φ + κ_v v²/g) and the side
 force F_y = W (sin φ cos θ + κ v²/g), which a bank that falls away from the turn makes larger.
 
+Arguments: grade θ, uphill positive, and roll φ, left side up positive [rad]; curvature κ of the
+path in the plan view, left turn positive, and vertical_curvature κ_v = dθ/ds, negative over a crest
+[1/m]; speed_sq v² [m²/s²]; friction μ, normal N/W, side_force F_y/W [1].
+
 Validity: one coefficient of friction in all directions, the vehicle as one point. Omits: single
 wheels and axles (:mod:`slopewise.models.laws.wheel_lockup`), yaw moments, and that skid-steered
 wheels slip sideways in every turn, which lowers the remainder along the path.
@@ -29,26 +33,14 @@ _NONE = 1e-12
 def side_force_ratio(
     grade: Elementwise, roll: Elementwise, curvature: Elementwise, speed_sq: Elementwise
 ) -> Elementwise:
-    """F_y/W = sin φ cos θ + κ v²/g [1], positive where it pushes to the right.
-
-    Args:
-        grade: θ [rad]. roll: φ [rad], left side up positive.
-        curvature: κ of the path in the plan view [1/m], left turn positive.
-        speed_sq: v² [m²/s²].
-    """
+    """F_y/W = sin φ cos θ + κ v²/g [1], positive where it pushes to the right."""
     return np.sin(roll) * np.cos(grade) + curvature * speed_sq / GRAVITY
 
 
 def normal_ratio(
     grade: Elementwise, roll: Elementwise, vertical_curvature: Elementwise, speed_sq: Elementwise
 ) -> Elementwise:
-    """N/W = cos θ cos φ + κ_v v²/g [1], nothing left where the vehicle would fly; NaN of NaN.
-
-    Args:
-        grade: θ [rad]. roll: φ [rad].
-        vertical_curvature: κ_v = dθ/ds, negative over a crest [1/m].
-        speed_sq: v² [m²/s²].
-    """
+    """N/W = cos θ cos φ + κ_v v²/g [1], nothing left where the vehicle would fly; NaN of NaN."""
     carried = np.cos(grade) * np.cos(roll) + vertical_curvature * speed_sq / GRAVITY
     return 0.5 * (carried + np.fabs(carried))
 
@@ -59,9 +51,6 @@ def braking_left(
     """F_x/W that the ellipse leaves for brakes or drive, √((μ N)² − F_y²)/W [1]; 0 where it slides.
 
     NaN where μ < 0.
-
-    Args:
-        friction: μ [1]. normal: N/W [1]. side_force: F_y/W [1].
     """
     held = friction * np.sqrt(np.sign(friction + _EPSILON)) * normal
     product = (held - side_force) * (held + side_force)
@@ -82,13 +71,10 @@ def lateral_speed_sq(
     :data:`TURNING_SHARE` of the friction that the bank leaves. Nor does it take more than
     √(μ² − k²), with k halfway between the need along the path and μ, so that the vehicle can still
     speed up; over a crest the load stays large enough for a quarter of that. Never below b: where
-    the bank alone is held, standing is allowed. Huge where no speed is too high; NaN where μ < 0.
+    the bank alone is held, standing is allowed. Of κ_v only the load lost over a crest is used.
+    Huge where no speed is too high; NaN where μ < 0.
 
     Args:
-        grade: θ [rad]. roll: φ [rad], left side up positive.
-        curvature: κ [1/m], left turn positive.
-        vertical_curvature: κ_v [1/m]; only the load lost over a crest is used.
-        friction: μ [1].
         along: F_x/N needed to hold the speed or the vehicle [1].
     """
     upright = np.cos(grade) * np.cos(roll)

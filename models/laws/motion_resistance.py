@@ -1,5 +1,10 @@
 """Motion resistance: what rolling costs, learned from motor currents.
 
+Arguments: coefficient motion_resistance f_r [1]; current I of a side's motor and idle_current with
+the wheels lifted [A]; torque_constant k_t [N m/A]; gear_ratio τ, motor turns a wheel turn [1];
+wheel_radius r [m]; side_load F_z, normal load of the side, > 0, and weight W [N]; grade θ and roll
+φ [rad].
+
 Validity: straight driving at constant speed; a brushed motor, torque proportional to current.
 Omits: dependence on speed, losses of the gear under load, and gravity: on a grade the motors also
 hold W sin θ. Source: Slip (12), (13).
@@ -26,14 +31,6 @@ def motion_resistance(
     current: its I₀ is the mean current on straights; with ``idle_current`` 0 this is the print's.
     NaN where the side is pulled, not pressed: wheels in the air roll on nothing.
     Source: Slip (12), (13).
-
-    Args:
-        current: I of the side's motor [A].
-        idle_current: current with the wheels lifted [A].
-        torque_constant: k_t [N m/A].
-        gear_ratio: τ, motor turns a wheel turn [1].
-        wheel_radius: r [m].
-        side_load: F_z > 0, normal load of the side [N].
     """
     torque = gear_ratio * torque_constant * (current - idle_current)
     return torque / (wheel_radius * side_load * np.sqrt(np.sign(side_load)))
@@ -50,14 +47,6 @@ def current_of_motion_resistance(
     """Motor current [A] of one side rolling straight at constant speed on level ground.
 
     The inverse of :func:`motion_resistance`. Source: Slip (12), (13).
-
-    Args:
-        motion_resistance: f_r [1].
-        idle_current: current with the wheels lifted [A].
-        torque_constant: k_t [N m/A].
-        gear_ratio: τ [1].
-        wheel_radius: r [m].
-        side_load: F_z, normal load of the side [N].
     """
     torque = motion_resistance * wheel_radius * side_load
     return idle_current + torque / (gear_ratio * torque_constant)
@@ -69,11 +58,5 @@ def resistance_force(
     """Force of motion resistance of the whole vehicle, f_r W cos θ cos φ [N].
 
     Source: Slip (12), summed over the wheel loads (18)–(21), sign of (21) corrected.
-
-    Args:
-        motion_resistance: f_r [1].
-        weight: W [N].
-        grade: θ [rad].
-        roll: φ [rad].
     """
     return motion_resistance * weight * np.cos(grade) * np.cos(roll)

@@ -1,5 +1,8 @@
 """Sideways tip-over: both sides must keep a share of their load in turns and on cross slopes.
 
+Arguments: grade θ, uphill positive, and roll φ, left side up positive [rad]; track_width B and
+cg_z, height of the centre of gravity [m]; min_side_share of the level static load W/2 to keep [1].
+
 Validity: quasi-static, rigid body, locally plane ground. Omits: suspension roll, tripping on a rut
 or stone, and sliding, which may come first.
 
@@ -26,13 +29,6 @@ def lateral_accel_limits(
     a_y = g (∓ B (cos φ cos θ − share)/(2 cg_z) − cos θ sin φ). The lowest (a right turn) is set
     by the right side, the highest (a left turn) by the left. If the lowest exceeds the highest no
     lateral acceleration will do; if 0 is not between them, standing still will not.
-
-    Args:
-        grade: θ [rad], uphill positive.
-        roll: φ [rad], left side up positive.
-        track_width: B [m].
-        cg_z: height of the centre of gravity [m].
-        min_side_share: share of the level static side load W/2 to keep [1].
     """
     tilt = np.cos(grade) * np.sin(roll)
     reach = 0.5 * track_width / cg_z * (np.cos(roll) * np.cos(grade) - min_side_share)

@@ -1,5 +1,8 @@
 """Slip track: the width a skid-steered vehicle seems to have when its wheels slip in a turn.
 
+Arguments: rim speeds v_left and v_right of the sides and speed V_x of the body, not of the wheels
+[m/s]; yaw_rate ω_z, counter-clockwise positive, not 0 where it divides [rad/s]; slip_track B_s [m].
+
 Validity: steady turning on one kind of ground. Omits: the difference between the slip of the two
 sides, and dependence on speed. Source: Slip (1)–(3).
 """
@@ -12,13 +15,7 @@ from slopewise.models.arrays import Elementwise
 
 
 def slip_track(v_right: Elementwise, v_left: Elementwise, yaw_rate: Elementwise) -> Elementwise:
-    """Slip track B_s = (V_R − V_L)/ω_z [m], at least the track width. Source: Slip (3).
-
-    Args:
-        v_right: speed at the rim of the right wheels [m/s].
-        v_left: speed at the rim of the left wheels [m/s].
-        yaw_rate: ω_z [rad/s], counter-clockwise positive, not 0.
-    """
+    """Slip track B_s = (V_R − V_L)/ω_z [m], at least the track width. Source: Slip (3)."""
     return (v_right - v_left) / yaw_rate
 
 
@@ -31,11 +28,6 @@ def rotation_centres(
     y at which that is the rim speed, y = (V_x − V_side)/ω_z. Left minus right is B_s of Slip (3);
     sides that slip unlike lie unevenly about the middle. Validity: a speed measured apart from the
     wheels. Source: Slip (1), (2), signs corrected: print has V_x,L − V_x, the negative of its (3).
-
-    Args:
-        v_left, v_right: rim speeds of the sides [m/s].
-        speed: V_x of the body, not of the wheels [m/s].
-        yaw_rate: ω_z [rad/s], counter-clockwise positive, not 0.
     """
     return (speed - v_left) / yaw_rate, (speed - v_right) / yaw_rate
 
@@ -46,11 +38,6 @@ def wheel_speeds(
     """Rim speeds (left, right) [m/s] that move the body as commanded, v ∓ ω_z B_s/2.
 
     Both sides are taken to slip alike, their poles of turning placed evenly. Source: Slip (3).
-
-    Args:
-        speed: v of the body [m/s].
-        yaw_rate: ω_z [rad/s], counter-clockwise positive.
-        slip_track: B_s [m].
     """
     half = 0.5 * yaw_rate * slip_track
     return speed - half, speed + half
@@ -63,6 +50,5 @@ def outer_wheel_speed_ratio(curvature: Elementwise, slip_track: Elementwise) -> 
 
     Args:
         curvature: κ [1/m], either sign.
-        slip_track: B_s [m].
     """
     return 1.0 + 0.5 * np.fabs(curvature) * slip_track

@@ -4,6 +4,10 @@ Braking downhill unloads the rear axle: before it lifts it loses its side guidan
 unloads the front. Shares are of the axle's level static load; the ε of Braking Sec. 5.2, a share
 of the whole weight, is ``min_rear_share`` (L − cg_x)/L.
 
+Arguments: grade θ, uphill positive, and roll φ, left side up positive [rad]; wheelbase L, centre of
+gravity cg_x ahead of the rear axle and cg_z high [m]; min_rear_share, min_front_share: share of the
+axle's level static load to keep [1].
+
 Validity and omissions are those of :mod:`slopewise.models.laws.wheel_loads`. Source: Braking (3),
 (5), sign corrected, and Sec. 5.2.
 """
@@ -42,10 +46,6 @@ def grade_limit(
 
     Args:
         deceleration: a_x [m/s²], the same on every grade, positive while slowing.
-        wheelbase: L [m].
-        cg_x: centre of gravity ahead of the rear axle [m].
-        cg_z: height of the centre of gravity [m].
-        min_rear_share: share of the level static rear load to keep [1].
     """
     A = (wheelbase - cg_x) * np.sqrt(np.sign(wheelbase - cg_x))
     B = cg_z
@@ -72,12 +72,7 @@ def rear_share_under_braking(
     axle. Source: Braking (2) in (5).
 
     Args:
-        grade: θ [rad], uphill positive.
-        roll: φ [rad], left side up positive.
         onset_force_ratio: F_b/W of the stop [1].
-        wheelbase: L [m].
-        cg_x: centre of gravity ahead of the rear axle [m].
-        cg_z: height of the centre of gravity [m].
     """
     behind = (wheelbase - cg_x) * np.sqrt(np.sign(wheelbase - cg_x))
     return np.cos(roll) * np.cos(grade) - cg_z / behind * onset_force_ratio
@@ -105,10 +100,6 @@ def downhill_limit_under_braking(
     Args:
         slope: coefficient m = m_m v_i + b_m at the onset speed [1].
         level_force: b = m_b v_i + b_b at the onset speed [1].
-        wheelbase: L [m].
-        cg_x: centre of gravity ahead of the rear axle [m].
-        cg_z: height of the centre of gravity [m].
-        min_rear_share: share of the level static rear load to keep [1].
     """
     if not (wheelbase > cg_x and math.isfinite(slope + level_force + cg_z + min_rear_share)):
         return math.nan
@@ -138,13 +129,6 @@ def drive_accel_limit(
     a = g (cg_x (cos φ cos θ − share)/cg_z − sin θ): rearward tip-over under drive, worst uphill.
     The wheelbase cancels. Negative where the front is too light even at constant speed.
     Source: Braking (5), slope term corrected, with acceleration −a_x.
-
-    Args:
-        grade: θ [rad], uphill positive.
-        roll: φ [rad], left side up positive.
-        cg_x: centre of gravity ahead of the rear axle [m].
-        cg_z: height of the centre of gravity [m].
-        min_front_share: share of the level static front load to keep [1].
     """
     spare = np.cos(roll) * np.cos(grade) - min_front_share
     return GRAVITY * (cg_x * spare / cg_z - np.sin(grade))

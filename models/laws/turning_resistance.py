@@ -2,6 +2,9 @@
 
 Left and right are those of a left turn; for a right turn exchange them. Thrusts are magnitudes.
 
+Arguments: coefficients of motion resistance f_r and of lateral_resistance μ_t [1]; normal loads
+left_load and right_load of the sides and weight W [N]; wheelbase L, track_width B [m].
+
 Validity: steady turning at low speed, even load of front and rear. Omits: yaw inertia, centrifugal
 force, the shift of the pole of turning, and gravity: on a grade the sides also share W sin θ.
 Source: Slip (22)–(27); (27) corrected for turns other than on the spot.
@@ -17,13 +20,7 @@ from slopewise.models.arrays import Elementwise
 def turning_moment(
     lateral_resistance: Elementwise, weight: Elementwise, wheelbase: Elementwise
 ) -> Elementwise:
-    """Moment of turning resistance M_r = μ_t W L / 2 [N m]. Source: Slip (24).
-
-    Args:
-        lateral_resistance: coefficient μ_t [1].
-        weight: W [N].
-        wheelbase: L [m].
-    """
+    """Moment of turning resistance M_r = μ_t W L / 2 [N m]. Source: Slip (24)."""
     return 0.5 * lateral_resistance * weight * wheelbase
 
 
@@ -43,13 +40,6 @@ def side_thrusts(
 
     Args:
         sigma: +1 turning on the spot, −1 in any other turn.
-        motion_resistance: f_r [1].
-        lateral_resistance: μ_t [1].
-        left_load: normal load of the left side [N].
-        right_load: normal load of the right side [N].
-        weight: W [N].
-        wheelbase: L [m].
-        track_width: B [m].
     """
     turning = 0.5 * lateral_resistance * weight * wheelbase / track_width
     left = motion_resistance * left_load + sigma * turning
@@ -75,12 +65,6 @@ def lateral_resistance_on_the_spot(
     Args:
         left_thrust: F_L, magnitude [N].
         right_thrust: F_R, magnitude [N].
-        motion_resistance: f_r [1].
-        left_load: normal load of the left side [N].
-        right_load: normal load of the right side [N].
-        weight: W [N].
-        wheelbase: L [m].
-        track_width: B [m].
     """
     rolling = motion_resistance * (left_load + right_load)
     return track_width / wheelbase * (right_thrust + left_thrust - rolling) / weight
@@ -105,12 +89,6 @@ def lateral_resistance_in_a_turn(
     Args:
         left_thrust: F_L, signed, negative if the inner side brakes [N].
         right_thrust: F_R [N].
-        motion_resistance: f_r [1].
-        left_load: normal load of the left side [N].
-        right_load: normal load of the right side [N].
-        weight: W [N].
-        wheelbase: L [m].
-        track_width: B [m].
     """
     rolling = motion_resistance * (right_load - left_load)
     return track_width / wheelbase * (right_thrust - left_thrust - rolling) / weight
@@ -127,7 +105,5 @@ def equivalent_drag_ratio(
 
     Args:
         curvature: κ [1/m], either sign.
-        lateral_resistance: μ_t [1].
-        wheelbase: L [m].
     """
     return 0.5 * lateral_resistance * wheelbase * np.fabs(curvature)

@@ -8,6 +8,10 @@ off all wheels through cos φ and moves weight from the higher to the lower side
 A share is a load divided by the load of the same axle or side standing level: 1 at rest on level
 ground, 0 when the wheels lift. A negative share is beyond lifting and says only that.
 
+Arguments: grade θ, uphill positive, and roll φ, left side up positive [rad]; deceleration a_x,
+positive while slowing, and lateral_accel a_y in the body frame, positive in a left turn [m/s²];
+wheelbase L, track_width B, centre of gravity cg_x ahead of the rear axle and cg_z high [m].
+
 Validity: all wheels on the ground. Omits: suspension travel, the moment of aerodynamic forces,
 angular acceleration, and that the centre of gravity moves with the load.
 
@@ -35,14 +39,6 @@ def front_load_share(
     W_f L = cg_x W cos θ cos φ + cg_z W (a_x/g − sin θ), divided by the static load W cg_x/L.
     Downhill and braking load the front. Source: Braking (5), slope term corrected (print has
     + x_cg sin θ instead of − z_cg sin θ); (4), which print gives for the other axle.
-
-    Args:
-        grade: θ [rad], uphill positive.
-        roll: φ [rad], left side up positive.
-        deceleration: a_x [m/s²], positive while slowing.
-        wheelbase: L [m].
-        cg_x: centre of gravity ahead of the rear axle [m].
-        cg_z: height of the centre of gravity [m].
     """
     moment = cg_x * np.cos(grade) * np.cos(roll) + cg_z * (deceleration / GRAVITY - np.sin(grade))
     return (moment / wheelbase) / (cg_x / wheelbase)
@@ -62,14 +58,6 @@ def rear_load_share(
     Downhill and braking unload the rear. NaN where cg_x > L: there is no such rear axle.
     Source: Braking (3), sign of its sin θ term corrected, and (5), (4) as in
     :func:`front_load_share`.
-
-    Args:
-        grade: θ [rad], uphill positive.
-        roll: φ [rad], left side up positive.
-        deceleration: a_x [m/s²], positive while slowing.
-        wheelbase: L [m].
-        cg_x: centre of gravity ahead of the rear axle [m].
-        cg_z: height of the centre of gravity [m].
     """
     behind = (wheelbase - cg_x) * np.sqrt(np.sign(wheelbase - cg_x))
     moment = behind * np.cos(grade) * np.cos(roll) - cg_z * (deceleration / GRAVITY - np.sin(grade))
@@ -87,13 +75,6 @@ def left_load_share(
 
     cos φ cos θ − 2 (cg_z/B)(cos θ sin φ + a_y/g): a left turn and a raised left side unload it.
     Source: Slip (18) + (19), with the lateral inertia added.
-
-    Args:
-        grade: θ [rad], uphill positive.
-        roll: φ [rad], left side up positive.
-        lateral_accel: a_y in the body frame [m/s²], positive to the left (left turn).
-        track_width: B [m].
-        cg_z: height of the centre of gravity [m].
     """
     transfer = np.cos(grade) * np.sin(roll) + lateral_accel / GRAVITY
     return np.cos(roll) * np.cos(grade) - 2.0 * cg_z / track_width * transfer
@@ -110,13 +91,6 @@ def right_load_share(
 
     cos φ cos θ + 2 (cg_z/B)(cos θ sin φ + a_y/g), the mirror of :func:`left_load_share`.
     Source: Slip (20) + (21), sign of (21) corrected, with the lateral inertia added.
-
-    Args:
-        grade: θ [rad], uphill positive.
-        roll: φ [rad], left side up positive.
-        lateral_accel: a_y in the body frame [m/s²], positive to the left (left turn).
-        track_width: B [m].
-        cg_z: height of the centre of gravity [m].
     """
     transfer = np.cos(grade) * np.sin(roll) + lateral_accel / GRAVITY
     return np.cos(roll) * np.cos(grade) + 2.0 * cg_z / track_width * transfer
@@ -144,13 +118,8 @@ def wheel_loads(
     Args:
         weight: W [N].
         pitch: REP-103 pitch [rad], nose down positive, = −grade.
-        roll: φ [rad], left side up positive.
         accel_x: body acceleration forward [m/s²], negative while braking.
         accel_y: body acceleration to the left [m/s²].
-        wheelbase: L [m].
-        track_width: B [m].
-        cg_x: centre of gravity ahead of the rear axle [m].
-        cg_z: height h of the centre of gravity [m].
     """
     ahead = cg_x / wheelbase
     normal = np.cos(roll) * np.cos(pitch)

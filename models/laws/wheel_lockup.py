@@ -4,6 +4,10 @@ The braking force F_b is divided between the axles by the fixed share ``front_br
 loads move with F_b: with a_x = g (F_b/W + sin θ) the axle loads are
 W_f L/W = cg_x c + cg_z F_b/W and W_r L/W = (L − cg_x) c − cg_z F_b/W, c = cos θ cos φ.
 
+Arguments: grade θ, uphill positive, and roll φ, left side up positive [rad]; front_brake_share β of
+the force, 0 to 1; sliding_friction μ_s [1]; wheelbase L, centre of gravity cg_x ahead of the rear
+axle and cg_z high [m].
+
 Validity: straight braking. Omits: friction used up sideways (turns, cross slopes), peak friction
 above the sliding one, and that locked wheels change the division. Source: Braking Sec. 1.2 and
 5.2, which name lock-up and give no formula; derived here from (2), (5) corrected.
@@ -38,15 +42,6 @@ def lockup_force_ratios(
     :func:`friction_cap`, and both equal it for the ideal share β = (cg_x + μ_s cg_z)/L. NaN unless
     0 <= β <= 1 and μ_s >= 0.
     For checking a single axle; no bound of the planner divides the force so far.
-
-    Args:
-        grade: θ [rad], uphill positive.
-        roll: φ [rad], left side up positive.
-        front_brake_share: β, front axle's part of the braking force [1], 0 to 1.
-        sliding_friction: μ_s [1].
-        wheelbase: L [m].
-        cg_x: centre of gravity ahead of the rear axle [m].
-        cg_z: height of the centre of gravity [m].
     """
     inside = np.sqrt(np.sign(front_brake_share * (1.0 - front_brake_share) + _EPSILON))
     mu = sliding_friction * np.sqrt(np.sign(sliding_friction + _EPSILON))
@@ -64,11 +59,6 @@ def friction_cap(
     """F_b/W [1] with all wheels sliding, μ_s cos θ cos φ: no division of the force gives more.
 
     NaN where μ_s < 0.
-
-    Args:
-        grade: θ [rad], uphill positive.
-        roll: φ [rad], left side up positive.
-        sliding_friction: μ_s [1].
     """
     mu = sliding_friction * np.sqrt(np.sign(sliding_friction + _EPSILON))
     return mu * np.cos(grade) * np.cos(roll)

@@ -284,11 +284,6 @@ def replay(model: Model, run: RunChannels, surface: str = "") -> Floats:
     From each stop command the model drives until the next command to move. In between it is
     undefined, and the simulation follows the measurement.
 
-    Args:
-        model: one model file.
-        run: channels of the log.
-        surface: named surface of the run.
-
     Returns:
         (n,) simulated speed [m/s].
 

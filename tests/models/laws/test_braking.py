@@ -28,18 +28,6 @@ def distance_by_area(speed, deceleration, dead_time):
     return np.trapezoid([speed, speed, 0.0], knots)
 
 
-@given(grades, speeds, st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
-def test_force_ratio_is_bilinear(grade, speed, m_m, b_m, m_b, b_b):
-    def at(theta, v):
-        return braking.force_ratio(theta, v, m_m, b_m, m_b, b_b)
-
-    assert at(0.0, 0.0) == b_b
-    slope_at_rest = at(grade, 0.0) - at(0.0, 0.0)
-    assert slope_at_rest == pytest.approx(b_m * grade, abs=1e-12)
-    mixed = at(grade, speed) - at(grade, 0.0) - at(0.0, speed) + at(0.0, 0.0)
-    assert mixed == pytest.approx(m_m * grade * speed, abs=1e-12)
-
-
 @given(st.floats(0.0, 1.2), st.floats(-1.2, 1.2))
 def test_deceleration_and_its_inverse(force_ratio, grade):
     a = braking.deceleration(force_ratio, grade)

@@ -1,6 +1,6 @@
 """Friction: ellipse, locked wheels, holding and a sideways slide.
 
-Resistance to motion and turning, and the slip track.
+Resistance to turning.
 """
 
 from __future__ import annotations
@@ -15,11 +15,9 @@ from scipy.integrate import solve_ivp
 
 from slopewise.models.laws import braking, holding, wheel_lockup
 from slopewise.models.laws import friction_ellipse as ellipse
-from slopewise.models.laws import motion_resistance as resistance
-from slopewise.models.laws import slip_track as slip
 from slopewise.models.laws import turning_resistance as turning
 from slopewise.models.laws.sideways_slide import share_along
-from slopewise.models.laws.wheel_loads import front_load_share, rear_load_share, wheel_loads
+from slopewise.models.laws.wheel_loads import front_load_share, rear_load_share
 from tests.world.vehicles import G
 
 GRADE, ROLL, MU = (-0.3, 0.3), (-0.25, 0.25), (0.4, 0.9)
@@ -168,37 +166,3 @@ def test_each_form_recovers_the_lateral_resistance(f_r, mu_t, left_load, right_l
     thrusts = turning.side_thrusts(-1.0, f_r, mu_t, *vehicle)
     result = turning.lateral_resistance_in_a_turn(*thrusts, f_r, *vehicle)
     assert result == pytest.approx(mu_t, abs=1e-9)
-
-
-@given(
-    st.floats(0.0, 1.0),
-    st.floats(0.0, 3.0),
-    st.floats(0.005, 0.5),
-    st.floats(1.0, 100.0),
-    st.floats(0.05, 0.5),
-    st.floats(10.0, 3000.0),
-)
-def test_current_and_resistance_are_inverse(f_r, idle, constant, gear, radius, load):
-    current = resistance.current_of_motion_resistance(f_r, idle, constant, gear, radius, load)
-    assert current >= idle
-    force = resistance.motion_resistance(current, idle, constant, gear, radius, load)
-    assert force == pytest.approx(f_r, abs=1e-9)
-
-
-@given(st.floats(0.0, 0.5), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
-def test_resistance_force_is_the_sum_over_the_wheels(f_r, grade, roll):
-    loads = wheel_loads(294.3, -grade, roll, 0.0, 0.0, 0.55, 0.6, 0.3, 0.2)
-    force = resistance.resistance_force(f_r, 294.3, grade, roll)
-    assert force == pytest.approx(f_r * sum(loads), abs=1e-9)
-
-
-curvatures = st.floats(-2.0, 2.0)
-tracks = st.floats(0.3, 3.0)
-
-
-@given(st.floats(-4.0, 4.0), curvatures.filter(lambda w: abs(w) > 1e-3), tracks)
-def test_wheel_speeds_give_the_slip_track_back(speed, yaw_rate, track):
-    left, right = slip.wheel_speeds(speed, yaw_rate, track)
-    assert slip.slip_track(right, left, yaw_rate) == pytest.approx(track, rel=1e-9)
-    assert slip.slip_track(left, right, -yaw_rate) == pytest.approx(track, rel=1e-9)
-    assert 0.5 * (left + right) == pytest.approx(speed, abs=1e-12)

@@ -292,7 +292,7 @@ BY_HAND: list[tuple[Callable[..., Any], tuple[float, ...], Any]] = [
     # 1 A: 3.46324 N m over 19.1295 N m; idle current is no resistance
     (motion_resistance.motion_resistance, (1.0, 0.0, *MOTOR), 0.18104184636294726),
     (motion_resistance.motion_resistance, (1.8, 0.8, *MOTOR), 0.18104184636294726),
-    (motion_resistance.current_of_motion_resistance, (0.03, 0.0, *MOTOR), 0.1657075455353946),
+    (motion_resistance.current_of_motion_resistance, (0.03, 0.8, *MOTOR), 0.9657075455353946),
     (motion_resistance.resistance_force, (0.1, 200.0, SIN, math.asin(0.8)), 9.6),
     # Slip, Table 2: beach sand 1.62 m, 45°/s on the spot; then 2 ∓ 0.3 and (2 + 0.5)/2
     (slip_track.wheel_speeds, (0.0, math.pi / 4, 1.62), (-0.6361725123519332, 0.6361725123519332)),
