@@ -36,23 +36,19 @@ class HeightGrid:
         half_width: float,
         radius: float,
     ) -> None: ...
-    def tyre_lifts(self, heading: int, out: Floats) -> None: ...
+    def tyre_lifts(self, heading: int) -> Floats: ...
     def sample_terrain(
         self,
         x: Floats,
         y: Floats,
         count: Ints,
-        body_x: Floats,
-        body_y: Floats,
+        body_x: Floats | None,
+        body_y: Floats | None,
         body_offset: float,
         length: float,
         width: float,
-        rows: Floats,
-        known: Bools,
-        twist: Singles,
-        front: Singles,
-    ) -> None: ...
-    def stations(self, x: Floats, y: Floats, count: Ints, station: Floats) -> None: ...
+    ) -> tuple[Floats, Bools, Singles, Singles]: ...
+    def stations(self, x: Floats, y: Floats, count: Ints) -> Floats: ...
 
 class BroadPhase:
     bits: Bytes
@@ -122,9 +118,7 @@ def time_optimal(
     start_sq: Floats,
     decel: float,
     specific_power: float,
-    speed_sq: Floats,
-    reachable_start_sq: Floats,
-) -> None: ...
+) -> tuple[Floats, Floats]: ...
 def average_heights(
     elevation: Floats,
     wide_row: np.ndarray,
@@ -146,11 +140,8 @@ def average_heights(
     block_noise: float,
     significance: float,
     known_share: float,
-    heights: Floats,
-) -> None: ...
-def travel_cost(
-    station: Floats, speed_sq: Floats, horizon_penalty: float, cost: Floats
-) -> None: ...
+) -> Floats: ...
+def travel_cost(station: Floats, speed_sq: Floats, horizon_penalty: float) -> Floats: ...
 def smooth(
     ds: Floats,
     speed_sq_max: Floats,
@@ -158,8 +149,7 @@ def smooth(
     decel_max: Floats,
     jerk: float,
     start_accel: float,
-    speed_sq: Floats,
-) -> int: ...
+) -> tuple[int, Floats]: ...
 def smoothing_program(
     ds: Floats,
     speed_sq_max: Floats,
@@ -167,16 +157,11 @@ def smoothing_program(
     decel_max: Floats,
     jerk: float,
     start_accel: float,
-    open: Floats,  # noqa: A002
-    rows: Floats,
-    limit: Floats,
-) -> None: ...
-def keep_inside(speed_sq: Floats, speed_sq_max: Floats, out: Floats) -> None: ...
+) -> tuple[Floats, Floats, Floats]: ...
+def keep_inside(speed_sq: Floats, speed_sq_max: Floats) -> Floats: ...
 
 # Forces and bounds along candidates.
-def trailing_heading(
-    x: Floats, y: Floats, rod: float, heading_x: Floats, heading_y: Floats
-) -> None: ...
+def trailing_heading(x: Floats, y: Floats, rod: float) -> tuple[Floats, Floats]: ...
 def surface_bits(
     classes: Ints,
     origin_x: float,
@@ -188,8 +173,7 @@ def surface_bits(
     heading_y: Floats,
     half_length: float,
     half_width: float,
-    bits: Ints,
-) -> None: ...
+) -> Ints: ...
 def braking_forces(
     profile: TerrainProfile,
     surfaces: SurfaceCache,
@@ -197,10 +181,7 @@ def braking_forces(
     least_term: Floats | None,
     most_term: Floats | None,
     drag: Floats | None,
-    rows: Floats,
-    trained: Bools,
-    distance_offset: Floats,
-) -> None: ...
+) -> tuple[Floats, Bools, Floats]: ...
 def speed_bounds(
     profile: TerrainProfile,
     ground: BrakingGround,
@@ -208,26 +189,18 @@ def speed_bounds(
     speed_limit: Floats | None,
     clear: Floats,
     vehicle: PlanningLimits,
-    rows: Floats,
-    limiting: Ints,
-    barrier: Ints,
-    barrier_station: Ints,
-    clear_distance: Floats,
-) -> None: ...
-def speed_excess(
-    profile: TerrainProfile, ground: BrakingGround, resistance: float, excess: Floats
-) -> None: ...
+) -> tuple[Floats, Ints, Ints, Ints, Floats]: ...
+def speed_excess(profile: TerrainProfile, ground: BrakingGround, resistance: float) -> Floats: ...
 def onset_speed(slope_sum: float, intercept_sum: float, slowest: float) -> float: ...
 
 # Verification and labels; `terms` is a `Terms`, `limits` a `PlanningLimits`, `track` a `Track`.
 def copy_track(
-    count: Ints,
-    rows: tuple[Floats, ...],
-    friction: Floats,
+    profile: TerrainProfile,
+    ground: BrakingGround,
+    speed_limit: Floats,
     candidate: int,
     first: int,
-    columns: Floats,
-) -> None: ...
+) -> Floats: ...
 def verify(
     track: tuple[Floats, ...],
     even: tuple[Floats, ...],
@@ -236,20 +209,15 @@ def verify(
     distance_offset: float,
     beyond: int,
     terms: object,
-    told: Floats,
-    worst: Floats,
-    bad: Bools,
-) -> None: ...
+) -> tuple[Floats, Floats, Bools]: ...
 def verify_batch(
-    count: Ints,
-    rows: tuple[Floats, ...],
-    friction: Floats,
+    profile: TerrainProfile,
+    ground: BrakingGround,
+    speed_limit: Floats,
     speed_sq: Floats,
     clear_distance: Floats,
-    distance_offset: Floats,
     terms: object,
-    worst: Floats,
-) -> None: ...
+) -> Floats: ...
 def first_blocked(
     elevation: Floats,
     origin_x: float,
@@ -270,10 +238,10 @@ def segment_limits(
     demand: Floats,
     braking_intercept: Floats,
     limits: object,
-    accel: Floats,
-    decel: Floats,
-) -> None: ...
-def motion(station: Floats, speed_sq: Floats, accel: Floats, time: Floats) -> None: ...
+) -> tuple[Floats, Floats]: ...
+def motion(station: Floats, speed_sq: Floats) -> tuple[Floats, Floats]:
+    """Acceleration, 0 at the last station [m/s²], and time, constant once the profile rests [s]."""
+
 def labels(
     speed_sq: Floats,
     accel: Floats,
@@ -283,31 +251,15 @@ def labels(
     decel_max: Floats,
     most_accel: float,
     smoothed: bool,
-    out: Ints,
-) -> None: ...
+) -> Ints: ...
 
 # Paths of a moving horizon.
 def feet_on_line(
-    line_x: Floats,
-    line_y: Floats,
-    x: Floats,
-    y: Floats,
-    low: int,
-    high: int,
-    segment: Ints,
-    share: Floats,
-    distance: Floats,
-) -> None: ...
+    line_x: Floats, line_y: Floats, x: Floats, y: Floats, low: int, high: int
+) -> tuple[Ints, Floats, Floats]: ...
 def locate_on_paths(
-    x: Floats,
-    y: Floats,
-    count: Ints,
-    at_x: float,
-    at_y: float,
-    heading: float,
-    segment: Ints,
-    values: Floats,
-) -> None: ...
+    x: Floats, y: Floats, count: Ints, at_x: float, at_y: float, heading: float
+) -> tuple[Ints, Floats]: ...
 def cut_paths(
     x: Floats,
     y: Floats,
@@ -316,29 +268,17 @@ def cut_paths(
     start_x: Floats,
     start_y: Floats,
     fewest: int,
-    rest: Floats,
-    kept: Ints,
-    near: Bools,
-    new_count: Ints,
-) -> None: ...
-def find_sound(x: Floats, y: Floats, count: Ints, finite: Bools, moving: Bools) -> None: ...
-def deviation_along(given: Floats, line: Floats, distance: Floats) -> None: ...
-def deviation_of_part(
-    given: Floats, line: Floats, passed: float, length: float, distance: Floats
-) -> None: ...
+) -> tuple[Floats, Ints, Bools, Ints]: ...
+def find_sound(x: Floats, y: Floats, count: Ints) -> tuple[Bools, Bools]: ...
+def deviation_along(given: Floats, line: Floats) -> Floats: ...
+def deviation_of_part(given: Floats, line: Floats, passed: float, length: float) -> Floats: ...
 def first_turn(points: Floats, reach: float, angle: float) -> int: ...
 def third_difference(points: Floats) -> float: ...
 def usual_step(along: Floats) -> float: ...
 def first_cusp(points: Floats, angle: float, shortest: float) -> int: ...
-def dense_count(points: int, length: float) -> int: ...
 def dense_places(
-    points: Floats,
-    along: Floats,
-    stray: float,
-    dense_along: Floats,
-    places: Floats,
-    weights: Floats,
-) -> int: ...
+    points: Floats, along: Floats, stray: float
+) -> tuple[int, Floats, Floats, Floats]: ...
 def spline_stations(
     knots: Floats,
     x: Floats,
@@ -347,13 +287,13 @@ def spline_stations(
     length: float,
     first: Floats,
     last: Floats,
-    even: Floats,
-) -> None: ...
+    count: int,
+) -> Floats: ...
 
 class FollowedLine:
     length: float
     sharpest: float
     def __init__(self, points: Floats, half: float) -> None: ...
-    def stations(self, even: Floats, place: Floats) -> None: ...
-    def curvature(self, place: Floats, out: Floats) -> None: ...
+    def stations(self, count: int) -> tuple[Floats, Floats]: ...
+    def curvature(self, place: Floats) -> Floats: ...
     def agrees(self, even: Floats, felt: float, limiting: float) -> bool: ...

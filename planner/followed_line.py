@@ -146,9 +146,7 @@ class GivenPoints:
         """The mean over a half width [m] on at most ``max_count`` even stations."""
         mean = core.FollowedLine(self._points, half)
         count = int(np.ceil(mean.length / min(self._spacing, _STATIONS * half) - 1e-6)) + 1
-        even = np.empty((min(max(count, _MIN_STATIONS), max_count), 2))
-        place = np.empty(len(even))
-        mean.stations(even, place)
+        even, place = mean.stations(min(max(count, _MIN_STATIONS), max_count))
         return FollowedLine(even, np.minimum(place / place[-1], 1.0), mean.sharpest)
 
     def speed_limit(self, near: float, half: float, place: Floats) -> Floats | None:
@@ -175,9 +173,7 @@ class GivenPoints:
         return np.sqrt(lateral / np.maximum(closer, 1e-9))
 
     def _curvature(self, half: float, place: Floats) -> Floats:
-        curvature = np.empty(len(place))
-        core.FollowedLine(self._points, half).curvature(place, curvature)
-        return curvature
+        return core.FollowedLine(self._points, half).curvature(place)
 
 
 def _wavers(points: Floats, along: Floats, half: float) -> bool:

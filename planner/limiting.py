@@ -48,6 +48,7 @@ class Lift:
 
     Attributes:
         assumptions: what is assumed instead, by name.
+        of_hazards: body and wheels do not meet what is bounded so.
         out_of_reach: limits of the model that are moved out of reach, as ``table.name``.
         relaxation: name of what is done to the model where moving a limit is not enough.
     """
@@ -55,6 +56,7 @@ class Lift:
     assumptions: Mapping[str, bool] = field(default_factory=dict)
     out_of_reach: tuple[str, ...] = ()
     relaxation: str = ""
+    of_hazards: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,21 +166,21 @@ BOUNDS: dict[Limiting, Bound] = {
     Limiting.STEP: Bound(
         "a step, a drop or a hole is too high for a wheel",
         "slopewise.planner.swept.hazards:swept_hazards",
-        Lift({"no_steps": True}),
+        Lift(of_hazards=True),
         "#7a4a1e",
         "#b98352",
     ),
     Limiting.CLEARANCE: Bound(
         "the ground between the wheels is higher than the underside",
         "slopewise.planner.swept.hazards:swept_hazards",
-        Lift({"high_enough": True}),
+        Lift(of_hazards=True),
         "#a65e2e",
         "#cf8a58",
     ),
     Limiting.BODY: Bound(
         "the body would strike what stands ahead of, behind or beside the wheels",
         "slopewise.planner.swept.hazards:swept_hazards",
-        Lift({"narrow_enough": True}),
+        Lift(of_hazards=True),
         "#5c2b12",
         "#a8724f",
     ),

@@ -66,76 +66,67 @@ class PathBatch:
 
     Attributes:
         names: (M,) of the candidates.
-        x, y: (N, M) positions [m].
+        rows: (4, N, M) x and y [m]; speed limit, inf where there is none [m/s]; distance of a
+            vehicle that follows the polyline, 0 where there is none [m].
         count: (M,) stations of each candidate.
-        speed_limit: (N, M) [m/s], inf where there is none; None if no candidate has any.
         given: (M,) the polylines, None for those whose stations are what was given; empty if all
             are.
-        follower_offset: (N, M) distance of a vehicle that follows the polyline [m], None without
-            any.
     """
 
     names: tuple[str, ...]
-    x: Floats
-    y: Floats
+    rows: Floats
     count: Ints
-    speed_limit: Floats | None
     given: tuple[GivenPolyline | None, ...] = ()
-    follower_offset: Floats | None = None
+
+    @classmethod
+    def of_stations(cls, names: tuple[str, ...], x: Floats, y: Floats, count: Ints) -> PathBatch:
+        """Stations (N, M) alone, without limits."""
+        return cls(names, np.stack((x, y, np.full_like(x, np.inf), np.zeros_like(x))), count)
+
+    @property
+    def x(self) -> Floats:
+        """(N, M) [m]."""
+        row: Floats = self.rows[0]
+        return row
+
+    @property
+    def y(self) -> Floats:
+        """(N, M) [m]."""
+        row: Floats = self.rows[1]
+        return row
+
+    @property
+    def speed_limit(self) -> Floats:
+        """(N, M) [m/s], inf where there is none."""
+        row: Floats = self.rows[2]
+        return row
+
+    @property
+    def follower_offset(self) -> Floats | None:
+        """(N, M) distance of a vehicle that follows the polyline [m], None if it is 0."""
+        return self.rows[3] if self.rows[3].any() else None
 
     def only(self, usable: Ints) -> PathBatch:
         """Some of the candidates, by their indices (m,)."""
-        x, y = (np.ascontiguousarray(a[:, usable]) for a in (self.x, self.y))
-        limit, offset = (
-            None if a is None else np.ascontiguousarray(a[:, usable])
-            for a in (self.speed_limit, self.follower_offset)
-        )
         names = tuple(self.names[j] for j in usable)
         given = tuple(self.given[j] for j in usable) if self.given else ()
-        return PathBatch(names, x, y, self.count[usable], limit, given, offset)
+        return PathBatch(names, self.rows.take(usable, axis=2), self.count[usable], given)
 
     def given_points(self, j: int) -> Floats:
         """(n, 2) points that were given for a candidate [m]."""
         given = self.given[j] if self.given else None
         if given is not None:
             return given.points
-        points = np.empty((self.count[j], 2))
-        points[:, 0], points[:, 1] = self.x[: len(points), j], self.y[: len(points), j]
-        return points
+        return np.ascontiguousarray(self.rows[:2, : self.count[j], j].T)
 
 
 def joined(paths: PathBatch, other: PathBatch) -> PathBatch:
     """Two batches in one, (max N, M + M'), the other's candidates last, as stations alone."""
     parts = (paths, other)
-    rows = max(len(part.x) for part in parts)
-    x, y = (_columns([getattr(part, name) for part in parts], rows) for name in "xy")
-    limit = _known_columns([part.speed_limit for part in parts], parts, np.inf)
-    offset = _known_columns([part.follower_offset for part in parts], parts, 0.0)
+    steps = np.arange(max(len(part.x) for part in parts))
+    padded = [part.rows.take(np.minimum(steps, len(part.x) - 1), axis=1) for part in parts]
     count = np.concatenate([part.count for part in parts])
-    return PathBatch(paths.names + other.names, x, y, count, limit, (), offset)
-
-
-def _known_columns(
-    arrays: list[Floats | None], parts: tuple[PathBatch, ...], nothing: float
-) -> Floats | None:
-    """Columns of both batches, ``nothing`` in one that has none; None if neither has any."""
-    if all(a is None for a in arrays):
-        return None
-    filled = [
-        np.full(p.x.shape, nothing) if a is None else a for a, p in zip(arrays, parts, strict=True)
-    ]
-    return _columns(filled, max(len(part.x) for part in parts))
-
-
-def _columns(arrays: list[Floats], rows: int) -> Floats:
-    """Columns of all arrays, each padded with its last row."""
-    out = np.empty((rows, sum(a.shape[1] for a in arrays)))
-    j = 0
-    for a in arrays:
-        out[: len(a), j : j + a.shape[1]] = a
-        out[len(a) :, j : j + a.shape[1]] = a[-1]
-        j += a.shape[1]
-    return out
+    return PathBatch(paths.names + other.names, np.concatenate(padded, axis=2), count)
 
 
 def resample(
@@ -268,9 +259,7 @@ def _followed(given: GivenPoints, points: Floats, limits: LineLimits) -> _Laid:
 
 def _deviation(given: Floats, even: Floats) -> Floats:
     """(N,) largest distance between a polyline and the line around each of its stations [m]."""
-    distance = np.zeros(len(even))
-    core.deviation_along(given, even, distance)
-    return distance
+    return core.deviation_along(given, even)
 
 
 def _too_far_error(given: Floats, even: Floats, max_deviation: float) -> ParameterError:
@@ -297,22 +286,15 @@ def batch(
 def side_by_side(paths: Sequence[EvenPath]) -> PathBatch:
     """Paths of different lengths as one batch."""
     count = np.array([len(path.points) for path in paths], np.int64)
-    shape = (int(count.max()), len(paths))
-    x, y = np.empty(shape), np.empty(shape)
-    limits = offset = None
-    if any(path.speed_limit is not None for path in paths):
-        limits = np.full(shape, np.inf)
-    if any(path.follower_offset is not None for path in paths):
-        offset = np.zeros(shape)
+    rows = np.zeros((4, int(count.max()), len(paths)))
+    rows[2] = np.inf
     for j, (path, n) in enumerate(zip(paths, count, strict=True)):
-        x[:n, j], y[:n, j] = path.points.T
-        x[n:, j], y[n:, j] = path.points[-1]
-        if limits is not None and path.speed_limit is not None:
-            limits[:n, j] = path.speed_limit
-        if offset is not None and path.follower_offset is not None:
-            offset[:n, j] = path.follower_offset
-    given = tuple(path.given for path in paths)
-    return PathBatch(tuple(path.name for path in paths), x, y, count, limits, given, offset)
+        rows[:2, :n, j] = path.points.T
+        rows[:2, n:, j] = path.points[-1:].T
+        for row, values in ((2, path.speed_limit), (3, path.follower_offset)):
+            if values is not None:
+                rows[row, :n, j] = values
+    return PathBatch(tuple(path.name for path in paths), rows, count, tuple(p.given for p in paths))
 
 
 def _lowest_around(wanted: Floats, along: Floats, limit: Floats) -> Floats:

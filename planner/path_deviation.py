@@ -119,13 +119,11 @@ def path_deviation(
         part: where the planned line begins on the stations of the whole path, < 0 before them, and
             the length of these [m]; then the common part of both lines is compared.
     """
-    distance = np.zeros(len(x))
-    line = np.empty((len(x), 2))
-    line[:, 0], line[:, 1] = x, y
+    line = np.stack((x, y), axis=1)
     if part is None:
-        core.deviation_along(given, line, distance)
+        distance = core.deviation_along(given, line)
     else:
-        core.deviation_of_part(given, line, *part, distance)
+        distance = core.deviation_of_part(given, line, *part)
     return _largest_of(distance, x, y, station, limit)
 
 

@@ -8,7 +8,6 @@ from enum import Enum
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
-from slopewise.planner.compiled_core import core
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.path_deviation import PathDeviation
 
@@ -160,18 +159,3 @@ class SpeedPlan:
             "side_load": self.side_load,
             "path_deviation": np.zeros(n) if deviation is None else deviation.distance,
         }
-
-
-def motion_of(station: Floats, speed_sq: Floats) -> tuple[Floats, Floats]:
-    """Acceleration and time of a profile.
-
-    Args:
-        station: (N,) increasing [m].
-        speed_sq: (N,) v², linear between stations [m²/s²].
-
-    Returns:
-        accel (N,), 0 at the last station [m/s²]; time (N,), constant once the profile rests [s].
-    """
-    accel, time = np.empty((2, len(station)))
-    core.motion(station, speed_sq, accel, time)
-    return accel, time

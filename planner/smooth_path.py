@@ -7,7 +7,6 @@ compiled: a question brings dozens of paths, and each is only a hundred points l
 
 from __future__ import annotations
 
-import numpy as np
 from scipy.interpolate import splprep
 
 from slopewise.models.arrays import Floats
@@ -29,9 +28,7 @@ def smooth(points: Floats, along: Floats, count: int, stray: float) -> Floats:
         (N, 2) stations, equally far apart along the curve; the first and the last are the
         polyline's own ends [m].
     """
-    most = core.dense_count(len(points), along[-1])
-    dense_along, dense, weights = np.empty(most), np.empty((most, 2)), np.empty(most)
-    n = core.dense_places(points, along, stray, dense_along, dense, weights)
+    n, dense_along, dense, weights = core.dense_places(points, along, stray)
     degree = min(3, n - 1)
     # Asked for all it knows FITPACK does not warn where it cannot use all of its freedom.
     ((knots, (x, y), _), _), _, fault, words = splprep(
@@ -39,6 +36,4 @@ def smooth(points: Floats, along: Floats, count: int, stray: float) -> Floats:
     )
     if fault >= _INVALID:
         raise ParameterError("points", f"a polyline that a spline can follow: {words}")
-    even = np.empty((count, 2))
-    core.spline_stations(knots, x, y, degree, along[-1], points[0], points[-1], even)
-    return even
+    return core.spline_stations(knots, x, y, degree, along[-1], points[0], points[-1], count)

@@ -188,5 +188,5 @@ def _route_around(view: View) -> tuple[PathBatch, float]:
     first = max(here - _BEHIND, 0) // _STRIDE * _STRIDE
     last = int(np.searchsorted(route.station, view.station + HORIZON))
     x, y = (np.ascontiguousarray(c[first:last:_STRIDE, None]) for c in (route.x, route.y))
-    paths = PathBatch(("route",), x, y, np.array([len(x)]), None)
+    paths = PathBatch.of_stations(("route",), x, y, np.array([len(x)]))
     return paths, float(route.station[first])

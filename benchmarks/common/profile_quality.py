@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.planner.plan import motion_of
+from slopewise.planner.compiled_core import core
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 
 _STANDSTILL_SQ = 1e-6  # Below this v² the vehicle stands and no limit applies [m²/s²]
@@ -13,7 +13,7 @@ _STANDSTILL_SQ = 1e-6  # Below this v² the vehicle stands and no limit applies 
 
 def travel_time(station: Floats, speed_sq: Floats) -> float:
     """Time until the last movement ends [s]."""
-    return float(motion_of(station, np.maximum(speed_sq, 0.0))[1][-1])
+    return float(core.motion(station, np.maximum(speed_sq, 0.0))[1][-1])
 
 
 def excess(

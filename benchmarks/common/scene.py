@@ -34,7 +34,7 @@ class BenchmarkScene:
     def plan(self) -> TimeOptimalBatch:
         """Solve all candidates, from poses to time-optimal plans with their cost."""
         names = tuple(str(j) for j in range(len(self.count)))
-        paths = PathBatch(names, self.x, self.y, self.count, None)
+        paths = PathBatch.of_stations(names, self.x, self.y, self.count)
         return time_optimal_batch(self.elevation_map, paths, self.model)
 
 

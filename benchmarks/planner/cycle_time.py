@@ -73,7 +73,7 @@ class HorizonDrive:
         x = self._x + np.vstack((start, SPACING * np.cumsum(np.cos(heading), axis=0)))
         y = self._y + np.vstack((start, SPACING * np.cumsum(np.sin(heading), axis=0)))
         names = tuple(f"{self._cycle // self._cycles_per_fan}.{j}" for j in range(CANDIDATES))
-        return PathBatch(names, x, y, np.full(CANDIDATES, STATIONS), None)
+        return PathBatch.of_stations(names, x, y, np.full(CANDIDATES, STATIONS))
 
     def _obey(self, answer: CycleAnswer) -> None:
         plan, speed = answer.chosen, answer.command.speed

@@ -130,7 +130,7 @@ def _draw(rng: np.random.Generator, grounds: list[ElevationMap]) -> Instance | N
     x, y = _path(rng, stations)
     start = float(rng.choice([0.0, rng.uniform(0.0, 2.5)]))
     clear = float(rng.choice([np.inf, rng.uniform(4.0, 20.0)]))
-    path = PathBatch(("path",), x, y, np.array([stations]), None)
+    path = PathBatch.of_stations(("path",), x, y, np.array([stations]))
     solved = time_optimal_batch(ground, path, model, start_speed=start, clear=clear)
     # A start too fast for service braking is braked hard, not smoothed.
     if solved.speed_sq[:, 0].max() < 0.25 or solved.reachable_start_sq[0] < start**2:

@@ -216,7 +216,7 @@ def batch_rows(model: Model, repetitions: int) -> list[Result]:
     """Times of a batch of 64 x 100 with and without the band, in turn, and their ratio."""
     scene, seconds = fan(*_BATCH), {}
     names = tuple(str(j) for j in range(len(scene.count)))
-    paths = PathBatch(names, scene.x, scene.y, scene.count, None)
+    paths = PathBatch.of_stations(names, scene.x, scene.y, scene.count)
     uncertainty = Uncertainty(quantile=QUANTILE)
 
     def action(tracking: Tracking | None, terrain: ElevationMap, *, is_new: bool) -> Action:

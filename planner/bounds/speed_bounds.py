@@ -20,8 +20,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.effects.registry import crest_share
 from slopewise.models.parameters import Model
@@ -30,7 +28,6 @@ from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.swept.hazards import Hazards, nothing_looked_for
-from slopewise.planner.workspace import empty
 
 HOLDING = core.HOLDING
 """Least F_b/W + sin θ: below it the brakes hardly slow the vehicle, let alone stop it."""
@@ -92,22 +89,13 @@ def speed_bounds(
         hazards: what body and wheels meet; left out, nothing.
         holds_anywhere: for what-if questions: a vehicle at rest is held on any slope.
     """
-    shape = profile.grade.shape
-    rows, codes = empty(5, *shape), empty(*shape).view(np.int64)
-    barrier, barrier_station = np.empty((2, shape[1]), np.int64)
-    clear_distance = np.empty(shape[1])
-    core.speed_bounds(
+    rows, codes, barrier, barrier_station, clear_distance = core.speed_bounds(
         profile,
         ground,
         (hazards or nothing_looked_for()).rows,
         speed_limit,
         clear,
         planning_limits(model)._replace(holding=0.0 if holds_anywhere else 1.0),
-        rows,
-        codes,
-        barrier,
-        barrier_station,
-        clear_distance,
     )
     speed_sq_max, accel_max, demand, lower_slope, lower_intercept = rows
     left = replace(ground, lower_slope=lower_slope, lower_intercept=lower_intercept)
@@ -132,6 +120,4 @@ def speed_excess(profile: TerrainProfile, ground: BrakingGround, resistance: flo
         ground: braking along the candidates, with its errors.
         resistance: f_r, motion resistance as a share of the weight [1].
     """
-    excess = empty(*profile.grade.shape)
-    core.speed_excess(profile, ground, resistance, excess)
-    return excess
+    return core.speed_excess(profile, ground, resistance)

@@ -22,7 +22,6 @@ from slopewise.planner.ground.sight import within_sight
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import SpeedPlan
-from slopewise.planner.settings import UnseenSteps
 
 _FAR = 1e6
 """Replaces a limit that a curve is drawn without [m/s, m/s², W/kg]."""
@@ -34,17 +33,9 @@ def bound_curves(
     elevation_map: ElevationMap,
     plan: SpeedPlan,
     model: Model,
-    unseen_steps: UnseenSteps = "slow",
 ) -> dict[Limiting, Floats]:
-    """Highest speed that each bound by itself allows, (N,) each [m/s], inf where it allows any.
-
-    Args:
-        elevation_map: ground that the plan was made on.
-        plan: of N stations.
-        model: that it was made with.
-        unseen_steps: setting that it was made with.
-    """
-    model = within_sight(model, elevation_map, unseen_steps)
+    """Highest speed that each bound by itself allows, (N,) each [m/s], inf where it allows any."""
+    model = within_sight(model, elevation_map, "slow")
     vehicle, limits, terrain = model.vehicle, model.limits, model.terrain
     skid_steer = vehicle.drive == "skid_steer"
     grade, roll, curvature = plan.grade, plan.roll, plan.curvature

@@ -26,14 +26,7 @@ from slopewise.planner.swept.hazards import swept_hazards
 def contact_curves(
     elevation_map: ElevationMap, profile: TerrainProfile, ground: BrakingGround, model: Model
 ) -> dict[Limiting, Floats]:
-    """Highest speed that each of them allows, (N,) each [m/s]; friction only where it is known.
-
-    Args:
-        elevation_map: ground that one candidate of N stations lies on.
-        profile: of the candidate.
-        ground: braking along it.
-        model: vehicle and limits.
-    """
+    """Highest speed that each of them allows, (N,) each [m/s]; friction only where it is known."""
     curves = {Limiting.CREST: _crests(profile, ground, model)}
     if ground.friction is not None:
         curves[Limiting.FRICTION] = _friction(profile, ground.friction[:, 0], model)

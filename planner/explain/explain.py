@@ -22,7 +22,6 @@ from slopewise.models.parameters import Model
 from slopewise.planner.explain.measurements import MEASURABLE
 from slopewise.planner.explain.relaxed import without
 from slopewise.planner.explain.what_if import Assumptions, WhatIf
-from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.sight import within_sight
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
@@ -110,7 +109,6 @@ def explain(
     uncertainty: Uncertainty | None = None,
     start_speed: float = 0.0,
     clear: float = np.inf,
-    conditions: GroundConditions | None = None,
 ) -> Explanation:
     """Plan one candidate, and again with each bound lifted and with each thing known better.
 
@@ -123,7 +121,6 @@ def explain(
         uncertainty: what plans have to survive, None for nothing beside the mean.
         start_speed: at the first station [m/s].
         clear: station up to which the way is known free [m].
-        conditions: of the moment.
 
     Raises:
         ParameterError: the path is malformed.
@@ -136,7 +133,6 @@ def explain(
         model,
         settings=settings,
         start_speed=start_speed,
-        conditions=conditions,
     )
     assumptions = Assumptions(
         model=model, uncertainty=uncertainty, clear=clear, smooth=settings.smooth

@@ -30,6 +30,8 @@ def without(bound: Limiting, assumptions: Assumptions) -> Assumptions:
     if lift.out_of_reach:
         relax = _out_of_reach(lift.out_of_reach)
     changes: dict[str, Any] = dict(lift.assumptions)
+    if lift.of_hazards:
+        changes["lifted"] = (bound,)
     if changes.pop("trained_everywhere", False):
         changes["model"] = trained_for(assumptions.model, grades=True, speeds=True)
     return replace(assumptions, relax=relax or assumptions.relax, **changes)

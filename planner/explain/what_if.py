@@ -19,7 +19,7 @@ from slopewise.models.parameters import Model
 from slopewise.models.surface_names import resolve_class
 from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.averaged_map import averaged_map
-from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
+from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
 from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.limiting import Limiting
@@ -46,8 +46,7 @@ class Assumptions:
         smooth: limit jerk.
         path_limits: the speed limits of the path count.
         ground_known: unknown ground counts as level and known.
-        no_steps, high_enough, narrow_enough: no step stands in the way of a wheel, nothing between
-            the wheels reaches the body, nothing beside or ahead of them does.
+        lifted: bounds of body and wheels that do not count.
         surfaces_known: surfaces that the model never learned count as the ground it learned on.
         ground_even: no crests and no dips.
         holds_anywhere: a vehicle at rest is held on any slope.
@@ -61,24 +60,11 @@ class Assumptions:
     smooth: bool = True
     path_limits: bool = True
     ground_known: bool = False
-    no_steps: bool = False
-    high_enough: bool = False
-    narrow_enough: bool = False
+    lifted: tuple[Limiting, ...] = ()
     surfaces_known: bool = False
     stops_at_once: bool = False
     ground_even: bool = False
     holds_anywhere: bool = False
-
-    @property
-    def lifted(self) -> tuple[Limiting, ...]:
-        """Bounds of body and wheels that do not count."""
-        lifts = {
-            Limiting.UNKNOWN_TERRAIN: self.ground_known,
-            Limiting.STEP: self.no_steps,
-            Limiting.CLEARANCE: self.high_enough,
-            Limiting.BODY: self.narrow_enough,
-        }
-        return tuple(bound for bound, is_lifted in lifts.items() if is_lifted)
 
 
 class WhatIf:
@@ -92,7 +78,6 @@ class WhatIf:
         *,
         settings: PlannerSettings | None = None,
         start_speed: float = 0.0,
-        conditions: GroundConditions | None = None,
     ) -> None:
         """Sample the terrain.
 
@@ -102,7 +87,6 @@ class WhatIf:
             model: for its footprint, which no assumption changes.
             settings: of planning.
             start_speed: at the first station [m/s].
-            conditions: of the moment.
 
         Raises:
             ParameterError: the path is malformed.
@@ -119,7 +103,6 @@ class WhatIf:
         self._profile = replace(profile, follower_offset=part.follower_offset)
         self._map, self._classes = elevation_map, elevation_map.class_names
         self._start_speed = start_speed
-        self._conditions = conditions
 
     def plan(self, assumptions: Assumptions) -> SpeedPlan:
         """The plan under these assumptions."""
@@ -129,7 +112,9 @@ class WhatIf:
         if assumptions.relax is not None:
             model = assumptions.relax(model)
         profile = self._profile
+        lifted = assumptions.lifted
         if assumptions.ground_known:
+            lifted = (*lifted, Limiting.UNKNOWN_TERRAIN)
             profile = replace(profile, known=np.ones_like(profile.known))
         if assumptions.ground_even:
             flat = np.zeros_like(profile.vertical_curvature)
@@ -137,7 +122,7 @@ class WhatIf:
         classes = self._classes
         if assumptions.surfaces_known:
             classes = tuple(_learned_surface(model, name) for name in classes)
-        ground = ground_along(profile, model, classes, self._conditions, uncertainty)
+        ground = ground_along(profile, model, classes, uncertainty=uncertainty)
         if assumptions.stops_at_once:
             ground = _stopping_at_once(ground)
         # Limits of the model may be lifted; the sizes of the vehicle stay.
@@ -154,7 +139,7 @@ class WhatIf:
                 profile,
                 as_large,
                 errors=survived_errors(model, uncertainty),
-                lifted=assumptions.lifted,
+                lifted=lifted,
             ),
             holds_anywhere=assumptions.holds_anywhere,
             settings=self._settings,

@@ -96,8 +96,7 @@ def _patched(elevation: Floats, windows: AveragingWindows, noise: float) -> Floa
 
 
 def _average_heights(elevation: Floats, windows: AveragingWindows, noise: float) -> Floats:
-    heights = np.empty_like(elevation)
-    core.average_heights(
+    return core.average_heights(
         elevation,
         *windows.wide.taps,
         windows.wide.weights,
@@ -115,6 +114,4 @@ def _average_heights(elevation: Floats, windows: AveragingWindows, noise: float)
         noise * windows.block_std,
         SIGNIFICANCE,
         KNOWN_SHARE,
-        heights,
     )
-    return heights

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from slopewise.models.arrays import Floats
 from slopewise.models.steering import SteeringGeometry
 from slopewise.planner.compiled_core import core
@@ -34,6 +32,4 @@ def trailing_heading(x: Floats, y: Floats, steering: SteeringGeometry) -> tuple[
         x, y: (N, M) reference points [m], padded with the last one.
         steering: geometry with ``centre_offset`` > 0.
     """
-    heading_x, heading_y = np.empty_like(x), np.empty_like(y)
-    core.trailing_heading(x, y, steering.centre_offset, heading_x, heading_y)
-    return heading_x, heading_y
+    return core.trailing_heading(x, y, steering.centre_offset)

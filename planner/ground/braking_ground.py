@@ -24,7 +24,6 @@ from slopewise.planner.ground.ground_terms import ground_terms
 from slopewise.planner.ground.surface_cache import surface_cache_of
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
-from slopewise.planner.workspace import empty
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,14 +110,11 @@ def ground_along(
     """Braking force along candidates.
 
     Args:
-        profile: terrain under the wheels.
-        model: braking model, effects and limits.
-        class_names: names of the map's terrain classes.
         conditions: session time and brake heat; both zero if left out.
         uncertainty: what to survive; left out, the model's mean counts.
     """
     now = conditions or GroundConditions()
-    braking, shape = model.braking, profile.grade.shape
+    braking = model.braking
     known = surface_cache_of(model, class_names, uncertainty)
     motion = known.motion._replace(heat=now.brake_heat)
     least = most = push = drag = None
@@ -129,10 +125,8 @@ def ground_along(
             push = _push(profile, model, yaw, motion)
             if uncertainty is not None:
                 drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
-    rows = empty(8 if known.slides else 7, *shape)
-    trained, distance_offset = np.empty(shape, np.bool_), np.empty(shape[1])
     margin = braking.extrapolation_margin if braking.extrapolate else -1.0
-    core.braking_forces(profile, known, margin, least, most, drag, rows, trained, distance_offset)
+    rows, trained, distance_offset = core.braking_forces(profile, known, margin, least, most, drag)
     errors = stop_errors(model, uncertainty, profile.height_std, now.pose_age)
     low_slope, low, up_slope, up, dead_time, slowest, fastest = rows[:7]
     return BrakingGround(

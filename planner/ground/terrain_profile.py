@@ -18,7 +18,6 @@ from slopewise.models.vehicle import Vehicle
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.body_pose import BodyRows, trailing_heading
 from slopewise.planner.ground.height_grid import height_grid
-from slopewise.planner.workspace import empty, empty_singles
 
 _NEVER_OFF = SteeringGeometry()
 """Of a vehicle whose middle is on the path, and whose heading is that of the path."""
@@ -99,20 +98,16 @@ def terrain_profile(
         vehicle: with the sizes of its wheels.
         steering: how body and path belong together.
     """
-    stations, candidates = x.shape
-    out = empty(9, stations, candidates)
-    known = np.empty((stations, candidates), np.bool_)
-    twist = empty_singles(stations, candidates)
-    front = empty_singles(stations, 2, candidates)
+    stations = len(x)
     length, width = vehicle.wheelbase, vehicle.track_width
-    z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll, crests = out
-    body_x, body_y, body = heading_x, heading_y, None
+    body_x = body_y = body = None
     if steering.centre_offset > 0.0:
         body_x, body_y = trailing_heading(x, y, steering)
         body = BodyRows(x, y, body_x, body_y)
-    height_grid(elevation_map, vehicle).sample_terrain(
-        x, y, count, body_x, body_y, steering.body_offset, length, width, out, known, twist, front
+    rows, known, twist, front = height_grid(elevation_map, vehicle).sample_terrain(
+        x, y, count, body_x, body_y, steering.body_offset, length, width
     )
+    z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll, crests = rows
     for j in np.flatnonzero(np.isnan(z[0])):
         seen = np.flatnonzero(np.isfinite(z[:, j]))
         first = int(seen[0]) if len(seen) else stations
@@ -122,15 +117,13 @@ def terrain_profile(
         body = BodyRows(x + ahead * heading_x, y + ahead * heading_y, heading_x, heading_y)
     surfaces: Ints = np.broadcast_to(np.int64(1), x.shape)
     if elevation_map.terrain_class is not None:
-        surfaces = empty(*x.shape).view(np.int64)
-        core.surface_bits(
+        surfaces = core.surface_bits(
             elevation_map.terrain_class,
             *elevation_map.origin,
             1.0 / elevation_map.resolution,
             *(body or BodyRows(x, y, heading_x, heading_y)),
             0.5 * length,
             0.5 * width,
-            surfaces,
         )
     return TerrainProfile(
         count,
@@ -158,6 +151,4 @@ def stations_along(
     elevation_map: ElevationMap, x: Floats, y: Floats, count: Ints, vehicle: Vehicle
 ) -> Floats:
     """Only the stations of :func:`terrain_profile`, (N, M) [m]; arguments as there."""
-    station = np.empty(x.shape)
-    height_grid(elevation_map, vehicle).stations(x, y, count, station)
-    return station
+    return height_grid(elevation_map, vehicle).stations(x, y, count)

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from slopewise.planner.horizon.answer import (
     FULL_STOP,
     CycleAnswer,
     Deficit,
-    HorizonSettings,
-    PlanarState,
     Ranked,
     command_of,
 )
+from slopewise.planner.horizon.cycle_planner import CyclePlanner
 from slopewise.planner.horizon.previous_plan import PreviousPlan
 from slopewise.planner.pipeline.ranking import ranking_cost
 from slopewise.planner.plan import SpeedPlan, Status
-from slopewise.planner.settings import PlannerSettings
 
 SAFE = (Status.OK, Status.BLOCKED)
 
@@ -24,71 +20,60 @@ _STARTS = 0.05
 """A plan that begins so much slower than the vehicle does not begin at the vehicle [m/s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Finished:
-    """What a cycle comes to beside the plan that is driven; as in :class:`CycleAnswer`."""
+def best_first(
+    planner: CyclePlanner,
+    plans: list[PreviousPlan],
+    continued: PreviousPlan | None,
+    previous: str,
+    gain: float,
+) -> list[PreviousPlan]:
+    """Plans by what is safe, as wanted, and soon there.
 
-    plans: tuple[SpeedPlan, ...]
-    ranking: tuple[Ranked, ...]
-    deficit: Deficit | None = None
-    kept: bool = False
+    Args:
+        planner: of this cycle. plans: that were finished.
+        continued: the one among them that continues the previous plan, if any does.
+        previous: name of its path. gain: by how much another has to be better than it [s].
+    """
+    state = planner.state
+
+    def key(one: PreviousPlan) -> tuple[bool, bool, float]:
+        is_previous = one.plan.candidate == previous
+        if one.plan.status is Status.INFEASIBLE:
+            return True, not is_previous, 0.0
+        cost = ranking_cost(one.plan, planner.planning)
+        if is_previous:
+            # It begins behind the vehicle.
+            projection = one.locate((state.x, state.y), state.heading)
+            cost -= one.time_at(projection) + gain
+        return False, one.plan.status is Status.DEGRADED, cost
+
+    plans = sorted(plans, key=key)
+    if continued is not None and continued.plan.status is Status.OK:
+        # What reaches its end gives way only to what does so as well.
+        plans.sort(key=lambda one: one.plan.status is not Status.OK)
+    return plans
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """Chooses for a vehicle in this state."""
-
-    state: PlanarState
-    settings: HorizonSettings
-    planning: PlannerSettings
-
-    def best_first(
-        self, plans: list[PreviousPlan], continued: PreviousPlan | None, previous: str, gain: float
-    ) -> list[PreviousPlan]:
-        """Plans by what is safe, as wanted, and soon there.
-
-        Args:
-            plans: that were finished.
-            continued: the one among them that continues the previous plan, if any does.
-            previous: name of its path. gain: by how much another has to be better than it [s].
-        """
-
-        def key(one: PreviousPlan) -> tuple[bool, bool, float]:
-            is_previous = one.plan.candidate == previous
-            if one.plan.status is Status.INFEASIBLE:
-                return True, not is_previous, 0.0
-            cost = ranking_cost(one.plan, self.planning)
-            if is_previous:
-                # It begins behind the vehicle.
-                projection = one.locate((self.state.x, self.state.y), self.state.heading)
-                cost -= one.time_at(projection) + gain
-            return False, one.plan.status is Status.DEGRADED, cost
-
-        plans = sorted(plans, key=key)
-        if continued is not None and continued.plan.status is Status.OK:
-            # What reaches its end gives way only to what does so as well.
-            plans.sort(key=lambda one: one.plan.status is not Status.OK)
-        return plans
-
-    def answer(
-        self, best: PreviousPlan, finished: Finished
-    ) -> tuple[CycleAnswer, PreviousPlan | None]:
-        """The answer that drives a plan; and that plan, None if it must not be driven."""
-        plan, speed = best.plan, max(self.state.speed, 0.0)
-        plans, ranking, deficit = finished.plans, finished.ranking, finished.deficit
-        projection = best.locate((self.state.x, self.state.y), self.state.heading)
-        reason = plan.reason
-        if deficit is not None and plan.status not in SAFE:
-            reason = f"{reason}; the plan so far lacks {deficit.sentence()}"
-        planned, _ = best.speed_at(projection)
-        too_slow = speed - planned > max(_STARTS, self.settings.speed_error)
-        if plan.status is Status.INFEASIBLE or too_slow:
-            status = Status.INFEASIBLE
-            return CycleAnswer(status, reason, plan, FULL_STOP, plans, ranking, deficit), None
-        command = command_of(
-            plan, best.station_at(projection), best.time_at(projection), self.settings.period
-        )
-        answer = CycleAnswer(
-            plan.status, reason, plan, command, plans, ranking, deficit, finished.kept
-        )
-        return answer, best
+def answer(
+    planner: CyclePlanner,
+    best: PreviousPlan,
+    plans: tuple[SpeedPlan, ...],
+    ranking: tuple[Ranked, ...],
+    deficit: Deficit | None = None,
+    kept: bool = False,
+) -> tuple[CycleAnswer, PreviousPlan | None]:
+    """The answer that drives a plan; and that plan, None if it must not be driven."""
+    plan, state = best.plan, planner.state
+    projection = best.locate((state.x, state.y), state.heading)
+    reason = plan.reason
+    if deficit is not None and plan.status not in SAFE:
+        reason = f"{reason}; the plan so far lacks {deficit.sentence()}"
+    planned, _ = best.speed_at(projection)
+    too_slow = max(state.speed, 0.0) - planned > max(_STARTS, planner.settings.speed_error)
+    if plan.status is Status.INFEASIBLE or too_slow:
+        status = Status.INFEASIBLE
+        return CycleAnswer(status, reason, plan, FULL_STOP, plans, ranking, deficit), None
+    command = command_of(
+        plan, best.station_at(projection), best.time_at(projection), planner.settings.period
+    )
+    return CycleAnswer(plan.status, reason, plan, command, plans, ranking, deficit, kept), best

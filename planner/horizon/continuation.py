@@ -13,10 +13,9 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.planner.horizon.answer import Deficit
 from slopewise.planner.horizon.cycle_planner import CyclePlanner
-from slopewise.planner.horizon.offered_path import OfferedPath
 from slopewise.planner.horizon.path_projection import PathProjection
 from slopewise.planner.horizon.polyline import Polyline, station_of
-from slopewise.planner.horizon.previous_plan import BEHIND, PreviousPlan
+from slopewise.planner.horizon.previous_plan import BEHIND, OfferedPath, PreviousPlan
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
@@ -85,7 +84,7 @@ class Continuation:
     def path_ahead(self) -> PathAhead | None:
         """The path of a plan that goes on from this one; None if it has to begin anew."""
         # What brakes harder than planned braking may has to be planned from where it is by now.
-        service = self.planner.equipment.model.limits.decel
+        service = self.planner.model.limits.decel
         if self.rests or -self.previous.plan.accel[self._segment] > service + _EXACT:
             return None
         return self._path_ahead(BEHIND, extended=True)
@@ -141,7 +140,7 @@ class Continuation:
         i, plan = self._segment, self.previous.plan
         ahead, finalizer = self._finalizer(extended=False)
         station = plan.station[i:]
-        decel = self.planner.equipment.model.limits.decel
+        decel = self.planner.model.limits.decel
         slowing = plan.speed[i + 1] ** 2 - 2.0 * decel * (station - station[1])
         speed_sq = np.minimum(plan.speed[i:] ** 2, np.maximum(slowing, 0.0))
         speed_sq[:2] = self._fixed_prefix
@@ -182,7 +181,7 @@ class Continuation:
             path, first = self.previous.rest(self.projection, behind)
         else:
             path, first = self.previous.going_on(
-                self.projection, self.offered.stations, behind, extended=extended
+                self.projection, self.offered.rows, behind, extended=extended
             )
         start = float(self.previous.plan.speed[self._segment])
         return PathAhead(path, first, self._clear(path, first), start)

@@ -8,15 +8,18 @@ from time import perf_counter
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, Deficit, PlanarState, Ranked
-from slopewise.planner.horizon.choice import SAFE, Choice, Finished
+from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, Deficit, Ranked
+from slopewise.planner.horizon.choice import SAFE, answer, best_first
 from slopewise.planner.horizon.continuation import Continuation, PathAhead
 from slopewise.planner.horizon.cycle_batch import CycleBatch
 from slopewise.planner.horizon.cycle_planner import CyclePlanner
-from slopewise.planner.horizon.offered_path import index_of, offered_path, vehicle_on
 from slopewise.planner.horizon.path_cut import cut, passed_stations
-from slopewise.planner.horizon.polyline import Polyline
-from slopewise.planner.horizon.previous_plan import PreviousPlan
+from slopewise.planner.horizon.previous_plan import (
+    PreviousPlan,
+    index_of,
+    offered_path,
+    vehicle_on,
+)
 from slopewise.planner.horizon.refusals import Drivable, drivable_of
 from slopewise.planner.path import PathBatch, joined
 from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
@@ -26,25 +29,15 @@ from slopewise.planner.plan import Status
 class Cycle:
     """One cycle: made, run once, thrown away."""
 
-    def __init__(
-        self, planner: CyclePlanner, state: PlanarState, previous: PreviousPlan | None
-    ) -> None:
-        """Find the vehicle on the plan that it drives.
-
-        Args:
-            planner: of this cycle.
-            state: of the vehicle; previous: the plan that it drives, if any.
-        """
-        self._planner, self._settings = planner, planner.equipment.settings
-        self._state = state
-        self._at = (state.x, state.y)
+    def __init__(self, planner: CyclePlanner, previous: PreviousPlan | None) -> None:
+        """Find the vehicle on the plan that it drives."""
+        self._planner, self._settings, self._state = planner, planner.settings, planner.state
         self._lap = planner.started
-        self._choice = Choice(state, self._settings, planner.equipment.planning)
         self.seconds: dict[str, float] = {}
         self._continuation: Continuation | None = None
         self._ahead: PathAhead | None = None
         if previous is not None:
-            projection = vehicle_on(previous, state, self._settings)
+            projection = vehicle_on(previous, self._state, self._settings)
             if projection is not None:
                 self._continuation = Continuation(planner, previous, projection, None)
 
@@ -61,7 +54,7 @@ class Cycle:
             return CycleAnswer(Status.DEGRADED, f"{flaw}: full braking", None, FULL_STOP), None
         if paths is None:
             return self._stop("no candidate is offered", ())
-        limit = self._planner.equipment.model.max_path_deviation
+        limit = self._planner.model.max_path_deviation
         candidates, refused = drivable_of(paths, clear, self._state, self._settings, limit)
         if candidates is None:
             return self._stop(f"no candidate can be driven: {refused[0].reason}", refused)
@@ -72,11 +65,12 @@ class Cycle:
     ) -> tuple[CycleAnswer, PreviousPlan | None]:
         """The answer where there are candidates to drive."""
         planner = self._planner
-        rest = cut(candidates.paths, candidates.projection, self._at)
+        at = (self._state.x, self._state.y)
+        rest = cut(candidates.paths, candidates.projection, at)
         # Plans rest at stations: what a path costs jumps by the distance from one to the next.
         step = float(np.hypot(np.diff(rest.x[1:3], axis=0), np.diff(rest.y[1:3], axis=0)).max())
-        gain = self._settings.switch_gain + planner.equipment.planning.horizon_penalty * step
-        vehicle = planner.equipment.model.vehicle
+        gain = self._settings.switch_gain + planner.planning.horizon_penalty * step
+        vehicle = planner.model.vehicle
         passed = passed_stations(
             candidates.paths, candidates.projection, planner.elevation_map, vehicle
         )
@@ -91,7 +85,7 @@ class Cycle:
             free, starts = np.append(free, self._ahead.clear), np.append(starts, self._ahead.start)
         solved = planner.solve(together, free, starts)
         self._time("plan")
-        batch = CycleBatch.judged(rest.names, solved)
+        batch = CycleBatch.judged(rest, solved)
         self._time("judge")
         ranking, order = batch.ranked(index, gain)
         continued, deficit, kept = self._continue(batch, index)
@@ -103,15 +97,14 @@ class Cycle:
                 break
             plans.append(self._begin(batch, j))
         self._time("smooth")
-        plans = self._choice.best_first(
-            plans, continued, "" if index is None else rest.names[index], gain
-        )
+        previous = "" if index is None else rest.names[index]
+        plans = best_first(planner, plans, continued, previous, gain)
         kept = kept and plans[0] is continued
         plans = [self._with_deviation(one, candidates) for one in plans]
-        finished = Finished(tuple(one.plan for one in plans), (*ranking, *refused), deficit, kept)
-        answer = self._choice.answer(plans[0], finished)
+        finished = tuple(one.plan for one in plans)
+        chosen = answer(planner, plans[0], finished, (*ranking, *refused), deficit, kept)
         self._time("choose")
-        return answer
+        return chosen
 
     # ------------------------------------------------------------------ the previous plan
 
@@ -146,12 +139,12 @@ class Cycle:
             assert self._continuation is not None
             path, first = self._continuation.previous.rest(self._continuation.projection)
         x, y = path.x[first:, 0], path.y[first:, 0]
-        limit = self._planner.equipment.model.max_path_deviation
+        limit = self._planner.model.max_path_deviation
         return candidates.deviation(j, x, y, x, limit).largest > limit
 
     def _with_deviation(self, one: PreviousPlan, candidates: Drivable) -> PreviousPlan:
         """The same, with how far it leads from what is given of its path."""
-        plan, limit = one.plan, self._planner.equipment.model.max_path_deviation
+        plan, limit = one.plan, self._planner.model.max_path_deviation
         j = candidates.paths.names.index(plan.candidate)
         deviation = candidates.deviation(j, plan.x, plan.y, plan.station, limit)
         given = candidates.paths.given[j] if candidates.paths.given else None
@@ -197,15 +190,12 @@ class Cycle:
         start_sq = solved.start_sq[j : j + 1]
         if self._continuation is not None and start_sq[0] > 0.0:
             _, accel = self._continuation.motion
-        n, limit = int(solved.profile.count[j]), solved.speed_limit
         plan = self._planner.finish(
-            batch.names[j],
+            batch.paths.names[j],
             lambda: PlanFinalizer(solved, j, start_sq),
             Unfinished(solved.profile_of(j), not batch.too_fast[j], batch.passed(j), accel),
         )
-        columns = (limit, solved.profile.follower_offset)
-        limit, offset = (None if a is None else a[:n, j] for a in columns)
-        return PreviousPlan(plan, limit, Polyline(*np.empty((2, 0))), offset)
+        return PreviousPlan.on(batch.paths.only(np.array([j])), 0, plan)
 
     # ------------------------------------------------------------------ answers
 
@@ -218,11 +208,9 @@ class Cycle:
         if self._continuation is None:
             return full, None
         stop = self._continuation.stop(why)
-        return (
-            (full, None)
-            if stop is None
-            else self._choice.answer(stop, Finished((stop.plan,), ranking))
-        )
+        if stop is None:
+            return full, None
+        return answer(self._planner, stop, (stop.plan,), ranking)
 
     def _time(self, stage: str) -> None:
         now = perf_counter()

@@ -8,9 +8,9 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.planner.horizon.answer import Ranked
+from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from slopewise.planner.verify.batch_judge import screen
-from slopewise.planner.verify.judge import Violations
+from slopewise.planner.verify.judge import Violations, screen
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,20 +18,20 @@ class CycleBatch:
     """Time-optimal profiles of M candidates, with the judge's word on them.
 
     Attributes:
-        names: (M,) of the candidates.
+        paths: of the candidates.
         solved: their profiles; one more may be the path on which the previous plan goes on.
         violation: (M, kinds) the worst breach of each kind, as in
             :class:`slopewise.planner.verify.judge.Violations`.
         too_fast: (M,) service braking cannot bring down the speed at the start.
     """
 
-    names: tuple[str, ...]
+    paths: PathBatch
     solved: TimeOptimalBatch
     violation: Floats
     too_fast: Bools
 
     @classmethod
-    def judged(cls, names: tuple[str, ...], solved: TimeOptimalBatch) -> CycleBatch:
+    def judged(cls, paths: PathBatch, solved: TimeOptimalBatch) -> CycleBatch:
         """The first M candidates of a batch."""
         violation = screen(
             solved.profile,
@@ -42,8 +42,8 @@ class CycleBatch:
             solved.speed_limit,
             solved.hazards.rows.rough_speed,
         )
-        m = len(names)
-        return cls(names, solved, violation[:m], ~solved.reachable[:m])
+        m = len(paths.names)
+        return cls(paths, solved, violation[:m], ~solved.reachable[:m])
 
     def passed(self, j: int) -> bool:
         """The judge has no objection to the profile of candidate j."""
@@ -57,12 +57,13 @@ class CycleBatch:
             gain: by how much another one has to be better than it [s].
         """
         invalid = (self.violation.max(axis=1) > 0.0) | self.too_fast
-        cost = self.solved.cost[: len(self.names)]
-        is_previous = np.arange(len(self.names)) == previous
+        names = self.paths.names
+        cost = self.solved.cost[: len(names)]
+        is_previous = np.arange(len(names)) == previous
         order: list[int] = np.lexsort((cost - gain * is_previous, invalid)).tolist()
         costs, flawed = cost.tolist(), invalid.tolist()
         ranking = tuple(
-            Ranked(self.names[j], costs[j], not flawed[j], self._objection(j) if flawed[j] else "")
+            Ranked(names[j], costs[j], not flawed[j], self._objection(j) if flawed[j] else "")
             for j in order
         )
         return ranking, order

@@ -15,7 +15,7 @@ from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.terrain_profile import stations_along
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
-from slopewise.planner.horizon.departure import departure_of
+from slopewise.planner.horizon.path_projection import departure_of
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
@@ -24,26 +24,21 @@ from slopewise.planner.settings import PlannerSettings
 
 
 @dataclass(frozen=True, slots=True)
-class Equipment:
-    """What stays from cycle to cycle; the model is cautious already."""
+class CyclePlanner:
+    """Plans of one cycle.
+
+    Attributes:
+        model: of the vehicle, made cautious. uncertainty: for which it was.
+        settings, planning: of cycles and of plans.
+        elevation_map, conditions: of the moment.
+        started: when the cycle did, by the clock of `perf_counter` [s].
+        state: vehicle state; it may be off its paths.
+    """
 
     model: Model
     uncertainty: Uncertainty
     settings: HorizonSettings
     planning: PlannerSettings
-
-
-@dataclass(frozen=True, slots=True)
-class CyclePlanner:
-    """Plans of one cycle.
-
-    Attributes:
-        equipment, elevation_map, conditions: what they are made with.
-        started: when the cycle did, by the clock of `perf_counter` [s].
-        state: vehicle state; it may be off its paths.
-    """
-
-    equipment: Equipment
     elevation_map: ElevationMap
     conditions: GroundConditions | None
     started: float
@@ -51,11 +46,11 @@ class CyclePlanner:
 
     def late(self) -> bool:
         """The time for this cycle is over."""
-        return perf_counter() - self.started > self.equipment.settings.budget
+        return perf_counter() - self.started > self.settings.budget
 
     def stations(self, path: PathBatch) -> Floats:
         """Stations of a single path along the ground, (N,) [m]."""
-        vehicle = self.equipment.model.vehicle
+        vehicle = self.model.vehicle
         return stations_along(self.elevation_map, path.x, path.y, path.count, vehicle)[:, 0]
 
     def solve(self, paths: PathBatch, clear: Floats, start: float | Floats) -> TimeOptimalBatch:
@@ -66,16 +61,15 @@ class CyclePlanner:
             clear: (M,) station up to which each is known free; below 0 nothing is [m].
             start: speed at the first station, one for all or (M,) [m/s].
         """
-        equipment = self.equipment
         return time_optimal_batch(
             self.elevation_map,
             paths,
-            equipment.model,
+            self.model,
             start_speed=start,
             clear=np.maximum(clear, 0.0),
-            settings=equipment.planning,
+            settings=self.planning,
             conditions=self.conditions,
-            uncertainty=equipment.uncertainty,
+            uncertainty=self.uncertainty,
             departure=departure_of(paths, self.state),
         )
 
@@ -90,9 +84,9 @@ class CyclePlanner:
             profile: the time-optimal one.
         """
         why = ""
-        if self.equipment.planning.smooth and self.late():
-            why = f"not smoothed within {1e3 * self.equipment.settings.budget:g} ms"
-        elif self.equipment.planning.smooth:
+        if self.planning.smooth and self.late():
+            why = f"not smoothed within {1e3 * self.settings.budget:g} ms"
+        elif self.planning.smooth:
             try:
                 return finalizer().finish(name, profile)
             except Exception as error:  # noqa: BLE001

@@ -26,7 +26,7 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import CycleAnswer, PlanarState
 from slopewise.planner.horizon.answer import HorizonSettings as HorizonSettings
 from slopewise.planner.horizon.cycle import Cycle
-from slopewise.planner.horizon.cycle_planner import CyclePlanner, Equipment
+from slopewise.planner.horizon.cycle_planner import CyclePlanner
 from slopewise.planner.horizon.previous_plan import PreviousPlan
 from slopewise.planner.path import EvenPath, PathBatch, batch, behind_the_front
 from slopewise.planner.settings import PlannerSettings
@@ -42,13 +42,7 @@ class Horizon:
         planner: PlannerSettings | None = None,
         uncertainty: Uncertainty | None = None,
     ) -> None:
-        """Begin without a plan.
-
-        Args:
-            model: of the vehicle.
-            settings: of the cycle; planner: of planning.
-            uncertainty: what plans have to survive.
-        """
+        """Begin without a plan."""
         self.settings = settings or HorizonSettings()
         self.planner = planner or PlannerSettings()
         self.uncertainty = uncertainty or Uncertainty()
@@ -58,14 +52,12 @@ class Horizon:
     @property
     def model(self) -> Model:
         """What is planned with: the vehicle's model, made cautious."""
-        return self._equipment.model
+        return self._model
 
     def learn(self, model: Model, uncertainty: Uncertainty | None = None) -> None:
         """Go on with other parameters, or with the same ones, aged."""
         self.uncertainty = uncertainty or self.uncertainty
-        cautious = self.uncertainty.cautious(model)
-        settings = self.settings.for_track(model.vehicle.track_width)
-        self._equipment = Equipment(cautious, self.uncertainty, settings, self.planner)
+        self._model = self.uncertainty.cautious(model)
 
     def forget(self) -> None:
         """Go on without the previous plan."""
@@ -103,12 +95,19 @@ class Horizon:
             offered = None
         free = _checked_clear(clear, 0 if offered is None else len(offered.names))
         felt = averaged_map(elevation_map, self.model.vehicle.wheel_radius)
-        model = within_sight(self.model, elevation_map, self.planner.unseen_steps)
-        equipment = replace(self._equipment, model=model)
         if state.age > 0.0:
             conditions = replace(conditions or GroundConditions(), pose_age=state.age)
-        planner = CyclePlanner(equipment, felt, conditions, started, state)
-        cycle = Cycle(planner, state, self._previous)
+        planner = CyclePlanner(
+            within_sight(self.model, elevation_map, self.planner.unseen_steps),
+            self.uncertainty,
+            self.settings.for_track(self.model.vehicle.track_width),
+            self.planner,
+            felt,
+            conditions,
+            started,
+            state,
+        )
+        cycle = Cycle(planner, self._previous)
         answer, self._previous = cycle.run(offered, behind_the_front(free, self.model))
         return replace(answer, seconds=cycle.seconds)
 

@@ -31,22 +31,16 @@ def cut(paths: PathBatch, projection: PathProjection, at: tuple[float, float]) -
     """
     if np.all(np.abs(projection.along) <= _HERE):
         return paths
-    stations, candidates = paths.x.shape
     ahead = projection.along < 0.0
     start = np.where(ahead, at[0], projection.x), np.where(ahead, at[1], projection.y)
-    rest = np.empty((2, stations + 1, candidates))
-    kept, count = np.empty((2, candidates), np.int64)
-    near = np.empty(candidates, np.bool_)
     behind = np.where(ahead, -1, projection.segment)
-    core.cut_paths(paths.x, paths.y, paths.count, behind, *start, FEWEST, rest, kept, near, count)
+    rest, kept, near, count = core.cut_paths(paths.x, paths.y, paths.count, behind, *start, FEWEST)
     most = int(count.max())
-    limit = paths.speed_limit
-    if limit is not None:
-        limit = _cut_limits(limit, paths.count, kept, near | ahead, most)
-    offset = paths.follower_offset
-    if offset is not None:
-        offset = -_cut_limits(-offset, paths.count, kept, near | ahead, most)
-    return PathBatch(paths.names, rest[0, :most], rest[1, :most], count, limit, (), offset)
+    limit, closeness = (
+        _cut_limits(row, paths.count, kept, near | ahead, most)
+        for row in (paths.rows[2], -paths.rows[3])
+    )
+    return PathBatch(paths.names, np.stack((*rest[:, :most], limit, -closeness)), count)
 
 
 def _cut_limits(limit: Floats, count: Ints, kept: Ints, own: Bools, rows: int) -> Floats:
@@ -68,12 +62,7 @@ def _cut_limits(limit: Floats, count: Ints, kept: Ints, own: Bools, rows: int) -
 def passed_stations(
     paths: PathBatch, projection: PathProjection, elevation_map: ElevationMap, vehicle: Vehicle
 ) -> Floats:
-    """Station of the vehicle on each candidate, along the ground; < 0 before it begins, (M,) [m].
-
-    Args:
-        paths: as they came. projection: the vehicle on them.
-        elevation_map: ground. vehicle: with its wheels.
-    """
+    """Station of the vehicle on each candidate along the ground, < 0 before it begins, (M,) [m]."""
     if np.all(np.abs(projection.along) <= _HERE):
         return np.zeros(len(paths.names))
     lanes, i = np.arange(len(paths.names)), projection.segment

@@ -8,6 +8,9 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.planner.compiled_core import core
+from slopewise.planner.horizon.answer import PlanarState
+from slopewise.planner.path import PathBatch
+from slopewise.planner.swept.convergence import Departure
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +48,17 @@ def locate(
         x, y: (N, M) stations, finite and N >= 2 [m]; count: (M,) of each path, >= 2.
         at: position of the vehicle [m]; heading: [rad].
     """
-    segment, values = np.empty(x.shape[1], np.int64), np.empty((6, x.shape[1]))
-    core.locate_on_paths(x, y, count, *at, heading, segment, values)
+    segment, values = core.locate_on_paths(x, y, count, *at, heading)
     return PathProjection(segment, *values)
+
+
+def departure_of(paths: PathBatch, state: PlanarState) -> Departure:
+    """The actual pose of the vehicle against M paths on which it was found before."""
+    projection = locate(paths.x, paths.y, paths.count, (state.x, state.y), state.heading)
+    k, lanes = projection.segment, np.arange(len(projection.segment))
+    x, y = paths.x[k, lanes], paths.y[k, lanes]
+    dx, dy = paths.x[k + 1, lanes] - x, paths.y[k + 1, lanes] - y
+    to_x, to_y = state.x - x, state.y - y
+    offset = (dx * to_y - dy * to_x) / np.maximum(np.hypot(dx, dy), 1e-9)
+    speed = max(state.speed, 0.0)
+    return Departure(k, projection.along, offset, state.heading, speed, state.age)

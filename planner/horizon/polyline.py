@@ -41,10 +41,7 @@ class Polyline(NamedTuple):
         Returns:
             (n,) nearest segments; shares of them, < 0 before and > 1 beyond; distances [m].
         """
-        n, high = len(points.x), len(self.x) - 1 if high is None else high
-        segment, (share, distance) = np.empty(n, np.int64), np.empty((2, n))
-        core.feet_on_line(*self, *points, low, high, segment, share, distance)
-        return segment, share, distance
+        return core.feet_on_line(*self, *points, low, len(self.x) - 1 if high is None else high)
 
 
 def window(expected: float) -> float:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
 from slopewise.planner.horizon.path_projection import PathProjection, locate
 from slopewise.planner.horizon.polyline import Polyline, limits_along, window
 from slopewise.planner.path import PathBatch
@@ -22,44 +22,26 @@ BEHIND = 2
 headings are those of theirs."""
 
 
-class OfferedStations(NamedTuple):
-    """A path as it is offered now: n stations from a few behind the vehicle on.
-
-    Attributes:
-        line: their positions.
-        limit: (n,) limits of the path itself [m/s], None if it has none.
-        follower_offset: (n,) distance from it of a vehicle on what was given [m], or None.
-    """
-
-    line: Polyline
-    limit: Floats | None
-    follower_offset: Floats | None = None
-
-
 @dataclass(frozen=True, slots=True)
 class PreviousPlan:
     """The plan that was chosen last, of N stations.
 
     Attributes:
         plan: as it was answered.
-        speed_limit: (N,) limits of the path itself [m/s], None if it has none.
-        behind: stations that the path had before those of the plan, at most `BEHIND`.
-        follower_offset: (N,) distance from it of a vehicle on what was given [m], or None.
+        limits: (2, N) speed limit of the path itself [m/s], and distance from it of a vehicle on
+            what was given [m].
+        behind: (2, n) positions of the path before those of the plan [m], at most `BEHIND`.
     """
 
     plan: SpeedPlan
-    speed_limit: Floats | None
-    behind: Polyline
-    follower_offset: Floats | None = None
+    limits: Floats
+    behind: Floats
 
     @classmethod
     def on(cls, path: PathBatch, first: int, plan: SpeedPlan) -> PreviousPlan:
         """A plan that begins at station ``first`` of a path."""
-        limit, offset = (
-            None if a is None else a[first:, 0] for a in (path.speed_limit, path.follower_offset)
-        )
-        behind = slice(max(first - BEHIND, 0), first)
-        return cls(plan, limit, Polyline(path.x[behind, 0], path.y[behind, 0]), offset)
+        rows = path.rows[:, : first + len(plan.x), 0]
+        return cls(plan, rows[2:, first:], rows[:2, max(first - BEHIND, 0) : first])
 
     def locate(self, at: tuple[float, float], heading: float) -> PathProjection:
         """The vehicle at a position [m] and heading [rad] on the plan's path."""
@@ -125,23 +107,18 @@ class PreviousPlan:
         Returns:
             The path, and the index in it of the station behind the vehicle.
         """
-        i, known = int(projection.segment[0]), len(self.behind.x)
+        i, known = int(projection.segment[0]), self.behind.shape[1]
         first = max(known + i - behind, 0)
-        x, y = (
-            np.concatenate((early, late))[first:]
-            for early, late in ((self.behind.x, self.plan.x), (self.behind.y, self.plan.y))
-        )
         # What the vehicle has left says nothing of what is ahead.
-        limit, offset = (
-            None if a is None else np.concatenate((np.full(known, nothing), a))[first:]
-            for a, nothing in ((self.speed_limit, np.inf), (self.follower_offset, 0.0))
-        )
-        return self._alone(x, y, limit, offset), known + i - first
+        nothing = np.broadcast_to([[np.inf], [0.0]], (2, known))
+        plan = np.stack((self.plan.x, self.plan.y, *self.limits))
+        rows = np.concatenate((np.concatenate((self.behind, nothing)), plan), axis=1)
+        return self._alone(rows[:, first:]), known + i - first
 
     def going_on(
         self,
         projection: PathProjection,
-        offered: OfferedStations,
+        offered: Floats,
         behind: int = BEHIND,
         *,
         extended: bool,
@@ -150,32 +127,16 @@ class PreviousPlan:
 
         Args:
             projection: the vehicle on this path.
-            offered: the same path.
+            offered: (4, n) rows of the same path.
             behind: as of :meth:`rest`.
             extended: with the stations with which the path goes on now.
         """
         path, first = self.rest(projection, behind)
-        line, limit, away = offered
+        line, limit = Polyline(*offered[:2]), offered[2]
         begin = self._extension(projection, line) if extended else len(line.x)
-        limits = None
-        if limit is not None or path.speed_limit is not None:
-            new = np.full(len(line.x), np.inf) if limit is None else limit
-            now = limits_along(Polyline(path.x[:, 0], path.y[:, 0]), first, line, new)
-            if path.speed_limit is not None:
-                now = np.minimum(now, path.speed_limit[:, 0])
-            limits = np.concatenate((now, new[begin:]))
-        offset = None
-        if away is not None or path.follower_offset is not None:
-            now = (
-                np.zeros(len(path.x))
-                if path.follower_offset is None
-                else path.follower_offset[:, 0]
-            )
-            new = np.zeros(len(line.x)) if away is None else away
-            offset = np.concatenate((now, new[begin:]))
-        x = np.concatenate((path.x[:, 0], line.x[begin:]))
-        y = np.concatenate((path.y[:, 0], line.y[begin:]))
-        return self._alone(x, y, limits, offset), first
+        rows = path.rows[..., 0].copy()
+        rows[2] = np.minimum(limits_along(Polyline(*rows[:2]), first, line, limit), rows[2])
+        return self._alone(np.concatenate((rows, offered[:, begin:]), axis=1)), first
 
     def _extension(self, projection: PathProjection, offered: Polyline) -> int:
         """Index of the first offered station beyond the end of this path."""
@@ -198,11 +159,74 @@ class PreviousPlan:
             begin += 1
         return begin
 
-    def _alone(
-        self, x: Floats, y: Floats, limit: Floats | None, offset: Floats | None
-    ) -> PathBatch:
-        """One path as a batch."""
-        columns = [None if a is None else np.ascontiguousarray(a[:, None]) for a in (limit, offset)]
-        x, y = (np.ascontiguousarray(values[:, None]) for values in (x, y))
-        count = np.array([len(x)], np.int64)
-        return PathBatch((self.plan.candidate,), x, y, count, columns[0], (), columns[1])
+    def _alone(self, rows: Floats) -> PathBatch:
+        """One path as a batch, by its rows (4, n)."""
+        count = np.array([rows.shape[1]], np.int64)
+        return PathBatch((self.plan.candidate,), np.ascontiguousarray(rows[..., None]), count)
+
+
+@dataclass(frozen=True, slots=True)
+class OfferedPath:
+    """The path of the previous plan as it is offered in this cycle.
+
+    Attributes:
+        rows: (4, n) of it from a few stations behind the vehicle on, as of :class:`PathBatch`.
+        far: end of the path or of the free distance, whichever is first [m].
+        free: distance along the ground from the vehicle to there [m].
+    """
+
+    rows: Floats
+    far: tuple[float, float]
+    free: float
+
+
+def offered_path(
+    path: PathBatch, segment: int, station: Floats, passed: float, clear: float
+) -> OfferedPath:
+    """What a path offers.
+
+    Args:
+        path: as it came, alone; segment: index of its station behind the vehicle.
+        station: (n,) stations of it along the ground [m].
+        passed: station of the vehicle on it; clear: station up to which it is free [m].
+    """
+    n, first = int(path.count[0]), max(segment - BEHIND, 0)
+    end = min(max(clear, 0.0), float(station[n - 1]))
+    far = tuple(float(np.interp(end, station[:n], a[:n, 0])) for a in (path.x, path.y))
+    return OfferedPath(path.rows[:, first:n, 0], (far[0], far[1]), end - passed)
+
+
+def vehicle_on(
+    previous: PreviousPlan, state: PlanarState, settings: HorizonSettings
+) -> PathProjection | None:
+    """The vehicle on the previous plan; None if it is not on its path, or too fast or too slow."""
+    if state.flaw():
+        return None
+    projection = previous.locate((state.x, state.y), state.heading)
+    beside, turned, along = (
+        float(values[0]) for values in (projection.beside, projection.turned, projection.along)
+    )
+    near = beside <= settings.beside and along >= -settings.ahead
+    if not (near and turned <= settings.turned):
+        return None
+    planned, _ = previous.speed_at(projection)
+    tracks = abs(max(state.speed, 0.0) - planned) <= settings.speed_error
+    return projection if tracks else None
+
+
+def index_of(
+    previous: PreviousPlan, projection: PathProjection, rest: PathBatch, tolerance: float
+) -> int | None:
+    """Index of the candidate that is the previous plan's path, None if none is.
+
+    Args:
+        previous: the plan; projection: of the vehicle on it.
+        rest: candidates from the vehicle on.
+        tolerance: how exactly a path of the same name is the same path [m].
+    """
+    if previous.plan.candidate not in rest.names:
+        return None
+    j = rest.names.index(previous.plan.candidate)
+    n = int(rest.count[j])
+    line = Polyline(rest.x[:n, j], rest.y[:n, j])
+    return j if previous.agrees(projection, line, tolerance) else None

@@ -84,8 +84,7 @@ def drivable_of(
 
 def malformed(paths: PathBatch, clear: Floats, max_deviation: float) -> list[str]:
     """Why candidates cannot be planned at all, empty for those that can."""
-    finite, moving = np.empty((2, len(clear)), np.bool_)
-    core.find_sound(paths.x, paths.y, paths.count, finite, moving)
+    finite, moving = core.find_sound(paths.x, paths.y, paths.count)
     long, known = paths.count >= FEWEST, ~np.isnan(clear)
     reasons = [""] * len(clear)
     for j in np.flatnonzero(~(finite & moving & long & known)):

@@ -216,10 +216,8 @@ class CandidateColumn:
 
         (N − 1,) each, both >= 0 [m/s²].
         """
-        accel, decel = np.empty((2, len(speed_sq) - 1))
         rows = self._accel_max, self.demand, self._braking_intercept
-        core.segment_limits(self.track, speed_sq, *rows, self.scalars, accel, decel)
-        return accel, decel
+        return core.segment_limits(self.track, speed_sq, *rows, self.scalars)
 
     def limiting(self, speed_sq: Floats, accel: Floats, smoothed: bool) -> Ints:
         """What holds a profile at each station, (N,) codes of :class:`Limiting`.
@@ -227,7 +225,5 @@ class CandidateColumn:
         Its bound, or how fast the speed may change around it; what neither holds back is jerk.
         """
         limits = self.segment_limits(speed_sq)
-        codes = np.empty(len(speed_sq), np.int64)
         most = self.scalars.accel
-        core.labels(speed_sq, accel, self.bound, self.label, *limits, most, smoothed, codes)
-        return codes
+        return core.labels(speed_sq, accel, self.bound, self.label, *limits, most, smoothed)

@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import StopErrors
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.standing import stop_reason
-from slopewise.planner.plan import Status, motion_of
+from slopewise.planner.plan import Status
 from slopewise.planner.verify.judge import Judgement
 
 
@@ -55,7 +56,7 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Judged:
         allowed = f"{np.sqrt(column.bound[0]):.2f} m/s ({label})"
     else:
         allowed = f"{np.sqrt(reachable):.2f} m/s, what service braking can bring down"
-    hardest = -motion_of(column.track.station, answer)[0].min()
+    hardest = -core.motion(column.track.station, answer)[0].min()
     text = f"starts at {speed:.2f} m/s, above {allowed}: brakes at {hardest:.2f} m/s²"
     if status is Status.BLOCKED:
         text += f"; {stop_reason(column, answer, status, reason)[1]}"

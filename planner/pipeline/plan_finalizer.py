@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.planner.compiled_core import core
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.full_braking import Judged, brake_hard, emergency_stop
 from slopewise.planner.pipeline.standing import standing, stop_reason
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from slopewise.planner.plan import SpeedPlan, Status, motion_of
+from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.settings import Solver
@@ -110,7 +111,7 @@ class PlanFinalizer:
     def _plan(self, name: str, judged: Judged, *, smoothed: bool) -> SpeedPlan:
         column, track, speed_sq = self.column, self.column.track, judged.speed_sq
         status, reason = stop_reason(column, speed_sq, judged.status, judged.reason)
-        accel, time = motion_of(track.station, speed_sq)
+        accel, time = core.motion(track.station, speed_sq)
         bound = np.sqrt(np.maximum(column.speed_sq_max, speed_sq))
         return SpeedPlan(
             candidate=name,

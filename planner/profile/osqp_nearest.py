@@ -18,7 +18,9 @@ _ITERATIONS = 4000
 """In which it gets there nineteen times out of twenty; that nothing is feasible takes it 250."""
 
 
-def nearest_by_osqp(target: Floats, fixed: Bools, rows: Floats, limit: Floats, x: Floats) -> int:
+def nearest_by_osqp(
+    target: Floats, fixed: Bools, rows: Floats, limit: Floats
+) -> tuple[int, Floats]:
     """Minimise |x − target|² / 2 over rows · x <= limit, which is kept within 1e-4.
 
     Args:
@@ -27,10 +29,9 @@ def nearest_by_osqp(target: Floats, fixed: Bools, rows: Floats, limit: Floats, x
         rows: (K, 3, N) coefficients of x[k], x[k + 1] and x[k + 2] in K rows for each k; 0 behind
             the last station, and in all of a row that there is not, whose limit is positive.
         limit: (K, N) upper limits.
-        x: (N,) out, the answer.
 
     Returns:
-        Iterations, at least one; negative if no point keeps the constraints.
+        Iterations, at least one; negative if no point keeps the constraints. The point, (N,).
     """
     n = len(target)
     a, right = matrix_of(rows), limit.ravel()
@@ -54,10 +55,8 @@ def nearest_by_osqp(target: Floats, fixed: Bools, rows: Floats, limit: Floats, x
     )
     result = solver.solve(raise_error=False)
     used = max(int(result.info.iter), 1)
-    if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
-        return -used
-    x[:] = np.where(fixed, target, result.x)
-    return used
+    is_solved = result.info.status_val == osqp.SolverStatus.OSQP_SOLVED
+    return used if is_solved else -used, np.where(fixed, target, result.x)
 
 
 def matrix_of(rows: Floats) -> sparse.csr_matrix:

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
-from slopewise.planner.plan import motion_of
+from slopewise.planner.compiled_core import core
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 
 _STANDSTILL = 1e-9
@@ -199,4 +199,4 @@ def solve_program(
     if not stats["success"]:
         return Reference(None, float("nan"), iterations, f"IPOPT: {stats['return_status']}")
     speed_sq = np.clip(np.asarray(result["x"]).ravel(), 0.0, fastest) ** 2
-    return Reference(speed_sq, float(motion_of(station, speed_sq)[1][-1]), iterations)
+    return Reference(speed_sq, float(core.motion(station, speed_sq)[1][-1]), iterations)

@@ -49,25 +49,22 @@ def smooth(problem: SmoothingProblem, first: Solver = "interior_point") -> Smoot
         first: who is asked first; where it fails, the others are, IPOPT only if it is the first.
     """
     top = problem.speed_sq_max
-    answer = np.zeros(len(top))
     last = len(top) - 1 - int((top[::-1] > core.STANDSTILL_SQ).argmax())
     if not top[last] > core.STANDSTILL_SQ:
-        return Smoothed(answer, 0)
+        return Smoothed(np.zeros(len(top)), 0)
     # Of the stations of rest at the end only the first takes part.
     part = _first_stations(problem, last + 2)
     used = 0
-    orders: dict[str, tuple[Callable[..., int], ...]] = {
+    orders: dict[str, tuple[Callable[..., tuple[int, Floats]], ...]] = {
         "interior_point": (core.smooth, _by_osqp),
         "osqp": (_by_osqp, core.smooth),
         "ipopt": (_by_ipopt, core.smooth, _by_osqp),
     }
     for solver in orders[first]:
-        speed_sq = np.empty(len(part[1]))
-        iterations = solver(*part, speed_sq)
+        iterations, speed_sq = solver(*part)
         used += abs(iterations)
         if iterations > 0:
-            core.keep_inside(speed_sq, top, answer)
-            return Smoothed(answer, used)
+            return Smoothed(core.keep_inside(speed_sq, top), used)
         if iterations == core.NO_PROFILE:
             return Smoothed(None, used, "no profile keeps the jerk limit")
     return Smoothed(None, used, f"no profile keeps the jerk limit ({used} iterations)")
@@ -92,14 +89,10 @@ def _by_osqp(
     decel_max: Floats,
     jerk: float,
     start_accel: float,
-    speed_sq: Floats,
-) -> int:
+) -> tuple[int, Floats]:
     """As core.smooth by OSQP, with the first tangents."""
-    n = len(top)
-    is_open, rows = np.empty(n), np.empty((core.KIND_COUNT, 3, n))
-    limit = np.empty((core.KIND_COUNT, n))
-    core.smoothing_program(ds, top, accel_max, decel_max, jerk, start_accel, is_open, rows, limit)
-    return nearest_by_osqp(top, is_open == 0.0, rows, limit, speed_sq)
+    is_open, rows, limit = core.smoothing_program(ds, top, accel_max, decel_max, jerk, start_accel)
+    return nearest_by_osqp(top, is_open == 0.0, rows, limit)
 
 
 def _by_ipopt(
@@ -109,8 +102,7 @@ def _by_ipopt(
     decel_max: Floats,
     jerk: float,
     start_accel: float,
-    speed_sq: Floats,
-) -> int:
+) -> tuple[int, Floats]:
     """The exact program by CasADi and IPOPT, tightened as the others are; much slower."""
     from slopewise.planner.profile.reference import jerk_limited_of_any_length
 
@@ -119,7 +111,4 @@ def _by_ipopt(
     problem = SmoothingProblem(ds, top, accel, decel, jerk * (1.0 - core.TIGHTENING), before)
     found = jerk_limited_of_any_length(problem)
     used = max(found.iterations, 1)
-    if found.speed_sq is None:
-        return -used
-    speed_sq[:] = found.speed_sq
-    return used
+    return (-used, top) if found.speed_sq is None else (used, found.speed_sq)

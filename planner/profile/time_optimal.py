@@ -7,15 +7,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from slopewise.models.arrays import Floats
 from slopewise.planner.bounds.speed_bounds import SpeedBounds
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.planning_limits import PlanningLimits
-from slopewise.planner.workspace import empty
 
 
 class ProfileProblem(NamedTuple):
@@ -77,10 +74,7 @@ def time_optimal_profile(problem: ProfileProblem) -> tuple[Floats, Floats]:
         v² (N, M), and (M,) the highest v² at the first station from which the bounds can still be
         kept; below ``start_sq`` the profile begins there all the same [m²/s²].
     """
-    speed_sq = empty(*problem.speed_sq_max.shape)
-    reachable = np.empty(problem.speed_sq_max.shape[1])
-    core.time_optimal(*problem, speed_sq, reachable)
-    return speed_sq, reachable
+    return core.time_optimal(*problem)
 
 
 def travel_cost(station: Floats, speed_sq: Floats, horizon_penalty: float) -> Floats:
@@ -91,6 +85,4 @@ def travel_cost(station: Floats, speed_sq: Floats, horizon_penalty: float) -> Fl
         speed_sq: (N, M) v², linear between stations [m²/s²].
         horizon_penalty: time charged for each metre on which the vehicle does not move [s/m].
     """
-    cost = np.empty(station.shape[1])
-    core.travel_cost(station, speed_sq, horizon_penalty, cost)
-    return cost
+    return core.travel_cost(station, speed_sq, horizon_penalty)

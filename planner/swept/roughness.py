@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
@@ -12,7 +14,6 @@ from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.height_grid import height_grid
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.swept.sizes import SweptSizes
-from slopewise.planner.workspace import empty
 
 
 def rough_speeds(
@@ -35,7 +36,7 @@ def rough_speeds(
         (N, M) [m/s], inf where roughness limits nothing.
     """
     vehicle, limits, body = model.vehicle, model.limits, profile.body_rows
-    held = empty(*profile.x.shape)
+    held = np.empty(profile.x.shape)
     core.roughness_speeds(
         height_grid(elevation_map, vehicle),
         body.x[0],

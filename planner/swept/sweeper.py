@@ -20,7 +20,6 @@ from slopewise.planner.swept.convergence import Convergence, Departure, converge
 from slopewise.planner.swept.sentences import from_beside
 from slopewise.planner.swept.sizes import SweptSizes
 from slopewise.planner.swept.tube import COARSE, tube_of
-from slopewise.planner.workspace import empty
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +70,7 @@ class Sweeper:
             longer = COARSE * math.ceil(converging.longer / COARSE)
             sizes = sizes._replace(front=sizes.front + longer, rear=sizes.rear + longer)
         stations, candidates = body.x.shape
-        code, found = empty(stations, candidates).view(np.int64), np.zeros((candidates, 4))
+        code, found = np.empty((stations, candidates), np.int64), np.zeros((candidates, 4))
         swept = SweptPoses(code, found, body, ("",) * candidates, 0)
         if profile.follower_offset is None:
             return self._swept(sizes, profile, swept, added_band)

@@ -16,8 +16,10 @@ import numpy as np
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.effects.registry import MotionTerms
 from slopewise.models.parameters import Model
+from slopewise.planner.bounds.speed_bounds import SpeedBounds
 from slopewise.planner.compiled_core import core
-from slopewise.planner.ground.braking_ground import StopErrors
+from slopewise.planner.ground.braking_ground import BrakingGround, StopErrors
+from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.verify.terms import BETWEEN, TIME_STEP, terms_of
 from slopewise.planner.verify.track import Track
@@ -124,50 +126,41 @@ def check(
 
     Nothing raises: what is not a number, or does not stop, is a breach by infinity.
     """
-    n = len(speed_sq)
-    told, worst = np.empty((3, n)), np.zeros(len(Violations._fields))
-    bad = np.zeros(n - 1, np.bool_)
     terms = terms_of(model, motion, errors or StopErrors(), all_loads=True)
     terms = terms._replace(between=between, time_step=time_step)
     if decel is not None:
         terms = terms._replace(limits=terms.limits._replace(decel=decel))
     beyond = Violations._fields.index("overrun" if barrier is None else barrier.label)
-    core.verify(
-        track,
-        even or track,
-        speed_sq,
-        clear_distance,
-        distance_offset,
-        beyond,
-        terms,
-        told,
-        worst,
-        bad,
+    (stop_distance, rear_load, side_load), worst, bad = core.verify(
+        track, even or track, speed_sq, clear_distance, distance_offset, beyond, terms
     )
-    stop_distance, rear_load, side_load = told
     found = Violations(*worst.tolist())
     return Judgement(stop_distance, rear_load, side_load, found, np.flatnonzero(bad))
 
 
-VIOLATION_LIMITING: dict[str, Limiting] = {
-    "overrun": Limiting.STOPPING_PATH,
-    "axle_load": Limiting.TIP_OVER,
-    "side_load": Limiting.ROLLOVER,
-    "speed": Limiting.SPEED_LIMIT,
-    "lateral": Limiting.LATERAL,
-    "wheel_speed": Limiting.WHEEL_SPEED,
-    "accel": Limiting.ACCEL,
-    "decel": Limiting.DECEL,
-    "vertical": Limiting.CREST,
-    "friction": Limiting.FRICTION,
-    "wheel_load": Limiting.ROLLOVER,
-    "turning": Limiting.STEERING,
-    "steering_rate": Limiting.STEERING,
-    "unknown_terrain": Limiting.UNKNOWN_TERRAIN,
-    "model_validity": Limiting.MODEL_VALIDITY,
-    "holding": Limiting.HOLDING,
-    "step": Limiting.STEP,
-    "clearance": Limiting.CLEARANCE,
-    "body": Limiting.BODY,
-}
-"""Which bound a breach belongs to."""
+def screen(
+    profile: TerrainProfile,
+    ground: BrakingGround,
+    bounds: SpeedBounds,
+    speed_sq: Floats,
+    model: Model,
+    speed_limit: Floats | None = None,
+    rough_speed: Floats | None = None,
+) -> Floats:
+    """Verify M profiles of up to N stations, without the columns of a plan file.
+
+    Args:
+        profile, ground, bounds: of the batch.
+        speed_sq: (N, M) v² [m²/s²].
+        model: vehicle and limits.
+        speed_limit: (N, M) limits of the paths themselves [m/s].
+        rough_speed: (N, M) limits of rough ground [m/s].
+
+    Returns:
+        (M, 19) worst breaches in the order of :class:`Violations`, 0 where there is none.
+    """
+    limit = ground.fastest
+    for own in (speed_limit, rough_speed):
+        limit = limit if own is None or own.size == 0 else np.minimum(limit, own)
+    terms = terms_of(model, ground.motion, ground.errors, all_loads=False)
+    return core.verify_batch(profile, ground, limit, speed_sq, bounds.clear_distance, terms)

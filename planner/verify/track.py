@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Floats
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
@@ -40,44 +40,6 @@ class Track(NamedTuple):
     friction: Floats
 
 
-class TrackRows(NamedTuple):
-    """Source of the columns of tracks: M candidates of up to N stations.
-
-    Attributes:
-        counts: (M,) stations of each.
-        rows: (N, M) each, in the order of ``TrackRows`` of the core.
-        friction: (N, M), or (0, 0) where it is not known.
-    """
-
-    counts: Ints
-    rows: tuple[Floats, ...]
-    friction: Floats
-
-
-def track_rows(profile: TerrainProfile, ground: BrakingGround, speed_limit: Floats) -> TrackRows:
-    """Rows of a batch, with a limit of the speed (N, M) [m/s]."""
-    return TrackRows(
-        profile.count,
-        (
-            profile.station,
-            profile.heading_x,
-            profile.heading_y,
-            profile.curvature,
-            profile.grade,
-            profile.sin_roll,
-            profile.vertical_curvature,
-            ground.lower_slope,
-            ground.lower_intercept,
-            ground.upper_slope,
-            ground.upper_intercept,
-            ground.dead_time,
-            ground.slowest,
-            speed_limit,
-        ),
-        np.empty((0, 0)) if ground.friction is None else ground.friction,
-    )
-
-
 def track_of(
     profile: TerrainProfile,
     ground: BrakingGround,
@@ -94,9 +56,7 @@ def track_of(
         first: stations at the beginning that are omitted.
     """
     n = int(profile.count[candidate])
-    columns = np.empty((len(Track._fields), n - first))
-    core.copy_track(*track_rows(profile, ground, ground.fastest), candidate, first, columns)
-    track = Track(*columns)
+    track = Track(*core.copy_track(profile, ground, ground.fastest, candidate, first))
     if speed_limit is not None:
         np.minimum(track.speed_limit, speed_limit[first:n, candidate], out=track.speed_limit)
     return track

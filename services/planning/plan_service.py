@@ -20,8 +20,8 @@ from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import PlanarState
-from slopewise.planner.horizon.departure import departure_of
 from slopewise.planner.horizon.horizon import Horizon
+from slopewise.planner.horizon.path_projection import departure_of
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan

@@ -174,7 +174,7 @@ def test_a_batch_is_its_paths_side_by_side_padded_with_their_ends() -> None:
     paths = [straight(3.0, name="a"), arc(10.0, 0.1, name="b")]
     together = batch(paths, 0.25)
     assert together.names == ("a", "b")
-    assert together.speed_limit is None
+    assert np.isinf(together.speed_limit).all()
     assert together.x.shape == (together.count.max(), 2)
     for j, path in enumerate(paths):
         alone = resample(path, 0.25).points
@@ -204,11 +204,6 @@ def test_two_batches_in_one_keep_their_candidates(limited: tuple[bool, bool]) ->
     np.testing.assert_array_equal(merged.count, at_once.count)
     np.testing.assert_array_equal(merged.x, at_once.x)
     np.testing.assert_array_equal(merged.y, at_once.y)
-    if not any(limited):
-        assert merged.speed_limit is None
-        return
-    assert merged.speed_limit is not None
-    assert at_once.speed_limit is not None
     for j, n in enumerate(merged.count):
         np.testing.assert_array_equal(merged.speed_limit[:n, j], at_once.speed_limit[:n, j])
 

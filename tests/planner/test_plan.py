@@ -25,6 +25,7 @@ from slopewise.models.parameters import Model
 from slopewise.models.terrain.observation import Features
 from slopewise.models.terrain.resistances import TerrainEstimate
 from slopewise.models.terrain.surfaces import model_on
+from slopewise.planner.compiled_core import core
 from slopewise.planner.explain.relaxed import without
 from slopewise.planner.explain.what_if import Assumptions
 from slopewise.planner.ground.uncertainty import Uncertainty
@@ -32,7 +33,7 @@ from slopewise.planner.horizon.horizon import HorizonSettings
 from slopewise.planner.limiting import BOUNDS, Limiting
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
-from slopewise.planner.plan import SpeedPlan, Status, motion_of
+from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
 from tests.world import generated
 from tests.world.bound_scenes import SCENES
@@ -50,7 +51,7 @@ def test_motion_is_that_of_constant_acceleration_on_each_segment(
     speed_sq: np.ndarray, ds: float
 ) -> None:
     station = ds * np.arange(len(speed_sq))
-    accel, time = motion_of(station, speed_sq)
+    accel, time = core.motion(station, speed_sq)
     v, dt = np.sqrt(speed_sq), np.diff(time)
     np.testing.assert_allclose(v[:-1] + accel[:-1] * dt, v[1:], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(

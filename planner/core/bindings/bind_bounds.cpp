@@ -1,4 +1,4 @@
-// Bounds on speed. Arrays belong to the caller; no call keeps one.
+// Bounds on speed.
 #include "bindings/bind_rows.hpp"
 #include "bindings/bind_vehicle.hpp"
 #include "bounds/speed_bounds.hpp"
@@ -6,23 +6,18 @@
 namespace slopewise {
 namespace {
 
-using Labels1 = nb::ndarray<std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Labels2 = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-
-void speed_bounds(const nb::handle& profile, const nb::handle& ground, const nb::handle& hazards,
-                  const nb::handle& speed_limit, const Input1& clear, const nb::handle& vehicle,
-                  const Output3& rows, const Labels2& limiting,
-                  const Labels1& barrier, const Labels1& barrier_station,
-                  const Output1& clear_distance) {
+std::tuple<Made<double>, Made<Label>, Made<Label>, Made<std::int64_t>, Made<double>> speed_bounds(
+    const nb::handle& profile, const nb::handle& ground, const nb::handle& hazards,
+    const nb::handle& speed_limit, const Input1& clear, const nb::handle& vehicle) {
   const TerrainRows t = terrain_of(profile);
   const Index n = t.stations, m = t.candidates;
   if (n < 2 || m < 1) throw nb::value_error("profile: expected a candidate and two stations");
   expect_shape("clear", clear, {m});
-  expect_shape("rows", rows, {5, n, m});
-  expect_shape("limiting", limiting, {n, m});
-  expect_shape("barrier", barrier, {m});
-  expect_shape("barrier_station", barrier_station, {m});
-  expect_shape("clear_distance", clear_distance, {m});
+  const auto rows = make_rows(5, n, m);
+  const auto limiting = make_rows<Label>(n, m);
+  const auto barrier = make_array<Label>(m);
+  const auto barrier_station = make_array<std::int64_t>(m);
+  const auto clear_distance = make_array(m);
   const auto speeds = [&](const char* name, const nb::handle& array) {
     return alike_infinite.unless(rows_of<double>(name, array, n, m));
   };
@@ -40,19 +35,20 @@ void speed_bounds(const nb::handle& profile, const nb::handle& ground, const nb:
   BoundMemory& memory = BoundMemory::of_thread(n, m);
   const nb::gil_scoped_release release;
   bound_speeds(problem, out, memory);
+  return {rows, limiting, barrier, barrier_station, clear_distance};
 }
 
-void speed_excess(const nb::handle& profile, const nb::handle& ground, double resistance,
-                  const Output2& excess) {
+Made<double> speed_excess(const nb::handle& profile, const nb::handle& ground, double resistance) {
   BoundProblem problem{};
   problem.terrain = terrain_of(profile);
   problem.forces = forces_of(ground, problem.terrain.stations, problem.terrain.candidates);
-  expect_shape("excess", excess, {problem.terrain.stations, problem.terrain.candidates});
+  const auto excess = make_rows(problem.terrain.stations, problem.terrain.candidates);
   problem.errors = errors_of(ground.attr("errors"));
   problem.vehicle.resistance = resistance;
   if (!find_run_off(problem, excess.data())) {
     std::fill_n(excess.data(), excess.size(), problem.errors.speed);
   }
+  return excess;
 }
 
 double speed_at_onset(double slope_sum, double intercept_sum, double slowest) {
@@ -67,12 +63,9 @@ void bind_bounds(nb::module_& m) {
   m.attr("HOLDING") = least_slowing;
   m.attr("SPENT") = crest_spent;
   m.def("speed_bounds", &speed_bounds, "profile"_a, "ground"_a, "hazards"_a,
-        "speed_limit"_a.none(), "clear"_a, "vehicle"_a,
-        "rows"_a.noconvert(), "limiting"_a.noconvert(), "barrier"_a.noconvert(),
-        "barrier_station"_a.noconvert(), "clear_distance"_a.noconvert());
-  m.def("speed_excess", &speed_excess, "profile"_a, "ground"_a, "resistance"_a,
-        "excess"_a.noconvert());
-  m.def("onset_speed", &speed_at_onset, "slope_sum"_a, "intercept_sum"_a, "slowest"_a);
+        "speed_limit"_a.none(), "clear"_a, "vehicle"_a);
+  m.def("speed_excess", &speed_excess);
+  m.def("onset_speed", &speed_at_onset);
 }
 
 }  // namespace slopewise

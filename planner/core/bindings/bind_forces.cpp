@@ -1,4 +1,4 @@
-// Braking force along paths, and what it is found from. Arrays belong to the caller.
+// Braking force along paths, and what it is found from.
 #include <cstring>
 
 #include "bindings/bind_rows.hpp"
@@ -11,7 +11,6 @@ namespace {
 
 using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Table3 = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Labels2 = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Classes2 = nb::ndarray<const std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 // Bits of one integer, one of them ground that was never braked on.
@@ -59,17 +58,15 @@ struct Surfaces {
   }
 };
 
-void braking_forces(const nb::handle& profile, const nb::handle& surfaces, double margin,
-                    const nb::handle& least_term, const nb::handle& most_term,
-                    const nb::handle& drag, const Output3& rows, const Known2& trained,
-                    const Output1& distance_offset) {
+std::tuple<Made<double>, Made<bool>, Made<double>> braking_forces(
+    const nb::handle& profile, const nb::handle& surfaces, double margin,
+    const nb::handle& least_term, const nb::handle& most_term, const nb::handle& drag) {
   const auto grade = nb::cast<Input2>(profile.attr("grade"));
   const auto n = static_cast<Index>(grade.shape(0)), m = static_cast<Index>(grade.shape(1));
   const Surfaces known(surfaces);
   const bool slides = nb::cast<bool>(surfaces.attr("slides"));
-  expect_shape("rows", rows, {slides ? 8 : 7, n, m});
-  expect_shape("trained", trained, {n, m});
-  expect_shape("distance_offset", distance_offset, {m});
+  const auto rows = make_rows(slides ? 8 : 7, n, m);
+  const auto trained = make_rows<bool>(n, m);
   // A copy where all stations are alike.
   const auto classes = nb::cast<Classes2>(profile.attr("surfaces"));
   expect_shape("surfaces", classes, {n, m});
@@ -94,39 +91,42 @@ void braking_forces(const nb::handle& profile, const nb::handle& surfaces, doubl
       known.margins.empty() ? nullptr : known.margins.data(),
       rows_of<double>("drag", drag, n, m),
       slides};
+  const auto distance_offset = make_array(m);
   const auto row = [&](Index r) { return Rows<double>{rows.data() + r * n * m, m}; };
   const ForceBounds out{row(0), row(1), row(2), row(3), row(4), row(5), row(6),
                         slides ? row(7) : Rows<double>{}, {trained.data(), m},
                         distance_offset.data()};
   const nb::gil_scoped_release release;
   find_forces(problem, out);
+  return {rows, trained, distance_offset};
 }
 
-void surface_bits(const Classes2& classes, double origin_x, double origin_y, double per_metre,
-                  const Input2& x, const Input2& y, const Input2& heading_x,
-                  const Input2& heading_y, double half_length, double half_width,
-                  const Labels2& bits) {
+Made<std::int64_t> surface_bits(const Classes2& classes, double origin_x, double origin_y,
+                                double per_metre, const Input2& x, const Input2& y,
+                                const Input2& heading_x, const Input2& heading_y,
+                                double half_length, double half_width) {
   const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
   for (const Input2* rows : {&y, &heading_x, &heading_y}) {
     expect_shape("y, heading_x, heading_y", *rows, {n, m});
   }
-  expect_shape("bits", bits, {n, m});
+  const auto bits = make_rows<std::int64_t>(n, m);
   const ClassMap map{classes.data(), static_cast<Index>(classes.shape(0)),
                      static_cast<Index>(classes.shape(1)), origin_x, origin_y, per_metre};
   const PoseRows poses{n, m, x.data(), y.data(), heading_x.data(), heading_y.data()};
   const nb::gil_scoped_release release;
   find_surface_bits(map, poses, half_length, half_width, bits.data());
+  return bits;
 }
 
-void trailing_heading(const Input2& x, const Input2& y, double rod, const Output2& heading_x,
-                      const Output2& heading_y) {
+std::tuple<Made<double>, Made<double>> trailing_heading(const Input2& x, const Input2& y,
+                                                        double rod) {
   const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
   if (n < 2) throw nb::value_error("x: expected two stations at least");
   expect_shape("y", y, {n, m});
-  expect_shape("heading_x", heading_x, {n, m});
-  expect_shape("heading_y", heading_y, {n, m});
+  const auto heading_x = make_array(n, m), heading_y = make_array(n, m);
   const nb::gil_scoped_release release;
   trail({n, m, x.data(), y.data()}, rod, heading_x.data(), heading_y.data());
+  return {heading_x, heading_y};
 }
 
 }  // namespace
@@ -134,13 +134,9 @@ void trailing_heading(const Input2& x, const Input2& y, double rod, const Output
 void bind_forces(nb::module_& m) {
   using namespace nb::literals;
   m.def("braking_forces", &braking_forces, "profile"_a, "surfaces"_a, "margin"_a,
-        "least_term"_a.none(), "most_term"_a.none(), "drag"_a.none(), "rows"_a.noconvert(),
-        "trained"_a.noconvert(), "distance_offset"_a.noconvert());
-  m.def("surface_bits", &surface_bits, "classes"_a, "origin_x"_a, "origin_y"_a, "per_metre"_a,
-        "x"_a, "y"_a, "heading_x"_a, "heading_y"_a, "half_length"_a, "half_width"_a,
-        "bits"_a.noconvert());
-  m.def("trailing_heading", &trailing_heading, "x"_a, "y"_a, "rod"_a, "heading_x"_a.noconvert(),
-        "heading_y"_a.noconvert());
+        "least_term"_a.none(), "most_term"_a.none(), "drag"_a.none());
+  m.def("surface_bits", &surface_bits);
+  m.def("trailing_heading", &trailing_heading);
 }
 
 }  // namespace slopewise

@@ -1,9 +1,9 @@
-// Ground below paths. Arrays belong to the caller; only a grid keeps its map.
+// Ground below paths.
 #include <array>
 #include <mutex>
 
 #include "ground/averaged_heights.hpp"
-#include "bindings/bindings.hpp"
+#include "bindings/bind_rows.hpp"
 #include "ground/map_grid.hpp"
 #include "ground/terrain.hpp"
 
@@ -30,16 +30,16 @@ Contrasts contrasts_of(const Taps1& row, const Taps1& column, const Floats2& wei
   return {taps, count, 0, weights.data(), std.data(), nullptr, nullptr};
 }
 
-void average(const Input2& elevation, const Taps1& wide_row, const Taps1& wide_column,
+Made<double> average(const Input2& elevation, const Taps1& wide_row, const Taps1& wide_column,
               const Floats2& wide_weights, const Floats1& wide_std, const Floats3& slopes,
               const Taps1& narrow_row, const Taps1& narrow_column, const Floats2& narrow_weights,
               const Floats1& narrow_std, const Taps1& row, const Taps1& column, const Taps1& start,
               const Input1& variance, Index stride, Index reach, double noise, double block_noise,
-              double significance, double known_share, const Output2& heights) {
+              double significance, double known_share) {
   const auto rows = static_cast<Index>(elevation.shape(0));
   const auto columns = static_cast<Index>(elevation.shape(1));
   const auto windows = static_cast<Index>(variance.shape(0));
-  expect_shape("heights", heights, {rows, columns});
+  const auto heights = make_array(rows, columns);
   expect_shape("start", start, {windows + 1});
   AveragingTools tools{contrasts_of(wide_row, wide_column, wide_weights, wide_std),
                        contrasts_of(narrow_row, narrow_column, narrow_weights, narrow_std),
@@ -51,10 +51,8 @@ void average(const Input2& elevation, const Taps1& wide_row, const Taps1& wide_c
   tools.wide.slope_y = slopes.data() + tools.wide.jumps * tools.wide.taps.count;
   const nb::gil_scoped_release release;
   average_heights(elevation.data(), rows, columns, reach, tools, heights.data());
+  return heights;
 }
-
-using Singles2 = nb::ndarray<float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Singles3 = nb::ndarray<float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 // Paths need a second station, and no more stations than they have rows.
 void expect_paths(const Input2& x, const Input2& y, const Counts1& count) {
@@ -64,44 +62,44 @@ void expect_paths(const Input2& x, const Input2& y, const Counts1& count) {
   if (stations < 2) throw nb::value_error("x: expected two stations at least");
 }
 
-void terrain(MapGrid& map, const Input2& x, const Input2& y, const Counts1& count,
-             const Input2& body_x, const Input2& body_y, double body_offset, double length,
-             double width, const Output3& rows, const Known2& known, const Singles2& twist,
-             const Singles3& front) {
+// Without headings of the body they are those of the path.
+std::tuple<Made<double>, Made<bool>, Made<float>, Made<float>> terrain(
+    MapGrid& map, const Input2& x, const Input2& y, const Counts1& count, const nb::handle& body_x,
+    const nb::handle& body_y, double body_offset, double length, double width) {
   expect_paths(x, y, count);
   const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
-  expect_shape("body_x", body_x, {n, m});
-  expect_shape("body_y", body_y, {n, m});
-  expect_shape("rows", rows, {9, n, m});
-  expect_shape("known", known, {n, m});
-  expect_shape("twist", twist, {n, m});
-  expect_shape("front", front, {n, 2, m});
+  const Numbers ahead_x = rows_of<double>("body_x", body_x, n, m),
+                ahead_y = rows_of<double>("body_y", body_y, n, m);
+  const auto rows = make_rows(9, n, m);
+  const auto known = make_rows<bool>(n, m);
+  const auto twist = make_rows<float>(n, m), front = make_rows<float>(n, 2, m);
   std::array<double*, 9> row{};
   for (std::size_t r = 0; r < row.size(); ++r) row[r] = rows.data() + static_cast<Index>(r) * n * m;
-  const TerrainTable table{n,           m,      x.data(),      y.data(),      count.data(),
-                           body_x.data(),       body_y.data(), body_offset,   row[0],
-                           row[1],      row[2], row[3],        row[4],        row[5],
-                           row[6],      row[7], row[8],        known.data(),  twist.data(),
-                           front.data()};
+  const TerrainTable table{n, m, x.data(), y.data(), count.data(),
+                           ahead_x.data == nullptr ? row[2] : ahead_x.data,
+                           ahead_y.data == nullptr ? row[3] : ahead_y.data, body_offset,
+                           row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8],
+                           known.data(), twist.data(), front.data()};
   const nb::gil_scoped_release release;
   sample_terrain(map.grid, table, length, width);
+  return {rows, known, twist, front};
 }
 
-void stations(MapGrid& map, const Input2& x, const Input2& y, const Counts1& count,
-              const Output2& station) {
+Made<double> stations(MapGrid& map, const Input2& x, const Input2& y, const Counts1& count) {
   expect_paths(x, y, count);
   const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
-  expect_shape("station", station, {n, m});
+  const auto station = make_array(n, m);
   const nb::gil_scoped_release release;
   walk_stations(map.grid, x.data(), y.data(), count.data(), n, m, station.data());
+  return station;
 }
 
-void tyre_lifts(MapGrid& map, Index heading, const Output2& out) {
+Made<double> tyre_lifts(MapGrid& map, Index heading) {
   const Index rows = map.grid.rows(), columns = map.grid.columns();
-  expect_shape("out", out, {rows, columns});
   if (heading < 0 || heading >= heading_count || !map.grid.resolves_wheels()) {
     throw nb::value_error("heading: expected one of 16, of a map that resolves wheels");
   }
+  const auto out = make_array(rows, columns);
   const nb::gil_scoped_release release;
   const std::scoped_lock lock(map.grid.mutex());
   for (Index i = 0; i < rows; ++i) {
@@ -109,17 +107,14 @@ void tyre_lifts(MapGrid& map, Index heading, const Output2& out) {
       out.data()[i * columns + j] = map.grid.lift(heading, i, j, 0.0, 0.0);
     }
   }
+  return out;
 }
 
 }  // namespace
 
 void bind_ground(nb::module_& m) {
   using namespace nb::literals;
-  m.def("average_heights", &average, "elevation"_a, "wide_row"_a, "wide_column"_a,
-        "wide_weights"_a, "wide_std"_a, "slopes"_a, "narrow_row"_a, "narrow_column"_a,
-        "narrow_weights"_a, "narrow_std"_a, "row"_a, "column"_a, "start"_a, "variance"_a,
-        "stride"_a, "reach"_a, "noise"_a, "block_noise"_a, "significance"_a, "known_share"_a,
-        "heights"_a.noconvert());
+  m.def("average_heights", &average);
   m.attr("HEADING_COUNT") = heading_count;
   nb::class_<MapGrid>(m, "HeightGrid")
       .def(nb::init<const Input2&, double, double, double, double, double, double>(),
@@ -129,11 +124,10 @@ void bind_ground(nb::module_& m) {
         const std::scoped_lock lock(map.grid.mutex());
         return map.grid.memory();
       })
-      .def("tyre_lifts", &tyre_lifts, "heading"_a, "out"_a.noconvert())
-      .def("sample_terrain", &terrain, "x"_a, "y"_a, "count"_a, "body_x"_a, "body_y"_a,
-           "body_offset"_a, "length"_a, "width"_a, "rows"_a.noconvert(), "known"_a.noconvert(), "twist"_a.noconvert(),
-           "front"_a.noconvert())
-      .def("stations", &stations, "x"_a, "y"_a, "count"_a, "station"_a.noconvert());
+      .def("tyre_lifts", &tyre_lifts)
+      .def("stations", &stations)
+      .def("sample_terrain", &terrain, "x"_a, "y"_a, "count"_a, "body_x"_a.none(),
+           "body_y"_a.none(), "body_offset"_a, "length"_a, "width"_a);
 }
 
 }  // namespace slopewise

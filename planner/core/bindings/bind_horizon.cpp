@@ -1,12 +1,9 @@
-// Paths of a moving horizon. Arrays belong to the caller; no call keeps one.
+// Paths of a moving horizon.
 #include "bindings/bindings.hpp"
 #include "path/polyline.hpp"
 
 namespace slopewise {
 namespace {
-
-using Codes1 = nb::ndarray<std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Flags1 = nb::ndarray<bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 Paths paths_of(const Input2& x, const Input2& y, const Counts1& count) {
   const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
@@ -27,76 +24,74 @@ Paths segments_of(const Input2& x, const Input2& y, const Counts1& count) {
   return paths;
 }
 
-void feet(const Input1& line_x, const Input1& line_y, const Input1& x, const Input1& y, Index low,
-          Index high, const Codes1& segment, const Output1& share, const Output1& distance) {
+std::tuple<Made<std::int64_t>, Made<double>, Made<double>> feet(
+    const Input1& line_x, const Input1& line_y, const Input1& x, const Input1& y, Index low,
+    Index high) {
   const auto stations = static_cast<Index>(line_x.shape(0)), n = static_cast<Index>(x.shape(0));
   expect_shape("line_y", line_y, {stations});
   expect_shape("y", y, {n});
-  expect_shape("segment", segment, {n});
-  expect_shape("share", share, {n});
-  expect_shape("distance", distance, {n});
   if (low < 0 || high >= stations) throw nb::value_error("low, high: expected segments of the line");
+  const auto segment = make_array<std::int64_t>(n);
+  const auto share = make_array(n), distance = make_array(n);
   const nb::gil_scoped_release release;
   feet_on_line(line_x.data(), line_y.data(), low, high, x.data(), y.data(), n, segment.data(),
                share.data(), distance.data());
+  return {segment, share, distance};
 }
 
-void locate(const Input2& x, const Input2& y, const Counts1& count, double at_x, double at_y,
-            double heading, const Codes1& segment, const Output2& values) {
+std::tuple<Made<std::int64_t>, Made<double>> locate(const Input2& x, const Input2& y,
+                                                    const Counts1& count, double at_x, double at_y,
+                                                    double heading) {
   const Paths paths = segments_of(x, y, count);
   const Index m = paths.candidates;
-  expect_shape("segment", segment, {m});
-  expect_shape("values", values, {6, m});
+  const auto segment = make_array<std::int64_t>(m);
+  const auto values = make_array(6, m);
   double* v = values.data();
   const nb::gil_scoped_release release;
   locate_on_paths(paths, {at_x, at_y}, heading,
                   {segment.data(), v, v + m, v + 2 * m, v + 3 * m, v + 4 * m, v + 5 * m});
+  return {segment, values};
 }
 
-void cut(const Input2& x, const Input2& y, const Counts1& count, const Counts1& segment,
-         const Input1& start_x, const Input1& start_y, Index fewest, const Output3& rest,
-         const Codes1& kept, const Flags1& near, const Codes1& new_count) {
+std::tuple<Made<double>, Made<std::int64_t>, Made<bool>, Made<std::int64_t>> cut(
+    const Input2& x, const Input2& y, const Counts1& count, const Counts1& segment,
+    const Input1& start_x, const Input1& start_y, Index fewest) {
   const Paths paths = segments_of(x, y, count);
   const Index n = paths.stations, m = paths.candidates;
   expect_shape("segment", segment, {m});
   for (const Input1* column : {&start_x, &start_y}) expect_shape("start", *column, {m});
-  for (const Codes1* column : {&kept, &new_count}) expect_shape("kept, new_count", *column, {m});
-  expect_shape("near", near, {m});
-  expect_shape("rest", rest, {2, n + 1, m});
   for (Index j = 0; j < m; ++j) {
     const std::int64_t behind = segment.data()[j];
     if (behind < -1 || behind + 1 >= count.data()[j]) {
       throw nb::value_error("segment: expected one of the path, or -1");
     }
   }
+  const auto rest = make_array(2, n + 1, m);
+  const auto kept = make_array<std::int64_t>(m), new_count = make_array<std::int64_t>(m);
+  const auto near = make_array<bool>(m);
   double* out = rest.data();
   const nb::gil_scoped_release release;
   cut_paths(paths, {segment.data(), start_x.data(), start_y.data()}, fewest,
             {out, out + (n + 1) * m, kept.data(), near.data(), new_count.data()});
+  return {rest, kept, near, new_count};
 }
 
-void soundness(const Input2& x, const Input2& y, const Counts1& count, const Flags1& finite,
-               const Flags1& moving) {
+std::tuple<Made<bool>, Made<bool>> soundness(const Input2& x, const Input2& y,
+                                             const Counts1& count) {
   const Paths paths = paths_of(x, y, count);
-  expect_shape("finite", finite, {paths.candidates});
-  expect_shape("moving", moving, {paths.candidates});
+  const auto finite = make_array<bool>(paths.candidates), moving = make_array<bool>(paths.candidates);
   const nb::gil_scoped_release release;
   find_sound(paths, finite.data(), moving.data());
+  return {finite, moving};
 }
 
 }  // namespace
 
 void bind_horizon(nb::module_& m) {
-  using namespace nb::literals;
-  m.def("feet_on_line", &feet, "line_x"_a, "line_y"_a, "x"_a, "y"_a, "low"_a, "high"_a,
-        "segment"_a.noconvert(), "share"_a.noconvert(), "distance"_a.noconvert());
-  m.def("locate_on_paths", &locate, "x"_a, "y"_a, "count"_a, "at_x"_a, "at_y"_a, "heading"_a,
-        "segment"_a.noconvert(), "values"_a.noconvert());
-  m.def("cut_paths", &cut, "x"_a, "y"_a, "count"_a, "segment"_a, "start_x"_a, "start_y"_a,
-        "fewest"_a, "rest"_a.noconvert(), "kept"_a.noconvert(), "near"_a.noconvert(),
-        "new_count"_a.noconvert());
-  m.def("find_sound", &soundness, "x"_a, "y"_a, "count"_a, "finite"_a.noconvert(),
-        "moving"_a.noconvert());
+  m.def("feet_on_line", &feet);
+  m.def("locate_on_paths", &locate);
+  m.def("cut_paths", &cut);
+  m.def("find_sound", &soundness);
 }
 
 }  // namespace slopewise

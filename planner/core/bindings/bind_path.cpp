@@ -1,4 +1,4 @@
-// Given polylines. Arrays belong to the caller.
+// Given polylines.
 #include "bindings/bindings.hpp"
 #include "path/given_path.hpp"
 #include "path/raw_points.hpp"
@@ -18,21 +18,23 @@ Line line_of(const char* name, const Input2& points, Index least) {
   return {points.data(), count};
 }
 
-void deviation_along(const Input2& given, const Input2& line, const Output1& distance) {
+Made<double> deviation_along(const Input2& given, const Input2& line) {
   const Line a = line_of("given", given, 2), b = line_of("line", line, 2);
-  expect_shape("distance", distance, {b.count});
+  const auto distance = make_array(b.count);
   double* memory = Workspace::of_thread().reserve(Deviation::memory(a.count, b.count));
   const nb::gil_scoped_release release;
   Deviation(a, b, distance.data(), memory).compare();
+  return distance;
 }
 
-void deviation_of_part(const Input2& given, const Input2& line, double passed, double length,
-                       const Output1& distance) {
+Made<double> deviation_of_part(const Input2& given, const Input2& line, double passed,
+                               double length) {
   const Line a = line_of("given", given, 2), b = line_of("line", line, 2);
-  expect_shape("distance", distance, {b.count});
+  const auto distance = make_array(b.count);
   double* memory = Workspace::of_thread().reserve(PartDeviation::memory(a.count, b.count));
   const nb::gil_scoped_release release;
   PartDeviation(a, b, passed, length, memory).compare(distance.data());
+  return distance;
 }
 
 Index first_turn_of(const Input2& points, double reach, double angle) {
@@ -54,35 +56,37 @@ Index first_cusp_of(const Input2& points, double angle, double shortest) {
   return first_cusp(line_of("points", points, 2), angle, shortest);
 }
 
-Index dense_places(const Input2& points, const Input1& along, double stray,
-                   const Output1& dense_along, const Output2& places, const Output1& weights) {
+// The arrays are longer than the number of places, which comes first.
+std::tuple<Index, Made<double>, Made<double>, Made<double>> dense_places(const Input2& points,
+                                                                         const Input1& along,
+                                                                         double stray) {
   const Line line = line_of("points", points, 2);
   expect_shape("along", along, {line.count});
   const Index most = dense_count(line.count, along.data()[line.count - 1]);
-  expect_shape("dense_along", dense_along, {most});
-  expect_shape("places", places, {most, 2});
-  expect_shape("weights", weights, {most});
-  return between_vertices(line, along.data(), stray,
-                          {dense_along.data(), places.data(), weights.data()});
+  const auto dense_along = make_array(most), places = make_array(most, 2),
+             weights = make_array(most);
+  const Index used = between_vertices(line, along.data(), stray,
+                                      {dense_along.data(), places.data(), weights.data()});
+  return {used, dense_along, places, weights};
 }
 
-void spline_stations(const Input1& knots, const Input1& x, const Input1& y, Index degree,
-                     double length, const Input1& first, const Input1& last, const Output2& even) {
-  const auto count = static_cast<Index>(even.shape(0));
+Made<double> spline_stations(const Input1& knots, const Input1& x, const Input1& y, Index degree,
+                             double length, const Input1& first, const Input1& last, Index count) {
   const auto coefficients = static_cast<Index>(x.shape(0));
-  expect_shape("even", even, {count, 2});
   expect_shape("y", y, {coefficients});
   expect_shape("first", first, {2});
   expect_shape("last", last, {2});
   if (degree < 1 || degree > max_degree || coefficients <= degree || count < 2 ||
       static_cast<Index>(knots.shape(0)) < coefficients + degree + 1) {
-    throw nb::value_error("knots, x, degree, even: expected a spline and two stations at least");
+    throw nb::value_error("knots, x, degree, count: expected a spline and two stations at least");
   }
   double* memory = Workspace::of_thread().reserve(Spline::memory(count));
+  const auto even = make_array(count, 2);
   const Spline spline(knots.data(), x.data(), y.data(), coefficients, degree, length);
   const nb::gil_scoped_release release;
   spline.stations(count, {first.data()[0], first.data()[1]}, {last.data()[0], last.data()[1]},
                   even.data(), memory);
+  return even;
 }
 
 // A polyline as a vehicle follows it; keeps what Python asks for in turn.
@@ -99,23 +103,23 @@ class Followed {
   [[nodiscard]] double length() const { return line_.length(); }
   [[nodiscard]] double sharpest() const { return line_.sharpest(); }
 
-  void stations(const Output2& even, const Output1& place) const {
-    const auto count = static_cast<Index>(even.shape(0));
-    expect_shape("even", even, {count, 2});
-    expect_shape("place", place, {count});
-    if (count < 2) throw nb::value_error("even: expected two stations at least");
+  [[nodiscard]] std::tuple<Made<double>, Made<double>> stations(Index count) const {
+    if (count < 2) throw nb::value_error("count: expected two stations at least");
+    const auto even = make_array(count, 2), place = make_array(count);
     line_.stations(count, even.data(), place.data());
+    return {even, place};
   }
 
-  void curvature(const Input1& place, const Output1& out) const {
+  [[nodiscard]] Made<double> curvature(const Input1& place) const {
     const auto count = static_cast<Index>(place.shape(0));
-    expect_shape("out", out, {count});
+    const auto out = make_array(count);
     for (Index k = 0; k < count; ++k) {
       if (!(place.data()[k] >= 0.0 && place.data()[k] <= 1.0)) {
         throw nb::value_error("place: expected shares of the polyline");
       }
     }
     line_.curvature(place.data(), count, out.data());
+    return out;
   }
 
   [[nodiscard]] bool agrees(const Input2& even, double felt, double limiting) const {
@@ -148,26 +152,21 @@ class Followed {
 }  // namespace
 
 void bind_path(nb::module_& m) {
-  using namespace nb::literals;
-  m.def("deviation_along", &deviation_along, "given"_a, "line"_a, "distance"_a.noconvert());
-  m.def("deviation_of_part", &deviation_of_part, "given"_a, "line"_a, "passed"_a, "length"_a,
-        "distance"_a.noconvert());
-  m.def("first_turn", &first_turn_of, "points"_a, "reach"_a, "angle"_a);
-  m.def("third_difference", &third_difference_of, "points"_a);
-  m.def("usual_step", &usual_step_of, "along"_a);
-  m.def("first_cusp", &first_cusp_of, "points"_a, "angle"_a, "shortest"_a);
-  m.def("dense_count", &dense_count, "points"_a, "length"_a);
-  m.def("dense_places", &dense_places, "points"_a, "along"_a, "stray"_a,
-        "dense_along"_a.noconvert(), "places"_a.noconvert(), "weights"_a.noconvert());
-  m.def("spline_stations", &spline_stations, "knots"_a, "x"_a, "y"_a, "degree"_a, "length"_a,
-        "first"_a, "last"_a, "even"_a.noconvert());
+  m.def("deviation_along", &deviation_along);
+  m.def("deviation_of_part", &deviation_of_part);
+  m.def("first_turn", &first_turn_of);
+  m.def("third_difference", &third_difference_of);
+  m.def("usual_step", &usual_step_of);
+  m.def("first_cusp", &first_cusp_of);
+  m.def("dense_places", &dense_places);
+  m.def("spline_stations", &spline_stations);
   nb::class_<Followed>(m, "FollowedLine")
-      .def(nb::init<const Input2&, double>(), "points"_a, "half"_a)
+      .def(nb::init<const Input2&, double>())
       .def_prop_ro("length", &Followed::length)
       .def_prop_ro("sharpest", &Followed::sharpest)
-      .def("stations", &Followed::stations, "even"_a.noconvert(), "place"_a.noconvert())
-      .def("curvature", &Followed::curvature, "place"_a, "out"_a.noconvert())
-      .def("agrees", &Followed::agrees, "even"_a, "felt"_a, "limiting"_a);
+      .def("stations", &Followed::stations)
+      .def("curvature", &Followed::curvature)
+      .def("agrees", &Followed::agrees);
 }
 
 }  // namespace slopewise

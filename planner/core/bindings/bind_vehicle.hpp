@@ -1,18 +1,31 @@
 // Structs of the core from the named tuples of Python: fields are read by name.
 #pragma once
 
+#include <array>
+#include <bit>
+
 #include "bindings/bindings.hpp"
 #include "vehicle.hpp"
 
 namespace slopewise {
 
+// A struct of doubles from the attributes of these names, which are those of its members in turn.
+template <class T, std::size_t N>
+T numbers_of(const nb::handle& object, const std::array<const char*, N>& names) {
+  static_assert(sizeof(T) == N * sizeof(double));
+  std::array<double, N> numbers;
+  for (std::size_t n = 0; n < N; ++n) numbers[n] = nb::cast<double>(object.attr(names[n]));
+  return std::bit_cast<T>(numbers);
+}
+
+template <class T, std::size_t N>
+T numbers_of(const nb::handle& object, const char* const (&names)[N]) {
+  return numbers_of<T>(object, std::to_array(names));
+}
+
 // Of a `PlanningLimits`.
 inline Vehicle vehicle_of(const nb::handle& limits) {
-  Vehicle vehicle{};
-  for (const VehicleField& field : vehicle_fields) {
-    vehicle.*field.member = nb::cast<double>(limits.attr(field.name));
-  }
-  return vehicle;
+  return numbers_of<Vehicle>(limits, vehicle_names);
 }
 
 // Of a `MotionTerms`.

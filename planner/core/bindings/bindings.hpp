@@ -1,28 +1,25 @@
-// Arrays that Python hands to the core, and what each file of bindings adds to the module.
+// Arrays that Python hands to the core, and what each file of bindings adds to the module. No call
+// keeps an array; only grids keep their map.
 #pragma once
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
 
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
 #include <string>
+#include <tuple>
 
 #include "batch.hpp"
+#include "bindings/made_arrays.hpp"
 
 namespace slopewise {
 
-namespace nb = nanobind;
-
 using Input1 = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Input2 = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Output1 = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Output2 = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Output3 = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 using Counts1 = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Known2 = nb::ndarray<bool, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 template <class Array>
 void expect_shape(const char* name, const Array& array, std::initializer_list<Index> shape) {

@@ -1,6 +1,7 @@
 // What a Planner keeps of its candidates between its calls.
 #pragma once
 
+#include <initializer_list>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -70,6 +71,9 @@ struct Planner::Candidates {
     }
   }
 
+  void allocate(std::initializer_list<OwnRows*> all) const {
+    for (OwnRows* rows : all) *rows = OwnRows(stations, candidates);
+  }
   void lay(const std::vector<EvenPath>& paths);
   void sample_ground();
   void find_braking_forces();
@@ -77,6 +81,11 @@ struct Planner::Candidates {
   void limit_by_rough_ground();
   void limit_by_steering();
   [[nodiscard]] TerrainRows terrain() const noexcept;
+  // With this lower bound.
+  [[nodiscard]] ForceRows forces(const OwnRows& slope, const OwnRows& intercept) const noexcept;
+  [[nodiscard]] Numbers sliding_friction() const noexcept {
+    return model.slides ? friction.read() : Numbers{};
+  }
   [[nodiscard]] Flags flags(const std::unique_ptr<bool[]>& of) const noexcept {
     return {of.get(), candidates};
   }

@@ -204,13 +204,9 @@ Finisher finisher_of(const Planner::Candidates& c, Index j) {
   }
   const auto columns_with = [&](const OwnRows& slope, const OwnRows& intercept) {
     Numbers1 out(static_cast<std::size_t>(verify::track_columns * n));
-    const auto rows = [](const OwnRows& of) { return of.read().data; };
-    verify::copy_columns({c.stations, c.candidates, c.count.data(), rows(c.station),
-                          rows(c.heading_x), rows(c.heading_y), rows(c.curvature), rows(c.grade),
-                          rows(c.sin_roll), rows(c.bends), rows(slope), rows(intercept),
-                          rows(c.force_upper_slope), rows(c.force_upper), rows(c.dead_time),
-                          rows(c.slowest), rows(limit), c.model.slides ? rows(c.friction) : nullptr},
-                         j, 0, true, out.data(), n);
+    const verify::TrackRows rows{c.terrain(), c.forces(slope, intercept), limit.read(),
+                                 c.sliding_friction()};
+    verify::copy_columns(rows, j, 0, true, out.data(), n);
     return out;
   };
   Finisher f(c.model, n);

@@ -92,10 +92,8 @@ void Planner::Candidates::lay(const std::vector<EvenPath>& paths) {
 }
 
 void Planner::Candidates::sample_ground() {
-  for (OwnRows* rows : {&z, &station, &heading_x, &heading_y, &curvature, &grade, &sin_grade,
-                        &sin_roll, &bends, &body_heading_x, &body_heading_y}) {
-    *rows = OwnRows(stations, candidates);
-  }
+  allocate({&z, &station, &heading_x, &heading_y, &curvature, &grade, &sin_grade, &sin_roll, &bends,
+            &body_heading_x, &body_heading_y});
   const auto cells = static_cast<std::size_t>(stations * candidates);
   known = std::make_unique<bool[]>(cells);
   twist.assign(cells, 0.0F);
@@ -132,10 +130,8 @@ void Planner::Candidates::sample_ground() {
 }
 
 void Planner::Candidates::find_braking_forces() {
-  for (OwnRows* rows : {&force_lower_slope, &force_lower, &force_upper_slope, &force_upper,
-                        &dead_time, &slowest, &fastest, &friction}) {
-    *rows = OwnRows(stations, candidates);
-  }
+  allocate({&force_lower_slope, &force_lower, &force_upper_slope, &force_upper, &dead_time, &slowest,
+            &fastest, &friction});
   trained = std::make_unique<bool[]>(static_cast<std::size_t>(stations * candidates));
   distance_offset.assign(static_cast<std::size_t>(candidates), 0.0);
   const ForceProblem problem{

@@ -14,6 +14,13 @@ TerrainRows Planner::Candidates::terrain() const noexcept {
           flags(known)};
 }
 
+ForceRows Planner::Candidates::forces(const OwnRows& slope,
+                                      const OwnRows& intercept) const noexcept {
+  return {slope.read(), intercept.read(), force_upper_slope.read(), force_upper.read(),
+          dead_time.read(), slowest.read(), fastest.read(), flags(trained),
+          distance_offset.data()};
+}
+
 void Planner::solve(double start_speed, double clear) {
   Candidates& c = *candidates_;
   expect(c.candidates > 0, "solve: expected sample_terrain before");
@@ -21,10 +28,7 @@ void Planner::solve(double start_speed, double clear) {
   expect(clear >= 0.0, "clear: expected a distance >= 0");
   const auto cells = static_cast<std::size_t>(c.stations * c.candidates);
   const auto lanes = static_cast<std::size_t>(c.candidates);
-  for (OwnRows* rows : {&c.speed_sq_max, &c.accel_max, &c.demand, &c.slope_left, &c.force_left,
-                        &c.speed_sq}) {
-    *rows = OwnRows(c.stations, c.candidates);
-  }
+  c.allocate({&c.speed_sq_max, &c.accel_max, &c.demand, &c.slope_left, &c.force_left, &c.speed_sq});
   c.limiting.assign(cells, 0);
   c.barrier.assign(lanes, 0);
   c.barrier_station.assign(lanes, 0);
@@ -32,15 +36,10 @@ void Planner::solve(double start_speed, double clear) {
   c.reachable.assign(lanes, 0.0);
   // The front of the vehicle stays on the free way.
   const std::vector<double> free(lanes, max_of(clear - c.model.front, 0.0));
-  const ForceRows forces{c.force_lower_slope.read(), c.force_lower.read(),
-                         c.force_upper_slope.read(), c.force_upper.read(), c.dead_time.read(),
-                         c.slowest.read(), c.fastest.read(), c.flags(c.trained),
-                         c.distance_offset.data()};
   const BoundProblem problem{
-      c.terrain(), forces, {c.hazard.data(), c.candidates}, c.rough_speed.read(),
-      c.steering_speed.read(), alike_infinite.unless({}),
-      c.model.slides ? c.friction.read() : Numbers{}, free.data(), c.model.errors, c.model.limits,
-      c.model.motion, true};
+      c.terrain(), c.forces(c.force_lower_slope, c.force_lower), {c.hazard.data(), c.candidates},
+      c.rough_speed.read(), c.steering_speed.read(), alike_infinite.unless({}),
+      c.sliding_friction(), free.data(), c.model.errors, c.model.limits, c.model.motion, true};
   bound_speeds(problem,
                {c.speed_sq_max.rows(), {c.limiting.data(), c.candidates}, c.accel_max.rows(),
                 c.demand.rows(), c.slope_left.rows(), c.force_left.rows(), c.barrier.data(),

@@ -9,7 +9,7 @@
 #include <limits>
 #include <numbers>
 
-#include "batch.hpp"
+#include "candidate_rows.hpp"
 #include "generated/laws.hpp"
 
 namespace slopewise::verify {
@@ -42,44 +42,42 @@ inline constexpr Index track_columns = 14;
           c[7],     c[8], c[9], c[10], c[11], c[12], c[13]};
 }
 
-// Rows of M candidates that the columns of tracks come from, (N, M) each.
+// M candidates that the columns of tracks come from.
 struct TrackRows {
-  Index stations, candidates;
-  const std::int64_t* count;  // (M,)
-  const double *station, *heading_x, *heading_y, *curvature, *grade, *sin_roll,
-      *vertical_curvature, *lower_slope, *lower_intercept, *upper_slope, *upper_intercept,
-      *dead_time, *slowest, *speed_limit;
-  const double* friction;  // nullptr where it is not known
+  TerrainRows terrain;
+  ForceRows forces;
+  Numbers speed_limit;  // of path, trained range and rough ground [m/s]
+  Numbers friction;     // null where it is not known [1]
 };
 
 // Stations of candidate j from `first` on, in the order of Track; `stride` doubles a column.
 // Without `turns` the yaw stays at 0, where nothing asks for it.
 inline void copy_columns(const TrackRows& rows, Index j, Index first, bool turns, double* out,
                          Index stride) noexcept {
-  const Index count = static_cast<Index>(rows.count[j]), m = rows.candidates;
-  const Index start = first * m + j;
+  const TerrainRows& t = rows.terrain;
+  const ForceRows& f = rows.forces;
   double before = 0.0;
-  for (Index k = first; k < count; ++k) {
-    const Index at = k * m + j, i = k - first;
-    const double yaw = turns ? std::atan2(rows.heading_y[at], rows.heading_x[at]) : 0.0;
+  for (Index k = first; k < static_cast<Index>(t.counts[j]); ++k) {
+    const Index i = k - first;
+    const double yaw = turns ? std::atan2(t.heading_y.at(k)[j], t.heading_x.at(k)[j]) : 0.0;
     if (i == 0) before = yaw;
     constexpr double full = 2.0 * std::numbers::pi;
     before = yaw - full * std::nearbyint((yaw - before) / full);
     const std::array<double, track_columns> column{
-        rows.station[at] - rows.station[start],
-        rows.grade[at],
-        std::asin(rows.sin_roll[at]),
-        rows.curvature[at],
+        t.station.at(k)[j] - t.station.at(first)[j],
+        t.grade.at(k)[j],
+        std::asin(t.sin_roll.at(k)[j]),
+        t.curvature.at(k)[j],
         before,
-        rows.lower_slope[at],
-        rows.lower_intercept[at],
-        rows.upper_slope[at],
-        rows.upper_intercept[at],
-        rows.dead_time[at],
-        rows.slowest[at],
-        rows.speed_limit[at],
-        rows.vertical_curvature[at],
-        rows.friction != nullptr ? rows.friction[at] : infinite};
+        f.lower_slope.at(k)[j],
+        f.lower_intercept.at(k)[j],
+        f.upper_slope.at(k)[j],
+        f.upper_intercept.at(k)[j],
+        f.dead_time.at(k)[j],
+        f.slowest.at(k)[j],
+        rows.speed_limit.at(k)[j],
+        t.vertical_curvature.at(k)[j],
+        rows.friction.data != nullptr ? rows.friction.at(k)[j] : infinite};
     for (std::size_t c = 0; c < column.size(); ++c) {
       out[static_cast<Index>(c) * stride + i] = column[c];
     }

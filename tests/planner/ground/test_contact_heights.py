@@ -50,14 +50,12 @@ def test_contact_heights_are_as_defined(seed: int) -> None:
     resolution = min(resolution, radius)
     ground, vehicle = holed_ground(seed, resolution), vehicle_with(radius).vehicle
     grid, tyre = height_grid(ground, vehicle), tyre_footprint(vehicle, resolution)
-    rng, lifts = np.random.default_rng(seed), np.empty((HEADINGS, *ground.elevation.shape))
-    for heading in range(HEADINGS):
-        lifts[heading, :-1, :-1] = np.nan
-        grid.tyre_lifts(heading, lifts[heading])
+    rng = np.random.default_rng(seed)
+    lifts = [grid.tyre_lifts(heading) for heading in range(HEADINGS)]
     for _ in range(400):
         heading, i, j = rng.integers(0, (HEADINGS, 44, 44))
         expected = contact_height(ground, tyre, int(heading), int(i), int(j))
-        computed = ground.elevation[i, j] + lifts[heading, i, j]
+        computed = ground.elevation[i, j] + lifts[heading][i, j]
         np.testing.assert_allclose(computed, expected, atol=1e-5, rtol=0.0)
 
 
@@ -117,11 +115,9 @@ def test_candidates_do_not_depend_on_each_other_or_on_threads(candidates: int) -
 def test_memory_of_contact_heights_is_limited() -> None:
     heights = np.zeros((2400, 2400))
     grid = core.HeightGrid(heights, 0.0, 0.0, 0.1, 0.2, 0.05, 0.28)
-    lifts = np.empty_like(heights)
     max_memory = 0
     for heading in range(HEADINGS):
-        grid.tyre_lifts(heading, lifts)
-        assert not lifts.any()
+        assert not grid.tyre_lifts(heading).any()
         max_memory = max(max_memory, grid.memory)
     assert 2e8 < max_memory <= 256 * 2**20
     assert grid.memory < max_memory

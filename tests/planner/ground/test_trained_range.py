@@ -48,10 +48,7 @@ def forces_on(
         known=np.ones((n, m), np.bool_),
         surfaces=np.ascontiguousarray(np.broadcast_to(bits, (n, m)).astype(np.int64)),
     )
-    rows = np.empty((7, n, m))
-    trained, offset = np.empty((n, m), np.bool_), np.empty(m)
-    core.braking_forces(profile, cache, margin, None, None, None, rows, trained, offset)
-    return rows
+    return core.braking_forces(profile, cache, margin, None, None, None)[0]
 
 
 def surfaces_of(table: np.ndarray, hull: np.ndarray | None) -> SurfaceCache:

@@ -137,7 +137,8 @@ def test_what_got_worse_is_answered_safely_and_labelled(
     else:
         limit = np.full(drive.paths.x.shape, np.inf)
         limit[int(travelled(drive, j) / 0.25) + int(ahead / 0.25) :] = 0.5
-        drive.paths = replace(drive.paths, speed_limit=limit)
+        rows = np.stack((*drive.paths.rows[:2], limit, drive.paths.rows[3]))
+        drive.paths = replace(drive.paths, rows=rows)
     for n in range(8):
         now = drive.horizon.step(
             drive.state(), drive.paths, drive.ground, clear=drive.clear + drive.front
@@ -377,7 +378,8 @@ def test_a_path_out_of_reach_is_refused_with_a_reason(place: dict[str, float], r
 def with_a_fault(fault: str) -> PathBatch:
     """Three candidates, of which the second one has a fault."""
     paths = fan_of(3)
-    x, y, count = paths.x.copy(), paths.y.copy(), paths.count.copy()
+    rows, count = paths.rows.copy(), paths.count.copy()
+    x, y = rows[:2]
     if fault == "number":
         x[40, 1] = np.nan
     if fault == "place":
@@ -385,7 +387,7 @@ def with_a_fault(fault: str) -> PathBatch:
     if fault.isdigit():
         count[1] = int(fault)
     names = ("c0", "c0", "c2") if fault == "name" else paths.names
-    return replace(paths, x=x, y=y, count=count, names=names)
+    return replace(paths, rows=rows, count=count, names=names)
 
 
 @pytest.mark.parametrize(
@@ -454,7 +456,7 @@ def test_a_path_that_is_drawn_farther_each_cycle_is_one_drive() -> None:
     for _ in range(80):
         first = max(int(drive.x / 0.25) - 8, 0)
         x, y = route.x[first : first + 60], route.y[first : first + 60]
-        drive.paths = PathBatch(("route",), x, y, np.array([len(x)]), None)
+        drive.paths = PathBatch.of_stations(("route",), x, y, np.array([len(x)]))
         place, last = (drive.x, drive.y), drive.answers[-1:]
         answer = drive.cycle()
         assert answer.status is Status.OK

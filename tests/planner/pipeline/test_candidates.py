@@ -12,14 +12,14 @@ import pytest
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
+from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import GroundConditions
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline import plan_finalizer
 from slopewise.planner.pipeline.candidates import CandidatePlanner
-from slopewise.planner.plan import SpeedPlan, Status, motion_of
-from slopewise.planner.profile.smoothing import Smoothed, smooth
-from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.profile.smoothing import Smoothed, SmoothingProblem, smooth
 from slopewise.planner.profile.time_optimal import travel_cost
 from slopewise.planner.settings import PlannerSettings
 from tests.world.ground import arc, ground_map, hills, plane, straight
@@ -224,7 +224,7 @@ def test_plans_are_finite_and_their_motion_adds_up() -> None:
             array = getattr(plan, name)
             assert array.shape == (n,), name
             assert np.isfinite(array).all(), name
-        accel, time = motion_of(plan.station, plan.speed**2)
+        accel, time = core.motion(plan.station, plan.speed**2)
         np.testing.assert_allclose(plan.accel, accel, atol=1e-9)
         np.testing.assert_allclose(plan.time, time, atol=1e-9)
         assert np.all(plan.speed <= plan.speed_bound)

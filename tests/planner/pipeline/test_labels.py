@@ -39,8 +39,7 @@ from tests.world.vehicles import G, Tables, model_of, tables_with
     ],
 )
 def test_each_label(speed_sq: float, accel: float, smoothed: bool, expected: Limiting) -> None:
-    names = np.empty(3, np.int64)
-    core.labels(
+    names = core.labels(
         np.full(3, speed_sq),
         np.full(3, accel),
         np.full(3, 4.0),
@@ -49,7 +48,6 @@ def test_each_label(speed_sq: float, accel: float, smoothed: bool, expected: Lim
         np.full(2, 1.5),
         1.0,
         smoothed,
-        names,
     )
     assert set(names) == {int(expected)}
 

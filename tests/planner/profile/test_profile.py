@@ -124,7 +124,7 @@ def test_where_the_chosen_solver_fails_the_default_one_answers(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     p = problem_of(wavy(5), 2.0)
-    monkeypatch.setattr(smoothing, "nearest_by_osqp", lambda *_: -7)
+    monkeypatch.setattr(smoothing, "nearest_by_osqp", lambda top, *_: (-7, top))
     default, result = smooth(p), smooth(p, "osqp")
     assert default.speed_sq is not None
     np.testing.assert_array_equal(result.speed_sq, default.speed_sq)

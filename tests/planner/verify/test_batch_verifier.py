@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from slopewise.planner.path import PathBatch, batch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
-from slopewise.planner.verify.batch_judge import screen
-from slopewise.planner.verify.judge import Violations, check
+from slopewise.planner.verify.judge import Violations, check, screen
 from slopewise.planner.verify.track import track_of
 from tests.world import generated
 from tests.world.generated import between

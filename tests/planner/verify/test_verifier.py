@@ -12,7 +12,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
-from slopewise.planner.verify.judge import VIOLATION_LIMITING, Judgement, Violations, check
+from slopewise.planner.verify.judge import Judgement, check
 from slopewise.planner.verify.track import Track, track_of
 from tests.world.formulas import DECELERATION, SAMPLES
 from tests.world.ground import arc, ground_map, hills, plane, straight
@@ -266,7 +266,3 @@ def test_standing_plans_have_no_stop_but_loads() -> None:
     side = np.cos(roll) * np.cos(grade) - 1.1 * np.cos(grade) * abs(np.sin(roll))
     np.testing.assert_allclose(verdict.rear_load, rear, rtol=1e-9)
     np.testing.assert_allclose(verdict.side_load, side, rtol=1e-9)
-
-
-def test_every_offence_has_the_name_of_a_bound() -> None:
-    assert set(VIOLATION_LIMITING) == set(Violations._fields)

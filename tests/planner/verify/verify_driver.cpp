@@ -41,6 +41,7 @@ struct Tracks {
   Index n = whole(2, 60), m = whole(1, 12);
   std::vector<std::vector<double>> rows;
   std::vector<std::int64_t> count;
+  std::vector<double> offset = numbers(m, 0, 0.2);
 
   Tracks() {
     const double low[] = {0, -1, -1, -0.3, -0.3, -0.2, -0.2, -0.04, 0.2, -0.04, 0.3, 0, 0, 0.5, 0.2};
@@ -53,9 +54,11 @@ struct Tracks {
 
   [[nodiscard]] TrackRows view(bool slips) const {
     const auto& r = rows;
-    return {n, m, count.data(), r[0].data(), r[1].data(), r[2].data(), r[3].data(), r[4].data(),
-            r[5].data(), r[6].data(), r[7].data(), r[8].data(), r[9].data(), r[10].data(),
-            r[11].data(), r[12].data(), r[13].data(), slips ? r[14].data() : nullptr};
+    const auto row = [&](std::size_t of) { return Numbers{r[of].data(), m}; };
+    const TerrainRows terrain{n,      m,      count.data(), row(0), row(1), row(2),
+                              row(3), row(4), {},           row(5), row(6), {}};
+    const ForceRows forces{row(7), row(8), row(9), row(10), row(11), row(12), {}, {}, offset.data()};
+    return {terrain, forces, row(13), slips ? row(14) : Numbers{}};
   }
 };
 
@@ -66,10 +69,10 @@ void plans() {
   const TrackRows rows = batch.view(sometimes(0.5));
   auto speed_sq = numbers(n * m, -0.1, 9.0);
   if (sometimes(0.1)) speed_sq[static_cast<std::size_t>(whole(0, n * m - 1))] = std::nan("");
-  const auto clear = numbers(m, 0, 20), offset = numbers(m, 0, 0.2);
+  const auto clear = numbers(m, 0, 20);
   std::vector<double> worst(static_cast<std::size_t>(m) * breach_count),
       memory(static_cast<std::size_t>(verify_batch_memory(n)));
-  verify_batch(rows, {speed_sq.data(), clear.data(), offset.data()}, by, memory.data(), worst.data());
+  verify_batch(rows, {speed_sq.data(), m}, clear.data(), by, memory.data(), worst.data());
   for (const double each : worst) expect(each >= 0.0, "breaches are not negative");
   const Index j = whole(0, m - 1), stations = static_cast<Index>(batch.count[static_cast<std::size_t>(j)]);
   std::vector<double> columns(static_cast<std::size_t>(track_columns * stations));
