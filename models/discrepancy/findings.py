@@ -1,4 +1,4 @@
-"""What the workflow says: verdict, named effects, where, how far it closes, what to drive next."""
+"""Findings: verdict, named effects, axes, closed gap, next stops to drive."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+import numpy as np
+
+from slopewise.models.arrays import Floats
 from slopewise.models.parameters import Effect, Model
 
 
@@ -38,7 +41,7 @@ class NamedEffect:
         name: of :data:`slopewise.models.effects.registry.LAWS`. parameters: by name.
         confidence: 0 … 1, that this name and not another one of the library is right.
         alternatives: names that explain the log nearly as well.
-        where: axis and part of it, in words.
+        where: axis and part of it, as text.
     """
 
     name: str
@@ -71,8 +74,8 @@ class Gap:
     """Disagreement on stops held out.
 
     Attributes:
-        metric, unit: what is measured. before: of the model as configured.
-        refit: of the base refitted. after: with what was found. noise_floor: of a perfect model.
+        metric, unit: measured quantity. before: with the model as configured.
+        refit: with the base refitted. after: with the finding. noise_floor: with a perfect model.
         closed: share of `before` above the floor that is gone, None where `before` is less than
             one and a half times the floor. ci95: its interval, None with it.
         worse: by how many standard errors the mean square is larger with what was found than with
@@ -109,7 +112,7 @@ class PlannedStop:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """What to drive next: in words, stop by stop, and how often the whole is needed."""
+    """Next stops to drive: as text, stop by stop, and how often all are needed."""
 
     text: str
     stops: tuple[PlannedStop, ...] = ()
@@ -118,12 +121,12 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True)
 class StopCost:
-    """What was found, in metres, for one stop that everybody can picture.
+    """Cost of the finding in metres, for a stop that is easy to imagine.
 
     Attributes:
         speed: at the command [m/s]. grade: [rad]; as near to 3 m/s on 10° down as the log goes.
         before: way from the command to rest by the model as configured [m].
-        after: by the model with what was found, where that brakes worst [m].
+        after: the same with the finding, where that brakes worst [m].
     """
 
     speed: float
@@ -133,8 +136,57 @@ class StopCost:
 
 
 @dataclass(frozen=True, slots=True)
+class AxisResidual:
+    """Force that is missing, as a share of the weight, against one axis.
+
+    Attributes:
+        name, unit: as of the axis. value: (S, 3) at begin, middle and end of the braking.
+        before, after: (S, 3) force of the vehicle less that of the model there.
+        p_value: its significance, before.
+    """
+
+    name: str
+    unit: str
+    value: Floats
+    before: Floats
+    after: Floats
+    p_value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Of all stops.
+
+    Attributes:
+        axes: the strongest first. x, y: (S,) where each stop began [m], None without places.
+        distance: (S,) measured [m]; configured, found: (S,) simulated, the same where the model
+            stays as configured.
+        time, speed: (T,) of the stop that changes most, or is missed most where none does,
+            measured [s], [m/s]; speed_before, speed_after: (T,) simulated.
+        scatter: force from stop to stop, for bands [1].
+    """
+
+    axes: tuple[AxisResidual, ...]
+    x: Floats | None
+    y: Floats | None
+    distance: Floats
+    configured: Floats
+    found: Floats
+    time: Floats
+    speed: Floats
+    speed_before: Floats
+    speed_after: Floats
+    scatter: float
+
+    @property
+    def changed(self) -> bool:
+        """Whether the finding changes any stop of the model as configured."""
+        return not np.array_equal(self.found, self.configured)
+
+
+@dataclass(frozen=True, slots=True)
 class Findings:
-    """Everything that a log told about a model.
+    """All findings of a log about a model.
 
     Attributes:
         verdict: one word. summary: one or two sentences.
@@ -142,10 +194,11 @@ class Findings:
         located: axes that the refitted base disagrees along, the strongest first.
         gap: in speed. stop_distance: in metres. next_experiment: what to drive.
         model: to plan with from now on. added: effects in it that were not there before.
-        stops: that it rests on. notes: doubts, in sentences. seconds: that it took.
+        stops: number of stops used. notes: warnings, in sentences. seconds: that it took.
         cost: of what was found. changes: of the model file, in words.
         resolvable: change of a stop, beyond what new coefficients can do, from which each effect
             would have been seen in five logs of six like this one [m].
+        evidence: residuals that pictures are made of.
     """
 
     verdict: Verdict
@@ -158,8 +211,9 @@ class Findings:
     model: Model
     added: tuple[Effect, ...]
     stops: int
-    notes: tuple[str, ...] = ()
-    seconds: float = field(default=0.0)
-    cost: StopCost | None = None
-    changes: tuple[str, ...] = ()
-    resolvable: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...]
+    seconds: float
+    cost: StopCost
+    changes: tuple[str, ...]
+    resolvable: Mapping[str, float]
+    evidence: Evidence = field(compare=False)

@@ -1,4 +1,4 @@
-"""How far an investigation is, so that whoever waits can be told how long it still takes."""
+"""Progress of an investigation, for an estimate of the remaining time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import IntEnum
 
 
 class Stage(IntEnum):
-    """What is done, with the hundredths of the usual time that it ends at."""
+    """Completed steps, with the hundredths of the typical time that they end at."""
 
     STOPS = 6
     BASE = 10
@@ -18,17 +18,17 @@ class Stage(IntEnum):
 
 
 class Progress:
-    """Tells hundredths as they are reached, each once."""
+    """Reports hundredths when they are reached, each once."""
 
-    def __init__(self, tell: Callable[[int], None]) -> None:
-        self._tell, self._told = tell, 0
+    def __init__(self, advance: Callable[[int], None]) -> None:
+        self._advance, self._reported = advance, 0
 
     def reach(self, hundredths: float) -> None:
-        """Everything up to there is done; what is behind already stays told."""
-        whole = int(hundredths)
-        if whole > self._told:
-            self._tell(whole - self._told)
-            self._told = whole
+        """All up to there is done; earlier reports stay valid."""
+        done = int(hundredths)
+        if done > self._reported:
+            self._advance(done - self._reported)
+            self._reported = done
 
     def search(self, share: float) -> None:
         """A share of the search is done."""

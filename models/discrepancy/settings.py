@@ -19,19 +19,19 @@ _CALIBRATED_AT = 0.005  # share of false alarms that stands for the odds of prio
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiscrepancySettings:
-    """What to be sure of, and how sure.
+    """Required confidence and sizes.
 
     Attributes:
-        false_alarm: how readily a name is believed: its odds before the log are in proportion.
+        false_alarm: readiness to accept a name: its prior odds are in proportion.
         structure: p-value of an axis below which something follows it for certain.
         practical_share, practical_length: change of a stop, as a share of it and [m], of which the
-            larger has to be reached by whatever is named.
+            larger has to be reached by a named effect.
         noisy_share: share of a stop. Where half of all effects would have to change stops by more
-            than that to be seen, nothing that was found says nothing.
+            than that to be seen, an empty finding carries no information.
         resamples: draws of stops for stability and confidence intervals.
-        folds: parts of the log, each predicted by what the others taught.
+        folds: parts of the log, each predicted by a fit to the others.
         seed: of every random number.
-        stops: what counts as a stop.
+        stops: definition of a stop.
     """
 
     false_alarm: float = _CALIBRATED_AT

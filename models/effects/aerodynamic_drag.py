@@ -40,5 +40,5 @@ EFFECT = EffectLaw(
     },
     axis="speed",
     experiment="coast from the highest speed",
-    search=Search(columns=_columns, strength="c", one_sided=True, shape="speed"),
+    search=Search(columns=_columns, strength="c", one_sided=True),
 )

@@ -54,9 +54,7 @@ EFFECT = EffectLaw(
     depends_on=frozenset(("heat",)),
     axis="brake_heat",
     experiment="stop with cold brakes, and again right after five hard stops",
-    search=Search(
-        columns=_columns, strength="k", one_sided=True, starts=2, pauses_distinguish=True
-    ),
+    search=Search(columns=_columns, strength="k", one_sided=True, pauses_distinguish=True),
     once=True,
     only_reduces=lambda _: True,
 )

@@ -32,9 +32,7 @@ EFFECT = EffectLaw(
     depends_on=frozenset(("roll",)),
     axis="roll",
     experiment="stop along the slope leaning to the other side, and without leaning",
-    search=Search(
-        columns=_columns, strength="k", one_sided=False, shows_along=("roll",), seen_below=0.05
-    ),
+    search=Search(columns=_columns, strength="k", one_sided=False),
     kinks_at_level=True,
     max_force=lambda _: {"k": 0.35},
     per_slope=1.0,

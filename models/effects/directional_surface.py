@@ -35,8 +35,6 @@ EFFECT = EffectLaw(
     depends_on=frozenset(("yaw",)),
     axis="heading",
     experiment="stop across the present heading",
-    search=Search(
-        columns=_columns, strength="k", one_sided=True, shows_along=("heading",), seen_below=0.05
-    ),
+    search=Search(columns=_columns, strength="k", one_sided=True),
     max_force=lambda _: {"k": 1.0},
 )

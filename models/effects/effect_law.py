@@ -100,14 +100,6 @@ class Search:
         strength: parameter that columns are multiplied with. one_sided: it cannot be negative.
         offset: strength without effect.
         is_complete: a column is that of the effect with its inner parameters, which are all it has.
-        starts: points of the grid from which numbers are refined, the strongest ones.
-        chosen: numbers that naming the effect chooses, all parameters by default.
-        other_form: the same change by another parameter, from the values found and the median
-            force; None where there is only one form.
-        shape, shape_one_way: effects of one shape imitate any curve together; the second is the
-            shape in logs of one heading.
-        shows_along, seen_below: axes of the search, one of which has to show it with such a
-            p-value before a weak case is named; () where none has to.
         pauses_distinguish: stops after pauses of different length distinguish it from others.
         placed: its inner parameters are the circle `x`, `y`, `radius`, which has no slope to follow
             and is found by trying.
@@ -118,13 +110,6 @@ class Search:
     one_sided: bool
     offset: float = 0.0
     is_complete: bool = False
-    starts: int = 1
-    chosen: int | None = None
-    other_form: Callable[[Values, float], dict[str, float]] | None = None
-    shape: str = ""
-    shape_one_way: str = ""
-    shows_along: tuple[str, ...] = ()
-    seen_below: float = 1.0
     pauses_distinguish: bool = False
     placed: bool = False
 

@@ -75,7 +75,7 @@ EFFECT = EffectLaw(
     depends_on=frozenset(("yaw",)),
     axis="heading",
     experiment="stop in the opposite direction",
-    search=Search(columns=_columns, strength="c", one_sided=True, starts=2, shape_one_way="speed"),
+    search=Search(columns=_columns, strength="c", one_sided=True),
     once=True,
     max_force=_max_force,
 )

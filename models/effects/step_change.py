@@ -16,7 +16,6 @@ from slopewise.models.effects.effect_law import (
     Enters,
     Parameter,
     Search,
-    Values,
 )
 from slopewise.models.effects.stops_seen import MIN_STOP_COUNT, StopsSeen
 
@@ -33,10 +32,6 @@ def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
         later = stops.run >= first
         if min(int(later.sum()), int((~later).sum())) >= MIN_STOP_COUNT:
             yield {"run": float(first)}, stops.demanded * later[:, None]
-
-
-def _by_delta(values: Values, force: float) -> dict[str, float]:
-    return {"delta": (values["scale"] - 1.0) * force, "run": values["run"]}
 
 
 EFFECT = EffectLaw(
@@ -57,11 +52,6 @@ EFFECT = EffectLaw(
         strength="scale",
         one_sided=False,
         offset=1.0,
-        chosen=2,
-        other_form=_by_delta,
-        shape="session",
-        shows_along=("run", "time"),
-        seen_below=0.05,
         pauses_distinguish=True,
     ),
     where=lambda p: f"from the log's run {p['run']:.0f} on, the first being 0",

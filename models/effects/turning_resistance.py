@@ -45,7 +45,5 @@ EFFECT = EffectLaw(
     depends_on=frozenset(("turning",)),
     axis="yaw_rate",
     experiment="stop straight, and in turns of several rates",
-    search=Search(
-        columns=_columns, strength="k", one_sided=True, shows_along=("yaw_rate",), seen_below=0.05
-    ),
+    search=Search(columns=_columns, strength="k", one_sided=True),
 )

@@ -41,6 +41,6 @@ EFFECT = EffectLaw(
     },
     axis="grade",
     experiment="stop with less brake: locked wheels give the same force",
-    search=Search(columns=_columns, strength="mu", one_sided=True, is_complete=True, shape="slope"),
+    search=Search(columns=_columns, strength="mu", one_sided=True, is_complete=True),
     only_reduces=lambda _: True,
 )

@@ -59,10 +59,10 @@ def discrepancy(
 
     settings = from_options(DiscrepancySettings, false_alarm=false_alarm, seed=seed)
     log_input = LogInput(logs, map_file, nodata, topics, columns)
-    findings, evidence = job(log_input, model, settings=settings, quiet=as_json)
+    findings = job(log_input, model, settings=settings, quiet=as_json)
     files, page = write_findings(findings, out), out / PAGE
     title, facts = f"{findings.model.name} against its log", provenance_of(logs, model)
-    write_discrepancy_page(page, findings, evidence, title=title, provenance=facts)
+    write_discrepancy_page(page, findings, title=title, provenance=facts)
     print_result(as_json, findings_as_json(findings), _tables(findings), *files, page)
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from slopewise.models.discrepancy.settings import DiscrepancySettings
-from slopewise.models.discrepancy.workflow import investigate_with_evidence
+from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.errors import SlopewiseError
 from slopewise.services.fleet.result_folder import write_parquet
 from slopewise.services.io import findings_file
@@ -129,7 +129,7 @@ def _examine(task: VehicleTask) -> Row:
     request, model = task.request, model_from_dict(task.model, "model")
     log = read_logs(task.logs, request.topics)
     ground = grade_by_map(log, request.map_file, model.vehicle, request.nodata)
-    findings, evidence = investigate_with_evidence(
+    findings = investigate(
         log.columns, log.runs, model, ground=ground, settings=request.settings, source=task.source
     )
     findings = replace(findings, model=replace(findings.model, name=task.vehicle))
@@ -137,7 +137,6 @@ def _examine(task: VehicleTask) -> Row:
     write_discrepancy_page(
         task.folder / findings_file.PAGE,
         findings,
-        evidence,
         title=f"{task.vehicle} against its log",
         provenance={
             "logs": ", ".join(log.name for log in task.logs),

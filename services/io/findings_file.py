@@ -68,7 +68,7 @@ def findings_as_json(f: Findings) -> dict[str, Any]:
             ],
             "repeats": f.next_experiment.repeats,
         },
-        "cost": None if f.cost is None else asdict(f.cost),
+        "cost": asdict(f.cost),
         "changes": list(f.changes),
         "resolvable": dict(f.resolvable),
         "stops": f.stops,

@@ -6,9 +6,8 @@ from datetime import date
 
 from slopewise.models.discrepancy.findings import Findings
 from slopewise.models.discrepancy.progress import Stage
-from slopewise.models.discrepancy.report.evidence import Evidence
 from slopewise.models.discrepancy.settings import DiscrepancySettings
-from slopewise.models.discrepancy.workflow import investigate_with_evidence
+from slopewise.models.discrepancy.workflow import investigate
 from slopewise.services.io.findings_file import source_of
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.jobs.log_input import LogInput
@@ -22,8 +21,8 @@ def discrepancy(
     *,
     settings: DiscrepancySettings | None = None,
     quiet: bool = True,
-) -> tuple[Findings, Evidence]:
-    """Read logs and model, and investigate; the findings, and the evidence that they rest on."""
+) -> Findings:
+    """Read logs and model, and investigate."""
     model_path = find_model(model_file)
     model = read_model(model_path)
     with progress_bar("comparing", Stage.FINDINGS + 1, quiet=quiet) as advance:
@@ -31,7 +30,7 @@ def discrepancy(
         ground = logs.grade(log, model.vehicle)
         advance(1)
         with input_errors(logs.names):
-            return investigate_with_evidence(
+            return investigate(
                 log.columns,
                 log.runs,
                 model,

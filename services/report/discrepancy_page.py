@@ -9,8 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from slopewise.models.discrepancy.findings import Findings, Gap, LocatedAxis, NamedEffect, Verdict
-from slopewise.models.discrepancy.report.evidence import AxisResidual, Evidence
+from slopewise.models.discrepancy.findings import (
+    AxisResidual,
+    Evidence,
+    Findings,
+    Gap,
+    LocatedAxis,
+    NamedEffect,
+    Verdict,
+)
 from slopewise.models.discrepancy.report.words import answers, closed_words, sure_words
 from slopewise.models.effects.registry import LAWS
 from slopewise.services.jobs.plural import plural
@@ -38,7 +45,6 @@ _IN_DEGREES = ("rad", "rad/s")
 def write_discrepancy_page(
     path: Path,
     findings: Findings,
-    evidence: Evidence,
     *,
     title: str,
     provenance: Mapping[str, str],
@@ -64,7 +70,7 @@ def write_discrepancy_page(
         "effects": [_effect_cells(effect) for effect in findings.effects],
         "closed": _closed(findings.gap),
         "located": [_axis_cells(axis) for axis in findings.located] or [("no axis", "", "", "")],
-        "pictures": _figures(findings, evidence),
+        "pictures": _figures(findings),
     }
     styles = ("page.css", "calibration.css", "discrepancy.css")
     window_title = f"{title} – slopewise discrepancy"
@@ -102,9 +108,9 @@ def _axis_cells(axis: LocatedAxis) -> tuple[str, ...]:
     return axis.axis.replace("_", " "), span, f"{axis.share_of_gap:.0%}", chance
 
 
-def _figures(findings: Findings, evidence: Evidence) -> dict[str, str]:
+def _figures(findings: Findings) -> dict[str, str]:
     """Data URI of each figure; ``map`` is empty where the log has no positions."""
-    wide = (7.4, 4.0)
+    evidence, wide = findings.evidence, (7.4, 4.0)
     drawings: dict[str, Any] = {
         "gap": ((7.4, 2.6), lambda figure: _draw_gaps(figure, findings)),
         "stop": (wide, lambda figure: _draw_stop(figure, evidence)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -11,9 +12,15 @@ import pytest
 from slopewise.models.discrepancy.data.prepare import prepare
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.findings import Findings
-from slopewise.models.discrepancy.report.evidence import Evidence
+from slopewise.models.discrepancy.likelihood import prior
+from slopewise.models.discrepancy.likelihood.onset import Onset
+from slopewise.models.discrepancy.likelihood.refit import Refit, improved
+from slopewise.models.discrepancy.likelihood.trace import trace_of
+from slopewise.models.discrepancy.likelihood.whitener import Whitener
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.settings import DiscrepancySettings
-from slopewise.models.discrepancy.workflow import investigate_with_evidence
+from slopewise.models.discrepancy.workflow import investigate
+from slopewise.models.parameters import Effect
 from tests.world.plant import World, drive
 from tests.world.vehicles import BASE
 
@@ -79,12 +86,28 @@ def by_day_or_night(*names: str) -> list[Any]:
 
 
 @cache
-def investigated(name: str) -> tuple[Findings, Evidence, list[int]]:
-    """Findings of a log, with the evidence shown and the progress reported."""
+def investigated(name: str) -> tuple[Findings, list[int]]:
+    """Findings of a log, with the progress reported."""
     reported: list[int] = []
     columns, runs = log(name, LONG_LOGS.get(name, 48))
-    return *investigate_with_evidence(columns, runs, BASE, advance=reported.append), reported
+    return investigate(columns, runs, BASE, advance=reported.append), reported
 
 
 def findings_of(name: str) -> Findings:
     return investigated(name)[0]
+
+
+def whitener_of(stops: StopTable, *, build_up: float = 0.01, lagging: bool = False) -> Whitener:
+    """At the usual noise, with the brakes of the vehicle."""
+    none = np.zeros((*stops.time.shape, 1)), np.zeros(1)
+    trace = trace_of(stops, BASE, none, np.zeros(len(stops), np.int64))
+    onset = Onset(BASE.braking.dead_time, build_up)
+    return Whitener.of(trace, onset, prior.NOISE, lagging=lagging)
+
+
+def refit_of(stops: StopTable, *effects: Effect) -> Refit:
+    """Stops explained by effects that are known to be there."""
+    hypothesis = replace(Hypothesis.configured(BASE), added=effects)
+    fit = improved(stops, hypothesis, whitener_of(stops))
+    names = tuple(sorted(effect.name for effect in effects))
+    return replace(fit, extents=({},) * len(effects), names=names)

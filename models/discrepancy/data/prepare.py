@@ -12,12 +12,6 @@ from numpy.typing import NDArray
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.discrepancy.data.stop_table import StopTable, tabulate
 from slopewise.models.discrepancy.settings import DiscrepancySettings
-from slopewise.models.discrepancy.thresholds import (
-    FEWEST_STOPS,
-    LARGEST_MOUNT,
-    PLAIN_MOUNT,
-    SURE_MOUNT,
-)
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.stop_logs.measure import Measured, Slope
@@ -25,6 +19,10 @@ from slopewise.models.stop_logs.measured_log import is_mapped, measure_stops, to
 from slopewise.models.stop_logs.mount_offset import Mount
 from slopewise.models.stop_logs.sinking_commands import sinking_commands
 
+_MIN_STOPS = 12  # stops below which a log is refused: it has as many numbers
+_MOUNT_STD = np.deg2rad(0.15)  # std up to which headings alone may show a mount [rad]
+_LARGEST_MOUNT = np.deg2rad(4.0)  # offset up to which they may: more is seen by eye [rad]
+_PLAIN_MOUNT = 3.0  # deviations from which an offset is no chance [std]
 _BY_HEADINGS = "ground driven in several directions"
 
 
@@ -35,13 +33,13 @@ def prepare(
     ground: Floats | None,
     settings: DiscrepancySettings,
 ) -> tuple[StopTable, list[str]]:
-    """Stops that can be compared with the model, and doubts about them.
+    """Stops that can be compared with the model, and warnings about them.
 
     Args:
         columns: channels of a drive log, (n,). runs: samples of each run.
         model: as configured; its slope coefficients help to measure on varying ground.
         ground: (n,) grade by a map [rad], None to take it from the pitch.
-        settings: what counts as a stop.
+        settings: definition of a stop.
 
     Raises:
         ParameterError: too few usable stops.
@@ -51,40 +49,42 @@ def prepare(
     def slope(v: float) -> float:
         return model.braking.m_m * v + model.braking.b_m
 
-    def believed(_: Measured, mount: Mount) -> tuple[Mount, Slope] | None:
-        askew = _askew(mount, mapped)
+    def mount_and_slope(_: Measured, mount: Mount) -> tuple[Mount, Slope] | None:
+        askew = _known_mount(mount, mapped)
         return None if askew is None else (askew, slope)
 
-    log = measure_stops(columns, runs, slope, believed, ground=ground, settings=settings.stops)
+    log = measure_stops(
+        columns, runs, slope, mount_and_slope, ground=ground, settings=settings.stops
+    )
     records, windows = log.measured.records, log.windows
     for count in (log.usable, len(records)):
-        if count < FEWEST_STOPS:
-            raise ParameterError("stops", too_few(FEWEST_STOPS, count, windows))
+        if count < _MIN_STOPS:
+            raise ParameterError("stops", too_few(_MIN_STOPS, count, windows))
     notes = []
     if log.mount.known and not mapped:
         notes.append(
             f"pitch sensor mounted {np.rad2deg(log.mount.offset):+.2f}° askew by "
             f"{log.mount.source}: taken out of the grades"
         )
-    others = [w for w in windows if not w.usable]
-    if others:
-        notes.append(f"{len(others)} of {len(windows)} stops could not be compared")
+    excluded = [w for w in windows if not w.usable]
+    if excluded:
+        notes.append(f"{len(excluded)} of {len(windows)} stops could not be compared")
     notes.extend(sinking_commands(columns, windows))
-    return tabulate(columns, runs, records, others, log.measured.dead_time), notes
+    return tabulate(columns, runs, records, excluded, log.measured.dead_time), notes
 
 
-def _askew(mount: Mount, mapped: bool) -> Mount | None:
-    """The offset that is taken out of the grades, None where none is sure enough.
+def _known_mount(mount: Mount, mapped: bool) -> Mount | None:
+    """The offset that is removed from the grades, None without a certain one.
 
-    It is believed as far as it is known: an offset of a few deviations is likely a smaller one.
+    It is shrunk by its uncertainty: an offset of a few deviations is likely a smaller one.
     """
-    # Where only headings tell it, a few crossings with a wrong place are enough to mislead.
-    sure = (
+    # Where only headings show it, a few crossings with a wrong place are enough to mislead.
+    reliable = (
         mapped
         or mount.source != _BY_HEADINGS
-        or (mount.std < SURE_MOUNT and abs(mount.offset) < LARGEST_MOUNT)
+        or (mount.std < _MOUNT_STD and abs(mount.offset) < _LARGEST_MOUNT)
     )
-    if not (mount.known and sure and abs(mount.offset) > PLAIN_MOUNT * mount.std):
+    if not (mount.known and reliable and abs(mount.offset) > _PLAIN_MOUNT * mount.std):
         return None
     known = mount.offset**2 / (mount.offset**2 + mount.std**2)
     return replace(mount, offset=known * mount.offset)

@@ -1,59 +1,50 @@
 """All stops of a log side by side: channels on a grid of times, speeds averaged in bins.
 
-The grid serves the laws, the bins the statistics. Averaging over bins keeps what speeds tell of
-forces and makes every stop the same size, so that one array operation serves all stops at once.
+The grid serves the laws, the bins the statistics. Averaging over bins keeps all information about
+forces and makes every stop the same size, so that an array operation serves all stops.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slopewise.models.arrays import Bools, Floats, Ints
-from slopewise.models.discrepancy.thresholds import (
-    ABOVE_NOISE,
-    HELD_BEFORE,
-    LAST_SHARE,
-    LEAST_PULL,
-    MOST_BINS,
-    MOST_ONSET_BLUR,
-    NO_WEIGHT,
-    ONSET_BLURS,
-    SMOOTHING,
-    STOP_NODES,
-)
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_logs.dead_time import DeadTime
 from slopewise.models.stop_logs.find_stops import StopWindow
 from slopewise.models.stop_logs.stop_record import StopRecord
 
 _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y", "vertical_curvature")
-_MEANINGFUL = frozenset(
-    (
-        "run",
-        "terrain",
-        "t",
-        "v",
-        "v_cmd",
-        "pitch",
-        "roll",
-        "yaw",
-        "yaw_rate",
-        "x",
-        "y",
-        "z",
-        "v_left",
-        "v_right",
-        "current_left",
-        "current_right",
-        "brake",
-        "vertical_curvature",
-    )
-)
+_MEANINGFUL = {*_CHANNELS, "run", "terrain", "t", "v", "v_cmd", "pitch", "z", "brake"}
+_MEANINGFUL |= {f"{name}_{side}" for name in ("v", "current") for side in ("left", "right")}
+"""Columns that are no further explanation: their meaning is known."""
+_NODES = 121  # grid times of a stop: 10 ms or so
+_BINS = 40  # means of speed per stop: as many as its slow waves need, and eight times that
+_HELD_BEFORE = 0.3  # held speed that belongs to a stop, for its level [s]
+_LAST_SHARE = 0.95  # of a stop: what comes after is rocking, not braking [1]
+_ABOVE_NOISE = 2.5  # speed below which noise decides what is a standstill [std]
+_SMOOTHING = 0.08  # of measured speeds and grades, for products: below a half wave of the body [s]
+_MIN_PULL = 0.05  # share of the weight that a stop is taken to slow with at least [1]
+
+
+_LATEST_CLOCK = 1e6  # from which a log counts since some epoch, not its session [s]
+
+
+class StopGround(NamedTuple):
+    """Ground and motion along each stop, (S, M) each; zero for channels that are not logged."""
+
+    grade: Floats
+    roll: Floats
+    yaw: Floats
+    yaw_rate: Floats
+    x: Floats
+    y: Floats
+    vertical_curvature: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +59,12 @@ class StopTable:
             logged. The other channels are zero then.
         logged: channels that the log has.
         average: (S, K, M) means of each bin over grid values. binned: (S, K) measured [m/s].
-        spread: (S, K) variance of a bin's mean for white noise of one; 0 for bins that are none.
+        spread: (S, K) variance of a bin's mean for white noise of one; 0 for unused bins.
         held: (S,) speed before the command [m/s]. clock: (S,) of the command in the log [s].
         run: (S,) position of the run in the log. run_names: (S,) its name.
         terrain: (S,) named surface, "" without. distance, standstill_time: (S,) measured [m], [s].
         sample: time between samples [s]. onset: of the brakes, as calibration finds it [s].
-        force: (S,) F_b/W as each stop tells by itself. dead_time_std: of the dead time [s].
+        force: (S,) F_b/W as each stop shows individually.
         further: other numeric columns, mean over each stop, (S,) by name.
         warmed: per stop, (seconds before it, energy) of stops that warmed its brakes; in place of
             all others, for stops that were not driven.
@@ -103,7 +94,6 @@ class StopTable:
     distance: Floats
     standstill_time: Floats
     force: Floats
-    dead_time_std: float
     sample: float
     onset: float
     further: Mapping[str, Floats]
@@ -111,14 +101,20 @@ class StopTable:
     warmed: tuple[tuple[tuple[float, float], ...], ...] | None = None
 
     @property
-    def own_spread(self) -> Floats:
-        """(S, K) as `spread`, with bins around the onset like all others."""
-        return np.where(self.spread > 1.0, self.spread / NO_WEIGHT, self.spread)
+    def ground(self) -> StopGround:
+        """As the measured vehicle met it."""
+        return StopGround(*(getattr(self, name) for name in StopGround._fields))
+
+    @property
+    def session_time(self) -> Floats:
+        """(S,) since the session began [s]: the log's clock, or since its first stop."""
+        late = float(self.clock[0]) > _LATEST_CLOCK
+        return self.clock - self.clock[0] if late else self.clock
 
     @property
     def pull(self) -> Floats:
         """(S,) of brakes and ground together, as a share of the weight; not below a little."""
-        return np.maximum(self.force + np.sin(self.grade[:, -1]), LEAST_PULL)
+        return np.maximum(self.force + np.sin(self.grade[:, -1]), _MIN_PULL)
 
     def __len__(self) -> int:
         return len(self.held)
@@ -126,33 +122,11 @@ class StopTable:
     def take(self, rows: Sequence[int] | Ints | Bools) -> StopTable:
         """The stops of ``rows``: indices, or (S,) whether to take each.
 
-        The others go on heating the brakes only through their clocks.
+        All other stops continue to heat the brakes only through their clocks.
         """
         index = np.arange(len(self))[np.asarray(rows)]
-        arrays = {
-            name: getattr(self, name)[index]
-            for name in (
-                "time",
-                "speed",
-                "station",
-                "grade",
-                "roll",
-                "yaw",
-                "yaw_rate",
-                "x",
-                "y",
-                "vertical_curvature",
-                "average",
-                "binned",
-                "spread",
-                "held",
-                "clock",
-                "run",
-                "distance",
-                "standstill_time",
-                "force",
-            )
-        }
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        arrays = {name: v[index] for name, v in values.items() if isinstance(v, np.ndarray)}
         left = np.setdiff1d(np.arange(len(self)), index)
         # On a slope the ground brakes, too, or pushes.
         energy = 0.5 * self.held**2 * np.maximum(self.force / self.pull, 0.0)
@@ -171,32 +145,24 @@ def tabulate(
     columns: Mapping[str, NDArray[Any]],
     runs: Sequence[slice],
     records: Sequence[StopRecord],
-    others: Sequence[StopWindow],
+    excluded: Sequence[StopWindow],
     dead_time: DeadTime,
 ) -> StopTable:
-    """The table of measured stops.
-
-    Args:
-        columns: channels of a drive log, (n,). runs: samples of each run.
-        records: stops as measured, with their ground. others: stops that could not be used.
-        dead_time: what happens around it is known no better than to its scatter.
-    """
+    """The table of measured stops."""
     logged = frozenset(n for n in _CHANNELS if n in columns and _complete(columns[n], records))
     rows = [_row(columns, record, logged) for record in records]
-    sample = float(np.median([np.median(np.diff(r.samples.time)) for r in records]))
-    _doubt_onsets(rows, dead_time, sample)
     grid: dict[str, Any] = {
         name: np.stack([row[name] for row in rows])
         for name in ("time", "speed", "station", "grade", *_CHANNELS)
     }
-    most = max(len(row["binned"]) for row in rows)
+    bins_count = max(len(row["binned"]) for row in rows)
     bins: dict[str, Any] = {
-        name: np.stack([_pad(row[name], most) for row in rows])
+        name: np.stack([_pad(row[name], bins_count) for row in rows])
         for name in ("average", "binned", "spread")
     }
     starts = [run.start for run in runs]
     windows = [r.samples.window for r in records]
-    heat = [(float(columns["t"][w.command]), 0.5 * w.held_speed**2) for w in others]
+    heat = [(float(columns["t"][w.command]), 0.5 * w.held_speed**2) for w in excluded]
     return StopTable(
         **grid,
         **bins,
@@ -210,38 +176,24 @@ def tabulate(
         distance=np.array([r.samples.distance for r in records]),
         standstill_time=np.array([r.samples.standstill_time for r in records]),
         force=np.array([r.force_ratio for r in records]),
-        dead_time_std=dead_time.between_stops,
-        sample=sample,
+        sample=float(np.median([np.median(np.diff(r.samples.time)) for r in records])),
         onset=dead_time.value,
         further=_further(columns, windows),
         cooled=tuple(sorted(heat)),
     )
 
 
-def _doubt_onsets(rows: Sequence[dict[str, Floats]], dead_time: DeadTime, sample: float) -> None:
-    """Leave bins around the onset no weight.
-
-    Onsets that scatter round the mean knee off, which no linear term of the dead time does.
-    """
-    scatter = float(np.hypot(dead_time.between_stops, sample / np.sqrt(12.0)))
-    for row in rows:
-        at = row["average"] @ row["time"]
-        reach = ONSET_BLURS * min(scatter, MOST_ONSET_BLUR) + 0.5 * float(np.median(np.diff(at)))
-        doubtful = np.abs(at - dead_time.value) < reach
-        row["spread"] = np.where(doubtful, NO_WEIGHT, 1.0) * row["spread"]
-
-
 def _further(
     columns: Mapping[str, NDArray[Any]], windows: Sequence[StopWindow]
 ) -> dict[str, Floats]:
     """Means over each stop, (S,), of numeric columns without a meaning here, where they differ."""
-    found = {}
+    columns_found = {}
     for name, column in columns.items():
         if name not in _MEANINGFUL and column.dtype.kind in "fiu":
             values = np.array([_mean(column, window) for window in windows])
             if np.isfinite(values).all() and np.ptp(values) > 0.0:
-                found[name] = values
-    return found
+                columns_found[name] = values
+    return columns_found
 
 
 def _complete(values: NDArray[Any], records: Sequence[StopRecord]) -> bool:
@@ -267,8 +219,8 @@ def _row(
     s = record.samples
     part = slice(s.window.begin, s.window.end)
     last = min(int(np.searchsorted(s.time, _end_of_fall(record))), s.at_standstill)
-    first = int(np.searchsorted(s.time, -HELD_BEFORE - 1e-9))
-    time = np.linspace(s.time[first], s.time[last], STOP_NODES)
+    first = int(np.searchsorted(s.time, -_HELD_BEFORE - 1e-9))
+    time = np.linspace(s.time[first], s.time[last], _NODES)
 
     def at_grid(values: Floats) -> Floats:
         result: Floats = np.interp(time, s.time, _smooth(s.time, values))
@@ -284,13 +236,13 @@ def _row(
         values = columns[name][part] if name in logged else np.zeros(len(s.time))
         row[name] = at_grid(np.unwrap(values) if name == "yaw" else values)
     if "vertical_curvature" not in logged:
-        row["vertical_curvature"] = _bend(row["station"], row["grade"])
+        row["vertical_curvature"] = _vertical_curvature(row["station"], row["grade"])
     used = slice(first, last + 1)
     row["average"], row["binned"], row["spread"] = _bins(s.time[used], s.speed[used], time)
     return row
 
 
-def _bend(station: Floats, grade: Floats) -> Floats:
+def _vertical_curvature(station: Floats, grade: Floats) -> Floats:
     """(M,) change of grade along the ground [1/m], as a model with crests takes it in a replay."""
     step = np.gradient(station)
     bend: Floats = np.divide(np.gradient(grade), step, out=np.zeros_like(grade), where=step > 0.0)
@@ -298,21 +250,23 @@ def _bend(station: Floats, grade: Floats) -> Floats:
 
 
 def _end_of_fall(record: StopRecord) -> float:
-    """Time until which a stop surely fell [s].
+    """Time until which the speed certainly fell [s].
 
     Near standstill noise decides which sample comes first to zero: the fall ends where its line
     is still above the noise.
     """
     knee = record.knee
     pull = GRAVITY * (knee.force_ratio + float(np.sin(knee.mean_grade)))
-    least = max((1.0 - LAST_SHARE) * knee.onset_speed, ABOVE_NOISE * knee.rms)
-    fall = max(knee.onset_speed - least, 0.5 * knee.onset_speed) / pull if pull > 0.0 else np.inf
-    return min(LAST_SHARE * record.samples.standstill_time, knee.onset_time + fall)
+    min_speed = max((1.0 - _LAST_SHARE) * knee.onset_speed, _ABOVE_NOISE * knee.rms)
+    fall = (
+        max(knee.onset_speed - min_speed, 0.5 * knee.onset_speed) / pull if pull > 0.0 else np.inf
+    )
+    return min(_LAST_SHARE * record.samples.standstill_time, knee.onset_time + fall)
 
 
 def _bins(t: Floats, v: Floats, grid: Floats) -> tuple[Floats, Floats, Floats]:
     """Means of equally many samples each; a sample is between two times of the grid."""
-    count = min(len(t), MOST_BINS)
+    count = min(len(t), _BINS)
     owner = (np.arange(len(t)) * count) // len(t)
     sizes = np.bincount(owner, minlength=count).astype(np.float64)
     place = np.clip((t - grid[0]) / (grid[1] - grid[0]), 0.0, len(grid) - 1.000001)
@@ -326,10 +280,10 @@ def _bins(t: Floats, v: Floats, grid: Floats) -> tuple[Floats, Floats, Floats]:
 
 def _smooth(t: Floats, values: Floats) -> Floats:
     step = max(float(np.median(np.diff(t))), 1e-4)
-    half = min(int(2.5 * SMOOTHING / step), len(values) - 1)
+    half = min(int(2.5 * _SMOOTHING / step), len(values) - 1)
     if half < 1:
         return values
-    kernel = np.exp(-0.5 * np.square(np.arange(-half, half + 1) * step / SMOOTHING))
+    kernel = np.exp(-0.5 * np.square(np.arange(-half, half + 1) * step / _SMOOTHING))
     # Odd extension: a straight line stays one up to its ends.
     head = 2.0 * values[0] - values[half:0:-1]
     tail = 2.0 * values[-1] - values[-2 : -half - 2 : -1]

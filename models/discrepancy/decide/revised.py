@@ -1,12 +1,12 @@
-"""The model to plan with after a log was looked at: never faster than what is known allows.
+"""The model to plan with after an investigation: never faster than what is known allows.
 
-Coefficients come with their covariance, effects with theirs. What the log leaves open goes into the
-safety offset: stops held out that ended beyond their prediction, and rivals that predict more.
+Coefficients come with their covariance, effects with theirs. All uncertainty beyond that goes into
+the safety offset: held-out stops that ended beyond their prediction, and alternatives that predict
+more.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,36 +18,34 @@ from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import distances
 from slopewise.models.discrepancy.decide.verdict import Decision
 from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.likelihood.refit import Refit
 from slopewise.models.discrepancy.model.hypothesis import BASE, Hypothesis, free_parameters
-from slopewise.models.discrepancy.search.refine import Fit
-from slopewise.models.discrepancy.thresholds import OFFSET_COVERAGE, RANGE_PAD, RIVAL_COVERAGE
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.stop_distance import StopDistance
 
+_OFFSET_COVERAGE = 0.995  # share of stops that the safety offset covers, as in calibration [1]
+_ALTERNATIVE_COVERAGE = 0.97  # share of stops in which the offset covers a alternative, too [1]
+_RANGE_PAD = 0.1  # of a range: by which a log is extrapolated with new coefficients [1]
+
 
 def revised(
-    table: StopTable,
-    decision: Decision,
-    held_out: Floats,
-    widths: Sequence[dict[str, float]],
-    source: str,
+    table: StopTable, decision: Decision, held_out: Floats, source: str
 ) -> tuple[Model, tuple[Effect, ...]]:
     """The model, and the effects in it that were not there before.
 
     Args:
         table: stops. decision: what the log allows to say.
         held_out: (S,) distances predicted by fits that had not seen their stop [m].
-        widths: standard deviations of places and times of change, by name, of each added effect.
-        source: where the log is from, in words.
+        source: name of the log.
     """
-    fit = decision.explanation.fit
+    fit = decision.explanation
     model = fit.hypothesis.model
     unclear = decision.verdict is Verdict.UNIDENTIFIABLE
-    if decision.kept_as_it_was or (unclear and not _refit_is_longer(table, fit)):
+    if decision.keeps_model or (unclear and not _refit_is_longer(table, fit)):
         as_it_is = distances(table, Hypothesis.configured(model))
-        if decision.kept and decision.verdict is Verdict.UNKNOWN:
+        if decision.unchanged and decision.verdict is Verdict.UNKNOWN:
             model = replace(model, braking=_scattered(model.braking, fit))
         return _wider(model, table, decision, as_it_is), ()
     shift = fit.hypothesis.shift
@@ -65,40 +63,40 @@ def revised(
     )
     if on.distance is not None:
         braking = replace(braking, distance=_promised_again(table, braking, held_out))
-    added = effects_of(fit, widths, source)
+    added = _effects_of(fit, source)
     better = replace(model, braking=braking, effect=(*model.effect, *added))
     return _wider(better, table, decision, held_out), added
 
 
-def effects_of(fit: Fit, widths: Sequence[dict[str, float]], source: str) -> tuple[Effect, ...]:
+def _effects_of(fit: Refit, source: str) -> tuple[Effect, ...]:
     """Effects that were added, with the covariance of their parameters."""
-    found = []
+    effects = []
     k = BASE
-    for effect, own in zip(fit.hypothesis.added, widths, strict=True):
+    for effect, extent in zip(fit.hypothesis.added, fit.extents, strict=True):
         free = free_parameters(effect)
         covariance = np.zeros((len(effect.parameters),) * 2)
         rows = [i for i, name in enumerate(effect.parameters) if name in free]
         covariance[np.ix_(rows, rows)] = fit.covariance[k : k + len(free), k : k + len(free)]
         k += len(free)
         for i, name in enumerate(effect.parameters):
-            if name in own:
+            if name in extent:
                 covariance[i, :] = covariance[:, i] = 0.0
-                covariance[i, i] = own[name] ** 2
+                covariance[i, i] = extent[name] ** 2
         values = {n: _inside(effect.name, n, float(v)) for n, v in effect.parameters.items()}
-        found.append(
+        effects.append(
             replace(effect, parameters=values, covariance=_matrix(covariance), source=source)
         )
-    return tuple(found)
+    return tuple(effects)
 
 
-def _scattered(braking: Braking, fit: Fit) -> Braking:
+def _scattered(braking: Braking, fit: Refit) -> Braking:
     """With at least the scatter from stop to stop that the log showed, unless distances have it."""
     if braking.distance is not None:
         return braking
     return replace(
         braking,
-        force_std=max(braking.force_std, fit.noise.scatter),
-        dead_time_std=max(braking.dead_time_std, fit.noise.dead_time_std),
+        force_std=max(braking.force_std, fit.whitener.force_std),
+        dead_time_std=max(braking.dead_time_std, fit.whitener.dead_time_std),
     )
 
 
@@ -135,26 +133,26 @@ def _matrix(values: Floats) -> tuple[tuple[float, ...], ...]:
 
 
 def _within(known: tuple[float, float], seen: Floats) -> tuple[float, float]:
-    """Where the model so far and the log both vouch; the model's own where they do not meet."""
-    pad = RANGE_PAD * float(np.ptp(seen))
+    """Intersection of both ranges of validity; that of the model where they are disjoint."""
+    pad = _RANGE_PAD * float(np.ptp(seen))
     low, high = max(known[0], float(seen.min()) - pad), min(known[1], float(seen.max()) + pad)
     return (low, high) if high > low else known
 
 
 def _wider(model: Model, table: StopTable, decision: Decision, predicted: Floats) -> Model:
-    """With a safety offset that covers stops held out, and the longest of all rivals."""
+    """With a safety offset that covers stops held out, and the longest of all alternatives."""
     needed = 0.0
     if model.braking.distance is None:
-        needed = offset_for(OFFSET_COVERAGE, table.distance - predicted)
-    if decision.rivals:
-        here = distances(table, decision.explanation.fit.hypothesis)
-        longer = [distances(table, r.fit.hypothesis) - here for r in decision.rivals]
-        needed += max(0.0, *(float(np.quantile(more, RIVAL_COVERAGE)) for more in longer))
+        needed = offset_for(_OFFSET_COVERAGE, table.distance - predicted)
+    if decision.alternatives:
+        here = distances(table, decision.explanation.hypothesis)
+        longer = [distances(table, r.hypothesis) - here for r in decision.alternatives]
+        needed += max(0.0, *(float(np.quantile(more, _ALTERNATIVE_COVERAGE)) for more in longer))
     offset = max(model.braking.distance_offset, needed)
     return replace(model, braking=replace(model.braking, distance_offset=offset))
 
 
-def _refit_is_longer(table: StopTable, fit: Fit) -> bool:
+def _refit_is_longer(table: StopTable, fit: Refit) -> bool:
     """Whether the new coefficients stop later than those configured."""
     configured = Hypothesis.configured(fit.hypothesis.model)
     refitted = replace(fit.hypothesis, added=())

@@ -30,17 +30,19 @@ class Answer:
 
     Attributes:
         verdict: one word. leader: the explanation it rests on, for `ambiguous` one with names.
+        calm: the explanation without any cause.
         axis: that the heaviest causes without a name follow, "" without. probability: of the
             answer. of_names: of each name.
-        rivals: alternatives with other names that are not ruled out, the heaviest first.
+        alternatives: alternatives with other names that are not ruled out, the heaviest first.
     """
 
     verdict: Verdict
     leader: Explanation
+    calm: Explanation
     axis: str
     probability: float
     of_names: Mapping[str, float]
-    rivals: tuple[Explanation, ...] = ()
+    alternatives: tuple[Explanation, ...] = ()
 
 
 def answered(weights: Weights) -> Answer:
@@ -48,7 +50,7 @@ def answered(weights: Weights) -> Answer:
     every = weights.explanations
     calm = next(e for e in every if not e.names and not e.axes)
     if calm.fit.noise[WAVE] > _WILD:
-        return Answer(Verdict.UNKNOWN, calm, "", 1.0, {})
+        return Answer(Verdict.UNKNOWN, calm, calm, "", 1.0, {})
     solved = bool(calm.fit.noise[ONSET_FORCE] < _UNSOLVED)
     share = _shares(every)
     each = [(_kind(e, solved=solved), e, s) for e, s in zip(every, share, strict=True)]
@@ -61,21 +63,21 @@ def answered(weights: Weights) -> Answer:
     spoiled = max(company.values(), default=0.0) >= _COMPANY * along
     if axis and along >= _ANSWERED and not spoiled:
         leader = next(e for e in every if e.axes)
-        return Answer(Verdict.UNKNOWN, leader, axis, along, of_names)
+        return Answer(Verdict.UNKNOWN, leader, calm, axis, along, of_names)
     if kinds.get(_CALM, 0.0) >= _ANSWERED:
         drifted = weights.change > _CHANGED[weights.changed <= 0.5]
         verdict = Verdict.PARAMETER_DRIFT if drifted else Verdict.NONE
-        return Answer(verdict, calm, axis, kinds[_CALM], of_names)
+        return Answer(verdict, calm, calm, axis, kinds[_CALM], of_names)
     first = max(of_names, key=lambda n: of_names[n], default="")
     if of_names.get(first, 0.0) >= _ANSWERED:
         leader = _with([e for kind, e, _ in each if kind == _NAMED], first, of_names)
-        return Answer(Verdict.MISSING_EFFECT, leader, axis, of_names[first], of_names)
+        return Answer(Verdict.MISSING_EFFECT, leader, calm, axis, of_names[first], of_names)
     named = [e for e in every if e.names and not e.axes]
     leader = named[0] if named else every[0]
     near = leader.log_weight + np.log(_RULED_OUT)
-    rivals = [e for e in named[1:] if not e.names >= leader.names and e.log_weight > near]
+    near_ones = [e for e in named[1:] if not e.names >= leader.names and e.log_weight > near]
     of_all = _summed((n, s) for _, e, s in each for n in e.names)
-    return Answer(Verdict.AMBIGUOUS, leader, axis, max(share), of_all, tuple(rivals[:3]))
+    return Answer(Verdict.AMBIGUOUS, leader, calm, axis, max(share), of_all, tuple(near_ones[:3]))
 
 
 def _with(named: Sequence[Explanation], first: str, of_names: Mapping[str, float]) -> Explanation:

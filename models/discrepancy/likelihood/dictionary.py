@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.discrepancy.data.stop_ground import session_time
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.likelihood import prior
+from slopewise.models.discrepancy.likelihood.axes import CURVE, causes_of, unit_range
 from slopewise.models.discrepancy.likelihood.onset import Integrated
 from slopewise.models.discrepancy.likelihood.trace import base_shares, projected, size_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
-from slopewise.models.discrepancy.search.candidates import stops_seen
+from slopewise.models.discrepancy.model.prediction import stops_seen
 from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.effects.surface_patch import holds_stops, share_inside
@@ -22,8 +22,6 @@ from slopewise.models.parameters import Model
 
 _NEAREST = (4, 6, 9, 13, 18, 26)
 """Stops that circles around one of them hold: from a small place to nearly half of a log."""
-_WAVES = np.geomspace(0.8, 12.0, 36)  # lengths of periodic ground [m]
-_CURVE = 5  # cosines along an axis: a shape with two turns
 _SLOW_FADE = 150.0  # time constant of the fade among the spikes [s]
 
 
@@ -65,26 +63,20 @@ def spikes_of(table: StopTable, model: Model) -> tuple[Floats, Floats]:
     """(S, M, Q) shares of one smooth form of every effect, and (Q,) whether brakes bring them."""
     seen = stops_seen(table, Hypothesis.configured(model))
     v, one = table.speed, np.ones_like(table.speed)
-    clock = session_time(table)[:, None] * one
+    clock = table.session_time[:, None] * one
     brakes = [np.fmax(table.grade, 0.0), table.grade * np.abs(table.grade), np.abs(table.roll)]
     brakes += [clock, seen.built * seen.heat(_SLOW_FADE)]
     brakes += [np.cos(table.yaw), np.sin(table.yaw), np.cos(2 * table.yaw), np.sin(2 * table.yaw)]
     upright = np.cos(table.grade)
     brakes += [np.maximum(seen.given - np.quantile(seen.given, 0.7) * upright, 0.0)]
     if {"x", "y"} <= table.logged:
-        x, y = (_unit(c) for c in (table.x, table.y))
+        x, y = (unit_range(c) for c in (table.x, table.y))
         brakes += [x, y, x * y, x * x, y * y]
     once = [v, v * v, np.abs(table.yaw_rate)]
     columns = [*brakes, *once]
     keep = [i for i, c in enumerate(columns) if np.ptp(c) > 1e-9]
     through = np.array([i < len(brakes) for i in keep])
     return np.stack([columns[i] for i in keep], axis=2), through
-
-
-def _unit(values: Floats) -> Floats:
-    """On −1 … 1."""
-    low, high = float(values.min()), float(values.max())
-    return 2.0 * (values - low) / max(high - low, 1e-12) - 1.0
 
 
 def dictionary_of(
@@ -132,14 +124,15 @@ def _causes(
 ) -> Iterator[tuple[Candidate, Floats, bool]]:
     """Causes without a name: candidate, (S, M, Q) columns, and whether brakes bring them."""
     base = base_shares(table)
-    for name, shapes, brakes in _axes(table):
-        log_prior = float(np.log(prior.AXIS / len(shapes)))
-        for columns in shapes:
-            flat = projected(np.stack(columns, axis=2), base, used)
-            sizes, count = np.maximum(size_of(flat, used), 1e-3), len(columns)
-            falling = 1.0 / np.arange(1.0, count + 1.0) if count == _CURVE else np.ones(count)
+    for axis in causes_of(table):
+        log_prior = float(np.log(prior.AXIS / len(axis.shapes)))
+        for shapes in axis.shapes:
+            flat = projected(shapes, base, used)
+            sizes, count = np.maximum(size_of(flat, used), 1e-3), shapes.shape[2]
+            falling = 1.0 / np.arange(1.0, count + 1.0) if count == CURVE else np.ones(count)
             std = prior.SLAB * force * falling / sizes / np.sqrt(np.sum(falling**2))
-            yield Candidate(name, False, 0, count, std, log_prior=log_prior), flat, brakes
+            cause = Candidate(axis.name, False, 0, count, std, log_prior=log_prior)
+            yield cause, flat, axis.name != "speed"
 
 
 def _named(
@@ -154,13 +147,13 @@ def _named(
             continue
         group = list(law.search.columns(seen))
         if law.search.placed:
-            group += _circles(table)
+            group += circles(table)
         group = [g for g in group if np.ptp(g[1]) > 1e-9]
         if group:
             yield name, group
 
 
-def _circles(table: StopTable) -> Iterator[tuple[dict[str, float], Floats]]:
+def circles(table: StopTable) -> Iterator[tuple[dict[str, float], Floats]]:
     """Around each stop, with as many others inside: small where stops lie close."""
     x, y = table.x.mean(axis=1), table.y.mean(axis=1)
     for i in range(len(table)):
@@ -172,45 +165,3 @@ def _circles(table: StopTable) -> Iterator[tuple[dict[str, float], Floats]]:
                 inside = share_inside(table.x, table.y, at["x"], at["y"], radius)
                 if holds_stops(inside):
                     yield at, inside
-
-
-def _axes(table: StopTable) -> Iterator[tuple[str, list[list[Floats]], bool]]:
-    """Name, alternatives of columns, and whether brakes bring them."""
-    one = np.ones_like(table.speed)
-    curves: dict[str, Floats] = {
-        "grade": table.grade,
-        "onset_speed": table.held[:, None] * one,
-        "time": session_time(table)[:, None] * one,
-    }
-    for name in ("roll", "yaw_rate"):
-        if name in table.logged:
-            curves[name] = np.clip(
-                getattr(table, name), *np.quantile(getattr(table, name), [0.01, 0.99])
-            )
-    curves |= {name: values[:, None] * one for name, values in table.further.items()}
-    for name, values in curves.items():
-        if np.ptp(values) > 1e-9:
-            yield name, [_cosines(values)], True
-    yield "speed", [_cosines(table.speed)], False
-    if "yaw" in table.logged:
-        waves = [f(k * table.yaw) for k in (1, 2) for f in (np.cos, np.sin)]
-        yield "heading", [waves], True
-    ways = {"station": table.station}
-    if {"x", "y"} <= table.logged:
-        ways |= {"x": table.x, "y": table.y}
-        x, y = (_unit(c) for c in (table.x, table.y))
-        places = [
-            np.cos(0.5 * np.pi * i * (x + 1)) * np.cos(0.5 * np.pi * j * (y + 1))
-            for i in range(4)
-            for j in range(4)
-            if 0 < i + j < 5
-        ]
-        yield "place", [places], True
-    for name, way in ways.items():
-        turns = [2.0 * np.pi * way / length for length in _WAVES]
-        yield name, [[np.cos(turn), np.sin(turn)] for turn in turns], True
-
-
-def _cosines(values: Floats) -> list[Floats]:
-    z = 0.5 * (_unit(values) + 1.0)
-    return [np.cos(np.pi * j * z) for j in range(1, _CURVE + 1)]

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.optimize import minimize
 
 from slopewise.models.arrays import Floats
-from slopewise.models.discrepancy.data.stop_ground import ground_of
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.cap import (
     Cap,
@@ -59,10 +58,13 @@ class Fit:
     """An explanation at every build-up.
 
     Attributes:
-        chosen: candidates in it. taus: (T,) [s]. onsets: state at each. noise: (6,) of the stops.
+        trace: of the log, as friction caps it. extra: columns of the candidates that are chosen.
+        taus: (T,) [s]. onsets: state at each. noise: (6,) of the stops.
         evidence: (T,) ln of the marginal likelihood. solutions: (T,) all columns, solved.
     """
 
+    trace: Trace
+    extra: Integrated
     chosen: tuple[Candidate, ...]
     taus: Floats
     onsets: tuple[Onset, ...]
@@ -176,15 +178,21 @@ def solved_both(
 ) -> tuple[Solved, Solved]:
     """The first columns integrated out, with coefficients as calibrated and changed since then."""
     weighed, log_det = grams.weighed(noise[0], prior.own_variance(noise, waves_of(grams)))
-    changed = std.copy()
-    changed[HAT_PLACES] *= noise[prior.ONSET_TIME]
-    changed[EARLY_PLACES] *= noise[prior.ONSET_FORCE]
+    changed = with_onset(std, noise)
     calibrated = changed.copy()
     calibrated[BASE_PLACES] = prior.calibrated(force)
     return (
         solved(weighed, log_det, calibrated, centre),
         solved(weighed, log_det, changed, centre),
     )
+
+
+def with_onset(std: Floats, noise: Floats) -> Floats:
+    """(P,) deviations with what the noise leaves at the onset."""
+    scaled = std.copy()
+    scaled[HAT_PLACES] *= noise[prior.ONSET_TIME]
+    scaled[EARLY_PLACES] *= noise[prior.ONSET_FORCE]
+    return scaled
 
 
 def mixed(calibrated: float, changed: float) -> float:
@@ -197,11 +205,7 @@ def mixed(calibrated: float, changed: float) -> float:
 def fit(
     trace: Trace, book: Dictionary, chosen: Sequence[Candidate], starts: Sequence[Fit] = ()
 ) -> Fit:
-    """Fit onset and noise under an explanation.
-
-    Args:
-        trace: of a log. book: columns. chosen: candidates. starts: other fits, if there are some.
-    """
+    """Fit onset and noise under an explanation."""
     problem = Problem(trace, book.columns.take([i for c in chosen for i in c.index]), chosen)
     if starts:
         states = [(s.onsets[s.best], s.noise) for s in starts]
@@ -222,6 +226,8 @@ def quick_fit(trace: Trace, book: Dictionary, chosen: Sequence[Candidate], near:
     gain = solution.evidence + of_noise(noise) - float(near.evidence.max())
     return replace(
         near,
+        trace=problem.trace,
+        extra=problem.extra,
         chosen=problem.chosen,
         noise=noise,
         evidence=near.evidence + gain,
@@ -282,7 +288,7 @@ def _with_cap(
     cap = place_of(chosen)
     if cap is None:
         return Problem(trace, extra, chosen)
-    place = ground_of(trace.table)
+    place = trace.table.ground
     upright = np.cos(place.grade) * np.cos(place.roll)
     sliding = trace.table.force / upright[:, -1]
     starts = [
@@ -324,6 +330,8 @@ def _followed(problem: Problem, best: Onset, noise: Floats) -> Fit:
                 break
     known = sorted(found)
     return Fit(
+        problem.trace,
+        problem.extra,
         problem.chosen,
         taus[known],
         tuple(found[i][0] for i in known),

@@ -81,7 +81,7 @@ class Samples:
     @classmethod
     def of(cls, table: StopTable) -> Samples:
         """Evenly about the middle of each bin: a bin has as many as its variance says."""
-        spread = table.own_spread
+        spread = table.spread
         count = np.where(spread > 0.0, np.round(1.0 / np.where(spread > 0.0, spread, 1.0)), 0.0)
         place = np.arange(max(int(count.max()), 1))
         middle = (table.average @ table.time[:, :, None])[:, :, 0]

@@ -11,15 +11,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
-from slopewise.models.discrepancy.data.stop_ground import ground_of
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.gaussian import Grams
 from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment, Onset, Samples
 from slopewise.models.discrepancy.model.brakes import brought_force, motion_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
-from slopewise.models.discrepancy.model.prediction import wanted_force
-from slopewise.models.discrepancy.thresholds import LEAST_TURNING_SPEED
+from slopewise.models.discrepancy.model.prediction import MIN_TURNING_SPEED, demanded_force
 from slopewise.models.effects import registry
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
@@ -27,8 +25,10 @@ from slopewise.models.quantity import GRAVITY
 HATS = (0.0, 0.05, 0.11, 0.19, 0.29, 0.42)
 """Middles of the hats over the onset, since it [s]: denser where the brakes take hold."""
 ONSET, ONSET_WAVES = 0.6, 5  # in which brakes and body settle [s]; waves of their force in it
+OSCILLATION_PLACES = slice(3, 5)
+"""Where the swing of the body is among the columns that are always there."""
 HAT_PLACES = slice(6, 6 + len(HATS))
-"""Where the hats are among the columns that are always there."""
+"""Where the hats are."""
 BASE_PLACES = slice(HAT_PLACES.stop, HAT_PLACES.stop + 4)
 """Where the coefficients are."""
 EARLY_PLACES = slice(HAT_PLACES.stop + 4, HAT_PLACES.stop + 4 + ONSET_WAVES)
@@ -120,12 +120,12 @@ def trace_of(table: StopTable, model: Model, spikes: tuple[Floats, Floats], sess
 def _expected(table: StopTable, model: Model) -> Integrated:
     """Force of the brakes by the model file; gravity and its terms of motion."""
     configured = Hypothesis.configured(model)
-    place, terms = ground_of(table), motion_of(configured)
-    force = wanted_force(table, configured, place)
+    place, terms = table.ground, motion_of(configured)
+    force = demanded_force(table, configured, place)
     given = brought_force(table, configured, force, table.speed, place, table.time).given
     moved = np.sin(place.grade)
     if terms.moves:
-        curvature = np.abs(place.turning) / np.maximum(table.speed, LEAST_TURNING_SPEED)
+        curvature = np.abs(place.yaw_rate) / np.maximum(table.speed, MIN_TURNING_SPEED)
         motion = registry.motion_deceleration(table.speed, curvature, place.yaw, terms)
         moved = moved + motion / GRAVITY
     return Integrated.of(table, np.stack([given, moved], axis=2), np.array([True, False]))
@@ -160,10 +160,18 @@ def _always(
 
 
 def grams_at(trace: Trace, onset: Onset, extra: Integrated) -> tuple[Grams, Floats]:
-    """Products of all columns at an onset, and (P,) deviations of those always there, hats as 1.
+    """Products of :func:`columns_at`, and (P,) deviations of those always there, hats as 1."""
+    every, own, std = columns_at(trace, onset, extra)
+    return Grams.of(every, own, trace.table.spread), std
 
-    The first column is that of the dead time. A stop's own dead time is linear about the `late` of
-    the onset.
+
+def columns_at(
+    trace: Trace, onset: Onset, extra: Integrated | None = None
+) -> tuple[Floats, Floats, Floats]:
+    """Columns of all stops (S, K, P + Q + 1), of each stop (S, K, R), and (P,) deviations.
+
+    The first column is that of the dead time, the last what is to be explained. A stop's own dead
+    time is linear about the `late` of the onset.
 
     Args:
         trace: of the log. onset: its state. extra: (…, Q) shares of further columns.
@@ -172,15 +180,15 @@ def grams_at(trace: Trace, onset: Onset, extra: Integrated) -> tuple[Grams, Floa
     moment = Moment.of(samples, onset, trace.quicker)
     always, stds = _nuisances(trace, onset, moment)
     early = samples.mean(np.minimum(moment.u, 0.0))
-    own = np.stack([np.ones_like(early), early, always[0]], axis=2)
     expected = trace.expected.fallen(table, onset, moment).sum(axis=2)
     left = table.binned - table.held[:, None] + expected
     left = left + always[0] * onset.late[:, None]
-    columns = [-c.fallen(table, onset, moment) for c in (trace.always, extra)]
+    shares = (trace.always,) if extra is None else (trace.always, extra)
+    columns = [-c.fallen(table, onset, moment) for c in shares]
     every = np.concatenate([np.stack(always, axis=2), *columns, left[:, :, None]], axis=2)
-    apart = np.concatenate([own, trace.waves.fallen(table, onset, moment)], axis=2)
-    grams = Grams.of(every, apart, table.own_spread)
-    return grams, np.concatenate([stds, trace.always_std])
+    own = np.stack([np.ones_like(early), early, always[0]], axis=2)
+    own = np.concatenate([own, trace.waves.fallen(table, onset, moment)], axis=2)
+    return every, own, np.concatenate([stds, trace.always_std])
 
 
 def _nuisances(trace: Trace, onset: Onset, moment: Moment) -> tuple[list[Floats], Floats]:

@@ -29,7 +29,7 @@ from slopewise.models.parameters import Model
 
 _TRIED = 8  # sets that each round fits
 _ROUNDS = 4  # of the search: a fourth changed no leader
-_SURE = 3  # sets whose onsets are fitted to the end
+_CONVERGED = 3  # sets whose onsets are fitted to the end
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +39,13 @@ class Weights:
     Attributes:
         explanations: the heaviest first. change: root mean square change of stopping distances by
             new coefficients alone [1]. changed: probability of such, if nothing else is missing.
+        book: columns of all that was tried.
     """
 
     explanations: tuple[Explanation, ...]
     change: float
     changed: float
+    book: Dictionary
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,7 @@ def weighed(
     Args:
         table: S stops. model: as configured. session: (S,) number of each stop's session.
         odds: of causes before the log, over those of :mod:`.prior`.
-        advance: told of the share that is done.
+        advance: receives the share that is done.
     """
     trace = trace_of(table, model, spikes_of(table, model), session)
     book = dictionary_of(table, model, trace.used, trace.force, odds)
@@ -83,10 +85,10 @@ def weighed(
     leader = nothing
     for turn in range(_ROUNDS):
         at = known[leader].fit
-        for found in searched(trace, book, at, at.best)[:_TRIED]:
-            if found.names and found.names not in known:
-                tried = quick_fit(trace, book, found.chosen, at)
-                known[found.names] = _Weighed(tried, found.log_prior)
+        for match in searched(trace, book, at, at.best)[:_TRIED]:
+            if match.names and match.names not in known:
+                tried = quick_fit(trace, book, match.chosen, at)
+                known[match.names] = _Weighed(tried, match.log_prior)
         before, leader = leader, max(known, key=lambda n: known[n].log_weight)
         if not known[leader].converged:
             known[leader] = _converged(trace, book, known[leader], at)
@@ -95,19 +97,19 @@ def weighed(
         if leader == before:
             break
     ranked = sorted(known, key=lambda n: -known[n].log_weight)
-    for names in {*ranked[:_SURE], nothing} - {leader}:
+    for names in {*ranked[:_CONVERGED], nothing} - {leader}:
         known[names] = _converged(trace, book, known[names], known[leader].fit)
     fits = [(w.fit, w.log_prior) for w in known.values()]
     every = explanations(fits, model.braking.dead_time, odds)
     advance(1.0)
     calm = known[nothing].fit
     solution = calm.solutions[calm.best]
-    return Weights(tuple(every), change_of_stops(trace, calm), solution.changed)
+    return Weights(tuple(every), change_of_stops(trace, calm), solution.changed, book)
 
 
-def _converged(trace: Trace, book: Dictionary, one: _Weighed, near: Fit) -> _Weighed:
+def _converged(trace: Trace, book: Dictionary, explanation: _Weighed, near: Fit) -> _Weighed:
     """With an onset of its own, from that of another explanation or from where it is."""
-    again = fit(trace, book, one.fit.chosen, (near, one.fit))
-    if one.converged and one.fit.evidence.max() >= again.evidence.max():
-        return one
-    return _Weighed(again, one.log_prior, converged=True)
+    again = fit(trace, book, explanation.fit.chosen, (near, explanation.fit))
+    if explanation.converged and explanation.fit.evidence.max() >= again.evidence.max():
+        return explanation
+    return _Weighed(again, explanation.log_prior, converged=True)

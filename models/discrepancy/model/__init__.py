@@ -1,1 +1,1 @@
-"""What may be true, the speeds it predicts, and the noise around them."""
+"""Hypotheses, and the speeds that they predict."""

@@ -1,4 +1,4 @@
-"""What brakes bring of the force that is wanted: build-up, heat, friction, crests.
+"""Share of the demanded force that brakes bring: build-up, heat, friction, crests.
 
 Source: Braking Sec. 5.2 names heat and friction; the laws are those of
 :mod:`slopewise.models.effects`.
@@ -7,41 +7,29 @@ Source: Braking Sec. 5.2 names heat and friction; the laws are those of
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
 from slopewise.models.arrays import Floats
-from slopewise.models.discrepancy.data.stop_ground import StopGround
-from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.data.stop_table import StopGround, StopTable
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
-from slopewise.models.discrepancy.model.slippery import given_under
-from slopewise.models.discrepancy.thresholds import HEATINGS, LEAST_COOLING, LEAST_MEAN_FORCE
 from slopewise.models.effects import registry
 from slopewise.models.effects.brake_fade import remaining_share
 from slopewise.models.effects.brake_lag import missing_share
 from slopewise.models.laws import crest, wheel_lockup
-from slopewise.models.parameters import Effect
 from slopewise.models.quantity import GRAVITY
+
+_HEATINGS = 2  # how often the heat of brakes that fade is recomputed
+_MIN_MEAN = 1e-3  # mean force by which forces within a stop are divided at least [1]
+_MIN_COOLING = 0.5  # shortest time constant of cooling that is computed [s]
 
 
 def motion_of(hypothesis: Hypothesis) -> registry.MotionTerms:
     """Terms of motion of the model's effects and of those that were added."""
     model = hypothesis.model
-    effects = (*model.effect, *hypothesis.added)
-    asked = tuple((effect.name, tuple(effect.parameters.items())) for effect in effects)
-    return _motion(asked, model.braking.sliding_friction)
-
-
-@lru_cache(maxsize=256)
-def _motion(
-    effects: tuple[tuple[str, tuple[tuple[str, float], ...]], ...], friction: float | None
-) -> registry.MotionTerms:
-    """Asked for tens of thousands of times in a search, of some hundred sets of effects."""
-    found = [Effect(name=name, parameters=dict(values)) for name, values in effects]
-    return registry.motion(found, friction)
+    return registry.motion((*model.effect, *hypothesis.added), model.braking.sliding_friction)
 
 
 def crest_of(hypothesis: Hypothesis) -> float | None:
@@ -50,7 +38,7 @@ def crest_of(hypothesis: Hypothesis) -> float | None:
 
 
 class Brought(NamedTuple):
-    """What brakes bring of the force that is wanted, (S, M) each.
+    """Force that brakes bring, (S, M) each.
 
     Attributes:
         force: F_b/W once it has built up. given: what fade, friction and crests leave of
@@ -66,38 +54,37 @@ class Brought(NamedTuple):
 def brought_force(
     table: StopTable,
     hypothesis: Hypothesis,
-    wanted: Floats,
+    demanded: Floats,
     speed: Floats,
     place: StopGround,
     time: Floats,
 ) -> Brought:
-    """From the wanted force to that on the ground.
+    """From the demanded force to that on the ground.
 
     Args:
-        table: stops. hypothesis: what to believe. wanted: (S, M) F_b/W.
+        table: stops. hypothesis: model and effects. demanded: (S, M) F_b/W.
         speed: (S, M) [m/s]. place: what is met. time: (S, M) since the command [s].
     """
     terms = motion_of(hypothesis)
     since = np.maximum(time - hypothesis.dead_time, 0.0)
-    force = lagged(wanted, since, terms.lag) if terms.lag > 0.0 else wanted
+    force = lagged(demanded, since, terms.lag) if terms.lag > 0.0 else demanded
     cap = np.full_like(force, np.inf)
     if math.isfinite(terms.friction):
         cap = np.asarray(wheel_lockup.friction_cap(place.grade, place.roll, terms.friction))
     passes = np.ones_like(force)
     if terms.fade > 0.0:
         onset = hypothesis.dead_time
-        for _ in range(HEATINGS):  # brakes that fade heat less from then on
+        for _ in range(_HEATINGS):  # brakes that fade heat less from then on
             even = _even(np.minimum(force * passes, cap), _braking(time, onset))
             q = heat(table, terms.fade_tau, speed, time, onset, even)
             passes = remaining_share(q, terms.fade, terms.fade_tau)
     given = force * passes
-    slowed = speed / table.held[:, None]
-    given, slides = given_under(cap, given, terms.friction, place, slowed, drifts=hypothesis.drifts)
-    passes = np.where(slides, 0.0, passes)
+    passes = np.where(given > cap, 0.0, passes)
+    given = np.minimum(given, cap)
     share = crest_of(hypothesis)
     if share is not None:
-        kept = crest.remaining_force(speed, place.vertical_curvature, share)
-        given, passes = given * kept, passes * kept
+        remaining = crest.remaining_force(speed, place.vertical_curvature, share)
+        given, passes = given * remaining, passes * remaining
     return Brought(force, given, passes)
 
 
@@ -111,33 +98,24 @@ def _braking(time: Floats, onset: float) -> Floats:
 def _even(force: Floats, braking: Floats) -> Floats:
     """(S, M) forces as multiples of their mean while braking."""
     mean = np.sum(force * braking, axis=1) / np.maximum(np.sum(braking, axis=1), 1.0)
-    result: Floats = force / np.maximum(mean, LEAST_MEAN_FORCE)[:, None]
+    result: Floats = force / np.maximum(mean, _MIN_MEAN)[:, None]
     return result
 
 
-def lagged(wanted: Floats, since: Floats, lag: float) -> Floats:
+def lagged(demanded: Floats, since: Floats, lag: float) -> Floats:
     """First-order build-up from 0 at the onset along axis 1, exact for an even force in a step.
 
     f[k + 1] − keep[k] f[k] = middle[k] is a band of two diagonals; stops follow one another in it.
     """
     keep = missing_share(np.diff(since, axis=1), lag)
-    force = np.zeros_like(wanted)
-    np.multiply(0.5 * (wanted[:, 1:] + wanted[:, :-1]), 1.0 - keep, out=force[:, 1:])
-    if wanted.ndim > 2:
-        for k in range(keep.shape[1]):
-            force[:, k + 1] += force[:, k] * keep[:, k]
-        return force
+    force = np.zeros_like(demanded)
+    np.multiply(0.5 * (demanded[:, 1:] + demanded[:, :-1]), 1.0 - keep, out=force[:, 1:])
     band = np.ones((2, force.size), order="F")
     band[1] = 0.0
     band[1].reshape(force.shape)[:, :-1] = -keep
     solved, _ = dtbtrs(band, force.reshape(-1, 1), uplo="L", diag="U")
     result: Floats = solved.reshape(force.shape)
     return result
-
-
-def lag_of(hypothesis: Hypothesis) -> float:
-    """Time constant with which the force builds up [s], 0 without."""
-    return motion_of(hypothesis).lag
 
 
 def heat(
@@ -150,17 +128,17 @@ def heat(
 ) -> Floats:
     """(S, M) brake heat per mass q [J/kg]: power of the braking force less cooling.
 
-    The mean force is that which each stop shows by itself, whatever its friction was.
+    The mean force is the measured one of each stop, at any friction.
 
     Args:
         even: (S, M) force within each stop as a multiple of its mean; 1 without.
     """
-    tau = max(tau, LEAST_COOLING)
+    tau = max(tau, _MIN_COOLING)
     step = time[:, 1:2] - time[:, :1]
     power = GRAVITY * np.maximum(table.force, 0.0)[:, None] * speed * _braking(time, onset)
     if even is not None:
         power = power * even
-    # q' = power − q/τ solved with its factor e^(t/τ); stops are short beside τ.
+    # q' = power − q/τ solved with its factor e^(t/τ); stops are short compared with τ.
     factor = np.exp((time - time[:, :1]) / tau)
     driven = power * factor
     within = np.zeros_like(power)

@@ -1,36 +1,23 @@
-"""What may be true: a base model with shifted coefficients, a dead time and further effects.
+"""A hypothesis: a base model with shifted coefficients, a dead time and further effects.
 
 A hypothesis is a vector of free numbers: shifts of m_m, b_m, m_b, b_b, the dead time, then the free
-parameters of each effect. Parameters that no derivative reaches (a run's number) stay as they are
-while the others are fitted.
+parameters of each effect. Parameters that no derivative reaches (a run's number) stay
+unchanged in a fit.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.calibration.force_fit import NAMES
-from slopewise.models.discrepancy.model.body_oscillation import OSCILLATION
-from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Effect, Model
 
-LAWFUL = len(NAMES) + 1
-"""Numbers of the model's own law: four shifts and the dead time."""
-
-NUISANCES = OSCILLATION
-"""Numbers that are no part of the model: the oscillation of the body."""
-
-BASE = LAWFUL + NUISANCES
-"""Numbers before those of the effects: the law's, then the nuisances."""
-
-
-def builds_up(effect: Effect) -> bool:
-    """Whether it is the build-up of the brakes: fitted beside everything else, as a nuisance."""
-    return LAWS[effect.name].enters is Enters.LAG
+BASE = len(NAMES) + 1
+"""Numbers before those of the effects: four shifts and the dead time."""
 
 
 def is_placed(effect: Effect) -> bool:
@@ -53,32 +40,22 @@ class Hypothesis:
         model: as configured, with the effects that it has already.
         shift: (4,) added to m_m, b_m, m_b, b_b on every surface. dead_time: [s].
         added: effects beyond those of the model. A lasting change holds from its run on.
-        oscillation: (OSCILLATION,) of the body at the onset, see
-            :mod:`slopewise.models.discrepancy.model.body_oscillation` [m/s].
-        oscillates: whether it may be anything but zero.
-        slips: where another surface is, friction caps the force, at δ more than it is on the level;
-            without it the force is δ more or less there on any slope.
-        drifts: wheels that friction caps slide sideways on a cross slope, as locked ones do.
     """
 
     model: Model
     shift: Floats
     dead_time: float
     added: tuple[Effect, ...] = ()
-    oscillation: Floats = field(default_factory=lambda: np.zeros(OSCILLATION))
-    oscillates: bool = False
-    slips: bool = False
-    drifts: bool = False
 
     @classmethod
     def configured(cls, model: Model) -> Hypothesis:
-        """The model as it is."""
+        """The model as configured."""
         return cls(model, np.zeros(4), model.braking.dead_time)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the effects added, but for a build-up of the brakes, which all vehicles have."""
-        return tuple(effect.name for effect in self.added if not builds_up(effect))
+        """Names of the effects added."""
+        return tuple(effect.name for effect in self.added)
 
     def plus(self, effect: Effect) -> Hypothesis:
         """With one more effect."""
@@ -87,30 +64,29 @@ class Hypothesis:
     @property
     def free(self) -> Floats:
         """(P,) the free numbers."""
-        own = [e.parameters[n] for e in self.added for n in free_parameters(e)]
-        return np.array([*self.shift, self.dead_time, *self.oscillation, *own])
+        parameters = [e.parameters[n] for e in self.added for n in free_parameters(e)]
+        return np.array([*self.shift, self.dead_time, *parameters])
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
         """(P,), (P,) lowest and highest of each free number, physical signs and sizes."""
         low, high = [-np.inf] * 4 + [0.0], [np.inf] * 4 + [10.0]
-        low, high = low + [-np.inf] * NUISANCES, high + [np.inf] * NUISANCES
         for effect in self.added:
             for name in free_parameters(effect):
-                least, most = LAWS[effect.name].parameters[name].fit_bounds
-                low.append(least)
-                high.append(most)
+                lowest, highest = LAWS[effect.name].parameters[name].fit_bounds
+                low.append(lowest)
+                high.append(highest)
         return np.array(low), np.array(high)
 
     @property
     def scales(self) -> Floats:
         """(P,) of each free number, for steps and damping."""
-        own = [
+        parameters = [
             LAWS[e.name].parameters[n].step_at(e.parameters[n])
             for e in self.added
             for n in free_parameters(e)
         ]
-        return np.array([0.01, 0.05, 0.01, 0.01, 0.01, *[0.01] * NUISANCES, *own])
+        return np.array([0.01, 0.05, 0.01, 0.01, 0.01, *parameters])
 
     def moved(self, free: Floats) -> Hypothesis:
         """The same with other numbers (P,), in the order of :attr:`free`."""
@@ -126,5 +102,4 @@ class Hypothesis:
             shift=np.array(free[:4]),
             dead_time=float(free[4]),
             added=tuple(added),
-            oscillation=np.array(free[LAWFUL : LAWFUL + OSCILLATION]),
         )

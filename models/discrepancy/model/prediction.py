@@ -9,27 +9,23 @@ Source: Braking (2), (7), (8) with the effects of :mod:`slopewise.models.effects
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from slopewise.models.arrays import Bools, Floats
-from slopewise.models.discrepancy.data.stop_ground import StopGround, ground_of, session_time
-from slopewise.models.discrepancy.data.stop_table import StopTable
-from slopewise.models.discrepancy.model.brakes import brought_force, crest_of, lagged, motion_of
-from slopewise.models.discrepancy.model.hypothesis import Hypothesis, is_placed
-from slopewise.models.discrepancy.model.slippery import taken_by_sliding
-from slopewise.models.discrepancy.thresholds import (
-    LEAST_TURNING_SPEED,
-    OUTPUT_SWEEPS,
-    SAME_SPEED,
-)
+from slopewise.models.arrays import Floats
+from slopewise.models.discrepancy.data.stop_table import StopGround, StopTable
+from slopewise.models.discrepancy.model.brakes import brought_force, heat, motion_of
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.effects import registry
 from slopewise.models.effects.effect_law import Enters, Place
 from slopewise.models.effects.registry import LAWS
+from slopewise.models.effects.stops_seen import StopsSeen
 from slopewise.models.laws import braking
 from slopewise.models.parameters import Effect
 from slopewise.models.quantity import GRAVITY
+
+MIN_TURNING_SPEED = 0.3  # below which a yaw rate makes no larger curvature [m/s]
+_SWEEPS = 12  # repetitions of the integral: two more change nothing
+_SAME_SPEED = 1e-5  # change of a simulated speed that is negligible [m/s]
 
 
 def predict(
@@ -38,58 +34,42 @@ def predict(
     speed: Floats | None = None,
     ground: StopGround | None = None,
     time: Floats | None = None,
-    stronger: Floats | float = 0.0,
 ) -> Floats:
     """(S, M) fall of the speed since the command [m/s], 0 before the onset.
 
     Args:
-        table: stops. hypothesis: what to believe.
+        table: stops. hypothesis: model and effects.
         speed, ground, time: (S, M) in place of those measured.
-        stronger: share by which brakes pull more than believed, (S, 1) or of all stops.
     """
     v = table.speed if speed is None else np.maximum(speed, 0.0)
     t = table.time if time is None else time
-    place = ground_of(table) if ground is None else ground
+    place = table.ground if ground is None else ground
     terms = motion_of(hypothesis)
-    wanted = (1.0 + stronger) * wanted_force(table, hypothesis, place, v)
+    demanded = demanded_force(table, hypothesis, place)
     step = t[:, 1:2] - t[:, :1]
-    brought = brought_force(table, hypothesis, wanted, v, place, t)
+    brought = brought_force(table, hypothesis, demanded, v, place, t)
     rest = np.sin(place.grade) + brought.given - brought.force
     if terms.moves:
-        curvature = np.abs(place.turning) / np.maximum(v, LEAST_TURNING_SPEED)
+        curvature = np.abs(place.yaw_rate) / np.maximum(v, MIN_TURNING_SPEED)
         rest = rest + registry.motion_deceleration(v, curvature, place.yaw, terms) / GRAVITY
-    fall = _since_onset(wanted + rest, step, t, hypothesis.dead_time)
+    fall = _since_onset(demanded + rest, step, t, hypothesis.dead_time)
     if terms.lag > 0.0:  # ∫f = ∫F − τ f, from τ df/dt = F − f
         fall = fall - terms.lag * brought.force
     return GRAVITY * fall
 
 
-def passed(table: StopTable, hypothesis: Hypothesis) -> Floats:
-    """(S, M) share of a small change of the wanted force that reaches the measured ground."""
-    place = ground_of(table)
-    wanted = wanted_force(table, hypothesis, place)
-    return brought_force(table, hypothesis, wanted, table.speed, place, table.time).passes
-
-
-def wanted_force(
-    table: StopTable, hypothesis: Hypothesis, place: StopGround, speed: Floats | None = None
-) -> Floats:
-    """(S, M) F_b/W before lag, fade and the friction cap of all ground.
-
-    Args:
-        table: stops. hypothesis: what to believe. place: what is met.
-        speed: (S, M) in place of the one measured [m/s].
-    """
+def demanded_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) -> Floats:
+    """(S, M) F_b/W before lag, fade and the friction cap of all ground."""
     model = hypothesis.model
     onset = np.maximum(table.held, model.braking.speed_range[0])[:, None]
     shift_m, shift_b = _lines(hypothesis.shift, onset)
-    force, level = np.empty_like(place.grade), np.empty_like(onset)
+    force = np.empty_like(place.grade)
     names = np.array(table.terrain)
     for name in set(table.terrain):
         rows = names == name
         on = model.braking.on(name) if name else model.braking
         m, b = _lines(np.array([on.m_m, on.b_m, on.m_b, on.b_b]), onset[rows])
-        here, level[rows] = place.grade[rows], b + shift_b[rows]
+        here = place.grade[rows]
         if on.uphill is not None:
             up, _ = _lines(np.array([on.uphill.m_m, on.uphill.b_m, 0.0, 0.0]), onset[rows])
             m = np.where(here > 0.0, up, m)
@@ -105,21 +85,15 @@ def wanted_force(
         values = registry.validate(effect)
         changed = (table.run >= values["run"])[:, None]
         force = np.where(changed, LAWS[effect.name].law(force, *values.values()), force)
-    slippery = [e for e in hypothesis.added if hypothesis.slips and is_placed(e)]
     for effect in everywhere:
-        if LAWS[effect.name].enters in (Enters.GROUND, Enters.LASTING) and effect not in slippery:
-            force = force + force_of(table, effect, place)
-    v = table.speed if speed is None else speed
-    for effect in slippery:
-        force = force + taken_by_sliding(
-            effect, force, level, place, v / table.held[:, None], drifts=hypothesis.drifts
-        )
+        if LAWS[effect.name].enters in (Enters.GROUND, Enters.LASTING):
+            force = force + _force_of(table, effect, place)
     return force
 
 
-def force_of(table: StopTable, effect: Effect, place: StopGround) -> Floats:
-    """(S, M) what an effect of the ground adds to the wanted F_b/W; 0 of others."""
-    here = Place(place.grade, place.roll, place.x, place.y, place.yaw, session_time(table)[:, None])
+def _force_of(table: StopTable, effect: Effect, place: StopGround) -> Floats:
+    """(S, M) what an effect of the ground adds to the demanded F_b/W; 0 of others."""
+    here = Place(place.grade, place.roll, place.x, place.y, place.yaw, table.session_time[:, None])
     along = LAWS[effect.name].along
     if along is not None:
         added: Floats = along(here, *registry.validate(effect).values())
@@ -142,36 +116,6 @@ def _since_onset(values: Floats, step: Floats, t: Floats, onset: float) -> Float
     return result
 
 
-def integral(table: StopTable, hypothesis: Hypothesis, shares: Floats, forces: Bools) -> Floats:
-    """(S, M, Q) fall of speed by shares of the weight that act from the onset on.
-
-    Args:
-        shares: (S, M, Q). forces: (Q,) those that the brakes bring, which build up with the lag and
-            of which fade and friction let a part through.
-    """
-    terms = motion_of(hypothesis)
-    alike = terms.lag == 0.0 and terms.fade == 0.0 and math.isinf(terms.friction)
-    alike = alike and crest_of(hypothesis) is None
-    built = shares[:, :, forces]
-    if forces.any() and not alike:
-        since = np.maximum(table.time - hypothesis.dead_time, 0.0)[:, :, None]
-        built = lagged(built, since, terms.lag) if terms.lag > 0.0 else built
-        shares = shares.copy()
-        shares[:, :, forces] += (passed(table, hypothesis)[:, :, None] - 1.0) * built
-    # A hundred megabytes go through here, often: in place, and each only once.
-    step = table.time[:, 1:2] - table.time[:, :1]
-    total: Floats = np.empty_like(shares)
-    total[:, 0] = 0.0
-    np.add(shares[:, 1:], shares[:, :-1], out=total[:, 1:])
-    total[:, 1:] *= 0.5 * GRAVITY * step[:, :, None]
-    np.cumsum(total[:, 1:], axis=1, out=total[:, 1:])
-    total -= at_time(total, table.time, hypothesis.dead_time)[:, None]
-    total *= (table.time > hypothesis.dead_time)[:, :, None]
-    if terms.lag > 0.0:
-        total[:, :, forces] -= GRAVITY * terms.lag * built
-    return total
-
-
 def at_time(values: Floats, t: Floats, when: float) -> Floats:
     """(S, …) values (S, M, …) on an even grid, linear in between."""
     step = t[:, 1] - t[:, 0]
@@ -184,18 +128,13 @@ def at_time(values: Floats, t: Floats, when: float) -> Floats:
 
 
 def simulate(
-    table: StopTable,
-    hypothesis: Hypothesis,
-    speed: Floats,
-    time: Floats,
-    stronger: Floats | float = 0.0,
+    table: StopTable, hypothesis: Hypothesis, speed: Floats, time: Floats
 ) -> tuple[Floats, Floats]:
     """Speed and way by the hypothesis alone, on the ground that lies along the measured way.
 
     Args:
-        table: stops. hypothesis: what to believe.
+        table: stops. hypothesis: model and effects.
         speed: (S,) at the command [m/s], held before it. time: (S, M) even steps since it [s].
-        stronger: as for :func:`predict`.
 
     Returns:
         (S, M) speed, not below 0 [m/s]; (S, M) station since the command [m].
@@ -208,11 +147,11 @@ def simulate(
         np.cumsum(0.5 * (v[:, 1:] + v[:, :-1]) * step, axis=1, out=way[:, 1:])
         return way + speed[:, None] * np.minimum(time[:, :1], 0.0)
 
-    for _ in range(OUTPUT_SWEEPS):
+    for _ in range(_SWEEPS):
         way = way_of(v)
-        fall = predict(table, hypothesis, v, _along(table, way), time, stronger)
+        fall = predict(table, hypothesis, v, _along(table, way), time)
         again = np.maximum(speed[:, None] - fall, 0.0)
-        same = float(np.max(np.abs(again - v))) < SAME_SPEED
+        same = float(np.max(np.abs(again - v))) < _SAME_SPEED
         v = again
         if same:
             break
@@ -221,7 +160,7 @@ def simulate(
 
 
 def _along(table: StopTable, way: Floats) -> StopGround:
-    """Ground at stations; beyond the last one known it goes on as it was."""
+    """Ground at stations; constant beyond the last known one."""
     known = table.station
     rows = zip(known, way, strict=True)
     behind = np.stack([np.searchsorted(s, w, side="right") for s, w in rows]) - 1
@@ -234,4 +173,32 @@ def _along(table: StopTable, way: Floats) -> StopGround:
         there: Floats = first + share * (np.take_along_axis(channel, behind + 1, axis=1) - first)
         return there
 
-    return StopGround(*map(at_stations, ground_of(table)))
+    return StopGround(*map(at_stations, table.ground))
+
+
+def stops_seen(table: StopTable, hypothesis: Hypothesis) -> StopsSeen:
+    """Stops as effects see them, at the forces of a hypothesis."""
+    place = table.ground
+    demanded = demanded_force(table, hypothesis, place)
+    brought = brought_force(table, hypothesis, demanded, table.speed, place, table.time)
+
+    def heat_of(tau: float) -> Floats:
+        return heat(table, tau, table.speed, table.time, hypothesis.dead_time)
+
+    return StopsSeen(
+        speed=table.speed,
+        grade=table.grade,
+        roll=table.roll,
+        yaw=table.yaw,
+        yaw_rate=table.yaw_rate,
+        x=table.x,
+        y=table.y,
+        vertical_curvature=table.vertical_curvature,
+        clock=table.session_time,
+        run=table.run,
+        demanded=demanded,
+        built=brought.force,
+        given=brought.given,
+        passes=brought.passes,
+        heat=heat_of,
+    )

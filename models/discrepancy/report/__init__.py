@@ -1,1 +1,1 @@
-"""Findings in words and pictures, and what to drive next."""
+"""Findings as text and pictures, and the next stops to drive."""

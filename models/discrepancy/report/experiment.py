@@ -1,9 +1,9 @@
-"""Which stops to drive next: those in which rival explanations differ most once each is refitted.
+"""Stops to drive next: those in which explanations differ most once each is refitted.
 
-A design is built stop by stop. Each adds what it tells between two explanations, less what the
-rival's own numbers could take up, on top of what the log has told of them already (Atkinson and
-Fedorov 1975, T-optimality, with every number's prior). For an effect that is named, stops are
-chosen that sharpen its numbers most, all others unknown (D-optimality for a part of the numbers).
+A design is built stop by stop. Each adds the difference between two explanations, less the part
+that the alternative's own numbers could absorb, to the information of the log (Atkinson and Fedorov
+1975, T-optimality, with every number's prior). For an effect that is named, stops are chosen that
+sharpen its numbers most, all others unknown (D-optimality for a part of the numbers).
 
 Stops are proposed within the speeds, slopes, turns and headings that the log has seen.
 """
@@ -11,70 +11,104 @@ Stops are proposed within the speeds, slopes, turns and headings that the log ha
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
-from slopewise.models.discrepancy.findings import Experiment, PlannedStop
+from slopewise.models.discrepancy.decide.verdict import Decision
+from slopewise.models.discrepancy.findings import Experiment, PlannedStop, Verdict
+from slopewise.models.discrepancy.likelihood.refit import Refit, jacobian
+from slopewise.models.discrepancy.likelihood.residual_axes import WITHIN, ResidualAxis
+from slopewise.models.discrepancy.likelihood.trace import trace_of
+from slopewise.models.discrepancy.likelihood.whitener import Whitener
 from slopewise.models.discrepancy.model.hypothesis import BASE, is_placed
-from slopewise.models.discrepancy.model.noise import Whitener, whitener
 from slopewise.models.discrepancy.model.prediction import predict
-from slopewise.models.discrepancy.search.candidates import search_of
-from slopewise.models.discrepancy.search.refine import Fit, jacobian
-from slopewise.models.discrepancy.thresholds import (
-    MOST_REPEATS,
-    PROPOSED_PAUSES,
-    PROPOSED_STOPS,
-    SHEET_BINS,
-    SHEET_NODES,
-    TELLS_APART,
-    WARMING_STOPS,
-    WORTH_DRIVING,
-)
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.quantity import GRAVITY
 
+_MAX_REPEATS = 5  # repetitions of a design that are practical
+_STOPS = 6  # of a proposed design: half a dozen are driven in ten minutes
+_PAUSES = (5.0, 60.0, 900.0)  # before a proposed stop, warm to cold [s]
+_WARMING = 6  # stops that are driven before one after the shortest pause
+_DISTINCT = 12.0  # chi square that distinguishes explanations, as for a name
+_SHARPER = 0.9  # of its std, to which a number has to shrink for stops to be proposed [1]
+_NODES, _BINS = 61, 20  # grid times and bins of a proposed stop: smooth, without noise
 
-def between(table: StopTable, best: Fit, rivals: Sequence[Fit]) -> Experiment:
-    """Stops that tell the best explanation from its rivals.
+_QUIETER = (
+    "repeat one stop ten times, everything the same: if they still differ, mend the speed or the "
+    "command channel first; if not, drive each kind of stop three times"
+)
+
+
+def next_experiment(table: StopTable, decision: Decision, beyond: float) -> Experiment:
+    """Next stops to drive.
 
     Args:
-        table: stops of the log. best: explanation. rivals: at least one.
+        table: stops of the log. decision: its conclusion.
+        beyond: by which stops end later than that predicts, 0 if no more than by chance [m].
     """
+    match decision.verdict:
+        case Verdict.AMBIGUOUS:
+            return between(table, decision.explanation, decision.alternatives)
+        case Verdict.MISSING_EFFECT:
+            return sharpening(table, decision.explanation, beyond)
+        case Verdict.UNIDENTIFIABLE:
+            return Experiment("; ".join(f"for {a.name}: {a.test}" for a in decision.absorbed))
+        case Verdict.UNKNOWN:
+            return Experiment(_along(decision.axis))
+        case Verdict.TOO_NOISY:
+            return Experiment(_QUIETER)
+        case _:
+            return Experiment("")
+
+
+def _along(followed: ResidualAxis | None) -> str:
+    if followed is None:
+        return "repeat some of these stops unchanged: what differs between them is not the stop"
+    axis = followed.axis
+    if axis.name in WITHIN:
+        return (
+            "log speed and brake pressure as fast as the sensors can, and stop from several "
+            "speeds on level ground: what is missing happens within each stop"
+        )
+    low, high = np.quantile(axis.values, [0.02, 0.98])
+    return (
+        f"repeat one stop, everything else the same, at six values of {axis.name} from {low:.3g} "
+        f"to {high:.3g} {axis.unit}, three times each"
+    )
+
+
+def between(table: StopTable, best: Refit, alternatives: Sequence[Refit]) -> Experiment:
+    """Stops that distinguish the best explanation from its alternatives."""
     plans, sheet, white = _possible(table, best)
-    gains = [_Gain(sheet, white, best, rival) for rival in rivals]
-    chosen: list[int] = []
-    while len(chosen) < PROPOSED_STOPS:
-        # The nearest of the rivals decides, so that none is left untested.
-        worth = np.min([gain.of_each() for gain in gains], axis=0)
-        pick = int(np.argmax(worth))
-        chosen.append(pick)
-        for gain in gains:
-            gain.add(pick)
-    reached = min(gain.total for gain in gains)
-    repeats = int(np.ceil(TELLS_APART / reached)) if reached > 0.0 else 0
-    own, *others = (_named(f) for f in (best, *rivals))
-    names = " or ".join("+".join(each) or "new coefficients" for each in (own, *others))
+    equations = [_difference(sheet, white, best, other) for other in alternatives]
+    starts, rows = zip(*equations, strict=True)
+
+    def separation(*normals: Floats) -> Floats:
+        """(stops,) chi square between the best explanation and the nearest, refitted other."""
+        inverses = [np.linalg.inv(normal)[:, -1, -1] for normal in normals]
+        return np.asarray(1.0 / np.max(inverses, axis=0), np.float64)
+
+    chosen, normals = _design(starts, rows, separation)
+    reached = float(separation(*(normal[None] for normal in normals))[0])
+    repeats = int(np.ceil(_DISTINCT / reached)) if reached > 0.0 else 0
+    own, *further = (f.names for f in (best, *alternatives))
+    names = " or ".join("+".join(each) or "new coefficients" for each in (own, *further))
     stops = tuple(plans[i] for i in chosen)
-    if repeats == 0 or repeats > MOST_REPEATS:
-        different = [n for each in others for n in each if n not in own]
+    if repeats == 0 or repeats > _MAX_REPEATS:
+        different = [n for each in further for n in each if n not in own]
         test = LAWS[(different or own)[0]].experiment
         text = f"no few stops like those of the log tell {names}: {test}"
         return Experiment(text, stops, repeats if repeats <= 100 else 0)
-    text = f"to tell {names}, drive {_words(stops)}"
+    text = f"to tell {names}, drive {_listed(stops)}"
     text += f"; {repeats} times ({repeats * len(stops)} stops)" if repeats > 1 else ""
     return Experiment(text, stops, repeats)
 
 
-def _named(fit: Fit) -> tuple[str, ...]:
-    """Names of an explanation; the build-up of the brakes where it has no other."""
-    return fit.hypothesis.names or tuple(e.name for e in fit.hypothesis.added)
-
-
-def sharpening(table: StopTable, best: Fit, beyond: float = 0.0) -> Experiment:
+def sharpening(table: StopTable, best: Refit, beyond: float = 0.0) -> Experiment:
     """Stops that make the numbers of named effects most certain.
 
     Args:
@@ -82,21 +116,22 @@ def sharpening(table: StopTable, best: Fit, beyond: float = 0.0) -> Experiment:
         beyond: by which stops still end later than it predicts, 0 if no more than by chance [m].
     """
     plans, sheet, white = _possible(table, best)
-    slopes = white.by_stop(white.grid @ jacobian(sheet, best.hypothesis))
-    information = np.linalg.pinv(best.covariance, hermitian=True)
     own = np.arange(BASE, len(best.hypothesis.free))
-    chosen: list[int] = []
-    while len(chosen) < PROPOSED_STOPS:
-        more = information + np.einsum("skp,skq->spq", slopes, slopes)
-        spread = np.linalg.pinv(more, hermitian=True)[:, own[:, None], own]
-        chosen.append(int(np.argmin(np.linalg.slogdet(spread)[1])))
-        information = more[chosen[-1]]
+
+    def sharp(normal: Floats) -> Floats:
+        """(stops,) −ln det of the covariance of numbers of effects, all others unknown."""
+        inverse = np.linalg.pinv(normal, hermitian=True)
+        return -np.asarray(np.linalg.slogdet(inverse[:, own[:, None], own])[1], np.float64)
+
+    start = np.asarray(np.linalg.pinv(best.covariance, hermitian=True), np.float64)
+    slopes = white.root @ jacobian(sheet, best.hypothesis)
+    chosen, (normal,) = _design([start], [slopes], sharp)
     before = np.sqrt(np.diag(best.covariance)[own])
-    after = np.sqrt(np.diag(np.linalg.pinv(information, hermitian=True))[own])
+    after = np.sqrt(np.diag(np.linalg.pinv(normal, hermitian=True))[own])
     stops = tuple(plans[i] for i in chosen)
     shrink = float(np.max(after / np.maximum(before, 1e-300)))
-    if shrink > WORTH_DRIVING:
-        words = f"{PROPOSED_STOPS} more stops would not make the numbers surer"
+    if shrink > _SHARPER:
+        words = f"{_STOPS} more stops would not make the numbers surer"
         if beyond > 0.0:
             words += (
                 f", but stops still end up to {beyond:.2f} m beyond the prediction: repeat the "
@@ -106,41 +141,40 @@ def sharpening(table: StopTable, best: Fit, beyond: float = 0.0) -> Experiment:
             words = f"nothing is needed: {words}"
         return Experiment(words, stops, 1)
     text = f"to sharpen the numbers by a factor of {1.0 / max(shrink, 1e-3):.1f}, drive "
-    return Experiment(text + _words(stops), stops, 1)
+    return Experiment(text + _listed(stops), stops, 1)
 
 
-class _Gain:
-    """Chi square between two explanations as a design grows, the rival refitted throughout."""
+def _design(
+    starts: Sequence[Floats], rows: Sequence[Floats], worth: Callable[..., Floats]
+) -> tuple[list[int], list[Floats]]:
+    """Stops that are worth most one after another, and normal equations with all of them.
 
-    def __init__(self, sheet: StopTable, white: Whitener, best: Fit, rival: Fit) -> None:
-        apart = predict(sheet, best.hypothesis) - predict(sheet, rival.hypothesis)
-        self.apart = white.by_stop(white.grid @ apart[:, :, None])[:, :, 0]
-        self.slopes = white.by_stop(white.grid @ jacobian(sheet, rival.hypothesis))
-        self.information = np.linalg.pinv(rival.covariance, hermitian=True)
-        self.taken = np.zeros(len(self.information))
-        self.raw = 0.0
-        self.total = 0.0
-
-    def of_each(self) -> Floats:
-        """(stops,) chi square with one more stop."""
-        info = self.information + np.einsum("skp,skq->spq", self.slopes, self.slopes)
-        taken = self.taken + np.einsum("skp,sk->sp", self.slopes, self.apart)
-        inverse = np.linalg.pinv(info, hermitian=True)
-        solved = np.einsum("spq,sq->sp", inverse, taken)
-        raw = self.raw + np.einsum("sk,sk->s", self.apart, self.apart)
-        result: Floats = raw - np.einsum("sp,sp->s", taken, solved)
-        return result
-
-    def add(self, pick: int) -> None:
-        """Take a stop into the design."""
-        self.total = float(self.of_each()[pick])
-        slope, apart = self.slopes[pick], self.apart[pick]
-        self.information = self.information + slope.T @ slope
-        self.taken = self.taken + slope.T @ apart
-        self.raw += float(apart @ apart)
+    Args:
+        starts: (P, P) normal equations of the log. rows: (stops, K, P) that each stop would add.
+        worth: of normal equations, (stops, P, P) each.
+    """
+    normals, chosen = list(starts), []
+    more = [np.swapaxes(row, 1, 2) @ row for row in rows]
+    for _ in range(_STOPS):
+        each = [normal + own for normal, own in zip(normals, more, strict=True)]
+        chosen.append(int(np.argmax(worth(*each))))
+        normals = [normal[chosen[-1]] for normal in each]
+    return chosen, normals
 
 
-def _possible(table: StopTable, best: Fit) -> tuple[list[PlannedStop], StopTable, Whitener]:
+def _difference(
+    sheet: StopTable, white: Whitener, best: Refit, alternative: Refit
+) -> tuple[Floats, Floats]:
+    """Normal equations of an alternative and of the difference to it, and rows of each stop."""
+    apart = predict(sheet, best.hypothesis) - predict(sheet, alternative.hypothesis)
+    columns = [jacobian(sheet, alternative.hypothesis), sheet.average @ apart[:, :, None]]
+    start = np.zeros((len(alternative.covariance) + 1,) * 2)
+    start[:-1, :-1] = np.linalg.pinv(alternative.covariance, hermitian=True)
+    start[-1, -1] = 1e-12  # no stop distinguishes them yet
+    return start, white.root @ np.concatenate(columns, axis=2)
+
+
+def _possible(table: StopTable, best: Refit) -> tuple[list[PlannedStop], StopTable, Whitener]:
     """Stops that could be driven, as a table, and its transform."""
     choices = _choices(table, best)
     plans = []
@@ -149,11 +183,12 @@ def _possible(table: StopTable, best: Fit) -> tuple[list[PlannedStop], StopTable
         speed, grade = given.pop("speed"), given.pop("grade")
         plans.append(PlannedStop(float(speed or 0.0), float(grade or 0.0), **given))
     sheet = sheet_of(table, plans, best)
-    noise = replace(best.noise, correlation=0.0)
-    return plans, sheet, whitener(sheet, noise, best.hypothesis)
+    none = np.zeros((*sheet.time.shape, 1)), np.zeros(1)
+    trace = trace_of(sheet, best.hypothesis.model, none, np.zeros(len(sheet), np.int64))
+    return plans, sheet, Whitener.of(trace, best.whitener.onset, best.whitener.noise)
 
 
-def _choices(table: StopTable, best: Fit) -> dict[str, tuple[float | None, ...]]:
+def _choices(table: StopTable, best: Refit) -> dict[str, tuple[float | None, ...]]:
     low, high = np.quantile(table.held, [0.03, 0.97])
     grades = np.quantile(table.grade, [0.03, 0.97])
     choices: dict[str, tuple[float | None, ...]] = {
@@ -171,12 +206,17 @@ def _choices(table: StopTable, best: Fit) -> dict[str, tuple[float | None, ...]]
         inside = patch.parameters["x"]
         choices["x"] = (inside, inside + 2.0 * patch.parameters["radius"])
         choices["y"] = (patch.parameters["y"],)
-    if any(search_of(name).pauses_distinguish for name in best.hypothesis.names):
-        choices["pause"] = PROPOSED_PAUSES
+    if any(_needs_pauses(name) for name in best.hypothesis.names):
+        choices["pause"] = _PAUSES
     return choices
 
 
-def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Fit) -> StopTable:
+def _needs_pauses(name: str) -> bool:
+    how = LAWS[name].search
+    return how is not None and how.pauses_distinguish
+
+
+def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Refit) -> StopTable:
     """Stops that were not driven, on ground of constant grade, as a table."""
     count = len(plans)
     speed = np.array([p.speed for p in plans])
@@ -184,28 +224,27 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Fit) -> StopT
     grade = np.array([p.grade for p in plans])
     pull = GRAVITY * np.maximum(force + np.sin(grade), 0.1)
     end = best.hypothesis.dead_time + 0.93 * speed / pull
-    time = -0.3 + np.linspace(0.0, 1.0, SHEET_NODES) * (end + 0.3)[:, None]
+    time = -0.3 + np.linspace(0.0, 1.0, _NODES) * (end + 0.3)[:, None]
     since = np.maximum(time - best.hypothesis.dead_time, 0.0)
     v = np.maximum(speed[:, None] - pull[:, None] * since, 0.02)
-    owner = np.arange(SHEET_NODES) * SHEET_BINS // SHEET_NODES
-    average = (owner == np.arange(SHEET_BINS)[:, None]) / np.bincount(owner)[:, None]
+    owner = np.arange(_NODES) * _BINS // _NODES
+    average = (owner == np.arange(_BINS)[:, None]) / np.bincount(owner)[:, None]
     rate = float(np.median(table.spread[table.spread > 0.0])) * np.median(np.diff(table.time))
-    spread = rate * table.binned.shape[1] / SHEET_BINS / np.median(np.diff(time))
+    spread = rate * table.binned.shape[1] / _BINS / np.median(np.diff(time))
     one = np.ones_like(time)
-    pauses = np.array([p.pause or PROPOSED_PAUSES[-1] for p in plans])
+    pauses = np.array([p.pause or _PAUSES[-1] for p in plans])
 
     def column(name: str) -> Floats:
         own: Floats = np.array([getattr(p, name) or 0.0 for p in plans])[:, None] * one
         return own
 
     clock = float(table.clock.max()) + pauses
-    cooled = []
-    for i, pause in enumerate(pauses):
-        if pause <= PROPOSED_PAUSES[0]:
-            cooled += [
-                (i, float(pause) * (k + 1), 0.5 * float(speed[i]) ** 2)
-                for k in range(WARMING_STOPS)
-            ]
+    warmed = tuple(
+        tuple((float(pause) * (k + 1), 0.5 * float(v) ** 2) for k in range(_WARMING))
+        if pause <= _PAUSES[0]
+        else ()
+        for pause, v in zip(pauses, speed, strict=True)
+    )
     return replace(
         table,
         time=time,
@@ -219,8 +258,8 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Fit) -> StopT
         y=column("y"),
         vertical_curvature=0.0 * one,
         average=np.repeat(average[None], count, axis=0),
-        binned=np.zeros((count, SHEET_BINS)),
-        spread=np.full((count, SHEET_BINS), float(spread)),
+        binned=np.zeros((count, _BINS)),
+        spread=np.full((count, _BINS), float(spread)),
         held=speed,
         clock=clock,
         run=np.full(count, int(table.run.max()) + 1),
@@ -231,21 +270,12 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Fit) -> StopT
         force=pull / GRAVITY - np.sin(grade),
         further={},
         cooled=(),
-        warmed=_warmth(cooled, count),
+        warmed=warmed,
     )
 
 
-def _warmth(
-    cooled: Sequence[tuple[int, float, float]], count: int
-) -> tuple[tuple[tuple[float, float], ...], ...]:
-    """Per stop: (seconds before it, energy) of the stops that warmed its brakes."""
-    return tuple(
-        tuple((ago, energy) for owner, ago, energy in cooled if owner == i) for i in range(count)
-    )
-
-
-def _words(stops: Sequence[PlannedStop]) -> str:
-    said: dict[str, int] = {}
+def _listed(stops: Sequence[PlannedStop]) -> str:
+    counts: dict[str, int] = {}
     for stop in stops:
         words = f"{stop.speed:.1f} m/s at {np.rad2deg(stop.grade):+.0f}°"
         if stop.heading is not None:
@@ -258,5 +288,5 @@ def _words(stops: Sequence[PlannedStop]) -> str:
             words += f" at ({stop.x:.0f}, {stop.y:.0f}) m"
         if stop.pause is not None:
             words += f" after {stop.pause:.0f} s"
-        said[words] = said.get(words, 0) + 1
-    return "; ".join(f"{n} × {w}" if n > 1 else w for w, n in said.items())
+        counts[words] = counts.get(words, 0) + 1
+    return "; ".join(f"{n} × {w}" if n > 1 else w for w, n in counts.items())

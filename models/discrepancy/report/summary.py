@@ -1,4 +1,4 @@
-"""Findings in words: what is missing, how sure, what it changes in metres."""
+"""Findings as text: missing effects, confidence, change in metres."""
 
 from __future__ import annotations
 
@@ -15,32 +15,24 @@ from slopewise.models.discrepancy.findings import (
     NamedEffect,
     Verdict,
 )
+from slopewise.models.discrepancy.likelihood.residual_axes import LOCATED, ResidualAxis
 from slopewise.models.discrepancy.model.hypothesis import BASE, free_parameters
-from slopewise.models.discrepancy.search.locate import Followed, part_of_axis
-from slopewise.models.discrepancy.thresholds import LOCATED
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Effect
 
 _UNSEEN = 0.005  # change of a stop that two decimals do not show [m]
 
 
-def named_effects(
-    decision: Decision, located: Sequence[Followed], widths: Sequence[dict[str, float]]
-) -> tuple[NamedEffect, ...]:
-    """Effects of an explanation with numbers, confidence and alternatives.
-
-    Args:
-        decision: explanation and rivals. located: axes. widths: standard deviations of places and
-            times of change, see :func:`slopewise.models.discrepancy.search.extent.extents`.
-    """
+def named_effects(decision: Decision, located: Sequence[ResidualAxis]) -> tuple[NamedEffect, ...]:
+    """Effects of an explanation with numbers, confidence and alternatives."""
     if decision.verdict not in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS):
         return ()
-    fit = decision.explanation.fit
+    fit = decision.explanation
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     named = []
     k = BASE
-    own = set(decision.names)
-    each = zip(fit.hypothesis.added, decision.confidence, widths, strict=True)
+    named_already = set(decision.names)
+    each = zip(fit.hypothesis.added, decision.confidence, fit.extents, strict=True)
     for i, (effect, confidence, places) in enumerate(each):
         law = LAWS[effect.name].parameters
         free = free_parameters(effect)
@@ -52,20 +44,22 @@ def named_effects(
         k += len(free)
         if i not in decision.named:
             continue
-        others = []
-        for rival in decision.rivals:
-            if effect.name not in rival.names:
-                others += [n for n in rival.names if n not in own and n not in others]
+        alternatives = []
+        for alternative in decision.alternatives:
+            if effect.name not in alternative.names:
+                alternatives += [
+                    n for n in alternative.names if n not in named_already and n not in alternatives
+                ]
         along = next((f for f in located if f.axis.name == LAWS[effect.name].axis), None)
         named.append(
-            NamedEffect(effect.name, values, confidence, tuple(others), _where(effect, along))
+            NamedEffect(effect.name, values, confidence, tuple(alternatives), _where(effect, along))
         )
-    # The surest first; of equals, the one that was found first.
+    # By confidence; of equals, in the order of the search.
     return tuple(sorted(named, key=lambda e: -round(e.confidence, 2)))
 
 
 def located_axes(
-    decision: Decision, located: Sequence[Followed], above_floor: float, structure: float
+    decision: Decision, located: Sequence[ResidualAxis], above_floor: float, structure: float
 ) -> tuple[LocatedAxis, ...]:
     """Axes that the refitted base disagrees along, those that the named effects act along first.
 
@@ -80,24 +74,24 @@ def located_axes(
     if decision.axis is not None and not acting:
         acting = [decision.axis.axis.name]
     certain.sort(key=lambda f: (f.axis.name not in acting, -f.strength))
-    found = []
+    axes = []
     for f in certain:
-        low, high = part_of_axis(f)
+        low, high = f.part
         share = float(np.clip(f.removed / max(above_floor, 1e-12), 0.0, 1.0))
-        found.append(LocatedAxis(f.axis.name, low, high, f.axis.unit, share, f.p_value))
-    return tuple(found)
+        axes.append(LocatedAxis(f.axis.name, low, high, f.axis.unit, share, f.p_value))
+    return tuple(axes)
 
 
-def _where(effect: Effect, along: Followed | None) -> str:
+def _where(effect: Effect, along: ResidualAxis | None) -> str:
     where = LAWS[effect.name].where
     if where is not None:
         return where(effect.parameters)
     axis = LAWS[effect.name].axis
     if along is None:
         return f"along {axis}"
-    if along.axis.periodic and "direction" in effect.parameters:
+    if along.axis.name == "heading" and "direction" in effect.parameters:
         return f"along {axis}, most at {np.rad2deg(effect.parameters['direction']) % 360.0:.0f}°"
-    low, high = part_of_axis(along)
+    low, high = along.part
     if along.axis.unit == "rad":
         return f"along {axis}, most at {np.rad2deg(low):.0f}° … {np.rad2deg(high):.0f}°"
     return f"along {axis}, most at {low:.3g} … {high:.3g} {along.axis.unit}".rstrip()
@@ -122,10 +116,11 @@ def summary(table: StopTable, decision: Decision, distance: Gap, ends: tuple[flo
         case Verdict.MISSING_EFFECT:
             text = f"The model leaves out: {names}."
         case Verdict.AMBIGUOUS:
-            others = "; ".join(
-                " and ".join(r.names) or "new coefficients alone" for r in decision.rivals[:3]
+            alternatives = "; ".join(
+                " and ".join(r.names) or "new coefficients alone" for r in decision.alternatives[:3]
             )
-            text = f"The model most likely leaves out: {names}; {others} would fit nearly as well."
+            text = f"The model most likely leaves out: {names}; "
+            text += f"{alternatives} would fit nearly as well."
         case Verdict.UNIDENTIFIABLE:
             causes = " or ".join(a.name for a in decision.absorbed)
             text = f"New coefficients fit, but so does {causes}: this log cannot tell which it is."
@@ -140,23 +135,23 @@ def summary(table: StopTable, decision: Decision, distance: Gap, ends: tuple[flo
     )
 
 
-def _both_ways(least: float, most: float) -> str:
+def _both_ways(shortest: float, longest: float) -> str:
     """The largest change of each sign, the dangerous one first."""
-    longer, shorter = f"up to {most:.2f} m longer", f"up to {-least:.2f} m shorter"
-    if least >= -_UNSEEN:
+    longer, shorter = f"up to {longest:.2f} m longer", f"up to {-shortest:.2f} m shorter"
+    if shortest >= -_UNSEEN:
         return longer
-    return shorter if most <= _UNSEEN else f"{longer} and {shorter}"
+    return shorter if longest <= _UNSEEN else f"{longer} and {shorter}"
 
 
 def _not_seen(table: StopTable, decision: Decision) -> str:
-    """How much an effect has to change stops to show in this log, in a sentence."""
+    """Change of stops from which an effect would have shown in this log, as a sentence."""
     sizes = sorted((size, name) for name, size in decision.visible.items() if np.isfinite(size))
     if not sizes:
         return "Its stops are too much alike to show any effect."
-    (least, first), (most, last) = sizes[0], sizes[-1]
+    (shortest, first), (longest, last) = sizes[0], sizes[-1]
     mean = float(np.mean(table.distance))
-    plain = f"An effect would have shown from {_length(least, mean)} a stop on ({first})"
-    return plain + (f" to {_length(most, mean)} ({last})." if last != first else ".")
+    plain = f"An effect would have shown from {_length(shortest, mean)} a stop on ({first})"
+    return plain + (f" to {_length(longest, mean)} ({last})." if last != first else ".")
 
 
 def _length(size: float, mean: float) -> str:

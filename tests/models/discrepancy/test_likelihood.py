@@ -87,7 +87,7 @@ def test_columns_are_integrated_motion(build_up: float) -> None:
                 return [GRAVITY * (0.4 + 0.05 * (at + onset.dead_time)) * built]
 
             truth = solve_ivp(slope, (0.0, u), [0.0], rtol=1e-9, dense_output=True)
-            last = int(np.flatnonzero(stops.own_spread[i] > 0.0)[-1])
+            last = int(np.flatnonzero(stops.spread[i] > 0.0)[-1])
             late = np.maximum(samples.time[i] - onset.dead_time, 0.0)
             lost = truth.sol(np.minimum(late, u).ravel())[0].reshape(late.shape)
             exact = np.sum(lost * samples.weight[i], axis=1)

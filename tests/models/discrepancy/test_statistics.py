@@ -1,120 +1,98 @@
-"""Statistics of the search: noise, whitening, permutations, thresholds and progress."""
+"""Statistics of a refit: whitening, intervals, the design of stops, and progress."""
 
 from __future__ import annotations
 
-import ast
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from slopewise.models import discrepancy
-from slopewise.models.discrepancy import thresholds
+from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.likelihood import prior
+from slopewise.models.discrepancy.likelihood.refit import effect_of, improved
+from slopewise.models.discrepancy.likelihood.trace import columns_at, trace_of
+from slopewise.models.discrepancy.likelihood.whitener import Whitener
 from slopewise.models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
-from slopewise.models.discrepancy.model.noise import Noise, shapes, whitener
 from slopewise.models.discrepancy.model.prediction import predict
 from slopewise.models.discrepancy.progress import Progress, Stage
-from slopewise.models.discrepancy.search.locate import follow, part_of_axis
-from slopewise.models.discrepancy.search.refine import fit_with_noise
-from slopewise.models.discrepancy.thresholds import Basis
+from slopewise.models.effects.registry import validate
 from slopewise.models.parameters import Effect
-from tests.world.logs import investigated, table
+from tests.world.logs import findings_of, investigated, table, whitener_of
 from tests.world.vehicles import BASE
 
 BASIS = Hypothesis.configured(BASE)
-NOISE = Noise(0.03, 0.0, 0.05, 0.004, 0.02)
 
 
-def sampled(hypothesis: Hypothesis, noise: Noise, seed: int) -> StopTable:
-    """The stops of a log with speeds drawn from a hypothesis and a noise."""
-    stops = table("clean")
+def sampled(stops: StopTable, hypothesis: Hypothesis, white: Whitener, seed: int) -> StopTable:
+    """The stops with speeds speeds from a hypothesis and the noise of a whitener."""
     rng = np.random.default_rng(seed)
-    z = shapes(stops, hypothesis)
-    stds = np.array([0.0, noise.creep, noise.dead_time_std, noise.scatter])
-    effects = rng.standard_normal((len(stops), 4)) * stds
-    white = noise.speed * np.sqrt(stops.spread) * rng.standard_normal(stops.binned.shape)
+    trace = trace_of(stops, BASE, _no_spikes(stops), np.zeros(len(stops), np.int64))
+    effects = columns_at(trace, white.onset)[1]
+    std = np.sqrt(prior.own_variance(white.noise, effects.shape[2] - 4))
+    std[0] = 0.5  # a level of 10 m/s would only round
+    random = np.einsum("skr,sr->sk", effects, rng.standard_normal((len(stops), len(std))) * std)
+    alone = white.noise[0] * np.sqrt(stops.spread) * rng.standard_normal(stops.binned.shape)
     fall = np.einsum("skm,sm->sk", stops.average, predict(stops, hypothesis))
-    level = stops.held[:, None] * (stops.spread > 0.0)
-    return replace(stops, binned=level - fall + np.einsum("skp,sp->sk", z, effects) + white)
+    return replace(stops, binned=stops.held[:, None] - fall + random + alone)
+
+
+def _no_spikes(stops: StopTable) -> tuple[Floats, Floats]:
+    return np.zeros((*stops.time.shape, 1)), np.zeros(1)
 
 
 def test_whitened_residuals_are_independent_with_variance_one() -> None:
     stops = table("clean")
-    white = whitener(stops, NOISE, BASIS)
+    white = whitener_of(stops, lagging=True)
+    fall = np.einsum("skm,sm->sk", stops.average, predict(stops, BASIS))
     rows = []
-    for seed in range(30):
-        stds = sampled(BASIS, NOISE, seed)
-        fall = np.einsum("skm,sm->sk", stops.average, predict(stops, BASIS))
-        left = np.where(stops.spread > 0.0, stds.binned - stops.held[:, None] + fall, 0.0)
-        between, within = white.split(white.bins @ left[:, :, None])
-        rows.append(between[:, 0] / np.sqrt(1.0 + NOISE.scatter**2 * white.power))
-        used = (stops.spread > 0.0).sum(axis=1)
-        # The level is free, so one number per stop carries no information; friction is separate.
-        assert np.mean(within**2) * within[:, :, 0].size / (used.sum() - 2 * len(used)) < 1.2
-    assert np.var(rows) == pytest.approx(1.0, abs=0.1)
-
-
-def test_the_noise_is_estimated() -> None:
-    noise = fit_with_noise(sampled(BASIS, NOISE, 5), BASIS).noise
-    assert noise.speed == pytest.approx(NOISE.speed, rel=0.1)
-    assert noise.scatter == pytest.approx(NOISE.scatter, rel=0.35)
+    for seed in range(20):
+        speeds = sampled(stops, BASIS, white, seed)
+        left = speeds.binned - speeds.held[:, None] + fall
+        rows.append(np.einsum("skj,sj->sk", white.root, left))
+    used = np.array(rows)[:, stops.spread > 0.0]
+    assert np.var(used) == pytest.approx(1.0, abs=0.05)
+    neighbours = np.array(rows)[:, :, 1:] * np.array(rows)[:, :, :-1]
+    assert abs(np.mean(neighbours)) < 0.02
 
 
 def test_intervals_of_a_lag_cover() -> None:
-    truth = BASIS.plus(Effect(name="brake_lag", parameters={"tau": 0.15}))
+    stops, truth = table("clean"), BASIS.plus(Effect(name="brake_lag", parameters={"tau": 0.15}))
+    white = whitener_of(stops, build_up=0.15, lagging=True)
     inside = 0
     for seed in range(20):
-        noise = fit_with_noise(sampled(truth, NOISE, 100 + seed), truth)
-        error = noise.hypothesis.free[BASE_NUMBERS] - 0.15
-        inside += bool(abs(error) < 1.96 * np.sqrt(noise.covariance[BASE_NUMBERS, BASE_NUMBERS]))
+        fit = improved(sampled(stops, truth, white, 100 + seed), truth, white)
+        error = fit.hypothesis.free[BASE_NUMBERS] - 0.15
+        inside += bool(abs(error) < 1.96 * np.sqrt(fit.covariance[BASE_NUMBERS, BASE_NUMBERS]))
     assert inside >= 16  # 95 % of 20 is 19; fewer than 16 has a chance of 1 in 300
 
 
-def test_a_permuted_axis_is_followed_only_where_it_matters() -> None:
-    clean = follow(table("clean"), fit_with_noise(table("clean"), BASIS), 1)
-    assert clean[0].p_value > 0.02
-    pattern = follow(table("cross"), fit_with_noise(table("cross"), BASIS), 1)
-    assert pattern[0].axis.name == "roll"
-    assert pattern[0].p_value < 1e-3
-    low, high = part_of_axis(pattern[0])
-    assert low < high
+def test_nothing_that_all_stops_share_at_the_onset_is_left() -> None:
+    stops = table("clean")
+    white = whitener_of(stops)
+    shared = white.nuisances.reshape(-1, white.nuisances.shape[2])
+    left = shared - white.basis[: len(shared)] @ (white.basis[: len(shared)].T @ shared)
+    # What the prior of a nuisance allows is as large as its prior says, not zero.
+    assert np.all(np.linalg.norm(left, axis=0) <= 1.0 + 1e-9)
 
 
-PACKAGE = Path(discrepancy.__file__).parent
-MODULES = sorted(p for p in PACKAGE.rglob("*.py") if p.name not in ("thresholds.py", "settings.py"))
+@pytest.mark.parametrize(("strength", "scale"), [(-0.3, 0.7), (-1.1, 0.0), (0.2, 1.2)])
+def test_brakes_never_push(strength: float, scale: float) -> None:
+    """A line through the stops may ask for less than no force; there is no such effect."""
+    effect = effect_of("step_change", {"delta": 0.0, "run": 3.0}, strength)
+    assert validate(effect)["scale"] == pytest.approx(scale)
 
 
-def test_every_threshold_has_its_fields():
-    rows = thresholds.table()
-    assert len(rows) > 50
-    assert len({row.name for row in rows}) == len(rows)
-    for row in rows:
-        assert isinstance(row.basis, Basis), row.name
-        assert row.unit, row.name
-        assert len(row.moves) > 10, row.name
-
-
-def test_every_constant_of_the_table_is_a_row():
-    constants = {name for name in vars(thresholds) if name.isupper() and not name.startswith("_")}
-    assert constants == {row.name for row in thresholds.table()}
-
-
-def test_every_threshold_is_read():
-    read = {
-        alias.name
-        for path in MODULES
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.ImportFrom) and node.module == thresholds.__name__
-        for alias in node.names
-    }
-    assert {row.name for row in thresholds.table()} == read
+def test_an_axis_is_followed_only_where_it_matters() -> None:
+    assert findings_of("clean").located == ()
+    pattern = findings_of("cross").evidence.axes[0]
+    assert pattern.name == "roll"
+    assert pattern.p_value < 1e-3
 
 
 def test_each_hundredth_is_reported_once() -> None:
-    reported = investigated("clean")[2]
+    reported = investigated("clean")[1]
     assert min(reported) > 0
     assert sum(reported) == Stage.FINDINGS == 100
 

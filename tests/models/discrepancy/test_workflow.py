@@ -173,7 +173,7 @@ def test_drag_in_slow_stops_is_ambiguous_and_an_experiment_is_proposed() -> None
     assert {"aerodynamic_drag", "viscous_resistance"} <= names
     speeds = [stop.speed for stop in f.next_experiment.stops]
     columns, _ = log("slow_drag")
-    assert min(speeds) > np.median(columns["v_cmd"][columns["v_cmd"] > 0.0])
+    assert max(speeds) > 0.9 * np.max(columns["v_cmd"])
 
 
 def test_a_second_run_with_the_written_model_finds_no_further_effect() -> None:

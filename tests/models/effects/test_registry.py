@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
 from slopewise.models import effects
-from slopewise.models.discrepancy.data.stop_ground import ground_of
+from slopewise.models.discrepancy.likelihood.axes import axes_of
+from slopewise.models.discrepancy.likelihood.refit import effect_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
-from slopewise.models.discrepancy.model.prediction import predict
-from slopewise.models.discrepancy.search.axes import axes_of
-from slopewise.models.discrepancy.search.candidates import candidates
-from slopewise.models.discrepancy.search.refine import fit_base, start_of, with_build_up
+from slopewise.models.discrepancy.model.prediction import predict, stops_seen
 from slopewise.models.effects.effect_law import CHANNELS, EffectLaw, Enters, Place
 from slopewise.models.effects.registry import (
     LAWS,
     validate,
 )
 from slopewise.models.parameters import Effect
+from slopewise.models.quantity import GRAVITY
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
 from tests.world.formulas import FORMULAS, Moment
 from tests.world.logs import table
@@ -115,7 +115,7 @@ def test_stops_grow_longer_where_its_parameters_say_so(name: str, law: EffectLaw
 @ALL
 def test_it_has_an_axis_and_an_experiment(name: str, law: EffectLaw) -> None:
     stops = table("crests")
-    axes = {axis.name for axis in axes_of(stops, Hypothesis.configured(BASE))}
+    axes = {axis.name for axis in axes_of(stops, BASE.braking.dead_time)}
     assert law.axis in axes
     assert law.depends_on <= set(CHANNELS)
     assert len(law.missing) > 5
@@ -136,27 +136,16 @@ def test_logs_are_searched_for_it_or_the_reason_is_stated(name: str, law: Effect
     assert law.unsearched == ""
     search = law.search
     assert search.strength in law.parameters
-    assert set(search.shows_along) <= {a.name for a in axes_of(table("crests"), _base())}
-    library, columns = candidates(table("crests"), _base())
-    columns_of_effect = [i for i, c in enumerate(library) if c.name == name]
-    assert columns_of_effect
-    assert search.placed == ({"x", "y", "radius"} <= set(library[columns_of_effect[0]].inner))
-    assert np.all(np.isfinite(columns[:, :, columns_of_effect]))
-    assert np.any(columns[:, :, columns_of_effect] != 0.0)
-    effect = library[columns_of_effect[0]].effect(0.1)
+    columns = list(search.columns(stops_seen(table("crests"), _base())))
+    assert columns
+    assert search.placed == ({"x", "y", "radius"} <= set(columns[0][0]))
+    assert all(np.all(np.isfinite(share)) for _, share in columns)
+    assert any(np.any(share != 0.0) for _, share in columns)
+    effect = effect_of(name, columns[0][0], 0.1)
     assert set(effect.parameters) <= set(law.parameters)
     assert set(law.parameters) - set(effect.parameters) <= {
         key for key, p in law.parameters.items() if p.default is not None
     }
-
-
-def test_a_build_up_is_no_candidate_but_fitted_in_addition() -> None:
-    lagging = table("lag")
-    library, _ = candidates(table("crests"), _base())
-    built = with_build_up(lagging, fit_base(lagging, start_of(lagging, BASE)))
-    (added,) = built.hypothesis.added
-    assert LAWS[added.name].enters is Enters.LAG
-    assert added.name not in {c.name for c in library}
 
 
 def _base() -> Hypothesis:
@@ -166,18 +155,21 @@ def _base() -> Hypothesis:
 @ALL
 def test_its_column_is_the_slope_of_the_prediction(name: str, law: EffectLaw) -> None:
     """One unit of a small strength changes the fall of the speed by the column."""
-    if law.search is None or law.search.is_complete:
+    search = law.search
+    if search is None or search.is_complete:
         return  # not linear in its only number
     stops, strength = table("crests"), 1e-6
-    library, columns = candidates(stops, _base())
-    i = next(i for i, c in enumerate(library) if c.name == name)
-    hypothesis = _base().plus(library[i].effect(strength))
+    inner, share = next(iter(search.columns(stops_seen(stops, _base()))))
+    hypothesis = _base().plus(effect_of(name, inner, strength))
     change = (predict(stops, hypothesis) - predict(stops, _base())) / strength
-    scale = np.max(np.abs(columns[:, :, i]))
+    column = GRAVITY * cumulative_trapezoid(share, stops.time, axis=1, initial=0.0)
+    onset = _base().dead_time
+    for i, time in enumerate(stops.time):
+        column[i] = np.where(time > onset, column[i] - np.interp(onset, time, column[i]), 0.0)
     # Cold brakes fade by less than a percent; the mean force replaces that of each stop.
     loose = 0.1 if law.enters is Enters.FADE else 0.01
-    moving = ground_of(stops).turning * 0.0 + stops.speed > 0.5
-    assert np.max(np.abs(change - columns[:, :, i])[moving]) < loose * scale
+    moving = stops.speed > 0.5
+    assert np.max(np.abs(change - column)[moving]) < loose * np.max(np.abs(column))
 
 
 def test_every_file_of_the_folder_is_registered() -> None:

@@ -1,0 +1,194 @@
+"""An explanation with the laws of its effects, where the linear likelihood left it.
+
+Weights are of linear columns on grids; what is written has exact laws. Its numbers are fitted by
+least squares of whitened speeds, so that noise and nuisances are those of the likelihood.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from slopewise.models.arrays import Bools, Floats
+from slopewise.models.calibration.force_fit import WEAK_PRIOR
+from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.likelihood.place import Extent, settled
+from slopewise.models.discrepancy.likelihood.posterior import LAG, Explanation
+from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES
+from slopewise.models.discrepancy.likelihood.whitener import Whitener
+from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.prediction import predict
+from slopewise.models.effects.registry import LAWS
+from slopewise.models.parameters import Effect
+
+_STEP = 1e-3  # of derivatives, of a number's scale: rounding is a thousandth of it [1]
+_EVALUATIONS = 12  # steps of a fit: it begins where the likelihood ended
+_MOST_WIDER = 2.0  # by which scattering stops widen an interval: more are no fault of noise [1]
+
+
+@dataclass(frozen=True, slots=True)
+class Refit:
+    """A hypothesis at its best.
+
+    Attributes:
+        hypothesis: with its numbers. covariance: (P, P) of them, in the order of its `free`.
+        whitener: that it was weighed with.
+        extents: per added effect, deviations of numbers that have no derivative, by name.
+        names: of its effects in order of the alphabet, but for a build-up that all brakes have.
+    """
+
+    hypothesis: Hypothesis
+    covariance: Floats
+    whitener: Whitener
+    extents: tuple[Extent, ...] = ()
+    names: tuple[str, ...] = ()
+
+
+def refitted(explanation: Explanation) -> Refit:
+    """An explanation with the laws of its effects; causes without a name are left out."""
+    fit, at = explanation.fit, explanation.at
+    model = fit.trace.model
+    # Effects would take up what a build-up leaves; coefficients alone take it as a later onset.
+    builds_up = bool(explanation.names) and all(e.name != LAG for e in model.effect)
+    builds_up = builds_up or LAG in explanation.names
+    whitener = Whitener.of(fit.trace, fit.onsets[at], fit.noise, lagging=builds_up)
+    hypothesis, likely, extents = _linear(explanation, builds_up=builds_up)
+    best = improved(fit.trace.table, hypothesis, whitener)
+    for i, inners in enumerate(likely):
+        if len(inners) > 1:
+            nearest = _nearest(fit.trace.table, best, i, inners)
+            best = improved(fit.trace.table, nearest, whitener)
+    return replace(best, extents=extents, names=tuple(sorted(explanation.names)))
+
+
+def _linear(
+    explanation: Explanation, *, builds_up: bool
+) -> tuple[Hypothesis, list[list[dict[str, float]]], tuple[Extent, ...]]:
+    """Its numbers as the linear likelihood has them; per effect, likely inner ones and extents."""
+    fit, onset = explanation.fit, explanation.fit.onsets[explanation.at]
+    mean = fit.solutions[explanation.at].mean
+    force, slope, force_by_speed, slope_by_speed = mean[BASE_PLACES]
+    held = float(fit.trace.table.held.mean())
+    shift = [slope_by_speed, slope - held * slope_by_speed]
+    shift += [force_by_speed, force - held * force_by_speed]
+    added: list[Effect] = []
+    extents: list[Extent] = []
+    likely: list[list[dict[str, float]]] = []
+    dead_time = onset.dead_time
+    if builds_up:
+        added.append(Effect(name=LAG, parameters={"tau": onset.build_up}))
+        extents.append({})
+        likely.append([{}])
+    else:
+        dead_time += onset.build_up
+    column = len(mean) - sum(c.count for c in fit.chosen)
+    for candidate in fit.chosen:
+        if candidate.named:
+            inners, extent = settled(explanation, candidate)
+            added.append(effect_of(candidate.name, inners[0], float(mean[column])))
+            likely.append(inners)
+            extents.append(extent)
+        column += candidate.count
+    start = Hypothesis(fit.trace.model, np.array(shift), max(dead_time, 0.0), tuple(added))
+    return start, likely, tuple(extents)
+
+
+def _nearest(
+    table: StopTable, fit: Refit, index: int, inners: list[dict[str, float]]
+) -> Hypothesis:
+    """With the inner numbers of an effect that leave the smallest residual by its exact law."""
+    added = fit.hypothesis.added
+    effect = added[index]
+    moved = [replace(effect, parameters={**effect.parameters, **inner}) for inner in inners]
+    tried = [replace(fit.hypothesis, added=(*added[:index], e, *added[index + 1 :])) for e in moved]
+    rows = fit.whitener.rows(np.stack([residual(table, h) for h in tried], axis=2))
+    return tried[int(np.argmin(np.sum(rows**2, axis=0)))]
+
+
+def effect_of(name: str, inner: dict[str, float], strength: float) -> Effect:
+    """An effect with a strength, or the nearest that there can be.
+
+    Args:
+        name: of an effect that logs are searched for. inner: its parameters beside the strength.
+        strength: of its column [1].
+    """
+    how = LAWS[name].search
+    assert how is not None
+    own: dict[str, float] = {}
+    if not how.is_complete:
+        low, high = LAWS[name].parameters[how.strength].bounds
+        own[how.strength] = min(max(how.offset + strength, low), high)
+    return Effect(name=name, parameters={**own, **inner})
+
+
+def residual(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, K) measured less predicted speed, up to the level of each stop [m/s]."""
+    fall = np.einsum("skm,sm->sk", table.average, predict(table, hypothesis))
+    left: Floats = np.where(table.spread > 0.0, table.binned - table.held[:, None] + fall, 0.0)
+    return left
+
+
+def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
+    """(S, K, P) change of the fall of speed in bins with each free number."""
+    free, steps = hypothesis.free, _STEP * hypothesis.scales
+    steps = np.where(free + steps <= hypothesis.bounds[1], steps, -steps)
+    here = predict(table, hypothesis)
+    moved = [predict(table, hypothesis.moved(free + step)) - here for step in np.diag(steps)]
+    return table.average @ (np.stack(moved, axis=2) / steps)
+
+
+def improved(table: StopTable, start: Hypothesis, whitener: Whitener) -> Refit:
+    """Least squares within the bounds of all numbers, the coefficients drawn to those configured.
+
+    Args:
+        table: stops. start: from which to begin. whitener: of the same stops.
+    """
+    scales = start.scales
+    low, high = (bound / scales for bound in start.bounds)
+    precision, centre = np.zeros(len(scales)), start.free
+    precision[: len(WEAK_PRIOR)], centre[: len(WEAK_PRIOR)] = 1.0 / np.square(WEAK_PRIOR), 0.0
+    precision[len(WEAK_PRIOR)] = 1.0  # [1/s²]: as good as unknown
+    centre[len(WEAK_PRIOR)] = start.model.braking.dead_time
+    root = np.sqrt(precision)
+
+    def errors(x: Floats) -> Floats:
+        rows = whitener.rows(residual(table, start.moved(x * scales))[:, :, None])[:, 0]
+        return np.concatenate((rows, root * (x * scales - centre)))
+
+    def slopes(x: Floats) -> Floats:
+        rows = whitener.rows(jacobian(table, start.moved(x * scales)))
+        return np.concatenate((rows, np.diag(root))) * scales
+
+    inside = np.clip(start.free / scales, low + 1e-6, high - 1e-6)
+    best = least_squares(
+        errors, inside, slopes, bounds=(low, high), max_nfev=_EVALUATIONS, xtol=1e-4, ftol=1e-6
+    )
+    covariance = np.linalg.pinv(best.jac.T @ best.jac, hermitian=True)
+    # Few stops tell less of their scatter than its likelihood pretends.
+    covariance *= len(table) / max(len(table) - len(scales), 1)
+    covariance = _robust(covariance, best.jac, best.fun, whitener.root.shape[:2])
+    scaled = scales[:, None] * covariance * scales
+    return Refit(start.moved(best.x * scales), 0.5 * (scaled + scaled.T), whitener)
+
+
+def without(fit: Refit, table: StopTable, stops: Bools) -> tuple[StopTable, Hypothesis]:
+    """The stops left out (S,), and the same numbers fitted to all others."""
+    seen = table.take(~stops)
+    return table.take(stops), improved(seen, fit.hypothesis, fit.whitener.take(~stops)).hypothesis
+
+
+def _robust(covariance: Floats, x: Floats, r: Floats, shape: tuple[int, ...]) -> Floats:
+    """Covariance, wider where stops scatter more along a number than the noise says.
+
+    The sandwich of the scores of whole stops holds whatever the noise within a stop really is
+    (White 1980, in clusters); with few stops it comes out too small, so it only ever widens.
+    """
+    count = int(np.prod(shape))
+    scores = (x * r[:, None])[:count].reshape(*shape, -1).sum(axis=1)
+    sandwich = covariance @ (scores.T @ scores) @ covariance
+    usual = np.maximum(np.diag(covariance), 1e-300)
+    wider = np.sqrt(np.clip(np.diag(sandwich) / usual, 1.0, _MOST_WIDER**2))
+    result: Floats = covariance * np.outer(wider, wider)
+    return result

@@ -1,1 +1,0 @@
-"""Which effects, where: screening, fitting, locating."""
