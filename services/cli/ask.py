@@ -27,8 +27,7 @@ def ask(
 ) -> T:
     """The reply at a key within a time [s]; without a request the query has no payload.
 
-    Raises:
-        InputError: no reply in time; begins with the subject.
+    The InputError of a missing reply begins with the subject.
     """
     message: dict[str, Any] = {}
     if request is not None:

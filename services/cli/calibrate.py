@@ -102,7 +102,7 @@ def calibrate(
     )
     log_input = LogInput(logs, map_file, nodata, topics, columns)
     try:
-        result = job.calibrate(log_input, model, settings=settings, quiet=as_json)
+        result = job.calibrate(log_input, model, settings=settings)
     except job.RejectedLogError as rejected:
         if stops is not None:
             summaries.write_rejected_stops(rejected, stops)

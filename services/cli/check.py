@@ -57,7 +57,6 @@ def check(
         quantile=quantile,
         topics=topics,
         nodata=nodata,
-        quiet=as_json,
     )
     print_result(as_json, result.summary, tables(result))
     return None if result.valid else ExitStatus.NOT_ADMISSIBLE

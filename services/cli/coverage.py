@@ -42,7 +42,7 @@ def coverage(
     from slopewise.services.jobs.log_input import LogInput
 
     log_input = LogInput(logs, map_file, nodata, topics, columns)
-    summary = job(log_input, model, quantile=quantile, quiet=as_json)
+    summary = job(log_input, model, quantile=quantile)
     print_result(as_json, summary, _tables(summary))
     if not summary.covers:
         return ExitStatus.NOT_ADMISSIBLE

@@ -26,7 +26,7 @@ def demo(
     from slopewise.services.jobs.plan_summary import summarise
     from slopewise.services.report.plan_page import write_job_page
 
-    result, map_file, path_file = job(out, quiet=as_json)
+    result, map_file, path_file = job(out)
     page = out / "report.html"
     write_job_page(page, result, map_file, path_file, MODEL, START_SPEED, math.inf)
     print_result(as_json, summarise(result, page) if as_json else None, plan_tables(result))

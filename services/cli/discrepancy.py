@@ -59,7 +59,7 @@ def discrepancy(
 
     settings = from_options(DiscrepancySettings, false_alarm=false_alarm, seed=seed)
     log_input = LogInput(logs, map_file, nodata, topics, columns)
-    findings = job(log_input, model, settings=settings, quiet=as_json)
+    findings = job(log_input, model, settings=settings)
     files, page = write_findings(findings, out), out / PAGE
     title, facts = f"{findings.model.name} against its log", provenance_of(logs, model)
     write_discrepancy_page(page, findings, title=title, provenance=facts)

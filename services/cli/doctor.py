@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result
 from slopewise.services.cli.tables import line
@@ -81,7 +82,6 @@ def _facts(
     live: float,
 ) -> RobotFacts:
     """Read the sources; InputError without one."""
-    from slopewise.models.errors import InputError
     from slopewise.services.doctor.message_collector import live_traffic, recorded_traffic
     from slopewise.services.doctor.nav2_file import read_nav2
     from slopewise.services.doctor.robot_facts import Nav2Facts, ObservedTraffic, RobotFacts

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result
 from slopewise.services.cli.tables import table
@@ -47,7 +48,6 @@ def export(
 
         typer.echo(json.dumps(model_schema(), indent=1))
         return
-    from slopewise.models.errors import InputError
     from slopewise.services.io.model_file import find_model, read_model
 
     if not model:

@@ -83,7 +83,7 @@ def fleet_plan(
         scheduler,
         nodata,
     )
-    summary = plan_fleet(request, quiet=as_json)
+    summary = plan_fleet(request)
     print_result(as_json, summary, _plan_tables(summary), out)
     return None if summary.admissible else ExitStatus.NOT_ADMISSIBLE
 
@@ -124,18 +124,16 @@ def fleet_calibrate(
     [bold]Example[/]  slopewise fleet calibrate logs/*.csv --model atv --out out/fleet
     """
     from slopewise.services.fleet.calibrate_fleet import calibrate_fleet
+    from slopewise.services.jobs.log_input import LogInput
 
     result = calibrate_fleet(
-        logs,
+        LogInput(logs, map_file, nodata),
         model,
         out,
         by_folder=by_folder,
-        map_file=map_file,
-        nodata=nodata,
         coverage=coverage,
         workers=workers,
         scheduler=scheduler,
-        quiet=as_json,
     )
     print_result(as_json, result.summary, _calibrate_tables(result, out))
 
@@ -208,21 +206,19 @@ def fleet_discrepancy(
     from slopewise.services.fleet.fleet_page import write_fleet_page
     from slopewise.services.fleet.investigate_fleet import PAGE, investigate_fleet
     from slopewise.services.fleet.vehicle_finding import FleetDiscrepancyRequest
+    from slopewise.services.jobs.log_input import LogInput
     from slopewise.services.jobs.summary import from_options
 
     request = FleetDiscrepancyRequest(
-        logs,
+        LogInput(logs, map_file, nodata, topics),
         models,
         out,
         by_folder,
-        map_file,
-        topics,
         from_options(DiscrepancySettings, false_alarm=false_alarm, seed=seed),
         workers,
         scheduler,
-        nodata,
     )
-    rows, summary = investigate_fleet(request, quiet=as_json)
+    rows, summary = investigate_fleet(request)
     page = out / PAGE
     write_fleet_page(page, rows, summary)
     print_result(as_json, summary, _discrepancy_tables(rows, summary), page)

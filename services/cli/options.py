@@ -14,6 +14,13 @@ def _nodata(text: str) -> Any:
     return nodata_of(text)
 
 
+def _without_progress(as_json: bool) -> bool:
+    from slopewise.services.jobs.progress import show_progress
+
+    show_progress(not as_json)
+    return as_json
+
+
 MapFile = Annotated[
     Path,
     typer.Argument(
@@ -98,7 +105,10 @@ FalseAlarm = Annotated[
 Seed = Annotated[int, typer.Option(help="Of the random numbers; the same gives the same.")]
 Report = Annotated[Path | None, typer.Option(metavar="out.html", help="Write a page with charts.")]
 Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="For the reply.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+AsJson = Annotated[
+    bool,
+    typer.Option("--json", callback=_without_progress, help="Print JSON instead of a table."),
+]
 JsonLine = Annotated[
     bool,
     typer.Option("--json", help="Print the line that it is ready as JSON, on standard output."),

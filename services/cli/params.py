@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result, schema_of
 from slopewise.services.cli.tables import line, notes, number, table
@@ -101,7 +102,6 @@ def params(
     name, message = _message(
         group, limit if history else 0, rollback, changes, investigate, adopt, faster
     )
-    from slopewise.models.errors import InputError
     from slopewise.services.cli.ask import ask
     from slopewise.services.wire.connect import client_session
     from slopewise.services.wire.parameter_messages import DiscrepancyQuestion, ParameterReply
@@ -128,7 +128,6 @@ def _message(
     faster: bool,
 ) -> tuple[str, msgspec.Struct]:
     """Name of the key, and message; InputError if the options do not fit together."""
-    from slopewise.models.errors import InputError
     from slopewise.services.wire import parameter_messages as messages
 
     if sum(map(bool, (history, rollback is not None, changes, investigate, adopt))) > 1:
@@ -154,8 +153,6 @@ def _message(
 
 
 def _values(changes: list[str]) -> dict[str, float]:
-    from slopewise.models.errors import InputError
-
     values = {}
     for change in changes:
         name, _, text = change.partition("=")

@@ -92,7 +92,6 @@ def plan(
         explains=explain,
         topics=topics,
         nodata=nodata,
-        quiet=as_json,
     )
     if out is not None:
         write_plans(result, out)
@@ -102,7 +101,7 @@ def plan(
         write_job_page(report, result, map_file, path_file, model, speed, clear)
     if check:
         is_scene = out is None or out.suffix.lower() in SCENES
-        result = job.with_check(result, None if is_scene else out, clear, quiet=as_json)
+        result = job.with_check(result, None if is_scene else out, clear)
     summary = summarise(result) if as_json else None
     print_result(as_json, summary, tables(result), out, report)
     is_valid = result.check is None or result.check.valid

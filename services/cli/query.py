@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from slopewise.models.errors import InputError, ParameterError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result
 from slopewise.services.cli.tables import line, number, table
@@ -48,7 +49,6 @@ def query(
 
     [bold]Example[/]  slopewise query paths.csv --map hill.tif --speed 2
     """
-    from slopewise.models.errors import InputError, ParameterError
     from slopewise.services.client import PlanClient
     from slopewise.services.io.path_file import read_paths
     from slopewise.services.wire.connect import client_session
@@ -105,12 +105,7 @@ def _map_update(map_file: Path, nodata: NoData) -> MapUpdate:
 
 
 def _send_map(client: PlanClient, update: MapUpdate, timeout: float) -> None:
-    """Send a map, and wait until the service plans with it.
-
-    Raises:
-        InputError: that did not happen in time; plans would be of other ground.
-    """
-    from slopewise.models.errors import InputError
+    """Send a map, and wait until the service plans with it and no other ground."""
 
     def version() -> int:
         reply = client.plan(0.0, []).reply

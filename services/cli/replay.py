@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result, schema_of
 from slopewise.services.cli.tables import line, number, table
@@ -66,7 +67,6 @@ def replay(
     [bold]Example[/]  slopewise replay drive.csv --speed-up 20
     [bold]Example[/]  slopewise replay drive.mcap --plan --model atv --report drive.html
     """
-    from slopewise.models.errors import InputError
     from slopewise.services.cli.ask import ask
     from slopewise.services.io.drive_log import read_logs
     from slopewise.services.wire.connect import client_session
@@ -85,7 +85,7 @@ def replay(
     with client_session(connect, zenoh_file) as session:
         before = ask(session, key, ParameterReply, None, timeout, key)
         begin = time.monotonic()
-        receipts = _play(log, session, namespace, speed_up, timeout, quiet=as_json)
+        receipts = _play(log, session, namespace, speed_up, timeout)
         took = time.monotonic() - begin
         after = ask(session, key, ParameterReply, None, timeout, key)
     summary = _summary(log, took, receipts, before, after)
@@ -102,12 +102,11 @@ def _replay_plan(
     as_json: bool,
 ) -> None:
     """Plan along one recording."""
-    from slopewise.models.errors import InputError
     from slopewise.services.guard.one_decision import guard_decision
     from slopewise.services.io.bags import is_bag
     from slopewise.services.jobs.replay_plan import replay_plan
     from slopewise.services.jobs.replay_summary import summarise
-    from slopewise.services.report.replay_page import slowed_cells, verdict, write_replay_page
+    from slopewise.services.report import replay_page as page
 
     if not model:
         raise InputError("--plan", "", "expected --model as well, a file or a shipped vehicle")
@@ -117,29 +116,20 @@ def _replay_plan(
     result = replay_plan(bag, model, guard_decision, topics=topics, speed_up=speed_up)
     summary = summarise(result)
     if report is not None:
-        write_replay_page(report, result, summary, bag=bag.name, model=model)
-    rows = [(r.status, r.example, str(r.cycles), f"{r.first:.1f}") for r in summary.statuses]
-    rows += [
-        (f"guard: {r.status}", r.example, str(r.cycles), f"{r.first:.1f}") for r in summary.guard
-    ]
-    tables: list[Any] = [verdict(summary)]
+        page.write_replay_page(report, result, summary, bag=bag.name, model=model)
+    rows = page.cause_cells(summary.statuses) + page.cause_cells(summary.guard, "guard: ")
+    tables: list[Any] = [page.verdict(summary)]
     tables += [f"{reason}: {plural(n, 'cycle')}" for reason, n in summary.missing.items()]
     head = ("status", "reason, the first time", "cycles", "first, s")
     tables += table(head, rows, left=("reason, the first time",))
     columns = ("from, s", "to, s", "x, y, m", "driven, m/s", "planned, m/s", "reason")
     if summary.slowed:
-        tables += table(columns, slowed_cells(summary), title="slowed", left=("reason",))
+        tables += table(columns, page.slowed_cells(summary), title="slowed", left=("reason",))
     print_result(as_json, summary, tables, report)
 
 
 def _play(
-    log: DriveLog,
-    session: zenoh.Session,
-    namespace: str,
-    speed_up: float,
-    timeout: float,
-    *,
-    quiet: bool,
+    log: DriveLog, session: zenoh.Session, namespace: str, speed_up: float, timeout: float
 ) -> Counter[tuple[str, str]]:
     """Send all samples; number of batches by status and reason of their receipts."""
     from slopewise.services.cli.ask import ask
@@ -150,7 +140,7 @@ def _play(
     t, key = log.columns["t"], f"{namespace}/v1/obs/drive"
     # One sender per run, unless the clock of all runs is the same.
     name, sequence = f"replay-{os.getpid()}-{time.time_ns()}", 0
-    with progress_bar("playing", len(t), quiet=quiet) as advance:
+    with progress_bar("playing", len(t)) as advance:
         for number, part in enumerate(log.runs):
             source = name if log.one_clock else f"{name}-{number}"
             begin, first = time.monotonic(), float(t[part.start])

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_ready
 
@@ -25,7 +26,6 @@ def serve(
 
     [bold]Example[/]  slopewise serve --config configs/service.toml
     """
-    from slopewise.models.errors import InputError
     from slopewise.services.settings.service_settings import read_config
 
     _require_zenoh("serve")
@@ -50,8 +50,6 @@ def ros(
 
     [bold]Example[/]  slopewise ros --config configs/ros.toml
     """
-    from slopewise.models.errors import InputError
-
     for module, extra in (("zenoh", "eclipse-zenoh"), ("rosbags", "'.[ros]' in a clone")):
         if find_spec(module) is None:
             raise InputError("ros", "", f"expected {module}, got none: pip install {extra}")
@@ -104,7 +102,5 @@ def guard(
 
 
 def _require_zenoh(name: str) -> None:
-    from slopewise.models.errors import InputError
-
     if find_spec("zenoh") is None:
         raise InputError(name, "", "needs zenoh: pip install eclipse-zenoh")

@@ -38,7 +38,7 @@ def simulate(
     from slopewise.services.jobs.log_input import LogInput
     from slopewise.services.jobs.simulate import simulate as job
 
-    result = job(LogInput(logs, topics=topics, columns=columns), model, quiet=as_json)
+    result = job(LogInput(logs, topics=topics, columns=columns), model)
     if out is not None:
         result.write(out)
     print_result(as_json, result.summary, tables(result.summary), out)

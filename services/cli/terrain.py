@@ -59,7 +59,7 @@ def terrain(
     from slopewise.services.jobs.terrain_summary import summarise
 
     log_input = LogInput(logs, topics=topics, columns=columns)
-    result = job(log_input, model, terrains=terrains, quiet=as_json)
+    result = job(log_input, model, terrains=terrains)
     note = ""
     if out is not None:
         outputs.write_events(result, out)

@@ -33,17 +33,10 @@ CMAKE_FOLDER = Path(__file__).parents[2] / "planner" / "core"
 def write_cpp(
     model: Model, folder: Path, *, resolution: float, height_std: float, quantile: float
 ) -> Path:
-    """Write NAME.hpp with a ``slopewise::PlanningModel`` named NAME.
+    """Write NAME.hpp with a ``slopewise::PlanningModel`` named NAME, that of plans at a quantile.
 
-    Args:
-        model: its numbers are those of plans at this quantile.
-        folder: created where it is missing.
-        resolution: edge of a cell of the maps [m].
-        height_std: error of the heights of their cells against each other [m].
-        quantile: one-sided probability that margins cover.
-
-    Raises:
-        ParameterError: the model has effects, whose place and time the core alone does not know.
+    For maps with cells of the resolution [m], whose heights have that error [m]. ParameterError:
+    the model has effects, whose place and time the core alone does not know.
     """
     if model.effect:
         names = ", ".join(effect.name for effect in model.effect)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,6 @@ from slopewise.models.parameters import Model
 from slopewise.models.stop_logs.measured_log import is_mapped
 from slopewise.services.fleet.result_folder import make_folder, vehicles_of
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
-from slopewise.services.io.drive_log import read_logs
 from slopewise.services.io.log_checks import refuse_wrong_units
 from slopewise.services.io.model_file import (
     find_model,
@@ -35,29 +33,26 @@ from slopewise.services.io.model_file import (
     read_model,
     write_model,
 )
-from slopewise.services.io.no_data import NoData
-from slopewise.services.io.track_grade import grade_by_map
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import Summary, input_errors
 
 
 @dataclass(frozen=True, slots=True)
 class LogTask:
-    """Logs of one vehicle, the model so far as tables, and a map if there is one."""
+    """Logs of one vehicle, and the model so far as tables."""
 
     vehicle: str
-    logs: tuple[Path, ...]
+    logs: LogInput
     model: dict[str, Any]
-    map_file: Path | None
-    nodata: NoData = None
 
 
 def measure_vehicle(task: LogTask) -> VehicleStops:
     """Measure its stops; none, with the reason, where there are too few."""
     model = model_from_dict(task.model, "model")
-    log = read_logs(task.logs)
+    log = task.logs.read()
     refuse_wrong_units(log)
-    ground = grade_by_map(log, task.map_file, model.vehicle, task.nodata)
+    ground = task.logs.grade(log, model.vehicle)
     try:
         measured = measure_log(log.columns, log.runs, model.braking, ground=ground, fewest=FEWEST)
     except ParameterError as error:
@@ -128,37 +123,32 @@ class FleetCalibrateResult:
 
 
 def calibrate_fleet(
-    logs: Sequence[Path],
+    logs: LogInput,
     model_file: str,
     out: Path,
     *,
     by_folder: bool = False,
-    map_file: Path | None = None,
-    nodata: NoData = None,
     coverage: float = 0.995,
     workers: int | None = None,
     scheduler: str = "",
-    quiet: bool = True,
 ) -> FleetCalibrateResult:
     """Measure the stops of each vehicle, fit them together, write the model files.
 
-    `by_folder`: a folder is a vehicle, else each file is one; `map_file`: elevation map that x, y
-    of the logs lie on, `nodata`: its height that marks unknown ground [m].
+    `by_folder`: a folder is a vehicle, else each file is one.
     """
     begin = time.perf_counter()
     check_installed()
     with input_errors("", ("coverage",)):
         settings = CalibrationSettings(coverage=coverage)
     model = read_model(find_model(model_file))
-    grouped = vehicles_of(logs, by_folder)
+    grouped = vehicles_of(logs.files, by_folder)
     make_folder(out, out)
-    tables, ground = model_to_dict(model), None if map_file is None else map_file.resolve()
+    tables = model_to_dict(model)
     tasks: list[Task[LogTask]] = [
-        (name, LogTask(name, tuple(path.resolve() for path in files), tables, ground, nodata))
-        for name, files in grouped.items()
+        (name, LogTask(name, logs.resolved(files), tables)) for name, files in grouped.items()
     ]
     stops: dict[str, VehicleStops] = {}
-    with progress_bar("measuring stops", len(tasks), quiet=quiet) as advance:
+    with progress_bar("measuring stops", len(tasks)) as advance:
         for measured in each_done(measure_vehicle, tasks, Workers(workers, scheduler)):
             stops[measured.name] = measured
             advance(1)

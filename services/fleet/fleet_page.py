@@ -22,7 +22,7 @@ from slopewise.services.fleet.fleet_summary import (
 from slopewise.services.fleet.vehicle_finding import VEHICLES, Row
 from slopewise.services.io.findings_file import PAGE
 from slopewise.services.jobs.plural import plural
-from slopewise.services.report.discrepancy_page import VERDICT_LABELS
+from slopewise.services.report.discrepancy_page import STYLES, VERDICT_LABELS
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, draw_figures
 from slopewise.services.report.page import write_page
 
@@ -41,9 +41,8 @@ def write_fleet_page(path: Path, rows: Sequence[Row], summary: FleetSummary) -> 
     facts |= {VERDICT_LABELS[Verdict(name)][0]: str(n) for name, n in summary.verdicts.items()}
     names = [effect.name for effect in summary.effects]
     size = (11.0, 3.6 + 0.3 * max(len(names), 1))
-    title = f"{plural(summary.examined, 'vehicle')} compared with their logs"
     values = {
-        "title": title,
+        "title": f"{plural(summary.examined, 'vehicle')} compared with their logs",
         "verdict": _verdict(summary),
         "facts": facts,
         "notices": notices,
@@ -54,8 +53,7 @@ def write_fleet_page(path: Path, rows: Sequence[Row], summary: FleetSummary) -> 
         "rows": [_vehicle_cells(row) for row in done[:_MAX_VEHICLES]],
         **draw_figures(picture=(size, lambda figure: _draw(figure, done, names))),
     }
-    styles = ("page.css", "calibration.css", "discrepancy.css")
-    write_page(path, "fleet.html", values, title=f"{title} – slopewise fleet", styles=styles)
+    write_page(path, "fleet.html", values, "fleet", STYLES)
 
 
 def _verdict(summary: FleetSummary) -> str:

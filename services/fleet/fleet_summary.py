@@ -25,18 +25,14 @@ class ParameterRange(Summary, frozen=True):
 
 
 class EffectPrevalence(Summary, frozen=True):
-    """One effect over all vehicles.
-
-    Attributes:
-        ambiguous_in: vehicles in which it is one of several that would explain the log.
-        confidence: minimum, mean and maximum over `vehicles`, 0 … 1.
-        expected_true: expected number of correct names in `vehicles`, the sum of confidences.
-    """
+    """One effect over all vehicles."""
 
     name: str
     vehicles: tuple[str, ...]  # in which it is named, highest confidence first
+    # in which it is one of several that would explain the log
     ambiguous_in: tuple[str, ...] = msgspec.field(name="perhaps")
-    confidence: tuple[float, float, float] | None
+    confidence: tuple[float, float, float] | None  # minimum, mean and maximum, 0 … 1
+    # expected number of correct names, the sum of confidences
     expected_true: float = msgspec.field(name="expected_right")
     parameters: dict[str, ParameterRange]
 

@@ -6,7 +6,6 @@ import hashlib
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from slopewise.services.fleet.fleet_summary import FleetSummary, summarise_fleet
@@ -41,28 +40,25 @@ LINES, PAGE = "findings.jsonl", "report.html"
 _FORMAT = 1  # Format of the results; those of another format are computed again
 
 
-def investigate_fleet(
-    request: FleetDiscrepancyRequest, *, quiet: bool = True
-) -> tuple[list[Row], FleetSummary]:
+def investigate_fleet(request: FleetDiscrepancyRequest) -> tuple[list[Row], FleetSummary]:
     """Examine the vehicles that no earlier run has examined, count all, write the lines.
 
     Returns the rows of all vehicles in the order given, and what `--json` prints of them.
     """
     begin = time.perf_counter()
     check_installed()
-    grouped = vehicles_of(request.logs, request.by_folder)
+    grouped = vehicles_of(request.logs.files, request.by_folder)
     models = {name: _model_of(request.models, name) for name in grouped}
     digest = _digest(request)
     out, folders = request.out, (FINDINGS, VEHICLES)
     begun = open_folder(out, folders, digest, "map, options")
-    shared = _resolved(request)
     tasks: list[VehicleTask] = []
-    with progress_bar("reading logs", len(grouped), quiet=quiet) as advance:
+    with progress_bar("reading logs", len(grouped)) as advance:
         for vehicle, logs in grouped.items():
-            tasks.append(_task(vehicle, logs, models[vehicle], shared, digest, begun))
+            tasks.append(_task(vehicle, logs, models[vehicle], request, digest, begun))
             advance(1)
     missing: list[Task[VehicleTask]] = [(t.key, t) for t in tasks if finished(t) is None]
-    with progress_bar("comparing", len(tasks), quiet=quiet) as advance:
+    with progress_bar("comparing", len(tasks)) as advance:
         advance(len(tasks) - len(missing))
         workers = Workers(request.workers, request.scheduler)
         for _ in each_done(investigate_vehicle, missing, workers, write_failed_row):
@@ -86,12 +82,13 @@ def investigate_fleet(
 
 def _digest(request: FleetDiscrepancyRequest) -> str:
     """Digest of all but logs and models, which may differ from vehicle to vehicle, and grow."""
+    logs = request.logs
     return digest_of(
         _FORMAT,
         repr(request.settings),
-        "" if request.map_file is None else map_digest(request.map_file),
-        repr(request.nodata),
-        "" if request.topics is None else read_text(request.topics),
+        "" if logs.map_file is None else map_digest(logs.map_file),
+        repr(logs.nodata),
+        "" if logs.topics is None else read_text(logs.topics),
     )
 
 
@@ -104,14 +101,6 @@ def _model_of(models: str, vehicle: str) -> Path:
     if not file.is_file():
         raise fault(file, "", "expected a model file for each vehicle, got none of that name")
     return file
-
-
-def _resolved(request: FleetDiscrepancyRequest) -> FleetDiscrepancyRequest:
-    """The request without its logs, with absolute paths: workers may run elsewhere."""
-    map_file, topics = (
-        None if path is None else path.resolve() for path in (request.map_file, request.topics)
-    )
-    return replace(request, logs=(), out=request.out.resolve(), map_file=map_file, topics=topics)
 
 
 def _task(
@@ -130,13 +119,14 @@ def _task(
     key = json.dumps([digest, vehicle, source, model], sort_keys=True)
     return VehicleTask(
         vehicle,
-        tuple(log.resolve() for log in logs),
+        request.logs.resolved(logs),
         model,
         model_file.name,
         begun,
         source,
         hashlib.sha256(key.encode()).hexdigest(),
-        request,
+        request.settings,
+        request.out.resolve(),
     )
 
 

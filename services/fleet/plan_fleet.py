@@ -45,7 +45,7 @@ class FleetPlanSummary(Summary, frozen=True, kw_only=True):
     notes: list[str]
 
 
-def plan_fleet(request: FleetPlanRequest, *, quiet: bool = True) -> FleetPlanSummary:
+def plan_fleet(request: FleetPlanRequest) -> FleetPlanSummary:
     """Plan the candidates that are not planned yet, and count all.
 
     All files are read before the first plan, so that an error in the last one is reported early.
@@ -60,14 +60,14 @@ def plan_fleet(request: FleetPlanRequest, *, quiet: bool = True) -> FleetPlanSum
     _check_names(request.path_files)
     open_folder(out, (PLANS, CANDIDATES), digest, "map, model, options")
     names: list[PartName] = []
-    with progress_bar("reading paths", len(request.path_files), quiet=quiet) as advance:
+    with progress_bar("reading paths", len(request.path_files)) as advance:
         for source in request.path_files:
             names += [name for name, _ in parts_of(source, digest, info.extent, request.map_file)]
             advance(1)
     missing = [name for name in names if not is_finished(out, name.file)]
     candidates = sum(name.size for name in names)
     resumed = candidates - sum(name.size for name in missing)
-    with progress_bar("planning", candidates, quiet=quiet) as advance:
+    with progress_bar("planning", candidates) as advance:
         advance(resumed)
         tasks = _tasks(request, model, digest, info, missing)
         for done in each_done(plan_part, tasks, Workers(request.workers, request.scheduler)):

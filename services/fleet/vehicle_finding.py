@@ -9,7 +9,6 @@ it took, so the same task gives the same bytes.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,10 +18,8 @@ from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.errors import SlopewiseError
 from slopewise.services.fleet.result_folder import write_parquet
 from slopewise.services.io import findings_file
-from slopewise.services.io.drive_log import read_logs
 from slopewise.services.io.model_file import model_from_dict
-from slopewise.services.io.no_data import NoData
-from slopewise.services.io.track_grade import grade_by_map
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.report.discrepancy_page import write_discrepancy_page
 
 DONE, REFUSED, FAILED = "done", "refused", "failed"
@@ -43,16 +40,13 @@ _BROKEN = (ArithmeticError, LookupError, MemoryError, RuntimeError, TypeError, V
 class FleetDiscrepancyRequest:
     """Logs, models and options of a fleet's comparison."""
 
-    logs: Sequence[Path]
+    logs: LogInput
     models: str  # model file or name for all vehicles, or a folder with NAME.toml for each
     out: Path
     by_folder: bool  # a folder is a vehicle; else each file is one
-    map_file: Path | None  # elevation map that x, y of the logs lie on
-    topics: Path | None
     settings: DiscrepancySettings
     workers: int | None = None
     scheduler: str = ""
-    nodata: NoData = None  # height of the map that marks unknown ground [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,18 +54,19 @@ class VehicleTask:
     """One vehicle; plain values, so that it travels."""
 
     vehicle: str
-    logs: tuple[Path, ...]
+    logs: LogInput
     model: dict[str, Any]  # tables of its model file
     model_file: str
     begun: str  # date that its page shows
     source: str  # provenance of effects that are found
     key: str  # digest of all inputs
-    request: FleetDiscrepancyRequest  # options, with files and folder as all workers find them
+    settings: DiscrepancySettings
+    out: Path  # folder of the results, as all workers find it
 
     @property
     def folder(self) -> Path:
         """Where its files go."""
-        return self.request.out / VEHICLES / self.vehicle
+        return self.out / VEHICLES / self.vehicle
 
     @property
     def files(self) -> list[Path]:
@@ -82,7 +77,7 @@ class VehicleTask:
     @property
     def row_file(self) -> Path:
         """Its row, written last."""
-        return self.request.out / FINDINGS / f"{self.vehicle}.parquet"
+        return self.out / FINDINGS / f"{self.vehicle}.parquet"
 
 
 def investigate_vehicle(task: VehicleTask) -> None:
@@ -126,11 +121,10 @@ def finished(task: VehicleTask) -> Row | None:
 
 
 def _examine(task: VehicleTask) -> Row:
-    request, model = task.request, model_from_dict(task.model, "model")
-    log = read_logs(task.logs, request.topics)
-    ground = grade_by_map(log, request.map_file, model.vehicle, request.nodata)
+    model, log, settings = model_from_dict(task.model, "model"), task.logs.read(), task.settings
+    ground = task.logs.grade(log, model.vehicle)
     findings = investigate(
-        log.columns, log.runs, model, ground=ground, settings=request.settings, source=task.source
+        log.columns, log.runs, model, ground=ground, settings=settings, source=task.source
     )
     findings = replace(findings, model=replace(findings.model, name=task.vehicle))
     findings_file.write_findings(findings, task.folder)
@@ -139,7 +133,7 @@ def _examine(task: VehicleTask) -> Row:
         findings,
         title=f"{task.vehicle} against its log",
         provenance={
-            "logs": ", ".join(log.name for log in task.logs),
+            "logs": ", ".join(log.name for log in task.logs.files),
             "model so far": task.model_file,
             "begun": task.begun,
         },

@@ -39,8 +39,7 @@ def assumed(resolution: float, *, surveyed: bool = False) -> float:
 def one_for_all(stds: Floats) -> float | None:
     """The standard deviation of most cells [m]; None if no cell has one.
 
-    Args:
-        stds: errors of cells, any shape [m]; NaN, infinite or negative where not reported.
+    ``stds``: any shape [m]; NaN, infinite or negative where not reported.
     """
     reported = stds[np.isfinite(stds) & (stds >= 0.0)]
     return float(np.quantile(reported, QUANTILE)) if len(reported) else None
@@ -54,10 +53,7 @@ def of_layers(
     By the names of `elevation_mapping`: `variance` [m²], with `horizontal_variance_x` and `_y` on
     the slope of the cell, or else `lower_bound` and `upper_bound` around the height [m].
 
-    Args:
-        layer: returns (rows, columns) of a layer by its name.
-        heights: (rows, columns) [m], rows along x, columns along y, NaN where unknown.
-        resolution: edge of a cell [m].
+    ``layer`` returns a layer by its name; all are (rows, columns), rows along x, columns along y.
     """
     known = np.isfinite(heights)
     if min(heights.shape) < 2:

@@ -7,8 +7,7 @@ none; Braking (7), (8).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,6 @@ from slopewise.services.io.files import fault
 
 _NEEDED = ("v", "v_cmd", "pitch")
 _FEW = 0.25  # Share of the runs that may look as if they were in another unit, and are excluded
-_SHOWN = 3  # Files that a sentence names
 _FACTORS = {"km/h": 3.6, "miles per hour": 1.0 / 0.44704, "knots": 1.0 / 0.514444}
 _TOO_FAST = 1.5
 """Ratio to the highest wheel speed [1]: above slip downhill, below 1.9, the factor of knots."""
@@ -32,12 +30,6 @@ _MAX_SHIFT, _MAX_RATIO = 0.2, 0.12
 """How near b_m, and the force's factor, have to come [1]: knots and miles differ by 15 %."""
 
 _STEEP = 0.02  # Grades that vary by less do not determine b_m [rad]
-
-
-def names_of(logs: Sequence[Path]) -> str:
-    """The files as text: the first few of many."""
-    shown = ", ".join(str(path) for path in logs[:_SHOWN])
-    return shown if len(logs) <= _SHOWN else f"{shown} … ({len(logs)} logs)"
 
 
 def refuse_wrong_units(log: DriveLog) -> None:

@@ -52,12 +52,8 @@ def read_map(
 ) -> ElevationMap:
     """An elevation map, or the part of it that holds all heights within ``around``.
 
-    Args:
-        path: GeoTIFF or .npz file, or a recording with grid maps.
-        around: (x_min, x_max, y_min, y_max) [m] with the margin that the caller needs, such as the
-            vehicle's footprint. Of a GeoTIFF only that part is read.
-        nodata: a height that marks missing data [m], in addition to those that are detected;
-            "none": the file has no markers but those that it declares.
+    ``around`` is (x_min, x_max, y_min, y_max) [m] with the margin that the caller needs, such as
+    the vehicle's footprint; of a GeoTIFF only that part is read.
     """
     info = map_info(path, topics)
     cells: tuple[slice, slice] | None = slice(0, info.rows), slice(0, info.columns)

@@ -100,11 +100,7 @@ class MapLayers(NamedTuple):
     correlation_length: float = 0.0  # over which errors of cells are alike [m]
 
     def on(self, grid: MapInfo) -> ElevationMap:
-        """The map of these layers, whose cells are those of a grid.
-
-        Raises:
-            ParameterError: the layers do not make a map.
-        """
+        """The map of these layers, whose cells are those of a grid."""
         return ElevationMap(
             elevation=self.heights,
             resolution=grid.resolution,

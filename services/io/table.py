@@ -277,6 +277,19 @@ def write_csv(columns: Mapping[str, Sequence[str] | Floats], path: Path) -> None
     write_atomic(path, "".join(f"{line}\n" for line in lines).encode())
 
 
+def write_rows(
+    rows: Sequence[Mapping[str, Any]], names: Iterable[str], texts: Collection[str], path: Path
+) -> None:
+    """Write the columns of some names, blank or NaN where a row has no value; all or nothing."""
+    columns: dict[str, list[str] | Floats] = {
+        name: [str(row.get(name, "")) for row in rows]
+        if name in texts
+        else np.array([row.get(name, np.nan) for row in rows], np.float64)
+        for name in names
+    }
+    write_csv(columns, path)
+
+
 def harmless(cell: str) -> str:
     """A text that spreadsheets do not compute: an apostrophe before what begins a formula."""
     return f"'{cell}" if _FORMULA.match(cell) and not _is_number(cell) else cell

@@ -60,17 +60,11 @@ class RejectedLogError(InputError):
         ]
 
 
-def calibrate(
-    logs: LogInput, model_file: str, *, settings: CalibrationSettings, quiet: bool = True
-) -> CalibrateResult:
-    """Read logs, find stops, fit; the model of the file, or the shipped one, is the prior.
-
-    Raises:
-        InputError: names file and field, or says why there are too few stops.
-    """
+def calibrate(logs: LogInput, model_file: str, *, settings: CalibrationSettings) -> CalibrateResult:
+    """Read logs, find stops, fit; the model of the file, or the shipped one, is the prior."""
     begin = time.perf_counter()
     model = read_model(find_model(model_file))
-    with progress_bar("calibrating", 4, quiet=quiet) as advance:
+    with progress_bar("calibrating", 4) as advance:
         log = logs.read()
         advance(1)
         try:
@@ -114,8 +108,7 @@ def calibrate_log(
 ) -> Calibration:
     """Fit the stops of a log that is in memory; ground: grade at each sample [rad].
 
-    Raises:
-        ParameterError: too few usable stops.
+    ParameterError: too few usable stops.
     """
     return learn(
         log.columns, log.runs, model.braking, ground=ground, settings=settings, beside=model
@@ -129,11 +122,7 @@ def calibration_settings(
     least_speed: float | None = None,  # words: ok, key of stop settings
     turn_rate: float | None = None,
 ) -> CalibrationSettings:
-    """Settings from options, and from a TOML file with keys of :class:`.StopSettings`.
-
-    Raises:
-        InputError: names option, or file and key.
-    """
+    """Settings from options, and from a TOML file with keys of :class:`.StopSettings`."""
     stops = StopSettings(partial=True)
     if stop_settings is not None:
         data = {"partial": True} | read_toml(stop_settings)

@@ -10,12 +10,11 @@ import numpy as np
 
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.learn import Calibration
-from slopewise.models.calibration.promise import Promise
 from slopewise.models.calibration.surface_fit import SurfaceFit
 from slopewise.models.stop_logs.find_stops import StopWindow
 from slopewise.models.stop_logs.stop_record import StopRecord
 from slopewise.services.io.drive_log import DriveLog
-from slopewise.services.io.table import write_csv
+from slopewise.services.io.table import write_rows
 from slopewise.services.jobs.calibrate import CalibrateResult, RejectedLogError
 from slopewise.services.jobs.summary import Summary
 
@@ -111,13 +110,11 @@ def summarise(result: CalibrateResult, sheet: dict[str, Any] | None = None) -> C
     """Everything that was fitted, SI units and radians."""
     c, t = result.calibration, result.log.columns["t"]
     dead_time, dive, mount = c.dead_time, c.dive, c.mount
-    return CalibrationSummary(
+    jitter = dead_time.between_stops
+    return CalibrationSummary.of(
+        c,
         stops={"found": len(c.windows), **c.verdicts},
-        dead_time={
-            "value": dead_time.value,
-            "std": dead_time.std,
-            "jitter": dead_time.between_stops,
-        },
+        dead_time={"value": dead_time.value, "std": dead_time.std, "jitter": jitter},
         dive={"value": dive.per_deceleration, "std": dive.std, "settling": dive.settling},
         mount={"value": mount.offset, "std": mount.std, "source": mount.source},
         speed_error=None if c.speed_error is None else asdict(c.speed_error),
@@ -127,8 +124,6 @@ def summarise(result: CalibrateResult, sheet: dict[str, Any] | None = None) -> C
             for s in c.suspects
         ],
         levels=None if c.levels is None else asdict(c.levels),
-        warnings=list(c.warnings),
-        objections=list(c.objections),
         seconds=result.seconds,
         sheet=sheet,
         tracking=None if result.tracking is None else asdict(result.tracking),
@@ -144,38 +139,19 @@ def surface_summary(s: SurfaceFit) -> SurfaceSummary:
     numbers = zip(NAMES, s.fit.coefficients, std, s.fit.learned, strict=True)
     excess = np.array([r.bound_distance - r.samples.distance for r in s.records])
     finite = excess[np.isfinite(excess)]
-    return SurfaceSummary(
-        name=s.name,
+    return SurfaceSummary.of(
+        s,
         stops=len(s.records),
         left_out=sum(not r.kept for r in s.records),
         coefficients={n: Coefficient(float(v), float(e), float(k)) for n, v, e, k in numbers},
         covariance=s.fit.covariance.tolist(),
         scatter=s.fit.scatter,
-        promise=_promise(s.promise),
+        promise=PromiseSummary.of(
+            s.promise, held_out_excess_m=s.promise.excess, text=s.promise.sentence()
+        ),
         stop_factor=s.distance.table.worst(s.promise.share),
-        two_stages=None if s.two_stages is None else s.two_stages.tolist(),
-        time_offset=s.time_offset,
-        speed_range=list(s.speed_range),
-        grade_range=list(s.grade_range),
         coverage=float(np.mean(excess >= 0.0)),
         mean_excess=float(np.mean(finite)) if len(finite) else 0.0,
-    )
-
-
-def _promise(p: Promise) -> PromiseSummary:
-    return PromiseSummary(
-        p.share,
-        p.stops,
-        p.sessions,
-        p.counted_here,
-        p.counted_new,
-        p.held_out,
-        p.held_out_beyond,
-        None if p.interval is None else list(p.interval),
-        p.excess,
-        p.more_stops,
-        p.more_sessions,
-        p.sentence(),
     )
 
 
@@ -237,10 +213,8 @@ def _stop_row(log: DriveLog, window: StopWindow, verdict: str, reason: str) -> d
 
 
 def _write(rows: list[dict[str, Any]], path: Path) -> None:
-    names = max(rows, key=len, default=dict.fromkeys(_STOP_COLUMNS))
-    columns = {name: [row.get(name, np.nan) for row in rows] for name in names}
-    texts = ("run", "verdict", "reason")
-    write_csv({n: v if n in texts else np.array(v, np.float64) for n, v in columns.items()}, path)
+    names = max(rows, key=len, default=_STOP_COLUMNS)
+    write_rows(rows, names, ("run", "verdict", "reason"), path)
 
 
 def _measured(r: StopRecord, offsets: dict[str, float]) -> dict[str, float]:

@@ -96,39 +96,18 @@ class CheckResult:
     @property
     def summary(self) -> CheckSummary:
         """The result as JSON has it."""
-        return CheckSummary(
-            self.model,
-            self.valid,
-            self.seconds,
-            list(self.notes),
-            [
-                ViolationRow(
-                    v.candidate, v.row, v.station, v.kind, finite(v.size), v.unit, v.sentence
-                )
-                for report in self.reports
-                for v in report.violations
-            ],
-            [_checked(report) for report in self.reports],
-            {
-                kind: ToleranceRow(t.value, t.unit, t.meaning, t.rationale)
-                for kind, t in TOLERANCES.items()
-            },
+        violations = [v for report in self.reports for v in report.violations]
+        return CheckSummary.of(
+            self,
+            violations=[ViolationRow.of(v, size=finite(v.size)) for v in violations],
+            plans=[_checked(report) for report in self.reports],
+            tolerances={kind: ToleranceRow.of(t) for kind, t in TOLERANCES.items()},
         )
 
 
 def _checked(report: CheckReport) -> CheckedPlan:
-    return CheckedPlan(
-        report.candidate,
-        report.status,
-        report.valid,
-        len(report.station),
-        report.stops,
-        dict(Counter(violation.kind for violation in report.violations)),
-        report.refused_for,
-        list(report.verified),
-        list(report.unverified),
-        list(report.notes),
-    )
+    kinds = dict(Counter(violation.kind for violation in report.violations))
+    return CheckedPlan.of(report, stations=len(report.station), kinds=kinds)
 
 
 def check(
@@ -140,7 +119,6 @@ def check(
     quantile: float = QUANTILE,
     topics: Path | None = None,
     nodata: NoData = None,
-    quiet: bool = True,
 ) -> CheckResult:
     """Read plans, model and map, and check every plan; `clear` in metres, as `nodata`."""
     refuse_topics(topics, map_file)
@@ -152,7 +130,7 @@ def check(
         map_file, paths, plan_file, model.vehicle, topics=topics, nodata=nodata, reach=reach
     )
     result = check_plans(
-        plans, model, ground, clear=clear, quantile=quantile, source=str(plan_file), quiet=quiet
+        plans, model, ground, clear=clear, quantile=quantile, source=str(plan_file)
     )
     return replace(result, notes=ground.assumed)
 
@@ -165,12 +143,11 @@ def check_plans(
     clear: float,
     quantile: float,
     source: str,
-    quiet: bool,
 ) -> CheckResult:
     """Check plans on ground that is in memory."""
     begin = time.perf_counter()
     reports = []
-    with progress_bar("checking", len(plans), quiet=quiet) as advance:
+    with progress_bar("checking", len(plans)) as advance:
         for plan in plans:
             with input_errors(source, ("clear", "quantile")):
                 reports.append(

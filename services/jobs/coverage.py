@@ -64,18 +64,12 @@ class CoverageSummary(PartCoverage, frozen=True, kw_only=True):
     by_session: list[SessionCoverage]
 
 
-def coverage(
-    logs: LogInput, model_file: str, *, quantile: float, quiet: bool = True
-) -> CoverageSummary:
-    """Compare the stops of logs with the distances that plans at a quantile allow.
-
-    Raises:
-        InputError: names file and field, or says why there are no stops.
-    """
+def coverage(logs: LogInput, model_file: str, *, quantile: float) -> CoverageSummary:
+    """Compare the stops of logs with the distances that plans at a quantile allow."""
     if not 0.5 <= quantile <= 0.9999:
         raise fault("--quantile", "", f"expected a share in [0.5, 0.9999], got {quantile:g}")
     model = read_model(find_model(model_file))
-    with progress_bar("comparing stops with the model", 2, quiet=quiet) as advance:
+    with progress_bar("comparing stops with the model", 2) as advance:
         log = logs.read()
         refuse_wrong_units(log)
         ground = logs.grade(log, model.vehicle)

@@ -21,20 +21,13 @@ _SIZE = (60.0, 48.0)  # [m] east, north
 _START = (6.0, 24.0)  # [m] of all paths
 
 
-def demo(folder: Path, *, quiet: bool = True) -> tuple[PlanResult, Path, Path]:
+def demo(folder: Path) -> tuple[PlanResult, Path, Path]:
     """Write map.npz, paths.csv and plan.csv; the result, and the files of map and paths."""
     folder.mkdir(parents=True, exist_ok=True)
     map_file, path_file = folder / "map.npz", folder / "paths.csv"
     write_map_npz(hillside(), map_file)
     write_paths_csv(fan(), path_file)
-    result = plan(
-        map_file,
-        path_file,
-        MODEL,
-        start_speed=START_SPEED,
-        uncertainty=Uncertainty(),
-        quiet=quiet,
-    )
+    result = plan(map_file, path_file, MODEL, start_speed=START_SPEED, uncertainty=Uncertainty())
     write_plans(result, folder / "plan.csv")
     return result, map_file, path_file
 

@@ -20,12 +20,11 @@ def discrepancy(
     model_file: str,
     *,
     settings: DiscrepancySettings | None = None,
-    quiet: bool = True,
 ) -> Findings:
     """Read logs and model, and investigate."""
     model_path = find_model(model_file)
     model = read_model(model_path)
-    with progress_bar("comparing", Stage.FINDINGS + 1, quiet=quiet) as advance:
+    with progress_bar("comparing", Stage.FINDINGS + 1) as advance:
         log = logs.read()
         ground = logs.grade(log, model.vehicle)
         advance(1)

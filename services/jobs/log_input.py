@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from slopewise.models.arrays import Floats
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.io.columns import in_own_units, parse_names
 from slopewise.services.io.drive_log import DriveLog, read_logs
-from slopewise.services.io.log_checks import names_of
 from slopewise.services.io.no_data import NoData
 from slopewise.services.io.track_grade import grade_by_map
+
+_SHOWN = 3  # files that a message names [1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +28,16 @@ class LogInput:
 
     @property
     def names(self) -> str:
-        """The files as text, for messages."""
-        return names_of(self.files)
+        """The files as text, for messages: the first few of many."""
+        shown = ", ".join(map(str, self.files[:_SHOWN]))
+        many = len(self.files) > _SHOWN
+        return f"{shown} … ({len(self.files)} logs)" if many else shown
+
+    def resolved(self, files: Sequence[Path]) -> LogInput:
+        """Other files read likewise, by absolute paths: a worker may run elsewhere."""
+        map_file, topics = (p if p is None else p.resolve() for p in (self.map_file, self.topics))
+        files = tuple(file.resolve() for file in files)
+        return replace(self, files=files, map_file=map_file, topics=topics)
 
     def read(self) -> DriveLog:
         """Read all files as one log."""

@@ -102,7 +102,6 @@ def plan(
     explains: bool = False,
     topics: Path | None = None,
     nodata: NoData = None,
-    quiet: bool = True,
 ) -> PlanResult:
     """Read map, paths and model, plan and rank; speed in m/s, `clear` and `nodata` in metres.
 
@@ -118,7 +117,7 @@ def plan(
     with input_errors(path_file, ("speed", "clear")):
         usable, refused = without_refused(planner, ground, paths)
         plans, resampled, seconds = plan_paths(
-            planner, ground, usable, start_speed=start_speed, clear=clear, quiet=quiet
+            planner, ground, usable, start_speed=start_speed, clear=clear
         )
     explanation = None
     if explains:
@@ -149,8 +148,7 @@ def without_refused(
 ) -> tuple[list[EvenPath], tuple[RefusedPath, ...]]:
     """Paths that can be planned, on even stations, and the others: one refuses no file.
 
-    Raises:
-        ParameterError: none of them can be planned; that of the first.
+    Where none of them can be planned, the ParameterError of the first is raised.
     """
     usable: list[EvenPath] = []
     refused: list[RefusedPath] = []
@@ -173,15 +171,10 @@ def plan_paths(
     *,
     start_speed: float = 0.0,
     clear: float = np.inf,
-    quiet: bool = True,
 ) -> tuple[list[SpeedPlan], list[EvenPath], float]:
-    """Plan on ground that is in memory; plans best first, the resampled paths, and the time [s].
-
-    Raises:
-        ParameterError: names the candidate or the argument, and what was expected.
-    """
+    """Plan on ground that is in memory; plans best first, the resampled paths, and the time [s]."""
     begin = time.perf_counter()
-    with progress_bar("planning", len(paths), quiet=quiet) as advance:
+    with progress_bar("planning", len(paths)) as advance:
         resampled = planner.resampled(ground, paths)
         plans = planner.plan(
             ground, resampled, start_speed=start_speed, clear=clear, progress=advance
@@ -190,9 +183,7 @@ def plan_paths(
     return rank(plans, planner.settings), resampled, seconds
 
 
-def with_check(
-    result: PlanResult, written: Path | None, clear: float, *, quiet: bool = True
-) -> PlanResult:
+def with_check(result: PlanResult, written: Path | None, clear: float) -> PlanResult:
     """Add the independent check, of the table if one was written, else of the plans."""
     if written is not None:
         plans, source = read_external_plans(written), str(written)
@@ -200,7 +191,5 @@ def with_check(
         plans, source = [plan_of_columns(driven(plan)) for plan in result.plans], "plan"
     quantile = 0.5 if result.uncertainty is None else result.uncertainty.quantile
     model, ground = result.model, result.elevation_map
-    checked = check_plans(
-        plans, model, ground, clear=clear, quantile=quantile, source=source, quiet=quiet
-    )
+    checked = check_plans(plans, model, ground, clear=clear, quantile=quantile, source=source)
     return replace(result, check=checked)

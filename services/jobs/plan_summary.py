@@ -147,9 +147,9 @@ def _explained(explanation: Explanation) -> ExplanationSummary:
     return ExplanationSummary(
         explanation.plan.candidate,
         [
-            StretchRow(begin=s.begin, end=s.end, limiting=s.limiting.label, seconds=s.seconds)
-            for s in explanation.stretches
+            StretchRow.of(stretch, limiting=stretch.limiting.label)
+            for stretch in explanation.stretches
         ],
-        [BoundCost(c.limiting.label, c.seconds, c.reach) for c in explanation.costs],
-        msgspec.convert(explanation.measurements, list[MeasurementRow], from_attributes=True),
+        [BoundCost.of(cost, limiting=cost.limiting.label) for cost in explanation.costs],
+        [MeasurementRow.of(measurement) for measurement in explanation.measurements],
     )

@@ -65,13 +65,10 @@ def summarise(result: ReplayResult) -> ReplaySummary:
     """Quantiles, causes, and where the driver would have been slowed."""
     cycles = result.cycles
     stretches = slowed_stretches(cycles)
-    return ReplaySummary(
+    return ReplaySummary.of(
+        result,
         model=result.model.name,
-        driven=result.driven,
-        period=result.period,
         cycles=len(cycles),
-        received=dict(result.received),
-        missing=dict(result.missing),
         latency=spread([c.plan_seconds for c in cycles]),
         guard_latency=spread([c.guard_seconds for c in cycles]),
         late=sum(c.plan_seconds > result.period for c in cycles),

@@ -53,17 +53,17 @@ class SimulateResult:
 
     def write(self, path: Path) -> None:
         """Write `run,t,v_measured,v_simulated,residual`, all or nothing."""
-        write_csv({n: list(v) if n == "run" else v for n, v in self.columns.items()}, path)
+        write_csv(self.columns, path)
 
 
-def simulate(logs: LogInput, model_file: str, *, quiet: bool = True) -> SimulateResult:
+def simulate(logs: LogInput, model_file: str) -> SimulateResult:
     """Read logs and drive the model from each stop command on."""
     model = read_model(find_model(model_file))
     log = logs.read()
     measured = log.columns["v"]
     simulated = np.empty_like(measured)
     runs = []
-    with progress_bar("simulating", len(log.runs), quiet=quiet) as advance:
+    with progress_bar("simulating", len(log.runs)) as advance:
         for number, part in enumerate(log.runs):
             effects = registry.up_to_run(model.effect, number)
             simulated[part] = _replay_run(replace(model, effect=effects), log, part)

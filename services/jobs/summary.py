@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import msgspec
 
@@ -22,13 +22,15 @@ class Summary(msgspec.Struct, frozen=True, omit_defaults=True):
     A field with a default is absent from the JSON while it holds it.
     """
 
+    @classmethod
+    def of(cls, source: object, **given: Any) -> Self:
+        """Fields as given, the others from the attributes of the source with the same names."""
+        names = (name for name in cls.__struct_fields__ if name not in given)
+        return cls(**{name: getattr(source, name) for name in names}, **given)
+
 
 def to_json(summary: object) -> str:
-    """One line of JSON.
-
-    Raises:
-        ValueError: a number is not finite.
-    """
+    """One line of JSON; a ValueError for a number that is not finite."""
     return json.dumps(msgspec.to_builtins(summary, enc_hook=_plain), allow_nan=False)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.terrain_file import TerrainFile, find_terrains, read_terrains
 from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
-from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
+from slopewise.services.jobs.terrain_result import LoggedStretch, RunEvents, TerrainResult
 
 NEEDED = ("v_left", "v_right", "yaw_rate", "current_left", "current_right")
 CHANNELS = (*NEEDED, "pitch", "roll")
@@ -32,9 +33,7 @@ _SAME_SPEED = 1e-6
 """Difference below which the log's speed is the mean of its wheels [m/s]: rounding of a table."""
 
 
-def terrain(
-    logs: LogInput, model_file: str, *, terrains: str | None = None, quiet: bool = True
-) -> TerrainResult:
+def terrain(logs: LogInput, model_file: str, *, terrains: str | None = None) -> TerrainResult:
     """Read, estimate, describe.
 
     `terrains`: terrain file or shipped name, by default that of the model's name.
@@ -51,7 +50,7 @@ def terrain(
     suspects += implausible(log.columns, log.runs, model.vehicle)
     usable_samples = usable(len(log.columns["t"]), suspects, CHANNELS)
     runs = []
-    with progress_bar("driving", len(log.runs), quiet=quiet) as advance:
+    with progress_bar("driving", len(log.runs)) as advance:
         for part in log.runs:
             runs.append(_run_events(log, part, usable_samples, suspects, monitor))
             advance(1)
@@ -145,48 +144,41 @@ def _run_events(
     events += monitor.finish()
     channels = {*CHANNELS, "t"}
     excluded = [s for s in suspects if s.channel in channels and part.start <= s.start < part.stop]
-    stretches = [event for event in events if isinstance(event, DescribedStretch)]
+    v, rims = log.columns["v"][part], 0.5 * (log.columns["v_left"] + log.columns["v_right"])[part]
+    has_speed = bool(np.nanmax(np.abs(v - rims), initial=0.0) > _SAME_SPEED)
     return RunEvents(
         run=str(log.columns["run"][part.start]),
         samples=part,
-        stretches=stretches,
+        stretches=[
+            _logged(log, part, event, has_speed)
+            for event in events
+            if isinstance(event, DescribedStretch)
+        ],
         changes=[event for event in events if isinstance(event, GroundChange)],
         excluded=excluded,
         known=monitor.estimator.known,
-        labels=_texts(log, part, stretches, "terrain"),
-        sessions=_texts(log, part, stretches, "session"),
-        centres=_centres(log, part, stretches),
         is_relied_on=monitor.describer.describe(relied_on=True).is_decided,
     )
 
 
-def _centres(
-    log: DriveLog, part: slice, stretches: list[DescribedStretch]
-) -> list[tuple[float, float]]:
-    """Centres of rotation (left, right) [m] of each stretch that turns, NaN if not observable.
+def _logged(log: DriveLog, part: slice, event: DescribedStretch, has_speed: bool) -> LoggedStretch:
+    """A stretch with the log's texts in its middle, and the centres of rotation of a turn.
 
-    The log's speed has to be another measurement than the mean of its wheels.
+    Centres are observable only where the log's speed is another measurement than the mean of its
+    wheels.
     """
-    time, v = log.columns["t"][part], log.columns["v"][part]
-    rims = 0.5 * (log.columns["v_left"][part] + log.columns["v_right"][part])
-    is_independent = bool(np.nanmax(np.abs(v - rims), initial=0.0) > _SAME_SPEED)
-    centres = []
-    for o in (stretch.observation for stretch in stretches):
-        if not is_independent or o.phase not in (Phase.TURN, Phase.SPOT):
-            centres.append((np.nan, np.nan))
-            continue
+    o, time = event.observation, log.columns["t"][part]
+    middle = int(np.searchsorted(time, 0.5 * (o.begin + o.end)).clip(max=len(time) - 1))
+    label, session = (
+        str(log.columns[name][part][middle]) if name in log.columns else ""
+        for name in ("terrain", "session")
+    )
+    centres = (np.nan, np.nan)
+    if has_speed and o.phase in (Phase.TURN, Phase.SPOT):
         inside = slice(*np.searchsorted(time, (o.begin, o.end)))
         half = 0.5 * o.speed_difference
-        speed = float(np.nanmean(v[inside])) if inside.stop > inside.start else np.nan
-        centres.append(rotation_centres(o.speed - half, o.speed + half, speed, o.yaw_rate))
-    return centres
-
-
-def _texts(log: DriveLog, part: slice, stretches: list[DescribedStretch], name: str) -> list[str]:
-    """A text column in the middle of each stretch, empty where the log has none."""
-    observations = [stretch.observation for stretch in stretches]
-    if name not in log.columns:
-        return [""] * len(observations)
-    middle = np.array([0.5 * (o.begin + o.end) for o in observations])
-    index = np.searchsorted(log.columns["t"][part], middle).clip(max=part.stop - part.start - 1)
-    return [str(text) for text in log.columns[name][part][index]]
+        driven = log.columns["v"][part][inside]
+        speed = float(np.nanmean(driven)) if len(driven) else np.nan
+        centres = rotation_centres(o.speed - half, o.speed + half, speed, o.yaw_rate)
+    given = {field.name: getattr(event, field.name) for field in fields(event)}
+    return LoggedStretch(**given, label=label, session=session, centres=centres)

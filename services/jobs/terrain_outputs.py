@@ -19,9 +19,9 @@ from slopewise.models.terrain.monitor import DescribedStretch
 from slopewise.models.terrain.observation import TerrainEstimate
 from slopewise.models.terrain.surfaces import model_on, with_surface
 from slopewise.services.io.files import fault
-from slopewise.services.io.table import write_csv
+from slopewise.services.io.table import write_rows
 from slopewise.services.io.terrain_file import write_terrains
-from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
+from slopewise.services.jobs.terrain_result import LoggedStretch, TerrainResult
 
 _MEASURED = ("samples", "speed", "speed_difference", "yaw_rate", "onset_current")
 _ESTIMATED = ("motion_resistance", "lateral_resistance", "slip_track")
@@ -54,16 +54,10 @@ def write_events(result: TerrainResult, path: Path) -> None:
     rows: list[dict[str, Any]] = []
     for run in result.runs:
         of_run = [_change_row(run.run, change) for change in run.changes]
-        of_run += stretch_rows(run)
+        of_run += [stretch_row(run.run, stretch) for stretch in run.stretches]
         of_run += [_excluded_row(run.run, t, stretch) for stretch in run.excluded]
         rows += sorted(of_run, key=lambda row: float(row["t"]))
-    columns = {
-        name: [str(row.get(name, "")) for row in rows]
-        if name in _TEXT
-        else np.array([row.get(name, np.nan) for row in rows], np.float64)
-        for name in COLUMNS
-    }
-    write_csv(columns, path)
+    write_rows(rows, COLUMNS, _TEXT, path)
 
 
 def _change_row(run: str, change: GroundChange) -> dict[str, Any]:
@@ -89,15 +83,8 @@ def _excluded_row(run: str, t: Floats, part: Suspect) -> dict[str, Any]:
     }
 
 
-def stretch_rows(run: RunEvents) -> list[dict[str, Any]]:
-    """Rows of the stretches of a run; parameters are the estimates when a stretch ends."""
-    return [
-        _stretch_row(run.run, event, centres)
-        for event, centres in zip(run.stretches, run.centres, strict=True)
-    ]
-
-
-def _stretch_row(run: str, event: DescribedStretch, centres: tuple[float, float]) -> dict[str, Any]:
+def stretch_row(run: str, event: LoggedStretch) -> dict[str, Any]:
+    """Columns of a stretch of a run; parameters are the estimates when it ends."""
     o = event.observation
     row = {
         "run": run,
@@ -112,8 +99,8 @@ def _stretch_row(run: str, event: DescribedStretch, centres: tuple[float, float]
         "probability": 1.0 - ALPHA if event.name else np.nan,
         "rules": event.rules,
         "note": _note(event),
-        "centre_left": centres[0],
-        "centre_right": centres[1],
+        "centre_left": event.centres[0],
+        "centre_right": event.centres[1],
         "turning_thrust": o.turning.value,
         "turning_thrust_std": o.turning.std,
     }
@@ -134,8 +121,7 @@ def _note(event: DescribedStretch) -> str:
 def updated_model(result: TerrainResult) -> Model:
     """The model on the ground driven now, with a table of braking for each ground with a name.
 
-    Raises:
-        InputError: a ground with a resistance at which the brakes would not stop the vehicle.
+    InputError: a ground with a resistance at which the brakes would not stop the vehicle.
     """
     model = model_on(result.model, result.known, valid=result.is_relied_on)
     reference = result.model.terrain.motion_resistance
@@ -153,11 +139,7 @@ def updated_model(result: TerrainResult) -> Model:
 
 
 def write_learned(result: TerrainResult, path: Path) -> str:
-    """Write classes and thresholds learned from the log's column terrain; a note on their days.
-
-    Raises:
-        InputError: the log does not name its ground.
-    """
+    """Write classes and thresholds learned from the log's column terrain; a note on their days."""
     runs = result.labelled
     if not runs:
         source = str(result.log.sources[0])

@@ -21,24 +21,29 @@ _LASTING = 6
 """Stretches that agree with no class from which a run is reported as such; one lasts about 1 s."""
 
 
+@dataclass(frozen=True, slots=True)
+class LoggedStretch(DescribedStretch):
+    """A stretch, with what the log says of it."""
+
+    label: str  # name of the ground, empty where the log has none
+    session: str  # day or site likewise
+    centres: tuple[float, float]  # of rotation, left and right [m], NaN where not observable
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEvents:
     """Terrain events of one run, in chronological order."""
 
     run: str
     samples: slice
-    stretches: list[DescribedStretch]
+    stretches: list[LoggedStretch]
     changes: list[GroundChange]
     excluded: list[Suspect]
     known: Features  # of the ground at the end of the run
-    labels: list[str]  # ground as the log names it, one per stretch
-    sessions: list[str]  # day or site likewise
-    centres: list[tuple[float, float]]
-    """Centres of rotation (left, right) of each stretch [m], NaN where not observable."""
     is_relied_on: bool  # the description at the end is as certain as plans rely on
 
     @property
-    def ground(self) -> list[DescribedStretch]:
+    def ground(self) -> list[LoggedStretch]:
         """Stretches that were not stuck."""
         return [stretch for stretch in self.stretches if not stretch.is_stuck]
 
@@ -108,10 +113,9 @@ class TerrainResult:
         """Stretches by run and the log's own name of the ground; without those that were stuck."""
         parts: dict[tuple[str, str, str], list[DescribedStretch]] = {}
         for run in self.runs:
-            rows = zip(run.stretches, run.labels, run.sessions, strict=True)
-            for stretch, label, session in rows:
-                if label and not stretch.is_stuck:
-                    parts.setdefault((run.run, label, session), []).append(stretch)
+            for s in run.ground:
+                if s.label:
+                    parts.setdefault((run.run, s.label, s.session), []).append(s)
         return [
             LabelledRun(label, session, tuple(stretch.observation for stretch in stretches))
             for (_, label, session), stretches in parts.items()
@@ -122,8 +126,8 @@ class TerrainResult:
         """Features of the stretches by the log's name of their ground, else a single class name."""
         values: dict[str, list[tuple[float, float, float]]] = {}
         for run in self.runs:
-            for stretch, label in zip(run.stretches, run.labels, strict=True):
-                if not stretch.is_stuck and (name := label or stretch.name):
+            for stretch in run.ground:
+                if name := stretch.label or stretch.name:
                     values.setdefault(name, []).append(stretch.observation.known.values)
         return values
 
@@ -146,7 +150,7 @@ class TerrainResult:
         classes = {terrain_class.name for terrain_class in self.terrains.terrain}
         by_label: dict[str, list[bool]] = {}
         for run in self.runs:
-            for stretch, label in zip(run.stretches, run.labels, strict=True):
-                if label and classes and not stretch.is_stuck:
+            for stretch in run.ground if classes else ():
+                if label := stretch.label:
                     by_label.setdefault(label, []).append(label in stretch.agrees_with)
         return float(np.mean([np.mean(v) for v in by_label.values()])) if by_label else None

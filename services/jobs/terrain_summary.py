@@ -14,7 +14,7 @@ from slopewise.models.terrain.description import UNDECIDED
 from slopewise.models.terrain.evidence import evidence_of
 from slopewise.models.terrain.observation import Features, TerrainEstimate
 from slopewise.services.jobs.summary import Summary, finite
-from slopewise.services.jobs.terrain_outputs import stretch_rows
+from slopewise.services.jobs.terrain_outputs import stretch_row
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
 
 
@@ -120,23 +120,24 @@ def _run(run: RunEvents, result: TerrainResult) -> RunRow:
         class_name=run.name or None,
         stuck=run.stuck_seconds,
         probabilities=_probabilities(run.name),
-        changes=[
-            ChangeRow(c.time, c.strength, None, c.before, c.now, c.again) for c in run.changes
-        ],
+        changes=[ChangeRow.of(change, t=change.time, classes=None) for change in run.changes],
         compared_seconds=round(sum(o.end - o.begin for o in compared)),
         not_compared_seconds=round(sum(o.end - o.begin for o in unused)),
         excluded=[
-            ExcludedRow(float(t[s.start]), float(t[s.stop - 1]), s.channel, s.kind.value, s.reason)
+            ExcludedRow.of(s, t=float(t[s.start]), t_end=float(t[s.stop - 1]), kind=s.kind.value)
             for s in run.excluded
         ],
         stretches=[
-            {k: finite(v) if isinstance(v, float) else v for k, v in row.items()}
+            {
+                k: finite(v) if isinstance(v, float) else v
+                for k, v in stretch_row(run.run, stretch).items()
+            }
             | {
                 "agrees_with": list(stretch.agrees_with),
                 "p_values": stretch.p_values,
                 "probabilities": _probabilities(stretch.name),
             }
-            for row, stretch in zip(stretch_rows(run), run.stretches, strict=True)
+            for stretch in run.stretches
         ],
     )
 

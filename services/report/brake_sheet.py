@@ -32,7 +32,7 @@ from slopewise.services.report.figures import (
     pdf_bytes,
     svg_uri,
 )
-from slopewise.services.report.page import write_page
+from slopewise.services.report.page import render
 
 _ENDINGS = (".html", ".pdf")
 _SIZE = (8.27, 11.69)
@@ -100,9 +100,9 @@ def write_sheet(
         if path.suffix.lower() == ".pdf":
             write_atomic(path, pdf_bytes(figure, title))
             return
-        picture = svg_uri(figure)
-    values = {"sheet": picture, "description": f"{title}. {unsafe_rule_warning(numbers)}"}
-    write_page(path, "brake_sheet.html", values, title=title, styles=("page.css",))
+        values = {"sheet": svg_uri(figure), "title": title, "warning": unsafe_rule_warning(numbers)}
+    page = render("brake_sheet.html", values, title=title, styles=("page.css",))
+    write_atomic(path, page.encode("utf-8", "replace"))
 
 
 def sheet_json(numbers: BrakeNumbers) -> dict[str, Any]:

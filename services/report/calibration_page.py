@@ -29,7 +29,6 @@ _MAX_STOPS = 500
 """Stops that the page of a rejected log lists [1]."""
 _SPEED_LINES = 3
 """Lines of force over grade in the chart [1]: slow, middle and fast."""
-_STYLES = ("page.css", "calibration.css")
 
 
 def write_calibration_page(path: Path, result: CalibrateResult, facts: Mapping[str, str]) -> None:
@@ -81,8 +80,7 @@ def _write(path: Path, values: dict[str, Any], issues: Sequence[Suspect], log: D
         "issues": [(f"{t[s.start]:.2f} s", s.reason) for s in issues[:MAX_ROWS]],
         "more_issues": len(issues) - MAX_ROWS,
     }
-    title = f"{values['title']} – slopewise calibrate"
-    write_page(path, "calibration.html", values, title=title, styles=_STYLES)
+    write_page(path, "calibration.html", values, "calibrate")
 
 
 def _verdict(calibration: Calibration) -> str:

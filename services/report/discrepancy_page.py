@@ -35,6 +35,7 @@ VERDICT_LABELS = {
 }
 """Label of each verdict, and its style."""
 
+STYLES = ("page.css", "calibration.css", "discrepancy.css")
 _AXES = 6
 """Axes of the residual that are drawn."""
 _BINS, _MIN_BIN = 8, 3
@@ -72,9 +73,7 @@ def write_discrepancy_page(
         "located": [_axis_cells(axis) for axis in findings.located] or [("no axis", "", "", "")],
         "pictures": _figures(findings),
     }
-    styles = ("page.css", "calibration.css", "discrepancy.css")
-    window_title = f"{title} – slopewise discrepancy"
-    write_page(path, "discrepancy.html", values, title=window_title, styles=styles)
+    write_page(path, "discrepancy.html", values, "discrepancy", STYLES)
 
 
 def _closed(gap: Gap) -> str:

@@ -24,11 +24,7 @@ def asset(name: str) -> str:
 
 
 def script_json(value: Any) -> str:
-    """JSON without the characters that could end its script element.
-
-    Raises:
-        ValueError: a number is not finite.
-    """
+    """JSON without the characters that could end its script element; its numbers are finite."""
     text = json.dumps(value, allow_nan=False, separators=(",", ":"))
     for character in "<>&":
         text = text.replace(character, f"\\u{ord(character):04x}")
@@ -77,9 +73,18 @@ def _compact(*texts: str) -> str:
     return "\n".join(line for line in lines if line and not line.startswith("//"))
 
 
-def write_page(path: Path, template: str, values: Mapping[str, Any], **shell: Any) -> None:
-    """Render a page with the shell of :func:`render`, and write it all or nothing."""
-    write_atomic(path, render(template, values, **shell).encode("utf-8", "replace"))
+def write_page(
+    path: Path,
+    template: str,
+    values: Mapping[str, Any],
+    command: str,
+    styles: Sequence[str] = ("page.css", "calibration.css"),
+    **shell: Any,
+) -> None:
+    """Render the page of a command, see :func:`render`, and write it all or nothing."""
+    title = f"{values['title']} – slopewise {command}"
+    page = render(template, values, title=title, styles=styles, **shell)
+    write_atomic(path, page.encode("utf-8", "replace"))
 
 
 @cache

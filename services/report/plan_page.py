@@ -41,18 +41,9 @@ _DECIMALS = {
     **dict.fromkeys(("stop_distance", "time", "x", "y", "z"), 2),
 }
 """Decimals of each column [1], whole numbers of which the page has; half a pixel of its charts."""
-_NUMBERS = {
-    "time": "travel_time",
-    "progress": "progress",
-    "length": "length",
-    "mean": "mean_speed",
-    "max": "max_speed",
-    "margin": "margin",
-    "rear": "rear_load",
-    "side": "side_load",
-    "beside": "path_deviation",  # words: ok (key of the page's data)
-}
-"""Number of the summary by its key of the page's data."""
+_NUMBERS = ["travel_time", "progress", "length", "mean_speed", "max_speed", "margin"]
+_NUMBERS += ["rear_load", "side_load", "path_deviation"]
+"""Numbers of a summary that the script shows."""
 
 
 def write_job_page(
@@ -115,8 +106,8 @@ def write_plan_page(
         path,
         "plan.html",
         values,
-        title=f"{title} – slopewise plan",
-        styles=STYLES,
+        "plan",
+        STYLES,
         extra_style=limit_colours(),
         scripts=SCRIPTS,
         data=_page_data(ground, result, summaries),
@@ -217,7 +208,7 @@ def _plan_table(
         "rank": summary.rank,
         "stations": len(plan.station),
         "clear": _number(plan.clear_distance),
-        **{key: _number(getattr(summary, name)) for key, name in _NUMBERS.items()},
+        **{name: _number(getattr(summary, name)) for name in _NUMBERS},
         "limits": None if summary.longest_limit is None else int(summary.longest_limit),
         "obstacle": _obstacle(plan.obstacle, ground.origin),
         "columns": {

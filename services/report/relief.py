@@ -77,9 +77,8 @@ def png_uri(pixels: NDArray[np.uint8]) -> str:
 def coarsen(elevation: Floats, max_cells: int) -> tuple[Floats, int]:
     """Average over square blocks of cells, so that no edge has more than ``max_cells``.
 
-    Returns:
-        (rows, cols) heights, NaN where more than half a block is unknown; cells along the edge of
-        a block. Blocks begin at row and column 0; the last ones may be cut by the edge of the map.
+    Returns heights, NaN where more than half a block is unknown, and the cells along the edge of a
+    block. Blocks begin at row and column 0; the last ones may be cut by the edge of the map.
     """
     factor = -(-max(elevation.shape) // max_cells)
     if factor <= 1:

@@ -9,7 +9,7 @@ import numpy as np
 
 from slopewise.services.jobs.plural import plural
 from slopewise.services.jobs.replay_plan import ReplayResult
-from slopewise.services.jobs.replay_summary import ReplaySummary
+from slopewise.services.jobs.replay_summary import CauseRow, ReplaySummary
 from slopewise.services.report.figures import FAINT, FIRST, INK, SECOND, THIRD, draw_figures
 from slopewise.services.report.page import MAX_ROWS, write_page
 
@@ -28,10 +28,8 @@ def write_replay_page(
             "cycles": f"{summary.cycles} of {summary.period:g} s in {summary.driven:.1f} s",
         },
         "notices": [f"{reason}: {n} cycles" for reason, n in summary.missing.items()],
-        "statuses": [
-            (r.status, r.example or "–", r.cycles, f"{r.first:.1f}") for r in summary.statuses
-        ],
-        "guard": [(r.status, r.example or "–", r.cycles, f"{r.first:.1f}") for r in summary.guard],
+        "statuses": cause_cells(summary.statuses, none="–"),
+        "guard": cause_cells(summary.guard, none="–"),
         "slowed": slowed_cells(summary)[:MAX_ROWS],
         "more_slowed": len(summary.slowed) - MAX_ROWS,
         "pictures": draw_figures(
@@ -40,8 +38,7 @@ def write_replay_page(
             latency=((7.4, 3.0), lambda figure: _draw_latency(figure, result)),
         ),
     }
-    styles = ("page.css", "calibration.css")
-    write_page(path, "replay.html", values, title=f"{bag} – slopewise replay", styles=styles)
+    write_page(path, "replay.html", values, "replay")
 
 
 def verdict(summary: ReplaySummary) -> str:
@@ -53,6 +50,11 @@ def verdict(summary: ReplaySummary) -> str:
         f"have been slowed in {plural(len(summary.slowed), 'place')}, for "
         f"{summary.slowed_seconds:.1f} s in all."
     )
+
+
+def cause_cells(rows: list[CauseRow], of: str = "", none: str = "") -> list[tuple[str, ...]]:
+    """Rows on statuses: `of` whom and status, first reason or `none`, cycles, time of the first."""
+    return [(of + r.status, r.example or none, str(r.cycles), f"{r.first:.1f}") for r in rows]
 
 
 def slowed_cells(summary: ReplaySummary) -> list[tuple[str, ...]]:

@@ -62,8 +62,7 @@ def write_terrain_page(
             features=((7.4, 6.6), lambda figure: _draw_features(figure, result)),
         ),
     }
-    window_title, styles = f"{title} – slopewise terrain", ("page.css", "calibration.css")
-    write_page(path, "terrain.html", values, title=window_title, styles=styles)
+    write_page(path, "terrain.html", values, "terrain")
 
 
 def _variety(run: RunEvents) -> float:
@@ -125,10 +124,9 @@ def _draw_features(figure: Any, result: TerrainResult) -> None:
     grid = figure.subplots(2, 2)
     known = result.terrains.terrain
     points = [
-        (label or "unnamed", stretch.observation.known.values)
+        (stretch.label or "unnamed", stretch.observation.known.values)
         for run in result.runs
-        for stretch, label in zip(run.stretches, run.labels, strict=True)
-        if not stretch.is_stuck
+        for stretch in run.ground
     ]
     names = list(dict.fromkeys([terrain.name for terrain in known] + [name for name, _ in points]))
     colour = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}

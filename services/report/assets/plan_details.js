@@ -10,14 +10,14 @@ function showDetails() {
   const reason = plan.reason || "reaches the end of its path";
   element("state").replaceChildren(badge(plan.status), ` ${reason}.${thinned}`.replace("..", "."));
   const tiles = [
-    ["travel time", number(plan.time, 1), "s"],
+    ["travel time", number(plan.travel_time, 1), "s"],
     ["stops at", number(plan.progress, 1), plan.progress < plan.length - 0.05 ? `m of ${number(plan.length, 1)}` : "m"],
-    ["mean speed", number(plan.mean, 2), "m/s"],
-    ["top speed", number(plan.max, 2), "m/s"],
+    ["mean speed", number(plan.mean_speed, 2), "m/s"],
+    ["top speed", number(plan.max_speed, 2), "m/s"],
     ["stop margin", number(plan.margin, 2), "m"],
-    ["rear load", number(percent(plan.rear), 0), "%"],
-    ["side load", number(percent(plan.side), 0), "%"],
-    ["off the given path", number(plan.beside, 2), "m"], // words: ok (key of the page's data)
+    ["rear load", number(percent(plan.rear_load), 0), "%"],
+    ["side load", number(percent(plan.side_load), 0), "%"],
+    ["off the given path", number(plan.path_deviation, 2), "m"],
     ["limited most by", data.limiting[plan.limits]?.word ?? "–", ""],
   ];
   element("tiles").replaceChildren(...definitions(tiles.map(([name, value, unit]) => [name, value, " ", make("small", {}, unit)])));

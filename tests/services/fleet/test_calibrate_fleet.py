@@ -10,6 +10,7 @@ from slopewise.models.errors import InputError
 from slopewise.services.fleet.calibrate_fleet import FleetCalibrateResult, calibrate_fleet
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.table import write_csv
+from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.summary import to_json
 from tests.models.calibration.plant import Plant, drive
 
@@ -28,7 +29,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def run(logs: list[Path], out: Path, **changes: object) -> FleetCalibrateResult:
-    return calibrate_fleet(logs, "atv", out, **{"workers": 0, **changes})  # type: ignore[arg-type]
+    return calibrate_fleet(LogInput(logs), "atv", out, **{"workers": 0, **changes})  # type: ignore[arg-type]
 
 
 def test_each_vehicle_gets_a_model_file_that_can_be_read(logs: list[Path], tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ from slopewise.services.fleet.fleet_summary import (
 from slopewise.services.fleet.vehicle_finding import DONE, REFUSED, Row, row_without_finding
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.io.table import write_csv
+from slopewise.services.jobs.log_input import LogInput
 from tests.world.logs import WORLDS
 from tests.world.plant import drive
 
@@ -99,12 +100,10 @@ def test_only_some_failed_vehicles_are_listed() -> None:
 
 
 REQUEST = vehicle_finding.FleetDiscrepancyRequest(
-    [],
+    LogInput([]),
     "atv",
     Path(),
     by_folder=False,
-    map_file=None,
-    topics=None,
     settings=DiscrepancySettings(resamples=20),
     workers=0,
 )
@@ -123,7 +122,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def run(logs: list[Path], out: Path, **changes: object) -> FleetSummary:
-    request = replace(REQUEST, logs=logs, out=out, **changes)
+    request = replace(REQUEST, logs=LogInput(logs), out=out, **changes)
     rows, summary = investigate_fleet.investigate_fleet(request)
     write_fleet_page(out / investigate_fleet.PAGE, rows, summary)
     return summary
@@ -253,8 +252,9 @@ def test_a_vehicle_that_ends_its_workers_is_reported_and_tried_again(
     out = tmp_path / "out"
     shutil.copytree(local, out)
     row = next(r for r in pq.read_table(out / "findings").to_pylist() if r["vehicle"] == "lag")
-    request = replace(REQUEST, out=out)
-    task = vehicle_finding.VehicleTask("lag", (), {}, "atv.toml", "", "", row["key"], request)
+    task = vehicle_finding.VehicleTask(
+        "lag", LogInput([]), {}, "atv.toml", "", "", row["key"], REQUEST.settings, out
+    )
     assert vehicle_finding.finished(task) == row
     vehicle_finding.write_failed_row(task)
     failed_row = vehicle_finding.read_row(task)

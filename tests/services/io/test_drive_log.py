@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slopewise.services.io.drive_log import read_drive_log
-from slopewise.services.io.log_checks import names_of
+from slopewise.services.jobs.log_input import LogInput
 from tests.services.faults import fault_in
 
 HEADER = "run,t,v,v_cmd,pitch"
@@ -118,4 +118,4 @@ def test_parquet_that_cannot_be_used(tmp_path: Path) -> None:
     [(1, "0.csv"), (3, "0.csv, 1.csv, 2.csv"), (40, "0.csv, 1.csv, 2.csv … (40 logs)")],
 )
 def test_names_of_many_logs_lists_a_few(count: int, expected: str) -> None:
-    assert names_of([Path(f"{i}.csv") for i in range(count)]) == expected
+    assert LogInput([Path(f"{i}.csv") for i in range(count)]).names == expected

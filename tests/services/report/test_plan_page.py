@@ -205,7 +205,7 @@ def test_values_that_are_not_finite_become_null(tmp_path: Path, ground: Elevatio
     plan = plan_of(status=Status.BLOCKED, speed=np.zeros(40), time=np.zeros(40))
     text = written(tmp_path / "rest.html", ground, [plan])
     (shown,) = embedded(text)["plans"]
-    assert (shown["margin"], shown["progress"], shown["mean"]) == (None, 0.0, None)
+    assert (shown["margin"], shown["progress"], shown["mean_speed"]) == (None, 0.0, None)
     assert "None of them may be driven" in text
 
 
