@@ -16,12 +16,7 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.parameters import Model
-from slopewise.services.guard.decide import (
-    BaseCommand,
-    GuardDecision,
-    VehicleMotion,
-    decide,
-)
+from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleMotion, decide
 from slopewise.services.guard.guard_model import GuardScene, guard_model
 from slopewise.services.guard.stop_courses import Pose2d
 

@@ -52,6 +52,11 @@ class Body(NamedTuple):
         return self._replace(across=self.across + np.where(largest > _ON_LINE, largest, 0.0))
 
     @property
+    def pose(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """x, y [m], cos and sin of the heading, (M,) each."""
+        return self.x, self.y, np.cos(self.heading), np.sin(self.heading)
+
+    @property
     def has_band(self) -> bool:
         """Whether any point has a lateral error."""
         return self.turned > 0.0 or bool(self.across.any())

@@ -17,12 +17,7 @@ from slopewise.services.check.path_force import PathForce
 from slopewise.services.check.plan_line import Line, Motion
 from slopewise.services.check.tolerances import TOLERANCES
 from slopewise.services.physics.force import NO_FRICTION_LIMIT
-from slopewise.services.physics.loads import (
-    BodyAttitude,
-    braking_cap,
-    shares_of,
-    utilisation,
-)
+from slopewise.services.physics.loads import BodyAttitude, braking_cap, shares_of, utilisation
 
 _HARD = 0.9
 """Share of full braking from which a plan brakes as hard as it can [1]: slopes between rows."""

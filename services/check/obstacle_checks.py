@@ -18,13 +18,8 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.check.body_on_line import Body
 from slopewise.services.check.contact_heights import contact_height
-from slopewise.services.check.path_ground import (
-    LineGround,
-    below_body,
-    offset_points,
-    parts_of,
-)
-from slopewise.services.physics.body import WHEELS, plane_of
+from slopewise.services.check.path_ground import LineGround, below_body, parts_of
+from slopewise.services.physics.body import WHEELS, plane_of, points_of
 from slopewise.services.physics.heights import height_of
 
 _NOTHING = -np.inf
@@ -80,7 +75,7 @@ def _above_wheels(
         ahead, to_left = below_body(vehicle, some, max(0.5 * heights.resolution, _FINEST))
         inside = np.abs(ahead) <= 0.5 * vehicle.wheelbase
         inside = inside & (np.abs(to_left) <= 0.5 * vehicle.track_width)
-        x, y = offset_points(some, ahead, to_left)
+        x, y = points_of(some.pose, ahead, to_left)
         wheels = ground.wheels[:, part]
         rise, cross_rise = plane_of(wheels, vehicle)
         plane = wheels.mean(axis=0) + ahead * rise + to_left * cross_rise
@@ -104,7 +99,7 @@ def _steps_of(
     count = math.ceil(float(band.max()) / stride)
     highest = _edges(heights, body, wheel, vehicle) if count else np.zeros(len(band))
     for share in np.linspace(-1.0, 1.0, 2 * count + 1) if count else (0.0,):
-        line = offset_points(body, wheel[0], wheel[1] + share * band)
+        line = points_of(body.pose, wheel[0], wheel[1] + share * band)
         np.maximum(highest, _steps(heights, *line, body.heading, vehicle), out=highest)
     return highest
 
@@ -120,7 +115,7 @@ def _edges(
     window, band = _window(heights, vehicle), body.band(wheel[0])
     count = _PARTS * math.ceil(float(band.max()) / window + 1.5)
     across = window / _PARTS * np.linspace(-count, count, 2 * count + 1)[:, None]
-    place = offset_points(body, wheel[0], wheel[1] + across)
+    place = points_of(body.pose, wheel[0], wheel[1] + across)
     rise = _rises(height_of(heights, *place))
     middle = across[_PARTS : _PARTS + len(rise)] + 0.5 * window
     outward = rise * np.sign(middle)

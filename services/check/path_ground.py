@@ -43,7 +43,7 @@ def ground_under(heights: ElevationMap, line: Line, vehicle: Vehicle) -> LineGro
     Roll turns about the inclined axis of the body, so its tangent is the cross rise times cos θ.
     """
     body, yaw = line.body, line.body.heading
-    x, y = wheel_places(vehicle, (body.x, body.y, np.cos(yaw), np.sin(yaw)))
+    x, y = wheel_places(vehicle, body.pose)
     x, y = np.vstack((x, line.x)), np.vstack((y, line.y))
     headings = (yaw, yaw, yaw, yaw, line.heading)
     points = np.array(
@@ -66,14 +66,6 @@ def ground_under(heights: ElevationMap, line: Line, vehicle: Vehicle) -> LineGro
         _body_known(heights, body, vehicle),
         np.any(classes_around(heights, x, y), axis=1),
     )
-
-
-def offset_points(
-    body: Body, ahead: float | Floats, to_left: float | Floats
-) -> tuple[Floats, Floats]:
-    """Points ahead of, and to the left of, the middle of the wheelbase [m]; offsets broadcast."""
-    pose = body.x, body.y, np.cos(body.heading), np.sin(body.heading)
-    return points_of(pose, ahead, to_left)
 
 
 def _stations(line: Line, z: Floats) -> Floats:
@@ -114,7 +106,7 @@ def _body_known(heights: ElevationMap, body: Body, vehicle: Vehicle) -> Bools:
     for part in parts_of(np.arange(len(body.x))):
         some = body.only(part)
         inset = _TRAILED if some.start_error.any() else 0.0
-        x, y = offset_points(some, *below_body(vehicle, some, heights.resolution, inset))
+        x, y = points_of(some.pose, *below_body(vehicle, some, heights.resolution, inset))
         east, north = x - body.x[0], y - body.y[0]
         along, across = east * cos + north * sin, north * cos - east * sin
         under_start = (along > -shape.rear - margin) & (along < shape.front + margin)

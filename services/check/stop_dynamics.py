@@ -102,11 +102,7 @@ class StopDynamics:
 
     def _force_at(self, sample: Ints, onset_speed: Floats, upper: bool) -> Floats:
         b = self.brakes
-        part = b._replace(
-            on=b.on[:, sample],
-            terms=b.terms[..., sample],
-            extra=b.extra[sample],
-        )
+        part = b._replace(on=b.on[:, sample], terms=b.terms[..., sample], extra=b.extra[sample])
         return part.force(onset_speed, upper=upper)
 
     def deceleration(

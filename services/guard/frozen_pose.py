@@ -15,7 +15,6 @@ class PoseAge:
     """Follows the poses of one base; a localisation that fails may repeat one with new stamps."""
 
     def __init__(self) -> None:
-        """Begin without a pose."""
         self._pose: Pose2d | None = None
         self._measured, self._is_frozen = 0.0, False
 

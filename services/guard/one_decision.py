@@ -9,12 +9,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.recent import Recent
-from slopewise.services.guard.decide import (
-    BaseCommand,
-    GuardDecision,
-    VehicleMotion,
-    decide,
-)
+from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleMotion, decide
 from slopewise.services.guard.guard_model import GuardModel, GuardScene, guard_model
 from slopewise.services.guard.settings import GuardJudgement, GuardTiming  # words: ok, key
 from slopewise.services.guard.stop_courses import Pose2d

@@ -27,7 +27,6 @@ class RosOutput:
     """Decisions as a twist and a flag."""
 
     def __init__(self, session: zenoh.Session, settings: GuardRos, name: str) -> None:
-        """Declare a node and its topics."""
         ours = settings
         self.node = Node(session, ours.domain, ours.namespace, name, distribution=ours.distribution)
         self._kind = f"geometry_msgs/msg/{ours.kind}"
@@ -57,7 +56,6 @@ class RosTransport(RosOutput):
     """Commands and odometry in."""
 
     def __init__(self, session: zenoh.Session, settings: GuardRos) -> None:
-        """Subscribe."""
         super().__init__(session, settings, settings.node)
         self._frame, self.inbox = settings.frame.lstrip("/"), self.node.inbox
         odometry = self.node.subscribe(settings.odometry, ODOMETRY)

@@ -21,7 +21,7 @@ from slopewise.models.quantity import GRAVITY
 from slopewise.services.guard.guard_model import GuardModel
 from slopewise.services.guard.stop_courses import StopCourses
 from slopewise.services.physics.force import NO_FRICTION_LIMIT, force_line
-from slopewise.services.physics.loads import attitude_of, braking_cap, shares_of
+from slopewise.services.physics.loads import BodyAttitude, attitude_of, braking_cap, shares_of
 
 _MIN_DECEL = 1e-9
 """Deceleration that a distance is divided by at least, far below any that ends a stop [m/s²]."""
@@ -43,8 +43,9 @@ def stops_along(
     Speeds and distances are those of the fastest wheel.
     """
     tables, step, possible = model.tables, courses.step, courses.possible
-    sine, upright = np.sin(courses.grade), np.cos(courses.grade) * np.cos(courses.roll)
-    crest = np.minimum(courses.vertical_curvature, 0.0)
+    turn, crest = courses.share * courses.turn, np.minimum(courses.vertical_curvature, 0.0)
+    pose = attitude_of(courses.grade, courses.roll, courses.vertical_curvature, turn)
+    sine = pose.sine
     dead = max(table.dead_time[possible].max() for table in tables)
     v = speeds[:, None] + tables[0].speed_error[possible].max()
     # Share of each sample interval before the brakes take hold.
@@ -53,11 +54,11 @@ def stops_along(
     gain = GRAVITY * np.maximum(-sine - model.promised.terrain.motion_resistance, 0.0) * step
     onset_sq = v * v + 2.0 * np.sum(holds * gain, axis=-1, keepdims=True)
     onset = np.sqrt(onset_sq)
-    weakest, strongest = _force(model, courses, onset)
+    weakest, strongest = _force(model, courses, pose, onset)
     if model.motion.fade > 0.0:
         # Heat of this stop and of one more before it.
         weakest = weakest / (1.0 + model.motion.fade * onset_sq)
-    unloaded = -crest * onset_sq / (GRAVITY * upright)
+    unloaded = -crest * onset_sq / (GRAVITY * pose.normal_ratio)
     share = registry.crest_share(model.promised.effect) or 0.0
     weakest = weakest * np.maximum(1.0 - unloaded * max(1.0, share), 0.0)
     decel = GRAVITY * (weakest + sine) - _push(model, courses, onset)
@@ -67,7 +68,7 @@ def stops_along(
     moving = np.concatenate((np.ones_like(onset_sq, np.bool_), energy[..., :-1] > 0.0), axis=-1)
     before = np.maximum(energy, 0.0) + 2.0 * np.maximum(decel, 0.0) * step
     speed_sq = np.minimum(before, onset_sq)
-    loaded = _loads(model, courses, speed_sq, strongest) >= min_load
+    loaded = _loads(model, pose, speed_sq, strongest) >= min_load
     shape = model.shape
     corner = math.hypot(max(shape.front, shape.rear), 0.5 * shape.width)
     # Where the vehicle turns on the spot it is kept by the corners, which are the fastest.
@@ -76,13 +77,15 @@ def stops_along(
     return StopOutcomes(distance.max(axis=0) + offset, np.all(loaded | ~moving, axis=(0, 2)))
 
 
-def _force(model: GuardModel, courses: StopCourses, onset: Floats) -> tuple[Floats, Floats]:
+def _force(
+    model: GuardModel, courses: StopCourses, pose: BodyAttitude, onset: Floats
+) -> tuple[Floats, Floats]:
     """Weakest and strongest F_b/W of the surfaces under the wheels, (N, K, S)."""
     grade, roll, under = courses.grade, courses.roll, courses.under
     scale = registry.force_scale(model.promised.effect)
     place = Place(grade, roll, courses.x, courses.y, courses.yaw, 0.0)
     extra = registry.ground_term(model.promised.effect, place)
-    pose = attitude_of(grade, roll, np.zeros_like(grade), courses.share * courses.turn)
+    even = pose._replace(vertical_curvature=np.zeros_like(grade))  # crests take their share later
     weakest = np.full((*onset.shape[:2], grade.shape[-1]), np.inf)
     strongest = -weakest
     for k, t in itertools.product(courses.possible, model.tables):
@@ -95,7 +98,7 @@ def _force(model: GuardModel, courses: StopCourses, onset: Floats) -> tuple[Floa
         weak = force
         if t.friction[k] < NO_FRICTION_LIMIT:
             # Turn and bank take most of it, and axles lock first, at the highest speed.
-            weak = np.minimum(force, braking_cap(model.vehicle, pose, t.friction[k], onset * onset))
+            weak = np.minimum(force, braking_cap(model.vehicle, even, t.friction[k], onset * onset))
         present = courses.may_be[:, k][under].any(axis=0)
         np.minimum(weakest, weak, out=weakest, where=present)
         np.maximum(strongest, force * t.stronger[k] + t.extra[k], out=strongest, where=present)
@@ -127,15 +130,12 @@ def _rest(energy: Floats, decel: Floats, onset_sq: Floats, holds: Floats, step: 
     return distance
 
 
-def _loads(model: GuardModel, courses: StopCourses, speed_sq: Floats, force: Floats) -> Floats:
+def _loads(model: GuardModel, pose: BodyAttitude, speed_sq: Floats, force: Floats) -> Floats:
     """Lowest load share of axles and sides while braking as hard as possible, (N, K, S) [1]."""
-    turn = courses.share * courses.turn
-    pose = attitude_of(courses.grade, courses.roll, courses.vertical_curvature, turn)
     # The trailing axle, in the direction of motion, loses the load that the brakes transfer; the
     # leading one has least before they take hold.
-    braked = shares_of(
-        model.vehicle, pose, speed_sq, GRAVITY * (np.maximum(force, 0.0) + pose.sine)
-    )
+    decel = GRAVITY * (np.maximum(force, 0.0) + pose.sine)
+    braked = shares_of(model.vehicle, pose, speed_sq, decel)
     held = shares_of(model.vehicle, pose, speed_sq, np.zeros_like(speed_sq))
     lowest: Floats = np.minimum(np.minimum(braked.rear, held.front), braked.side)
     return lowest

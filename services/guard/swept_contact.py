@@ -274,8 +274,8 @@ def _exempt_start(
     at = t[m], p
     ahead, left = points.ahead[at], points.left[at]
     x, y, cos, sin = poses[:4, m, 0]
-    east = cell * (x - start[0]) + ahead * cos - left * sin
-    north = cell * (y - start[1]) + ahead * sin + left * cos
+    moved_by = cell * (x - start[0]), cell * (y - start[1])
+    east, north = points_of((*moved_by, cos, sin), ahead, left)
     cos, sin = start[2:4]
     along, across = east * cos + north * sin, north * cos - east * sin
     within, close = (

@@ -37,7 +37,6 @@ class Watchdog:
     """Starts the worker, watches it, and takes its place when it fails."""
 
     def __init__(self, settings: GuardSettings, config: Path, session: zenoh.Session) -> None:
-        """Start a worker with the settings of a file."""
         self._settings, self._config = settings, config
         self._output = _output(settings, session)
         self._start()

@@ -55,7 +55,6 @@ class Worker:
     def __init__(
         self, settings: GuardSettings, session: zenoh.Session, heartbeat: Heartbeat
     ) -> None:
-        """Read the model, and subscribe."""
         model = read_guard_model(model_path(settings))
         known = read_guard_map(Path(settings.map)) if settings.map else None
         self.guard = Guard(settings, model, known)

@@ -71,7 +71,6 @@ class ZenohTransport(ZenohOutput):
     """Commands, motion and clear distance in."""
 
     def __init__(self, session: zenoh.Session, namespace: str, inbox: Inbox) -> None:
-        """Subscribe."""
         super().__init__(session, namespace, "guard")
         self.inbox = inbox
         self.topics = {name: name for name in _KINDS}

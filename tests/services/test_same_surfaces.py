@@ -18,12 +18,7 @@ from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.path_force import path_force_along
 from slopewise.services.check.path_ground import ground_under
 from slopewise.services.check.plan_line import line_of
-from slopewise.services.guard.decide import (
-    BaseCommand,
-    GuardDecision,
-    VehicleMotion,
-    decide,
-)
+from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleMotion, decide
 from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_model import GuardScene, read_guard_model
 from slopewise.services.guard.stop_courses import Course, Pose2d, courses_ahead

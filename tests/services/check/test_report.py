@@ -10,13 +10,7 @@ import pytest
 from slopewise.models.errors import ParameterError
 from slopewise.services.check.external_plan import ExternalPlan, plan_of_columns
 from slopewise.services.check.plan_checker import check_plan_on_map
-from tests.services.check.drives import (
-    ground,
-    model_with,
-    round_turn,
-    straight,
-    trapezoid,
-)
+from tests.services.check.drives import ground, model_with, round_turn, straight, trapezoid
 from tests.services.check.test_check import furthest, level_stop, rear_share
 
 

@@ -14,13 +14,7 @@ from slopewise.services.guard.settings import GuardSettings, read_guard_settings
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from tests.services.faults import fault_in
-from tests.services.guard.guard_fixtures import (
-    WALL_TIME,
-    braking_group,
-    feed,
-    guard,
-    motion,
-)
+from tests.services.guard.guard_fixtures import WALL_TIME, braking_group, feed, guard, motion
 
 
 def test_missing_input_is_a_stop_that_lasts_until_rest() -> None:
