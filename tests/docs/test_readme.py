@@ -47,10 +47,13 @@ def inputs(folder: Path) -> None:
     write_csv({"run": ["1"] * len(skid["t"]), **skid}, folder / "husky.csv")
     tiled_map(folder / "county.tif")
     (folder / "logs").mkdir()
-    for number, count in enumerate((12, 8)):  # eight are enough to calibrate, not to search in
-        log = made_up.stops(count, seed=number)
+    # Twelve are enough to search in, eight to calibrate; thirty take three times as long.
+    for seed, (name, stops) in enumerate(
+        {"drive": 14, "logs/robot-0": 12, "logs/robot-1": 8}.items()
+    ):
+        log = made_up.stops(stops, seed=seed)
         runs = [f"{run:.0f}" for run in log.pop("run")]
-        write_csv({"run": runs, **log}, folder / "logs" / f"robot-{number}.csv")
+        write_csv({"run": runs, **log}, folder / f"{name}.csv")
 
 
 @pytest.fixture(scope="module")

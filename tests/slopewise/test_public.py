@@ -142,10 +142,10 @@ def test_the_horizon_accepts_public_types(hill: slopewise.ElevationMap) -> None:
 
 
 def log_of_stops(path: Path) -> slopewise.DriveLog:
-    """Forty stops with F_b/W = 0.35 after 0.25 s."""
+    """Twenty stops with F_b/W = 0.35 after 0.25 s."""
     random = np.random.default_rng(1)
     rows, clock = ["run,t,v,v_cmd,pitch"], 0.0
-    for run in range(40):
+    for run in range(20):
         speed, grade = random.uniform(1.0, 4.0), random.uniform(-0.2, 0.2)
         decel = 9.80665 * (0.35 + np.sin(grade))
         for t in np.arange(-1.5, speed / decel + 1.5, 0.02):
