@@ -153,6 +153,7 @@ def investigate(robot: Robot, *where: str) -> str:
     return asked.result().stdout
 
 
+@pytest.mark.nightly  # by day in one process: test_parameter_state.py, discovery, effects_group
 def test_a_finding_is_offered_adopted_planned_with_and_reverted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
