@@ -30,7 +30,7 @@ USED: dict[type[Any], set[str]] = {
     | {"along_track_std", "latency", "latency_std"},
     Vehicle: {"wheelbase", "track_width", "cg_x", "cg_z", "wheel_radius", "max_wheel_speed"}
     | {"width", "wheel_width", "front_overhang", "rear_overhang", "max_step"}
-    | {"ground_clearance", "drive"},
+    | {"ground_clearance", "drive", "front_brake_share"},
     Braking: OF_SURFACE
     | {"level", "dead_band", "saturation", "extrapolate", "extrapolation_margin"}
     | {"speed_error", "terrain"},
@@ -50,7 +50,7 @@ UNUSED: dict[type[Any], set[str]] = {
     Tracking: {"lookahead"},
     # Thrust, motors and suspension.
     Vehicle: {"mass", "max_drive_force", "max_drive_power", "motor_torque_constant"}
-    | {"gear_ratio", "idle_current", "wheel_travel", "front_brake_share"}
+    | {"gear_ratio", "idle_current", "wheel_travel"}
     | {"ride_frequency", "ride_damping"},
     # Both speeds in the dead time are covered; two standard deviations stand for the covariance,
     # or the promised stop distance for the coefficients.
