@@ -53,6 +53,7 @@ class HeightGrid:
 class BroadPhase:
     bits: Bytes
     relief: Singles
+    relief_beside: Singles
     lift: Singles
     east: Singles
     north: Singles
@@ -98,6 +99,7 @@ def roughness_speeds(
     heading_y: Floats,
     level: Floats,
     spacing: Floats,
+    count: Ints,
     front: Singles,
     sizes: object,
     frequency: float,

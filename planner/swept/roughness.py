@@ -45,6 +45,7 @@ def rough_speeds(
         body.heading_y[0],
         profile.z[0],
         spacing,
+        profile.count,
         profile.front,
         sizes,
         vehicle.ride_frequency,

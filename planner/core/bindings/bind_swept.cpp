@@ -8,7 +8,7 @@
 
 #include "bindings/bindings.hpp"
 #include "ground/map_grid.hpp"
-#include "swept/roughness.hpp"
+#include "swept/rough_ground.hpp"
 #include "swept/sweep.hpp"
 
 namespace slopewise {
@@ -97,32 +97,23 @@ Index sweep_paths(const MapBroadPhase& self, const Input2& x, const Input2& y,
 
 void roughness_speeds(const MapGrid& map, const Input1& x, const Input1& y,
                       const Input1& heading_x, const Input1& heading_y, const Input1& level,
-                      const Input1& spacing, const Floats3& front, nb::handle sizes,
+                      const Input1& spacing, const Counts1& count, const Floats3& front,
+                      nb::handle sizes,
                       double frequency, double damping, double vertical_accel, double max_speed,
                       const Output2& held) {
   const auto n = static_cast<Index>(front.shape(0)), m = static_cast<Index>(front.shape(2));
   for (const Input1* column : {&x, &y, &heading_x, &heading_y, &level, &spacing}) {
     expect_shape("x, y, heading, level, spacing", *column, {m});
   }
+  expect_shape("count", count, {m});
   expect_shape("front", front, {n, 2, m});
   expect_shape("held", held, {n, m});
   if (n * m == 0) throw nb::value_error("front: expected stations, got none");
   const VehicleEnvelope envelope = envelope_of(sizes);
-  const auto [least, most] = std::minmax_element(spacing.data(), spacing.data() + m);
-  const QuarterCar car(envelope, frequency, damping, vertical_accel, max_speed,
-                       std::max(*least, 0.5 * *most));
-  thread_local std::vector<float> memory;
-  RoughPaths paths{car.pre_roll, n, m, nullptr, front.data(), spacing.data(), held.data()};
-  const Index behind_size = 2 * car.pre_roll * m;
-  const auto needed = static_cast<std::size_t>(behind_size + roughness_memory(paths));
-  if (memory.size() < needed) memory.resize(needed);
-  paths.behind = memory.data();
   const nb::gil_scoped_release release;
-  sample_behind(map.grid,
-                {car.pre_roll, m, x.data(), y.data(), heading_x.data(), heading_y.data(),
-                 spacing.data(), level.data(), front.data(), memory.data()},
-                2.0 * envelope.half_length, 2.0 * envelope.half_width);
-  limit_by_roughness(paths, car, memory.data() + behind_size);
+  limit_ride_speeds(map.grid, envelope, {frequency, damping, vertical_accel, max_speed},
+                        {n, m, x.data(), y.data(), heading_x.data(), heading_y.data(),
+                         level.data(), spacing.data(), count.data(), front.data(), held.data()});
 }
 
 // Of all blocks, (rows, columns), writable: tests compare and change them.
@@ -167,12 +158,13 @@ void bind_swept(nb::module_& m) {
                    [](const MapBroadPhase& self) { return self.grid.window().columns.first; })
       .def_prop_ro("bits", blocks_of(&ScreenedBlocks::bits))
       .def_prop_ro("relief", blocks_of(&ScreenedBlocks::relief))
+      .def_prop_ro("relief_beside", blocks_of(&ScreenedBlocks::relief_beside))
       .def_prop_ro("lift", blocks_of(&ScreenedBlocks::lift))
       .def_prop_ro("east", blocks_of(&ScreenedBlocks::east))
       .def_prop_ro("north", blocks_of(&ScreenedBlocks::north))
       .def_prop_ro("seen", blocks_of(&ScreenedBlocks::seen));
   m.def("roughness_speeds", &roughness_speeds, "grid"_a, "x"_a, "y"_a, "heading_x"_a,
-        "heading_y"_a, "level"_a, "spacing"_a, "front"_a, "sizes"_a, "frequency"_a, "damping"_a,
+        "heading_y"_a, "level"_a, "spacing"_a, "count"_a, "front"_a, "sizes"_a, "frequency"_a, "damping"_a,
         "vertical_accel"_a, "max_speed"_a, "held"_a.noconvert());
 }
 

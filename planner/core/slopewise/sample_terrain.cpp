@@ -3,7 +3,7 @@
 #include "ground/braking_forces.hpp"
 #include "ground/terrain.hpp"
 #include "slopewise/candidates.hpp"
-#include "swept/roughness.hpp"
+#include "swept/rough_ground.hpp"
 #include "swept/sweep.hpp"
 
 namespace slopewise {
@@ -187,20 +187,12 @@ void Planner::Candidates::limit_by_rough_ground() {
   if (!model.envelope.fine) return;
   std::vector<double> spacing;
   for (Index j = 0; j < candidates; ++j) spacing.push_back(spacing_of(j));
-  const auto [least, most] = std::minmax_element(spacing.begin(), spacing.end());
-  const QuarterCar car(model.envelope, model.ride_frequency, model.ride_damping,
-                       model.limits.vertical_accel, model.limits.speed,
-                       std::max(*least, 0.5 * *most));
-  RoughPaths paths{car.pre_roll, stations, candidates, nullptr, front.data(), spacing.data(),
-                   rough_speed.data()};
-  const Index behind = 2 * car.pre_roll * candidates;
-  std::vector<float> memory(static_cast<std::size_t>(behind + roughness_memory(paths)));
-  paths.behind = memory.data();
-  sample_behind(grid,
-                {car.pre_roll, candidates, body_x.data(), body_y.data(), body_heading_x.data(),
-                 body_heading_y.data(), spacing.data(), z.data(), front.data(), memory.data()},
-                2.0 * model.envelope.half_length, 2.0 * model.envelope.half_width);
-  limit_by_roughness(paths, car, memory.data() + behind);
+  limit_ride_speeds(grid, model.envelope,
+                        {model.ride_frequency, model.ride_damping, model.limits.vertical_accel,
+                         model.limits.speed},
+                        {stations, candidates, body_x.data(), body_y.data(), body_heading_x.data(),
+                         body_heading_y.data(), z.data(), spacing.data(), count.data(),
+                         front.data(), rough_speed.data()});
 }
 
 // Turns that are too tight at any speed, or too sudden for the speed; the first station, where the

@@ -27,11 +27,12 @@ struct ScreenedBlocks {
   // around a wheel in the block [1]. Distance from any point of a block within which all is known,
   // at most the reach of the body [m].
   std::vector<float> relief, lift, east, north, seen;
+  std::vector<float> relief_beside;  // highest relief within the band of a wheel, else inf
 
   ScreenedBlocks(Index block_rows, Index block_columns)
       : rows(block_rows), columns(block_columns), bits(count(), check_unknown | check_body),
         relief(count(), infinity), lift(count(), infinity), east(count()), north(count()),
-        seen(count()) {}
+        seen(count()), relief_beside(count(), infinity) {}
 
  private:
   static constexpr float infinity = std::numeric_limits<float>::infinity();
@@ -49,7 +50,7 @@ class BroadPhase {
       : map_(map), vehicle_(vehicle), layout_(map, resolution, vehicle),
         band_(width ? TrackingBand(*width, vehicle, resolution, 1.0 / layout_.per_metre)
                     : TrackingBand()),
-        sizes_(band_.widest_area(vehicle, 1.0 / layout_.per_metre)),
+        sizes_(band_.widest_area(vehicle)),
         window_(map, layout_, sizes_, at, beside), limits_(sizes_, layout_.cells, resolution),
         blocks_(window_.rows.size(), window_.columns.size()),
         origin_x_(map.origin_x + corner(window_.columns) * resolution),
@@ -63,6 +64,7 @@ class BroadPhase {
                      static_cast<int>(limits_.fit) + 1);
     for (Index row = 0; row < blocks_.rows; ++row) screen(ground, offsets, pad, row);
     facets_ = std::move(ground.facets);
+    if (band_.any()) blocks_.relief_beside = highest_around(blocks_.relief, band_.blocks);
   }
 
   // Are all blocks screened that poses at such positions ask about?
@@ -95,6 +97,31 @@ class BroadPhase {
   // Of the first block, from the centre of the first cell of the map [cells].
   [[nodiscard]] double corner(BlockSpan span) const noexcept {
     return static_cast<double>(span.first * layout_.cells) - 0.5;
+  }
+
+  // Of so many blocks to either side, in rows and then in columns.
+  [[nodiscard]] std::vector<float> highest_around(const std::vector<float>& from,
+                                                  Index far) const {
+    std::vector<float> in_row = from, out;
+    const Index rows = blocks_.rows, columns = blocks_.columns;
+    const auto take_in = [](std::vector<float>& into, const std::vector<float>& of, Index first,
+                            Index end, Index away) {
+      float* highest = into.data();
+      const float* there = of.data() + away;
+      for (Index n = first; n < end; ++n) highest[n] = max_of(highest[n], there[n]);
+    };
+    for (Index away = -far; away <= far; ++away) {
+      const BlockSpan span = BlockSpan{0, columns}.moved(-away).grown(0, columns);
+      for (Index row = 0; row < rows; ++row) {
+        take_in(in_row, from, row * columns + span.first, row * columns + span.end, away);
+      }
+    }
+    out = in_row;
+    for (Index away = -far; away <= far; ++away) {
+      const BlockSpan span = BlockSpan{0, rows}.moved(-away).grown(0, rows);
+      take_in(out, in_row, span.first * columns, span.end * columns, away * columns);
+    }
+    return out;
   }
 
   // Judge blocks of a row by the ground around them, a tile of columns at a time.

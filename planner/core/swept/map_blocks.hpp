@@ -80,24 +80,32 @@ class MapBlocks {
     }
   }
 
-  // Heights above that of the first known cell, which becomes the level.
+  // 2⁻²⁴ of it is 0.06 mm [m].
+  static constexpr double farthest_level = 1e3;
+
+  // Height of the first known cell of a part of a map, 0 where all is unknown [m].
+  static double first_known(const MapView& map, Index bottom, Index end, Index left,
+                            Index right) noexcept {
+    for (Index i = bottom; i < end; ++i) {
+      const double* row = map.heights + i * map.columns;
+      const double* found = std::find_if(row + left, row + right,
+                                         [](double height) { return std::isfinite(height); });
+      if (found != row + right) return *found;
+    }
+    return 0.0;
+  }
+
+  // Heights above the level: that of the first known cell of the map, so that they are the same in
+  // every window, or of the window where that is too far for single precision.
   void copy_heights(const MapView& map, Index first_row, Index first_column, Index height,
                     Index width, std::vector<float>& out) {
     const Index bottom = std::max<Index>(first_row, 0);
     const Index end = std::min(first_row + height, map.rows);
     const Index left = std::max<Index>(first_column, 0);
     const Index right = std::min(first_column + width, map.columns);
-    const auto first_known = [&]() {
-      for (Index i = bottom; i < end; ++i) {
-        for (Index j = left; j < right; ++j) {
-          if (std::isfinite(map.heights[i * map.columns + j])) {
-            return map.heights[i * map.columns + j];
-          }
-        }
-      }
-      return 0.0;
-    };
-    facets.level = first_known();
+    const double here = first_known(map, bottom, end, left, right);
+    const double level = first_known(map, 0, map.rows, 0, map.columns);
+    facets.level = std::abs(level - here) <= farthest_level ? level : here;
     for (Index i = bottom; i < end; ++i) {
       const double* from = map.heights + i * map.columns;
       float* to = out.data() + (i - first_row) * width - first_column;

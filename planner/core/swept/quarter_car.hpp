@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <compare>
 #include <numbers>
 
 #include "swept/tyre_profile.hpp"
@@ -16,29 +17,34 @@ namespace slopewise {
 inline constexpr int speed_levels = 4;
 inline constexpr double speed_ratio = 0.7;
 
+// Stations: that the rim reaches, that the tyre touches on each side of the middle, that the rear
+// wheels are behind, that a speed is held before; behind the first one that the body has come over.
+struct RideStations {
+  Index rim, patch, rear, ahead, pre_roll;
+
+  auto operator<=>(const RideStations&) const = default;
+};
+
 // The quarter car on stations a spacing apart, and how its wheel rolls over them.
-struct QuarterCar {
+struct QuarterCar : RideStations {
   double frequency, damping;  // of the bounce [rad/s], share of the critical one [1]
   double limit;               // highest amplitude of the vertical acceleration [m/s²]
   double slowest;             // of the speeds that are tried [m/s]
   double spacing;             // [m]
   double radius;              // of the wheel [m]
-  // Stations: that the rim reaches, that the tyre touches on each side of the middle, that the rear
-  // wheels are behind, that a speed is held before.
-  Index rim, patch, rear, ahead;
-  Index pre_roll;  // stations behind the first one that the body has come over
 
   QuarterCar(const VehicleEnvelope& sizes, double frequency_hz, double damping_ratio,
              double vertical_accel, double max_speed, double station_spacing) noexcept
-      : frequency(2.0 * std::numbers::pi * frequency_hz), damping(damping_ratio),
+      : RideStations{static_cast<Index>(contact_of(sizes) / station_spacing),
+                     static_cast<Index>(0.5 * patch_radii * sizes.radius / station_spacing),
+                     static_cast<Index>(std::ceil(2.0 * sizes.half_length / station_spacing)),
+                     std::max<Index>(
+                         static_cast<Index>(std::ceil(sizes.radius / station_spacing)), 1),
+                     static_cast<Index>(std::ceil(pre_roll_wheelbases * 2.0 * sizes.half_length /
+                                                  station_spacing))},
+        frequency(2.0 * std::numbers::pi * frequency_hz), damping(damping_ratio),
         limit(vertical_accel), slowest(max_speed * std::pow(speed_ratio, speed_levels - 1)),
-        spacing(station_spacing), radius(sizes.radius),
-        rim(static_cast<Index>(contact_of(sizes) / spacing)),
-        patch(static_cast<Index>(0.5 * patch_radii * radius / spacing)),
-        rear(static_cast<Index>(std::ceil(2.0 * sizes.half_length / spacing))),
-        ahead(std::max<Index>(static_cast<Index>(std::ceil(radius / spacing)), 1)),
-        pre_roll(static_cast<Index>(
-            std::ceil(pre_roll_wheelbases * 2.0 * sizes.half_length / spacing))) {}
+        spacing(station_spacing), radius(sizes.radius) {}
 
  private:
   // Length of the tyre's contact, over which it evens the ground out, in wheel radii.
@@ -112,6 +118,27 @@ class BounceStep {
       }
     }
     return sum;
+  }
+};
+
+// One station of W lanes, each of a separate spacing, at one speed.
+template <int W>
+struct BounceSteps {
+  std::array<float, W> yy, yq, yh, yn, qy, qq, qh, qn, per_time, keep;
+  float drag;  // depends on no spacing
+
+  void set(std::size_t lane, const BounceStep& step) noexcept {
+    yy[lane] = step.yy;
+    yq[lane] = step.yq;
+    yh[lane] = step.yh;
+    yn[lane] = step.yn;
+    qy[lane] = step.qy;
+    qq[lane] = step.qq;
+    qh[lane] = step.qh;
+    qn[lane] = step.qn;
+    per_time[lane] = step.per_time;
+    keep[lane] = step.keep;
+    drag = step.drag;
   }
 };
 

@@ -8,11 +8,13 @@
 
 namespace slopewise {
 
-// Up to `wide` poses of a station; how far the ground under the middles of the wheels twists [m].
+// Up to `wide` poses of a station; how far the ground under the middles of the wheels twists [m]; by
+// how much the reference point may be off its line [m], null: by nothing.
 struct PoseRow {
   Index lanes;
   const double *x, *y, *heading_x, *heading_y;
   const float* twist;
+  const double* across;
 };
 
 // Bits of checks of the lanes, in 32 bits as the blocks are counted, so that loops vectorise.
@@ -21,28 +23,60 @@ using Checks = std::array<std::int32_t, wide>;
 namespace detail {
 
 using Blocks = std::array<std::int32_t, wide>;
-using Shifts = std::array<double, wide>;  // by how much wheels are farther to the left [m]
 
-inline void locate_wheel(const PoseRow& row, const BroadPhase& grid, int wheel,
-                         const Shifts& shift, Blocks& out) noexcept {
-  const Place at = wheel_at(wheel, grid.sizes());
+inline void locate_wheel(const PoseRow& row, const BroadPhase& grid, Place at,
+                         Blocks& out) noexcept {
   SLOPEWISE_INDEPENDENT
   for (Index j = 0; j < row.lanes; ++j) {
-    const double aside = at.y + shift[static_cast<std::size_t>(j)];
-    const double x = row.x[j] + at.x * row.heading_x[j] - aside * row.heading_y[j];
-    const double y = row.y[j] + at.x * row.heading_y[j] + aside * row.heading_x[j];
+    const double x = row.x[j] + at.x * row.heading_x[j] - at.y * row.heading_y[j];
+    const double y = row.y[j] + at.x * row.heading_y[j] + at.y * row.heading_x[j];
     out[static_cast<std::size_t>(j)] = grid.block_at(x, y);
   }
 }
 
 // Where the ground around a wheel climbs by more than what is cleared, its lane needs a check.
-inline void require_wheel(const BroadPhase& grid, int wheel, const Blocks& blocks, Index lanes,
-                          const Checks& open, Checks& required) noexcept {
-  const float* relief = grid.blocks().relief.data();
-  const float cleared = grid.limits().cleared;
+inline void require_wheel(const std::vector<float>& relief, float cleared, int wheel,
+                          const Blocks& blocks, Index lanes, const Checks& open,
+                          Checks& required) noexcept {
+  const float* climbs = relief.data();
   for (Index j = 0; j < lanes; ++j) {
     const auto n = static_cast<std::size_t>(j);
-    required[n] |= relief[blocks[n]] > cleared ? (check_wheel << wheel) & open[n] : 0;
+    required[n] |= climbs[blocks[n]] > cleared ? (check_wheel << wheel) & open[n] : 0;
+  }
+}
+
+// On any line of the band. Most rows are cleared by what is highest within it.
+inline void require_wheel_beside(const PoseRow& row, const BroadPhase& grid, int wheel,
+                                 const Blocks& blocks, const Checks& open,
+                                 Checks& required) noexcept {
+  const Place at = wheel_at(wheel, grid.sizes());
+  const float cleared = grid.limits().cleared;
+  Checks near{};
+  require_wheel(grid.blocks().relief_beside, cleared, wheel, blocks, row.lanes, open, near);
+  Index most = -1;
+  std::array<double, wide> side, stride;
+  for (Index j = 0; j < row.lanes; ++j) {
+    const auto n = static_cast<std::size_t>(j);
+    const BandLines lines = grid.band().lines_at(row.across[j]);
+    side[n] = static_cast<double>(lines.side);
+    stride[n] = lines.stride;
+    most = near[n] != 0 ? std::max(most, lines.side) : most;
+  }
+  PoseRow moved = row;
+  std::array<double, wide> x, y;
+  moved.x = x.data();
+  moved.y = y.data();
+  for (Index line = -most; line <= most; ++line) {
+    SLOPEWISE_INDEPENDENT
+    for (Index j = 0; j < row.lanes; ++j) {
+      const auto n = static_cast<std::size_t>(j);
+      const double shift = min_of(max_of(static_cast<double>(line), -side[n]), side[n]) * stride[n];
+      x[n] = row.x[j] - shift * row.heading_y[j];
+      y[n] = row.y[j] + shift * row.heading_x[j];
+    }
+    Blocks beside;
+    locate_wheel(moved, grid, at, beside);
+    require_wheel(grid.blocks().relief, cleared, wheel, beside, row.lanes, near, required);
   }
 }
 
@@ -68,46 +102,40 @@ inline void require_body(const PoseRow& row, const BroadPhase& grid, const bool*
 // Of the wheels. A wheel stands as high as the ground under its middle, or higher by its lift; and
 // by what a slope lifts each by, which it lacks at most by its lift. So wheels twist by no more
 // than the ground under their middles does and all four lifts. Next to unknown ground a wheel may
-// lack more: see look_closer. The rear wheels count where they roll on ground that the front ones
-// have not seen.
-inline void require_wheels(const PoseRow& row, const BroadPhase& grid, bool rear,
+// lack more: see look_closer. The rear wheels count where `rear` keeps their bits.
+inline void require_wheels(const PoseRow& row, const BroadPhase& grid, const Checks& rear,
                            const Checks& open, Checks& required) noexcept {
   const float* lift = grid.blocks().lift.data();
   std::array<float, wide> hangs;
   for (Index j = 0; j < row.lanes; ++j) hangs[static_cast<std::size_t>(j)] = std::abs(row.twist[j]);
   for (int wheel = 0; wheel < wheel_count; ++wheel) {
     detail::Blocks blocks;
-    detail::locate_wheel(row, grid, wheel, {}, blocks);
+    detail::locate_wheel(row, grid, wheel_at(wheel, grid.sizes()), blocks);
     for (std::size_t n = 0; n < static_cast<std::size_t>(row.lanes); ++n) {
       hangs[n] += lift[blocks[n]];
     }
-    if (wheel < 2 || rear) detail::require_wheel(grid, wheel, blocks, row.lanes, open, required);
+    const Checks& counts = wheel < 2 ? open : rear;
+    if (row.across != nullptr) {
+      detail::require_wheel_beside(row, grid, wheel, blocks, counts, required);
+    } else {
+      detail::require_wheel(grid.blocks().relief, grid.limits().cleared, wheel, blocks, row.lanes,
+                            counts, required);
+    }
   }
   for (std::size_t n = 0; n < static_cast<std::size_t>(row.lanes); ++n) {
     required[n] |= hangs[n] > grid.limits().travel ? check_twist & open[n] : 0;
   }
 }
 
-// Of wheels that are by a share of their band to the left, where the reference point may be so much
-// off its line [m].
-inline void require_wheels_beside(const PoseRow& row, const BroadPhase& grid, double share,
-                                  const double* across, bool rear, const Checks& open,
-                                  Checks& required) noexcept {
-  detail::Shifts shift{};
-  for (Index j = 0; j < row.lanes; ++j) {
-    shift[static_cast<std::size_t>(j)] = share * grid.band().of_wheels(across[j]);
-  }
-  for (int wheel = 0; wheel < (rear ? wheel_count : 2); ++wheel) {
-    detail::Blocks blocks;
-    detail::locate_wheel(row, grid, wheel, shift, blocks);
-    detail::require_wheel(grid, wheel, blocks, row.lanes, open, required);
-  }
+// The block under a place of a pose.
+inline std::size_t block_under(const Pose2d& pose, Place place, const BroadPhase& grid) noexcept {
+  const Place at = pose.at(place.x, place.y);
+  return static_cast<std::size_t>(grid.block_at(at.x, at.y));
 }
 
-// Slopes of the ground around a wheel.
-inline WheelSlopes slopes_at(const Pose2d& pose, int wheel, const BroadPhase& grid) noexcept {
-  const Place offset = wheel_at(wheel, grid.sizes()), at = pose.at(offset.x, offset.y);
-  const auto block = static_cast<std::size_t>(grid.block_at(at.x, at.y));
+// Slopes of the ground around a wheel in a block.
+inline WheelSlopes slopes_in(std::size_t block, const Pose2d& pose,
+                             const BroadPhase& grid) noexcept {
   const double east = static_cast<double>(grid.blocks().east[block]);
   const double north = static_cast<double>(grid.blocks().north[block]);
   return {east * pose.heading_x + north * pose.heading_y,

@@ -10,22 +10,26 @@
 
 #include <array>
 #include <limits>
+#include <numeric>
+#include <optional>
+#include <span>
+#include <tuple>
 
-#include "ground/ground_behind.hpp"
 #include "swept/quarter_car.hpp"
 
 namespace slopewise {
 
-// Ground under the front wheels of M candidates, left and right [m], and the distance between the
-// stations of each [m]; from it the highest speeds [m/s], inf where roughness limits nothing.
+// Ground under the front wheels of M candidates, left and right [m]; from it the highest speeds
+// [m/s], inf where roughness limits nothing.
 struct RoughPaths {
   Index behind_stations, stations, candidates;
   const float *behind, *front;  // (B, 2, M) before the first station, (N, 2, M) from it on
-  const double* spacing;        // (M,)
+  const std::int64_t* count;    // (M,) stations of each
+  const QuarterCar* cars;       // (M,) on the spacing of each
   double* held;                 // (N, M) out
 };
 
-// W candidates, as lanes; spare ones repeat the last.
+// W candidates, as lanes, with as many stations under a wheel; spare ones repeat the last.
 template <int W>
 class RoughnessTile {
  public:
@@ -34,12 +38,10 @@ class RoughnessTile {
     return 5 * (paths.behind_stations + paths.stations) * W;
   }
 
-  RoughnessTile(const RoughPaths& paths, const QuarterCar& car, Index first,
-                float* memory) noexcept
-      : paths_(paths), car_(car), first_(first),
-        used_(std::min<Index>(W, paths.candidates - first)),
-        count_(paths.behind_stations + paths.stations), path_(memory),
-        spare_(memory + 2 * count_ * W), reached_(memory + 4 * count_ * W) {}
+  RoughnessTile(const RoughPaths& paths, std::span<const Index> lanes, float* memory) noexcept
+      : paths_(paths), car_(paths.cars[lanes.front()]), lanes_(lanes),
+        count_(car_.pre_roll + paths.stations), path_(memory), spare_(memory + 2 * count_ * W),
+        reached_(memory + 4 * count_ * W) {}
 
   void solve() noexcept {
     copy_in();
@@ -61,33 +63,49 @@ class RoughnessTile {
     Lanes y, q, square;
   };
 
+  using Steps = BounceSteps<W>;
+
+  // The candidate of a lane.
+  [[nodiscard]] Index candidate(Index lane) const noexcept {
+    return lanes_[std::min(static_cast<std::size_t>(lane), lanes_.size() - 1)];
+  }
+
   // Ground or path of a wheel; beyond the stations the first or last one.
   [[nodiscard]] const float* row(const float* of, Index k, Index side) const noexcept {
     return of + (2 * std::clamp<Index>(k, 0, count_ - 1) + side) * W;
   }
 
+  // The last station of each repeats up to the last one of all.
   void copy_in() noexcept {
-    for (Index n = 0; n < 2 * count_; ++n) {
-      const Index before = 2 * paths_.behind_stations;
-      const float* from = first_ + (n < before ? paths_.behind + n * paths_.candidates
-                                               : paths_.front + (n - before) * paths_.candidates);
-      std::copy_n(from, used_, path_ + n * W);
-      std::fill_n(path_ + n * W + used_, W - used_, from[used_ - 1]);
+    const Index missing = paths_.behind_stations - car_.pre_roll;
+    for (Index j = 0; j < W; ++j) {
+      const Index lane = candidate(j), last = static_cast<Index>(paths_.count[lane]) - 1;
+      for (Index n = 0; n < count_; ++n) {
+        const Index k = std::min(n - car_.pre_roll, last);
+        const float* from = k < 0 ? paths_.behind + 2 * (missing + n) * paths_.candidates
+                                  : paths_.front + 2 * k * paths_.candidates;
+        path_[2 * n * W + j] = from[lane];
+        path_[(2 * n + 1) * W + j] = from[paths_.candidates + lane];
+      }
     }
   }
 
   // The path of the centre of a wheel of this radius.
   void roll_over_rim() noexcept {
-    for (Index k = 0; k < count_; ++k) {
-      for (Index side = 0; side < 2; ++side) {
-        float* out = spare_ + (2 * k + side) * W;
-        std::copy_n(row(path_, k, side), W, out);
-        for (Index n = 1; n <= car_.rim; ++n) {
+    std::copy_n(path_, 2 * count_ * W, spare_);
+    for (Index n = 1; n <= car_.rim; ++n) {
+      Lanes drop;
+      for (Index j = 0; j < W; ++j) {
+        const double away = paths_.cars[candidate(j)].spacing * static_cast<double>(n);
+        drop[static_cast<std::size_t>(j)] = static_cast<float>(drop_of_rim(car_.radius, away));
+      }
+      for (Index k = 0; k < count_; ++k) {
+        for (Index side = 0; side < 2; ++side) {
           const float *before = row(path_, k - n, side), *after = row(path_, k + n, side);
-          const auto drop = static_cast<float>(
-              drop_of_rim(car_.radius, car_.spacing * static_cast<double>(n)));
-          for (Index j = 0; j < W; ++j) {
-            out[j] = max_of(out[j], max_of(before[j], after[j]) - drop);
+          float* out = spare_ + (2 * k + side) * W;
+          SLOPEWISE_INDEPENDENT
+          for (std::size_t j = 0; j < W; ++j) {
+            out[j] = max_of(out[j], max_of(before[j], after[j]) - drop[j]);
           }
         }
       }
@@ -133,8 +151,10 @@ class RoughnessTile {
     for (std::size_t level = 0; level < speed_levels; ++level) {
       speed[level] = car_.slowest / std::pow(speed_ratio, static_cast<double>(level));
     }
-    const auto step = [&](std::size_t n) { return BounceStep(car_, car_.spacing / speed[n]); };
-    const std::array<BounceStep, speed_levels> steps{step(0), step(1), step(2), step(3)};
+    std::array<Steps, speed_levels> steps;
+    for (std::size_t level = 0; level < speed_levels; ++level) {
+      steps[level] = steps_at(speed[level]);
+    }
     for (std::size_t level = 0; level < speed_levels; ++level) {
       for (std::size_t side = 0; side < 2; ++side) set_out(steps[level], side, state[level][side]);
     }
@@ -153,31 +173,46 @@ class RoughnessTile {
     }
   }
 
+  [[nodiscard]] Steps steps_at(double speed) const noexcept {
+    Steps out;
+    const QuarterCar* before = nullptr;
+    std::optional<BounceStep> step;
+    for (Index j = 0; j < W; ++j) {
+      const QuarterCar& car = paths_.cars[candidate(j)];
+      if (before == nullptr || car.spacing != before->spacing) {
+        step.emplace(car, car.spacing / speed);
+      }
+      out.set(static_cast<std::size_t>(j), *step);
+      before = &car;
+    }
+    return out;
+  }
+
   // At the height of the ground, rising as it does.
-  void set_out(const BounceStep& step, std::size_t side, Bounce& state) const noexcept {
+  void set_out(const Steps& step, std::size_t side, Bounce& state) const noexcept {
     const Index start = std::max<Index>(std::min(count_ - 1, car_.rear + car_.ahead), 1);
     const auto per_station = static_cast<float>(1.0 / static_cast<double>(start));
     const float* height = row(path_, 0, static_cast<Index>(side));
     const float* later = row(path_, start, static_cast<Index>(side));
     for (std::size_t j = 0; j < W; ++j) {
       state.y[j] = height[j];
-      state.q[j] = (later[j] - height[j]) * per_station * step.per_time - step.drag * height[j];
+      state.q[j] = (later[j] - height[j]) * per_station * step.per_time[j] - step.drag * height[j];
     }
   }
 
   // One station on; `power` is the mean square of the acceleration, of two sides the higher.
-  void advance(Index k, const BounceStep& step, Index side, Bounce& state,
+  void advance(Index k, const Steps& step, Index side, Bounce& state,
                Lanes& power) const noexcept {
     const float *height = row(path_, k - 1, side), *following = row(path_, k, side);
     SLOPEWISE_INDEPENDENT
     for (std::size_t j = 0; j < W; ++j) {
       const float h = height[j], n = following[j], y = state.y[j], q = state.q[j];
-      const float next_q = step.qy * y + step.qq * q + step.qh * h + step.qn * n;
-      state.y[j] = step.yy * y + step.yq * q + step.yh * h + step.yn * n;
+      const float next_q = step.qy[j] * y + step.qq[j] * q + step.qh[j] * h + step.qn[j] * n;
+      state.y[j] = step.yy[j] * y + step.yq[j] * q + step.yh[j] * h + step.yn[j] * n;
       state.q[j] = next_q;
-      const float accel = (next_q - q + step.drag * (n - h)) * step.per_time;
+      const float accel = (next_q - q + step.drag * (n - h)) * step.per_time[j];
       float mean = accel * accel;
-      mean += step.keep * (state.square[j] - mean);
+      mean += step.keep[j] * (state.square[j] - mean);
       state.square[j] = mean;
       power[j] = max_of(power[j], mean);
     }
@@ -209,6 +244,10 @@ class RoughnessTile {
 
   // Speeds hold a little before their place, and until the rear wheels are over it.
   void hold() noexcept {
+    for (std::size_t j = 0; j < lanes_.size(); ++j) {
+      const Index end = car_.pre_roll + static_cast<Index>(paths_.count[lanes_[j]]);
+      for (Index n = end; n < count_; ++n) reached_[n * W + static_cast<Index>(j)] = infinity;
+    }
     // The least of 2, 4, 8 … stations on, each from two halves; then of what is left.
     const Index window = car_.rear + car_.ahead + 1;
     Index width = 1;
@@ -218,22 +257,22 @@ class RoughnessTile {
       }
     }
     for (Index k = 0; k < paths_.stations; ++k) {
-      const Index here = paths_.behind_stations + k;
+      const Index here = car_.pre_roll + k;
       const Index first = std::max<Index>(here - car_.rear, 0);
       const Index last = std::min(here + car_.ahead, count_ - 1);
       const float *early = reached_ + first * W;
       const float* late = reached_ + std::max(last - width + 1, first) * W;
-      double* out = paths_.held + k * paths_.candidates + first_;
-      for (Index j = 0; j < used_; ++j) {
-        const auto least = static_cast<double>(min_of(early[j], late[j]));
-        out[j] = least * (paths_.spacing[first_ + j] / car_.spacing);
+      double* out = paths_.held + k * paths_.candidates;
+      for (std::size_t j = 0; j < lanes_.size(); ++j) {
+        out[lanes_[j]] = static_cast<double>(min_of(early[j], late[j]));
       }
     }
   }
 
   const RoughPaths& paths_;
   const QuarterCar& car_;
-  Index first_, used_, count_;
+  std::span<const Index> lanes_;
+  Index count_;
   float *path_, *spare_;  // (count, 2, W) each
   float* reached_;        // (count, W)
 };
@@ -242,13 +281,27 @@ inline Index roughness_memory(const RoughPaths& paths) noexcept {
   return RoughnessTile<wide>::memory_size(paths);
 }
 
-inline void limit_by_roughness(const RoughPaths& paths, const QuarterCar& car,
+// `order` is (M,) room for the candidates by their stations under a wheel.
+inline void limit_by_roughness(const RoughPaths& paths, std::span<Index> order,
                                float* memory) noexcept {
-  Index first = 0;  // a wide tile takes less than twice as long as a narrow one
-  for (; paths.candidates - first > narrow; first += wide) {
-    RoughnessTile<wide>(paths, car, first, memory).solve();
+  const auto stations = [&](Index j) -> const RideStations& { return paths.cars[j]; };
+  std::iota(order.begin(), order.end(), Index{0});
+  std::sort(order.begin(), order.end(), [&](Index a, Index b) {
+    return std::tie(stations(a), a) < std::tie(stations(b), b);
+  });
+  for (std::size_t first = 0, end = 0; first < order.size(); first = end) {
+    while (end < order.size() && end - first < wide &&
+           stations(order[end]) == stations(order[first])) {
+      ++end;
+    }
+    const std::span<const Index> lanes = order.subspan(first, end - first);
+    // A wide tile takes less than twice as long as a narrow one.
+    if (lanes.size() > narrow) {
+      RoughnessTile<wide>(paths, lanes, memory).solve();
+    } else {
+      RoughnessTile<narrow>(paths, lanes, memory).solve();
+    }
   }
-  if (first < paths.candidates) RoughnessTile<narrow>(paths, car, first, memory).solve();
 }
 
 }  // namespace slopewise

@@ -34,8 +34,8 @@ struct HazardTable {
 class NarrowPhase {
  public:
   static Index memory_size(const BroadPhase& grid, double spacing) noexcept {
-    return 2 * WheelBuffers::samples_of(grid.vehicle(), spacing) +
-           2 * Rim::strides_of(grid.vehicle()) + 1 + grid.band().lines;
+    return 2 * (WheelBuffers::samples_of(grid.vehicle(), spacing) + lanes_abreast) +
+           Rim::padded_size(Rim::strides_of(grid.vehicle())) + grid.band().lines;
   }
 
   // Of poses at most so far apart [m].
@@ -43,13 +43,15 @@ class NarrowPhase {
               double* memory) noexcept
       : grid_(grid), sizes_(grid.vehicle()), band_(grid.band()), code_of_kind_(code_of_kind),
         buffers_{memory, nullptr, WheelBuffers::samples_of(sizes_, spacing)} {
-    buffers_.path = memory + buffers_.samples;
-    double* rim = buffers_.path + buffers_.samples;
+    buffers_.path = memory + buffers_.samples + lanes_abreast;
+    double* rim = buffers_.path + buffers_.samples + lanes_abreast;
     rim_ = {rim, Rim::strides_of(sizes_)};
-    for (Index n = -rim_.strides; n <= rim_.strides; ++n) {
-      rim[n + rim_.strides] = drop_of_rim(sizes_.radius, sizes_.stride * static_cast<double>(n));
+    const Index padded = Rim::padded_size(rim_.strides);
+    for (Index n = 0; n < padded; ++n) {
+      const auto away = static_cast<double>(std::min(n - rim_.strides, rim_.strides));
+      rim[n] = drop_of_rim(sizes_.radius, sizes_.stride * away);
     }
-    heights_ = rim + 2 * rim_.strides + 1;
+    heights_ = rim + padded;
   }
 
   [[nodiscard]] bool blocks(HazardKind kind) const noexcept {
@@ -61,13 +63,13 @@ class NarrowPhase {
   // off its line [m].
   Hazard check(const Pose2d& pose, double back, std::int32_t required, double across) noexcept {
     required = look_closer(pose, required, grid_);
-    const double wheel_band = band_.of_wheels(across);
-    const bool has_band = wheel_band > 0.0;
-    if (has_band) required = without_even_swaths(pose, back, required, wheel_band);
     if (required == 0) return {};
     ++checked_;
     Hazard found = check_line(pose, back, required, across);
-    if (has_band && !blocks(found.kind)) found = check_beside(pose, back, required, wheel_band);
+    const double wheel_band = band_.of_wheels(across);
+    if (wheel_band > 0.0 && !blocks(found.kind)) {
+      found = check_beside(pose, back, required, wheel_band);
+    }
     return found;
   }
 
@@ -84,7 +86,7 @@ class NarrowPhase {
     }
     for (int wheel = 0; wheel < wheel_count; ++wheel) {
       if (!(required & (check_wheel << wheel))) continue;
-      const Hazard step = find_step(pose, wheel, back);
+      const Hazard step = find_step(pose, wheel_at(wheel, sizes_), back);
       if (step.any()) return step;
     }
     if (required & check_twist) {
@@ -111,54 +113,55 @@ class NarrowPhase {
     return out;
   }
 
-  Hazard find_step(const Pose2d& pose, int wheel, double back) const noexcept {
-    const WheelSlopes slopes = slopes_at(pose, wheel, grid_);
-    return WheelWay(grid_.facets(), pose, wheel_at(wheel, sizes_), back, sizes_, slopes, buffers_)
-        .find_step();
-  }
-
-  [[nodiscard]] WheelBand band_of(const Pose2d& pose, int wheel, double band) const noexcept {
-    return {grid_.facets(), pose, wheel_at(wheel, sizes_), band, sizes_};
-  }
-
-  // Required checks without those of wheels that can meet nothing within the band.
-  [[nodiscard]] std::int32_t without_even_swaths(const Pose2d& pose, double back,
-                                                 std::int32_t required,
-                                                 double band) const noexcept {
-    for (int wheel = 0; wheel < wheel_count; ++wheel) {
-      if (!(required & (check_wheel << wheel))) continue;
-      const WheelSlopes plane = slopes_at(pose, wheel, grid_);
-      double difference = 0.0;
-      for (const double aside : {-band, band}) {
-        const WheelSlopes there = slopes_at(pose.shifted(aside), wheel, grid_);
-        difference = max_of(difference, std::abs(there.along - plane.along));
-      }
-      if (is_even_swath(band_of(pose, wheel, band), back, plane, difference)) {
-        required &= ~(check_wheel << wheel);
-      }
-    }
-    return required;
+  // On the line of a wheel, unless the ground around it is cleared.
+  Hazard find_step(const Pose2d& pose, Place wheel, double back) const noexcept {
+    const std::size_t block = block_under(pose, wheel, grid_);
+    if (grid_.blocks().relief[block] <= grid_.limits().cleared) return {};
+    const WheelSlopes slopes = slopes_in(block, pose, grid_);
+    return WheelWay(grid_.facets(), pose, wheel, back, sizes_, slopes, buffers_).find_step();
   }
 
   // Steps and edges on the lines of the wheels within the band, without the planned one.
   Hazard check_beside(const Pose2d& pose, double back, std::int32_t required,
                       double band) const noexcept {
-    const auto count = static_cast<Index>(std::ceil(band / band_.stride));
-    const double stride = band / static_cast<double>(std::max<Index>(count, 1));
+    const BandLines lines(band, band_.stride);
     for (int wheel = 0; wheel < wheel_count; ++wheel) {
       if (!(required & (check_wheel << wheel))) continue;
-      for (Index i = -count; i <= count; ++i) {
-        if (i == 0) continue;
-        const double shift = static_cast<double>(i) * stride;
-        Hazard step = find_step(pose.shifted(shift), wheel, back);
-        step.aside += shift;
+      const Place at = wheel_at(wheel, sizes_);
+      for (Index line = -lines.side; line <= lines.side; ++line) {
+        if (line == 0) continue;
+        const Hazard step = find_step(pose, lines.move(at, line), back);
         if (step.any()) return step;
       }
-      const Hazard edge = find_edge(band_of(pose, wheel, band), band_.stride,
-                                    slopes_at(pose, wheel, grid_), rim_, heights_);
+      const Hazard edge = check_edges({pose, at, band, sizes_});
       if (edge.any()) return edge;
     }
     return {};
+  }
+
+  Hazard check_edges(const WheelBand& of) const noexcept {
+    const std::size_t block = block_under(of.pose, of.wheel, grid_);
+    const double slope = explained_slope(slopes_in(block, of.pose, grid_).across);
+    // Half a tyre beyond the band, too.
+    const BandLines lines(of.band + sizes_.half_tyre, band_.stride);
+    for (Index line = -lines.side; line <= lines.side; ++line) {
+      const Place at = lines.move(of.wheel, line);
+      heights_[line + lines.side] =
+          has_no_edge(of.pose, at, slope)
+              ? std::numeric_limits<double>::quiet_NaN()
+              : standing_height(grid_.facets(), of.pose, at, sizes_, rim_, true);
+    }
+    return find_edge(of, lines, slope, heights_);
+  }
+
+  // Does the ground around a wheel change by less than a step, beyond what a slope explains?
+  [[nodiscard]] bool has_no_edge(const Pose2d& pose, Place wheel, double slope) const noexcept {
+    const std::size_t block = block_under(pose, wheel, grid_);
+    const double left =
+        sizes_.max_step - screen_rounding - static_cast<double>(grid_.blocks().relief[block]);
+    if (!(left >= 0.0)) return false;
+    const double steeper = max_of(std::abs(slopes_in(block, pose, grid_).across) - slope, 0.0);
+    return steeper * sizes_.chord <= left;
   }
 
   const BroadPhase& grid_;
@@ -173,37 +176,27 @@ class NarrowPhase {
 
 namespace detail {
 
-// The checks that up to `wide` poses of station k require.
+// The checks that up to `wide` poses of station k require. The rear wheels roll where the front ones
+// did, but for the first of the way of each candidate.
 inline void require_checks(const BroadPhase& grid, const SweptPaths& paths, Index k, Index first,
-                           bool rear, Checks& open, Checks& required) noexcept {
+                           Checks& open, Checks& required) noexcept {
   const Index at = k * paths.candidates + first;
   const PoseRow row{std::min<Index>(wide, paths.candidates - first),
                     paths.x + at,
                     paths.y + at,
                     paths.heading_x + at,
                     paths.heading_y + at,
-                    paths.twist + at};
+                    paths.twist + at,
+                    paths.across != nullptr ? paths.across + at : nullptr};
   require_body(row, grid, paths.known + at, open, required);
   if (!grid.sizes().fine) return;
+  const double rolled = 2.5 * grid.vehicle().half_length;
+  Checks rear{};
+  for (Index j = 0; j < row.lanes; ++j) {
+    const auto n = static_cast<std::size_t>(j);
+    rear[n] = paths.trails || paths.station[at + j] < rolled ? open[n] : 0;
+  }
   require_wheels(row, grid, rear, open, required);
-  const Index samples = grid.band().samples;
-  for (Index n = 0; n < samples; ++n) {
-    const auto steps = static_cast<double>(std::max<Index>(samples - 1, 1));
-    const double share = 2.0 * static_cast<double>(n) / steps - 1.0;
-    require_wheels_beside(row, grid, share, paths.across + at, rear, open, required);
-  }
-}
-
-// The rear wheels roll where the front ones did, but for the first of the way: up to this station,
-// of all candidates.
-inline Index rear_wheels_end(const SweptPaths& paths, double half_length) noexcept {
-  if (paths.trails) return paths.stations;
-  Index k = 0;
-  for (; k < paths.stations; ++k) {
-    const double* station = paths.station + k * paths.candidates;
-    if (*std::min_element(station, station + paths.candidates) >= 2.5 * half_length) break;
-  }
-  return k;
 }
 
 // The exact check of one pose.
@@ -224,13 +217,12 @@ inline Index sweep(const BroadPhase& grid, const SweptPaths& paths, const Hazard
                    double* memory) noexcept {
   NarrowPhase narrow_phase(grid, paths.spacing, out.code_of_kind, memory);
   std::fill_n(out.code, paths.stations * paths.candidates, 0);
-  const Index rear_end = detail::rear_wheels_end(paths, grid.vehicle().half_length);
   for (Index first = 0; first < paths.candidates; first += wide) {
     const Index lanes = std::min<Index>(wide, paths.candidates - first);
     Checks required, open;
     open.fill(255);
     for (Index k = 1; k < paths.stations; ++k) {
-      detail::require_checks(grid, paths, k, first, k < rear_end, open, required);
+      detail::require_checks(grid, paths, k, first, open, required);
       for (Index lane = 0; lane < lanes; ++lane) {
         const auto n = static_cast<std::size_t>(lane);
         const Index j = first + lane;

@@ -4,6 +4,7 @@
 // side of the planned one, no farther from each other than a cell or half a tyre.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "swept/vehicle_envelope.hpp"
@@ -17,11 +18,25 @@ struct BandWidth {
   double body_offset;  // from the reference point ahead to the middle of the wheelbase [m]
 };
 
+// Lines of a wheel within a width to either side, the planned one in the middle is number 0.
+struct BandLines {
+  Index side;     // to either side [1]
+  double stride;  // between two [m]
+
+  BandLines(double width, double max_stride) noexcept
+      : side(static_cast<Index>(std::ceil(width / max_stride))),
+        stride(width / static_cast<double>(std::max<Index>(side, 1))) {}
+
+  [[nodiscard]] Place move(Place wheel, Index line) const noexcept {
+    return {wheel.x, wheel.y + static_cast<double>(line) * stride};
+  }
+};
+
 struct TrackingBand {
   double widest = 0.0, turned = 0.0;
   double arm = 0.0, wheel_arm = 0.0;  // farthest ends of body and wheels from the reference [m]
   double stride = 1.0;                // largest distance between two lines of a wheel [m]
-  Index samples = 0;                  // places abreast at which the blocks under it are checked [1]
+  Index blocks = 0;                   // to either side in which a wheel may be [1]
   Index lines = 1;                    // of a wheel at most, with those beyond the band [1]
 
   TrackingBand() = default;
@@ -32,11 +47,14 @@ struct TrackingBand {
         wheel_arm(sizes.half_length + width.body_offset),
         stride(max_of(resolution, sizes.half_tyre)) {
     const double wheels = of_wheels(widest);
-    samples = static_cast<Index>(std::ceil(2.0 * wheels / block_edge)) + 1;
+    blocks = static_cast<Index>(wheels / block_edge) + 1;
     lines = 2 * static_cast<Index>(std::ceil((wheels + sizes.half_tyre) / stride)) + 1;
   }
 
-  [[nodiscard]] bool any() const noexcept { return samples > 0; }
+  [[nodiscard]] bool any() const noexcept { return blocks > 0; }
+  [[nodiscard]] BandLines lines_at(double across) const noexcept {
+    return {of_wheels(across), stride};
+  }
   // By how much a wheel may be off where the reference point may be so much [m].
   [[nodiscard]] double of_wheels(double across) const noexcept {
     return across + wheel_arm * turned;
@@ -45,14 +63,9 @@ struct TrackingBand {
   [[nodiscard]] VehicleEnvelope area(const VehicleEnvelope& sizes, double across) const noexcept {
     return sizes.widened(across + arm * turned, turned);
   }
-  // For the broad phase, which covers the widest place: half a block to either side covers what
-  // lies between two samples.
-  [[nodiscard]] VehicleEnvelope widest_area(const VehicleEnvelope& sizes,
-                                            double block_edge) const noexcept {
-    if (!any()) return sizes;
-    VehicleEnvelope out = area(sizes, widest);
-    out.half_tyre += 0.5 * block_edge;
-    return out;
+  // For the broad phase, which covers the widest place.
+  [[nodiscard]] VehicleEnvelope widest_area(const VehicleEnvelope& sizes) const noexcept {
+    return any() ? area(sizes, widest) : sizes;
   }
 };
 

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
 #include <vector>
 
 #include "swept/vehicle_envelope.hpp"
@@ -35,6 +37,9 @@ struct FacetGrid {
 inline double drop_of_rim(double radius, double away) noexcept {
   return radius - std::sqrt(max_of(radius * radius - away * away, 0.0));
 }
+
+// Samples that are worked on together [1].
+inline constexpr Index lanes_abreast = 8;
 
 // Samples along a straight line: cell of the first one, its place in it, cells a sample.
 class SampleRun {
@@ -89,7 +94,8 @@ inline double tyre_offset(Index line, const VehicleEnvelope& sizes) noexcept {
 
 // Highest known ground across a tyre along its way, above the level of the facets [m], of samples
 // from a first one to before an end; unknown_height where nothing is known. What the wheel leans
-// with is taken off: on a cross slope a tyre meets what lies askew with its lower edge, too.
+// with is taken off: on a cross slope a tyre meets what lies askew with its lower edge, too. Samples
+// behind the end, up to the next multiple of the lanes, are touched, too.
 inline void sample_tyre(const FacetGrid& ground, const Pose2d& pose, const TyreLine& line,
                         Index first, Index end, const VehicleEnvelope& sizes,
                         double* profile) noexcept {
@@ -97,21 +103,29 @@ inline void sample_tyre(const FacetGrid& ground, const Pose2d& pose, const TyreL
   for (Index tyre = 0; tyre < sizes.tyres; ++tyre) {
     const double off = tyre_offset(tyre, sizes), leaned = line.lean * off;
     const SampleRun run(ground, pose, {line.begin, line.aside + off}, sizes.stride);
-    SLOPEWISE_INDEPENDENT
-    for (auto n = static_cast<std::int32_t>(first); n < static_cast<std::int32_t>(end); ++n) {
-      // Unknown cells count for none.
-      profile[n] = max_of(profile[n], static_cast<double>(run.height(n)) - leaned);
+    for (Index n = first; n < end; n += lanes_abreast) {
+      SLOPEWISE_INDEPENDENT
+      for (std::int32_t lane = 0; lane < lanes_abreast; ++lane) {
+        // Unknown cells count for none.
+        const auto height = static_cast<double>(run.height(static_cast<std::int32_t>(n) + lane));
+        profile[n + lane] = max_of(profile[n + lane], height - leaned);
+      }
     }
   }
 }
 
 // How far the rim of a wheel lies above its lowest point, a stride apart, to either side [m].
 struct Rim {
-  const double* drop;
-  Index strides;  // to either side
+  static constexpr Index lanes = 2 * lanes_abreast;
+
+  const double* drop;  // the last one repeated up to a multiple of the lanes
+  Index strides;       // to either side
 
   static Index strides_of(const VehicleEnvelope& sizes) noexcept {
     return static_cast<Index>(sizes.radius / sizes.stride);
+  }
+  static Index padded_size(Index strides) noexcept {
+    return (2 * strides / lanes + 1) * lanes;
   }
 };
 
@@ -121,19 +135,29 @@ inline double standing_height(const FacetGrid& ground, const Pose2d& pose, Place
                               const VehicleEnvelope& sizes, const Rim& rim,
                               bool sinks_into_unknown) noexcept {
   const double begin = wheel.x - static_cast<double>(rim.strides) * sizes.stride;
-  double highest = unknown_height;
-  bool all_known = true;
+  std::array<double, Rim::lanes> highest, total;  // NaN stays in the total
+  highest.fill(unknown_height);
+  total.fill(0.0);
+  const auto last = static_cast<std::int32_t>(2 * rim.strides);
   for (Index tyre = 0; tyre < sizes.tyres; ++tyre) {
     const SampleRun run(ground, pose, {begin, wheel.y + tyre_offset(tyre, sizes)}, sizes.stride);
-    for (Index n = 0; n <= 2 * rim.strides; ++n) {
-      const double height =
-          static_cast<double>(run.height(static_cast<std::int32_t>(n))) - rim.drop[n];
-      highest = max_of(highest, height);
-      all_known &= height == height;
+    for (std::int32_t first = 0; first <= last; first += Rim::lanes) {
+      const double* drop = rim.drop + first;
+      SLOPEWISE_INDEPENDENT
+      for (std::int32_t lane = 0; lane < Rim::lanes; ++lane) {
+        const auto n = static_cast<std::size_t>(lane);
+        const double height =
+            static_cast<double>(run.height(std::min(first + lane, last))) - drop[lane];
+        highest[n] = max_of(highest[n], height);
+        total[n] += height;
+      }
     }
   }
-  const bool is_supported = highest > abyss && (all_known || sinks_into_unknown);
-  return is_supported ? highest + ground.level : std::numeric_limits<double>::quiet_NaN();
+  const double top = *std::max_element(highest.begin(), highest.end());
+  const double sum = std::accumulate(total.begin(), total.end(), 0.0);
+  const bool all_known = sum == sum;
+  const bool is_supported = top > abyss && (all_known || sinks_into_unknown);
+  return is_supported ? top + ground.level : std::numeric_limits<double>::quiet_NaN();
 }
 
 }  // namespace slopewise

@@ -30,7 +30,7 @@ inline Hazard find_twist(const std::array<double, wheel_count>& contact,
 
 // Room for the ground under a wheel and the path of its centre, of so many samples.
 struct WheelBuffers {
-  double *profile, *path;
+  double *profile, *path;  // with room for as many lanes behind
   Index samples;
 
   static Index samples_of(const VehicleEnvelope& sizes, double spacing) noexcept {

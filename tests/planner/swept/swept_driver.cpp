@@ -174,26 +174,37 @@ void sweep_batch() {
 
 void roughness_batch() {
   const VehicleEnvelope vehicle = random_vehicle(0.05);
-  const double spacing = uniform(0.02, 0.5);
-  const QuarterCar car(vehicle, uniform(0.5, 4), uniform(0.05, 0.9), uniform(0.5, 5),
-                       uniform(0.5, 10), spacing);
+  const double frequency = uniform(0.5, 4), damping = uniform(0.05, 0.9);
+  const double accel = uniform(0.5, 5), speed = uniform(0.5, 10), spacing = uniform(0.02, 0.5);
   const Index n = whole(1, 60), m = whole(1, 80);
-  const auto behind = memory<float>(2 * car.pre_roll * m), front = memory<float>(2 * n * m);
-  for (Index i = 0; i < 2 * car.pre_roll * m; ++i) behind[i] = static_cast<float>(uniform(0, 0.05));
+  std::vector<QuarterCar> cars;
+  std::vector<std::int64_t> count;
+  std::vector<Index> order(static_cast<std::size_t>(m)), first{0};
+  Index most = 0;
+  for (Index j = 0; j < m; ++j) {
+    const double share = whole(0, 1) > 0 ? 1.0 : uniform(0.7, 1.0);
+    cars.emplace_back(vehicle, frequency, damping, accel, speed, share * spacing);
+    count.push_back(whole(1, n));
+    most = std::max(most, cars.back().pre_roll);
+  }
+  const auto behind = memory<float>(2 * most * m), front = memory<float>(2 * n * m);
+  for (Index i = 0; i < 2 * most * m; ++i) behind[i] = static_cast<float>(uniform(0, 0.05));
   for (Index i = 0; i < 2 * n * m; ++i) front[i] = static_cast<float>(uniform(0, 0.05));
-  const std::vector<double> distance(static_cast<std::size_t>(m), spacing);
   const auto held = memory<double>(n * m);
-  const RoughPaths paths{car.pre_roll, n,               m,         behind.get(),
-                         front.get(),  distance.data(), held.get()};
-  limit_by_roughness(paths, car, memory<float>(roughness_memory(paths)).get());
+  const RoughPaths paths{most,         n,            m,           behind.get(), front.get(),
+                         count.data(), cars.data(), held.get()};
+  limit_by_roughness(paths, order, memory<float>(roughness_memory(paths)).get());
   const Index j = whole(0, m - 1);
-  const auto behind_j = column(behind.get(), 2 * car.pre_roll, m, j);
-  const auto front_j = column(front.get(), 2 * n, m, j);
-  std::vector<double> held_j(static_cast<std::size_t>(n));
-  const RoughPaths alone{car.pre_roll,   n,               1, behind_j.data(), front_j.data(),
-                         distance.data(), held_j.data()};
-  limit_by_roughness(alone, car, memory<float>(roughness_memory(alone)).get());
-  for (Index k = 0; k < n; ++k) {
+  const auto lane = static_cast<std::size_t>(j);
+  const Index own = static_cast<Index>(count[lane]), rolled = cars[lane].pre_roll;
+  const auto behind_j =
+      column(behind.get() + 2 * (most - rolled) * m, 2 * rolled, m, j);
+  const auto front_j = column(front.get(), 2 * own, m, j);
+  std::vector<double> held_j(static_cast<std::size_t>(own));
+  const RoughPaths alone{rolled,          own,         1, behind_j.data(), front_j.data(),
+                         &count[lane], &cars[lane], held_j.data()};
+  limit_by_roughness(alone, first, memory<float>(roughness_memory(alone)).get());
+  for (Index k = 0; k < own; ++k) {
     const double here = held[k * m + j];
     expect(here == held_j[static_cast<std::size_t>(k)], "a speed depends on its candidate only");
     expect(here > 0.0, "a speed is above 0, or infinite");

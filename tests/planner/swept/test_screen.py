@@ -5,7 +5,6 @@ It never clears a pose that an exact check blocks.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,21 +14,30 @@ from hypothesis import strategies as st
 
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.input_errors import InputErrors
 from slopewise.models.parameters import Model
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.compiled_core import core
 from slopewise.planner.swept import hazards, sweeper
 from slopewise.planner.swept.broad_phase import broad_phase_for
+from slopewise.planner.swept.hazards import swept_hazards
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
 from slopewise.planner.swept.tube import BandWidth
 from tests.world.hazards import MODELS, Met, ground, met_by, rough_ground
+from tests.world.stages import profile_of
 
 PARTS = ("relief", "lift", "east", "north", "seen")
 
 
-def build(scene: ElevationMap, sizes: SweptSizes, x: np.ndarray, y: np.ndarray) -> core.BroadPhase:
+def build(
+    scene: ElevationMap,
+    sizes: SweptSizes,
+    x: np.ndarray,
+    y: np.ndarray,
+    band: BandWidth | None = None,
+) -> core.BroadPhase:
     origin, resolution = scene.origin, scene.resolution
-    return core.BroadPhase(scene.elevation, *origin, resolution, sizes, None, x, y, 0.0)
+    return core.BroadPhase(scene.elevation, *origin, resolution, sizes, band, x, y, 0.0)
 
 
 def complete(scene: ElevationMap, sizes: SweptSizes) -> core.BroadPhase:
@@ -77,33 +85,40 @@ def test_it_screens_the_ground_around_the_candidates_and_nothing_else(
 
 
 def all_suspect(
-    scene: ElevationMap, sizes: SweptSizes, _: None, x: np.ndarray, y: np.ndarray
+    scene: ElevationMap, sizes: SweptSizes, band: BandWidth | None, x: np.ndarray, y: np.ndarray
 ) -> core.BroadPhase:
     """A broad phase that clears nothing."""
-    grid = build(scene, sizes, x, y)
+    grid = build(scene, sizes, x, y, band)
     grid.bits[:] = core.CHECK_UNKNOWN | core.CHECK_BODY
-    grid.relief[:] = grid.lift[:] = np.inf
+    grid.relief[:] = grid.relief_beside[:] = grid.lift[:] = np.inf
     grid.seen[:] = 0.0
     return grid
 
 
+BAND = InputErrors(cross_track=0.2, heading=0.03)
+
+
 # A wheel off the middle of its block lifts two wheels together, by 0.2 mm above the travel.
-@example(seed=9488, small=True, resolution=0.08)
+@example(seed=9488, small=True, resolution=0.08, errors=InputErrors())
 @given(
     seed=st.integers(0, 2**32 - 1),
     small=st.booleans(),
     resolution=st.sampled_from([0.05, 0.08, 0.1, 0.2, 0.5]),
+    errors=st.sampled_from([InputErrors(), BAND]),
 )
-def test_it_clears_no_blocked_station(seed: int, small: bool, resolution: float) -> None:
+def test_it_clears_no_blocked_station(
+    seed: int, small: bool, resolution: float, errors: InputErrors
+) -> None:
     model = MODELS[small]
     rng = np.random.default_rng(seed)
     scene = rough_ground(seed, resolution, model.vehicle.wheel_radius)
     start, end = rng.uniform((1.0, 1.2), (3.0, 4.8)), rng.uniform((9.0, 1.2), (11.0, 4.8))
     middle = 0.5 * (start + end) + rng.uniform(-0.5, 0.5, 2)
     path = CandidatePath("drawn", np.array([start, middle, end]))
-    screened = met_by(scene, path, model)
-    searched = searched_everywhere(scene, path, model)
-    beyond = searched_everywhere(scene, path, model, _only_what_is_not_cleared)
+    profile = profile_of(model, scene, path, spacing=resolution)
+    screened = Met(swept_hazards(scene, profile, model, errors=errors), profile)
+    searched = searched_everywhere(scene, screened, model, errors, swept_sizes)
+    beyond = searched_everywhere(scene, screened, model, errors, _only_what_is_not_cleared)
     assert first_blocked(searched) <= first_blocked(screened) <= first_blocked(beyond), (
         beyond.reason
     )
@@ -111,22 +126,46 @@ def test_it_clears_no_blocked_station(seed: int, small: bool, resolution: float)
         assert screened.hazards.looked <= searched.hazards.looked
 
 
-def _only_what_is_not_cleared(sizes: SweptSizes) -> SweptSizes:
+def _only_what_is_not_cleared(vehicle: Vehicle, resolution: float) -> SweptSizes:
+    sizes = swept_sizes(vehicle, resolution)
     slope_margin = core.SLOPE_MARGIN * sizes.chord
     return sizes._replace(steepest=max(sizes.steepest, sizes.cleared + slope_margin))
 
 
 def searched_everywhere(
-    scene: ElevationMap,
-    path: CandidatePath,
-    model: Model,
-    changed: Callable[[SweptSizes], SweptSizes] = lambda sizes: sizes,
+    scene: ElevationMap, met: Met, model: Model, errors: InputErrors, sizes: object
 ) -> Met:
     """Hazards without a broad phase."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sweeper, "broad_phase_for", all_suspect)
-        patch.setattr(hazards, "swept_sizes", lambda *args: changed(swept_sizes(*args)))
-        return met_by(scene, path, model)
+        patch.setattr(hazards, "swept_sizes", sizes)
+        return Met(swept_hazards(scene, met.profile, model, errors=errors), met.profile)
+
+
+@pytest.mark.parametrize("resolution", [0.1, 0.2])
+def test_what_a_candidate_meets_does_not_depend_on_the_others(resolution: float) -> None:
+    turns = np.linspace(-1.6, 1.6, 11)
+    paths = [
+        CandidatePath(str(end), np.array([[1.5, 3.0], [5.0, 3.0], [8.0 + 0.13 * end, 3.0 + end]]))
+        for end in turns
+    ]
+    blocked = slowed = 0
+    for seed in range(12):
+        model, errors = MODELS[0], BAND if seed % 3 else InputErrors()
+        scene = rough_ground(seed, resolution, model.vehicle.wheel_radius)
+        profile = profile_of(model, scene, *paths)
+        together = swept_hazards(scene, profile, model, errors=errors)
+        for j, path in enumerate(paths):
+            line = profile_of(model, scene, path)
+            alone, n = swept_hazards(scene, line, model, errors=errors), len(line.x)
+            np.testing.assert_array_equal(together.rows.code[:n, j], alone.rows.code[:, 0])
+            rough = alone.rows.rough_speed[:, 0]
+            np.testing.assert_array_equal(together.rows.rough_speed[:n, j], rough)
+            k = int(np.argmax(alone.rows.code[:, 0] > 0))
+            assert together.obstacle(j, k) == alone.obstacle(0, k)
+            blocked, slowed = blocked + (k > 0), slowed + bool(np.isfinite(rough).any())
+    assert blocked > 20
+    assert slowed > 20
 
 
 def first_blocked(met: Met) -> int:
