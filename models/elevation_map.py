@@ -13,6 +13,15 @@ import numpy as np
 from slopewise.models.arrays import Floats, Ints, read_only
 from slopewise.models.errors import ParameterError
 
+MAX_HEIGHT = 1e5
+"""From here on, up and down, no number is a height of ground [m]: float32's lowest, 1e20."""
+
+_MAX_COORDINATE = 1e8
+"""Positions are within that [m]: of no projection farther, and there they are exact to 15 nm."""
+
+_RESOLUTIONS = (1e-3, 1e4)
+"""Edges of cells [m]: from finer than any sensor to coarser than any vehicle's path."""
+
 _MIN_CELL_COUNT = 2
 """Cells along an edge that bilinear heights need [1]."""
 
@@ -54,14 +63,20 @@ class ElevationMap:
             raise ParameterError(
                 "elevation", f"at least 2 x 2 cells (rows, cols), got shape {elevation.shape}"
             )
-        if not (np.isfinite(self.resolution) and self.resolution > 0.0):
-            raise ParameterError("resolution", f"a cell edge > 0 [m], got {self.resolution!r}")
-        if np.shape(self.origin) != (2,) or not np.all(np.isfinite(self.origin)):
-            raise ParameterError("origin", f"two finite coordinates [m], got {self.origin!r}")
+        finest, coarsest = _RESOLUTIONS
+        if not finest <= self.resolution <= coarsest:
+            raise ParameterError(
+                "resolution",
+                f"a cell edge of {finest:g} m … {coarsest:g} m, got {self.resolution!r}",
+            )
+        if np.shape(self.origin) != (2,) or not np.all(np.abs(self.origin) <= _MAX_COORDINATE):
+            raise ParameterError(
+                "origin", f"two coordinates within ±{_MAX_COORDINATE:g} m, got {self.origin!r}"
+            )
         for name in ("height_std", "correlation_length"):
             length = getattr(self, name)
-            if not (np.isfinite(length) and length >= 0.0):
-                raise ParameterError(name, f"a length >= 0 [m], got {length!r}")
+            if not 0.0 <= length < MAX_HEIGHT:
+                raise ParameterError(name, f"a length of 0 m … {MAX_HEIGHT:g} m, got {length!r}")
             object.__setattr__(self, name, float(length))
         if not np.any(np.isfinite(elevation)):
             raise ParameterError("elevation", "at least one known cell, all are unknown")
@@ -70,6 +85,14 @@ class ElevationMap:
         object.__setattr__(self, "origin", (float(x), float(y)))
         object.__setattr__(self, "resolution", float(self.resolution))
         elevation[np.isinf(elevation)] = np.nan
+        largest = max(np.fmax.reduce(elevation, axis=None), -np.fmin.reduce(elevation, axis=None))
+        if largest >= MAX_HEIGHT:
+            row, column = np.argwhere(np.abs(elevation) >= MAX_HEIGHT)[0]
+            raise ParameterError(
+                f"elevation[{row}, {column}]",
+                f"a height within ±{MAX_HEIGHT:g} m, or NaN where the ground is unknown, "
+                f"got {elevation[row, column]:g}",
+            )
         object.__setattr__(self, "elevation", read_only(elevation))
         if len(self.class_names) > _MAX_CLASS_COUNT:
             raise ParameterError(

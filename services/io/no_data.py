@@ -15,14 +15,12 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.elevation_map import MAX_HEIGHT
 from slopewise.models.errors import InputError
 
 NoData: TypeAlias = float | Literal["none"] | None
 """A height that is unknown ground [m]; "none": the map has no marker but those that it declares;
 None: markers are looked for."""
-
-HIGHEST = 1e5
-"""From here on no number is a height of ground [m]: float32's lowest, 1e20, 1e30, -999999."""
 
 UNSCALED = (-99999.0, -32768.0, -32767.0, -9999.0)
 """Markers of GDAL, ESRI, SRTM and GEBCO [m]: below all land, also as a raw value before scaling."""
@@ -73,11 +71,11 @@ def known_heights(
 def without_common(heights: Floats, nodata: NoData) -> tuple[Floats, set[float]]:
     """The same, of what marks missing data on any map."""
     known = _without(heights, nodata)
-    far = np.abs(known) >= (HIGHEST if nodata == "none" else _MIN_COMMON)
+    far = np.abs(known) >= (MAX_HEIGHT if nodata == "none" else _MIN_COMMON)
     if not far.any():
         return known, set()
     values = known[far]
-    beyond = np.abs(values) >= HIGHEST
+    beyond = np.abs(values) >= MAX_HEIGHT
     common = np.isin(values, () if nodata == "none" else COMMON)
     known[far] = np.where(beyond | common, np.nan, values)
     detected = {*values[beyond & np.isfinite(values)][:1].tolist(), *values[common].tolist()}
@@ -164,6 +162,6 @@ def describe(markers: Sequence[float], remedy: str = REMEDY) -> tuple[str, ...]:
     values = ", ".join(f"{value:.6g}" for value in sorted(markers))
     sentence = f"cells of {values} m are unknown ground: no height, but an undeclared no-data value"
     # No option makes ground of what is beyond all heights.
-    if all(abs(value) >= HIGHEST for value in markers):
+    if all(abs(value) >= MAX_HEIGHT for value in markers):
         remedy = ""
     return (sentence + remedy,) if values else ()

@@ -78,8 +78,8 @@ def test_the_example_plans_as_python_does(tmp_path: Path) -> None:
     ("options", "expected"),
     [
         (["--resolution", "0.1"], "--height-std"),
-        (["--resolution", "-1", "--height-std", "0"], "resolution: expected a cell edge > 0"),
-        (["--resolution", "0.1", "--height-std", "nan"], "height_std: expected a length >= 0"),
+        (["--resolution", "-1", "--height-std", "0"], "resolution: expected a cell edge of 0.001 m"),
+        (["--resolution", "0.1", "--height-std", "nan"], "height_std: expected a length of 0 m"),
     ],
 )
 def test_numbers_that_hold_for_no_map_are_refused(
