@@ -31,6 +31,7 @@ BENCHMARKS: dict[str, tuple[str, tuple[str, ...]]] = {
     "paths": ("paths.paths_benchmark", ()),
     "noise": ("noisy_maps.noisy_map_benchmark", ()),
     "tracking": ("tracking.tracking_benchmark", ()),
+    "drives": ("tracking.engine_drives", ("mujoco",)),
 }
 """Modules with ``run(request, progress)`` and ``show(result, console)``; packages they need."""
 
