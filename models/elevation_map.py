@@ -58,11 +58,7 @@ class ElevationMap:
     assumed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        elevation = np.array(self.elevation, dtype=np.float64, order="C")
-        if elevation.ndim != 2 or min(elevation.shape) < _MIN_CELL_COUNT:
-            raise ParameterError(
-                "elevation", f"at least 2 x 2 cells (rows, cols), got shape {elevation.shape}"
-            )
+        elevation = _known_heights(self.elevation)
         finest, coarsest = _RESOLUTIONS
         if not finest <= self.resolution <= coarsest:
             raise ParameterError(
@@ -78,21 +74,9 @@ class ElevationMap:
             if not 0.0 <= length < MAX_HEIGHT:
                 raise ParameterError(name, f"a length of 0 m … {MAX_HEIGHT:g} m, got {length!r}")
             object.__setattr__(self, name, float(length))
-        if not np.any(np.isfinite(elevation)):
-            raise ParameterError("elevation", "at least one known cell, all are unknown")
-        # Kernels are compiled for floats; an int would cause another compilation.
         x, y = self.origin
         object.__setattr__(self, "origin", (float(x), float(y)))
         object.__setattr__(self, "resolution", float(self.resolution))
-        elevation[np.isinf(elevation)] = np.nan
-        largest = max(np.fmax.reduce(elevation, axis=None), -np.fmin.reduce(elevation, axis=None))
-        if largest >= MAX_HEIGHT:
-            row, column = np.argwhere(np.abs(elevation) >= MAX_HEIGHT)[0]
-            raise ParameterError(
-                f"elevation[{row}, {column}]",
-                f"a height within ±{MAX_HEIGHT:g} m, or NaN where the ground is unknown, "
-                f"got {elevation[row, column]:g}",
-            )
         object.__setattr__(self, "elevation", read_only(elevation))
         if len(self.class_names) > _MAX_CLASS_COUNT:
             raise ParameterError(
@@ -123,3 +107,24 @@ class ElevationMap:
         x_min, x_max, y_min, y_max = self.extent
         inside: np.ndarray = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
         return inside
+
+
+def _known_heights(heights: Floats) -> Floats:
+    """A copy of heights (rows, cols) with NaN for infinite ones [m]."""
+    elevation = np.array(heights, dtype=np.float64, order="C")
+    if elevation.ndim != 2 or min(elevation.shape) < _MIN_CELL_COUNT:
+        raise ParameterError(
+            "elevation", f"at least 2 x 2 cells (rows, cols), got shape {elevation.shape}"
+        )
+    elevation[np.isinf(elevation)] = np.nan
+    if np.isnan(elevation).all():
+        raise ParameterError("elevation", "at least one known cell, all are unknown")
+    largest = max(np.fmax.reduce(elevation, axis=None), -np.fmin.reduce(elevation, axis=None))
+    if largest >= MAX_HEIGHT:
+        row, column = np.argwhere(np.abs(elevation) >= MAX_HEIGHT)[0]
+        raise ParameterError(
+            f"elevation[{row}, {column}]",
+            f"a height within ±{MAX_HEIGHT:g} m, or NaN where the ground is unknown, "
+            f"got {elevation[row, column]:g}",
+        )
+    return elevation
