@@ -105,21 +105,18 @@ def investigate(
 
 
 def _warnings(table: StopTable, noise: Whitener) -> tuple[str, ...]:
-    share = noise.force_std / max(float(np.median(table.force)), 1e-3)
-    if share < WILD_SCATTER:
+    if noise.scatter < WILD_SCATTER:
         return ()
     return (
-        f"stops differ by ±{share:.0%} of the braking force among themselves: only effects larger "
-        f"than that show in {len(table)} stops",
+        f"stops differ by ±{noise.scatter:.0%} of the braking force among themselves: "
+        f"only effects larger than that show in {len(table)} stops",
     )
 
 
 def _beyond(table: StopTable, model: Model, better: Model, gaps: Gaps, noise: Whitener) -> float:
     """By which stops end later than the finding predicts, 0 if a perfect model's do, too [m]."""
-    late, chance = (
-        table.distance - gaps.held_out,
-        _BY_CHANCE * np.sqrt(distance_floor(table, noise)),
-    )
+    late = table.distance - gaps.held_out
+    chance = _BY_CHANCE * np.sqrt(distance_floor(table, noise))
     beyond = float(np.max(late, where=late > chance, initial=0.0))
     offset = better.braking.distance_offset
     added = offset > max(model.braking.distance_offset, float(chance.max()))

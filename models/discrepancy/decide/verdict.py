@@ -72,7 +72,8 @@ def decide(
 ) -> Decision:
     """One word for the log."""
     nothing = Decision(Verdict.NONE, plain, visible=seen.visible)
-    wild = scatters_wildly(table, plain) and answer.probability < _BEYOND_NOISE
+    # Scatter between stops is so large that chance could give many names.
+    wild = plain.whitener.scatter > WILD_SCATTER and answer.probability < _BEYOND_NOISE
     if _too_noisy(table, seen, settings) and (answer.verdict is Verdict.NONE or wild):
         return replace(nothing, verdict=Verdict.TOO_NOISY)
     match answer.verdict:
@@ -87,11 +88,6 @@ def decide(
             return drifted(nothing, seen)
         case _:
             return nothing
-
-
-def scatters_wildly(table: StopTable, plain: Refit) -> bool:
-    """Scatter between stops is so large that chance could give many names."""
-    return plain.whitener.force_std > WILD_SCATTER * max(float(np.median(table.force)), 1e-3)
 
 
 def drifted(nothing: Decision, seen: Resolvable) -> Decision:

@@ -31,8 +31,8 @@ class Answer:
     Attributes:
         verdict: one word. leader: the explanation it rests on, for `ambiguous` one with names.
         calm: the explanation without any cause.
-        axis: that the heaviest causes without a name follow, "" without. probability: of the
-            answer. of_names: of each name.
+        axis: that the heaviest causes without a name follow, "" without. probability: that
+            the answer is right. of_names: probability of each name.
         alternatives: alternatives with other names that are not ruled out, the heaviest first.
     """
 

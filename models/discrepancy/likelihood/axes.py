@@ -25,7 +25,7 @@ class Axis:
 
     Attributes:
         name, unit: as reported. values: (S, M).
-        shapes: groups of shapes (S, M, p), each a hypothesis of its own.
+        shapes: groups of shapes (S, M, p), each a separate hypothesis.
     """
 
     name: str

@@ -30,9 +30,9 @@ class Candidate:
     """One explanation: columns of a dictionary with a normal prior.
 
     Attributes:
-        name: of an effect or an axis. named: whether it is an effect. first, count: columns.
-        std: (count,) prior deviations. centre: of the prior. one_sided: never negative.
-        inner: parameters beside the strength. log_prior: of it.
+        name: effect or axis. named: whether it is an effect. first, count: columns.
+        std: (count,) prior deviations. centre: mean of the prior. one_sided: never negative.
+        inner: parameters next to the strength. log_prior: ln of its prior odds.
     """
 
     name: str

@@ -58,8 +58,8 @@ class Fit:
     """An explanation at every build-up.
 
     Attributes:
-        trace: of the log, as friction caps it. extra: columns of the candidates that are chosen.
-        taus: (T,) [s]. onsets: state at each. noise: (6,) of the stops.
+        trace: columns of the log under the friction cap. extra: columns of `chosen`.
+        chosen: candidates in it. taus: (T,) [s]. onsets: state at each. noise: (6,) of the stops.
         evidence: (T,) ln of the marginal likelihood. solutions: (T,) all columns, solved.
     """
 
@@ -282,8 +282,8 @@ def _with_cap(
 ) -> Problem:
     """The problem, linear about the stops that friction caps if the explanation has a cap.
 
-    Where nearly all stops slide, coefficients fitted to them say nothing of the brakes: it begins
-    with those of the file, too.
+    Where nearly all stops slide, coefficients fitted to them carry no information on the brakes:
+    it begins with those of the file, too.
     """
     cap = place_of(chosen)
     if cap is None:

@@ -32,7 +32,7 @@ class Grams:
 
     @classmethod
     def of(cls, columns: Floats, own: Floats, spread: Floats) -> Grams:
-        """Of columns (S, K, P) and own effects (S, K, R), with variances (S, K) but for σ²."""
+        """Of columns (S, K, P) and own effects (S, K, R), with variances (S, K) without σ²."""
         used = spread > 0.0
         weight = np.where(used, 1.0 / np.where(used, spread, 1.0), 0.0)
         root = np.sqrt(weight)[:, :, None]
@@ -88,7 +88,7 @@ def solved(weighed: Floats, log_det: float, std: Floats, centre: Floats | None =
 
     Args:
         weighed: (P + Q + 1, …) products; the last one is of what is to be explained.
-        log_det: of the noise. std: (P,). centre: (P,) of the prior, 0 without.
+        log_det: ln det of the noise. std: (P,). centre: (P,) means of the prior, 0 without.
     """
     p = len(std)
     rest = slice(p, len(weighed) - 1)

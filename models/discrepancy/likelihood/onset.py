@@ -154,8 +154,8 @@ class Integrated:
     def fallen(self, table: StopTable, onset: Onset, moment: Moment) -> Floats:
         """(S, K, Q) what they take from the speed by each bin [m/s].
 
-        Until the brakes are built up a share counts as it was at the onset: exact for those that
-        change slowly beside the build-up.
+        Until the brakes are built up a share has its value at the onset: exact for those that
+        change slowly compared with the build-up.
         """
         t = table.time
         step = t[:, 1] - t[:, 0]

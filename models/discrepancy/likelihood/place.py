@@ -1,9 +1,9 @@
 """Places and times of change, which have no derivative, and how well they are known.
 
 The edge of a patch matters only where a stop crosses it, and the run of a change only between runs:
-the likelihood is flat in between and jumps at the edges. Many are tried beside all else that the
-explanation has; the interval holds those that likelihood does not rule out (Wilks), as the standard
-deviation of a normal distribution with the same 95 %.
+the likelihood is flat in between and jumps at the edges. Many are tried in addition to all other
+effects of the explanation; the interval holds those that likelihood does not exclude (Wilks), as
+the standard deviation of a normal distribution with the same 95 %.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def settled(
 
 
 class _Gains:
-    """What shares of the weight would add to the evidence beside the rest of an explanation."""
+    """Evidence that shares of the weight add to the rest of an explanation."""
 
     def __init__(self, explanation: Explanation, candidate: Candidate) -> None:
         fit = explanation.fit

@@ -43,7 +43,7 @@ def explanations(fits: list[tuple[Fit, float]], dead_time: float, odds: float) -
 
     Args:
         fits: each with what its grids add to ln of its prior.
-        dead_time: of the model file [s]. odds: of causes, over those of :mod:`.prior`.
+        dead_time: in the model file [s]. odds: prior odds of causes, over those of :mod:`.prior`.
     """
     found = []
     for fit, log_prior in fits:

@@ -1,4 +1,4 @@
-"""What is believed before any log: sizes of nuisances and effects, and odds of explanations."""
+"""Priors of all logs: sizes of nuisances and effects, and odds of explanations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEVEL = 10.0  # speed of each stop: unknown [m/s]
 RAMP = 0.3  # acceleration before the onset [m/s²]
 NOISE = np.array([0.03, 0.02, 0.012, 0.02, 0.006, 0.01])
 """Usual noise [m/s], scatter of the force [1], of the dead time [s], slow wave of the force [1],
-and what is left at the onset, as time [s] and as a share of the force [1]."""
+and residual at the onset, as time [s] and as a share of the force [1]."""
 WAVE, ONSET_TIME, ONSET_FORCE = 3, 4, 5  # places of the last three
 NOISE_SPREAD = np.array([0.7, 1.0, 0.7, 0.7, 1.0, 1.2])  # of their logarithms [1]
 

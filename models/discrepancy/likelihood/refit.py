@@ -34,9 +34,9 @@ class Refit:
 
     Attributes:
         hypothesis: with its numbers. covariance: (P, P) of them, in the order of its `free`.
-        whitener: that it was weighed with.
+        whitener: covariance of the fit.
         extents: per added effect, deviations of numbers that have no derivative, by name.
-        names: of its effects in order of the alphabet, but for a build-up that all brakes have.
+        names: its effects in order of the alphabet, without the build-up of all brakes.
     """
 
     hypothesis: Hypothesis
@@ -47,10 +47,10 @@ class Refit:
 
 
 def refitted(explanation: Explanation) -> Refit:
-    """An explanation with the laws of its effects; causes without a name are left out."""
+    """An explanation with the laws of its effects; causes without a name are omitted."""
     fit, at = explanation.fit, explanation.at
     model = fit.trace.model
-    # Effects would take up what a build-up leaves; coefficients alone take it as a later onset.
+    # Effects would absorb an unmodelled build-up; for coefficients alone it is a later onset.
     builds_up = bool(explanation.names) and all(e.name != LAG for e in model.effect)
     builds_up = builds_up or LAG in explanation.names
     whitener = Whitener.of(fit.trace, fit.onsets[at], fit.noise, lagging=builds_up)
@@ -111,8 +111,8 @@ def effect_of(name: str, inner: dict[str, float], strength: float) -> Effect:
     """An effect with a strength, or the nearest that there can be.
 
     Args:
-        name: of an effect that logs are searched for. inner: its parameters beside the strength.
-        strength: of its column [1].
+        name: an effect that logs are searched for. inner: its parameters next to the strength.
+        strength: coefficient of its column [1].
     """
     how = LAWS[name].search
     assert how is not None
@@ -166,7 +166,7 @@ def improved(table: StopTable, start: Hypothesis, whitener: Whitener) -> Refit:
         errors, inside, slopes, bounds=(low, high), max_nfev=_EVALUATIONS, xtol=1e-4, ftol=1e-6
     )
     covariance = np.linalg.pinv(best.jac.T @ best.jac, hermitian=True)
-    # Few stops tell less of their scatter than its likelihood pretends.
+    # Few stops determine their scatter less than its likelihood pretends.
     covariance *= len(table) / max(len(table) - len(scales), 1)
     covariance = _robust(covariance, best.jac, best.fun, whitener.root.shape[:2])
     scaled = scales[:, None] * covariance * scales
@@ -174,7 +174,7 @@ def improved(table: StopTable, start: Hypothesis, whitener: Whitener) -> Refit:
 
 
 def without(fit: Refit, table: StopTable, stops: Bools) -> tuple[StopTable, Hypothesis]:
-    """The stops left out (S,), and the same numbers fitted to all others."""
+    """The held-out stops (S,), and the same numbers fitted to all others."""
     seen = table.take(~stops)
     return table.take(stops), improved(seen, fit.hypothesis, fit.whitener.take(~stops)).hypothesis
 
@@ -182,7 +182,7 @@ def without(fit: Refit, table: StopTable, stops: Bools) -> tuple[StopTable, Hypo
 def _robust(covariance: Floats, x: Floats, r: Floats, shape: tuple[int, ...]) -> Floats:
     """Covariance, wider where stops scatter more along a number than the noise says.
 
-    The sandwich of the scores of whole stops holds whatever the noise within a stop really is
+    The sandwich of the scores of whole stops holds for any noise within a stop
     (White 1980, in clusters); with few stops it comes out too small, so it only ever widens.
     """
     count = int(np.prod(shape))

@@ -16,7 +16,7 @@ from slopewise.models.discrepancy.likelihood.trace import Trace
 
 LOCATED = 0.05  # p-value up to which an axis is listed [1]
 WITHIN = ("speed", "time_since_onset", "brake_heat")
-"""Axes that run through each stop; all others tell stops apart."""
+"""Axes that run through each stop; all others differ from stop to stop."""
 _LEAST_DIRECTION = 1e-4  # share of the largest direction below which one is rounding [1]
 
 
@@ -48,7 +48,7 @@ class ResidualAxis:
 
 
 def residual_axes(trace: Trace, fit: Refit) -> list[ResidualAxis]:
-    """All axes, the most telling first."""
+    """All axes, the strongest first."""
     table, whitener = trace.table, fit.whitener
     axes = axes_of(table, fit.hypothesis.dead_time)
     tried = [(axis, shapes) for axis in axes for shapes in axis.shapes]

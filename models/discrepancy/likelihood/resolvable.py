@@ -2,7 +2,7 @@
 
 An effect whose share of the force is the same in all stops, up to what the coefficients can do, is
 absorbed by them; so is a pitch sensor that is mounted askew. Where the model as configured with a
-single such cause explains the log as well as new coefficients, the log cannot tell which it is.
+single such cause explains the log as well as new coefficients, the log cannot distinguish them.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ GRADE_BIAS = "grade_bias"
 CHANGED_STOPS = 3  # stops that an effect has to change to matter: two are outliers [1]
 _NAMED_FROM = 12.0
 """Chi square from which a name outweighs none: odds of 0.08, and the width of its prior [1]."""
-_LEAST_COLUMN = 1e-4  # share of a candidate beyond the base below which rounding dominates [1]
-_USUAL_BIAS = np.deg2rad(2.5)  # error of all grades that is not seen at once [rad]
-_ABSORBED = 0.98  # share of a column that the base takes up, from which it hides it [1]
+_MIN_COLUMN = 1e-4  # share of a candidate beyond the base below which rounding dominates [1]
+_MAX_BIAS = np.deg2rad(2.5)  # error of all grades that is not obvious [rad]
+_ABSORBED = 0.98  # share of a column that the base absorbs, from which it hides it [1]
 _P_ABSORBED = 0.05  # p-value from which a single cause is as good as new coefficients [1]
-_TELLS_BIAS = (
+_BIAS_TEST = (
     "stand still on ground of known slope, or drive the same slope both ways, and read the pitch; "
     "or coast: without brakes a wrong grade shows and brakes do not"
 )
@@ -44,7 +44,7 @@ class Absorbed:
     """A cause that new coefficients would hide.
 
     Attributes:
-        name: of the effect, or :data:`GRADE_BIAS`.
+        name: effect, or :data:`GRADE_BIAS`.
         test: test that distinguishes it from new coefficients, as a sentence.
     """
 
@@ -58,7 +58,7 @@ class Resolvable:
 
     Attributes:
         visible: change of a stop, beyond new coefficients, from which five logs of six like this
-            one name it [m]. hidden: names of those that new coefficients take up.
+            one name it [m]. hidden: names of those that new coefficients absorb.
         absorbed: causes that explain the log as well as new coefficients do.
     """
 
@@ -76,7 +76,7 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
     hidden = set()
     for name in dict.fromkeys(c.name for c in named):
         group = [i for i, c in enumerate(named) if c.name == name]
-        # Nobody chooses where a surface lies or which way the wind blows: the middle of the grid.
+        # Place of a surface and direction of a wind are arbitrary: the middle of the grid.
         visible[name] = float(np.median(sizes[group]))
         if share[group].min() >= _ABSORBED:
             hidden.add(name)
@@ -84,8 +84,8 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
     limit = log.base_chi_square() + float(chi2.isf(_P_ABSORBED, 4)) * stops / max(stops - 5, 1)
     causes = {}
     chi_square, bias = log.cause_chi_square(len(named))
-    if chi_square < limit and abs(bias) <= _USUAL_BIAS:
-        causes[GRADE_BIAS] = _TELLS_BIAS
+    if chi_square < limit and abs(bias) <= _MAX_BIAS:
+        causes[GRADE_BIAS] = _BIAS_TEST
     for i, c in enumerate(named):
         if c.name in hidden:
             chi_square, strength = log.cause_chi_square(i)
@@ -96,7 +96,7 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
 
 
 class _Normal:
-    """Normal equations of nuisances (first), candidates, a bias of all grades, and what is left."""
+    """Normal equations of nuisances (first), candidates, a bias of all grades, and residuals."""
 
     def __init__(self, fit: Fit, at: int, named: Integrated) -> None:
         trace, onset = fit.trace, fit.onsets[at]
@@ -129,7 +129,7 @@ class _Normal:
         return taken, np.maximum(own - np.sum(cross * taken, axis=0), 0.0), own
 
     def absorbed(self) -> Floats:
-        """(Q,) share of each candidate's column that new coefficients take up."""
+        """(Q,) share of each candidate's column that new coefficients absorb."""
         _, left, own = self._taken()
         return np.asarray(1.0 - left / np.maximum(own, 1e-300), np.float64)
 
@@ -141,19 +141,19 @@ class _Normal:
         """
         taken, left, own = self._taken()
         change = self.way[:, self.candidates] - self.way[:, self.base] @ taken
-        left = np.where(left > _LEAST_COLUMN * own, left, np.nan)
+        left = np.where(left > _MIN_COLUMN * own, left, np.nan)
         size = np.sort(np.abs(change), axis=0)[-CHANGED_STOPS]
         size *= (np.sqrt(_NAMED_FROM) + 1.0) / np.sqrt(left)
         return np.where(np.isfinite(size), size, np.inf)
 
     def base_chi_square(self) -> float:
-        """With coefficients and dead time of their own."""
+        """With free coefficients and dead time."""
         std = self.std.copy()
         std[self.base] = np.inf
         return self._chi_square(np.arange(len(std)), std, -2)[0]
 
     def cause_chi_square(self, candidate: int) -> tuple[float, float]:
-        """As configured but for a candidate, or the bias after them; and its strength."""
+        """As configured with a candidate, or the bias after them; and its strength."""
         rest = np.setdiff1d(np.arange(len(self.std)), self.base)
         std = np.append(self.std[rest], np.inf)
         return self._chi_square(np.append(rest, len(self.std) + candidate), std, -1)

@@ -16,7 +16,7 @@ from slopewise.models.discrepancy.likelihood.gaussian import Solved
 from slopewise.models.discrepancy.likelihood.trace import Trace, grams_at
 
 _DEPTH, _WIDTH = 3, 6
-"""Effects at once, and sets that are gone on with: more found nothing else on own worlds."""
+"""Effects in a set, and sets that are continued: more changed nothing on simulated worlds."""
 
 
 @dataclass(frozen=True, slots=True)

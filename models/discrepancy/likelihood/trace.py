@@ -1,4 +1,4 @@
-"""Traces of all stops at one state of the onset: what is always in the model, and what is left.
+"""Traces of all stops at one state of the onset: columns of all explanations, and residuals.
 
 Always there: coefficients as deviations from the model file, sessions, nuisances of the onset and a
 small version of every smooth effect (spike), since nothing is exactly zero in nature.
@@ -38,11 +38,12 @@ _SLOW_WAVES = 5  # cosines of the force along a stop: as many as its bins resolv
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """What is known of a log whatever the onset.
+    """Columns of a log, the same for every onset.
 
     Attributes:
-        table: S stops. model: as configured. samples: of its bins. speed: (S, K) mean in them.
-        expected: of the model file: force of the brakes; gravity and terms of motion.
+        table: S stops. model: as configured. samples: of its bins.
+        speed: (S, K) mean in them.
+        expected: by the model file: force of the brakes; gravity and terms of motion.
         always: (…, P) of the base, sessions and spikes. waves: (…, W) slow ones of the force.
         always_std: (P,) prior deviations of `always`.
         pull: (S, 1) deceleration that each stop shows [m/s²]. force: typical F_b/W [1].

@@ -1,7 +1,7 @@
 """From a table of stops to weighed explanations.
 
 The search goes in rounds: scatter that an effect explains hides others, so everything is searched
-again at the onset and the noise of whatever leads, until the leader stays.
+again at the onset and the noise of the leader, until the leader stays.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _CONVERGED = 3  # sets whose onsets are fitted to the end
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """What a log says of every explanation.
+    """Weights of all explanations of a log.
 
     Attributes:
         explanations: the heaviest first. change: root mean square change of stopping distances by
@@ -108,7 +108,7 @@ def weighed(
 
 
 def _converged(trace: Trace, book: Dictionary, explanation: _Weighed, near: Fit) -> _Weighed:
-    """With an onset of its own, from that of another explanation or from where it is."""
+    """With a separate onset, from that of another explanation or from its present one."""
     again = fit(trace, book, explanation.fit.chosen, (near, explanation.fit))
     if explanation.converged and explanation.fit.evidence.max() >= again.evidence.max():
         return explanation

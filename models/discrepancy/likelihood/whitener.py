@@ -25,6 +25,8 @@ from slopewise.models.quantity import GRAVITY
 
 _LEVELS = 2
 """Own effects of a stop that are its level and its ramp, which no model predicts."""
+_WAVE = 4.0 / np.pi**2
+"""Change of a stop by half a cosine wave of the force, over that by a constant one: ∫∫ of both."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +98,14 @@ class Whitener:
         )
 
     @property
+    def scatter(self) -> float:
+        """Force from stop to stop, as a share of it [1]."""
+        return float(self.noise[1])
+
+    @property
     def force_std(self) -> float:
-        """F_b/W from stop to stop [1]."""
-        return float(self.noise[1]) * self.force
+        """F_b/W from stop to stop, constant along each, that changes stops as all scatter does."""
+        return float(np.hypot(self.scatter, _WAVE * self.noise[prior.WAVE])) * self.force
 
     @property
     def dead_time_std(self) -> float:
