@@ -77,7 +77,10 @@ def table(name: str, stops: int = 48, seed: int = 3) -> StopTable:
 
 LONG_LOGS = {"places": 90, "lag_and_drag": 90}
 """Stops of logs that need more than the others."""
-AT_NIGHT = ("places", "lag_and_drag", "pair", "build_up", "waves", "crests", "lockup")
+AT_NIGHT = (
+    *("places", "lag_and_drag", "pair", "build_up", "waves", "crests", "lockup"),
+    *("drag", "fade", "slow_drag"),
+)
 
 
 def by_day_or_night(*names: str) -> list[Any]:
