@@ -133,11 +133,11 @@ def test_a_command_prints_its_keys_and_its_table(
     world: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     command, status, line = COMMANDS[name]
-    found: list[Any] = []
+    results: list[Any] = []
 
     def searched_once(*arguments: Any, **named: Any) -> Any:
-        found[:] = found or [investigate_with_evidence(*arguments, **named)]
-        return found[0]
+        results[:] = results or [investigate_with_evidence(*arguments, **named)]
+        return results[0]
 
     monkeypatch.setattr(discrepancy, "investigate_with_evidence", searched_once)
     done = here(*command.split(), "--json")
