@@ -106,6 +106,8 @@ def roughness_speeds(
     damping: float,
     vertical_accel: float,
     max_speed: float,
+    noise: float,
+    cell: float,
     held: Floats,
 ) -> None: ...
 def time_optimal(

@@ -103,9 +103,8 @@ def swept_hazards(
     swept = sweeper.sweep(profile)
     if departure is not None:
         swept = sweeper.with_convergence(swept, profile, departure)
-    rough = steering_speed = np.empty((0, 0))
-    if sizes.fine:
-        rough = rough_speeds(elevation_map, profile, model, sizes, spacing)
+    rough = rough_speeds(elevation_map, profile, model, sizes, spacing)
+    steering_speed = np.empty((0, 0))
     steering = steering_limits(profile, geometry)
     if steering is not None:
         swept.code[steering.blocked & (swept.code == 0)] = _STEERING

@@ -9,6 +9,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.height_noise import noise_of
 from slopewise.models.parameters import Model
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.height_grid import height_grid
@@ -26,7 +27,9 @@ def rough_speeds(
     """Highest speeds that keep the vertical acceleration within its limit.
 
     Args:
-        elevation_map: ground; what lies behind the first station still moves the body there.
+        elevation_map: ground; what lies behind the first station still moves the body there. On
+            cells larger than a wheel's radius, which are not averaged, kinks that noise alone would
+            make limit nothing.
         profile: M candidates of up to N stations on it.
         model: vehicle and limits.
         sizes: vehicle sizes on this map.
@@ -52,6 +55,8 @@ def rough_speeds(
         vehicle.ride_damping,
         limits.vertical_accel,
         limits.speed,
+        0.0 if sizes.fine else noise_of(elevation_map),
+        elevation_map.resolution,
         held,
     )
     return held

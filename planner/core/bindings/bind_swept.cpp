@@ -100,7 +100,7 @@ void roughness_speeds(const MapGrid& map, const Input1& x, const Input1& y,
                       const Input1& spacing, const Counts1& count, const Floats3& front,
                       nb::handle sizes,
                       double frequency, double damping, double vertical_accel, double max_speed,
-                      const Output2& held) {
+                      double noise, double cell, const Output2& held) {
   const auto n = static_cast<Index>(front.shape(0)), m = static_cast<Index>(front.shape(2));
   for (const Input1* column : {&x, &y, &heading_x, &heading_y, &level, &spacing}) {
     expect_shape("x, y, heading, level, spacing", *column, {m});
@@ -111,7 +111,8 @@ void roughness_speeds(const MapGrid& map, const Input1& x, const Input1& y,
   if (n * m == 0) throw nb::value_error("front: expected stations, got none");
   const VehicleEnvelope envelope = envelope_of(sizes);
   const nb::gil_scoped_release release;
-  limit_ride_speeds(map.grid, envelope, {frequency, damping, vertical_accel, max_speed},
+  const RideLimits limits{frequency, damping, vertical_accel, max_speed, noise, cell};
+  limit_ride_speeds(map.grid, envelope, limits,
                         {n, m, x.data(), y.data(), heading_x.data(), heading_y.data(),
                          level.data(), spacing.data(), count.data(), front.data(), held.data()});
 }
@@ -165,7 +166,7 @@ void bind_swept(nb::module_& m) {
       .def_prop_ro("seen", blocks_of(&ScreenedBlocks::seen));
   m.def("roughness_speeds", &roughness_speeds, "grid"_a, "x"_a, "y"_a, "heading_x"_a,
         "heading_y"_a, "level"_a, "spacing"_a, "count"_a, "front"_a, "sizes"_a, "frequency"_a, "damping"_a,
-        "vertical_accel"_a, "max_speed"_a, "held"_a.noconvert());
+        "vertical_accel"_a, "max_speed"_a, "noise"_a, "cell"_a, "held"_a.noconvert());
 }
 
 }  // namespace slopewise

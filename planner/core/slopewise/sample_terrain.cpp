@@ -184,7 +184,6 @@ void Planner::Candidates::sweep_body() {
 
 void Planner::Candidates::limit_by_rough_ground() {
   rough_speed = OwnRows(stations, candidates, no_limit);
-  if (!model.envelope.fine) return;
   std::vector<double> spacing;
   for (Index j = 0; j < candidates; ++j) spacing.push_back(spacing_of(j));
   limit_ride_speeds(grid, model.envelope,

@@ -9,9 +9,9 @@
 namespace slopewise {
 
 // Frequency of the bounce [Hz] and its damping [1]; highest vertical acceleration [m/s²] and speed
-// [m/s].
+// [m/s]; noise of the map that is not averaged away, and edge of its cells [m].
 struct RideLimits {
-  double frequency, damping, vertical_accel, speed;
+  double frequency, damping, vertical_accel, speed, noise = 0.0, cell = 1.0;
 };
 
 // M candidates on the ground: at their first stations middle of the wheelbase [m], heading, height
@@ -36,6 +36,8 @@ inline void limit_ride_speeds(const HeightGrid& grid, const VehicleEnvelope& veh
   for (Index j = 0; j < on.candidates; ++j) {
     cars.emplace_back(vehicle, limits.frequency, limits.damping, limits.vertical_accel,
                       limits.speed, on.spacing[j]);
+    cars.back().noise = limits.noise;
+    cars.back().cell = limits.cell;
     pre_roll = std::max(pre_roll, cars.back().pre_roll);
   }
   RoughPaths paths{pre_roll, on.stations, on.candidates, nullptr,

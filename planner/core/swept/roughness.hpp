@@ -166,6 +166,7 @@ class RoughnessTile {
         for (std::size_t side = 0; side < 2; ++side) {
           advance(k, steps[level], static_cast<Index>(side), state[level][side], power);
         }
+        for (std::size_t j = 0; j < W; ++j) power[j] = max_of(power[j] - steps[level].noise[j], 0.0F);
         note(power, before, static_cast<float>(speed[level]), over, under, fast);
         before = power;
       }
@@ -177,12 +178,14 @@ class RoughnessTile {
     Steps out;
     const QuarterCar* before = nullptr;
     std::optional<BounceStep> step;
+    float noise = 0.0F;
     for (Index j = 0; j < W; ++j) {
       const QuarterCar& car = paths_.cars[candidate(j)];
       if (before == nullptr || car.spacing != before->spacing) {
         step.emplace(car, car.spacing / speed);
+        noise = step->noise_power(car);
       }
-      out.set(static_cast<std::size_t>(j), *step);
+      out.set(static_cast<std::size_t>(j), *step, noise);
       before = &car;
     }
     return out;

@@ -145,7 +145,8 @@ def test_a_coarse_map_says_what_it_cannot_see() -> None:
     assert met(noisy, straight(20.0)).bar == 0
     coarse = ground(box((9.0, 90.0), EVERYWHERE, 0.15), 1.0, y=(-8.0, 8.0))
     hazards = met(coarse, straight(20.0))
-    assert (hazards.bar, hazards.slowest) == (0, np.inf)
+    assert hazards.bar == 0
+    assert np.min(hazards.slowest) > 2.0  # its kinks of 8.5° are all that it shows
     assert "1 m" in hazards.hazards.unseen
     assert met(ground(box((9.0, 90.0), EVERYWHERE, 0.05)), straight(20.0)).hazards.unseen == ""
     # A wall larger than a cell is a hazard.

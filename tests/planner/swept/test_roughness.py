@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+import slopewise
 from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.swept.hazards import swept_hazards
+from slopewise.services.io.model_file import find_model, read_model
 from tests.world.ground import straight
 from tests.world.hazards import MODELS
 from tests.world.stages import profile_of
@@ -102,3 +104,51 @@ def test_roughness_speeds_are_as_defined(spacing: float, candidates: int) -> Non
     for j in range(candidates):
         # Between two speeds that are tried, float32 counts by the difference of their squares.
         np.testing.assert_allclose(computed[:, j], expected, rtol=3e-4)
+
+
+SHIPPED = read_model(find_model("atv"))
+
+
+def line(*points: tuple[float, float]) -> CandidatePath:
+    return CandidatePath("line", np.array(points))
+
+
+def crest_speed(cell: float, heights: Floats, model: Model, std: float = 0.0) -> float:
+    """Lowest speed over the middle of a profile of heights at cells along the path."""
+    ground = ElevationMap(
+        elevation=np.tile(heights, (round(12.0 / cell) + 2, 1)),
+        resolution=cell,
+        origin=(0.0, -6.0),
+        height_std=std,
+    )
+    (plan,) = slopewise.plan(model, ground, [line((1.0, 0.0), (28.0, 0.0))])
+    return float(np.min(plan.speed[(plan.x > 13.0) & (plan.x < 18.0)]))
+
+
+def test_a_kink_is_as_sharp_on_coarse_cells_as_on_fine_ones() -> None:
+    model = SHIPPED
+
+    def edge(cell: float) -> Floats:
+        x = cell * np.arange(round(30.0 / cell) + 2)
+        return -math.tan(math.radians(14.0)) * np.maximum(x - 15.0, 0.0)
+
+    fine = crest_speed(0.25, edge(0.25), model)
+    assert fine < 0.6 * model.limits.speed
+    for cell in (0.5, 1.0):
+        assert crest_speed(cell, edge(cell), model) == pytest.approx(fine, rel=0.03)
+    assert crest_speed(1.0, edge(1.0), model, std=0.06) > 1.3 * fine
+
+
+def test_noise_of_coarse_cells_is_no_roughness() -> None:
+    model, rng = SHIPPED, np.random.default_rng(5)
+    paths = [line((5.0, 5.0 + 1.5 * i), (45.0, 15.0 + 0.9 * i)) for i in range(20)]
+    for cell in (0.5, 1.0):
+        noise = rng.normal(0.0, 0.03, (round(60.0 / cell),) * 2)
+        speeds = [
+            np.mean([plan.speed.mean() for plan in slopewise.plan(model, ground, paths)])
+            for ground in (
+                ElevationMap(elevation=0.0 * noise, resolution=cell, origin=(0.0, 0.0)),
+                ElevationMap(elevation=noise, resolution=cell, origin=(0.0, 0.0), height_std=0.03),
+            )
+        ]
+        assert speeds[1] > 0.95 * speeds[0]
