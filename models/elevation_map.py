@@ -70,10 +70,10 @@ class ElevationMap:
                 "origin", f"two coordinates within ±{_MAX_COORDINATE:g} m, got {self.origin!r}"
             )
         # An error that all cells share is correlated over as far as positions reach.
-        for name, most in (("height_std", MAX_HEIGHT), ("correlation_length", _MAX_COORDINATE)):
+        for name, greatest in (("height_std", MAX_HEIGHT), ("correlation_length", _MAX_COORDINATE)):
             length = getattr(self, name)
-            if not 0.0 <= length <= most:
-                raise ParameterError(name, f"a length of 0 m … {most:g} m, got {length!r}")
+            if not 0.0 <= length <= greatest:
+                raise ParameterError(name, f"a length of 0 m … {greatest:g} m, got {length!r}")
             object.__setattr__(self, name, float(length))
         x, y = self.origin
         object.__setattr__(self, "origin", (float(x), float(y)))

@@ -110,11 +110,11 @@ def summarise(result: CalibrateResult, sheet: dict[str, Any] | None = None) -> C
     """Everything that was fitted, SI units and radians."""
     c, t = result.calibration, result.log.columns["t"]
     dead_time, dive, mount = c.dead_time, c.dive, c.mount
-    jitter = dead_time.between_stops
+    scatter = dead_time.between_stops
     return CalibrationSummary.of(
         c,
         stops={"found": len(c.windows), **c.verdicts},
-        dead_time={"value": dead_time.value, "std": dead_time.std, "jitter": jitter},
+        dead_time={"value": dead_time.value, "std": dead_time.std, "jitter": scatter},
         dive={"value": dive.per_deceleration, "std": dive.std, "settling": dive.settling},
         mount={"value": mount.offset, "std": mount.std, "source": mount.source},
         speed_error=None if c.speed_error is None else asdict(c.speed_error),

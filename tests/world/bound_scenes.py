@@ -188,7 +188,9 @@ SCENES: dict[str, Scene] = {
     "a ridge": Scene(
         "crest",
         tables_with(
-            vehicle=STRONG, limits=BRISK | {"speed": 6.0}, braking={"speed_range": [1.0, 6.0]}
+            vehicle=STRONG,
+            limits=BRISK | {"speed": 6.0, "vertical_accel": 50.0},
+            braking={"speed_range": [1.0, 6.0]},
         ),
         ground=ground_map(lambda x, y: -0.2 * np.abs(x - 18.0), resolution=0.5),
         free_ground=plane(),

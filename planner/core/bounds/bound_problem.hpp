@@ -19,13 +19,14 @@ struct BoundProblem {
   Numbers friction;        // least friction [1], null where it is not known
   const double* clear;     // (M,) station up to which the vehicle may come, inf if unlimited [m]
   StopErrors errors;
-  Vehicle vehicle;         // its speed is raised to the highest trained one, see bound_speeds
+  Vehicle vehicle;
   MotionTerms motion;
   bool closed_form;        // nothing acts on the motion: the stopping path has a closed form
   Numbers excess{};        // by how much stops may begin faster than planned [m/s]; found here
   bool exceeds = false;    // it is not zero everywhere
-  double speed_limit = 0.0, fastest = 0.0;  // of the model, and of any stop [m/s]
-  double longest_dead_time = 0.0;           // [s]
+  // (M,) found here: the speed limit, raised to the highest trained speed of the candidate, and the
+  // speed at which any stop of it may begin [m/s]; its longest dead time [s].
+  const double *top = nullptr, *fastest = nullptr, *longest_dead_time = nullptr;
 
   [[nodiscard]] BoundProblem from(Index first) const noexcept;
 };
@@ -53,6 +54,9 @@ inline BoundProblem BoundProblem::from(Index first) const noexcept {
   out.terrain.counts += first;
   out.forces.distance_offset += first;
   out.clear += first;
+  out.top += first;
+  out.fastest += first;
+  out.longest_dead_time += first;
   TerrainRows& t = out.terrain;
   ForceRows& f = out.forces;
   for (Numbers* rows :

@@ -132,7 +132,8 @@ inline bool settle_row(const StopTile& tile, const StopSums& sums, Index k, Inde
   const Label* barrier = tile.bounds.barrier;
   double* speed_sq_max = tile.bounds.speed_sq_max.at(k);
   Label *label = tile.bounds.limiting.at(k), some = 0;
-  const double fastest = p.fastest, latency = p.errors.latency;
+  const double* fastest = p.fastest;
+  const double latency = p.errors.latency;
   const Index lanes = tile.lanes;
   SLOPEWISE_INDEPENDENT
   for (Index j = 0; j < lanes; ++j) {
@@ -141,7 +142,7 @@ inline bool settle_row(const StopTile& tile, const StopSums& sums, Index k, Inde
     const double at_onset = onset[j] * onset[j];
     const bool inside = k < barrier_station[j];
     const bool beyond = inside & ((k > sums.last[n]) | (target[j] <= here));
-    const bool free = (station_reach[j] >= here + dead * fastest) &
+    const bool free = (station_reach[j] >= here + dead * fastest[j]) &
                       (least[n] * least[n] > clearly * bound);
     const bool searching = inside & (dead > 0.0) & !beyond & !free;
     near[n] = searching ? 1 : 0;
@@ -177,7 +178,10 @@ inline void bound_stops(const StopTile& tile, double* memory) noexcept {
   detail::OnsetQueue queue;
   Lane least{};
   LaneLabels near{}, segment = sums.last;
-  const double distance = tile.problem.longest_dead_time * tile.problem.fastest;
+  double distance = 0.0;
+  for (Index j = 0; j < tile.lanes; ++j) {
+    distance = max_of(distance, tile.problem.longest_dead_time[j] * tile.problem.fastest[j]);
+  }
   Index reach = tile.stations() - 1, rise = tile.stations();
   for (Index k = tile.stations() - 1; k >= 0; --k) {
     while (reach > k && detail::covers(tile, sums, reach - 1, k, distance)) --reach;

@@ -33,12 +33,13 @@ inline void lose_on_row(const BoundProblem& problem, const double* target, const
                *dead_time = problem.forces.dead_time.at(k), *slowest = problem.forces.slowest.at(k),
                *speed_sq_max = bounds.speed_sq_max.at(k);
   double *slope = bounds.lower_slope.at(k), *intercept = bounds.lower_intercept.at(k);
-  const double fastest = problem.fastest, latency = problem.errors.latency;
+  const double* fastest_of = problem.fastest;
+  const double latency = problem.errors.latency;
   const double decel = problem.vehicle.decel, crest_share = problem.vehicle.crest_share;
   SLOPEWISE_INDEPENDENT
   for (Index j = 0; j < lanes; ++j) {
     const auto n = static_cast<std::size_t>(j);
-    const double sine = sin_grade[j], slow = slowest[j];
+    const double sine = sin_grade[j], slow = slowest[j], fastest = fastest_of[j];
     const ForceLine line{slope[j], intercept[j]};
     const double up = std::sqrt((1.0 - sine * sine) * (1.0 - sin_roll[j] * sin_roll[j]));
     const double length = max_of(min_of(station_ahead[j], target[j]) - station[j], 0.0);

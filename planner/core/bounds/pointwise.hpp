@@ -39,7 +39,7 @@ struct PointRow {
   const double *sine, *sin_roll, *bend, *vertical;                // terrain
   const double *dead_time, *slowest, *fastest;                    // brakes
   const double *lower_slope, *lower_intercept, *upper_slope, *upper_intercept;
-  const double *path_speed, *rough_speed, *steering_speed, *excess, *friction;
+  const double *path_speed, *rough_speed, *steering_speed, *excess, *friction, *top;
   const std::int64_t* hazard;
   const unsigned char *known, *trained;  // as bytes: gcc widens no bools
   double *left_slope, *left_intercept, *speed_sq_max, *accel_max, *demand;
@@ -56,6 +56,7 @@ struct PointRow {
         upper_intercept(p.forces.upper_intercept.at(k)), path_speed(p.path_speed.at(k)),
         rough_speed(p.rough_speed.at(k)), steering_speed(p.steering_speed.at(k)),
         excess(p.excess.at(k)), friction(alike_infinite.unless(p.friction).at(k)),
+        top(p.top),
         hazard(p.hazard.at(k)),
         known(reinterpret_cast<const unsigned char*>(p.terrain.known.at(k))),
         trained(reinterpret_cast<const unsigned char*>(p.forces.trained.at(k))),
@@ -69,8 +70,8 @@ struct PointRow {
     return {sine[j],           cosine,  cos_lean,   cosine * sin_roll[j],
             cosine * cos_lean, bend[j], vertical[j]};
   }
-  [[nodiscard]] SpeedRange speeds(std::size_t j, double limit) const noexcept {
-    return {min_of(min_of(limit, path_speed[j]), fastest[j]), slowest[j]};
+  [[nodiscard]] SpeedRange speeds(std::size_t j) const noexcept {
+    return {min_of(min_of(top[j], path_speed[j]), fastest[j]), slowest[j]};
   }
   [[nodiscard]] ForceLine lower(std::size_t j) const noexcept {
     return {left_slope[j], left_intercept[j]};
@@ -97,7 +98,7 @@ void press(const PointRow& row, const Vehicle v, std::size_t lanes) noexcept {
   SLOPEWISE_INDEPENDENT
   for (std::size_t j = 0; j < lanes; ++j) {
     const Stance stance = row.stance(j);
-    const SpeedRange speeds = row.speeds(j, v.speed);
+    const SpeedRange speeds = row.speeds(j);
     ForceLine lower{row.lower_slope[j], row.lower_intercept[j]};
     row.passed->holds[j] =
         speeds.slow * lower.slope + lower.intercept - v.holding * std::fabs(stance.sine);
@@ -137,7 +138,7 @@ inline void hold(const PointRow& row, const Vehicle v, std::size_t lanes) noexce
   SLOPEWISE_INDEPENDENT
   for (std::size_t j = 0; j < lanes; ++j) {
     const Stance stance = row.stance(j);
-    const double least = row.lower(j).least(row.speeds(j, v.speed)), demand = row.demand[j];
+    const double least = row.lower(j).least(row.speeds(j)), demand = row.demand[j];
     const double sticks = row.friction[j] * stance.upright;
     const double climbs = std::sqrt(max_of(sticks * sticks - stance.bank * stance.bank, 0.0));
     const double holds =
@@ -188,7 +189,7 @@ inline void bound_speed(const PointRow& row, const Vehicle v, std::size_t lanes)
   for (std::size_t j = 0; j < lanes; ++j) {
     const Stance stance = row.stance(j);
     const double bend = stance.bend(), per_bend = 1.0 / bend;
-    const double limit = min_of(v.speed, row.path_speed[j]), fastest = row.fastest[j];
+    const double limit = min_of(row.top[j], row.path_speed[j]), fastest = row.fastest[j];
     const double cap = min_of(limit, fastest);
     Lowest lowest{cap * cap, fastest < limit ? limiting::model_validity : limiting::speed_limit};
     lowest.take(lateral_reach(stance, v) * stance.cos_lean * per_bend, limiting::lateral);
@@ -228,7 +229,7 @@ inline void look_for_risks(const PointRow& row, const Vehicle v, Index k, std::s
   SLOPEWISE_INDEPENDENT
   for (std::size_t j = 0; j < lanes; ++j) {
     const Stance stance = row.stance(j);
-    const SpeedRange speeds = row.speeds(j, v.speed);
+    const SpeedRange speeds = row.speeds(j);
     const double cap = speeds.cap, braking = row.upper(j).most(speeds);
     const double up = stance.upright - stance.crest() * cap * cap * (1.0 / gravity);
     const double turn = stance.bend() * cap * cap / (gravity * stance.cos_lean);

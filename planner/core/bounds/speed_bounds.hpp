@@ -19,7 +19,7 @@ namespace slopewise {
 
 // Memory of a thread for the bounds of a batch, kept from call to call.
 struct BoundMemory {
-  std::vector<double> sums, standing, excess;
+  std::vector<double> sums, standing, excess, of_candidates;
   std::vector<StopStation> path;
 
   static BoundMemory& of_thread(Index stations, Index candidates);
@@ -108,7 +108,8 @@ inline void bound_tile(const BoundProblem& problem, Index lanes, const Bounds& o
   clear_lanes(problem, lanes, out);
   bound_stopping_path(problem, lanes, out, last_risk, memory);
   keep_chords_below(out, problem.terrain.stations, lanes);
-  keep_limit(out, problem.speed_limit * problem.speed_limit, problem.terrain.stations, lanes);
+  const double limit = problem.vehicle.speed;
+  keep_limit(out, limit * limit, problem.terrain.stations, lanes);
 }
 
 }  // namespace detail
@@ -121,6 +122,7 @@ inline BoundMemory& BoundMemory::of_thread(Index stations, Index candidates) {
   enough(memory.sums, StopSums::memory(stations));
   enough(memory.standing, detail::Standing::memory(stations));
   enough(memory.excess, stations * candidates);
+  enough(memory.of_candidates, 3 * candidates);
   enough(memory.path, stations);
   return memory;
 }
@@ -128,15 +130,10 @@ inline BoundMemory& BoundMemory::of_thread(Index stations, Index candidates) {
 // Bounds of a batch.
 inline void bound_speeds(BoundProblem problem, const Bounds& out, BoundMemory& memory) noexcept {
   const Index stations = problem.terrain.stations, candidates = problem.terrain.candidates;
-  const auto most = [&](const Numbers& rows) {
-    return one_of_all<Greatest>(rows, stations, candidates);
-  };
-  problem.fastest = most(problem.forces.fastest);
-  problem.longest_dead_time = most(problem.forces.dead_time) + problem.errors.latency;
-  // What crests and turns take of brakes and drive is that at the highest trained speed: at the
-  // speed limit a lower one would leave more of them, and make a plan faster.
-  problem.speed_limit = problem.vehicle.speed;
-  problem.vehicle.speed = max_of(problem.speed_limit, problem.fastest);
+  double* fastest = memory.of_candidates.data();
+  double *top = fastest + candidates, *longest = top + candidates;
+  highest_of(problem.forces.fastest, problem.terrain, fastest);
+  highest_of(problem.forces.dead_time, problem.terrain, longest);
   const Alike<double> error{problem.errors.speed};
   problem.excess = {error.lanes.data(), 0};
   problem.exceeds = problem.errors.speed > 0.0;
@@ -144,9 +141,20 @@ inline void bound_speeds(BoundProblem problem, const Bounds& out, BoundMemory& m
     problem.excess = {memory.excess.data(), candidates};
     problem.exceeds = true;
   }
-  if (problem.exceeds) {
-    problem.fastest += problem.excess.stride == 0 ? problem.errors.speed : most(problem.excess);
+  for (Index j = 0; j < candidates; ++j) {
+    longest[j] += problem.errors.latency;
+    // What crests and turns take of brakes and drive is that at the highest trained speed: at the
+    // speed limit a lower one would leave more of them, and make a plan faster.
+    top[j] = max_of(problem.vehicle.speed, fastest[j]);
+    double excess = problem.errors.speed;
+    for (Index k = 0; k < problem.terrain.counts[j] && problem.excess.stride > 0; ++k) {
+      excess = max_of(excess, problem.excess.at(k)[j]);
+    }
+    fastest[j] += excess;
   }
+  problem.top = top;
+  problem.fastest = fastest;
+  problem.longest_dead_time = longest;
   for_each_tile(candidates, [&](const Tile& tile) {
     detail::bound_tile(problem.from(tile.first), tile.lanes, out.from(tile.first), memory);
   });

@@ -6,62 +6,71 @@
 // which is longer still.
 #pragma once
 
+#include <algorithm>
+
 #include "bounds/bound_problem.hpp"
 #include "profile/time_optimal.hpp"
 
 namespace slopewise {
 
-struct Least {
-  double operator()(double a, double b) const noexcept { return min_of(a, b); }
-};
-struct Greatest {
-  double operator()(double a, double b) const noexcept { return max_of(a, b); }
-};
-
-// One of all numbers, lane by lane, to vectorise.
-template <class Choose>
-double one_of_all(const Numbers& rows, Index stations, Index candidates) noexcept {
-  constexpr Choose choose;
-  Lane lanes;
-  lanes.fill(rows.at(0)[0]);
-  for (Index k = 0; k < stations; ++k) {
-    for_each_tile(candidates, [&](const Tile& tile) {
-      const double* row = rows.at(k) + tile.first;
-      for (std::size_t j = 0; j < static_cast<std::size_t>(tile.lanes); ++j) {
-        lanes[j] = choose(lanes[j], row[j]);
-      }
-    });
+// The highest number at the stations of each candidate, (M,).
+inline void highest_of(const Numbers& rows, const TerrainRows& terrain, double* highest) noexcept {
+  std::copy_n(rows.at(0), terrain.candidates, highest);
+  for (Index k = 1; k < terrain.stations; ++k) {
+    const double* row = rows.at(k);
+    SLOPEWISE_INDEPENDENT
+    for (Index j = 0; j < terrain.candidates; ++j) {
+      highest[j] = k < terrain.counts[j] ? max_of(highest[j], row[j]) : highest[j];
+    }
   }
-  double chosen = lanes[0];
-  for (const double lane : lanes) chosen = choose(chosen, lane);
-  return chosen;
 }
-
-// Ground that the dead time may lead over.
-struct RunOff {
-  Index reach;        // stations ahead that it may reach
-  double resistance;  // f_r [1]
-  double error;       // of the speed controller [m/s]
-};
 
 namespace detail {
 
-inline void run_off_tile(const BoundProblem& problem, const Tile& tile, const RunOff& run_off,
-                         double* excess) noexcept {
-  const Index last = problem.terrain.stations - 1;
+// How far the dead time may lead at most, of each lane [m].
+inline Lane run_off_distance(const BoundProblem& problem, const Tile& tile) noexcept {
+  const TerrainRows& t = problem.terrain;
+  Lane distance{};
+  for (Index n = 0; n < tile.lanes; ++n) {
+    const Index j = tile.first + n;
+    double lowest = 0.0, longest = 0.0, fastest = 0.0;
+    for (Index k = 0; k < t.counts[j]; ++k) {
+      lowest = min_of(lowest, t.sin_grade.at(k)[j]);
+      longest = max_of(longest, problem.forces.dead_time.at(k)[j]);
+      fastest = max_of(fastest, problem.forces.fastest.at(k)[j]);
+    }
+    const double gained = gravity * max_of(-lowest - problem.vehicle.resistance, 0.0) * longest;
+    distance[static_cast<std::size_t>(n)] = (fastest + problem.errors.speed + gained) * longest;
+  }
+  return distance;
+}
+
+inline void run_off_tile(const BoundProblem& problem, const Tile& tile, double* excess) noexcept {
+  const TerrainRows& t = problem.terrain;
   const auto lanes = static_cast<std::size_t>(tile.lanes);
-  for (Index k = 0; k <= last; ++k) {
+  const Lane distance = run_off_distance(problem, tile);
+  const std::int64_t* count = t.counts + tile.first;
+  for (Index k = 0; k < t.stations; ++k) {
+    const double* here = t.station.at(k) + tile.first;
     Lane lowest{};
-    std::copy_n(problem.terrain.sin_grade.at(k) + tile.first, lanes, lowest.begin());
-    for (Index i = k + 1; i <= std::min(k + run_off.reach, last); ++i) {
-      const double* sine = problem.terrain.sin_grade.at(i) + tile.first;
-      for (std::size_t j = 0; j < lanes; ++j) lowest[j] = min_of(lowest[j], sine[j]);
+    std::copy_n(t.sin_grade.at(k) + tile.first, lanes, lowest.begin());
+    Label some = 1;
+    for (Index i = k + 1; i < t.stations && some > 0; ++i) {
+      // Up to the second station behind the distance, because grades bend between stations.
+      const double* before = t.station.at(std::max(i - 2, k)) + tile.first;
+      const double* sine = t.sin_grade.at(i) + tile.first;
+      some = 0;
+      for (std::size_t j = 0; j < lanes; ++j) {
+        const bool within = (i < count[j]) & (before[j] - here[j] <= distance[j]);
+        lowest[j] = within ? min_of(lowest[j], sine[j]) : lowest[j];
+        some += within ? 1 : 0;
+      }
     }
     const double* dead = problem.forces.dead_time.at(k) + tile.first;
-    double* out = excess + k * problem.terrain.candidates + tile.first;
+    double* out = excess + k * t.candidates + tile.first;
     for (std::size_t j = 0; j < lanes; ++j) {
-      const double downhill = max_of(-lowest[j] - run_off.resistance, 0.0);
-      out[j] = run_off.error + gravity * downhill * dead[j];
+      const double downhill = max_of(-lowest[j] - problem.vehicle.resistance, 0.0);
+      out[j] = problem.errors.speed + gravity * downhill * dead[j];
     }
   }
 }
@@ -72,19 +81,16 @@ inline void run_off_tile(const BoundProblem& problem, const Tile& tile, const Ru
 // false, and nothing written, where a cut drive gains nothing anywhere.
 inline bool find_run_off(const BoundProblem& problem, double* excess) noexcept {
   const TerrainRows& t = problem.terrain;
-  const double resistance = problem.vehicle.resistance, error = problem.errors.speed;
-  const double steepest = one_of_all<Least>(t.sin_grade, t.stations, t.candidates);
-  if (!problem.errors.drive_cut || !(-steepest > resistance)) return false;
-  const double longest = one_of_all<Greatest>(problem.forces.dead_time, t.stations, t.candidates);
-  const double fastest = one_of_all<Greatest>(problem.forces.fastest, t.stations, t.candidates);
-  const double gained = gravity * (-steepest - resistance) * longest;
-  const double step = max_of(t.station.at(1)[0] - t.station.at(0)[0], 1e-3);
-  const double reach = std::ceil((fastest + error + gained) * longest / step) + 1.0;
-  const RunOff run_off{static_cast<Index>(min_of(reach, static_cast<double>(t.stations))),
-                       resistance, error};
-  for_each_tile(t.candidates, [&](const Tile& tile) {
-    detail::run_off_tile(problem, tile, run_off, excess);
-  });
+  if (!problem.errors.drive_cut) return false;
+  bool gains = false;
+  for (Index k = 0; k < t.stations && !gains; ++k) {
+    const double* sine = t.sin_grade.at(k);
+    gains = std::any_of(sine, sine + t.candidates,
+                        [&](double here) { return -here > problem.vehicle.resistance; });
+  }
+  if (!gains) return false;
+  for_each_tile(t.candidates,
+                [&](const Tile& tile) { detail::run_off_tile(problem, tile, excess); });
   return true;
 }
 
@@ -98,7 +104,7 @@ inline void add_speed(const Rows<double>& speed_sq, const Numbers& excess, doubl
     for (Index j = 0; j < lanes; ++j) {
       const double there = row[j];
       const double speed = max_of(std::sqrt(max_of(there, 0.0)) + sign * extra[j], 0.0);
-      row[j] = there > 0.0 ? speed * speed : there;
+      row[j] = (there > 0.0) & (extra[j] != 0.0) ? speed * speed : there;
     }
   }
 }

@@ -108,11 +108,12 @@ inline bool sum_row(const StopTile& tile, Index k, StopSums& sums) noexcept {
   const double *slopes_ahead = sums.slope + after * wide,
                *intercepts_ahead = sums.intercept + after * wide;
   double *slopes = sums.slope + k * wide, *intercepts = sums.intercept + k * wide;
-  const double fastest = tile.problem.fastest;
+  const double* fastest_of = tile.problem.fastest;
   Label tight = 0;
   SLOPEWISE_INDEPENDENT
   for (Index j = 0; j < tile.lanes; ++j) {
     const auto n = static_cast<std::size_t>(j);
+    const double fastest = fastest_of[j];
     const double half = 0.5 * (s_ahead[j] - s[j]), turn = grade_ahead[j] - grade[j];
     // sin of a linear grade: trapezoid, with the next term of its expansion.
     const double falls =

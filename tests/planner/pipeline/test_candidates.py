@@ -295,3 +295,42 @@ def test_a_slow_stretch_is_driven_slowly_and_not_given_up(slow: float, spacing: 
     assert plan.speed[inside].min() > 0.8 * slow
     assert plan.speed.max() > 2.5
     assert_sound(plan, ATV, plane())
+
+
+def mixed_paths(rng: np.random.Generator) -> list[CandidatePath]:
+    """Bent lines of 1 to 30 m in the middle of a map of 60 m."""
+    paths = []
+    for i in range(14):
+        length, heading = rng.choice([1.2, 3.0, 8.0, 20.0, 30.0]), rng.uniform(0.0, 6.28)
+        u = np.linspace(0.0, 1.0, 5)[:, None]
+        ahead = np.array([np.cos(heading), np.sin(heading)])
+        sideways = rng.uniform(-0.1, 0.1) * length * np.sin(3.0 * u) * ahead[::-1] * [-1.0, 1.0]
+        points = rng.uniform(20.0, 40.0, 2) + u * length * ahead + sideways
+        paths.append(CandidatePath(f"c{i}", np.clip(points, 2.0, 57.0)))
+    return paths
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_plan_depends_on_no_other_candidate(seed: int) -> None:
+    """Slow and fast surfaces, early and late brakes, slopes that a cut drive runs off on."""
+    rng, cell = np.random.default_rng(seed), (0.2, 0.5, 1.0)[seed % 3]
+    x, y = np.meshgrid(*[cell * np.arange(round(60.0 / cell))] * 2)
+    waves = rng.uniform([0.3, 4.0, 4.0], [1.2, 12.0, 12.0], (3, 3))
+    mud = {"speed_range": [1.0, 6.0], "dead_time": 0.5, "b_b": 0.4}
+    ground = ElevationMap(
+        elevation=sum(a * np.sin(x / b) * np.cos(y / c) for a, b, c in waves),
+        resolution=cell,
+        origin=(0.0, 0.0),
+        terrain_class=((x // 12 + y // 9) % 3).astype(np.int64),
+        class_names=("", "mud", "ice"),
+    )
+    surfaces = {"mud": mud, "ice": mud | {"speed_range": [1.0, 2.0], "dead_time": 0.1}}
+    model = model_of(tables_with(braking={"terrain": surfaces}))
+    planner = CandidatePlanner(model, uncertainty=Uncertainty())
+    paths = mixed_paths(rng)
+    together = planner.plan(ground, paths, start_speed=float(seed % 2))
+    for path, plan in zip(paths, together, strict=True):
+        (alone,) = planner.plan(ground, [path], start_speed=float(seed % 2))
+        assert (alone.status, alone.reason) == (plan.status, plan.reason)
+        for name in ARRAYS:
+            np.testing.assert_array_equal(getattr(alone, name), getattr(plan, name), err_msg=name)
