@@ -15,6 +15,9 @@ from slopewise.planner.ground.terrain_profile import TerrainProfile
 _SLOWEST, _STOP = 0.25, 15.0
 """Mean speed of the slowest plan [m/s] and its longest stop [s]: how late it is at a station."""
 
+_EDGE_STEP = 0.01
+"""Distances between stations are rounded up to this [m]: paths alike have one circle to test."""
+
 
 def ground_terms(
     model: Model, profile: TerrainProfile, yaw: Floats, session_time: float
@@ -22,13 +25,13 @@ def ground_terms(
     """Least and most that the ground terms can be around each station, (N, M).
 
     Terms that bend where grade or roll change sign are zero in between. What has a sharp edge may
-    lie between two stations: it counts as larger by a step where that is the safe side, and for
-    the neighbours as well. What changes with time counts from now until the vehicle has surely come
-    by and stopped.
+    lie between two stations: it counts as larger by a step of the path where that is the safe side,
+    and for the neighbours as well. What changes with time counts from now until the vehicle has
+    surely come by and stopped.
     """
     place = Place(profile.grade, profile.roll, profile.x, profile.y, yaw, session_time)
     lowest, highest = np.zeros_like(profile.grade), np.zeros_like(profile.grade)
-    step = float(np.max(np.diff(profile.station, axis=0)))
+    steps = np.ceil(np.max(np.diff(profile.station, axis=0), axis=0) / _EDGE_STEP) * _EDGE_STEP
     for effect in model.effect:
         law = registry.LAWS[effect.name]
         own = registry.ground_term([effect], place)
@@ -42,8 +45,12 @@ def ground_terms(
             level = registry.ground_term([effect], place._replace(grade=grade, roll=roll))
             least, most = np.minimum(own, level), np.maximum(own, level)
         elif law.grown is not None:
-            grown = [replace(effect, parameters=law.grown(effect.parameters, step))]
-            near = registry.ground_term(grown, place)
+            near = np.empty_like(own)
+            for step in np.unique(steps):
+                grown = [replace(effect, parameters=law.grown(effect.parameters, float(step)))]
+                alike = steps == step
+                columns = (v[:, alike] if isinstance(v, np.ndarray) else v for v in place)
+                near[:, alike] = registry.ground_term(grown, Place(*columns))
             least, _ = spread_to_neighbours(np.minimum(own, near))
             _, most = spread_to_neighbours(np.maximum(own, near))
         lowest, highest = lowest + least, highest + most

@@ -325,7 +325,8 @@ def test_a_plan_depends_on_no_other_candidate(seed: int) -> None:
         class_names=("", "mud", "ice"),
     )
     surfaces = {"mud": mud, "ice": mud | {"speed_range": [1.0, 2.0], "dead_time": 0.1}}
-    model = model_of(tables_with(braking={"terrain": surfaces}))
+    patch = ("surface_patch", {"delta": -0.1, "x": 30.0, "y": 30.0, "radius": 6.0})
+    model = model_of(tables_with(patch, braking={"terrain": surfaces}))
     planner = CandidatePlanner(model, uncertainty=Uncertainty())
     paths = mixed_paths(rng)
     together = planner.plan(ground, paths, start_speed=float(seed % 2))
