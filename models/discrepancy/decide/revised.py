@@ -18,6 +18,7 @@ from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import distances
 from slopewise.models.discrepancy.decide.verdict import Decision
 from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.likelihood.posterior import LAG
 from slopewise.models.discrepancy.likelihood.refit import Refit
 from slopewise.models.discrepancy.model.hypothesis import BASE, Hypothesis, free_parameters
 from slopewise.models.effects.registry import LAWS
@@ -56,16 +57,22 @@ def revised(
         b_m=on.b_m + float(shift[1]),
         m_b=on.m_b + float(shift[2]),
         b_b=on.b_b + float(shift[3]),
-        dead_time=fit.hypothesis.dead_time,
+        dead_time=fit.hypothesis.dead_time + _unnamed_build_up(decision),
         covariance=_matrix(fit.covariance[:4, :4]),
         speed_range=_within(on.speed_range, table.held),
         grade_range=_within(on.grade_range, table.grade),
     )
     if on.distance is not None:
         braking = replace(braking, distance=_promised_again(table, braking, held_out))
-    added = _effects_of(fit, source)
+    added = tuple(e for e in _effects_of(fit, source) if e.name != LAG or LAG in decision.names)
     better = replace(model, braking=braking, effect=(*model.effect, *added))
     return _wider(better, table, decision, held_out), added
+
+
+def _unnamed_build_up(decision: Decision) -> float:
+    """Time constant of the short build-up that all brakes have, which counts as dead time [s]."""
+    lags = [e for e in decision.explanation.hypothesis.added if e.name == LAG]
+    return lags[0].parameters["tau"] if lags and LAG not in decision.names else 0.0
 
 
 def _effects_of(fit: Refit, source: str) -> tuple[Effect, ...]:

@@ -30,7 +30,8 @@ CHANGED_STOPS = 3  # stops that an effect has to change to matter: two are outli
 _NAMED_FROM = 12.0
 """Chi square from which a name outweighs none: odds of 0.08, and the width of its prior [1]."""
 _MIN_COLUMN = 1e-4  # share of a candidate beyond the base below which rounding dominates [1]
-_MAX_BIAS = np.deg2rad(2.5)  # error of all grades that is not obvious [rad]
+_MAX_BIAS, _BIAS_STDS = np.deg2rad(2.5), 2.0
+"""Error of all grades that is not obvious [rad], and standard deviations of it to allow for [1]."""
 _ABSORBED = 0.98  # share of a column that the base absorbs, from which it hides it [1]
 _P_ABSORBED = 0.05  # p-value from which a single cause is as good as new coefficients [1]
 _BIAS_TEST = (
@@ -83,12 +84,12 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
     stops = len(fit.trace.table)
     limit = log.base_chi_square() + float(chi2.isf(_P_ABSORBED, 4)) * stops / max(stops - 5, 1)
     causes = {}
-    chi_square, bias = log.cause_chi_square(len(named))
-    if chi_square < limit and abs(bias) <= _MAX_BIAS:
+    chi_square, bias, std = log.cause_chi_square(len(named))
+    if chi_square < limit and abs(bias) - _BIAS_STDS * std <= _MAX_BIAS:
         causes[GRADE_BIAS] = _BIAS_TEST
     for i, c in enumerate(named):
         if c.name in hidden:
-            chi_square, strength = log.cause_chi_square(i)
+            chi_square, strength, _ = log.cause_chi_square(i)
             able = strength > 0.0 or not c.one_sided
             if able and chi_square < limit:
                 causes.setdefault(c.name, LAWS[c.name].experiment)
@@ -152,18 +153,21 @@ class _Normal:
         std[self.base] = np.inf
         return self._chi_square(np.arange(len(std)), std, -2)[0]
 
-    def cause_chi_square(self, candidate: int) -> tuple[float, float]:
-        """As configured with a candidate, or the bias after them; and its strength."""
+    def cause_chi_square(self, candidate: int) -> tuple[float, float, float]:
+        """As configured with a candidate, or the bias after them; its strength, and the std."""
         rest = np.setdiff1d(np.arange(len(self.std)), self.base)
         std = np.append(self.std[rest], np.inf)
         return self._chi_square(np.append(rest, len(self.std) + candidate), std, -1)
 
-    def _chi_square(self, columns: Ints, std: Floats, side: int) -> tuple[float, float]:
-        """That columns leave of what stands at a side, and the mean of the last one."""
+    def _chi_square(self, columns: Ints, std: Floats, side: int) -> tuple[float, float, float]:
+        """That columns leave of what stands at a side; mean and std of the last one."""
         inner = self.products[np.ix_(columns, columns)] + np.diag(1.0 / std**2)
         pull = self.products[columns, side]
-        mean = np.linalg.solve(inner, pull)
-        return float(self.products[side, side] - pull @ mean), float(mean[-1])
+        last = np.zeros(len(columns))
+        last[-1] = 1.0
+        mean, unit = np.linalg.solve(inner, np.column_stack((pull, last))).T
+        left = float(self.products[side, side] - pull @ mean)
+        return left, float(mean[-1]), float(np.sqrt(unit[-1]))
 
 
 def _bias(trace: Trace) -> Integrated:

@@ -89,8 +89,7 @@ def between(table: StopTable, best: Refit, alternatives: Sequence[Refit]) -> Exp
 
     def separation(*normals: Floats) -> Floats:
         """(stops,) chi square between the best explanation and the nearest, refitted other."""
-        inverses = [np.linalg.inv(normal)[:, -1, -1] for normal in normals]
-        return np.asarray(1.0 / np.max(inverses, axis=0), np.float64)
+        return np.asarray(np.min([_not_absorbed(normal) for normal in normals], axis=0))
 
     chosen, normals = _design(starts, rows, separation)
     reached = float(separation(*(normal[None] for normal in normals))[0])
@@ -162,6 +161,14 @@ def _design(
     return chosen, normals
 
 
+def _not_absorbed(normal: Floats) -> Floats:
+    """(stops,) chi square of a difference that the numbers before it, refitted, do not absorb."""
+    own, shared = normal[:, -1, -1], normal[:, :-1, -1]
+    inverse = np.linalg.pinv(normal[:, :-1, :-1], hermitian=True)
+    absorbed = np.einsum("si,sij,sj->s", shared, inverse, shared)
+    return np.asarray(np.maximum(own - absorbed, 0.0))
+
+
 def _difference(
     sheet: StopTable, white: Whitener, best: Refit, alternative: Refit
 ) -> tuple[Floats, Floats]:
@@ -170,7 +177,6 @@ def _difference(
     columns = [jacobian(sheet, alternative.hypothesis), sheet.average @ apart[:, :, None]]
     start = np.zeros((len(alternative.covariance) + 1,) * 2)
     start[:-1, :-1] = np.linalg.pinv(alternative.covariance, hermitian=True)
-    start[-1, -1] = 1e-12  # no stop distinguishes them yet
     return start, white.root @ np.concatenate(columns, axis=2)
 
 

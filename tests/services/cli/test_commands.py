@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 import typer
 
-from slopewise.models.discrepancy.workflow import investigate_with_evidence
+from slopewise.models.discrepancy.workflow import investigate
 from slopewise.services.cli import app
 from slopewise.services.io.table import read_csv
 from slopewise.services.jobs import demo, discrepancy
@@ -136,10 +136,10 @@ def test_a_command_prints_its_keys_and_its_table(
     results: list[Any] = []
 
     def searched_once(*arguments: Any, **named: Any) -> Any:
-        results[:] = results or [investigate_with_evidence(*arguments, **named)]
+        results[:] = results or [investigate(*arguments, **named)]
         return results[0]
 
-    monkeypatch.setattr(discrepancy, "investigate_with_evidence", searched_once)
+    monkeypatch.setattr(discrepancy, "investigate", searched_once)
     done = here(*command.split(), "--json")
     assert done.returncode == status, done.stderr
     keys = sorted(set(keys_of(json.loads(done.stdout))))

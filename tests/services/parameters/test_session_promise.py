@@ -191,7 +191,7 @@ def test_the_guard_stops_by_the_promise_of_the_session(grade: float) -> None:
     file = guard_model(FILE)
     guard = ServiceParameters(file, trusted=True)
     guard.take(braking_group(**values))
-    (table,) = guard.tables()
+    (table,) = guard.in_use().tables
     force = (on.m_m * SPEED + on.b_m) * grade + on.level_force(SPEED)
     pull = G * (force + np.sin(grade))
     slope = (table.m_m[0] * SPEED + table.b_m[0]) * grade
@@ -202,5 +202,5 @@ def test_the_guard_stops_by_the_promise_of_the_session(grade: float) -> None:
     # Loads are those of brakes that are as much stronger than their mean.
     strongest = slope + table.m_b[0] * SPEED + table.b_b[0] + table.extra[0]
     assert strongest >= force
-    at_rest = file.surfaces[""]
-    assert at_rest.b_b + at_rest.extra > on.b_b
+    (at_rest,) = file.tables
+    assert at_rest.b_b[0] + at_rest.extra[0] > on.b_b
