@@ -7,11 +7,11 @@ of one thread, so that a busy machine changes them little.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
+from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,9 +108,9 @@ def _min_time(case: Case, rounds: int) -> float:
     times = []
     for _ in range(rounds):
         argument = case.prepare()
-        start = time.process_time()
+        start = process_time()
         case.action(argument)
-        times.append(time.process_time() - start)
+        times.append(process_time() - start)
     return min(times)
 
 
