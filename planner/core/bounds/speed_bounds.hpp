@@ -122,7 +122,7 @@ inline BoundMemory& BoundMemory::of_thread(Index stations, Index candidates) {
   enough(memory.sums, StopSums::memory(stations));
   enough(memory.standing, detail::Standing::memory(stations));
   enough(memory.excess, stations * candidates);
-  enough(memory.of_candidates, 3 * candidates);
+  enough(memory.of_candidates, 4 * candidates);
   enough(memory.path, stations);
   return memory;
 }
@@ -131,7 +131,7 @@ inline BoundMemory& BoundMemory::of_thread(Index stations, Index candidates) {
 inline void bound_speeds(BoundProblem problem, const Bounds& out, BoundMemory& memory) noexcept {
   const Index stations = problem.terrain.stations, candidates = problem.terrain.candidates;
   double* fastest = memory.of_candidates.data();
-  double *top = fastest + candidates, *longest = top + candidates;
+  double *top = fastest + candidates, *longest = top + candidates, *excess = longest + candidates;
   highest_of(problem.forces.fastest, problem.terrain, fastest);
   highest_of(problem.forces.dead_time, problem.terrain, longest);
   const Alike<double> error{problem.errors.speed};
@@ -141,16 +141,14 @@ inline void bound_speeds(BoundProblem problem, const Bounds& out, BoundMemory& m
     problem.excess = {memory.excess.data(), candidates};
     problem.exceeds = true;
   }
+  std::fill_n(excess, candidates, problem.errors.speed);
+  if (problem.excess.stride > 0) highest_of(problem.excess, problem.terrain, excess);
   for (Index j = 0; j < candidates; ++j) {
     longest[j] += problem.errors.latency;
     // What crests and turns take of brakes and drive is that at the highest trained speed: at the
     // speed limit a lower one would leave more of them, and make a plan faster.
     top[j] = max_of(problem.vehicle.speed, fastest[j]);
-    double excess = problem.errors.speed;
-    for (Index k = 0; k < problem.terrain.counts[j] && problem.excess.stride > 0; ++k) {
-      excess = max_of(excess, problem.excess.at(k)[j]);
-    }
-    fastest[j] += excess;
+    fastest[j] += excess[j];
   }
   problem.top = top;
   problem.fastest = fastest;

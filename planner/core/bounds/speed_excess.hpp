@@ -30,17 +30,24 @@ namespace detail {
 // How far the dead time may lead at most, of each lane [m].
 inline Lane run_off_distance(const BoundProblem& problem, const Tile& tile) noexcept {
   const TerrainRows& t = problem.terrain;
-  Lane distance{};
-  for (Index n = 0; n < tile.lanes; ++n) {
-    const Index j = tile.first + n;
-    double lowest = 0.0, longest = 0.0, fastest = 0.0;
-    for (Index k = 0; k < t.counts[j]; ++k) {
-      lowest = min_of(lowest, t.sin_grade.at(k)[j]);
-      longest = max_of(longest, problem.forces.dead_time.at(k)[j]);
-      fastest = max_of(fastest, problem.forces.fastest.at(k)[j]);
+  const auto lanes = static_cast<std::size_t>(tile.lanes);
+  const std::int64_t* count = t.counts + tile.first;
+  Lane lowest{}, longest{}, fastest{}, distance{};
+  for (Index k = 0; k < t.stations; ++k) {
+    const double* sine = t.sin_grade.at(k) + tile.first;
+    const double* dead = problem.forces.dead_time.at(k) + tile.first;
+    const double* fast = problem.forces.fastest.at(k) + tile.first;
+    for (std::size_t j = 0; j < lanes; ++j) {
+      const bool own = k < count[j];
+      lowest[j] = own ? min_of(lowest[j], sine[j]) : lowest[j];
+      longest[j] = own ? max_of(longest[j], dead[j]) : longest[j];
+      fastest[j] = own ? max_of(fastest[j], fast[j]) : fastest[j];
     }
-    const double gained = gravity * max_of(-lowest - problem.vehicle.resistance, 0.0) * longest;
-    distance[static_cast<std::size_t>(n)] = (fastest + problem.errors.speed + gained) * longest;
+  }
+  for (std::size_t j = 0; j < lanes; ++j) {
+    const double downhill = max_of(-lowest[j] - problem.vehicle.resistance, 0.0);
+    const double gained = gravity * downhill * longest[j];
+    distance[j] = (fastest[j] + problem.errors.speed + gained) * longest[j];
   }
   return distance;
 }
