@@ -35,12 +35,14 @@ class RoughnessTile {
  public:
   // Floats that it takes.
   static Index memory_size(const RoughPaths& paths) noexcept {
-    return 5 * (paths.behind_stations + paths.stations) * W;
+    Index most = 0;
+    for (Index j = 0; j < paths.candidates; ++j) most = std::max(most, tail(paths.cars[j]));
+    return 5 * (paths.behind_stations + paths.stations + most) * W;
   }
 
   RoughnessTile(const RoughPaths& paths, std::span<const Index> lanes, float* memory) noexcept
       : paths_(paths), car_(paths.cars[lanes.front()]), lanes_(lanes),
-        count_(car_.pre_roll + paths.stations), path_(memory), spare_(memory + 2 * count_ * W),
+        count_(car_.pre_roll + paths.stations + tail(car_)), path_(memory), spare_(memory + 2 * count_ * W),
         reached_(memory + 4 * count_ * W) {}
 
   void solve() noexcept {
@@ -65,6 +67,9 @@ class RoughnessTile {
 
   using Steps = BounceSteps<W>;
 
+  // Stations behind the last one whose ground the wheel feels there: the last one's, repeated.
+  static Index tail(const RideStations& wheel) noexcept { return wheel.rim + wheel.patch + 1; }
+
   // The candidate of a lane.
   [[nodiscard]] Index candidate(Index lane) const noexcept {
     return lanes_[std::min(static_cast<std::size_t>(lane), lanes_.size() - 1)];
@@ -75,7 +80,7 @@ class RoughnessTile {
     return of + (2 * std::clamp<Index>(k, 0, count_ - 1) + side) * W;
   }
 
-  // The last station of each repeats up to the last one of all.
+  // The last station of each repeats up to the last one of all, and beyond it.
   void copy_in() noexcept {
     const Index missing = paths_.behind_stations - car_.pre_roll;
     for (Index j = 0; j < W; ++j) {
@@ -193,7 +198,7 @@ class RoughnessTile {
 
   // At the height of the ground, rising as it does.
   void set_out(const Steps& step, std::size_t side, Bounce& state) const noexcept {
-    const Index start = std::max<Index>(std::min(count_ - 1, car_.rear + car_.ahead), 1);
+    const Index start = std::max<Index>(std::min(car_.pre_roll, car_.rear + car_.ahead), 1);
     const auto per_station = static_cast<float>(1.0 / static_cast<double>(start));
     const float* height = row(path_, 0, static_cast<Index>(side));
     const float* later = row(path_, start, static_cast<Index>(side));
@@ -252,7 +257,7 @@ class RoughnessTile {
       for (Index n = end; n < count_; ++n) reached_[n * W + static_cast<Index>(j)] = infinity;
     }
     // The least of 2, 4, 8 … stations on, each from two halves; then of what is left.
-    const Index window = car_.rear + car_.ahead + 1;
+    const Index window = std::min(car_.rear + car_.ahead + 1, count_);
     Index width = 1;
     for (; 2 * width <= window; width *= 2) {
       for (Index n = 0; n < (count_ - width) * W; ++n) {
