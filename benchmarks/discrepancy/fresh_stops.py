@@ -27,7 +27,7 @@ _Z_95 = 1.959964  # standard deviations that hold 95 %
 
 
 class Closing(NamedTuple):
-    """Disagreement of speeds on fresh stops, root mean square [m/s]."""
+    """Disagreement on stops that no fit has seen, root mean square [m/s] or [m]."""
 
     before: float  # by the configured model
     after: float  # by the finding

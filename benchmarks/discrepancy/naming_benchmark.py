@@ -26,7 +26,7 @@ from scipy.stats import binomtest
 from ..common.campaign import BenchmarkRequest, Progress, ResultCache, digest_of_sources, run_jobs
 from ..common.text_tables import table_of
 from .blind_run import BlindRun, SealedLog
-from .fresh_stops import closing, covered
+from .fresh_stops import Closing, closing, covered
 from .gls_scan import name_effects
 from .world_logs import WorldLog
 
@@ -238,15 +238,15 @@ def _gaps(world: str, answers: Sequence[Scored]) -> Result | None:
     """Gaps of stops held out that could be closed, of logs with something to find."""
     mine = [a for a in answers if a.request.world == world and a.gap[3] > 0.0]
     kinds = ("single", "pair", "drift")
-    wide = [a for a in mine if a.request.kind in kinds and a.gap[0] > 1.5 * a.gap[3]]
-    if not wide:
+    gaps = [Closing(a.gap[0], *a.gap[2:]) for a in mine if a.request.kind in kinds]
+    shares = [gap.share for gap in gaps if gap.share is not None]
+    if not shares:
         return None
-    shares = [(a.gap[0] - a.gap[2]) / (a.gap[0] - a.gap[3]) for a in wide]
     fresh = [a.closed for a in mine if a.closed is not None]
     holds = [hold for a in mine for hold in a.covered.values()]
     return {
         "world": world,
-        "logs": len(wide),
+        "logs": len(shares),
         "closed_median": float(np.median(shares)),
         "larger": sum(a.gap[2] > 1.02 * a.gap[0] for a in mine),
         "of": len(mine),

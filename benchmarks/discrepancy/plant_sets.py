@@ -60,12 +60,6 @@ class HiddenSet:
     identifiability: Identifiability = NOT_IDENTIFIABLE  # what the log can show
 
     @property
-    def base(self) -> Physics:
-        """World without its hidden effects."""
-        changed = {key for term in self.hidden for key in term.fields}
-        return self.truth._replace(**{key: Physics._field_defaults[key] for key in changed})
-
-    @property
     def identifiable(self) -> bool:
         """Whether the log suffices for a right answer."""
         known = self.identifiability

@@ -29,7 +29,7 @@ from slopewise.services.io.model_file import read_model, shipped_models
 
 from ..common.campaign import BenchmarkRequest, Progress
 from ..common.text_tables import table_of
-from .passes import poses_on
+from .passes import poses_on, steered
 
 Result = dict[str, Any]
 Random = np.random.Generator
@@ -60,8 +60,7 @@ _BODY, _WHEEL = 1, 2  # bits of what obstacles touch: the body, or the middle of
 def vehicles() -> dict[str, Model]:
     """Shipped vehicles, and one of them with steered front wheels."""
     models = {name: read_model(path) for name, path in shipped_models().items()}
-    atv = models["atv"]
-    models["atv, steered"] = replace(atv, vehicle=replace(atv.vehicle, drive="ackermann"))
+    models["atv, steered"] = steered(models["atv"])
     return {name: replace(model, tracking=TRACKING) for name, model in models.items()}
 
 

@@ -6,6 +6,7 @@ outline is sampled, and obstacles are the squares of high cells.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,11 @@ _SAMPLE = 0.02
 
 _STEP = 0.05
 """Distance between poses on a line [m]: half a cell."""
+
+
+def steered(model: Model) -> Model:
+    """The same vehicle with steered front wheels."""
+    return replace(model, vehicle=replace(model.vehicle, drive="ackermann"))
 
 
 class Poses(NamedTuple):

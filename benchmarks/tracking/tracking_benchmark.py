@@ -26,7 +26,7 @@ from ..common.scene import fan
 from ..common.text_tables import duration, table_of
 from ..common.timing import Action, interleave, machine
 from ..noisy_maps import noisy_ground
-from .passes import Poses, poses_on, strikes, wheels_beyond
+from .passes import Poses, poses_on, steered, strikes, wheels_beyond
 
 Result = dict[str, Any]
 Random = np.random.Generator
@@ -49,7 +49,7 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
     arcs, scenes, draws = (22, 6, 60) if request.quick else (_ARCS, _SCENES, _DRAWS)
     rng, advance = np.random.default_rng(_SEED), progress("tracking", 3 + len(LEVELS))
     result: Result = {"quick": request.quick, "machine": machine()}
-    result["arcs"] = arc_rows(_ackermann(atv), arcs, rng)
+    result["arcs"] = arc_rows(steered(atv), arcs, rng)
     advance(1)
     result["passes"] = []
     for quantile in LEVELS:
@@ -61,10 +61,6 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
     result["batch"] = batch_rows(atv, 5 if request.quick else 31)
     advance(1)
     return result
-
-
-def _ackermann(model: Model) -> Model:
-    return replace(model, vehicle=replace(model.vehicle, drive="ackermann"))
 
 
 def arc_rows(model: Model, count: int, rng: Random) -> list[Result]:

@@ -187,13 +187,7 @@ def stops_seen(table: StopTable, hypothesis: Hypothesis) -> StopsSeen:
 
     return StopsSeen(
         speed=table.speed,
-        grade=table.grade,
-        roll=table.roll,
-        yaw=table.yaw,
-        yaw_rate=table.yaw_rate,
-        x=table.x,
-        y=table.y,
-        vertical_curvature=table.vertical_curvature,
+        **table.ground._asdict(),
         clock=table.session_time,
         run=table.run,
         demanded=demanded,

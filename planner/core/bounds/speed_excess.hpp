@@ -37,6 +37,7 @@ inline Lane run_off_distance(const BoundProblem& problem, const Tile& tile) noex
     const double* sine = t.sin_grade.at(k) + tile.first;
     const double* dead = problem.forces.dead_time.at(k) + tile.first;
     const double* fast = problem.forces.fastest.at(k) + tile.first;
+    SLOPEWISE_INDEPENDENT
     for (std::size_t j = 0; j < lanes; ++j) {
       const bool own = k < count[j];
       lowest[j] = own ? min_of(lowest[j], sine[j]) : lowest[j];
@@ -67,9 +68,11 @@ inline void run_off_tile(const BoundProblem& problem, const Tile& tile, double* 
       const double* before = t.station.at(std::max(i - 2, k)) + tile.first;
       const double* sine = t.sin_grade.at(i) + tile.first;
       some = 0;
+      SLOPEWISE_INDEPENDENT
       for (std::size_t j = 0; j < lanes; ++j) {
-        const bool within = (i < count[j]) & (before[j] - here[j] <= distance[j]);
-        lowest[j] = within ? min_of(lowest[j], sine[j]) : lowest[j];
+        const double ahead = i < count[j] ? min_of(lowest[j], sine[j]) : lowest[j];
+        const bool within = before[j] - here[j] <= distance[j];
+        lowest[j] = within ? ahead : lowest[j];
         some += within ? 1 : 0;
       }
     }
