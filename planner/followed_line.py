@@ -38,7 +38,7 @@ _GRID_STEPS = 8  # different steps of a search over a grid at most [1]
 _SAME_STEP = 1e-5  # [m] steps that differ less are the same
 _THRUST_SHARE = 0.8  # of the drive's force for a turn [1]: the rest is for grades
 _NARROWER, _WIDER = 0.7, 1.1  # half widths that are tried in turn [1]
-_SHARPER = 1.05  # of a line's own bends [1] from which on others count
+_SHARPER = 1.03  # of a line's own bends [1] from which on others count
 _ON_A_BANK, _MIN_ON_A_BANK = 0.5, 0.1
 """Shares of the lateral limit for turns sharper than the line [1]: the remainder is for a bank that
 falls away from the turn, for ``_BANK`` at least, as long as a tenth is left."""
@@ -134,13 +134,24 @@ class GivenPoints:
             # Noise of steps much shorter than the mean would only make them longer.
             self._points = without_noise(points, along, _COARSEST * self.half)[0]
 
-    def agrees(self, even: Floats) -> bool:
-        """Return True if stations (N, 2) are as curved as the mean, where it matters."""
+    def speed_limit_on(self, even: Floats) -> Floats | None:
+        """Speeds on a smooth curve for who follows the polyline itself, (N,) [m/s].
+
+        None if the curve is not as curved as the mean of the polyline, where it matters. Bends that
+        are sharper by less are left to the speed: banks are taken from it as from any other.
+
+        Args:
+            even: (N, 2) stations of the curve [m].
+        """
         if self._limits.wheelbase == 0.0:
-            return True
+            return np.full(len(even), np.inf)
         gentlest = self._limits.gentlest
         mean = core.FollowedLine(self._points, self.half)
-        return mean.agrees(even, _FELT * gentlest, _LIMITING * gentlest)
+        sharper = mean.sharper_than(even, _FELT * gentlest, _LIMITING * gentlest)
+        if sharper is None:
+            return None
+        with np.errstate(divide="ignore"):
+            return np.sqrt(self._limits.lateral_accel / sharper)
 
     def line(self, half: float, max_count: int) -> FollowedLine:
         """The mean over a half width [m] on at most ``max_count`` even stations."""

@@ -195,8 +195,10 @@ def _line_along(points: Floats, along: Floats, spacing: float, limits: LineLimit
     if len(points) == 2:
         return _Laid(even, place, np.zeros(len(even)))
     given, deviation = GivenPoints(points, along, spacing, limits), _deviation(points, even)
-    if deviation.max() <= limits.deviation and first_cusp(even) == 0 and given.agrees(even):
-        return _Laid(even, place, deviation)
+    if deviation.max() <= limits.deviation and first_cusp(even) == 0:
+        slow = given.speed_limit_on(even)
+        if slow is not None:
+            return _Laid(even, place, deviation, slow if np.isfinite(slow).any() else None)
     return _followed(given, points, limits)
 
 

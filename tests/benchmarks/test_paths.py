@@ -14,13 +14,16 @@ from benchmarks.paths.paths_benchmark import outcome, plane, planner, read_vehic
 from slopewise.models.candidate_path import CandidatePath
 
 SEEDS = (0, 2, 11)
+BETWEEN_POINTS = {"dubins": (33,), "u-turn": (72, 76), "spiral": (4, 64)}
+"""Seeds of curves whose few points let who follows them turn more sharply than the smooth curve."""
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_paths_of_all_kinds_are_planned_reported_and_driven_within_limits(kind: str) -> None:
-    outcomes = [outcome(kind, seed) for seed in SEEDS]
+    seeds = SEEDS + BETWEEN_POINTS.get(kind, ())
+    outcomes = [outcome(kind, seed) for seed in seeds]
     row = summary(kind, outcomes)
-    assert row["planned"] == len(SEEDS)
+    assert row["planned"] == len(seeds)
     assert row["untold"] == row["exact: beyond"] == row["pursuit: beyond"] == row["touched"] == 0
     assert all(o.speed > 0.1 for o in outcomes)
 

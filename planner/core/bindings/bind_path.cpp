@@ -1,4 +1,6 @@
 // Given polylines.
+#include <nanobind/stl/optional.h>
+
 #include "bindings/bindings.hpp"
 #include "path/given_path.hpp"
 #include "path/raw_points.hpp"
@@ -122,13 +124,15 @@ class Followed {
     return out;
   }
 
-  [[nodiscard]] bool agrees(const Input2& even, double felt, double limiting) const {
+  [[nodiscard]] std::optional<Made<double>> sharper_than(const Input2& even, double felt,
+                                                         double limiting) const {
     const Line line = line_of("even", even, 3);
     const Index samples = FollowedLine::samples(length_of(line, half_), half_);
-    const Index needed = FollowedLine::memory(line.count, samples);
-    double* memory = Workspace::of_thread().reserve(needed + line.count);
-    const nb::gil_scoped_release release;
-    return line_.agrees(line, {line, samples, memory}, {felt, limiting}, memory + needed);
+    double* memory = Workspace::of_thread().reserve(FollowedLine::memory(line.count, samples));
+    const auto sharper = make_array(line.count);
+    const Bends from{felt, limiting};
+    if (!line_.agrees(line, {line, samples, memory}, from, sharper.data())) return std::nullopt;
+    return sharper;
   }
 
  private:
@@ -166,7 +170,7 @@ void bind_path(nb::module_& m) {
       .def_prop_ro("sharpest", &Followed::sharpest)
       .def("stations", &Followed::stations)
       .def("curvature", &Followed::curvature)
-      .def("agrees", &Followed::agrees);
+      .def("sharper_than", &Followed::sharper_than);
 }
 
 }  // namespace slopewise

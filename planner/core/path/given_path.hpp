@@ -21,9 +21,11 @@ inline constexpr Index most_samples = 2'000'000;  // of one polyline [1]: 60 km 
 // Shares by which a mean may be more curved than that of another line [1]: where bends limit the
 // speed, and where they hardly do. By so much means of chords differ from those of their curve.
 inline constexpr double same_bend = 1.03, like_bend = 1.1;
+// From which on the speed is that of the sharper bend [1]: stations cut peaks by as much.
+inline constexpr double felt_bend = 1.01;
 // Share by which a line may be more curved than the mean [1]: a spline through dense points swings
 // by less, at a corner it is several times as sharp.
-inline constexpr double sharper = 3.0;
+inline constexpr double spline_swing = 3.0;
 
 // Curvatures from which on bends may limit the speed of a vehicle on any ground, and on even
 // ground [1/m].
@@ -108,10 +110,11 @@ class FollowedLine {
     }
   }
 
-  // Is a line of stations as curved as this mean? Its own mean is `its`, over the same half width;
-  // `bends`: room for a number at each station.
+  // Is a line of stations as curved as this mean? Its own mean is `its`, over the same half width.
+  // Then `sharper` is the curvature of who follows the polyline where that is more than the line's,
+  // 0 elsewhere, (stations,) [1/m].
   [[nodiscard]] bool agrees(Line line, const FollowedLine& its, Bends from,
-                            double* bends) const noexcept {
+                            double* sharper) const noexcept {
     const double share = static_cast<double>(its.count_ - 1) / static_cast<double>(count_ - 1);
     for (Index i = 0; i < count_; ++i) {
       const double here = curvature_[i];
@@ -120,22 +123,29 @@ class FollowedLine {
       const double most = most_within(its.curvature_, its.count_, at, samples_per_half / 2);
       if (here > (here > from.limiting ? same_bend : like_bend) * most) return false;
     }
-    for (Index k = 0; k < line.count; ++k) {
-      const Index middle = std::min(std::max<Index>(k, 1), line.count - 2);
-      bends[k] = std::abs(menger(line[middle - 1], line[middle], line[middle + 1]));
-    }
     const double scale = static_cast<double>(count_ - 1) / static_cast<double>(line.count - 1);
     for (Index k = 0; k < line.count; ++k) {
+      const Index middle = std::min(std::max<Index>(k, 1), line.count - 2);
+      const double bend = std::abs(menger(line[middle - 1], line[middle], line[middle + 1]));
       const auto i = static_cast<Index>(static_cast<double>(k) * scale + 0.5);
+      sharper[k] = bend * ratio_to(its, i, share);
       // Where it ends a spline swings.
       if (i < samples_per_half || i + samples_per_half >= count_) continue;
       const double most = most_within(curvature_, count_, i, samples_per_half + 1);
-      if (bends[k] > max_of(sharper * most, from.limiting)) return false;
+      if (bend > max_of(spline_swing * most, from.limiting)) return false;
     }
     return true;
   }
 
  private:
+  // By how much this mean is more curved than another around a sample, 0 where it is not [1].
+  [[nodiscard]] double ratio_to(const FollowedLine& its, Index i, double share) const noexcept {
+    const auto at = static_cast<Index>(share * static_cast<double>(i) + 0.5);
+    const double mine = most_within(curvature_, count_, i, samples_per_half / 2);
+    const double other = most_within(its.curvature_, its.count_, at, samples_per_half / 2);
+    return mine > felt_bend * other ? mine / max_of(other, 1e-12) : 0.0;
+  }
+
   static double most_within(const double* values, Index count, Index at, Index around) noexcept {
     double most = 0.0;
     const Index end = std::min(at + around + 1, count);
