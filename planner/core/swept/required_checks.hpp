@@ -45,38 +45,45 @@ inline void require_wheel(const std::vector<float>& relief, float cleared, int w
   }
 }
 
-// On any line of the band. Most rows are cleared by what is highest within it.
+// On any line of the band. Most poses are cleared by what is highest within it; the others are
+// looked at line by line, next to each other.
 inline void require_wheel_beside(const PoseRow& row, const BroadPhase& grid, int wheel,
                                  const Blocks& blocks, const Checks& open,
                                  Checks& required) noexcept {
-  const Place at = wheel_at(wheel, grid.sizes());
   const float cleared = grid.limits().cleared;
-  Checks near{};
+  Checks near{}, lanes, beside{};
   require_wheel(grid.blocks().relief_beside, cleared, wheel, blocks, row.lanes, open, near);
-  Index most = -1;
-  std::array<double, wide> side, stride;
+  std::array<double, wide> x, y, heading_x, heading_y, side, stride;
+  Index count = 0, most = 0;
   for (Index j = 0; j < row.lanes; ++j) {
-    const auto n = static_cast<std::size_t>(j);
+    if (near[static_cast<std::size_t>(j)] == 0) continue;
+    const auto n = static_cast<std::size_t>(count++);
     const BandLines lines = grid.band().lines_at(row.across[j]);
+    const Place at = wheel_at(wheel, grid.sizes());
+    lanes[n] = static_cast<std::int32_t>(j);
+    heading_x[n] = row.heading_x[j];
+    heading_y[n] = row.heading_y[j];
+    x[n] = row.x[j] + at.x * heading_x[n] - at.y * heading_y[n];
+    y[n] = row.y[j] + at.x * heading_y[n] + at.y * heading_x[n];
     side[n] = static_cast<double>(lines.side);
     stride[n] = lines.stride;
-    most = near[n] != 0 ? std::max(most, lines.side) : most;
+    most = std::max(most, lines.side);
   }
-  PoseRow moved = row;
-  std::array<double, wide> x, y;
-  moved.x = x.data();
-  moved.y = y.data();
-  for (Index line = -most; line <= most; ++line) {
+  const float* climbs = grid.blocks().relief.data();
+  for (Index line = -most; count > 0 && line <= most; ++line) {
+    Blocks there;
     SLOPEWISE_INDEPENDENT
-    for (Index j = 0; j < row.lanes; ++j) {
+    for (Index j = 0; j < count; ++j) {
       const auto n = static_cast<std::size_t>(j);
       const double shift = min_of(max_of(static_cast<double>(line), -side[n]), side[n]) * stride[n];
-      x[n] = row.x[j] - shift * row.heading_y[j];
-      y[n] = row.y[j] + shift * row.heading_x[j];
+      there[n] = grid.block_at(x[n] - shift * heading_y[n], y[n] + shift * heading_x[n]);
     }
-    Blocks beside;
-    locate_wheel(moved, grid, at, beside);
-    require_wheel(grid.blocks().relief, cleared, wheel, beside, row.lanes, near, required);
+    for (std::size_t n = 0; n < static_cast<std::size_t>(count); ++n) {
+      beside[n] |= climbs[there[n]] > cleared ? check_wheel << wheel : 0;
+    }
+  }
+  for (std::size_t n = 0; n < static_cast<std::size_t>(count); ++n) {
+    required[static_cast<std::size_t>(lanes[n])] |= beside[n];
   }
 }
 

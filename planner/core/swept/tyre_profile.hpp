@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <vector>
 
 #include "swept/vehicle_envelope.hpp"
@@ -153,8 +152,13 @@ inline double standing_height(const FacetGrid& ground, const Pose2d& pose, Place
       }
     }
   }
-  const double top = *std::max_element(highest.begin(), highest.end());
-  const double sum = std::accumulate(total.begin(), total.end(), 0.0);
+  for (std::size_t half = Rim::lanes / 2; half > 0; half /= 2) {  // halves abreast, not one by one
+    for (std::size_t n = 0; n < half; ++n) {
+      highest[n] = max_of(highest[n], highest[n + half]);
+      total[n] += total[n + half];
+    }
+  }
+  const double top = highest[0], sum = total[0];
   const bool all_known = sum == sum;
   const bool is_supported = top > abyss && (all_known || sinks_into_unknown);
   return is_supported ? top + ground.level : std::numeric_limits<double>::quiet_NaN();
