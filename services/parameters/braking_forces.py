@@ -82,7 +82,6 @@ class BrakingForces:
         # Cached until something changes: one stop needs them several times.
         self._planned: Braking | None = None
         self._forces: dict[str, LearnedForce] | None = None
-        self._planned_surfaces: dict[str, Braking] = {}
 
     def copy(self) -> BrakingForces:
         """A second one that learns separately from the same prior."""
@@ -110,7 +109,7 @@ class BrakingForces:
         ``may_narrow``: False for stops that may only make plans slower.
         """
         self._add_surface(surface)
-        used = self._planning_surface(surface)
+        used = self._planned_on(surface)
         predicted = predicted_distance(used, self.dead_time(), stop)
         if distance is None:
             distance = measured_distance(stop, max(used.dead_time, self.dead_time()))
@@ -237,7 +236,7 @@ class BrakingForces:
         if surface and surface not in self.prior.terrain and not self._online.knows(surface):
             row = design(np.array([speed]), np.array([grade]))[0]
             return float(row @ self._new_surface_prior())
-        used = self._planning_surface(surface)
+        used = self._planned_on(surface)
         return float((used.m_m * speed + used.b_m) * grade + used.m_b * speed + used.b_b)
 
     def ages(self, now: float) -> dict[str, float]:
@@ -264,15 +263,10 @@ class BrakingForces:
             self._planned = used
         return used
 
-    def _planning_surface(self, surface: str) -> Braking:
-        """Planning braking of one surface; the others need not be computed."""
-        known = self._planned_surfaces.get(surface)
-        if known is None:
-            force = self._online.learned_of(surface)
-            used = braking_in_use(self.prior, {} if force is None else {surface: force})
-            used, _ = limit_increase(self.prior, used, self._settings.most_above_file)
-            known = self._planned_surfaces[surface] = used.on(surface) if surface else used
-        return known
+    def _planned_on(self, surface: str) -> Braking:
+        """What plans use on a surface, with all that others teach it."""
+        used = self.planning_braking({})
+        return used.on(surface) if surface else used
 
     def learned(self) -> dict[str, LearnedForce]:
         """Force learned on each surface."""
@@ -282,7 +276,6 @@ class BrakingForces:
 
     def _changed(self) -> None:
         self._planned = self._forces = None
-        self._planned_surfaces = {}
 
     # ------------------------------------------------------------------ surfaces
 
