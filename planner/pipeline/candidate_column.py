@@ -40,6 +40,7 @@ class CandidateColumn:
         blocked: ground before the end of the clear distance of the bounds that the verifier alone
             found; the clear distance ends there.
         known: the ground under path and wheels is.
+        at_side: ground next to the path, within the band of tracking, holds the bound.
     """
 
     def __init__(
@@ -85,6 +86,18 @@ class CandidateColumn:
             found = first_blocked(solved.view, profile, bounds.even_ground, solved.model, j, reach)
             if found is not None:
                 self._stop_before(found._replace(station=found.station - profile.station[first, j]))
+        self.at_side = np.zeros(n - first, bool)
+        if solved.band is not None:
+            self._keep_to(*solved.band.bounds(profile, j, float(bounds.clear_distance[j])))
+
+    def _keep_to(self, speed_sq: Floats, limiting: Ints) -> None:
+        """Lower the bounds to those of ground next to the path; stations as of the batch."""
+        first = self._index[1]
+        self.at_side = speed_sq[first:] < self.bound
+        self.label[self.at_side] = limiting[first:][self.at_side]
+        self.bound[self.at_side] = speed_sq[first:][self.at_side]
+        self.speed_sq_max = self.bound.copy()
+        np.minimum(self.track.speed_limit, np.sqrt(self.bound), out=self.track.speed_limit)
 
     def _stop_before(self, found: GroundFinding) -> None:
         """End the clear distance where the verifier found what blocks the path.

@@ -72,6 +72,7 @@ class PlanFinalizer:
             smoothed: False leaves the profile as it is.
             unsmoothed: why it is not smoothed, if that is less than what was wanted.
         """
+        profile = self._within_bounds(profile)
         speed_sq, is_smooth = profile.speed_sq, False
         status, reason = standing(self.column)
         wanted = smoothed and bool(speed_sq.any())
@@ -100,6 +101,14 @@ class PlanFinalizer:
         else:
             speed_sq, verdict, status, reason = brake_hard(self.column, status, reason)
         return self._plan(name, Judged(speed_sq, verdict, status, reason), smoothed=is_smooth)
+
+    def _within_bounds(self, profile: Unfinished) -> Unfinished:
+        """A profile within the bounds, which may be lower than those of the batch."""
+        column, begin = self.column, len(self.column.fixed_prefix)
+        if not profile.reachable or np.all(profile.speed_sq[begin:] <= column.bound[begin:]):
+            return profile
+        speed_sq, reachable = column.fastest()
+        return Unfinished(speed_sq, reachable, start_accel=profile.start_accel)
 
     def keep(self, name: str, speed_sq: Floats) -> SpeedPlan | None:
         """The plan that drives a given profile (N,) [m²/s²], None if the judge objects to it."""

@@ -50,6 +50,8 @@ def stop_reason(
         if short <= _kept_free(column, k) + _HARDLY_SHORT:
             return status, cause
         cause = Limiting(int(column.label[k])).label
+        if column.at_side[k]:
+            cause += ", next to the path, within the band of tracking errors"
     elif status is not Status.BLOCKED:
         return status, cause
     # As many digits as the table of candidates has.

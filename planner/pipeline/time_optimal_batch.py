@@ -18,6 +18,7 @@ from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditi
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.path import PathBatch
+from slopewise.planner.pipeline.band_bounds import BandGround
 from slopewise.planner.planning_limits import PlanningLimits, planning_limits
 from slopewise.planner.profile.time_optimal import (
     profile_problem,
@@ -48,6 +49,7 @@ class TimeOptimalBatch:
         hazards: what body and wheels meet.
         solver: that smooths what is emitted.
         view: map and errors that finished plans are verified by; None for what-if questions.
+        band: ground beside the candidates, where the vehicle may be off them; else None.
     """
 
     model: Model
@@ -63,6 +65,7 @@ class TimeOptimalBatch:
     hazards: Hazards
     solver: Solver = "interior_point"
     view: GroundView | None = None
+    band: BandGround | None = None
 
     @property
     def reachable(self) -> Bools:
@@ -116,7 +119,10 @@ def time_optimal_batch(
         settings=settings,
         hazards=swept_hazards(elevation_map, profile, model, errors=errors, departure=departure),
     )
-    return replace(solved, view=GroundView(elevation_map, errors))
+    band = BandGround(elevation_map, model, conditions, uncertainty)
+    return replace(
+        solved, view=GroundView(elevation_map, errors), band=band if band.has_band else None
+    )
 
 
 def solve(

@@ -264,7 +264,7 @@ class BrakingForces:
         return used
 
     def _planned_on(self, surface: str) -> Braking:
-        """What plans use on a surface, with all that others teach it."""
+        """Braking in use on a surface, with what other surfaces add."""
         used = self.planning_braking({})
         return used.on(surface) if surface else used
 

@@ -1,0 +1,71 @@
+"""Bounds of a candidate on the ground of both sides of its lateral band.
+
+A vehicle that is off its line stands on other ground: what its loads, friction, trained slopes and
+brakes allow there bounds the plan of the line as well. Each side is a line parallel to the
+candidate, as far off as the band at the plan's quantile; its bends and stations are those of the
+candidate. Only candidates that are finished pay for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from slopewise.models.arrays import Floats, Ints
+from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.parameters import Model
+from slopewise.planner.bounds.speed_bounds import speed_bounds
+from slopewise.planner.ground.braking_ground import GroundConditions, ground_along
+from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
+from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
+
+_SIDES = (1.0, -1.0)  # left, right
+
+
+class BandGround(NamedTuple):
+    """Ground beside candidates, and what plans on it are made with."""
+
+    elevation_map: ElevationMap
+    model: Model
+    conditions: GroundConditions | None
+    uncertainty: Uncertainty | None
+
+    @property
+    def has_band(self) -> bool:
+        """The reference point may be off the line."""
+        errors = survived_errors(self.model, self.uncertainty)
+        return max(errors.cross_track, errors.cross_track_per_curvature) > 0.0
+
+    def bounds(self, profile: TerrainProfile, j: int, clear: float) -> tuple[Floats, Ints]:
+        """Lowest v² of both sides, and which bound it is, (N,) each [m²/s²].
+
+        Args:
+            profile: of a batch. j: index of the candidate.
+            clear: station before which it stops [m].
+        """
+        n, sides = int(profile.count[j]), len(_SIDES)
+
+        def twice(rows: Floats) -> Floats:
+            return np.repeat(rows[:n, j, None], sides, axis=1)
+
+        errors, curvature = survived_errors(self.model, self.uncertainty), twice(profile.curvature)
+        band = errors.cross_track + errors.cross_track_per_curvature * np.abs(curvature)
+        left = band * np.array(_SIDES)
+        beside = terrain_profile(
+            self.elevation_map,
+            twice(profile.x) - left * twice(profile.heading_y),
+            twice(profile.y) + left * twice(profile.heading_x),
+            np.full(sides, n, np.int64),
+            self.model.vehicle,
+            self.model.steering_geometry,
+        )
+        beside = replace(beside, station=twice(profile.station), curvature=curvature)
+        ground = ground_along(
+            beside, self.model, self.elevation_map.class_names, self.conditions, self.uncertainty
+        )
+        bounds = speed_bounds(beside, ground, self.model, np.full(sides, clear))
+        side = bounds.speed_sq_max.argmin(axis=1)
+        row = np.arange(n)
+        return bounds.speed_sq_max[row, side], bounds.limiting[row, side]
