@@ -27,10 +27,16 @@ def tracked(model: Model, std: float = STD) -> Model:
     return replace(model, tracking=Tracking(cross_track_std=std))
 
 
-def trough(slope: float) -> ElevationMap:
-    """Two planes that meet along the x axis, y = 0: level across on it alone."""
+def trough(model: Model, share: float) -> ElevationMap:
+    """Two planes that meet along the x axis, y = 0: level across on it alone.
+
+    The wheels stand at |lateral ± width/2| from the fold: their heights differ by twice that
+    distance times the slope, which is a share of the trained roll.
+    """
+    roll, width = share * model.braking.trained_roll[1], model.vehicle.track_width
     y, _ = np.mgrid[-6.0:6.0:CELL, -4.0:30.0:CELL]
-    return ElevationMap(elevation=slope * np.abs(y), resolution=CELL, origin=(-4.0, -6.0))
+    heights = 0.5 * width / LATERAL * math.tan(roll) * np.abs(y)
+    return ElevationMap(elevation=heights, resolution=CELL, origin=(-4.0, -6.0))
 
 
 def plan_on(
@@ -40,18 +46,11 @@ def plan_on(
     return planner.plan(ground, [straight(length)], start_speed=start_speed)[0]
 
 
-def roll_at_side(slope: float, width: float) -> float:
-    """Closed form: the wheels stand at |lateral ± width/2| from the fold, which adds to twice that."""
-    return math.atan(2.0 * LATERAL * slope / width)
-
-
 @pytest.mark.parametrize("share", [0.9, 1.1])
 def test_a_roll_at_the_side_of_the_path_counts_as_one_on_it(share: float) -> None:
     model = model_of(ATV)
-    limit, width = model.braking.trained_roll[1], model.vehicle.track_width
-    slope = math.tan(share * limit) * width / (2.0 * LATERAL)
-    assert roll_at_side(slope, width) == pytest.approx(share * limit)
-    exact, band = plan_on(trough(slope), model), plan_on(trough(slope), tracked(model))
+    ground = trough(model, share)
+    exact, band = plan_on(ground, model), plan_on(ground, tracked(model))
     assert abs(exact.roll).max() < 1e-6
     assert exact.status is Status.OK
     if share < 1.0:
@@ -64,8 +63,7 @@ def test_a_roll_at_the_side_of_the_path_counts_as_one_on_it(share: float) -> Non
 
 def test_a_vehicle_too_fast_for_ground_next_to_its_path_brakes() -> None:
     model = model_of(ATV)
-    slope = math.tan(1.1 * model.braking.trained_roll[1]) * model.vehicle.track_width / (2.0 * LATERAL)
-    plan = plan_on(trough(slope), tracked(model), start_speed=2.0)
+    plan = plan_on(trough(model, 1.1), tracked(model), start_speed=2.0)
     assert plan.status is Status.DEGRADED
     assert np.all(np.diff(plan.speed) <= 0.0)
 
