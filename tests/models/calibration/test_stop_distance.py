@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slopewise.models.arrays import Floats, Ints
+from slopewise.models.calibration import distance_model
 from slopewise.models.calibration.distance_model import fit_distance
 from slopewise.models.calibration.distance_table import (
     LearnedDistance,
@@ -107,6 +108,22 @@ def test_a_stop_that_fits_no_other_lengthens_the_promise_and_is_weighed() -> Non
     assert np.abs(after[0] - before[0]).max() < 0.03  # the median moves by less than 3 %
     assert np.all(after[1] > before[1])
     assert np.all(after[1] >= ratio[7] - 0.1)  # never below the worst stop seen
+
+
+@pytest.mark.parametrize("outlier", [0.0, 0.6, -2.0])
+def test_points_dropped_early_would_have_counted_for_nothing(
+    outlier: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    speed, grade, actual, owner = generate(30, 12, np.random.default_rng(5))
+    at = LAW.features(speed, grade, np.ones(30))
+    ratio = np.log(actual / at.distance)
+    ratio[::4] += outlier
+    quantiles = np.array([0.5, 0.999])
+    quick = fit_distance(at, ratio, owner)
+    monkeypatch.setattr(distance_model, "_HOPELESS", np.inf)
+    full = fit_distance(at, ratio, owner)
+    assert len(quick.weight) == len(full.weight)
+    assert quick.log_ratio(at, quantiles) == pytest.approx(full.log_ratio(at, quantiles), abs=1e-9)
 
 
 @settings(max_examples=30, deadline=None)
