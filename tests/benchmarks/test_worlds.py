@@ -38,7 +38,11 @@ def plain_cars() -> list[tuple[ModuleType, object, float]]:
 CARS = plain_cars()
 
 
-@pytest.mark.parametrize(("world", "car", "spin"), CARS, ids=["engine", "rocking"])
+@pytest.mark.parametrize(
+    ("world", "car", "spin"),
+    [CARS[0], pytest.param(*CARS[1], marks=pytest.mark.nightly)],
+    ids=["engine", "rocking"],
+)
 def test_cars_and_effects_keep_the_laws_of_free_bodies(
     world: ModuleType, car: object, spin: float
 ) -> None:
