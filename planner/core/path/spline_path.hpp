@@ -45,12 +45,16 @@ inline Index between_vertices(Line line, const double* along, double stray,
     const double next = i + 2 < line.count ? turn_between(line[i], line[i + 1], line[i + 2]) : 0.0;
     const double sharpness = min_of(max_of(turn, next) / sharp_turn, 1.0);
     const double rounding = min_of(rounding_share * length * sharpness, corner_rounding);
-    const double weight = 1.0 / max_of(max_of(stray, rounding), finest);
+    const double tolerance = max_of(max_of(stray, rounding), finest);
+    // Half way between its vertices a chord of an arc is off by an eighth of length and turn; half
+    // of that is allowed where the line hardly turns, or a spline would bend to its chords.
+    const double gentle = (1.0 - sharpness) * (1.0 - sharpness);
+    const double sag = gentle * length * max_of(turn, next) / 16.0;
     turn = next;
     for (double at = along[i]; at < along[i + 1]; ++m) {
       const Point p = between(line[i], line[i + 1], (at - along[i]) / length);
       out.along[m] = at;
-      out.weights[m] = weight;
+      out.weights[m] = 1.0 / (at > along[i] ? max_of(tolerance, sag) : tolerance);
       out.places[2 * m] = p.x;
       out.places[2 * m + 1] = p.y;
       while (static_cast<double>(step) * dense_step <= at) ++step;
