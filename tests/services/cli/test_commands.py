@@ -12,7 +12,7 @@ import os
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,9 @@ import numpy as np
 import pytest
 import typer
 
-from slopewise.models.discrepancy.workflow import investigate
 from slopewise.services.cli import app
 from slopewise.services.io.table import read_csv
-from slopewise.services.jobs import demo, discrepancy
+from slopewise.services.jobs import calibrate, demo, discrepancy
 from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.faults import real_data
 from tests.services.service_process import free_port
@@ -128,18 +127,24 @@ def keys_of(value: Any, where: str = "") -> Iterator[str]:
             yield from keys_of(item, f"{where}[].")
 
 
+def once(work: Callable[..., Any]) -> Callable[..., Any]:
+    results: list[Any] = []
+
+    def first(*arguments: Any, **named: Any) -> Any:
+        results[:] = results or [work(*arguments, **named)]
+        return results[0]
+
+    return first
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_prints_its_keys_and_its_table(
     world: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     command, status, line = COMMANDS[name]
-    results: list[Any] = []
-
-    def searched_once(*arguments: Any, **named: Any) -> Any:
-        results[:] = results or [investigate(*arguments, **named)]
-        return results[0]
-
-    monkeypatch.setattr(discrepancy, "investigate", searched_once)
+    # Its JSON and its table are of one result.
+    monkeypatch.setattr(discrepancy, "investigate", once(discrepancy.investigate))
+    monkeypatch.setattr(calibrate, "learn", once(calibrate.learn))
     done = here(*command.split(), "--json")
     assert done.returncode == status, done.stderr
     keys = sorted(set(keys_of(json.loads(done.stdout))))
