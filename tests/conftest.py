@@ -6,6 +6,7 @@ searches longer, and with other seeds every time.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -13,12 +14,17 @@ from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture.providers import Constants, HypothesisProvider
 
 from slopewise.models.parameters import Model
+from tests.world import shared
 from tests.world.real_terrain import data_folder
 from tests.world.vehicles import ATV, Tables, model_of, tables_with
 
 _CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("default", derandomize=True, database=None, **_CALM)
 settings.register_profile("nightly", max_examples=2000, print_blob=True, **_CALM)
+
+
+COMPILING = {"test_extending", "test_from_cpp", "test_sanitizers"}
+"""Their single tests take so long that the last worker would work on them alone."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -31,13 +37,21 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave the nightly tests out unless they are asked for."""
+    """Leave the nightly tests out unless they are asked for; what compiles begins first."""
+    items.sort(key=lambda item: item.path.stem not in COMPILING)
     if "nightly" in config.getoption("markexpr"):
         return
     nightly = [item for item in items if item.get_closest_marker("nightly")]
     if nightly:
         config.hook.pytest_deselected(items=nightly)
         items[:] = [item for item in items if not item.get_closest_marker("nightly")]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def folder_of_all_workers(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Where results are kept that all workers of this run need."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared.FOLDERS[:] = [tmp_path_factory.getbasetemp().parent]
 
 
 @pytest.fixture

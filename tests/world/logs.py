@@ -22,6 +22,7 @@ from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.parameters import Effect
 from tests.world.plant import World, drive
+from tests.world.shared import once
 from tests.world.vehicles import BASE
 
 WORLDS = {
@@ -75,8 +76,8 @@ def table(name: str, stops: int = 48, seed: int = 3) -> StopTable:
     return prepare(columns, runs, BASE, None, DiscrepancySettings())[0]
 
 
-LONG_LOGS = {"places": 90, "lag_and_drag": 90}
-"""Stops of logs that need more than the others."""
+STOPS = {"places": 90, "lag_and_drag": 90, "noisy": 24}
+"""Stops of logs that need more than the others, or fewer."""
 AT_NIGHT = (
     *("places", "lag_and_drag", "pair", "build_up", "waves", "crests", "lockup"),
     *("drag", "fade", "slow_drag"),
@@ -91,9 +92,13 @@ def by_day_or_night(*names: str) -> list[Any]:
 @cache
 def investigated(name: str) -> tuple[Findings, list[int]]:
     """Findings of a log, with the progress reported."""
-    reported: list[int] = []
-    columns, runs = log(name, LONG_LOGS.get(name, 48))
-    return investigate(columns, runs, BASE, advance=reported.append), reported
+
+    def search() -> tuple[Findings, list[int]]:
+        reported: list[int] = []
+        columns, runs = log(name, STOPS.get(name, 48))
+        return investigate(columns, runs, BASE, advance=reported.append), reported
+
+    return once(f"findings-{name}", search)
 
 
 def findings_of(name: str) -> Findings:
