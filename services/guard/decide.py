@@ -31,8 +31,9 @@ takes a few centimetres more than the dead time."""
 
 _MAX_LENGTH = 80.0  # of the longest course: more than the stop of any vehicle at 15 m/s [m]
 
-_SLOW_SHARE, _MIN_SLOW = 0.5, 0.05
-"""Share of the weakest level force that slopes leave, and the lowest, for the length [1]."""
+_LEVEL_SHARES, _MIN_SLOW = (0.9, 0.5), 0.05
+"""Shares of the weakest level force that slopes mostly and at worst leave, and the lowest, for the
+length of courses [1]."""
 
 _PAST_STOP, _PAST_CLEAR = 0.5, 1.0
 """Length of a course beyond the stop, and beyond the clear distance [m]."""
@@ -209,20 +210,18 @@ def _checked(
     """Try speeds up to the highest; the last one is that of the vehicle, on its way already."""
     model, share, top = scene.model, course.share, max(course.requested, course.moving)
     clear = scene.clear / share if share else math.inf
-    length = _course_length(model, top, held, clear)
     speeds = np.append(top * np.arange(1, _SPEEDS) / _SPEEDS, (top, course.moving))
     times = np.append(np.full(_SPEEDS, held), late)
-    at_top = slice(_SPEEDS - 1, _SPEEDS)
-    ways = courses_ahead(
-        scene,
-        pose,
-        course,
-        length,
-        lambda on: float(stops_along(model, on, speeds[at_top], times[at_top], 0.0).distance[0]),
-    )
-    stops = stops_along(model, ways, speeds, times, load * model.promised.limits.min_load)
-    free = max(ways.end.sample - 1, 0) * ways.step if ways.end.reason else math.inf
-    inside = np.isfinite(stops.distance) & (stops.distance <= min(free, clear))
+    min_load = load * model.promised.limits.min_load
+    lengths = [_course_length(model, top, held, clear, left) for left in _LEVEL_SHARES]
+    for length in lengths:
+        ways = courses_ahead(scene, pose, course, length, lengths[-1])
+        stops = stops_along(model, ways, speeds, times, min_load)
+        if ways.end.reason or length > clear or stops.distance.max() <= length:
+            break
+    # Nothing is known of what lies beyond.
+    free = max(ways.end.sample - 1, 0) * ways.step
+    inside = stops.distance <= min(free, clear)
     cornering = abs(course.commanded) * share * speeds**2 <= model.lateral
     fine = (inside & stops.loaded & cornering)[:-1]
     failed = _SPEEDS if fine.all() else int(np.argmin(fine))
@@ -247,7 +246,7 @@ def _reason(
     """Reason why a speed is too high, and the place of it."""
     if inside:
         return "too fast for this turn" if loaded else "an axle or a side would lose its load", None
-    if math.isinf(min(free, clear)):
+    if not ways.end.reason and free < clear:
         return "brakes do not stop the vehicle on this slope", None
     if clear <= free:
         return f"the clear distance ends {ways.share * clear:.2f} m ahead", None
@@ -257,11 +256,13 @@ def _reason(
     return f"{ways.end.reason} {angle:.0f}° ahead in the turn", ways.end.where
 
 
-def _course_length(model: GuardModel, speed: float, held: float, clear: float) -> float:
-    """Distance within which a stop from a speed ends, where it ends at all [m]."""
+def _course_length(
+    model: GuardModel, speed: float, held: float, clear: float, level_share: float
+) -> float:
+    """Distance in which a stop from a speed ends with a share of the weakest level force [m]."""
     table = model.tables[0]
     weakest = float(np.min(table.level * (table.b_b + np.minimum(table.m_b, 0.0) * speed)))
-    decel = GRAVITY * max(_SLOW_SHARE * weakest, _MIN_SLOW)
+    decel = GRAVITY * max(level_share * weakest, _MIN_SLOW)
     dead, offset = float(table.dead_time.max()), float(table.offset.max())
     reach = speed * (held + dead) + speed * speed / (2.0 * decel) + offset + _PAST_STOP
     return float(min(reach, clear + _PAST_CLEAR, _MAX_LENGTH))

@@ -54,8 +54,8 @@ class WheelHeights:
         """Heights at points of any shape [m]; NaN at unknown cells and off the map."""
         return height_of(self._ground, x, y)
 
-    def contact(self, x: Floats, y: Floats, yaw: Floats) -> Floats:
-        """Contact heights of wheels at points with headings [m]; NaN as of :meth:`at`.
+    def contact(self, x: Floats, y: Floats, cos: Floats, sin: Floats) -> Floats:
+        """Contact heights of wheels at points with cos and sin of headings; NaN as of :meth:`at`.
 
         A tyre bridges a gap that ends under its rim on both sides. The edge of a drop does not
         support it.
@@ -64,7 +64,7 @@ class WheelHeights:
         behind, ahead = np.full_like(surface, -np.inf), np.full_like(surface, -np.inf)
         for away, rise in self._rim.T:
             for s, highest in ((-away, behind), (away, ahead)):
-                under_rim = self.at(x + s * np.cos(yaw), y + s * np.sin(yaw)) - rise
+                under_rim = self.at(x + s * cos, y + s * sin) - rise
                 np.fmax(highest, under_rim, out=highest)
         return np.maximum(surface, np.minimum(behind, ahead))
 

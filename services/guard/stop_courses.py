@@ -9,17 +9,15 @@ on the spot is a course like any other.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
-from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.guard_map import classes_at, wheel_heights
-from slopewise.services.guard.guard_model import BrakeTable, GuardScene
+from slopewise.services.guard.guard_model import GuardScene
 from slopewise.services.guard.obstacle_layers import SPACING
-from slopewise.services.guard.swept_contact import BodyPoses, Contact, first_contact
+from slopewise.services.guard.swept_contact import BodyPoses, Contact, SweptBody
 from slopewise.services.physics.body import plane_of, wheel_places
 from slopewise.services.physics.surfaces import possible_surfaces
 
@@ -27,13 +25,9 @@ _HEADINGS = 0.2
 """Angle between neighbouring courses where they end [rad]: their bodies overlap by far, and at the
 corner of a body 1.2 m wide the nearest is 6 cm from each course between them."""
 
-_MANY = 600
-"""Samples from which the outermost courses and the command's are tried first, and all of them only
-as far as those go [1]: obstacles are often near, and fewer samples take no less time."""
-
-_MARGIN = 1.1
-"""Length of courses over the longest stop on the outermost ones and on the command's [1]: between
-them the ground may be a little steeper."""
+_NEAR, _BLOCK = 24, 60
+"""Samples of the first block, and of those after it [1]: behind the first contact none is needed,
+and most contacts are close."""
 
 _MAX_COURSES = 24  # more than turns of half a revolution need [1]
 
@@ -87,104 +81,48 @@ class StopCourses(NamedTuple):
     end: Contact  # what is first in the way of all courses
 
 
-class _Fan(NamedTuple):
-    """Inputs that all courses of a decision share."""
-
-    scene: GuardScene
-    pose: Pose2d
-    course: Course
-    axis: float  # see :class:`slopewise.services.guard.swept_contact.BodyPoses` [m]
-    step: float  # distance of samples, of the fastest wheel [m]
-
-
 def courses_ahead(
-    scene: GuardScene,
-    pose: Pose2d,
-    course: Course,
-    length: float,
-    stop_on: Callable[[StopCourses], float] = lambda _: math.inf,
+    scene: GuardScene, pose: Pose2d, course: Course, length: float, longest: float
 ) -> StopCourses:
     """Sample the ground along all courses for ``length`` of the fastest wheel [m].
 
-    ``stop_on``: longest stop on some courses [m], inf where it does not end. What lies farther
-    ahead, or behind what ends the outermost courses or the command's, is not sampled.
+    They are as dense as they have to be where they end after ``longest`` [m]. What lies behind the
+    first contact is not sampled.
     """
-    model, turn = scene.model, _turns(course, length * (course.high - course.low))
-    shape, heading = model.shape, model.errors.heading
+    model, turn = scene.model, _turns(course, longest * (course.high - course.low))
+    shape, heading, share = model.shape, model.errors.heading, course.share
     axis = -model.turn_axis if course.forward else model.turn_axis
     corner = math.hypot(max(shape.front, shape.rear) + abs(axis), 0.5 * shape.width)
-    step = SPACING / (course.share + corner * float(np.abs(turn).max()))
+    step = SPACING / (share + corner * float(np.abs(turn).max()))
     station = step * np.arange(math.ceil(length / step) + 1, dtype=np.float64)
-    on, errors = _Fan(scene, pose, course, axis, step), np.zeros((len(turn), 1))
-    if heading > 0.0 and course.share > 0.0:
+    errors = np.zeros((len(turn), 1))  # of the heading at the start, 0 on the last course [rad]
+    if heading > 0.0 and share > 0.0:
         # A heading error leads aside, the farther the longer the stop is.
         turn = np.concatenate(((course.low, course.high), turn))
         errors = np.concatenate(([[-heading], [heading]], errors))
-    if len(turn) * len(station) > _MANY:
-        ends = _turns(course, 0.0)
-        few = _along(on, ends, station, np.zeros((len(ends), 1)))
-        length = min(length, _MARGIN * stop_on(few))
-        station = station[: min(math.ceil(length / step), few.end.sample) + 1]
-    return _along(on, turn, station, errors)
-
-
-def _along(on: _Fan, turn: Floats, station: Floats, heading_error: Floats) -> StopCourses:
-    """Ground on courses of some turns (N,) at stations (S,), up to the first contact.
-
-    ``heading_error``: of the start of each course (N, 1), 0 for the last one [rad].
-    """
-    (model, ground, _), vehicle, share = on.scene, on.scene.model.vehicle, on.course.share
-    x, y, yaw = _poses(on, turn[:, None], station, heading_error)
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    wheels, felt = wheel_places(vehicle, (x, y, cos, sin)), wheel_heights(ground, vehicle)
-    under = classes_at(ground, *wheels)
-    may_be = possible_surfaces(model.promised.braking.terrain, ground.class_names)
-    limits = _slope_limits(model.tables[0], may_be)
-    z = felt.at(*wheels)
-    height, rise, cross_rise = _extended(z, vehicle, share * on.step)
-    steep = _too_steep(limits, rise, cross_rise, under)
-    if steep.any():  # it may be the edge of a crack that tyres bridge
-        x_steep, y_steep = (of[:, steep] for of in wheels)
-        z[:, steep] = felt.contact(x_steep, y_steep, yaw[steep])
-        height, rise, cross_rise = _extended(z, vehicle, share * on.step)
-        steep = _too_steep(limits, rise, cross_rise, under)
-    poses = BodyPoses(x, y, cos, sin, height, rise, cross_rise, turn[:, None], share, on.axis)
-    end = _end(on, poses, steep)
-    # What lies behind the end does not matter to stops before it.
+    turn = turn[:, None]
+    x, y, yaw = _poses(pose, course, axis, turn, station, errors)
+    planes = np.empty((3, *x.shape))
+    poses = BodyPoses(x, y, np.cos(yaw), np.sin(yaw), planes, turn, share, axis)
+    reach = (shape.front, shape.rear) if course.forward else (shape.rear, shape.front)
+    ground, body = _WheelPlanes(scene, poses, step), SweptBody(scene, poses, reach)
+    known, count, end = 0, len(station), Contact(len(station), "", None)
+    while known < count and not end.reason:
+        block = ground.sample(slice(known, min(known + (_BLOCK if known else _NEAR), count)))
+        known = block.stop
+        end = body.first_contact(block)
+        k = ground.first_steep(block)
+        if k < end.sample:
+            end = end._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
     last = len(turn) - 1
     chosen = sorted({int(np.argmin(turn)), last // 2, int(np.argmax(turn)), last})
+    # What lies behind the end does not matter to stops before it.
     some = (..., chosen, None, slice(end.sample + 1))
-    grade, roll = np.arctan(rise[some]), np.arctan(cross_rise[some])
-    # Classes are few: counting them takes less than sorting.
-    counts = np.bincount(under[..., : end.sample + 1].ravel(), minlength=len(may_be))
-    return StopCourses(
-        step=on.step,
-        share=share,
-        turn=turn[chosen, None, None],
-        grade=grade,
-        roll=roll,
-        vertical_curvature=_vertical_curvature(grade, share, on.step, vehicle.wheelbase),
-        x=x[some],
-        y=y[some],
-        yaw=yaw[some],
-        under=under[some],
-        may_be=may_be,
-        possible=np.flatnonzero(may_be[counts > 0].any(axis=0)),
-        end=end,
-    )
-
-
-def _end(on: _Fan, poses: BodyPoses, steep: Bools) -> Contact:
-    """First contact, or the first sample that is too steep (N, S) on any course."""
-    model = on.scene.model
-    front, rear = model.shape.front, model.shape.rear
-    reach = (front, rear) if on.course.forward else (rear, front)
-    end = first_contact(model, on.scene.ground, poses, reach)
-    k = int(np.argmax(steep.any(axis=0)))
-    if not steep[:, k].any() or k >= end.sample:
-        return end
-    where = float(poses.x[-1, k]), float(poses.y[-1, k])
-    return end._replace(sample=k, reason=STEEP, where=where)
+    grade, roll = np.arctan(planes[1][some]), np.arctan(planes[2][some])
+    curvature = _vertical_curvature(grade, share, step, model.vehicle.wheelbase)
+    under, possible = ground.surfaces(end.sample + 1)
+    at = turn[chosen, None], grade, roll, curvature, x[some], y[some], yaw[some]
+    return StopCourses(step, share, *at, under[..., chosen, None, :], ground.may_be, possible, end)
 
 
 def _turns(course: Course, span: float) -> Floats:
@@ -198,33 +136,94 @@ def _turns(course: Course, span: float) -> Floats:
 
 
 def _poses(
-    on: _Fan, turn: Floats, station: Floats, heading_error: Floats
+    pose: Pose2d, course: Course, axis: float, turn: Floats, station: Floats, heading_error: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """x, y [m], direction of motion [rad], (N, S) each; the point at the axis moves straight on."""
-    start = on.pose.heading + heading_error + (0.0 if on.course.forward else math.pi)
+    start = pose.heading + heading_error + (0.0 if course.forward else math.pi)
     yaw = start + turn * station
     # A chord of the circle lies in the mean direction, shorter than the arc by the factor sinc.
-    chord = on.course.share * station * np.sinc(0.5 * turn * station / np.pi)
+    chord = course.share * station * np.sinc(0.5 * turn * station / np.pi)
     mean = start + 0.5 * turn * station
-    x = on.pose.x + chord * np.cos(mean) + (np.cos(start) - np.cos(yaw)) * on.axis
-    y = on.pose.y + chord * np.sin(mean) + (np.sin(start) - np.sin(yaw)) * on.axis
+    x = pose.x + chord * np.cos(mean) + (np.cos(start) - np.cos(yaw)) * axis
+    y = pose.y + chord * np.sin(mean) + (np.sin(start) - np.sin(yaw)) * axis
     return x, y, yaw
 
 
-def _extended(z: Floats, vehicle: Vehicle, step: float) -> tuple[Floats, Floats, Floats]:
-    """Mean height [m] and slopes ahead and to the left [1], (N, S), of wheels at heights (4, N, S).
+class _WheelPlanes:
+    """Planes of the wheels on N courses of S samples, written block by block."""
 
-    Where these are unknown the first known plane of the course is continued, 0 without one.
-    """
-    height, (rise, cross_rise) = z.mean(axis=0), plane_of(z, vehicle)
-    known = np.isfinite(rise)
-    if known.all():
-        return height, rise, cross_rise
-    n, first = np.arange(len(known)), np.argmax(known, axis=1)
-    start = np.nan_to_num(np.array((height, rise, cross_rise))[:, n, first])[..., None]
-    rise, cross_rise = np.where(known, rise, start[1]), np.where(known, cross_rise, start[2])
-    further = np.arange(known.shape[1]) - first[:, None]
-    return np.where(known, height, start[0] + step * rise * further), rise, cross_rise
+    def __init__(self, scene: GuardScene, poses: BodyPoses, step: float) -> None:
+        self._vehicle, self._ground, table = (
+            scene.model.vehicle,
+            scene.ground,
+            scene.model.tables[0],
+        )
+        self._poses, self._planes, self._step = poses, poses.planes, poses.share * step
+        self._felt = wheel_heights(self._ground, self._vehicle)
+        self.may_be = possible_surfaces(
+            scene.model.promised.braking.terrain, self._ground.class_names
+        )
+        # Rise and cross rise (2, C) that each class was trained on.
+        low = np.array((table.grade_min, table.roll_min))[:, None]
+        high = np.array((table.grade_max, table.roll_max))[:, None]
+        self._lowest = np.tan(np.where(self.may_be, low, -np.inf).max(axis=2))
+        self._highest = np.tan(np.where(self.may_be, high, np.inf).min(axis=2))
+        self._under: list[Ints] = []
+
+    def sample(self, block: slice) -> slice:
+        """Write a block of samples; the block, longer where ground is unknown at the start."""
+        x, y, cos, sin = (of[:, block] for of in self._poses[:4])
+        wheels = wheel_places(self._vehicle, (x, y, cos, sin))
+        z, under = self._felt.at(*wheels), classes_at(self._ground, *wheels)
+        self._set(block, z)
+        steep = self._too_steep(block, under)
+        if steep.any():  # it may be the edge of a crack that tyres bridge
+            x, y = (of[:, steep] for of in wheels)
+            z[:, steep] = self._felt.contact(x, y, cos[steep], sin[steep])
+            self._set(block, z)
+            steep = self._too_steep(block, under)
+        count = self._planes.shape[2]
+        if block.start == 0 and np.isnan(self._planes[0, :, 0]).any():
+            if block.stop < count:
+                return self.sample(slice(0, count))  # what is known farther ahead is continued back
+            np.nan_to_num(self._planes, copy=False)
+        self._under.append(under)
+        self._steep = steep
+        return block
+
+    def _set(self, block: slice, z: Floats) -> None:
+        """Write the planes of wheels at heights z (4, N, B); where one is unknown, the first."""
+        part = self._planes[..., block]
+        part[0], part[1:] = z.mean(axis=0), plane_of(z, self._vehicle)
+        known = np.isfinite(part[1])
+        if known.all():
+            return
+        first = np.argmax(known, axis=1) * (block.start == 0)
+        height, rise, cross_rise = self._planes[:, np.arange(len(known)), first, None]
+        further = block.start + np.arange(known.shape[1]) - first[:, None]
+        height = height + self._step * rise * further
+        for of, value in zip(part, (height, rise, cross_rise), strict=True):
+            np.copyto(of, value, where=~known)
+
+    def _too_steep(self, block: slice, under: Ints) -> Bools:
+        slopes = self._planes[1:, :, block]
+        steep: Bools = np.zeros(slopes.shape[1:], np.bool_)
+        for slope, lowest, highest in zip(slopes, self._lowest, self._highest, strict=True):
+            steep |= slope < lowest[under].max(axis=0)
+            steep |= slope > highest[under].min(axis=0)
+        return steep
+
+    def first_steep(self, block: slice) -> int:
+        """First sample of a block that is steeper than a surface was trained on, S without one."""
+        steep = np.flatnonzero(self._steep.any(axis=0))
+        return int(block.start + steep[0] if len(steep) else self._planes.shape[2])
+
+    def surfaces(self, count: int) -> tuple[Ints, Ints]:
+        """Classes under the wheels (4 or 1, N, count), and all surfaces that they may be."""
+        under = np.concatenate(self._under, axis=-1)[..., :count]
+        # Classes are few: counting them takes less than sorting.
+        counts = np.bincount(under.ravel(), minlength=len(self.may_be))
+        return under, np.flatnonzero(self.may_be[counts > 0].any(axis=0))
 
 
 def _vertical_curvature(grade: Floats, share: float, step: float, wheelbase: float) -> Floats:
@@ -238,22 +237,3 @@ def _vertical_curvature(grade: Floats, share: float, step: float, wheelbase: flo
         rise = grade[..., 2 * reach :] - grade[..., : -2 * reach]
         change[..., reach:-reach] = share / (2.0 * reach * step) * rise
     return change
-
-
-def _slope_limits(table: BrakeTable, may_be: Bools) -> tuple[Floats, Floats]:
-    """(2, C) min and max of rise and cross rise that each class was trained on."""
-    low = np.array((table.grade_min, table.roll_min))[:, None]
-    high = np.array((table.grade_max, table.roll_max))[:, None]
-    lows, highs = np.where(may_be, low, -np.inf), np.where(may_be, high, np.inf)
-    return np.tan(lows.max(axis=2)), np.tan(highs.min(axis=2))
-
-
-def _too_steep(
-    limits: tuple[Floats, Floats], rise: Floats, cross_rise: Floats, under: Ints
-) -> Bools:
-    """Samples (N, S) that are steeper than a surface under a wheel was trained on."""
-    steep: Bools = np.zeros(rise.shape, np.bool_)
-    for slope, lowest, highest in zip((rise, cross_rise), *limits, strict=True):
-        steep |= slope < lowest[under].max(axis=0)
-        steep |= slope > highest[under].min(axis=0)
-    return steep

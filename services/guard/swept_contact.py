@@ -14,10 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
-from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.input_errors import InputErrors, lateral_band
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.guard.guard_model import GuardModel
+from slopewise.services.guard.guard_model import GuardScene
 from slopewise.services.guard.obstacle_layers import (
     HALF_DIAGONAL,
     SPACING,
@@ -39,9 +38,7 @@ _TENTH = 0.1  # step of the curvature by which lateral bands grow [1/m]
 _FACET = math.sqrt(2.0)
 """Rise of a facet along the steepest slope across its diagonal, in cells [1]."""
 
-_SAMPLES, _TOGETHER = 60, 400
-"""Samples and tiles that are looked up together [1]: most of a course may lie behind the first
-contact."""
+_TOGETHER = 400  # tiles that are looked up together: most may lie behind the first contact [1]
 
 _ROUNDING = 1e-3  # of heights in single precision up to 1 km above the datum, ten times [m]
 
@@ -53,9 +50,7 @@ class BodyPoses(NamedTuple):
     y: Floats
     cos: Floats  # cos, sin: components of the direction of motion [1]
     sin: Floats
-    height: Floats  # of the ground at the middle of the wheels [m]
-    rise: Floats  # slope of the plane of the wheels along the motion [1]
-    cross_rise: Floats  # slope of that plane to the left [1]
+    planes: Floats  # (3, N, S) height of the middle of the wheels [m], its rise ahead and left [1]
     turn: Floats  # (N, 1) yaw per distance, left positive [rad/m]
     share: float  # speed of the middle of the wheelbase over that of the fastest wheel [1]
     axis: float  # place abeam of which the centre of turns lies, ahead of the middle [m]
@@ -83,24 +78,85 @@ class _Points(NamedTuple):
     size: tuple[float, float, float]  # front, rear, half width of the body without errors [m]
 
 
-def first_contact(
-    model: GuardModel, ground: ElevationMap, poses: BodyPoses, reach: tuple[float, float]
-) -> Contact:
-    """First contact of a body that reaches so far ahead and behind of mid-wheelbase [m].
+class SweptBody:
+    """A body that reaches so far ahead and behind of mid-wheelbase [m], on N courses.
 
     Errors of the pose widen and lengthen it.
     """
-    vehicle, errors, clearance = model.vehicle, model.errors, model.shape.clearance
-    layers, bare = obstacle_layers(ground, vehicle), _points(vehicle, reach, 0.0, 0.0, 0.0)
-    points = bare
-    if errors.has_band or errors.along_track > 0.0:
-        points = _points(vehicle, reach, *_bands(vehicle, poses, errors))
-    first = _contact(layers, poses, points, clearance, exact=False)
-    if not first.touches:
-        return first
-    # What is closer than the next cell is judged by the cells alone, or nothing could leave it.
-    contact = _contact(layers, poses, bare, clearance, exact=True)
-    return contact._replace(touches=True)
+
+    def __init__(self, scene: GuardScene, poses: BodyPoses, reach: tuple[float, float]) -> None:
+        """Planes of the poses may be written until they are asked for."""
+        vehicle, errors = scene.model.vehicle, scene.model.errors
+        self._poses, self._clearance = poses, scene.model.shape.clearance
+        self._layers = obstacle_layers(scene.ground, vehicle)
+        self._bare = self._points = _points(vehicle, reach, 0.0, 0.0, 0.0)
+        if errors.has_band or errors.along_track > 0.0:
+            self._points = _points(vehicle, reach, *_bands(vehicle, poses, errors))
+        self._in_cells: Floats = np.empty((8, *poses.x.shape), np.float32)
+        self._touches = False
+
+    def first_contact(self, block: slice) -> Contact:
+        """First contact at a block of samples; blocks are asked for in their order."""
+        if block.start == 0:
+            self._place(slice(1))
+            if self._is_touched():
+                # What is closer than the next cell is judged by the cells alone, or nothing could
+                # leave it.
+                self._touches, self._points = True, self._bare
+        self._place(block)
+        for s, n, t in _near_tiles(self._layers, self._in_cells[..., block], self._points):
+            contact = self._contact(s + block.start, n, t)
+            if contact is not None:
+                return contact
+        return Contact(self._poses.x.shape[1], "", None, self._touches)
+
+    def _place(self, block: slice) -> None:
+        """Write poses (8, N, S): x, y [cells], cos, sin, lowest underside [m], slopes, turn.
+
+        Ground above the underside of the middle strikes the body there; heights are above the datum
+        of the layers.
+        """
+        layers, poses = self._layers, self._poses
+        x, y, cos, sin = (of[:, block] for of in poses[:4])
+        height, rise, cross_rise = poses.planes[..., block]
+        slope = np.hypot(rise, cross_rise)
+        # The vertical below the body is longer than the clearance by the slope.
+        lowest = height - layers.datum + (self._clearance + layers.noise) * np.sqrt(1.0 + slope**2)
+        lowest += (0.5 if self._touches else 1.0) * _FACET * layers.cell * slope
+        x, y = (x - layers.origin[0]) / layers.cell, (y - layers.origin[1]) / layers.cell
+        rows = x, y, cos, sin, lowest, rise, cross_rise, poses.turn
+        for row, values in zip(self._in_cells[..., block], rows, strict=True):
+            row[...] = values
+
+    def _is_touched(self) -> bool:
+        """Return True if an obstacle is closer to the measured pose than cells can show."""
+        layers, points, start = self._layers, self._points, self._in_cells[:, -1, 0]
+        ahead, left = points.ahead.ravel(), points.left.ravel()
+        x, y = points_of(start[:4], ahead / layers.cell, left / layers.cell)
+        struck = layers.heights(x, y, exact=False) > _underside(start, ahead, left)
+        return bool((struck | layers.edges(x, y) & points.wheel.ravel()).any())
+
+    def _contact(self, s: Ints, n: Ints, t: Ints) -> Contact | None:
+        """First contact of some tiles, the first samples first."""
+        layers, cell, of_all, points = self._layers, self._layers.cell, self._in_cells, self._points
+        some, ahead, left = of_all[:, n, s, None], points.ahead[t], points.left[t]
+        x, y = points_of(some[:4], ahead / cell, left / cell)
+        top = layers.heights(x, y, exact=self._touches)
+        hits = np.array((np.isnan(top), top > _underside(some, ahead, left), layers.edges(x, y)))
+        unknown, struck, edge = hits
+        edge &= points.wheel[t]
+        if not hits.any():
+            return None
+        _exempt_start(unknown, struck, of_all[:, -1, 0], some, self._poses, points, t, cell)
+        if edge.any():
+            edge &= ~_standing_on_edges(layers, of_all[..., : s[-1] + 1], points)[n, s, t]
+        blocked = hits.any(axis=(0, 2))
+        if not blocked.any():
+            return None
+        k = int(np.argmax(blocked))
+        kind, p = divmod(int(np.argmax(hits[:, k])), x.shape[1])
+        where = float(layers.origin[0] + cell * x[k, p]), float(layers.origin[1] + cell * y[k, p])
+        return Contact(int(s[k]), (UNKNOWN, OBSTACLE, EDGE)[kind], where, self._touches)
 
 
 def _bands(vehicle: Vehicle, poses: BodyPoses, errors: InputErrors) -> tuple[float, float, float]:
@@ -158,40 +214,6 @@ def _by_tiles(
     return _Points(ahead, left, normal_ahead, normal_left, wheel > 0.0, *middles, size)
 
 
-def _contact(
-    layers: ObstacleLayers, poses: BodyPoses, points: _Points, clearance: float, *, exact: bool
-) -> Contact:
-    """First contact on all courses; ``exact``: with cells instead of facets."""
-    of_all, cell = _in_cells(layers, poses, clearance + layers.noise, exact=exact), layers.cell
-    touches, standing = False, None
-    for s, n, t in _near_tiles(layers, of_all, points):
-        some, ahead, left = of_all[:, n, s, None], points.ahead[t], points.left[t]
-        x, y = points_of(some[:4], ahead / cell, left / cell)
-        top = layers.heights(x, y, exact=exact)
-        hits = np.array((np.isnan(top), top > _underside(some, ahead, left), layers.edges(x, y)))
-        unknown, struck, edge = hits
-        edge &= points.wheel[t]
-        if not hits.any():
-            continue
-        # Only where the body is measured to stand: there it creeps, which the errors do not excuse.
-        measured = (of_all[2:4, n, 0] == of_all[2:4, -1, :1]).all(axis=0)
-        touches |= bool((struck | edge)[(s == 0) & measured].any())
-        _exempt_start(unknown, struck, of_all[:, -1, 0], some, poses, points, t, cell)
-        if edge.any():
-            standing = _standing_on_edges(layers, of_all, points) if standing is None else standing
-            edge &= ~standing[n, s, t]
-        blocked = hits.any(axis=(0, 2))
-        if blocked.any():
-            k = int(np.argmax(blocked))
-            kind, p = divmod(int(np.argmax(hits[:, k])), x.shape[1])
-            where = (
-                float(layers.origin[0] + cell * x[k, p]),
-                float(layers.origin[1] + cell * y[k, p]),
-            )
-            return Contact(int(s[k]), (UNKNOWN, OBSTACLE, EDGE)[kind], where, touches)
-    return Contact(poses.x.shape[1], "", None, touches)
-
-
 def _standing_on_edges(layers: ObstacleLayers, of_all: Floats, points: _Points) -> Bools:
     """Points (N, S, T, Q) that are still at the step at which they are at the start.
 
@@ -205,27 +227,8 @@ def _standing_on_edges(layers: ObstacleLayers, of_all: Floats, points: _Points) 
     return still
 
 
-def _in_cells(layers: ObstacleLayers, poses: BodyPoses, clearance: float, *, exact: bool) -> Floats:
-    """Poses (8, N, S): x, y [cells], cos, sin, lowest underside [m], rise, cross rise, turn.
-
-    Ground above the underside of the middle strikes the body there; heights are above the datum of
-    the layers.
-    """
-    slope = np.hypot(poses.rise, poses.cross_rise)
-    # The vertical below the body is longer than the clearance by the slope.
-    lowest = poses.height - layers.datum + clearance * np.sqrt(1.0 + slope**2)
-    lowest += (0.5 if exact else 1.0) * _FACET * layers.cell * slope
-    in_cells: Floats = np.empty((8, *poses.x.shape), np.float32)
-    in_cells[0] = (poses.x - layers.origin[0]) / layers.cell
-    in_cells[1] = (poses.y - layers.origin[1]) / layers.cell
-    rest = poses.cos, poses.sin, lowest, poses.rise, poses.cross_rise, poses.turn
-    for row, values in zip(in_cells[2:], rest, strict=True):
-        row[...] = values
-    return in_cells
-
-
 def _near_tiles(
-    layers: ObstacleLayers, of_all: Floats, points: _Points
+    layers: ObstacleLayers, some: Floats, points: _Points
 ) -> Iterator[tuple[Ints, Ints, Ints]]:
     """Samples, courses and tiles, some at a time, the first samples first.
 
@@ -233,16 +236,14 @@ def _near_tiles(
     tiles need no look-up.
     """
     ahead, left = points.middle_ahead, points.middle_left
-    for first in range(0, of_all.shape[2], _SAMPLES):
-        some = of_all[:, :, first : first + _SAMPLES]
-        poses = some[..., None]
-        lowest = _underside(poses, ahead, left)
-        lowest -= (HALF_DIAGONAL * np.hypot(some[5], some[6]) + np.float32(_ROUNDING))[..., None]
-        in_cells = points_of(poses[:4], ahead / layers.cell, left / layers.cell)
-        s, n, t = np.nonzero((layers.highest_near(*in_cells) > lowest).transpose(1, 0, 2))
-        for k in range(0, len(s), _TOGETHER):
-            part = slice(k, k + _TOGETHER)
-            yield s[part] + first, n[part], t[part]
+    poses = some[..., None]
+    lowest = _underside(poses, ahead, left)
+    lowest -= (HALF_DIAGONAL * np.hypot(some[5], some[6]) + np.float32(_ROUNDING))[..., None]
+    in_cells = points_of(poses[:4], ahead / layers.cell, left / layers.cell)
+    s, n, t = np.nonzero((layers.highest_near(*in_cells) > lowest).transpose(1, 0, 2))
+    for k in range(0, len(s), _TOGETHER):
+        part = slice(k, k + _TOGETHER)
+        yield s[part], n[part], t[part]
 
 
 def _underside(poses: Floats, ahead: Floats, left: Floats) -> Floats:

@@ -90,7 +90,7 @@ def test_first_contact_is_not_later_than_that_of_polygons_nor_without_cause(
             continue
         course = Course(share, turn, turn, turn, forward=True)
         scene = GuardScene(model, ground_of(heights), math.inf)
-        courses = courses_ahead(scene, start, course, 3.0)
+        courses = courses_ahead(scene, start, course, 3.0, 3.0)
         reached = max(courses.end.sample - 1, 0) * courses.step if courses.end.reason else math.inf
         latest = first_overlap(start, share, turn, axis, (*square, 0.5 * CELL))
         earliest = first_overlap(start, share, turn, axis, (*square, 2.1 * CELL))
