@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from slopewise.services.check.external_plan import GivenPlan as GivenPlan
     from slopewise.services.client import PlanClient as PlanClient
     from slopewise.services.guard.decide import GuardDecision as GuardDecision
-    from slopewise.services.guard.one_decision import guard_decision as guard_decision
+    from slopewise.services.guard.decide import guard_decision as guard_decision
     from slopewise.services.io.drive_log import DriveLog as DriveLog
 
 _NAMES = {
@@ -54,8 +54,7 @@ _NAMES = {
     "services.check.check_report": "CheckReport",
     "services.check.external_plan": "GivenPlan",
     "services.client": "PlanClient",
-    "services.guard.decide": "GuardDecision",
-    "services.guard.one_decision": "guard_decision",
+    "services.guard.decide": "GuardDecision guard_decision",
     "services.io.drive_log": "DriveLog",
 }
 _HOMES = {name: f"{__name__}.{home}" for home, names in _NAMES.items() for name in names.split()}

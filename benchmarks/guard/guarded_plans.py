@@ -12,7 +12,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.horizon.answer import PlanarState
 from slopewise.planner.horizon.horizon import Horizon
-from slopewise.services.guard.one_decision import guard_decision
+from slopewise.services.guard.decide import guard_decision
 
 _CYCLE = 0.1  # [s]
 _EDGE, _CELL = 30.0, 0.2  # of the map [m]

@@ -102,7 +102,7 @@ def _replay_plan(
     as_json: bool,
 ) -> None:
     """Plan along one recording."""
-    from slopewise.services.guard.one_decision import guard_decision
+    from slopewise.services.guard.decide import guard_decision
     from slopewise.services.io.bags import is_bag
     from slopewise.services.jobs.replay_plan import replay_plan
     from slopewise.services.jobs.replay_summary import summarise

@@ -16,8 +16,7 @@ import zenoh
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.core import Guard
-from slopewise.services.guard.guard_map import wheel_heights
-from slopewise.services.guard.obstacle_layers import obstacle_layers
+from slopewise.services.guard.guard_map import map_layers
 from slopewise.services.guard.zenoh_transport import format_of
 from slopewise.services.wire import codec
 from slopewise.services.wire.map_message import apply_update
@@ -178,7 +177,6 @@ class MapUpdates:
         known = self._known
         if known.map is not None:
             # Here rather than in the first decision.
-            obstacle_layers(known.map, self._vehicle)
-            wheel_heights(known.map, self._vehicle)
+            map_layers(known.map, self._vehicle)
         with self._news:
             self._new_map = known.map, known.reason, dict(known.counters)

@@ -13,9 +13,9 @@ import zenoh
 
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.services.guard.decide import BaseCommand, GuardDecision, VehicleMotion
-from slopewise.services.guard.guard_messages import GuardInput
 from slopewise.services.guard.settings import GuardRos
 from slopewise.services.guard.stop_courses import Pose2d
+from slopewise.services.guard.zenoh_transport import GuardInput
 from slopewise.services.io.bags import read_cdr, typestore
 from slopewise.services.ros.conversions import BOOL, ODOMETRY, flag, header, motion_of, stamp_of
 from slopewise.services.ros.inbox import Received

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
-from slopewise.services.guard.guard_map import classes_at, wheel_heights
+from slopewise.services.guard.guard_map import SPACING, classes_at, map_layers
 from slopewise.services.guard.guard_model import GuardScene
-from slopewise.services.guard.obstacle_layers import SPACING
 from slopewise.services.guard.swept_contact import BodyPoses, Contact, SweptBody
 from slopewise.services.physics.body import plane_of, wheel_places
 from slopewise.services.physics.surfaces import possible_surfaces
@@ -159,7 +158,7 @@ class _WheelPlanes:
             scene.model.tables[0],
         )
         self._poses, self._planes, self._step = poses, poses.planes, poses.share * step
-        self._felt = wheel_heights(self._ground, self._vehicle)
+        self._felt = map_layers(self._ground, self._vehicle).wheels
         self.may_be = possible_surfaces(
             scene.model.promised.braking.terrain, self._ground.class_names
         )

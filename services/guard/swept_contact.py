@@ -16,14 +16,14 @@ import numpy as np
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.input_errors import InputErrors, lateral_band
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.guard.guard_model import GuardScene
-from slopewise.services.guard.obstacle_layers import (
+from slopewise.services.guard.guard_map import (
     HALF_DIAGONAL,
     SPACING,
     TILE,
     ObstacleLayers,
-    obstacle_layers,
+    map_layers,
 )
+from slopewise.services.guard.guard_model import GuardScene
 from slopewise.services.physics.body import points_of
 
 UNKNOWN, OBSTACLE, EDGE = "ground is unknown", "an obstacle stands", "a step at a wheel lies"
@@ -88,7 +88,7 @@ class SweptBody:
         """Planes of the poses may be written until they are asked for."""
         vehicle, errors = scene.model.vehicle, scene.model.errors
         self._poses, self._clearance = poses, scene.model.shape.clearance
-        self._layers = obstacle_layers(scene.ground, vehicle)
+        self._layers = map_layers(scene.ground, vehicle).obstacles
         self._bare = self._points = _points(vehicle, reach, 0.0, 0.0, 0.0)
         if errors.has_band or errors.along_track > 0.0:
             self._points = _points(vehicle, reach, *_bands(vehicle, poses, errors))

@@ -24,13 +24,12 @@ from slopewise.models.errors import InputError, ParameterError
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.decide import GuardDecision, stop
 from slopewise.services.guard.guard_map import read_guard_map
-from slopewise.services.guard.guard_messages import GuardStatus
 from slopewise.services.guard.guard_model import read_guard_model
 from slopewise.services.guard.guard_session import Heartbeat, running
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.map_updates import MapUpdates
 from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
-from slopewise.services.guard.zenoh_transport import ZenohTransport
+from slopewise.services.guard.zenoh_transport import GuardStatus, ZenohTransport
 from slopewise.services.ros.inbox import Inbox, Received
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format

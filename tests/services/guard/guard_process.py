@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import zenoh
 
-from slopewise.services.guard.guard_messages import GuardCommand, GuardMotion
+from slopewise.services.guard.zenoh_transport import GuardCommand, GuardMotion
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire import codec

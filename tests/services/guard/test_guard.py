@@ -8,9 +8,9 @@ import pytest
 
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.decide import BaseCommand
-from slopewise.services.guard.guard_messages import GuardCommand, GuardMotion
 from slopewise.services.guard.overspeed_monitor import OverspeedMonitor
 from slopewise.services.guard.settings import GuardSettings, read_guard_settings
+from slopewise.services.guard.zenoh_transport import GuardCommand, GuardMotion
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from tests.services.faults import fault_in

@@ -13,8 +13,8 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.input_errors import Tracking
 from slopewise.services.guard.decide import GuardDecision
+from slopewise.services.guard.guard_map import ObstacleLayers
 from slopewise.services.guard.guard_model import GuardScene
-from slopewise.services.guard.obstacle_layers import ObstacleLayers
 from slopewise.services.guard.stop_courses import Course, Pose2d, courses_ahead
 from slopewise.services.io.model_file import read_model
 from tests.services.guard.guard_fixtures import ATV, MODEL

@@ -7,7 +7,7 @@ import pytest
 
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.services.guard.guard_map import wheel_heights
+from slopewise.services.guard.guard_map import WheelHeights
 from slopewise.services.physics.heights import height_of
 from tests.world.vehicles import BASE
 
@@ -24,9 +24,9 @@ def ground(heights: Floats, std: float) -> ElevationMap:
 def test_noise_is_a_fifth_and_a_slope_stays() -> None:
     slope = 0.3 * EAST - 0.2 * NORTH
     noisy = ground(slope + 0.03 * np.random.default_rng(1).standard_normal(EAST.shape), 0.03)
-    error = wheel_heights(noisy, VEHICLE).at(X, Y) - (0.3 * X - 0.2 * Y)
+    error = WheelHeights(noisy, VEHICLE).at(X, Y) - (0.3 * X - 0.2 * Y)
     assert np.std(error) < 0.25 * 0.03
-    exact = wheel_heights(ground(slope, 0.03), VEHICLE).at(X, Y)
+    exact = WheelHeights(ground(slope, 0.03), VEHICLE).at(X, Y)
     np.testing.assert_allclose(exact, 0.3 * X - 0.2 * Y, atol=1e-12)
 
 
@@ -34,11 +34,11 @@ def test_unknown_ground_stays_unknown_and_exact_maps_are_as_they_are() -> None:
     heights = 0.1 * np.sin(EAST) + 0.0 * NORTH
     heights[40:44, 40:44] = np.nan
     for std in (0.0, 0.03):
-        felt = wheel_heights(ground(heights, std), VEHICLE).at(X, Y)
+        felt = WheelHeights(ground(heights, std), VEHICLE).at(X, Y)
         there = height_of(ground(heights, std), X, Y)
         np.testing.assert_array_equal(np.isnan(felt), np.isnan(there))
         if std == 0.0:
             np.testing.assert_array_equal(felt, there)
-    assert wheel_heights(ground(heights, 0.03), VEHICLE).at(X, Y) == pytest.approx(
+    assert WheelHeights(ground(heights, 0.03), VEHICLE).at(X, Y) == pytest.approx(
         height_of(ground(heights, 0.03), X, Y), abs=0.02, nan_ok=True
     )
