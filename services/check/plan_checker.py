@@ -14,7 +14,7 @@ from slopewise.models.stop_promise import promised
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.check.averaged_heights import averaged
 from slopewise.services.check.check_report import CheckReport, ViolationLog
-from slopewise.services.check.checked_drive import CheckedDrive
+from slopewise.services.check.checked_drive import CheckedDrive, too_tight, turning_along
 from slopewise.services.check.driving_checks import check_driving
 from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.obstacle_checks import obstacles_along, shows_steps
@@ -35,7 +35,6 @@ from slopewise.services.check.speed_claims import (
     held_at_rows,
     tried_speeds,
 )
-from slopewise.services.check.steering_checks import too_tight, turning_along
 from slopewise.services.check.stop_dynamics import StopDynamics
 from slopewise.services.check.stop_ends import (
     CheckedStops,

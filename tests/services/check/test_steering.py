@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 from slopewise.models.input_errors import InputErrors
 from slopewise.models.steering import SteeringGeometry, steering_angle
 from slopewise.services.check.body_on_line import body_along
+from slopewise.services.check.checked_drive import turning_along
 from slopewise.services.check.plan_checker import check_plan_on_map
 from slopewise.services.check.plan_line import line_of
-from slopewise.services.check.steering_checks import turning_along
 from tests.services.check.drives import at, ground, model_with, round_turn, trapezoid
 
 RADIUS = 4.0
