@@ -155,14 +155,14 @@ def runs_of(columns: Columns) -> list[slice]:
 
 
 def tables_of(
-    braking: dict[str, float], vehicle: Mapping[str, Any] | None = None
+    braking: Mapping[str, Any], vehicle: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Tables of the model file: coefficients of an earlier calibration, the plant's vehicle."""
     vehicle = vehicle or _PLANT
     return {
         "name": "hidden",
         "vehicle": vehicle,
-        "braking": braking | {"speed_range": (0.5, 6.5), "grade_range": (-0.28, 0.30)},
+        "braking": {"speed_range": (0.5, 6.5), "grade_range": (-0.28, 0.30)} | dict(braking),
         "terrain": {
             "motion_resistance": 0.10,
             "lateral_resistance": 0.2,

@@ -201,12 +201,10 @@ class _Stop:
         return force
 
 
-def calibration_of(car: EngineCar, eager: float = 0.0, count: int = 50) -> dict[str, float]:
-    """Braking table by stops of the car without changes and scatter, sensed without noise."""
-    stops = world_changes.calm(
-        world_changes.draw_stops(count, car.force, 0.0, np.random.default_rng(77))
-    )
-    return world_logs.calibrated(drive(car, Changes(eager=eager), stops, before=0.4))
+def calibration_of(car: EngineCar, eager: float, rng: np.random.Generator) -> dict[str, Any]:
+    """Braking table of an earlier log of the car, without changes."""
+    stops = world_changes.calibration_stops(car.force, rng)
+    return world_logs.calibrated(drive(car, Changes(eager=eager), stops), stops, rng)
 
 
 def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
@@ -218,7 +216,7 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
     scene: world_changes.Scene = world_changes.draw_scene(kind, label, car.force, rng)
     motion = drive(car, scene.changes, scene.stops)
     tables = tables_of(
-        calibration_of(car, scene.changes.eager),
+        calibration_of(car, scene.changes.eager, np.random.default_rng((54, seed))),
         world_logs.vehicle_table(
             car.mass,
             car.wheelbase,

@@ -95,13 +95,10 @@ def _received(car: RockingCar, v: Floats, pitch_rate: Floats) -> Floats:
     return np.stack([np.interp(ago, count, row) for row in speed])
 
 
-def calibration_of(car: RockingCar, eager: float = 0.0, count: int = 50) -> dict[str, float]:
-    """Braking table by stops of the car without changes and scatter, sensed without noise."""
-    stops = world_changes.calm(
-        world_changes.draw_stops(count, car.force, 0.0, np.random.default_rng(78))
-    )
-    fine = replace(car, counts=100 * car.counts)  # steps of an encoder are noise
-    return world_logs.calibrated(drive(fine, Changes(eager=eager), stops, before=0.6))
+def calibration_of(car: RockingCar, eager: float, rng: np.random.Generator) -> dict[str, Any]:
+    """Braking table of an earlier log of the car, without changes."""
+    stops = world_changes.calibration_stops(car.force, rng)
+    return world_logs.calibrated(drive(car, Changes(eager=eager), stops), stops, rng)
 
 
 def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
@@ -113,7 +110,7 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
     scene = world_changes.draw_scene(kind, label, car.force, rng)
     motion = drive(car, scene.changes, scene.stops)
     tables = tables_of(
-        calibration_of(car, scene.changes.eager),
+        calibration_of(car, scene.changes.eager, np.random.default_rng((62, seed))),
         world_logs.vehicle_table(
             car.mass,
             car.wheelbase,

@@ -109,10 +109,10 @@ def draw_stops(count: int, force: float, scatter: float, rng: np.random.Generato
     )
 
 
-def calm(stops: Stops) -> Stops:
-    """The stops without scatter, waves of the ground and cross slopes."""
-    still = np.zeros_like(stops.speed)
-    return stops._replace(friction=still + 1.0, delay=still, wave=still, roll=still)
+def calibration_stops(force: float, rng: np.random.Generator) -> Stops:
+    """Straight stops of an earlier log, with their own scatter and days."""
+    stops = draw_scene("clean", "", force, rng).stops
+    return stops._replace(curvature=np.zeros_like(stops.speed))
 
 
 def draw_change(

@@ -7,17 +7,17 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from . import sensing
-from .blind_run import COEFFICIENTS
+from .blind_run import COEFFICIENTS, runs_of, tables_of
 from .effect_plant import GRAVITY, DrivenStops
 from .plant_physics import Floats, Stops
 from .plant_sets import HiddenSet
 from .world_changes import OUTSIDE
 
-_MIN_FIT_SPEED = 0.3  # [m/s]; slower, the body rocks
+_NOISE = (0.01, 0.04)  # of the speed in an earlier log [m/s]
+_UNCALIBRATED = (0.0, 0.0, 0.0, 0.42, 0.25)  # coefficients and dead time before any stop [SI]
 BEFORE, LONGEST = 1.2, 12.0  # sampled before and after each command [s]
 
 
@@ -70,25 +70,18 @@ def stick(columns: sensing.Columns, rng: np.random.Generator) -> None:
     columns["v"] = speed
 
 
-def calibrated(motion: DrivenStops) -> dict[str, float]:
-    """Coefficients and dead time of noise-free stops without changes, by least squares."""
-    before = motion.time < 0.0
-    v_i = motion.speed[:, before].mean(axis=1)[:, None]
-    grade = motion.grade[:, before].mean(axis=1)[:, None]
-    rolling = np.minimum.accumulate(motion.speed, axis=1) > _MIN_FIT_SPEED
-    rolling &= motion.time >= 0.0
+def calibrated(motion: DrivenStops, stops: Stops, rng: np.random.Generator) -> dict[str, Any]:
+    """Braking table that `slopewise calibrate` writes after an earlier log of the vehicle."""
+    from slopewise.models.calibration.learn import learn, with_learned
+    from slopewise.services.io.model_file import model_from_dict, model_to_dict
 
-    def residual(values: Floats) -> Floats:
-        m_m, b_m, m_b, b_b, dead_time = values
-        force = (m_m * v_i + b_m) * grade + m_b * v_i + b_b
-        slowing = GRAVITY * (force + np.sin(grade))
-        model = v_i - slowing * np.maximum(motion.time - dead_time, 0.0)
-        difference: Floats = (model - motion.speed)[rolling]
-        return difference
-
-    start = np.array([0.0, 0.0, 0.0, 0.42, 0.25])
-    best = least_squares(residual, start, x_scale=[0.01, 0.1, 0.01, 0.1, 0.05])
-    return dict(zip(COEFFICIENTS, (float(v) for v in best.x), strict=True))
+    columns = sensing.log(motion, stops, float(rng.uniform(*_NOISE)), rng)
+    before = model_from_dict(
+        tables_of(dict(zip(COEFFICIENTS, _UNCALIBRATED, strict=True))), "before"
+    )
+    learned = learn(columns, runs_of(columns), before.braking, beside=before)
+    table: dict[str, Any] = model_to_dict(with_learned(before, learned))["braking"]
+    return table
 
 
 def vehicle_table(

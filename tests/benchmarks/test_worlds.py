@@ -17,9 +17,10 @@ from benchmarks.discrepancy import (
     rocking_car,
     rocking_vehicle,
 )
+from benchmarks.discrepancy.blind_run import COEFFICIENTS
 from benchmarks.discrepancy.naming_benchmark import compared
 from benchmarks.discrepancy.plant_physics import Physics, Stops
-from benchmarks.discrepancy.world_changes import Changes, calm, draw_stops
+from benchmarks.discrepancy.world_changes import Changes, draw_stops
 from benchmarks.discrepancy.world_logs import WorldLog
 from tests.benchmarks.driven_stops import G, decelerations, stops
 
@@ -67,8 +68,10 @@ def test_cars_and_effects_keep_the_laws_of_free_bodies(
 def test_calibrated_base_law_holds_on_other_stops(
     world: ModuleType, car: object, spin: float
 ) -> None:
-    base = world.calibration_of(car, count=12)
-    scene: Stops = calm(draw_stops(4, 0.43, 0.0, np.random.default_rng(8)))
+    base = world.calibration_of(car, 0.0, np.random.default_rng(7))
+    scene: Stops = draw_stops(4, 0.43, 0.0, np.random.default_rng(8))
+    still = np.zeros_like(scene.speed)
+    scene = scene._replace(delay=still, wave=still, roll=still)
     motion = world.drive(car, Changes(), scene, before=0.2)
     at_command = int(np.searchsorted(motion.time, 0.0))
     # Bodies on springs show a little more than the grade, to the calibration, too.
@@ -80,8 +83,11 @@ def test_calibrated_base_law_holds_on_other_stops(
         formula = effect_plant.speeds(Physics(**law), known, motion.time)
         return float(np.sqrt(np.mean((motion.speed - formula)[rolling] ** 2)))
 
-    assert disagreement(base) < 0.05
-    assert disagreement(base | {"b_b": 0.9 * base["b_b"]}) > 0.1
+    law = {key: base[key] for key in COEFFICIENTS}
+    # Days differ by 2 % of the force: downhill some 0.1 m/s at the end of a stop.
+    assert disagreement(law) < 0.25
+    assert disagreement(law | {"b_b": 0.85 * law["b_b"]}) > 0.5
+    assert np.all(np.linalg.eigvalsh(base["covariance"]) >= 0.0)
 
 
 @pytest.mark.parametrize(
