@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,8 +11,6 @@ from slopewise.models.arrays import Elementwise, Floats
 from slopewise.models.effects.effect_law import EffectLaw, Enters, Parameter, Place, Search
 from slopewise.models.effects.stops_seen import StopsSeen
 
-_HEADINGS = 12  # of the search
-
 
 def force_term(place: Place, k: Elementwise, direction: Elementwise) -> Elementwise:
     """Term of F_b/W, k cos 2(yaw − direction) [1], largest along ``direction``."""
@@ -19,9 +18,12 @@ def force_term(place: Place, k: Elementwise, direction: Elementwise) -> Elementw
 
 
 def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
-    for i in range(_HEADINGS):
-        twice = 2.0 * np.pi * i / _HEADINGS
-        yield {"direction": 0.5 * twice}, np.cos(2.0 * stops.yaw - twice)
+    twice = 2.0 * stops.yaw
+    yield {}, np.stack((np.cos(twice), np.sin(twice)), axis=2)
+
+
+def _along(cosine: float, sine: float) -> dict[str, float]:
+    return {"k": math.hypot(cosine, sine), "direction": 0.5 * math.atan2(sine, cosine)}
 
 
 EFFECT = EffectLaw(
@@ -35,6 +37,6 @@ EFFECT = EffectLaw(
     depends_on=frozenset(("yaw",)),
     axis="heading",
     experiment="stop across the present heading",
-    search=Search(columns=_columns, strength="k", one_sided=True),
+    search=Search(columns=_columns, strength="k", one_sided=False, joint=_along),
     max_force=lambda _: {"k": 1.0},
 )

@@ -103,6 +103,8 @@ class Search:
         pauses_distinguish: stops after pauses of different length distinguish it from others.
         placed: its inner parameters are the circle `x`, `y`, `radius`, which has no slope to follow
             and is found by trying.
+        joint: parameters of the coefficients of (S, M, Q) columns that only together are the
+            effect; None where a column alone is.
     """
 
     columns: Callable[[StopsSeen], Iterator[tuple[dict[str, float], Any]]]
@@ -112,6 +114,7 @@ class Search:
     is_complete: bool = False
     pauses_distinguish: bool = False
     placed: bool = False
+    joint: Callable[..., dict[str, float]] | None = None
 
 
 def _no_force(_: Values) -> dict[str, float]:

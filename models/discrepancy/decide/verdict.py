@@ -77,7 +77,9 @@ def decide(
     if _too_noisy(table, seen, settings) and (answer.verdict is Verdict.NONE or wild):
         return replace(nothing, verdict=Verdict.TOO_NOISY)
     match answer.verdict:
-        case Verdict.MISSING_EFFECT if answer.leader.names & seen.hidden:
+        case Verdict.MISSING_EFFECT if answer.leader.names & seen.hidden and not _beats_drift(
+            answer
+        ):
             return drifted(nothing, seen)
         case Verdict.MISSING_EFFECT | Verdict.AMBIGUOUS if answer.leader.names:
             return _named(table, answer, nothing, settings)
@@ -88,6 +90,15 @@ def decide(
             return drifted(nothing, seen)
         case _:
             return nothing
+
+
+def _beats_drift(answer: Answer) -> bool:
+    """Names outweigh none where coefficients have changed in either case."""
+    name, none = (
+        e.fit.evidence[e.at] + np.log(max(e.fit.solutions[e.at].changed, 1e-300))
+        for e in (answer.leader, answer.calm)
+    )
+    return bool(prior.TEMPER * (name - none) + np.log(prior.NAME) > 0.0)
 
 
 def drifted(nothing: Decision, seen: Resolvable) -> Decision:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -51,12 +53,24 @@ class Candidate:
         return list(range(self.first, self.first + self.count))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Dictionary:
     """Candidates, and (…, Q) their columns."""
 
     candidates: tuple[Candidate, ...]
     columns: Integrated
+
+    @cached_property
+    def log_prior(self) -> Floats:
+        """(C,) of the candidates."""
+        return np.array([c.log_prior for c in self.candidates])
+
+    @cached_property
+    def groups(self) -> list[slice]:
+        """Candidates of each name, which stand together."""
+        names = [(c.name, c.named) for c in self.candidates]
+        new = [i for i, name in enumerate(names) if i == 0 or name != names[i - 1]]
+        return [slice(a, b) for a, b in pairwise([*new, len(names)])]
 
 
 def spikes_of(table: StopTable, model: Model) -> tuple[Floats, Floats]:
@@ -103,18 +117,20 @@ def _effects(
         assert how is not None
         log_prior = float(np.log(prior.NAME / len(group)))
         for inner, share in group:
-            column = share[:, :, None]
-            middle = (share * used).sum() / used.sum()
-            size = max(float(size_of(column - middle, used)[0]), 1e-9)
-            std, centre = (0.5, 1.0) if how.is_complete else (prior.SLAB * force / size, 0.0)
+            columns = share if share.ndim == 3 else share[:, :, None]
+            middle = np.einsum("smq,sm->q", columns, used) / used.sum()
+            size = np.maximum(size_of(columns - middle, used), 1e-9)
+            std, centre = (np.full(len(size), 0.5), 1.0)
+            if not how.is_complete:
+                std, centre = prior.SLAB * force / size / np.sqrt(len(size)), 0.0
             yield (
                 Candidate(
-                    *(name, True, 0, 1, np.array([std]), centre),
+                    *(name, True, 0, len(size), std, centre),
                     one_sided=how.one_sided,
                     inner=inner,
                     log_prior=log_prior,
                 ),
-                column,
+                columns,
                 LAWS[name].enters is not Enters.MOTION,
             )
 
@@ -148,7 +164,7 @@ def _named(
         group = list(law.search.columns(seen))
         if law.search.placed:
             group += circles(table)
-        group = [g for g in group if np.ptp(g[1]) > 1e-9]
+        group = [g for g in group if np.any(np.ptp(g[1], axis=(0, 1)) > 1e-9)]
         if group:
             yield name, group
 

@@ -23,15 +23,16 @@ from slopewise.models.discrepancy.likelihood.cap import (
     under_cap,
 )
 from slopewise.models.discrepancy.likelihood.dictionary import Candidate, Dictionary
-from slopewise.models.discrepancy.likelihood.gaussian import Grams, Solved, solved
-from slopewise.models.discrepancy.likelihood.onset import Integrated, Onset
-from slopewise.models.discrepancy.likelihood.trace import (
-    BASE_PLACES,
-    EARLY_PLACES,
-    HAT_PLACES,
-    Trace,
-    grams_at,
+from slopewise.models.discrepancy.likelihood.gaussian import Grams, Solved
+from slopewise.models.discrepancy.likelihood.marginal import (
+    by_noise,
+    mixed,
+    of_noise,
+    solved_both,
+    waves_of,
 )
+from slopewise.models.discrepancy.likelihood.onset import Integrated, Onset
+from slopewise.models.discrepancy.likelihood.trace import Trace, grams_at
 
 BUILD_UPS = np.array([0.005, 0.012, 0.025, 0.045, 0.075, 0.12, 0.18, 0.27, 0.4, 0.6])
 """Time constants at which the evidence is computed [s]."""
@@ -40,7 +41,8 @@ _OSCILLATIONS = (1.5, 3.0, 5.0)  # natural frequencies that it starts from [Hz]
 _SCALE = np.array([0.004, 0.15, 0.08, 0.15])  # of dead time [s], and logarithms of the others [1]
 _STEP, _FARTHEST = 0.05, 25.0  # of derivatives, and of a fit, in these scales
 _FIRST, _AGAIN = 45, 25  # evidences that a fit of the onset takes at most
-_NOISES = 60  # the same of the noise
+_NOISES = 20  # the same of the noise
+_NOISIER = 3.0  # logarithm by which a fit moves the noise at most
 _SETTLING = 2  # steps of the dead time
 _LATE, _LATEST = 2, 0.06  # place of the dead time among a stop's own effects; its most [s]
 _HOPELESS = 60.0  # evidence by which a build-up is too much worse to be followed further
@@ -94,11 +96,13 @@ class Problem:
 
     def solve(self, grams: Grams, std: Floats, noise: Floats) -> Solved:
         """All columns integrated out."""
-        centre = np.concatenate([np.zeros(len(std) - len(self.centre)), self.centre])
-        both = solved_both(grams, std, noise, self.trace.force, centre)
+        both = solved_both(grams, std, noise, self.trace.calibrated, self._centre(std))
         evidence = mixed(both[0].evidence, both[1].evidence)
         changed = float(np.exp(np.log(prior.CHANGED) + both[1].evidence - evidence))
         return replace(both[changed > 0.5], evidence=evidence, changed=changed)
+
+    def _centre(self, std: Floats) -> Floats:
+        return np.concatenate([np.zeros(len(std) - len(self.centre)), self.centre])
 
     def at(self, onset: Onset, noise: Floats) -> Solved:
         """All columns integrated out at a state."""
@@ -151,55 +155,17 @@ class Problem:
     def noise(self, onset: Onset, start: Floats, steps: int) -> Floats:
         """(6,) noise of largest evidence."""
         grams, std = self.grams(onset)
+        centre = self._centre(std)
 
-        def loss(log_noise: Floats) -> float:
-            noise = np.exp(log_noise)
-            return -of_noise(noise) - self.solve(grams, std, noise).evidence
+        def loss(log_noise: Floats) -> tuple[float, Floats]:
+            value, slope = by_noise(grams, std, np.exp(log_noise), self.trace.calibrated, centre)
+            return -value, -slope
 
-        first = np.log(start) + 0.3 * np.vstack([np.zeros(6), np.eye(6)])
-        options = {"initial_simplex": first, "maxfev": steps, "fatol": 0.05, "xatol": 0.02}
-        found = minimize(loss, np.log(start), method="Nelder-Mead", options=options).x
-        return np.asarray(np.exp(found), np.float64)
-
-
-def waves_of(grams: Grams) -> int:
-    """Number of slow waves among a stop's own effects."""
-    return int(grams.square.shape[1]) - 4
-
-
-def of_noise(noise: Floats) -> float:
-    """Ln of its prior, 0 where it is usual."""
-    usual = (np.log(noise) - np.log(prior.NOISE)) / prior.NOISE_SPREAD
-    return -0.5 * float(usual @ usual)
-
-
-def solved_both(
-    grams: Grams, std: Floats, noise: Floats, force: float, centre: Floats | None = None
-) -> tuple[Solved, Solved]:
-    """The first columns integrated out, with coefficients as calibrated and changed since then."""
-    weighed, log_det = grams.weighed(noise[0], prior.own_variance(noise, waves_of(grams)))
-    changed = with_onset(std, noise)
-    calibrated = changed.copy()
-    calibrated[BASE_PLACES] = prior.calibrated(force)
-    return (
-        solved(weighed, log_det, calibrated, centre),
-        solved(weighed, log_det, changed, centre),
-    )
-
-
-def with_onset(std: Floats, noise: Floats) -> Floats:
-    """(P,) deviations with what the noise leaves at the onset."""
-    scaled = std.copy()
-    scaled[HAT_PLACES] *= noise[prior.ONSET_TIME]
-    scaled[EARLY_PLACES] *= noise[prior.ONSET_FORCE]
-    return scaled
-
-
-def mixed(calibrated: float, changed: float) -> float:
-    """Ln of the evidence of both priors of the coefficients together."""
-    return float(
-        np.logaddexp(np.log1p(-prior.CHANGED) + calibrated, np.log(prior.CHANGED) + changed)
-    )
+        first = np.log(start)
+        bounds = [(x - _NOISIER, x + _NOISIER) for x in first]
+        options = {"maxfun": steps, "ftol": 1e-6, "maxls": 8}
+        best = minimize(loss, first, method="L-BFGS-B", jac=True, bounds=bounds, options=options)
+        return np.asarray(np.exp(best.x), np.float64)
 
 
 def fit(

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from slopewise.models.arrays import Floats
 
@@ -48,22 +47,26 @@ class Grams:
 
     def weighed(self, noise: float, variance: Floats) -> tuple[Floats, float]:
         """(P, P) columnsᵀ V⁻¹ columns, and ln det V, for σ [m/s] and Λ (R,) on its diagonal."""
+        return self.whitened(noise, variance)[:2]
+
+    def whitened(self, noise: float, variance: Floats) -> tuple[Floats, float, Floats, Floats]:
+        """As :meth:`weighed`; also (S, R, P) A⁻¹ZᵀD⁻¹ columns/σ², and (S, R, R) A⁻¹."""
         inner = self.square / noise**2 + np.diag(1.0 / variance)
-        solved = np.linalg.solve(inner, self.own)
+        inverse = np.linalg.inv(inner)
+        solutions = inverse @ (self.own / noise**2)
         flat = self.own.reshape(-1, self.own.shape[2])
-        weighed: Floats = self.total / noise**2
-        weighed -= np.asarray(flat.T @ solved.reshape(flat.shape) / noise**4, np.float64)
+        weighed: Floats = (self.total - flat.T @ solutions.reshape(flat.shape)) / noise**2
         stops = len(self.square)
         log_det = self.rows * 2.0 * np.log(noise) + self.log_weight
         log_det += float(np.linalg.slogdet(inner)[1].sum()) + stops * float(np.log(variance).sum())
-        return weighed, log_det
+        return weighed, float(log_det), solutions, np.asarray(inverse, np.float64)
 
     def own_means(self, noise: float, variance: Floats, mean: Floats) -> Floats:
         """(S, R) each stop's own effects, given (P,) means of the columns."""
         left = self.own[:, :, -1] - self.own[:, :, : len(mean)] @ mean
         inner = self.square / noise**2 + np.diag(1.0 / variance)
-        found = np.linalg.solve(inner, left[:, :, None] / noise**2)[:, :, 0]
-        return np.asarray(found, np.float64)
+        solutions = np.linalg.solve(inner, left[:, :, None] / noise**2)[:, :, 0]
+        return np.asarray(solutions, np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +76,7 @@ class Solved:
     Attributes:
         evidence: ln of the marginal likelihood. mean: (P,) of the columns.
         left: (Q, Q) precision of further columns after them. pull: (Q,) their right-hand side.
+        covariance: (P, P) of the columns.
         changed: probability that coefficients have changed since the model file.
     """
 
@@ -80,7 +84,27 @@ class Solved:
     mean: Floats
     left: Floats
     pull: Floats
+    covariance: Floats
     changed: float = 1.0
+
+
+def by_variances(
+    solutions: Floats, inverse: Floats, variance: Floats, mean: Floats, covariance: Floats
+) -> Floats:
+    """(R,) derivatives of the evidence by ln Λ.
+
+    Fisher's identity: half of E[z²]/λ − 1 of each stop's own effects z, given all bins.
+
+    Args:
+        solutions, inverse: as :meth:`Grams.whitened` returns them. variance: (R,) Λ.
+        mean, covariance: (P,), (P, P) of the columns, given all bins.
+    """
+    count = len(mean)
+    left, of_columns = solutions[:, :, -1] - solutions[:, :, :count] @ mean, solutions[:, :, :count]
+    square = left**2 + np.einsum("srr->sr", inverse)
+    square += np.einsum("srp,srp->sr", of_columns @ covariance, of_columns)
+    result: Floats = 0.5 * (square / variance - 1.0).sum(axis=0)
+    return result
 
 
 def solved(weighed: Floats, log_det: float, std: Floats, centre: Floats | None = None) -> Solved:
@@ -100,11 +124,13 @@ def solved(weighed: Floats, log_det: float, std: Floats, centre: Floats | None =
         pull -= weighed[:p, :p] @ centre
         extra -= weighed[rest, :p] @ centre
     inner = weighed[:p, :p] + np.diag(1.0 / std**2)
-    factor = cho_factor(inner, lower=True)
-    mean = cho_solve(factor, pull)
+    factor = np.linalg.cholesky(inner)
+    root = np.linalg.inv(factor)
+    covariance = root.T @ root
+    mean = covariance @ pull
     evidence = -0.5 * (square - float(pull @ mean)) - 0.5 * log_det
-    evidence -= float(np.log(np.diag(factor[0])).sum()) + float(np.log(std).sum())
+    evidence -= float(np.log(np.diag(factor)).sum()) + float(np.log(std).sum())
     cross = weighed[:p, rest]
-    left = weighed[rest, rest] - cross.T @ cho_solve(factor, cross)
+    left = weighed[rest, rest] - cross.T @ (covariance @ cross)
     offset = 0.0 if centre is None else centre
-    return Solved(evidence, mean + offset, left, extra - cross.T @ mean)
+    return Solved(evidence, mean + offset, left, extra - cross.T @ mean, covariance)

@@ -13,7 +13,7 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import Candidate, circles
-from slopewise.models.discrepancy.likelihood.fit import solved_both
+from slopewise.models.discrepancy.likelihood.marginal import solved_both
 from slopewise.models.discrepancy.likelihood.onset import Integrated
 from slopewise.models.discrepancy.likelihood.posterior import Explanation
 from slopewise.models.discrepancy.likelihood.trace import grams_at, size_of
@@ -72,7 +72,9 @@ class _Gains:
         through = np.append(self.rest.through, np.ones(count, bool))
         grams, std = grams_at(trace, self.onset, Integrated.of(trace.table, both, through))
         centre = np.append(np.zeros(len(std)), self.centre)
-        solutions = solved_both(grams, np.append(std, self.std), self.noise, trace.force, centre)
+        solutions = solved_both(
+            grams, np.append(std, self.std), self.noise, trace.calibrated, centre
+        )
         best = max(solutions, key=lambda s: s.evidence)
         middle = np.einsum("smq,sm->q", shares, trace.used) / trace.used.sum()
         precision = np.square(size_of(shares - middle, trace.used) / (prior.SLAB * trace.force))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slopewise.models.arrays import Floats
+from slopewise.models.quantity import Matrix
 
 # Nuisances, one standard deviation each: what vehicles and sensors are usually like.
 DEAD_TIME_STEP = 0.02  # [s] that a step of the linear fit may move the dead time
@@ -42,9 +43,21 @@ TEMPER = 0.85  # share of the evidence that counts: model errors are alike in al
 CHANGED = 0.2  # share of logs whose vehicle has changed since its file was made [1]
 
 
-def calibrated(force: float) -> Floats:
-    """(4,) of the coefficients as calibrated: 2 % of the force, and slopes to match."""
-    return np.array([0.02 * force, 0.03, 0.004, 0.008])
+def calibrated(force: float, speed: float, covariance: Matrix | None) -> Floats:
+    """(4,) of the coefficients as calibrated: what they differ by between days, and their error.
+
+    Brakes differ by 2 % of the force between days, and slopes to match.
+
+    Args:
+        force: typical F_b/W [1]. speed: mean at the onset, about which coefficients are [m/s].
+        covariance: of the file's coefficients, None where it states none.
+    """
+    between_days = np.array([0.02 * force, 0.03, 0.004, 0.008])
+    if covariance is None:
+        return between_days
+    about = np.array([[0, 0, speed, 1], [speed, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0]], np.float64)
+    std: Floats = np.hypot(between_days, np.sqrt(np.diag(about @ np.array(covariance) @ about.T)))
+    return std
 
 
 def changed(force: float) -> Floats:

@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.calibration.force_fit import WEAK_PRIOR
 from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.place import Extent, settled
 from slopewise.models.discrepancy.likelihood.posterior import LAG, Explanation
 from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES
@@ -87,7 +88,8 @@ def _linear(
     for candidate in fit.chosen:
         if candidate.named:
             inners, extent = settled(explanation, candidate)
-            added.append(effect_of(candidate.name, inners[0], float(mean[column])))
+            coefficients = mean[column : column + candidate.count]
+            added.append(effect_of(candidate.name, inners[0], coefficients))
             likely.append(inners)
             extents.append(extent)
         column += candidate.count
@@ -107,20 +109,22 @@ def _nearest(
     return tried[int(np.argmin(np.sum(rows**2, axis=0)))]
 
 
-def effect_of(name: str, inner: dict[str, float], strength: float) -> Effect:
-    """An effect with a strength, or the nearest that there can be.
+def effect_of(name: str, inner: dict[str, float], coefficients: Floats) -> Effect:
+    """An effect by the coefficients of its columns, or the nearest that there can be.
 
     Args:
         name: an effect that logs are searched for. inner: its parameters next to the strength.
-        strength: coefficient of its column [1].
+        coefficients: (Q,) of its columns [1].
     """
     how = LAWS[name].search
     assert how is not None
-    own: dict[str, float] = {}
+    if how.joint is not None:
+        return Effect(name=name, parameters=how.joint(*coefficients.tolist()))
+    strength: dict[str, float] = {}
     if not how.is_complete:
         low, high = LAWS[name].parameters[how.strength].bounds
-        own[how.strength] = min(max(how.offset + strength, low), high)
-    return Effect(name=name, parameters={**own, **inner})
+        strength[how.strength] = min(max(how.offset + float(coefficients[0]), low), high)
+    return Effect(name=name, parameters={**strength, **inner})
 
 
 def residual(table: StopTable, hypothesis: Hypothesis) -> Floats:
@@ -166,9 +170,13 @@ def improved(table: StopTable, start: Hypothesis, whitener: Whitener) -> Refit:
         errors, inside, slopes, bounds=(low, high), max_nfev=_EVALUATIONS, xtol=1e-4, ftol=1e-6
     )
     covariance = np.linalg.pinv(best.jac.T @ best.jac, hermitian=True)
+    # Numbers also absorb effects that are too small to be modelled.
+    unmodelled = whitener.unmodelled()
+    moved = covariance @ (best.jac[: len(unmodelled)].T @ unmodelled)
     # Few stops determine their scatter less than its likelihood pretends.
-    covariance *= len(table) / max(len(table) - len(scales), 1)
+    covariance *= len(table) / max(len(table) - len(scales), 1) / prior.TEMPER
     covariance = _robust(covariance, best.jac, best.fun, whitener.root.shape[:2])
+    covariance += moved @ moved.T
     scaled = scales[:, None] * covariance * scales
     return Refit(start.moved(best.x * scales), 0.5 * (scaled + scaled.T), whitener)
 

@@ -16,8 +16,9 @@ from scipy.stats import chi2
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import Dictionary
-from slopewise.models.discrepancy.likelihood.fit import Fit, waves_of, with_onset
+from slopewise.models.discrepancy.likelihood.fit import Fit
 from slopewise.models.discrepancy.likelihood.gaussian import Grams
+from slopewise.models.discrepancy.likelihood.marginal import waves_of, with_onset
 from slopewise.models.discrepancy.likelihood.onset import Integrated
 from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, Trace, columns_at
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis

@@ -11,8 +11,9 @@ from scipy.special import log_ndtr, logsumexp
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import Candidate, Dictionary
-from slopewise.models.discrepancy.likelihood.fit import Fit, mixed, solved_both
+from slopewise.models.discrepancy.likelihood.fit import Fit
 from slopewise.models.discrepancy.likelihood.gaussian import Solved
+from slopewise.models.discrepancy.likelihood.marginal import mixed, solved_both
 from slopewise.models.discrepancy.likelihood.trace import Trace, grams_at
 
 _DEPTH, _WIDTH = 3, 6
@@ -47,12 +48,12 @@ class Found:
 def searched(trace: Trace, book: Dictionary, fit: Fit, at: int) -> list[Found]:
     """Sets worth refitting, the heaviest first; the empty one is among them."""
     grams, std = grams_at(trace, fit.onsets[at], book.columns)
-    both = solved_both(grams, std, fit.noise, trace.force)
+    both = solved_both(grams, std, fit.noise, trace.calibrated)
     nothing = Found((), (both[0].evidence, both[1].evidence), 0.0)
     found: dict[frozenset[str], Found] = {}
     beam = [nothing]
     for depth in range(_DEPTH):
-        for grown in [n for f in beam for n in _grown(f, book.candidates, both, depth)]:
+        for grown in [n for f in beam for n in _grown(f, book, both, depth)]:
             if grown.names not in found or grown.log_weight > found[grown.names].log_weight:
                 found[grown.names] = grown
         deep = [f for names, f in found.items() if len(names) == depth + 1]
@@ -60,48 +61,51 @@ def searched(trace: Trace, book: Dictionary, fit: Fit, at: int) -> list[Found]:
     return sorted((nothing, *found.values()), key=lambda f: -f.log_weight)
 
 
-def _grown(
-    found: Found, every: Sequence[Candidate], both: tuple[Solved, Solved], depth: int
-) -> list[Found]:
+def _grown(found: Found, book: Dictionary, both: tuple[Solved, Solved], depth: int) -> list[Found]:
     """With one more name, the best column of each, grids summed."""
-    rests = [conditioned(base.left, base.pull, found.chosen)[:2] for base in both]
-    tried: dict[str, list[tuple[float, tuple[float, float], Candidate]]] = {}
-    for c in every:
-        if c.name in found.names:
-            continue
-        gains = [gain_of(*rest, c) for rest in rests]
-        each = (found.each[0] + gains[0][0], found.each[1] + gains[1][0])
-        sign = max(gains, key=lambda g: g[0])[1]
-        own = c.log_prior + sign + prior.TEMPER * mixed(*each)
-        tried.setdefault(c.name + ("" if c.named else "?"), []).append((own, each, c))
+    conditional = [conditioned(base.left, base.pull, found.chosen)[:2] for base in both]
+    (gain, sign), (changed_gain, changed_sign) = (
+        gains_of(*rest, book.candidates) for rest in conditional
+    )
+    each = found.each[0] + gain, found.each[1] + changed_gain
+    tempered = prior.TEMPER * mixed(*each)
+    log_weight = book.log_prior + np.where(changed_gain > gain, changed_sign, sign) + tempered
     price = np.log(prior.FURTHER) if depth else 0.0
     grown = []
-    for grid in tried.values():
-        weight = float(logsumexp([t[0] for t in grid]))
-        _, each, best = max(grid, key=lambda t: t[0])
-        log_prior = found.log_prior + price + weight - prior.TEMPER * mixed(*each)
-        grown.append(Found((*found.chosen, best), each, log_prior))
+    for group in book.groups:
+        if book.candidates[group.start].name not in found.names:
+            i = group.start + int(np.argmax(log_weight[group]))
+            log_prior = found.log_prior + price + float(logsumexp(log_weight[group]) - tempered[i])
+            evidence = float(each[0][i]), float(each[1][i])
+            grown.append(Found((*found.chosen, book.candidates[i]), evidence, log_prior))
     return grown
 
 
-def gain_of(left: Floats, pull: Floats, c: Candidate) -> tuple[float, float]:
-    """Logarithms of the factors of the marginal likelihood by a candidate and by its sign."""
-    if c.count == 1:
-        i, d, m = c.first, float(c.std[0]), c.centre
-        s, b = max(float(left[i, i]), 1e-12), float(pull[i])
-        b -= s * m
-        inner = s + 1.0 / d**2
-        gain = m * float(pull[i]) - 0.5 * m * m * s + 0.5 * b * b / inner
-        gain -= 0.5 * np.log(inner * d * d)
-        if not c.one_sided:
-            return gain, 0.0
-        mean = m + b / inner
-        return gain, float(log_ndtr(mean * np.sqrt(inner)) - log_ndtr(m / d))
-    index = c.index
-    side = pull[index]
-    block = left[np.ix_(index, index)] + np.diag(1.0 / c.std**2)
-    gain = 0.5 * float(side @ np.linalg.solve(block, side))
-    return gain - 0.5 * float(np.linalg.slogdet(block)[1]) - float(np.log(c.std).sum()), 0.0
+def gains_of(left: Floats, pull: Floats, every: Sequence[Candidate]) -> tuple[Floats, Floats]:
+    """(C,) logarithms of the factors of the marginal likelihood by candidates and by their signs.
+
+    Args:
+        left: (Q, Q) precision of all columns. pull: (Q,) right-hand side. every: C candidates.
+    """
+    gain, sign = np.zeros((2, len(every)))
+    counts = np.array([c.count for c in every])
+    for count in np.unique(counts):
+        places = np.flatnonzero(counts == count).tolist()
+        chosen = [every[i] for i in places]
+        index = np.array([c.first for c in chosen])[:, None] + np.arange(count)
+        std = np.array([c.std for c in chosen])
+        centre = np.array([c.centre for c in chosen])[:, None]
+        block = left[index[:, :, None], index[:, None, :]]
+        inner = block + np.eye(count) / std[:, None, :] ** 2
+        side = pull[index] + centre / std**2
+        mean = np.linalg.solve(inner, side[:, :, None])[:, :, 0]
+        gain[places] = 0.5 * np.sum(side * mean - (centre / std) ** 2, axis=1)
+        gain[places] -= 0.5 * np.linalg.slogdet(inner)[1] + np.log(std).sum(axis=1)
+        if count == 1:
+            one_sided = np.array([c.one_sided for c in chosen])
+            positive = log_ndtr(mean * np.sqrt(inner[:, :, 0])) - log_ndtr(centre / std)
+            sign[places] = np.where(one_sided, positive[:, 0], 0.0)
+    return gain, sign
 
 
 def conditioned(

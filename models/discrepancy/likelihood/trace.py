@@ -47,6 +47,9 @@ class Trace:
         always: (…, P) of the base, sessions and spikes. waves: (…, W) slow ones of the force.
         always_std: (P,) prior deviations of `always`.
         pull: (S, 1) deceleration that each stop shows [m/s²]. force: typical F_b/W [1].
+        calibrated: (4,) prior deviations of coefficients that are as in the file.
+        sessions: number of columns that sessions have, the first ones of `always` after the waves
+            of the onset.
         used: (S, M) whether a grid time lies in the stop after the onset.
         quicker: (S, 1) build-up of each stop over that of the brakes, or of all.
     """
@@ -61,6 +64,8 @@ class Trace:
     always_std: Floats
     pull: Floats
     force: float
+    calibrated: Floats
+    sessions: int
     used: Floats
     quicker: Floats = field(default_factory=lambda: np.ones((1, 1)))
 
@@ -114,6 +119,8 @@ def trace_of(table: StopTable, model: Model, spikes: tuple[Floats, Floats], sess
         std,
         GRAVITY * table.pull[:, None],
         force,
+        prior.calibrated(force, table.held.mean(), model.braking.covariance),
+        len(std) - EARLY_PLACES.stop + BASE_PLACES.start - spikes[0].shape[2],
         used,
     )
 

@@ -1,7 +1,8 @@
 """Speeds of all stops as independent numbers of variance one, by the covariance of the likelihood.
 
-The own effects of each stop are in its covariance. Nuisances that all stops share
-at the onset, while brakes and body settle, are projected out as far as their prior allows.
+The own effects of each stop are in its covariance. Nuisances that stops
+share, while brakes and body settle and in each session, are projected out as far as their prior
+allows.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.discrepancy.likelihood import prior
-from slopewise.models.discrepancy.likelihood.fit import with_onset
+from slopewise.models.discrepancy.likelihood.marginal import with_onset
 from slopewise.models.discrepancy.likelihood.onset import Onset
 from slopewise.models.discrepancy.likelihood.trace import (
     EARLY_PLACES,
@@ -36,6 +37,7 @@ class Whitener:
     Attributes:
         root: (S, K, K) of each stop. nuisances: (S, K, N) after it, in units of their deviations.
         basis: (S K + N, N) orthonormal, of the nuisances with their prior.
+        small: (S, K, Q) small versions of all effects after it, in units of their deviations.
         variance: (S, K) of the speeds about a perfect model, level and ramp apart [m²/s²].
         onset, noise: state; noise as :data:`slopewise.models.discrepancy.likelihood.prior.NOISE`.
         force: typical F_b/W [1].
@@ -44,6 +46,7 @@ class Whitener:
     root: Floats
     nuisances: Floats
     basis: Floats
+    small: Floats
     variance: Floats
     onset: Onset
     noise: Floats
@@ -69,7 +72,9 @@ class Whitener:
         covariance += alone[:, :, None] * np.eye(alone.shape[1])
         root = np.linalg.inv(np.linalg.cholesky(covariance)) * used[:, None, :]
         # Coefficients have to absorb all other unmodelled effects: predictions have nothing else.
-        places = np.r_[OSCILLATION_PLACES, HAT_PLACES, EARLY_PLACES]
+        sessions = slice(EARLY_PLACES.stop, EARLY_PLACES.stop + trace.sessions)
+        places = np.r_[OSCILLATION_PLACES, HAT_PLACES, EARLY_PLACES, sessions]
+        spikes = slice(sessions.stop, len(std))
         columns = [every[:, :, places] * scaled[places]]
         if not lagging:
             u = trace.samples.time - onset.dead_time
@@ -77,11 +82,20 @@ class Whitener:
             columns.append((trace.pull * trace.samples.mean(late))[:, :, None])
         nuisances = root @ np.concatenate(columns, axis=2)
         beyond = own[:, :, _LEVELS:] ** 2 @ variance[_LEVELS:]
-        return cls(root, nuisances, _basis(nuisances), beyond + alone, onset, noise, trace.force)
+        small = root @ (every[:, :, spikes] * scaled[spikes])
+        basis, variance = _basis(nuisances), beyond + alone
+        return cls(root, nuisances, basis, small, variance, onset, noise, trace.force)
 
     def rows(self, values: Floats) -> Floats:
         """(S K + N, P) independent rows of bins (S, K, P)."""
-        flat = (self.root @ values).reshape(-1, values.shape[2])
+        return self._projected(self.root @ values)
+
+    def unmodelled(self) -> Floats:
+        """(S K + N, Q) rows of a small version of each effect, in units of its deviation."""
+        return self._projected(self.small)
+
+    def _projected(self, whitened: Floats) -> Floats:
+        flat = whitened.reshape(-1, whitened.shape[2])
         taken = self.basis @ (self.basis[: len(flat)].T @ flat)
         taken[: len(flat)] -= flat
         return -taken
@@ -94,6 +108,7 @@ class Whitener:
             root=self.root[stops],
             nuisances=nuisances,
             basis=_basis(nuisances),
+            small=self.small[stops],
             variance=self.variance[stops],
         )
 

@@ -10,13 +10,16 @@ from scipy.stats import multivariate_normal
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood.dictionary import Candidate
 from slopewise.models.discrepancy.likelihood.gaussian import Grams, solved
+from slopewise.models.discrepancy.likelihood.marginal import by_noise
 from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment, Onset, Samples
-from slopewise.models.discrepancy.likelihood.search import conditioned, gain_of
+from slopewise.models.discrepancy.likelihood.search import conditioned, gains_of
+from slopewise.models.discrepancy.likelihood.trace import EARLY_PLACES
 from slopewise.models.quantity import GRAVITY
 from tests.world.logs import table
 
 STOPS, BINS, COLUMNS, RANDOM = 4, 9, 3, 2
 NOISE, VARIANCE = 0.3, np.array([0.5, 2.0])
+CALIBRATED = np.array([0.01, 0.03, 0.004, 0.008])
 STD, CENTRE = np.array([0.7, 1.5, 0.4]), np.array([0.0, 0.3, -0.2])
 
 
@@ -63,10 +66,29 @@ def test_a_candidate_gains_what_the_density_gains() -> None:
         Candidate(str(i), True, i, 1, STD[i + 1 : i + 2], float(CENTRE[i + 1])) for i in range(2)
     )
     plain, first, together = (_dense(columns[:, :, :n], STD[:n], CENTRE[:n]) for n in (1, 2, 3))
-    gain, _ = gain_of(base.left, base.pull, first_candidate)
+    (gain, _), _ = gains_of(base.left, base.pull, [first_candidate, second_candidate])
     assert gain == pytest.approx(first - plain, rel=1e-8)
     left, pull, _ = conditioned(base.left, base.pull, [first_candidate])
-    assert gain_of(left, pull, second_candidate)[0] == pytest.approx(together - first, rel=1e-8)
+    (gain,), _ = gains_of(left, pull, [second_candidate])
+    assert gain == pytest.approx(together - first, rel=1e-8)
+
+
+def test_derivatives_by_the_noise_are_those_of_the_evidence() -> None:
+    rng = np.random.default_rng(5)
+    places = EARLY_PLACES.stop + 3
+    columns = rng.standard_normal((6, 40, places + 1))
+    grams = Grams.of(columns, rng.standard_normal((6, 40, 7)), np.full((6, 40), 0.2))
+    std, centre = rng.uniform(0.3, 2.0, places), np.zeros(places)
+    centre[-1] = 0.8
+    log_noise = np.log([0.9, 0.3, 0.4, 0.5, 0.2, 0.6])
+
+    def evidence(x: Floats) -> float:
+        return by_noise(grams, std, np.exp(x), CALIBRATED, centre)[0]
+
+    _, slope = by_noise(grams, std, np.exp(log_noise), CALIBRATED, centre)
+    steps = 1e-5 * np.eye(6)
+    expected = [(evidence(log_noise + h) - evidence(log_noise - h)) / 2e-5 for h in steps]
+    np.testing.assert_allclose(slope, expected, rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("build_up", [0.01, 0.08])

@@ -80,7 +80,7 @@ def test_nothing_that_all_stops_share_at_the_onset_is_left() -> None:
 @pytest.mark.parametrize(("strength", "scale"), [(-0.3, 0.7), (-1.1, 0.0), (0.2, 1.2)])
 def test_brakes_never_push(strength: float, scale: float) -> None:
     """A line through the stops may ask for less than no force; there is no such effect."""
-    effect = effect_of("step_change", {"delta": 0.0, "run": 3.0}, strength)
+    effect = effect_of("step_change", {"delta": 0.0, "run": 3.0}, np.array([strength]))
     assert validate(effect)["scale"] == pytest.approx(scale)
 
 

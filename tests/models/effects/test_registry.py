@@ -14,6 +14,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from slopewise.models import effects
+from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood.axes import axes_of
 from slopewise.models.discrepancy.likelihood.refit import effect_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
@@ -141,11 +142,17 @@ def test_logs_are_searched_for_it_or_the_reason_is_stated(name: str, law: Effect
     assert search.placed == ({"x", "y", "radius"} <= set(columns[0][0]))
     assert all(np.all(np.isfinite(share)) for _, share in columns)
     assert any(np.any(share != 0.0) for _, share in columns)
-    effect = effect_of(name, columns[0][0], 0.1)
+    effect = effect_of(name, columns[0][0], _first(columns[0][1], 0.1))
     assert set(effect.parameters) <= set(law.parameters)
     assert set(law.parameters) - set(effect.parameters) <= {
         key for key, p in law.parameters.items() if p.default is not None
     }
+
+
+def _first(columns: Floats, strength: float) -> Floats:
+    """Coefficients of an effect that is its first column."""
+    count = 1 if columns.ndim == 2 else columns.shape[2]
+    return np.append(strength, np.zeros(count - 1))
 
 
 def _base() -> Hypothesis:
@@ -160,7 +167,8 @@ def test_its_column_is_the_slope_of_the_prediction(name: str, law: EffectLaw) ->
         return  # not linear in its only number
     stops, strength = table("crests"), 1e-6
     inner, share = next(iter(search.columns(stops_seen(stops, _base()))))
-    hypothesis = _base().plus(effect_of(name, inner, strength))
+    hypothesis = _base().plus(effect_of(name, inner, _first(share, strength)))
+    share = share if share.ndim == 2 else share[:, :, 0]
     change = (predict(stops, hypothesis) - predict(stops, _base())) / strength
     column = GRAVITY * cumulative_trapezoid(share, stops.time, axis=1, initial=0.0)
     onset = _base().dead_time
