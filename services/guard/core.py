@@ -17,6 +17,7 @@ from slopewise.services.guard.decide import (
     decide,
     stop,
 )
+from slopewise.services.guard.guard_map import map_layers
 from slopewise.services.guard.guard_model import GuardModel, GuardScene
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.overspeed_monitor import OverspeedMonitor
@@ -89,6 +90,7 @@ class Guard:
         self.clears: InputFeed[_Clear] = InputFeed("clear distance", timing.clear, *ages)
         self.maps: InputFeed[ElevationMap] = InputFeed("map", timing.map, self.counters)
         if ground is not None:
+            map_layers(ground, model.vehicle)  # here rather than in the first decision
             self.maps.take(ground, -0.0)
         self.learned = ServiceParameters(model, settings.judgement.trust_learned)
         self.seconds: deque[float] = deque(maxlen=_SAMPLES)

@@ -24,7 +24,7 @@ _HEADINGS = 0.2
 """Angle between neighbouring courses where they end [rad]: their bodies overlap by far, and at the
 corner of a body 1.2 m wide the nearest is 6 cm from each course between them."""
 
-_NEAR, _BLOCK = 24, 60
+_NEAR, _BLOCK = 16, 40
 """Samples of the first block, and of those after it [1]: behind the first contact none is needed,
 and most contacts are close."""
 

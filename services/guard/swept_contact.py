@@ -38,7 +38,7 @@ _TENTH = 0.1  # step of the curvature by which lateral bands grow [1/m]
 _FACET = math.sqrt(2.0)
 """Rise of a facet along the steepest slope across its diagonal, in cells [1]."""
 
-_TOGETHER = 400  # tiles that are looked up together: most may lie behind the first contact [1]
+_TOGETHER = 200  # tiles that are looked up together: most may lie behind the first contact [1]
 
 _ROUNDING = 1e-3  # of heights in single precision up to 1 km above the datum, ten times [m]
 
