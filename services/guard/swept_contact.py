@@ -20,7 +20,6 @@ from slopewise.services.guard.guard_map import (
     HALF_DIAGONAL,
     SPACING,
     TILE,
-    ObstacleLayers,
     map_layers,
 )
 from slopewise.services.guard.guard_model import GuardScene
@@ -104,8 +103,8 @@ class SweptBody:
                 # leave it.
                 self._touches, self._points = True, self._bare
         self._place(block)
-        for s, n, t in _near_tiles(self._layers, self._in_cells[..., block], self._points):
-            contact = self._contact(s + block.start, n, t)
+        for s, n, t in self._near_tiles(block):
+            contact = self._contact(s, n, t)
             if contact is not None:
                 return contact
         return Contact(self._poses.x.shape[1], "", None, self._touches)
@@ -138,8 +137,8 @@ class SweptBody:
 
     def _contact(self, s: Ints, n: Ints, t: Ints) -> Contact | None:
         """First contact of some tiles, the first samples first."""
-        layers, cell, of_all, points = self._layers, self._layers.cell, self._in_cells, self._points
-        some, ahead, left = of_all[:, n, s, None], points.ahead[t], points.left[t]
+        layers, cell, points = self._layers, self._layers.cell, self._points
+        some, ahead, left = self._in_cells[:, n, s, None], points.ahead[t], points.left[t]
         x, y = points_of(some[:4], ahead / cell, left / cell)
         top = layers.heights(x, y, exact=self._touches)
         hits = np.array((np.isnan(top), top > _underside(some, ahead, left), layers.edges(x, y)))
@@ -147,9 +146,9 @@ class SweptBody:
         edge &= points.wheel[t]
         if not hits.any():
             return None
-        _exempt_start(unknown, struck, of_all[:, -1, 0], some, self._poses, points, t, cell)
+        self._exempt_start(unknown, struck, some, t)
         if edge.any():
-            edge &= ~_standing_on_edges(layers, of_all[..., : s[-1] + 1], points)[n, s, t]
+            edge &= ~self._standing_on_edges(int(s[-1]) + 1)[n, s, t]
         blocked = hits.any(axis=(0, 2))
         if not blocked.any():
             return None
@@ -157,6 +156,65 @@ class SweptBody:
         kind, p = divmod(int(np.argmax(hits[:, k])), x.shape[1])
         where = float(layers.origin[0] + cell * x[k, p]), float(layers.origin[1] + cell * y[k, p])
         return Contact(int(s[k]), (UNKNOWN, OBSTACLE, EDGE)[kind], where, self._touches)
+
+    def _standing_on_edges(self, last: int) -> Bools:
+        """Points (N, last, T, Q) that are still at the step at which they are at the start.
+
+        An edge on which a wheel stands already does not hold it there.
+        """
+        layers, of_all = self._layers, self._in_cells[..., :last]
+        ahead, left = self._points.ahead / layers.cell, self._points.left / layers.cell
+        still = np.zeros((*of_all.shape[1:], *ahead.shape), np.bool_)
+        t, q = np.nonzero(layers.edges(*points_of(of_all[:4, -1, 0, None, None], ahead, left)))
+        on = layers.edges(*points_of(of_all[:4, ..., None], ahead[t, q], left[t, q]))
+        still[..., t, q] = np.logical_and.accumulate(on, axis=1)
+        return still
+
+    def _near_tiles(self, block: slice) -> Iterator[tuple[Ints, Ints, Ints]]:
+        """Samples, courses and tiles, some at a time, the first samples first.
+
+        Only those near which ground may strike their lowest corner, or is unknown: the points of
+        most tiles need no look-up.
+        """
+        layers, points, some = self._layers, self._points, self._in_cells[..., block]
+        ahead, left, poses = points.middle_ahead, points.middle_left, some[..., None]
+        lowest = _underside(poses, ahead, left)
+        lowest -= (HALF_DIAGONAL * np.hypot(some[5], some[6]) + np.float32(_ROUNDING))[..., None]
+        in_cells = points_of(poses[:4], ahead / layers.cell, left / layers.cell)
+        s, n, t = np.nonzero((layers.highest_near(*in_cells) > lowest).transpose(1, 0, 2))
+        for k in range(0, len(s), _TOGETHER):
+            part = slice(k, k + _TOGETHER)
+            yield s[part] + block.start, n[part], t[part]
+
+    def _exempt_start(self, unknown: Bools, struck: Bools, poses: Floats, t: Ints) -> None:
+        """Clear what lies below the body or a cell from it where it stands, unless it moves there.
+
+        Of unknown ground only the leading edge counts as moving there: a sensor often does not see
+        the ground next to the vehicle, and what was seen to be an obstacle is one. Farther away,
+        where the vehicle may stand by the errors of its pose, unknown ground is as obstacles are.
+        """
+        points, moved, start = self._points, self._poses, self._in_cells[:, -1, 0]
+        cell, front, rear = self._layers.cell, float(points.ahead.max()), -float(points.ahead.min())
+        side = float(points.left.max())
+        m, p = np.nonzero(unknown | struck)
+        at = t[m], p
+        ahead, left = points.ahead[at], points.left[at]
+        x, y, cos, sin = poses[:4, m, 0]
+        moved_by = cell * (x - start[0]), cell * (y - start[1])
+        east, north = points_of((*moved_by, cos, sin), ahead, left)
+        cos, sin = start[2:4]
+        along, across = east * cos + north * sin, north * cos - east * sin
+        within, close = (
+            (along < ahead_of + cell) & (along > -behind - cell) & (np.abs(across) < half + cell)
+            for ahead_of, behind, half in ((front, rear, side), points.size)
+        )
+        turn, normal = poses[7, m, 0], points.normal_ahead[at]
+        outward = normal * (moved.share - turn * left) + points.normal_left[at] * turn * (
+            ahead - moved.axis
+        )
+        leading = (normal > 0.0) & (moved.share > 0.0)
+        unknown[m, p] &= ~within | leading | (~close & (outward > _OUTWARD))
+        struck[m, p] &= ~within | (outward > _OUTWARD)
 
 
 def _bands(vehicle: Vehicle, poses: BodyPoses, errors: InputErrors) -> tuple[float, float, float]:
@@ -214,79 +272,8 @@ def _by_tiles(
     return _Points(ahead, left, normal_ahead, normal_left, wheel > 0.0, *middles, size)
 
 
-def _standing_on_edges(layers: ObstacleLayers, of_all: Floats, points: _Points) -> Bools:
-    """Points (N, S, T, Q) that are still at the step at which they are at the start.
-
-    An edge on which a wheel stands already does not hold it there.
-    """
-    ahead, left = points.ahead / layers.cell, points.left / layers.cell
-    still = np.zeros((*of_all.shape[1:], *ahead.shape), np.bool_)
-    t, q = np.nonzero(layers.edges(*points_of(of_all[:4, -1, 0, None, None], ahead, left)))
-    on = layers.edges(*points_of(of_all[:4, ..., None], ahead[t, q], left[t, q]))
-    still[..., t, q] = np.logical_and.accumulate(on, axis=1)
-    return still
-
-
-def _near_tiles(
-    layers: ObstacleLayers, some: Floats, points: _Points
-) -> Iterator[tuple[Ints, Ints, Ints]]:
-    """Samples, courses and tiles, some at a time, the first samples first.
-
-    Only those near which ground may strike their lowest corner, or is unknown: the points of most
-    tiles need no look-up.
-    """
-    ahead, left = points.middle_ahead, points.middle_left
-    poses = some[..., None]
-    lowest = _underside(poses, ahead, left)
-    lowest -= (HALF_DIAGONAL * np.hypot(some[5], some[6]) + np.float32(_ROUNDING))[..., None]
-    in_cells = points_of(poses[:4], ahead / layers.cell, left / layers.cell)
-    s, n, t = np.nonzero((layers.highest_near(*in_cells) > lowest).transpose(1, 0, 2))
-    for k in range(0, len(s), _TOGETHER):
-        part = slice(k, k + _TOGETHER)
-        yield s[part], n[part], t[part]
-
-
 def _underside(poses: Floats, ahead: Floats, left: Floats) -> Floats:
     """Height from which ground strikes points of the body, above the datum of the layers [m]."""
     lowest, rise, cross_rise = poses[4:7]
     underside: Floats = lowest + rise * ahead + cross_rise * left
     return underside
-
-
-def _exempt_start(
-    unknown: Bools,
-    struck: Bools,
-    start: Floats,
-    poses: Floats,
-    moved: BodyPoses,
-    points: _Points,
-    t: Ints,
-    cell: float,
-) -> None:
-    """Clear what lies below the body or a cell from it where it stands, unless it moves there.
-
-    Of unknown ground only the leading edge counts as moving there: a sensor often does not see the
-    ground next to the vehicle, and what was seen to be an obstacle is one. Farther away, where the
-    vehicle may stand by the errors of its pose, unknown ground is as obstacles are.
-    """
-    front, rear = float(points.ahead.max()), -float(points.ahead.min())
-    side = float(points.left.max())
-    m, p = np.nonzero(unknown | struck)
-    at = t[m], p
-    ahead, left = points.ahead[at], points.left[at]
-    x, y, cos, sin = poses[:4, m, 0]
-    moved_by = cell * (x - start[0]), cell * (y - start[1])
-    east, north = points_of((*moved_by, cos, sin), ahead, left)
-    cos, sin = start[2:4]
-    along, across = east * cos + north * sin, north * cos - east * sin
-    within, close = (
-        (along < ahead_of + cell) & (along > -behind - cell) & (np.abs(across) < half + cell)
-        for ahead_of, behind, half in ((front, rear, side), points.size)
-    )
-    turn, normal = poses[7, m, 0], points.normal_ahead[at]
-    outward = normal * (moved.share - turn * left) + points.normal_left[at] * turn * (
-        ahead - moved.axis
-    )
-    leading = (normal > 0.0) & (moved.share > 0.0)
-    unknown[m, p] &= ~within | leading | (~close & (outward > _OUTWARD))
-    struck[m, p] &= ~within | (outward > _OUTWARD)
