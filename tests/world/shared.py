@@ -8,8 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-import cloudpickle
-
 T = TypeVar("T")
 FOLDERS: list[Path] = []
 """The folder that the workers of this run have in common, if there are any: set by conftest.py."""
@@ -23,6 +21,8 @@ def once(name: str, compute: Callable[[], T]) -> T:
     with file.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not file.exists():
+            import cloudpickle  # of the extra fleet; takes read-only mappings
+
             part = file.with_suffix(".part")
             part.write_bytes(cloudpickle.dumps(compute()))
             part.rename(file)
