@@ -30,7 +30,7 @@ inline Point between(Point a, Point b, double share) noexcept {
 }
 
 // A place of a polyline: its segment, the share of that, and how far off it is [m].
-struct Foot {
+struct NearestPoint {
   Index segment;
   double share, away;
 
@@ -55,8 +55,8 @@ struct Line {
   }
 
   // The nearest place on segments `low` to `high` − 1.
-  [[nodiscard]] Foot nearest(Index low, Index high, Point p) const noexcept {
-    Foot found{low, 0.0, std::numeric_limits<double>::infinity()};
+  [[nodiscard]] NearestPoint nearest(Index low, Index high, Point p) const noexcept {
+    NearestPoint found{low, 0.0, std::numeric_limits<double>::infinity()};
     for (Index k = low; k < high; ++k) {
       double share = 0.0;
       const double away = off(k, p, share);
@@ -136,7 +136,7 @@ class Deviation {
       high = std::max(high, low + 1);
       while (high > low + 1 && along_[high - 1] > ahead) --high;
       while (high < last && along_[high] <= ahead) ++high;
-      const Foot foot = line_.nearest(low, high, given_[i]);
+      const NearestPoint foot = line_.nearest(low, high, given_[i]);
       away_[i] = foot.away;
       feet_[i] = foot.number();
       at = along_[foot.segment] +
@@ -162,7 +162,7 @@ class Deviation {
       const Segments part{low, std::max(high, low + 1)};
       low_[k] = static_cast<double>(part.low);
       high_[k] = static_cast<double>(part.high);
-      const Foot foot = given_.nearest(part.low, part.high, line_[k]);
+      const NearestPoint foot = given_.nearest(part.low, part.high, line_[k]);
       distance_[k] = foot.away;
       back_[k] = foot.number();
     }
@@ -188,7 +188,7 @@ class Deviation {
       const Point a = given_[i], b = given_[i + 1];
       const double length = distance_of(a, b);
       for (double at = 0.0; at < length;) {
-        const Foot foot = line_.nearest(first, beyond, between(a, b, at / length));
+        const NearestPoint foot = line_.nearest(first, beyond, between(a, b, at / length));
         note(static_cast<Index>(foot.number() + 0.5), foot.away);
         most = max_of(most, foot.away);
         at += max_of(most - foot.away, exact);
@@ -210,7 +210,7 @@ class Deviation {
       const Point a = line_[k], b = line_[k + 1];
       const double length = distance_of(a, b);
       for (double at = 0.0; at < length;) {
-        const Foot foot = given_.nearest(first, beyond, between(a, b, at / length));
+        const NearestPoint foot = given_.nearest(first, beyond, between(a, b, at / length));
         note(k + static_cast<Index>(at / length + 0.5), foot.away);
         most = max_of(most, foot.away);
         at += max_of(most - foot.away, exact);
