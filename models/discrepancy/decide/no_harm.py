@@ -39,13 +39,13 @@ def held_to_account(
     # New coefficients may lie within the errors of a calibration and still be worth centimetres.
     if calm and before >= max(_CLEARLY * refit, refit + min_change):
         decision = drifted(decision, seen)
-    refitted = decision.verdict in (Verdict.PARAMETER_DRIFT, Verdict.UNKNOWN)
-    if refitted and all(gap.refit >= gap.before for gap in (gaps.speed, gaps.distance)):
+    is_drift = decision.verdict in (Verdict.PARAMETER_DRIFT, Verdict.UNIDENTIFIABLE)
+    is_better = any(gap.refit < gap.before for gap in (gaps.speed, gaps.distance))
+    if (is_drift or decision.verdict is Verdict.UNKNOWN) and not is_better:
         note = "new coefficients predict stops held out no better than those configured, which stay"
-        drift = decision.verdict is Verdict.PARAMETER_DRIFT
-        verdict = Verdict.NONE if drift else Verdict.UNKNOWN
+        verdict = Verdict.NONE if is_drift else Verdict.UNKNOWN
         notes = (*decision.notes, note)
-        decision = replace(decision, verdict=verdict, notes=notes, unchanged=True)
+        decision = replace(decision, verdict=verdict, absorbed=(), notes=notes, unchanged=True)
     return decision, _as_configured(gaps) if decision.keeps_model else gaps
 
 
