@@ -48,7 +48,9 @@ def explanations(fits: list[tuple[Fit, float]], dead_time: float, odds: float) -
     found = []
     for fit, log_prior in fits:
         late = np.array([o.dead_time for o in fit.onsets])
-        for lag in (False, True):
+        # A model has one lag: where there is one, what the onset lacks is dead time.
+        has_lag = any(effect.name == LAG for effect in fit.trace.model.effect)
+        for lag in (False,) if has_lag else (False, True):
             own = log_prior + (np.log(odds * prior.NAME) if lag else 0.0)
             own += np.log(prior.FURTHER) if lag and fit.chosen else 0.0
             weight, at = _over_build_up(fit, late - dead_time, lag)

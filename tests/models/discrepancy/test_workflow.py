@@ -180,8 +180,9 @@ def test_drag_in_slow_stops_is_ambiguous_and_an_experiment_is_proposed() -> None
     assert max(speeds) > 0.9 * np.max(columns["v_cmd"])
 
 
-def test_a_second_run_with_the_written_model_finds_no_further_effect() -> None:
-    again = investigate(*log("cross"), findings_of("cross").model)
+@pytest.mark.parametrize("name", ["cross", "lag"])
+def test_a_second_run_with_the_written_model_finds_no_further_effect(name: str) -> None:
+    again = investigate(*log(name), findings_of(name).model)
     assert again.verdict is Verdict.NONE
 
 
