@@ -21,6 +21,7 @@ import numpy as np
 from .sensing import Columns
 
 COEFFICIENTS = ("m_m", "b_m", "m_b", "b_b", "dead_time")
+_UNCALIBRATED = (0.0, 0.0, 0.0, 0.42, 0.25)  # the same before any stop [SI]
 
 _PLANT: dict[str, Any] = {
     "mass": 500.0,
@@ -145,6 +146,18 @@ def investigate_log(log: SealedLog) -> Finding:
         f"{report.summary} {' '.join(report.notes)}".strip(),
         (gap.before, gap.refit, gap.after, gap.noise_floor),
     )
+
+
+def calibrated_braking(columns: Columns) -> dict[str, Any]:
+    """Braking table that `slopewise calibrate` writes after a log; it receives no truth either."""
+    from slopewise.models.calibration.learn import learn, with_learned
+    from slopewise.services.io.model_file import model_from_dict, model_to_dict
+
+    uncalibrated = dict(zip(COEFFICIENTS, _UNCALIBRATED, strict=True))
+    before = model_from_dict(tables_of(uncalibrated), "before")
+    learned = learn(columns, runs_of(columns), before.braking, beside=before)
+    table: dict[str, Any] = model_to_dict(with_learned(before, learned))["braking"]
+    return table
 
 
 def runs_of(columns: Columns) -> list[slice]:

@@ -110,7 +110,7 @@ def run_logs(jobs: Sequence[Request], request: BenchmarkRequest, progress: Progr
     }
 
 
-def requests(world: str, seed: int = 23) -> list[Request]:
+def requests(world: str, seed: int = 29) -> list[Request]:
     """Logs of a world; seeds share no log."""
     logs = import_module(f".{WORLDS[world][0]}", __package__).requests(seed)
     rng = np.random.default_rng((seed, len(logs)))

@@ -10,14 +10,13 @@ import numpy as np
 from scipy.signal import lfilter
 
 from . import sensing
-from .blind_run import COEFFICIENTS, runs_of, tables_of
+from .blind_run import calibrated_braking
 from .effect_plant import GRAVITY, DrivenStops
 from .plant_physics import Floats, Stops
 from .plant_sets import HiddenSet
 from .world_changes import OUTSIDE
 
 _NOISE = (0.01, 0.04)  # of the speed in an earlier log [m/s]
-_UNCALIBRATED = (0.0, 0.0, 0.0, 0.42, 0.25)  # coefficients and dead time before any stop [SI]
 BEFORE, LONGEST = 1.2, 12.0  # sampled before and after each command [s]
 
 
@@ -71,17 +70,8 @@ def stick(columns: sensing.Columns, rng: np.random.Generator) -> None:
 
 
 def calibrated(motion: DrivenStops, stops: Stops, rng: np.random.Generator) -> dict[str, Any]:
-    """Braking table that `slopewise calibrate` writes after an earlier log of the vehicle."""
-    from slopewise.models.calibration.learn import learn, with_learned
-    from slopewise.services.io.model_file import model_from_dict, model_to_dict
-
-    columns = sensing.log(motion, stops, float(rng.uniform(*_NOISE)), rng)
-    before = model_from_dict(
-        tables_of(dict(zip(COEFFICIENTS, _UNCALIBRATED, strict=True))), "before"
-    )
-    learned = learn(columns, runs_of(columns), before.braking, beside=before)
-    table: dict[str, Any] = model_to_dict(with_learned(before, learned))["braking"]
-    return table
+    """Braking table of an earlier log of the vehicle."""
+    return calibrated_braking(sensing.log(motion, stops, float(rng.uniform(*_NOISE)), rng))
 
 
 def vehicle_table(

@@ -78,7 +78,9 @@ def investigate(
         decision = decide(table, base, answer, located, seen, settings)
         progress.reach(Stage.LEFT)
         noise = decision.explanation.whitener
-        decision, gaps = held_to_account(table, base, decision, seen, settings)
+        decision, gaps = held_to_account(
+            table, base, decision, seen, settings, lambda names: answered(weights, names).is_calm
+        )
         better, added = revised(table, decision, gaps.held_out, source)
         progress.reach(Stage.GAPS)
         above = gaps.refit_square - gaps.speed.noise_floor**2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -23,21 +24,24 @@ def held_to_account(
     decision: Decision,
     seen: Resolvable,
     settings: DiscrepancySettings,
+    calm: Callable[[frozenset[str]], bool],
 ) -> tuple[Decision, Gaps]:
-    """The decision as stops held out confirm it, and how far it closes the gap."""
+    """The decision as stops held out confirm it, and how far it closes the gap.
+
+    ``calm``: does the log need no cause, of explanations without these names?
+    """
     floor = decision.explanation.whitener
     gaps = compared(table, base, decision.explanation, floor, settings)
     if decision.names and gaps.harmful:
-        names = " and ".join(decision.names)
-        note = f"{names} fits the log, but predicts stops held out worse than new coefficients do"
-        notes = (*decision.notes, note)
-        decision = Decision(Verdict.UNKNOWN, base, axis=decision.axis, notes=notes)
+        # Without a gap that stands out of the noise, what others say is enough.
+        is_calm = gaps.distance.closed is None and calm(frozenset(decision.names))
+        decision = _contradicted(base, decision, Verdict.NONE if is_calm else Verdict.UNKNOWN)
         gaps = compared(table, base, base, floor, settings)
     before, refit = gaps.distance.before, gaps.distance.refit
     min_change = float(np.mean(practical_lengths(table.distance, settings)))
-    calm = decision.verdict is Verdict.NONE
+    none = decision.verdict is Verdict.NONE
     # New coefficients may lie within the errors of a calibration and still be worth centimetres.
-    if calm and before >= max(_CLEARLY * refit, refit + min_change):
+    if none and before >= max(_CLEARLY * refit, refit + min_change):
         decision = drifted(decision, seen)
     is_drift = decision.verdict in (Verdict.PARAMETER_DRIFT, Verdict.UNIDENTIFIABLE)
     is_better = any(gap.refit < gap.before for gap in (gaps.speed, gaps.distance))
@@ -47,6 +51,12 @@ def held_to_account(
         notes = (*decision.notes, note)
         decision = replace(decision, verdict=verdict, absorbed=(), notes=notes, unchanged=True)
     return decision, _as_configured(gaps) if decision.keeps_model else gaps
+
+
+def _contradicted(base: Refit, decision: Decision, verdict: Verdict) -> Decision:
+    names = " and ".join(decision.names)
+    note = f"{names} fits the log, but predicts stops held out worse than the model without"
+    return Decision(verdict, base, notes=(*decision.notes, note), visible=decision.visible)
 
 
 def _as_configured(gaps: Gaps) -> Gaps:

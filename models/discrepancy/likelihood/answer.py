@@ -44,10 +44,15 @@ class Answer:
     of_names: Mapping[str, float]
     alternatives: tuple[Explanation, ...] = ()
 
+    @property
+    def is_calm(self) -> bool:
+        """Nothing is missing, apart from new coefficients."""
+        return self.verdict in (Verdict.NONE, Verdict.PARAMETER_DRIFT)
 
-def answered(weights: Weights) -> Answer:
-    """The answer that the weights give."""
-    every = weights.explanations
+
+def answered(weights: Weights, without: frozenset[str] = frozenset()) -> Answer:
+    """The answer that the weights give, of explanations with none of these names."""
+    every = [e for e in weights.explanations if not e.names & without]
     calm = next(e for e in every if not e.names and not e.axes)
     if calm.fit.noise[WAVE] > _WILD:
         return Answer(Verdict.UNKNOWN, calm, calm, "", 1.0, {})
