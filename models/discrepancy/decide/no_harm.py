@@ -33,7 +33,7 @@ def held_to_account(
     floor = decision.explanation.whitener
     gaps = compared(table, base, decision.explanation, floor, settings)
     if decision.names and gaps.harmful:
-        # Without a gap that stands out of the noise, what others say is enough.
+        # Without a gap above the noise the other explanations are enough.
         is_calm = gaps.distance.closed is None and calm(frozenset(decision.names))
         decision = _contradicted(base, decision, Verdict.NONE if is_calm else Verdict.UNKNOWN)
         gaps = compared(table, base, base, floor, settings)
