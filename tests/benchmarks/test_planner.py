@@ -23,8 +23,8 @@ from slopewise.planner.profile.reference import JerkLimitedReference
 def test_cycles_are_driven_and_those_that_smooth_fewer_are_counted() -> None:
     # The first cycle may have to compile the kernels, for minutes on a busy machine.
     drive = HorizonDrive(cycles_per_fan=5, budget=600.0)
-    answers = [drive.step()[2] for _ in range(30)]
-    assert drive.metres > 2.5
+    answers = [drive.step()[2] for _ in range(60)]
+    assert drive.metres > 5.0
     fan = drive.draw_fan()
     assert fan.x.shape == (STATIONS, CANDIDATES)
     np.testing.assert_allclose(np.hypot(np.diff(fan.x, axis=0), np.diff(fan.y, axis=0)), 0.25)
@@ -46,14 +46,13 @@ def test_cycles_are_driven_and_those_that_smooth_fewer_are_counted() -> None:
     assert (result["p50"], result["max"], result["cycles"]) == (2.5, 4.0, 4)
 
 
-def test_drive_and_memory_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cycle_time, "_WARM_UP", 10)
-    result = cycle_time.timed_drive("short", 8, lambda _: None)
+def test_drive_and_memory_are_measured() -> None:
+    result = cycle_time.timed_drive("short", 20, lambda _: None)
     assert 0.0 < result["p50"] <= result["p99"] <= result["max"]
-    memory = cycle_time.memory(12, lambda _: None)
+    memory = cycle_time.memory(40, lambda _: None)
     assert memory["resident"] > 1e7
     # A cycle that kept its arrays would hold hundreds of kilobytes more each time.
-    assert memory["traced_growth"] < 12 * 100e3
+    assert memory["traced_growth"] < 40 * 100e3
 
 
 @pytest.fixture(scope="module")
