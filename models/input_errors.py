@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import NamedTuple
 
+from slopewise.models.arrays import Elementwise
 from slopewise.models.quantity import quantity, validate_quantities
 
 
@@ -92,6 +93,10 @@ class InputErrors(NamedTuple):
         """Whether any point of the body may have a lateral offset."""
         return max(self.cross_track, self.cross_track_per_curvature, self.heading) > 0.0
 
+    def across(self, curvature: Elementwise) -> Elementwise:
+        """Distance of the reference point from its line at path curvatures [1/m], in [m]."""
+        return self.cross_track + self.cross_track_per_curvature * abs(curvature)
+
 
 def input_errors(tracking: Tracking | None, quantile: float | None) -> InputErrors:
     """Errors at the quantile of a plan.
@@ -131,7 +136,7 @@ def lateral_band(errors: InputErrors, x_body: float, curvature: float = 0.0) -> 
         x_body: distance of the point ahead of the reference point [m].
         curvature: path curvature [1/m].
     """
-    across = errors.cross_track + errors.cross_track_per_curvature * abs(curvature)
+    across: float = errors.across(curvature)
     return across + abs(x_body) * math.sin(errors.heading)
 
 

@@ -201,7 +201,7 @@ def _tails(samples: TrackingSamples, use: Bools, error: Floats, law: Spread) -> 
 def _beyond(samples: TrackingSamples, rows: Bools, tracking: Tracking, quantile: float) -> float:
     """Share of samples beyond the band of a table [1]: across, or in heading where it is known."""
     errors = input_errors(tracking, quantile)
-    band = errors.cross_track + errors.cross_track_per_curvature * np.abs(samples.curvature[rows])
+    band = errors.across(samples.curvature[rows])
     across = np.mean(np.abs(samples.cross_track[rows]) > band)
     heading = samples.heading[rows]
     turned = np.mean(np.abs(heading) > errors.heading) if np.isfinite(heading).all() else 0.0

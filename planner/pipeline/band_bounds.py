@@ -15,11 +15,12 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.input_errors import InputErrors
 from slopewise.models.parameters import Model
 from slopewise.planner.bounds.speed_bounds import speed_bounds
 from slopewise.planner.ground.braking_ground import GroundConditions, ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
-from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
+from slopewise.planner.ground.uncertainty import Uncertainty
 
 _SIDES = (1.0, -1.0)  # left, right
 
@@ -29,14 +30,14 @@ class BandGround(NamedTuple):
 
     elevation_map: ElevationMap
     model: Model
+    errors: InputErrors
     conditions: GroundConditions | None
     uncertainty: Uncertainty | None
 
     @property
     def has_band(self) -> bool:
         """The reference point may be off the line."""
-        errors = survived_errors(self.model, self.uncertainty)
-        return max(errors.cross_track, errors.cross_track_per_curvature) > 0.0
+        return max(self.errors.cross_track, self.errors.cross_track_per_curvature) > 0.0
 
     def bounds(self, profile: TerrainProfile, j: int, clear: float) -> tuple[Floats, Ints]:
         """Lowest v² of both sides, and which bound it is, (N,) each [m²/s²].
@@ -50,9 +51,8 @@ class BandGround(NamedTuple):
         def twice(rows: Floats) -> Floats:
             return np.repeat(rows[:n, j, None], sides, axis=1)
 
-        errors, curvature = survived_errors(self.model, self.uncertainty), twice(profile.curvature)
-        band = errors.cross_track + errors.cross_track_per_curvature * np.abs(curvature)
-        left = band * np.array(_SIDES)
+        curvature = twice(profile.curvature)
+        left = self.errors.across(curvature) * np.array(_SIDES)
         beside = terrain_profile(
             self.elevation_map,
             twice(profile.x) - left * twice(profile.heading_y),

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.compiled_core import core
 from slopewise.planner.limiting import Limiting
@@ -93,10 +93,7 @@ class CandidateColumn:
     def _keep_to(self, speed_sq: Floats, limiting: Ints) -> None:
         """Lower the bounds to those of ground next to the path; stations as of the batch."""
         first = self._index[1]
-        self.at_side = speed_sq[first:] < self.bound
-        self.label[self.at_side] = limiting[first:][self.at_side]
-        self.bound[self.at_side] = speed_sq[first:][self.at_side]
-        self.speed_sq_max = self.bound.copy()
+        self.at_side = self._lower(speed_sq[first:], limiting[first:])
         np.minimum(self.track.speed_limit, np.sqrt(self.bound), out=self.track.speed_limit)
 
     def _stop_before(self, found: GroundFinding) -> None:
@@ -115,10 +112,15 @@ class CandidateColumn:
         left = self.clear - self.offset - errors.along_track - ahead
         lost = max(weakest, 0.0) * dead_time
         speed = np.sqrt(lost**2 + 2.0 * max(weakest, 0.0) * np.maximum(left, 0.0)) - lost
-        lower = np.square(np.maximum(speed - errors.speed, 0.0))
-        self.label[lower < self.bound] = int(found.bound)
-        np.minimum(self.bound, lower, out=self.bound)
+        self._lower(np.square(np.maximum(speed - errors.speed, 0.0)), int(found.bound))
+
+    def _lower(self, speed_sq: Floats, limiting: Ints | int) -> Bools:
+        """Lower the bounds to v² (N,), and name what says so; stations where that is lower."""
+        is_lower: Bools = speed_sq < self.bound
+        np.copyto(self.label, limiting, where=is_lower)
+        np.copyto(self.bound, speed_sq, where=is_lower)
         self.speed_sq_max = self.bound.copy()
+        return is_lower
 
     @property
     def obstacle(self) -> Obstacle | None:

@@ -119,7 +119,7 @@ def time_optimal_batch(
         settings=settings,
         hazards=swept_hazards(elevation_map, profile, model, errors=errors, departure=departure),
     )
-    band = BandGround(elevation_map, model, conditions, uncertainty)
+    band = BandGround(elevation_map, model, errors, conditions, uncertainty)
     return replace(
         solved, view=GroundView(elevation_map, errors), band=band if band.has_band else None
     )

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from slopewise.models.arrays import Floats
 from slopewise.models.input_errors import InputErrors
 
@@ -52,7 +50,7 @@ def tube_of(
     """
     if added_band is None and not errors.has_band:
         return None
-    across = errors.cross_track + errors.cross_track_per_curvature * np.abs(curvature)
+    across = errors.across(curvature)
     step = _CELL_SHARE * resolution
     if added_band is not None:
         across, step = across + added_band, max(step, COARSE)

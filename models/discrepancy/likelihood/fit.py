@@ -28,6 +28,7 @@ from slopewise.models.discrepancy.likelihood.marginal import (
     by_noise,
     mixed,
     of_noise,
+    share_changed,
     solved_both,
     waves_of,
 )
@@ -98,7 +99,7 @@ class Problem:
         """All columns integrated out."""
         both = solved_both(grams, std, noise, self.trace.calibrated, self._centre(std))
         evidence = mixed(both[0].evidence, both[1].evidence)
-        changed = float(np.exp(np.log(prior.CHANGED) + both[1].evidence - evidence))
+        changed = share_changed(both[1].evidence, evidence)
         return replace(both[changed > 0.5], evidence=evidence, changed=changed)
 
     def _centre(self, std: Floats) -> Floats:

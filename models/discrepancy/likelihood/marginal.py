@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 
-from slopewise.models.arrays import Floats
+from slopewise.models.arrays import Elementwise, Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.gaussian import Grams, Solved, by_variances, solved
 from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, EARLY_PLACES, HAT_PLACES
-
-ArrayOrFloat = TypeVar("ArrayOrFloat", float, Floats)
 
 
 def waves_of(grams: Grams) -> int:
@@ -59,7 +55,7 @@ def by_noise(
         slopes.append([white, per_stop[3], per_stop[2], per_stop[4:].sum(), *at_onset])
         evidences.append(solution.evidence)
     evidence = mixed(*evidences)
-    changed = np.exp(np.log(prior.CHANGED) + evidences[1] - evidence)
+    changed = share_changed(evidences[1], evidence)
     off = (np.log(noise) - np.log(prior.NOISE)) / prior.NOISE_SPREAD
     slope = (1.0 - changed) * np.array(slopes[0]) + changed * np.array(slopes[1])
     return evidence + of_noise(noise), slope - off / prior.NOISE_SPREAD
@@ -81,9 +77,11 @@ def with_onset(std: Floats, noise: Floats) -> Floats:
     return scaled
 
 
-def mixed(calibrated: ArrayOrFloat, changed: ArrayOrFloat) -> ArrayOrFloat:
+def share_changed(changed: float, evidence: float) -> float:
+    """Probability that coefficients have changed, by ln of that evidence and of both together."""
+    return float(np.exp(np.log(prior.CHANGED) + changed - evidence))
+
+
+def mixed(calibrated: Elementwise, changed: Elementwise) -> Elementwise:
     """Ln of the evidence of both priors of the coefficients together."""
-    result: ArrayOrFloat = np.logaddexp(
-        np.log1p(-prior.CHANGED) + calibrated, np.log(prior.CHANGED) + changed
-    )
-    return result
+    return np.logaddexp(np.log1p(-prior.CHANGED) + calibrated, np.log(prior.CHANGED) + changed)

@@ -42,7 +42,8 @@ class Found:
     @property
     def log_weight(self) -> float:
         """Of all of its grids."""
-        return self.log_prior + prior.TEMPER * mixed(*self.each)
+        weight: float = self.log_prior + prior.TEMPER * mixed(*self.each)
+        return weight
 
 
 def searched(trace: Trace, book: Dictionary, fit: Fit, at: int) -> list[Found]:
