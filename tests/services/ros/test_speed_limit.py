@@ -21,7 +21,7 @@ from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.ros import conversions as ros
 from slopewise.services.ros.settings import Timing
 from slopewise.services.ros.speed_limit import SpeedAdvice, advice_from_reply, place_on, stop
-from slopewise.services.settings.service_settings import ServiceConfig
+from slopewise.services.settings.service_settings import Planning, ServiceConfig
 from slopewise.services.wire.plan_messages import Path, PlanReply, PlanRequest
 from tests.services import grid_maps
 
@@ -30,11 +30,12 @@ KNOWN = 20.0  # [m] where unknown ground begins
 CELL = 0.25
 BODY = 1.25  # [m] of the vehicle and a cell, ahead of the position that is planned
 MODEL = read_model(find_model("atv"))
+PATIENT = Planning(budget=10.0)  # plans are smoothed however busy the machine is
 
 
 @pytest.fixture(scope="module")
 def planner() -> PlanService:
-    return PlanService(ServiceConfig(model="atv"), ActiveParameters(MODEL))
+    return PlanService(ServiceConfig(model="atv", planning=PATIENT), ActiveParameters(MODEL))
 
 
 @pytest.fixture(scope="module")
