@@ -8,7 +8,11 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # One more than the two cores of the machines that it runs on: a third of the time tests wait.
 JOBS ?= 3
+PACKAGES := slopewise models planner services benchmarks
 CORE := hatch_build.py $(wildcard planner/core/* planner/core/*/*)
+
+# What Python compiled is kept, also where the environment has this set: processes share it.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test lint style types tests core nightly bench docs format clean
 
@@ -62,8 +66,10 @@ $(VENV)/bin/python:
 
 $(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt $(CORE)
 	$(PIP) install -e . -c constraints.txt
+	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@
 
 $(VENV)/.installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt $(CORE)
 	$(PIP) install -e ".[dev]" -c constraints.txt
+	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@ $(VENV)/.installed

@@ -6,6 +6,8 @@ searches longer, and with other seeds every time.
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import os
 from pathlib import Path
 
@@ -23,6 +25,7 @@ settings.register_profile("default", derandomize=True, database=None, **_CALM)
 settings.register_profile("nightly", max_examples=2000, print_blob=True, **_CALM)
 
 
+TESTS = Path(__file__).parent
 COMPILING = {"test_extending", "test_from_cpp", "test_sanitizers"}
 """Their single tests take so long that the last worker would work on them alone."""
 
@@ -34,6 +37,22 @@ def pytest_configure(config: pytest.Config) -> None:
     # with them on the tests that it happened to run before.
     assert "_local_constants" in vars(HypothesisProvider)
     HypothesisProvider._local_constants = Constants()
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Each worker of a run of all tests begins to import at another file.
+
+    pytest takes seconds to rewrite their assertions: what one worker has rewritten, others find.
+    """
+    worker = getattr(session.config, "workerinput", None)
+    if worker is None or session.config.args != session.config.getini("testpaths"):
+        return
+    files = sorted(TESTS.rglob("test_*.py"))
+    first = len(files) * int(worker["workerid"].removeprefix("gw")) // worker["workercount"]
+    for file in files[first:] + files[:first]:
+        # What cannot be imported is reported when it is collected.
+        with contextlib.suppress(Exception, pytest.skip.Exception):
+            importlib.import_module(".".join(file.relative_to(TESTS.parent).with_suffix("").parts))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
