@@ -35,6 +35,19 @@ void expect_processor() {
 }
 
 }  // namespace
+
+void expect_sizes(const char* name, const std::int64_t* found, std::initializer_list<Index> shape) {
+  std::size_t axis = 0;
+  for (const Index size : shape) {
+    const std::int64_t has = found[axis++];
+    if (has == size) continue;
+    std::string text = name;
+    text.append(": expected ").append(std::to_string(size)).append(" along axis ");
+    text.append(std::to_string(axis - 1)).append(", got ").append(std::to_string(has));
+    throw nb::value_error(text.c_str());
+  }
+}
+
 }  // namespace slopewise
 
 NB_MODULE(_core, m) {

@@ -21,17 +21,12 @@ using Output2 = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 using Counts1 = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
+// Compiled once, not for each type of array.
+void expect_sizes(const char* name, const std::int64_t* found, std::initializer_list<Index> shape);
+
 template <class Array>
 void expect_shape(const char* name, const Array& array, std::initializer_list<Index> shape) {
-  std::size_t axis = 0;
-  for (const Index size : shape) {
-    const auto found = static_cast<Index>(array.shape(axis++));
-    if (found == size) continue;
-    std::string text = name;
-    text.append(": expected ").append(std::to_string(size)).append(" along axis ");
-    text.append(std::to_string(axis - 1)).append(", got ").append(std::to_string(found));
-    throw nb::value_error(text.c_str());
-  }
+  expect_sizes(name, array.shape_ptr(), shape);
 }
 
 void bind_profile(nb::module_& m);
