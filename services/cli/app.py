@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import os
 import sys
+from functools import cache
 from typing import Annotated, Any
 
 import typer
+import typer.main
 
 from slopewise.models.errors import SlopewiseError
 from slopewise.services.cli import (
@@ -35,6 +37,7 @@ from slopewise.services.cli.command import ExitStatus
 
 # Recent versions of typer include a copy of click, so its classes are taken from typer.
 _UsageError: Any = typer.BadParameter.__base__
+_command_of: Any = cache(typer.main.get_command)  # derived from signatures of all commands
 
 app = typer.Typer(
     name="slopewise",
@@ -96,7 +99,7 @@ def _root(
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its status."""
     try:
-        status = app(args=arguments, prog_name="slopewise", standalone_mode=False)
+        status = _command_of(app)(args=arguments, prog_name="slopewise", standalone_mode=False)
     except _UsageError as error:
         _fail(f"{error.format_message()} (see slopewise --help)", ExitStatus.BAD_INPUT)
     except SlopewiseError as error:

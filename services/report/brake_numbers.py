@@ -18,7 +18,6 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.effects import registry
 from slopewise.models.effects.effect_law import Enters, Place
-from slopewise.models.force_design import design
 from slopewise.models.laws import braking
 from slopewise.models.laws import responsibility_sensitive_safety as rss
 from slopewise.models.laws.holding import brakes_hold
@@ -75,6 +74,11 @@ class BrakeNumbers:
         """The surface, and the states in which it may be, as promised at the quantile."""
         b = promised(self.model, self.survive.quantile).braking
         return tuple(b.on(n) if n else b for n in (self.surface, *b.states_of(self.surface)))
+
+    @cached_property
+    def _margins(self) -> tuple[tuple[Braking, Floats], ...]:
+        """Tables with the (4, 4) matrix of their margin, which each speed and grade needs."""
+        return tuple((table, self.survive.force_matrix(table)) for table in self.tables)
 
     @cached_property
     def cautious(self) -> Model:
@@ -200,9 +204,9 @@ class BrakeNumbers:
         margin = sum(self.survive.ground_margin(e) for e in self.model.effect)
         strongest = max(
             force_ratio(self.model, table, _place(grade, self.yaw), speed)
-            + self._force_margin(table, speed, grade)
+            + self._force_margin(table, matrix, speed, grade)
             + margin
-            for table in self.tables
+            for table, matrix in self._margins
             for speed in self.tables[0].speed_range
         )
         return float(rear_share_under_braking(grade, 0.0, strongest, v.wheelbase, v.cg_x, v.cg_z))
@@ -263,7 +267,8 @@ class BrakeNumbers:
         fastest = max(min(t.speed_range[1] for t in tables), onset)
         # The margin is convex in the onset speed: its chord over the trained speeds is above it.
         low, high = (
-            max(self._force_margin(t, v, grade) for t in tables) for v in (slowest, fastest)
+            max(self._force_margin(*each, v, grade) for each in self._margins)
+            for v in (slowest, fastest)
         )
         per_speed = (high - low) / max(fastest - slowest, 1e-9)
         margin = sum(self.survive.ground_margin(e) for e in self.model.effect)
@@ -292,11 +297,12 @@ class BrakeNumbers:
         sizes = v.brake_share, self.friction, v.wheelbase, v.cg_x, v.cg_z
         return min(cap, *map(float, lockup_force_ratios(grade, 0.0, *sizes)))
 
-    def _force_margin(self, table: Braking, speed: float, grade: float) -> float:
+    def _force_margin(self, table: Braking, matrix: Floats, speed: float, grade: float) -> float:
         """Margin of F_b/W by the coefficients at the quantile [1]."""
-        phi = design(np.array([max(speed, table.speed_range[0])]), np.array([grade]))[0]
+        speed = max(speed, table.speed_range[0])
+        phi = np.array([speed * grade, grade, speed, 1.0])  # a row of `design`
         scale = registry.force_scale(self.model.effect)
-        return scale * math.sqrt(float(phi @ self.survive.force_matrix(table) @ phi))
+        return scale * math.sqrt(float(phi @ matrix @ phi))
 
 
 def _place(grade: float, yaw: float) -> dict[str, float]:
