@@ -37,7 +37,6 @@ _RESPONSE = 3.0 * CYCLE  # [s] in which a baseline approaches its speed
 _FULL_STOP_SPEED = 0.3  # [m/s] above which a baseline brakes in full
 _STRIDE = 2  # points of the route from one station of the horizon to the next
 _BEHIND = 20  # points of the route behind the vehicle
-_BUDGET = 0.05  # [s] of a cycle of the horizon; other processes share the machine
 _MIN_CLEAR = 0.3  # [m] below which a baseline stays at rest
 
 
@@ -151,11 +150,12 @@ class MovingHorizon:
 
     name, exact = "slopewise", False
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, budget: float = 0.05) -> None:
+        """Plan with a budget for each cycle [s]; other processes share the machine."""
         self._stops = Planned(model)
         self._horizon = Horizon(
             model,
-            HorizonSettings(period=CYCLE, budget=_BUDGET),
+            HorizonSettings(period=CYCLE, budget=budget),
             uncertainty=Uncertainty(quantile=0.5),
         )
 

@@ -113,7 +113,7 @@ def test_planner_stops_before_walls_where_a_fixed_speed_does_not(
     scenes: tuple[int, ...], stops: int
 ) -> None:
     model = learned_model()
-    drives = [run_drive(*scene(n, None), MovingHorizon(model), n) for n in scenes]
+    drives = [run_drive(*scene(n, None), MovingHorizon(model, budget=60.0), n) for n in scenes]
     figures = summary(drives, drives)
     assert figures["finished"] == len(scenes)
     assert figures["forced_stops"] >= stops

@@ -23,7 +23,7 @@ from examples.mock_navigation import (
 from slopewise import PlanClient
 from slopewise.services.daemon.daemon import Service
 from slopewise.services.io.model_file import find_model, read_model
-from slopewise.services.settings.service_settings import ServiceConfig, ZenohSettings
+from slopewise.services.settings.service_settings import Planning, ServiceConfig, ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.service_process import free_port, running
 
@@ -32,7 +32,8 @@ def test_it_stays_on_the_map_for_a_lap_and_obeys(tmp_path: Path) -> None:
     """As fast as answers come; speeds are compared with the limits of the model."""
     endpoint, period = (f"tcp/127.0.0.1:{free_port()}",), 0.1
     listening = ZenohSettings(listen=endpoint)
-    config = ServiceConfig(model="atv", namespace="test/lap", zenoh=listening)
+    patient = Planning(budget=10.0)  # plans are smoothed however busy the machine is
+    config = ServiceConfig(model="atv", namespace="test/lap", zenoh=listening, planning=patient)
     robot = Robot(hills(), Loop.ellipse())
     with (
         Service(config),

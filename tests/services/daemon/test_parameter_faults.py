@@ -60,7 +60,7 @@ def estimator(service: Running, name: str) -> subprocess.Popen[str]:
 
 
 def test_without_its_estimator_plans_are_slower_with_a_reason(tmp_path: Path) -> None:
-    learning = '[learning]\nestimators = ["camera"]\ndegraded_speed = 0.8'
+    learning = 'budget = 5.0\n[learning]\nestimators = ["camera"]\ndegraded_speed = 0.8'
     with robot_on_ground(tmp_path, planning=learning) as robot:
         missing = "degraded: estimator camera is not alive"
         assert flagged(robot, missing)
