@@ -62,13 +62,12 @@ def oscillation_of(
     if all(s.pitch_rate is not None and np.isfinite(s.pitch_rate).all() for s in stops):
         return _by_pitch_rate(plain, pool)
     oscillations = [Oscillation(1.0, f, d) for f in _FREQUENCIES.tolist() for d in _DAMPING]
-    explained = [plain.explained([oscillation.lead]) for oscillation in oscillations]
-    best = max(range(len(oscillations)), key=lambda k: explained[k][1])
-    size, gain = explained[best]
+    sizes, reductions = plain.explained_alone([each.lead for each in oscillations])
+    best = int(reductions.argmax())
     unrelated = max(plain.explained(shapes)[1] for shapes in _other_shapes())
-    if size[0] <= 0.0 or gain < max(_MIN_GAIN, unrelated):
+    if sizes[best] <= 0.0 or reductions[best] < max(_MIN_GAIN, unrelated):
         return None
-    oscillation = _refined(dataclasses.replace(oscillations[best], gain=float(size[0])), pool)
+    oscillation = _refined(dataclasses.replace(oscillations[best], gain=float(sizes[best])), pool)
     return oscillation if plain.reduction(pool(oscillation)) > _BETTER * unrelated else None
 
 
@@ -147,6 +146,15 @@ class _Pool:
             right += columns.T @ residual
         sizes = np.asarray(np.linalg.lstsq(normal, right, rcond=1e-9)[0], np.float64)
         return sizes, float(sizes @ right)
+
+    def explained_alone(self, shapes: Sequence[Shape]) -> tuple[Floats, Floats]:
+        """Sizes (k,) of shapes of which only one is in all stops, and (k,) what each reduces."""
+        normal, right = np.full(len(shapes), 1e-300), np.zeros(len(shapes))
+        for columns, residual in self._columns(shapes):
+            normal += np.einsum("nk,nk->k", columns, columns)
+            right += columns.T @ residual
+        sizes: Floats = right / normal
+        return sizes, sizes * right
 
     def _columns(self, shapes: Sequence[Shape]) -> Iterator[tuple[Floats, Floats]]:
         """(n, k) shapes of each stop that its fit does not follow, and (n,) its residuals."""

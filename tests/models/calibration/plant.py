@@ -79,9 +79,8 @@ def drive(
     rng = np.random.default_rng(seed)
     speed = rng.uniform(*speeds, stops)
     base = np.zeros(stops) if level else rng.uniform(*grades, stops)
-    heading = np.zeros(stops)
+    heading, half = np.zeros(stops), (stops + 1) // 2
     if out_and_back:
-        half = (stops + 1) // 2
         base = np.concatenate((base[:half], base[:half]))[:stops]
         heading = np.where(np.arange(stops) < half, 0.0, np.pi)
     amplitude = 0.0 if level else plant.undulation
@@ -91,15 +90,14 @@ def drive(
     gross = np.where(wild, rng.choice([0.6, 1.7], stops), 1.0)  # of the deceleration
 
     if out_and_back:
-        half = (stops + 1) // 2
         phase = np.concatenate((phase[:half], phase[:half]))[:stops]
         wave = np.concatenate((wave[:half], wave[:half]))[:stops]
-    back = heading > 1.0
+    back, zero = heading > 1.0, np.where(heading > 1.0, 10.0, 0.0)
+    way_sign = np.where(back, -1.0, 1.0)
 
     def ground(s: np.ndarray) -> np.ndarray:
-        along = np.where(back, 10.0 - s, s)
-        slope = base + amplitude * np.sin(2 * np.pi * along / wave + phase)
-        return np.where(back, -slope, slope)
+        along = zero + way_sign * s
+        return way_sign * (base + amplitude * np.sin(2 * np.pi * along / wave + phase))
 
     lead, tail = 1.5, 1.6
     v, s = speed.copy(), np.zeros(stops)
@@ -109,31 +107,33 @@ def drive(
     every = round(1.0 / (plant.hz * STEP))
     k, t = 0, -lead
     while True:
-        share = float(np.clip((t + STEP - plant.dead_time) / STEP, 0.0, 1.0))  # of this step
-        braking = share * np.isnan(done)
+        share = min(max((t + STEP - plant.dead_time) / STEP, 0.0), 1.0)  # of this step
+        drives = np.isnan(done)
+        braking = share * drives
         theta = ground(s)
-        a = braking * gross * G * (plant.force(theta, speed) + error + np.sin(theta))
+        sine = np.sin(theta)
+        a = braking * gross * G * (plant.force(theta, speed) + error + sine)
         if k % every == 0:
-            since = np.where(np.isnan(done), 0.0, t - done)
-            rock = np.where(
-                np.isnan(done), 0.0, -0.06 * np.exp(-since / 0.1) * np.sin(since / 0.05)
-            )
+            since = np.where(drives, 0.0, t - done)
+            rock = np.where(drives, 0.0, -0.06 * np.exp(-since / 0.1) * np.sin(since / 0.05))
             samples.append((np.full(stops, t), v + rock, theta, dive, s.copy()))
-        if np.isfinite(done).all() and t > np.max(done) + tail:
+        if not drives.any() and t > np.max(done) + tail:
             break
         assert t < 60.0, "the plant does not stop"
+        dive = dive + STEP / plant.settling * (plant.dive * (a - G * sine) - dive)
+        k, t = k + 1, t + STEP
+        if not drives.any():
+            continue
         middle = np.maximum(v - 0.5 * STEP * a, 0.0)
         theta_mid = ground(s + 0.5 * STEP * v)
         a_mid = braking * gross * G * (plant.force(theta_mid, speed) + error + np.sin(theta_mid))
         arrived = (braking > 0.0) & (v - STEP * a_mid <= 0.0)
         last = np.where(arrived, v / np.maximum(a_mid, 1e-9), STEP)
-        s = s + np.where(np.isnan(done), np.where(arrived, 0.5 * v * last, STEP * middle), 0.0)
+        s = s + np.where(drives, np.where(arrived, 0.5 * v * last, STEP * middle), 0.0)
         mean, count = mean + braking * theta, count + braking
-        done = np.where(arrived, t + last, done)
+        done = np.where(arrived, t - STEP + last, done)
         way = np.where(arrived, s, way)
-        v = np.where(arrived, 0.0, np.where(np.isnan(done), v - STEP * a_mid, v))
-        dive = dive + STEP / plant.settling * (plant.dive * (a - G * np.sin(theta)) - dive)
-        k, t = k + 1, t + STEP
+        v = np.where(arrived, 0.0, np.where(drives, v - STEP * a_mid, v))
 
     times, speeds_, thetas, dives, ways = (np.array(c).T for c in zip(*samples, strict=True))
     at = speed * lead
@@ -143,7 +143,7 @@ def drive(
         n = int(np.searchsorted(times[i], done[i] + tail))
         part = slice(0, n)
         noise = np.random.default_rng([seed, i]).standard_normal((2, n))
-        x = 1000.0 * (i % ((stops + 1) // 2)) + np.cos(heading[i]) * (ways[i, part] - 5.0)
+        x = 1000.0 * (i % half) + np.cos(heading[i]) * (ways[i, part] - 5.0)
         row = {
             "run": np.full(n, str(i)),
             "t": clock + lead + times[i, part],
@@ -160,8 +160,8 @@ def drive(
         runs.append(slice(begin, begin + n))
         begin, clock = begin + n, clock + float(times[i, n - 1]) + 5.0
     log = {name: np.concatenate(parts) for name, parts in columns.items()}
-    ahead = np.array([ground(at + d) for d in np.arange(0.0, 1.2 * np.max(way - at) + 2.0, 0.01)])
-    return log, runs, Truth(speed, mean / count, way - at, done, ahead)
+    ahead = at + np.arange(0.0, 1.2 * np.max(way - at) + 2.0, 0.01)[:, None]
+    return log, runs, Truth(speed, mean / count, way - at, done, ground(ahead))
 
 
 def predicted(
