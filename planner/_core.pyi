@@ -55,6 +55,7 @@ class BroadPhase:
     relief: Singles
     relief_beside: Singles
     lift: Singles
+    stand: Singles
     east: Singles
     north: Singles
     seen: Singles

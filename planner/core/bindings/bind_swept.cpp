@@ -161,6 +161,7 @@ void bind_swept(nb::module_& m) {
       .def_prop_ro("relief", blocks_of(&ScreenedBlocks::relief))
       .def_prop_ro("relief_beside", blocks_of(&ScreenedBlocks::relief_beside))
       .def_prop_ro("lift", blocks_of(&ScreenedBlocks::lift))
+      .def_prop_ro("stand", blocks_of(&ScreenedBlocks::stand))
       .def_prop_ro("east", blocks_of(&ScreenedBlocks::east))
       .def_prop_ro("north", blocks_of(&ScreenedBlocks::north))
       .def_prop_ro("seen", blocks_of(&ScreenedBlocks::seen));

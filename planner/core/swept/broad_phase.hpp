@@ -23,16 +23,17 @@ struct ScreenedBlocks {
   Index rows, columns;
   std::vector<std::uint8_t> bits;  // what poses with their middle in a block may meet
   // How far a wheel around the block may climb or fall, beyond the slope there; how far it may
-  // stand above the ground under its middle, likewise; inf where unknown [m]. Slope of the ground
-  // around a wheel in the block [1]. Distance from any point of a block within which all is known,
-  // at most the reach of the body [m].
-  std::vector<float> relief, lift, east, north, seen;
+  // stand above the ground under its middle, likewise; inf where unknown [m]. Height below which a
+  // wheel in the middle of the block stands, above the level of the facets; likewise [m]. Slope of
+  // the ground around a wheel in the block [1]. Distance from any point of a block within which all
+  // is known, at most the reach of the body [m].
+  std::vector<float> relief, lift, stand, east, north, seen;
   std::vector<float> relief_beside;  // highest relief within the band of a wheel, else inf
 
   ScreenedBlocks(Index block_rows, Index block_columns)
       : rows(block_rows), columns(block_columns), bits(count(), check_unknown | check_body),
-        relief(count(), infinity), lift(count(), infinity), east(count()), north(count()),
-        seen(count()), relief_beside(count(), infinity) {}
+        relief(count(), infinity), lift(count(), infinity), stand(count(), infinity),
+        east(count()), north(count()), seen(count()), relief_beside(count(), infinity) {}
 
  private:
   static constexpr float infinity = std::numeric_limits<float>::infinity();
@@ -93,6 +94,19 @@ class BroadPhase {
            static_cast<std::int32_t>(u);
   }
 
+  // Height below which a wheel with its middle there stands, above the level of the facets [m].
+  [[nodiscard]] double stands_below(const Place& at) const noexcept {
+    const std::int32_t n = block_at(at.x, at.y);
+    const auto columns = static_cast<std::int32_t>(blocks_.columns), row = n / columns;
+    const auto block = static_cast<std::size_t>(n);
+    const double edge = 1.0 / layout_.per_metre;
+    const double x = at.x - origin_x_ - (static_cast<double>(n - row * columns) + 0.5) * edge;
+    const double y = at.y - origin_y_ - (static_cast<double>(row) + 0.5) * edge;
+    return static_cast<double>(blocks_.stand[block]) +
+           static_cast<double>(blocks_.east[block]) * x +
+           static_cast<double>(blocks_.north[block]) * y;
+  }
+
  private:
   // Of the first block, from the centre of the first cell of the map [cells].
   [[nodiscard]] double corner(BlockSpan span) const noexcept {
@@ -140,7 +154,8 @@ class BroadPhase {
         std::fill_n(blocks_.lift.data() + out, lanes, 0.0F);
       } else {
         residual.visit_wheel(offsets.wheel);
-        residual.judge_wheel(blocks_.relief.data() + out, blocks_.lift.data() + out);
+        residual.judge_wheel(blocks_.relief.data() + out, blocks_.lift.data() + out,
+                             blocks_.stand.data() + out);
       }
       residual.find_unknown(offsets.sight, static_cast<float>(sizes_.sight()),
                             blocks_.seen.data() + out, blocks_.bits.data() + out);

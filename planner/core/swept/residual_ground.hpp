@@ -72,27 +72,35 @@ class ResidualGround {
   }
 
   // What a wheel feels around each block, its rim taken off; what it stands on; and what it may
-  // touch where it stands: on a slope uphill of its middle, where its rim is no higher.
+  // touch where it stands, lowered by as much as its rim is above what a slope lifts there.
   [[gnu::noinline]] void visit_wheel(const std::vector<WheelOffset>& offsets) noexcept {
-    Floats near, under, base;
+    Floats near, under, base, slope, uphill;
     near.fill(-infinity);
     under.fill(-infinity);
     base.fill(infinity);
+    for (std::size_t n = 0; n < static_cast<std::size_t>(lanes_); ++n) {
+      slope[n] = slope_near(n);
+      uphill[n] = uphill_lift(slope[n]);
+    }
     for (const WheelOffset& offset : offsets) {
       const Offset at(*this, offset.block);
       const float *middle = ground_.middle.data() + at.first;
       const float* above = ground_.above.data() + at.first;
       const float* below = ground_.below.data() + at.first;
       const float *east = ground_.east.data() + at.first, *north = ground_.north.data() + at.first;
-      const float rim = offset.rim, no_base = offset.no_base, no_touch = offset.no_touch;
+      const float rim = offset.rim, no_base = offset.no_base, drop = offset.drop;
+      const float ahead = offset.ahead, steepness = offset.steepness, left = limits_.radius - ahead;
       SLOPEWISE_INDEPENDENT
       for (Index j = 0; j < lanes_; ++j) {
         const auto n = static_cast<std::size_t>(j);
         const float level = at.height(*this, n), tilt = at.tilt(*this, n, east[j], north[j]);
         const float felt = middle[j] + above[j] + tilt - level;
         const float stands = middle[j] - below[j] - tilt - level + no_base;
+        // From its nearest point on, the rim is above its tangent there.
+        const float beyond = max_of(slope[n] - steepness, 0.0F) * left;
+        const float lowered = min_of(slope[n] * ahead + beyond - uphill[n] - drop, 0.0F);
         near[n] = max_of(near[n], felt - rim);
-        under[n] = max_of(under[n], felt - no_touch);
+        under[n] = max_of(under[n], felt + lowered);
         base[n] = min_of(base[n], stands);
       }
     }
@@ -124,15 +132,15 @@ class ResidualGround {
   }
 
   // How far a wheel around a block may climb, and how far it may stand above the ground under its
-  // middle, beyond the slope there; inf where unknown.
-  void judge_wheel(float* relief, float* lift) const noexcept {
+  // middle, beyond the slope there; below which height it stands in the middle of the block, as it
+  // does elsewhere in it on the slope there. Inf where unknown.
+  void judge_wheel(float* relief, float* lift, float* stand) const noexcept {
     const ScreenLimits& b = limits_;
     SLOPEWISE_INDEPENDENT
     for (Index j = 0; j < lanes_; ++j) {
       const auto n = static_cast<std::size_t>(j);
-      const float bend =
-          std::abs(0.5F * (curvature_xx_[n] + curvature_yy_[n])) + saddle_at(n);
-      const float slope = slope_at(n) + b.near * bend;
+      const float bend = bend_at(n);
+      const float slope = slope_near(n);
       // The surface bends within a block, here and there, and on the way to the climb.
       const float bends = 0.5F * bend * b.edge * b.edge;
       const float rise =
@@ -141,6 +149,10 @@ class ResidualGround {
       const float stands = under_[n] - floor_[n] + slope * b.corner + bends;
       relief[j] = near_[n] >= base_[n] ? rise : infinity;
       lift[j] = under_[n] >= floor_[n] ? stands : infinity;
+      // A slope lifts the rim uphill, and a tyre by its upper edge.
+      const float lifted = uphill_lift(slope) + slope * b.half_tyre;
+      const float highest = level_[n] + under_[n] + lifted + bends;
+      stand[j] = under_[n] >= floor_[n] ? highest : infinity;
     }
   }
 
@@ -216,8 +228,18 @@ class ResidualGround {
     return std::sqrt(across * across + curvature_xy_[n] * curvature_xy_[n]);
   }
 
+  // The largest curvature of any direction, up or down.
+  [[nodiscard]] float bend_at(std::size_t n) const noexcept {
+    return std::abs(0.5F * (curvature_xx_[n] + curvature_yy_[n])) + saddle_at(n);
+  }
+
   [[nodiscard]] float slope_at(std::size_t n) const noexcept {
     return std::sqrt(east_[n] * east_[n] + north_[n] * north_[n]);
+  }
+
+  // The steepest around a wheel in the block.
+  [[nodiscard]] float slope_near(std::size_t n) const noexcept {
+    return slope_at(n) + limits_.near * bend_at(n);
   }
 
   // On a slope a wheel touches the ground a little uphill.

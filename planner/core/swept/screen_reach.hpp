@@ -27,6 +27,7 @@ struct ScreenLimits {
   float cleared;    // climb that is no step, beyond the slope around, over a chord
   float chord, apart;  // of the climb from the middle of the block at most
   float radius, near;  // of the wheel, 0 if the map does not show what it feels; of its climb
+  float half_tyre;  // half the width of one
   // By how much ground between cells is off what bends by 1/m, for body and wheels together [m²];
   // 0 where the margin of the body is more.
   float between;
@@ -55,6 +56,7 @@ struct ScreenLimits {
     apart = f(0.5 * diagonal * block + max_of(sizes.chord, resolution) + 0.5 * sizes.chord);
     radius = f(sizes.fine ? sizes.radius : 0.0);
     near = f(sizes.chord + sizes.radius + sizes.half_tyre + block);
+    half_tyre = f(sizes.half_tyre);
     between = f(sizes.fine ? 0.0 : 0.5 * resolution * resolution);
     travel = f(sizes.wheel_travel - screen_rounding);
   }
@@ -65,12 +67,13 @@ struct BlockOffset {
   Index row, column;
 };
 
-// One that a wheel feels when it climbs or falls: how far its rim is above it at least [m].
-// Infinity where a climb cannot begin or end in it, and where a standing wheel cannot touch it;
-// else 0.
+// One that a wheel feels when it climbs or falls: how far its rim is above it at least [m]; infinity
+// where a climb cannot begin or end in it, else 0. Of a wheel that stands: how far ahead or behind
+// the nearest point of its rim is [m], its height, infinity where the wheel cannot touch it [m], and
+// slope of the rim there [1].
 struct WheelOffset {
   BlockOffset block;
-  float rim, no_base, no_touch;
+  float rim, no_base, ahead, drop, steepness;
 };
 
 // One so far away [m].
@@ -143,10 +146,13 @@ struct ScreenOffsets {
           std::sqrt(max_of(gap * gap - sizes.half_tyre * sizes.half_tyre, 0.0));
       const double away = max_of(along - swept, 0.0);
       if (!(away < sizes.radius)) continue;
-      const auto rim = static_cast<float>(drop_of_rim(sizes.radius, away));
+      const double ahead = min_of(along, sizes.radius), drop = drop_of_rim(sizes.radius, ahead);
+      const bool touches = ahead < sizes.radius;
       constexpr float infinity = std::numeric_limits<float>::infinity();
-      wheel.push_back({other.block, rim, gap < swept ? 0.0F : infinity,
-                       along < sizes.radius ? 0.0F : infinity});
+      const auto f = [](double value) { return static_cast<float>(value); };
+      wheel.push_back({other.block, f(drop_of_rim(sizes.radius, away)),
+                       gap < swept ? 0.0F : infinity, f(ahead), touches ? f(drop) : infinity,
+                       touches ? f(ahead / (sizes.radius - drop)) : 0.0F});
     }
   }
 };

@@ -63,6 +63,9 @@ class NarrowPhase {
   // off its line [m].
   Hazard check(const Pose2d& pose, double back, std::int32_t required, double across) noexcept {
     required = look_closer(pose, required, grid_);
+    // The body needs the heights of the wheels anyway.
+    const bool only_twist = (required & (check_body | check_twist)) == check_twist;
+    if (only_twist && cannot_twist(pose)) required &= ~check_twist;
     if (required == 0) return {};
     ++checked_;
     Hazard found = check_line(pose, back, required, across);
@@ -94,6 +97,19 @@ class NarrowPhase {
       if (twist.any()) return twist;
     }
     return body;
+  }
+
+  // Do the wheels stand too even for a twist, by bounds of their heights?
+  [[nodiscard]] bool cannot_twist(const Pose2d& pose) const noexcept {
+    std::array<double, wheel_count> low, high;
+    for (std::size_t wheel = 0; wheel < wheel_count; ++wheel) {
+      const Place at = wheel_at(static_cast<int>(wheel), sizes_);
+      low[wheel] = height_under_axle(grid_.facets(), pose, at, sizes_, rim_.strides);
+      high[wheel] = grid_.stands_below(pose.at(at.x, at.y));
+    }
+    const auto travel = static_cast<double>(grid_.limits().travel);
+    return high[0] + high[3] - low[1] - low[2] <= travel &&
+           high[1] + high[2] - low[0] - low[3] <= travel;
   }
 
   // Heights of the wheels, NaN where they do not matter. On a map coarser than a wheel it stands on

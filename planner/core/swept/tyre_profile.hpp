@@ -128,6 +128,20 @@ struct Rim {
   }
 };
 
+// A height above the level that a wheel stands on at least: the highest known ground under its axle,
+// where standing_height looks for it, too [m]; unknown_height where nothing is known.
+inline double height_under_axle(const FacetGrid& ground, const Pose2d& pose, Place wheel,
+                                const VehicleEnvelope& sizes, Index strides) noexcept {
+  const double begin = wheel.x - static_cast<double>(strides) * sizes.stride;
+  double highest = unknown_height;
+  for (Index tyre = 0; tyre < sizes.tyres; ++tyre) {
+    const SampleRun run(ground, pose, {begin, wheel.y + tyre_offset(tyre, sizes)}, sizes.stride);
+    const float height = run.height(static_cast<std::int32_t>(strides));
+    highest = max_of(highest, static_cast<double>(height));
+  }
+  return highest;
+}
+
 // Height of the lowest point of a wheel that stands on its rim [m], NaN where all is unknown. Into
 // unknown ground it sinks as far as what is known around lets it, or its height there is unknown.
 inline double standing_height(const FacetGrid& ground, const Pose2d& pose, Place wheel,

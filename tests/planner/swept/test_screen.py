@@ -26,7 +26,7 @@ from slopewise.planner.swept.tube import BandWidth
 from tests.world.hazards import MODELS, Met, ground, met_by, rough_ground
 from tests.world.stages import profile_of
 
-PARTS = ("relief", "lift", "east", "north", "seen")
+PARTS = ("relief", "lift", "stand", "east", "north", "seen")
 
 
 def build(
@@ -90,7 +90,7 @@ def all_suspect(
     """A broad phase that clears nothing."""
     grid = build(scene, sizes, x, y, band)
     grid.bits[:] = core.CHECK_UNKNOWN | core.CHECK_BODY
-    grid.relief[:] = grid.relief_beside[:] = grid.lift[:] = np.inf
+    grid.relief[:] = grid.relief_beside[:] = grid.lift[:] = grid.stand[:] = np.inf
     grid.seen[:] = 0.0
     return grid
 
@@ -140,6 +140,30 @@ def searched_everywhere(
         patch.setattr(sweeper, "broad_phase_for", all_suspect)
         patch.setattr(hazards, "swept_sizes", sizes)
         return Met(swept_hazards(scene, met.profile, model, errors=errors), met.profile)
+
+
+@pytest.mark.parametrize("resolution", [0.05, 0.1, 0.2])
+def test_wheels_that_travel_little_hang_where_an_exact_check_says(resolution: float) -> None:
+    def sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
+        """Nothing but wheels that hang blocks."""
+        ample = {"steepest": 9.0, "cleared": 8.0, "clearance": 9.0}
+        return swept_sizes(vehicle, resolution)._replace(wheel_travel=0.03, **ample)
+
+    hanging = cleared = 0
+    for seed in range(40):
+        model, errors = MODELS[seed % 2], InputErrors()
+        scene = rough_ground(seed, resolution, model.vehicle.wheel_radius)
+        path = CandidatePath("drawn", np.array([[1.5, 2.0], [6.0, 3.3], [10.0, 3.0]]))
+        profile = profile_of(model, scene, path, spacing=resolution)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(hazards, "swept_sizes", sizes)
+            bounded = Met(swept_hazards(scene, profile, model, errors=errors), profile)
+        exact = searched_everywhere(scene, bounded, model, errors, sizes)
+        assert (bounded.station, bounded.reason) == (exact.station, exact.reason)
+        hanging += exact.bar > 0
+        cleared += exact.hazards.looked - bounded.hazards.looked
+    assert hanging > 10
+    assert cleared > 100
 
 
 @pytest.mark.parametrize("resolution", [0.1, 0.2])
