@@ -7,16 +7,15 @@ from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.surface_cache import SurfaceCache
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.planning_limits import PlanningLimits
+from slopewise.planner.profile.time_optimal import ProfileProblem
 from slopewise.planner.swept.hazards import HazardRows
 
 DIGEST: str
-ROWS: tuple[tuple[str, str, str, str], ...]
 STANDSTILL_SQ: float
 TIGHTENING: float
 MIN_STATIONS: int
 NO_PROFILE: int
 KIND_COUNT: int
-HEADING_COUNT: int
 STOP_GUARD: float
 HOLDING: float
 SPENT: float
@@ -111,19 +110,7 @@ def roughness_speeds(
     cell: float,
     held: Floats,
 ) -> None: ...
-def time_optimal(
-    station: Floats,
-    speed_sq_max: Floats,
-    sin_grade: Floats,
-    force_lower_slope: Floats,
-    force_lower_intercept: Floats,
-    trained_speed_min: Floats,
-    accel_max: Floats,
-    required_thrust_ratio: Floats,
-    start_sq: Floats,
-    decel: float,
-    specific_power: float,
-) -> tuple[Floats, Floats]: ...
+def time_optimal(problem: ProfileProblem) -> tuple[Floats, Floats]: ...
 def average_heights(
     elevation: Floats,
     wide_row: np.ndarray,

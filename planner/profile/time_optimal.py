@@ -74,7 +74,7 @@ def time_optimal_profile(problem: ProfileProblem) -> tuple[Floats, Floats]:
         v² (N, M), and (M,) the highest v² at the first station from which the bounds can still be
         kept; below ``start_sq`` the profile begins there all the same [m²/s²].
     """
-    return core.time_optimal(*problem)
+    return core.time_optimal(problem)
 
 
 def travel_cost(station: Floats, speed_sq: Floats, horizon_penalty: float) -> Floats:

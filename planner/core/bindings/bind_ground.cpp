@@ -115,7 +115,6 @@ Made<double> tyre_lifts(MapGrid& map, Index heading) {
 void bind_ground(nb::module_& m) {
   using namespace nb::literals;
   m.def("average_heights", &average);
-  m.attr("HEADING_COUNT") = heading_count;
   nb::class_<MapGrid>(m, "HeightGrid")
       .def(nb::init<const Input2&, double, double, double, double, double, double>(),
            "elevation"_a.noconvert(), "origin_x"_a, "origin_y"_a, "resolution"_a, "half_length"_a,

@@ -1,37 +1,27 @@
 // Profiles along paths.
 #include <algorithm>
-#include <array>
 
-#include "bindings/bindings.hpp"
+#include "bindings/bind_rows.hpp"
 #include "profile/smoothing.hpp"
 #include "profile/time_optimal.hpp"
 
 namespace slopewise {
 namespace {
 
-std::tuple<Made<double>, Made<double>> time_optimal(
-    const Input2& station, const Input2& speed_sq_max, const Input2& sin_grade,
-    const Input2& force_lower_slope, const Input2& force_lower_intercept,
-    const Input2& trained_speed_min, const Input2& accel_bound,
-    const Input2& required_thrust_ratio, const Input1& start_sq, double decel,
-    double specific_power) {
-  Table table{static_cast<Index>(station.shape(0)), static_cast<Index>(station.shape(1)), {}};
-  if (table.stations == 0) throw nb::value_error("station: expected stations, got none");
-  std::size_t r = 0;
-  for (const Input2* row :
-       {&station, &speed_sq_max, &sin_grade, &force_lower_slope, &force_lower_intercept,
-        &trained_speed_min, &accel_bound, &required_thrust_ratio}) {
-    expect_shape(row_table[r].name, *row, {table.stations, table.candidates});
-    table.rows[r++] = const_cast<double*>(row->data());  // only the answer is written
-  }
-  const auto speed_sq = make_rows(table.stations, table.candidates);
-  table.rows[r] = speed_sq.data();
-  expect_shape("start_sq", start_sq, {table.candidates});
-  const auto reachable_start_sq = make_array(table.candidates);
-  double* memory = Workspace::of_thread().reserve(time_optimal_memory(table.stations));
+// Of a `ProfileProblem`.
+std::tuple<Made<double>, Made<double>> time_optimal(const nb::handle& problem) {
+  const auto station = nb::cast<Input2>(problem.attr("station"));
+  const auto n = static_cast<Index>(station.shape(0)), m = static_cast<Index>(station.shape(1));
+  const auto rows = [&](const char* name) { return member_rows<double>(problem, name, n, m); };
+  const auto number = [&](const char* name) { return nb::cast<double>(problem.attr(name)); };
+  const auto speed_sq = make_rows(n, m), reachable_start_sq = make_array(m);
+  const ProfileProblem of{n, m, rows("station"), rows("speed_sq_max"), rows("sin_grade"),
+                          rows("lower_slope"), rows("lower_intercept"), rows("slowest"),
+                          rows("accel_max"), rows("demand"), {speed_sq.data(), m}};
+  const double* start_sq = member_line<double>(problem, "start_sq", m);
+  const Limits limits{number("decel"), number("specific_power")};
   const nb::gil_scoped_release release;
-  solve_time_optimal(table, {decel, specific_power}, start_sq.data(), reachable_start_sq.data(),
-                     memory);
+  solve_time_optimal(of, limits, start_sq, reachable_start_sq.data());
   return {speed_sq, reachable_start_sq};
 }
 
@@ -95,15 +85,12 @@ Made<double> keep_profile_inside(const Input1& speed_sq, const Input1& speed_sq_
 }  // namespace
 
 void bind_profile(nb::module_& m) {
-  using namespace nb::literals;
   m.attr("STANDSTILL_SQ") = standstill_sq;
   m.attr("TIGHTENING") = tightening;
   m.attr("MIN_STATIONS") = min_stations;
   m.attr("NO_PROFILE") = no_profile;
   m.attr("KIND_COUNT") = kind_count;
-  m.def("time_optimal", &time_optimal, "station"_a, "speed_sq_max"_a, "sin_grade"_a,
-        "force_lower_slope"_a, "force_lower_intercept"_a, "trained_speed_min"_a, "accel_max"_a,
-        "required_thrust_ratio"_a, "start_sq"_a, "decel"_a, "specific_power"_a);
+  m.def("time_optimal", &time_optimal);
   m.def("travel_cost", &travel_cost);
   m.def("smooth", &smooth_profile);
   m.def("smoothing_program", &smoothing_program);

@@ -8,14 +8,6 @@
 namespace slopewise {
 namespace {
 
-nb::tuple rows() {
-  nb::list table;
-  for (const RowInfo& row : row_table) {
-    table.append(nb::make_tuple(row.name, row.type, row.unit, row.meaning));
-  }
-  return nb::tuple(table);
-}
-
 // A module for a newer processor would end the process without a message. The processor is asked
 // directly, because compiler-rt of zig knows no processor.
 void expect_processor() {
@@ -54,7 +46,6 @@ NB_MODULE(_core, m) {
   slopewise::expect_processor();
   nanobind::set_leak_warnings(false);  // grids of the last maps live until the process ends
   m.attr("DIGEST") = SLOPEWISE_DIGEST;
-  m.attr("ROWS") = slopewise::rows();
   slopewise::bind_profile(m);
   slopewise::bind_ground(m);
   slopewise::bind_bounds(m);

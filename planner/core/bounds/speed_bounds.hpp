@@ -129,7 +129,7 @@ inline BoundMemory& BoundMemory::of_thread(Index stations, Index candidates) {
 
 // Bounds of a batch.
 inline void bound_speeds(BoundProblem problem, const Bounds& out, BoundMemory& memory) noexcept {
-  const Index stations = problem.terrain.stations, candidates = problem.terrain.candidates;
+  const Index candidates = problem.terrain.candidates;
   double* fastest = memory.of_candidates.data();
   double *top = fastest + candidates, *longest = top + candidates, *excess = longest + candidates;
   highest_of(problem.forces.fastest, problem.terrain, fastest);

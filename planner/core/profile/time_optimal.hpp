@@ -1,4 +1,5 @@
-// Time-optimal profile: one backward and one forward pass over v², W candidates at once.
+// Time-optimal profile: one backward and one forward pass over v², a tile of candidates at
+// once.
 //
 // With v² linear between stations, acceleration is constant on each segment, and the pointwise
 // highest feasible v² is reached by lowering the bound once from the end (what braking can still
@@ -11,7 +12,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "batch.hpp"
+#include "candidate_rows.hpp"
 
 namespace slopewise {
 
@@ -27,43 +28,50 @@ struct Limits {
   double specific_power;  // drive power over weight [m/s]
 };
 
-// Two neighbouring stations of a batch; both are lowered in place.
-template <int W>
-struct Segment {
-  const Batch<W>& batch;
-  Index k;
+// M candidates of up to N stations.
+struct ProfileProblem {
+  Index stations, candidates;
+  Numbers station;         // distance from the path start, increasing [m]
+  Numbers speed_sq_max;    // highest admissible v² [m²/s²]
+  Numbers sin_grade;
+  Numbers lower_slope;     // change of the lower force with speed [s/m]
+  Numbers lower_intercept; // lower force over weight at rest [1]
+  Numbers slowest;         // below it the force does not change with speed [m/s]
+  Numbers accel_max;       // by comfort, thrust and front axle load [m/s²]
+  Numbers demand;          // thrust that holds the speed, over weight [1]
+  Rows<double> speed_sq;   // out, v² of the profile [m²/s²]
 
-  [[nodiscard]] const double* here(Row row) const noexcept { return batch.at(row, k); }
-  [[nodiscard]] const double* ahead(Row row) const noexcept { return batch.at(row, k + 1); }
+  // Candidates from this one on.
+  [[nodiscard]] ProfileProblem from(Index first) const noexcept {
+    return {stations, candidates - first, station.from(first), speed_sq_max.from(first),
+            sin_grade.from(first), lower_slope.from(first), lower_intercept.from(first),
+            slowest.from(first), accel_max.from(first), demand.from(first), speed_sq.from(first)};
+  }
 };
 
-template <int W>
-using Lanes = std::array<double, static_cast<std::size_t>(W)>;
-
 // Whether a lane is not 0.0. Masks are doubles: a bool beside doubles ends vectorisation silently.
-template <std::size_t W>
-bool any_of(const std::array<double, W>& masks) noexcept {
+inline bool any_of(const Lane& masks, Index lanes) noexcept {
   std::int64_t bits = 0;
-  for (const double mask : masks) bits |= std::bit_cast<std::int64_t>(mask);
+  for (Index j = 0; j < lanes; ++j) {
+    bits |= std::bit_cast<std::int64_t>(masks[static_cast<std::size_t>(j)]);
+  }
   return bits != 0;
 }
 
 // One station back at service deceleration; whether and in which lanes brakes may be too weak for it.
-template <int W>
-bool slow_down(const Segment<W>& segment, double decel, Lanes<W>& weak) noexcept {
-  const double *s = segment.here(Row::station), *s_ahead = segment.ahead(Row::station);
-  const double *slope_0 = segment.here(Row::force_lower_slope),
-               *slope_1 = segment.ahead(Row::force_lower_slope);
-  const double *force_0 = segment.here(Row::force_lower_intercept),
-               *force_1 = segment.ahead(Row::force_lower_intercept);
-  const double *sine_0 = segment.here(Row::sin_grade), *sine_1 = segment.ahead(Row::sin_grade);
-  const double *v_min = segment.here(Row::trained_speed_min),
-               *bound = segment.here(Row::speed_sq_max);
-  const double* __restrict after = segment.ahead(Row::speed_sq);
-  double* __restrict out = segment.batch.at(Row::speed_sq, segment.k);
+inline bool slow_down(const ProfileProblem& p, Index k, Index lanes, double decel,
+                      Lane& weak) noexcept {
+  const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
+  const double *slope_0 = p.lower_slope.at(k), *slope_1 = p.lower_slope.at(k + 1);
+  const double *force_0 = p.lower_intercept.at(k), *force_1 = p.lower_intercept.at(k + 1);
+  const double *sine_0 = p.sin_grade.at(k), *sine_1 = p.sin_grade.at(k + 1);
+  const double *v_min = p.slowest.at(k), *bound = p.speed_sq_max.at(k);
+  const double* __restrict after = p.speed_sq.at(k + 1);
+  double* __restrict out = p.speed_sq.at(k);
+  double* __restrict mask_of = weak.data();
   const double required = decel / gravity * decel_rounding;
   SLOPEWISE_INDEPENDENT
-  for (std::size_t j = 0; j < W; ++j) {
+  for (Index j = 0; j < lanes; ++j) {
     const double top = bound[j], ds = s_ahead[j] - s[j];
     out[j] = min_of(top, after[j] + 2.0 * ds * decel);
     const double slope = min_of(slope_0[j], slope_1[j]);
@@ -71,28 +79,26 @@ bool slow_down(const Segment<W>& segment, double decel, Lanes<W>& weak) noexcept
     double mask = spare * spare < slope * slope * top ? 1.0 : 0.0;
     mask = slope < 0.0 ? mask : 0.0;
     mask = spare + slope * v_min[j] < 0.0 ? 1.0 : mask;
-    weak[j] = top > 0.0 ? mask : 0.0;
+    mask_of[j] = top > 0.0 ? mask : 0.0;
   }
-  return any_of(weak);
+  return any_of(weak, lanes);
 }
 
 // Lower a station in weak lanes to what the brakes can slow down from.
 //
 // Their least force on a segment is at its slower end where force grows with speed, else at its
 // faster end, which is the root of a quadratic: one square root serves either.
-template <int W>
-void brake(const Segment<W>& segment, const Lanes<W>& weak) noexcept {
-  const double *s = segment.here(Row::station), *s_ahead = segment.ahead(Row::station);
-  const double *slope_0 = segment.here(Row::force_lower_slope),
-               *slope_1 = segment.ahead(Row::force_lower_slope);
-  const double *force_0 = segment.here(Row::force_lower_intercept),
-               *force_1 = segment.ahead(Row::force_lower_intercept);
-  const double *sine_0 = segment.here(Row::sin_grade), *sine_1 = segment.ahead(Row::sin_grade);
-  const double* v_min = segment.here(Row::trained_speed_min);
-  const double* __restrict after = segment.ahead(Row::speed_sq);
-  double* __restrict out = segment.batch.at(Row::speed_sq, segment.k);
+inline void brake(const ProfileProblem& p, Index k, Index lanes, const Lane& weak) noexcept {
+  const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
+  const double *slope_0 = p.lower_slope.at(k), *slope_1 = p.lower_slope.at(k + 1);
+  const double *force_0 = p.lower_intercept.at(k), *force_1 = p.lower_intercept.at(k + 1);
+  const double *sine_0 = p.sin_grade.at(k), *sine_1 = p.sin_grade.at(k + 1);
+  const double* v_min = p.slowest.at(k);
+  const double* __restrict after = p.speed_sq.at(k + 1);
+  double* __restrict out = p.speed_sq.at(k);
+  const double* mask_of = weak.data();
   SLOPEWISE_INDEPENDENT
-  for (std::size_t j = 0; j < W; ++j) {
+  for (Index j = 0; j < lanes; ++j) {
     const double ds = s_ahead[j] - s[j];
     const double slope = min_of(slope_0[j], slope_1[j]);
     const double intercept = min_of(force_0[j] + sine_0[j], force_1[j] + sine_1[j]);
@@ -103,21 +109,21 @@ void brake(const Segment<W>& segment, const Lanes<W>& weak) noexcept {
     double braked = reach + 2.0 * half * max_of(speed, least);
     braked = half > 0.0 ? braked : min_of(speed * speed, braked);
     const double before = out[j], lowered = min_of(before, max_of(braked, 0.0));
-    out[j] = weak[j] > 0.0 ? lowered : before;
+    out[j] = mask_of[j] > 0.0 ? lowered : before;
   }
 }
 
 // One station on under acceleration; whether and in which lanes power may not do for it.
-template <int W>
-bool speed_up(const Segment<W>& segment, double specific_power, Lanes<W>& weak) noexcept {
-  const double *s = segment.here(Row::station), *s_ahead = segment.ahead(Row::station);
-  const double *accel_0 = segment.here(Row::accel_max), *accel_1 = segment.ahead(Row::accel_max);
-  const double *thrust_0 = segment.here(Row::required_thrust_ratio),
-               *thrust_1 = segment.ahead(Row::required_thrust_ratio);
-  const double* __restrict before = segment.here(Row::speed_sq);
-  double* __restrict out = segment.batch.at(Row::speed_sq, segment.k + 1);
+inline bool speed_up(const ProfileProblem& p, Index k, Index lanes, double specific_power,
+                     Lane& weak) noexcept {
+  const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
+  const double *accel_0 = p.accel_max.at(k), *accel_1 = p.accel_max.at(k + 1);
+  const double *thrust_0 = p.demand.at(k), *thrust_1 = p.demand.at(k + 1);
+  const double* __restrict before = p.speed_sq.at(k);
+  double* __restrict out = p.speed_sq.at(k + 1);
+  double* __restrict mask_of = weak.data();
   SLOPEWISE_INDEPENDENT
-  for (std::size_t j = 0; j < W; ++j) {
+  for (Index j = 0; j < lanes; ++j) {
     const double twice = 2.0 * (s_ahead[j] - s[j]);
     const double here = before[j];
     const double top = min_of(out[j], here + twice * min_of(accel_0[j], accel_1[j]));
@@ -126,9 +132,9 @@ bool speed_up(const Segment<W>& segment, double specific_power, Lanes<W>& weak) 
     const double needed = top - here + twice * gravity * max_of(thrust_0[j], thrust_1[j]);
     const double power = twice * gravity * specific_power;
     const double mask = needed * needed * top > power * power ? 1.0 : 0.0;
-    weak[j] = needed > 0.0 ? mask : 0.0;
+    mask_of[j] = needed > 0.0 ? mask : 0.0;
   }
-  return any_of(weak);
+  return any_of(weak, lanes);
 }
 
 // Lower a station in weak lanes to what power can reach.
@@ -136,15 +142,15 @@ bool speed_up(const Segment<W>& segment, double specific_power, Lanes<W>& weak) 
 // The speed there is the root of a cubic, which Newton's steps approach from above; v² is the root
 // of a concave function, so that the last step, on its tangent, ends at or below it. Holding the
 // speed is always possible, because no bound is above what power sustains.
-template <int W>
-void power_up(const Segment<W>& segment, double specific_power, const Lanes<W>& weak) noexcept {
-  const double *s = segment.here(Row::station), *s_ahead = segment.ahead(Row::station);
-  const double *thrust_0 = segment.here(Row::required_thrust_ratio),
-               *thrust_1 = segment.ahead(Row::required_thrust_ratio);
-  const double* __restrict before = segment.here(Row::speed_sq);
-  double* __restrict out = segment.batch.at(Row::speed_sq, segment.k + 1);
+inline void power_up(const ProfileProblem& p, Index k, Index lanes, double specific_power,
+                     const Lane& weak) noexcept {
+  const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
+  const double *thrust_0 = p.demand.at(k), *thrust_1 = p.demand.at(k + 1);
+  const double* __restrict before = p.speed_sq.at(k);
+  double* __restrict out = p.speed_sq.at(k + 1);
+  const double* mask_of = weak.data();
   SLOPEWISE_INDEPENDENT
-  for (std::size_t j = 0; j < W; ++j) {
+  for (Index j = 0; j < lanes; ++j) {
     const double twice = 2.0 * (s_ahead[j] - s[j]);
     const double here = before[j], top = out[j];
     const double cost = twice * gravity * max_of(thrust_0[j], thrust_1[j]) - here;
@@ -160,52 +166,31 @@ void power_up(const Segment<W>& segment, double specific_power, const Lanes<W>& 
     const double lacking = max_of(reached + cost - gain, 0.0);
     reached -= lacking * reached / (reached + 0.5 * gain);
     const double lowered = min_of(top, max_of(reached, here));
-    out[j] = weak[j] > 0.0 ? lowered : top;
+    out[j] = mask_of[j] > 0.0 ? lowered : top;
   }
 }
 
 // `reachable_start_sq` (M,) receives the highest v² at the first station from which the bounds can
 // still be kept; below `start_sq` the profile begins there all the same.
-template <int W>
-void solve_time_optimal(const Batch<W>& batch, const Limits& limits, const double* start_sq,
-                        double* reachable_start_sq) noexcept {
-  const Index last = batch.stations() - 1;
-  Lanes<W> weak;
-  std::copy_n(batch.at(Row::speed_sq_max, last), W, batch.at(Row::speed_sq, last));
-  for (Index k = last - 1; k >= 0; --k) {
-    const Segment<W> segment{batch, k};
-    if (slow_down(segment, limits.decel, weak)) brake(segment, weak);
-  }
-  double* first = batch.at(Row::speed_sq, 0);
-  auto lanes = batch.lanes_of(start_sq);
-  for (std::size_t j = 0; j < W; ++j) {
-    const double reachable = first[j];
-    first[j] = min_of(reachable, lanes[j]);
-    lanes[j] = reachable;
-  }
-  batch.give_back(lanes, reachable_start_sq);
-  for (Index k = 0; k < last; ++k) {
-    const Segment<W> segment{batch, k};
-    if (speed_up(segment, limits.specific_power, weak)) {
-      power_up(segment, limits.specific_power, weak);
+inline void solve_time_optimal(const ProfileProblem& problem, const Limits& limits,
+                               const double* start_sq, double* reachable_start_sq) noexcept {
+  for_each_tile(problem.candidates, [&](Tile tile) {
+    const ProfileProblem p = problem.from(tile.first);
+    const Index last = p.stations - 1, lanes = tile.lanes;
+    Lane weak;
+    std::copy_n(p.speed_sq_max.at(last), lanes, p.speed_sq.at(last));
+    for (Index k = last - 1; k >= 0; --k) {
+      if (slow_down(p, k, lanes, limits.decel, weak)) brake(p, k, lanes, weak);
     }
-  }
-  batch.give_back();
-}
-
-inline Index time_optimal_memory(Index stations) noexcept {
-  return Batch<narrow>::copy_size(stations);
-}
-
-inline void solve_time_optimal(const Table& table, const Limits& limits, const double* start_sq,
-                               double* reachable_start_sq, double* memory) noexcept {
-  Index first = 0;
-  for (; first + wide <= table.candidates; first += wide) {
-    solve_time_optimal(Batch<wide>(table, first, memory), limits, start_sq, reachable_start_sq);
-  }
-  for (; first < table.candidates; first += narrow) {
-    solve_time_optimal(Batch<narrow>(table, first, memory), limits, start_sq, reachable_start_sq);
-  }
+    double* first = p.speed_sq.at(0);
+    std::copy_n(first, lanes, reachable_start_sq + tile.first);
+    for (Index j = 0; j < lanes; ++j) first[j] = min_of(first[j], start_sq[tile.first + j]);
+    for (Index k = 0; k < last; ++k) {
+      if (speed_up(p, k, lanes, limits.specific_power, weak)) {
+        power_up(p, k, lanes, limits.specific_power, weak);
+      }
+    }
+  });
 }
 
 // Travel time plus a charge for each metre on which the vehicle does not move, (M,) [s].

@@ -30,7 +30,7 @@ using Numbers1 = std::vector<double>;
 class Finisher {
  public:
   Finisher(const PlanningModel& model, Index stations)
-      : model_(model), n_(stations), told_(room(3)), memory_(room_for_all()), bad_(new bool[size()]),
+      : model_(model), n_(stations), told_(room(3)), memory_(static_cast<std::size_t>(verify::verify_memory(n_))), bad_(new bool[size()]),
         terms_{model.weighed, model.limits, model.motion, model.errors, model.steering, false, points_between, time_step, true} {}
 
   // Columns of the candidate, (N,) each.
@@ -62,15 +62,11 @@ class Finisher {
     const verify::Track on = columns_of(track);
     Numbers1 sine(size());
     for (std::size_t k = 0; k < size(); ++k) sine[k] = std::sin(on.grade[k]);
-    Table table{n_, 1, {}};
-    const std::array<const double*, row_count> rows{
-        on.station, bound.data(), sine.data(), on.lower_slope, on.lower_intercept, on.slowest,
-        accel_max.data(), demand.data(), speed_sq.data()};
-    // Only the answer is written.
-    for (std::size_t r = 0; r < rows.size(); ++r) table.rows[r] = const_cast<double*>(rows[r]);
     double reachable = 0.0;
-    solve_time_optimal(table, {model_.limits.decel, model_.limits.specific_power}, &start_sq,
-                       &reachable, memory_.data());
+    solve_time_optimal({n_, 1, {on.station, 1}, {bound.data(), 1}, {sine.data(), 1},
+                        {on.lower_slope, 1}, {on.lower_intercept, 1}, {on.slowest, 1},
+                        {accel_max.data(), 1}, {demand.data(), 1}, {speed_sq.data(), 1}},
+                       {model_.limits.decel, model_.limits.specific_power}, &start_sq, &reachable);
     return reachable >= start_sq - start_rounding;
   }
 
@@ -169,10 +165,6 @@ class Finisher {
  private:
   [[nodiscard]] std::size_t size() const noexcept { return static_cast<std::size_t>(n_); }
   [[nodiscard]] Numbers1 room(std::size_t columns) const { return Numbers1(columns * size()); }
-  [[nodiscard]] Numbers1 room_for_all() const {
-    return Numbers1(static_cast<std::size_t>(
-        std::max(verify::verify_memory(n_), time_optimal_memory(n_))));
-  }
 
   void lower_where_bad(const Numbers1& speed_sq) {
     for (std::size_t k = 0; k + 1 < size(); ++k) {

@@ -47,13 +47,11 @@ void Planner::solve(double start_speed, double clear) {
                BoundMemory::of_thread(c.stations, c.candidates));
   c.start_sq = start_speed * start_speed;
   const std::vector<double> start(lanes, c.start_sq);
-  const Table table{c.stations, c.candidates,
-                    {c.station.data(), c.speed_sq_max.data(), c.sin_grade.data(),
-                     c.slope_left.data(), c.force_left.data(), c.slowest.data(),
-                     c.accel_max.data(), c.demand.data(), c.speed_sq.data()}};
-  std::vector<double> memory(static_cast<std::size_t>(time_optimal_memory(c.stations)));
-  solve_time_optimal(table, {c.model.limits.decel, c.model.limits.specific_power}, start.data(),
-                     c.reachable.data(), memory.data());
+  solve_time_optimal({c.stations, c.candidates, c.station.read(), c.speed_sq_max.read(),
+                      c.sin_grade.read(), c.slope_left.read(), c.force_left.read(),
+                      c.slowest.read(), c.accel_max.read(), c.demand.read(), c.speed_sq.rows()},
+                     {c.model.limits.decel, c.model.limits.specific_power}, start.data(),
+                     c.reachable.data());
   c.solved = true;
 }
 

@@ -23,9 +23,7 @@ void time_optimal_batch() {
   std::vector<std::vector<double>> rows;
   const double low[] = {0, 0, -0.3, -0.04, 0.05, 0, 0, -0.1, -1};
   const double high[] = {0, 9, 0.3, 0.04, 0.8, 2, 1.5, 0.3, -1};
-  Table table{n, m, {}};
-  for (std::size_t r = 0; r < row_count; ++r) rows.push_back(numbers(size, low[r], high[r]));
-  for (std::size_t r = 0; r < row_count; ++r) table.rows[r] = rows[r].data();
+  for (std::size_t r = 0; r < 9; ++r) rows.push_back(numbers(size, low[r], high[r]));
   for (Index i = 0; i < size; ++i) {
     rows[0][static_cast<std::size_t>(i)] = 0.25 * static_cast<double>(i / m);
     if (uniform(0, 1) < 0.05) rows[1][static_cast<std::size_t>(i)] = 0.0;
@@ -34,10 +32,12 @@ void time_optimal_batch() {
   if (broken) rows[1][static_cast<std::size_t>(whole(0, size - 1))] = std::nan("");
   const auto start = numbers(m, 0, 9);
   std::vector<double> reachable(start.size()), cost(start.size());
-  std::vector<double> memory(static_cast<std::size_t>(time_optimal_memory(n)));
+  const auto row = [&](std::size_t r) { return Numbers{rows[r].data(), m}; };
   const Limits limits{hard ? std::numeric_limits<double>::infinity() : uniform(0.3, 4),
                       uniform(0.05, 2)};
-  solve_time_optimal(table, limits, start.data(), reachable.data(), memory.data());
+  solve_time_optimal({n, m, row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7),
+                      {rows[8].data(), m}},
+                     limits, start.data(), reachable.data());
   add_travel_cost(rows[0].data(), rows[8].data(), n, m, 3.0, cost.data());
   for (std::size_t i = 0; !broken && i < rows[8].size(); ++i) {
     expect(rows[8][i] >= 0.0 && rows[8][i] <= rows[1][i], "0 <= v² <= bound");

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
@@ -126,15 +125,6 @@ def test_a_wrong_shape_is_named() -> None:
     problem = random_problem(0, n=5, m=2)
     short = problem._replace(sin_grade=np.zeros((4, 2)))
     with pytest.raises(ValueError, match="sin_grade: expected 5 along axis 0, got 4"):
-        core.time_optimal(*short)
+        core.time_optimal(short)
     with pytest.raises(ValueError, match="at least 3 stations"):
         core.smooth(np.ones(1), np.ones(2), np.ones(1), np.ones(1), 1.0, np.nan)
-
-
-def test_rows_are_declared_with_type_and_unit() -> None:
-    *names, answer = [name for name, *_ in core.ROWS]
-    described = inspect.getdoc(core.time_optimal) or ""
-    assert all(f"{name}: ndarray" in described for name in names)
-    assert answer == "speed_sq"
-    assert {kind for _, kind, *_ in core.ROWS} == {"float64"}
-    assert all(unit and meaning for _, _, unit, meaning in core.ROWS)
