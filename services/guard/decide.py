@@ -220,8 +220,7 @@ def _checked(
     times = np.append(np.full(_SPEEDS, held), late)
     min_load = load * model.promised.limits.min_load
     lengths = [_course_length(model, top, held, clear, left) for left in _LEVEL_SHARES]
-    for length in lengths:
-        ways = courses_ahead(scene, pose, course, length, lengths[-1])
+    for length, ways in zip(lengths, courses_ahead(scene, pose, course, lengths), strict=True):
         stops = stops_along(model, ways, speeds, times, min_load)
         if ways.end.reason or length > clear or stops.distance.max() <= length:
             break

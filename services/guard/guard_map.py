@@ -38,14 +38,17 @@ SPACING = 0.1
 them, because smaller cells are joined to blocks of that edge."""
 
 TILE = 0.6
-"""Edge of the tiles of a body that are looked up as a whole [m]: six cover that of a quad."""
+"""Edge of the tiles of a body that are looked up as a whole [m]: six cover that of a quad. Where
+ground may strike one, its quarters are looked up, and then the points of these."""
 
 HALF_DIAGONAL = 0.5 * math.sqrt(2.0) * TILE  # distance of a tile's corners from its middle [m]
 
 _SECOND_DIFFERENCE = math.sqrt(6.0)
 """Standard deviation of z − 2 z' + z'' in that of one height [1]: the contrast of a step."""
 
-_ROUNDING = 1e-3  # of places in single precision on maps of up to 10,000 cells [cells]
+_ROUNDING = 1e-3
+"""Of places in single precision on maps of up to 10,000 cells [cells], and ten times that of
+heights up to 1 km above the datum [m]."""
 
 _NEAR_WHEEL = 0.5
 """Length in wheel radii over which a rise is a step rather than a slope [1]."""
@@ -138,6 +141,7 @@ class ObstacleLayers:
         block = max(math.ceil(SPACING / ground.resolution - 1e-9), 1)
         self.cell = block * ground.resolution
         shift = 0.5 * (block - 1) * ground.resolution
+        shift -= self.cell  # to the frame
         self.origin = ground.origin[0] + shift, ground.origin[1] + shift
         height = _blocks(z, block, np.nan)
         self._facets = _framed(_of_corners(height), np.nan)
@@ -145,8 +149,9 @@ class ObstacleLayers:
         edges = _blocks(_edges(z, ground.resolution, vehicle, self.noise), block, 0.0)
         self._edges = _framed(_of_corners(edges), 0.0)
         blocked = np.isnan(self._facets) | (self._edges > 0.0)
-        highest = np.where(blocked, np.float32(np.inf), self._facets)
-        self._near = _spread(highest, HALF_DIAGONAL / self.cell)
+        highest = np.where(blocked, np.float32(np.inf), self._facets + np.float32(_ROUNDING))
+        radius = HALF_DIAGONAL / self.cell
+        self._near, self._nearest = _spread(highest, radius), _spread(highest, 0.5 * radius)
 
     def heights(self, x: Floats, y: Floats, *, exact: bool) -> Floats:
         """Highest ground at points [cells from :attr:`origin`], above :attr:`datum` [m]; NaN.
@@ -155,12 +160,12 @@ class ObstacleLayers:
         """
         return _at(self._cells, x + 0.5, y + 0.5) if exact else _at(self._facets, x, y)
 
-    def highest_near(self, x: Floats, y: Floats) -> Floats:
+    def highest_near(self, x: Floats, y: Floats, *, half: bool = False) -> Floats:
         """Highest ground within :data:`HALF_DIAGONAL` of points [cells], above the datum [m].
 
-        Infinite near unknown ground and near steps at wheels.
+        ``half``: within half of it. Infinite near unknown ground and near steps at wheels.
         """
-        return _at(self._near, x, y)
+        return _at(self._nearest if half else self._near, x, y)
 
     def edges(self, x: Floats, y: Floats) -> Bools:
         """Return True at points [cells from :attr:`origin`] where a wheel would meet a step."""
@@ -170,9 +175,8 @@ class ObstacleLayers:
 def _at(layer: Floats, x: Floats, y: Floats) -> Floats:
     """Values of a framed layer; off the map those of its frame."""
     rows, columns = layer.shape
-    # The frame is one wide, and truncation rounds down what is positive.
     column, row = (
-        np.minimum(np.maximum(of + np.float32(1.0), 0.0), size - 1.0).astype(np.int32)
+        np.minimum(np.maximum(of, 0.0), size - 1.0).astype(np.int32)
         for of, size in ((x, columns), (y, rows))
     )
     values: Floats = layer.ravel().take(row * np.int32(columns) + column)

@@ -9,13 +9,14 @@ on the spot is a course like any other.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.services.guard.guard_map import SPACING, classes_at, map_layers
-from slopewise.services.guard.guard_model import GuardScene
+from slopewise.services.guard.guard_model import GuardModel, GuardScene
 from slopewise.services.guard.swept_contact import BodyPoses, Contact, SweptBody
 from slopewise.services.physics.body import plane_of, wheel_places
 from slopewise.services.physics.surfaces import possible_surfaces
@@ -81,71 +82,104 @@ class StopCourses(NamedTuple):
 
 
 def courses_ahead(
-    scene: GuardScene, pose: Pose2d, course: Course, length: float, longest: float
-) -> StopCourses:
-    """Sample the ground along all courses for ``length`` of the fastest wheel [m].
+    scene: GuardScene, pose: Pose2d, course: Course, lengths: Sequence[float]
+) -> Iterator[StopCourses]:
+    """Sample the ground along all courses for each of the lengths of the fastest wheel in turn [m].
 
-    They are as dense as they have to be where they end after ``longest`` [m]. What lies behind the
-    first contact is not sampled.
+    They are as dense as they have to be where they end after the last and longest. What lies behind
+    the first contact is not sampled.
     """
-    model, turn = scene.model, _turns(course, longest * (course.high - course.low))
-    shape, heading, share = model.shape, model.errors.heading, course.share
-    axis = -model.turn_axis if course.forward else model.turn_axis
+    model, share = scene.model, course.share
+    turn, errors = _turns(course, lengths[-1] * (course.high - course.low), model.errors.heading)
+    shape, axis = model.shape, -model.turn_axis if course.forward else model.turn_axis
     corner = math.hypot(max(shape.front, shape.rear) + abs(axis), 0.5 * shape.width)
     step = SPACING / (share + corner * float(np.abs(turn).max()))
-    station = step * np.arange(math.ceil(length / step) + 1, dtype=np.float64)
-    errors = np.zeros((len(turn), 1))  # of the heading at the start, 0 on the last course [rad]
-    if heading > 0.0 and share > 0.0:
-        # A heading error leads aside, the farther the longer the stop is.
-        turn = np.concatenate(((course.low, course.high), turn))
-        errors = np.concatenate(([[-heading], [heading]], errors))
-    turn = turn[:, None]
-    x, y, yaw = _poses(pose, course, axis, turn, station, errors)
-    planes = np.empty((3, *x.shape))
-    poses = BodyPoses(x, y, np.cos(yaw), np.sin(yaw), planes, turn, share, axis)
+    counts = [math.ceil(length / step) + 1 for length in lengths]
+    station = step * np.arange(counts[-1], dtype=np.float64)
+    placed, planes = np.empty((5, len(turn), len(station))), np.empty((3, len(turn), len(station)))
+    x, y, yaw, cos, sin = placed
+    poses = BodyPoses(x, y, cos, sin, planes, turn, share, axis)
     reach = (shape.front, shape.rear) if course.forward else (shape.rear, shape.front)
     ground, body = _WheelPlanes(scene, poses, step), SweptBody(scene, poses, reach)
-    known, count, end = 0, len(station), Contact(len(station), "", None)
-    while known < count and not end.reason:
-        block = ground.sample(slice(known, min(known + (_BLOCK if known else _NEAR), count)))
-        known = block.stop
-        end = body.first_contact(block)
-        k = ground.first_steep(block)
-        if k < end.sample:
-            end = end._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
-    last = len(turn) - 1
+    known, size, posed, end = 0, _NEAR, 0, Contact(0, "", None)
+    for count in counts:
+        while known < count and not end.reason:
+            block = slice(known, min(known + size, count))
+            new = slice(posed, max(posed, block.stop))
+            placed[..., new] = _poses(pose, course, axis, turn, station[new], errors)
+            posed, size = new.stop, _BLOCK
+            known = ground.sample(block, is_last=block.stop == count)
+            if known == 0:
+                size = count  # what is known farther ahead is continued back
+                continue
+            block = slice(block.start, known)
+            end = body.first_contact(block)
+            k = ground.first_steep(block)
+            if k < end.sample:
+                end = end._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
+        end = end if end.reason else end._replace(sample=count)
+        # What lies behind the end does not matter to stops before it.
+        yield _outermost(model, poses, yaw[:, : min(end.sample + 1, count)], ground, step, end)
+
+
+def _outermost(
+    model: GuardModel,
+    poses: BodyPoses,
+    yaw: Floats,
+    ground: _WheelPlanes,
+    step: float,
+    end: Contact,
+) -> StopCourses:
+    """Courses for stops, as far as directions of motion yaw (N, S) are given [rad]."""
+    last, count = len(yaw) - 1, yaw.shape[1]
+    turn, share = poses.turn, poses.share
     chosen = sorted({int(np.argmin(turn)), last // 2, int(np.argmax(turn)), last})
-    # What lies behind the end does not matter to stops before it.
-    some = (..., chosen, None, slice(end.sample + 1))
-    grade, roll = np.arctan(planes[1][some]), np.arctan(planes[2][some])
+    some = (..., chosen, None, slice(count))
+    grade, roll = np.arctan(poses.planes[1][some]), np.arctan(poses.planes[2][some])
     curvature = _vertical_curvature(grade, share, step, model.vehicle.wheelbase)
-    under, possible = ground.surfaces(end.sample + 1)
-    at = turn[chosen, None], grade, roll, curvature, x[some], y[some], yaw[some]
-    return StopCourses(step, share, *at, under[..., chosen, None, :], ground.may_be, possible, end)
+    under, possible = ground.surfaces(count)
+    at = turn[chosen, None], grade, roll, curvature, poses.x[some], poses.y[some], yaw[some]
+    under = under[..., chosen, None, :]
+    return StopCourses(step, share, *at, under, ground.may_be, possible, end)
 
 
-def _turns(course: Course, span: float) -> Floats:
-    """Turns of courses (N,) that end within a span [rad], that of the command among them."""
+def _turns(course: Course, span: float, heading: float) -> tuple[Floats, Floats]:
+    """Turns of courses that end within a span [rad], the command's last, and heading errors (N, 1).
+
+    ``heading``: error of the heading at the start of two further courses [rad].
+    """
     ends = course.low, course.high, course.commanded
     if course.share == 0.0 or course.low == course.high:
-        return np.array(sorted(set(ends)))  # slower turns on the spot end within faster ones
-    count = min(max(math.ceil(span / _HEADINGS), 1), _MAX_COURSES)
-    between = np.linspace(course.low, course.high, count + 1)
-    return between if course.commanded in ends[:2] else np.append(between, course.commanded)
+        turn = np.array(sorted(set(ends)))  # slower turns on the spot end within faster ones
+    else:
+        count = min(max(math.ceil(span / _HEADINGS), 1), _MAX_COURSES)
+        turn = np.linspace(course.low, course.high, count + 1)
+        if course.commanded not in ends[:2]:
+            turn = np.append(turn, course.commanded)
+    errors = np.zeros_like(turn)
+    if heading > 0.0 and course.share > 0.0:
+        # A heading error leads aside, the farther the longer the stop is.
+        turn = np.concatenate(((course.low, course.high), turn))
+        errors = np.concatenate(((-heading, heading), errors))
+    return turn[:, None], errors[:, None]
 
 
 def _poses(
     pose: Pose2d, course: Course, axis: float, turn: Floats, station: Floats, heading_error: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """x, y [m], direction of motion [rad], (N, S) each; the point at the axis moves straight on."""
+) -> tuple[Floats, ...]:
+    """x, y [m], direction of motion [rad], its cos and sin, (N, S) each.
+
+    The point at the axis moves straight on.
+    """
     start = pose.heading + heading_error + (0.0 if course.forward else math.pi)
-    yaw = start + turn * station
+    half = 0.5 * turn * station
+    yaw = start + 2.0 * half
+    cos, sin = np.cos(yaw), np.sin(yaw)
     # A chord of the circle lies in the mean direction, shorter than the arc by the factor sinc.
-    chord = course.share * station * np.sinc(0.5 * turn * station / np.pi)
-    mean = start + 0.5 * turn * station
-    x = pose.x + chord * np.cos(mean) + (np.cos(start) - np.cos(yaw)) * axis
-    y = pose.y + chord * np.sin(mean) + (np.sin(start) - np.sin(yaw)) * axis
-    return x, y, yaw
+    chord, mean = course.share * station * np.sinc(half / np.pi), start + half
+    x = pose.x + chord * np.cos(mean) + (np.cos(start) - cos) * axis
+    y = pose.y + chord * np.sin(mean) + (np.sin(start) - sin) * axis
+    return x, y, yaw, cos, sin
 
 
 class _WheelPlanes:
@@ -167,28 +201,35 @@ class _WheelPlanes:
         high = np.array((table.grade_max, table.roll_max))[:, None]
         self._lowest = np.tan(np.where(self.may_be, low, -np.inf).max(axis=2))
         self._highest = np.tan(np.where(self.may_be, high, np.inf).min(axis=2))
+        self._gentle = self._lowest.max(axis=1), self._highest.min(axis=1)  # of all classes
         self._under: list[Ints] = []
 
-    def sample(self, block: slice) -> slice:
-        """Write a block of samples; the block, longer where ground is unknown at the start."""
+    def sample(self, block: slice, *, is_last: bool) -> int:
+        """Write a block of samples, up to the first steep one; the count that is known then.
+
+        0 where ground is unknown at the start, unless the block is the last one.
+        """
         x, y, cos, sin = (of[:, block] for of in self._poses[:4])
         wheels = wheel_places(self._vehicle, (x, y, cos, sin))
         z, under = self._felt.at(*wheels), classes_at(self._ground, *wheels)
         self._set(block, z)
+        is_unknown = block.start == 0 and bool(np.isnan(self._planes[0, :, 0]).any())
+        if is_unknown and not is_last:
+            return 0
         steep = self._too_steep(block, under)
-        if steep.any():  # it may be the edge of a crack that tyres bridge
+        count = int(np.argmax(steep.any(axis=0)))
+        if count > 0:  # most contacts come before it
+            block, steep = slice(block.start, block.start + count), steep[:, :count]
+        elif steep[:, 0].any():  # it may be the edge of a crack that tyres bridge
             x, y = (of[:, steep] for of in wheels)
             z[:, steep] = self._felt.contact(x, y, cos[steep], sin[steep])
             self._set(block, z)
             steep = self._too_steep(block, under)
-        count = self._planes.shape[2]
-        if block.start == 0 and np.isnan(self._planes[0, :, 0]).any():
-            if block.stop < count:
-                return self.sample(slice(0, count))  # what is known farther ahead is continued back
-            np.nan_to_num(self._planes, copy=False)
-        self._under.append(under)
+        if is_unknown:
+            np.nan_to_num(self._planes[..., block], copy=False)
+        self._under.append(under[..., : steep.shape[1]])
         self._steep = steep
-        return block
+        return int(block.stop)
 
     def _set(self, block: slice, z: Floats) -> None:
         """Write the planes of wheels at heights z (4, N, B); where one is unknown, the first."""
@@ -207,6 +248,9 @@ class _WheelPlanes:
     def _too_steep(self, block: slice, under: Ints) -> Bools:
         slopes = self._planes[1:, :, block]
         steep: Bools = np.zeros(slopes.shape[1:], np.bool_)
+        low, high = slopes.min(axis=(1, 2)), slopes.max(axis=(1, 2))
+        if np.all(low >= self._gentle[0]) and np.all(high <= self._gentle[1]):
+            return steep
         for slope, lowest, highest in zip(slopes, self._lowest, self._highest, strict=True):
             steep |= slope < lowest[under].max(axis=0)
             steep |= slope > highest[under].min(axis=0)

@@ -16,12 +16,7 @@ import numpy as np
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.input_errors import InputErrors, lateral_band
 from slopewise.models.vehicle import Vehicle
-from slopewise.services.guard.guard_map import (
-    HALF_DIAGONAL,
-    SPACING,
-    TILE,
-    map_layers,
-)
+from slopewise.services.guard.guard_map import HALF_DIAGONAL, SPACING, TILE, map_layers
 from slopewise.services.guard.guard_model import GuardScene
 from slopewise.services.physics.body import points_of
 
@@ -37,9 +32,14 @@ _TENTH = 0.1  # step of the curvature by which lateral bands grow [1/m]
 _FACET = math.sqrt(2.0)
 """Rise of a facet along the steepest slope across its diagonal, in cells [1]."""
 
-_TOGETHER = 200  # tiles that are looked up together: most may lie behind the first contact [1]
+_TOGETHER = 200
+"""Tiles that are looked up together at first [1], then twice as many, and so on: most may lie
+behind the first contact."""
 
-_ROUNDING = 1e-3  # of heights in single precision up to 1 km above the datum, ten times [m]
+_ROWS = np.array(((0, 2, 3), (1, 3, 2), (4, 5, 6)))
+"""Rows of poses that x, y and underside of points depend on, see :meth:`SweptBody._place`."""
+
+_NOWHERE: tuple[Ints, Ints, Ints] = 3 * (np.zeros(0, np.int64),)  # samples, courses, tiles
 
 
 class BodyPoses(NamedTuple):
@@ -65,15 +65,17 @@ class Contact(NamedTuple):
 
 
 class _Points(NamedTuple):
-    """Points of the body, Q in each of the T tiles that cover it, (T, Q) each; some repeat."""
+    """Points of the body, Q in each of U quarters of the T tiles that cover it; some repeat."""
 
-    ahead: Floats  # ahead, left: place in the body [m]
+    ahead: Floats  # (U, Q) ahead, left: place in the body [m]
     left: Floats
-    normal_ahead: Floats  # outward normal of the outline, 0 within it [1]
+    normal_ahead: Floats  # (U, Q) outward normal of the outline, 0 within it [1]
     normal_left: Floats
-    wheel: Bools  # under a wheel
-    middle_ahead: Floats  # middle_ahead, middle_left: place of the tiles, (T,) each [m]
+    wheel: Bools  # (U, Q) under a wheel
+    quarters: Ints  # (T, 4) quarters of the tiles, those outside the outline repeat others
+    middle_ahead: Floats  # (U,) middle_ahead, middle_left: place of the quarters [m]
     middle_left: Floats
+    tiles: Floats  # (3, T, 3) x, y [cells] and underside [m] of their middles from :data:`_ROWS`
     size: tuple[float, float, float]  # front, rear, half width of the body without errors [m]
 
 
@@ -88,23 +90,25 @@ class SweptBody:
         vehicle, errors = scene.model.vehicle, scene.model.errors
         self._poses, self._clearance = poses, scene.model.shape.clearance
         self._layers = map_layers(scene.ground, vehicle).obstacles
-        self._bare = self._points = _points(vehicle, reach, 0.0, 0.0, 0.0)
+        cell = self._layers.cell
+        self._bare = self._points = _points(vehicle, reach, cell, 0.0, 0.0, 0.0)
         if errors.has_band or errors.along_track > 0.0:
-            self._points = _points(vehicle, reach, *_bands(vehicle, poses, errors))
+            self._points = _points(vehicle, reach, cell, *_bands(vehicle, poses, errors))
         self._in_cells: Floats = np.empty((8, *poses.x.shape), np.float32)
         self._touches = False
 
     def first_contact(self, block: slice) -> Contact:
         """First contact at a block of samples; blocks are asked for in their order."""
-        if block.start == 0:
-            self._place(slice(1))
-            if self._is_touched():
-                # What is closer than the next cell is judged by the cells alone, or nothing could
-                # leave it.
-                self._touches, self._points = True, self._bare
         self._place(block)
-        for s, n, t in self._near_tiles(block):
-            contact = self._contact(s, n, t)
+        tiles = self._near_tiles(block)
+        if block.start == 0 and 0 in tiles[0][:1] and self._is_touched():
+            # What is closer than the next cell is judged by the cells alone, or nothing could leave
+            # it.
+            self._touches, self._points = True, self._bare
+            self._place(block)
+            tiles = self._near_tiles(block)
+        for s, n, u in self._near_quarters(tiles, block.start):
+            contact = self._contact(s, n, u)
             if contact is not None:
                 return contact
         return Contact(self._poses.x.shape[1], "", None, self._touches)
@@ -135,20 +139,20 @@ class SweptBody:
         struck = layers.heights(x, y, exact=False) > _underside(start, ahead, left)
         return bool((struck | layers.edges(x, y) & points.wheel.ravel()).any())
 
-    def _contact(self, s: Ints, n: Ints, t: Ints) -> Contact | None:
-        """First contact of some tiles, the first samples first."""
+    def _contact(self, s: Ints, n: Ints, u: Ints) -> Contact | None:
+        """First contact of some quarters, the first samples first."""
         layers, cell, points = self._layers, self._layers.cell, self._points
-        some, ahead, left = self._in_cells[:, n, s, None], points.ahead[t], points.left[t]
+        some, ahead, left = self._in_cells[:, n, s, None], points.ahead[u], points.left[u]
         x, y = points_of(some[:4], ahead / cell, left / cell)
         top = layers.heights(x, y, exact=self._touches)
         hits = np.array((np.isnan(top), top > _underside(some, ahead, left), layers.edges(x, y)))
         unknown, struck, edge = hits
-        edge &= points.wheel[t]
+        edge &= points.wheel[u]
         if not hits.any():
             return None
-        self._exempt_start(unknown, struck, some, t)
+        self._exempt_start(unknown, struck, some, u)
         if edge.any():
-            edge &= ~self._standing_on_edges(int(s[-1]) + 1)[n, s, t]
+            edge &= ~self._standing_on_edges(s, n, u)
         blocked = hits.any(axis=(0, 2))
         if not blocked.any():
             return None
@@ -157,36 +161,56 @@ class SweptBody:
         where = float(layers.origin[0] + cell * x[k, p]), float(layers.origin[1] + cell * y[k, p])
         return Contact(int(s[k]), (UNKNOWN, OBSTACLE, EDGE)[kind], where, self._touches)
 
-    def _standing_on_edges(self, last: int) -> Bools:
-        """Points (N, last, T, Q) that are still at the step at which they are at the start.
+    def _standing_on_edges(self, s: Ints, n: Ints, u: Ints) -> Bools:
+        """Points (…, Q) that are still at the step at which they are at the start.
 
         An edge on which a wheel stands already does not hold it there.
         """
-        layers, of_all = self._layers, self._in_cells[..., :last]
+        layers, of_all = self._layers, self._in_cells[..., : int(s[-1]) + 1]
+        still = np.zeros((len(s), self._points.ahead.shape[1]), np.bool_)
         ahead, left = self._points.ahead / layers.cell, self._points.left / layers.cell
-        still = np.zeros((*of_all.shape[1:], *ahead.shape), np.bool_)
-        t, q = np.nonzero(layers.edges(*points_of(of_all[:4, -1, 0, None, None], ahead, left)))
-        on = layers.edges(*points_of(of_all[:4, ..., None], ahead[t, q], left[t, q]))
-        still[..., t, q] = np.logical_and.accumulate(on, axis=1)
+        of, q = np.nonzero(layers.edges(*points_of(of_all[:4, -1, 0, None, None], ahead, left)))
+        if len(of):
+            on = layers.edges(*points_of(of_all[:4, ..., None], ahead[of, q], left[of, q]))
+            on = np.logical_and.accumulate(on, axis=1)
+            k, j = np.nonzero(u[:, None] == of)
+            still[k, q[j]] = on[n[k], s[k], j]
         return still
 
-    def _near_tiles(self, block: slice) -> Iterator[tuple[Ints, Ints, Ints]]:
-        """Samples, courses and tiles, some at a time, the first samples first.
+    def _near_tiles(self, block: slice) -> tuple[Ints, Ints, Ints]:
+        """Samples of a block, courses and tiles, the first samples first.
 
-        Only those near which ground may strike their lowest corner, or is unknown: the points of
-        most tiles need no look-up.
+        Only those near which ground may strike their lowest corner, or is unknown: most of the body
+        needs no further look-up.
         """
-        layers, points, some = self._layers, self._points, self._in_cells[..., block]
-        ahead, left, poses = points.middle_ahead, points.middle_left, some[..., None]
-        lowest = _underside(poses, ahead, left)
-        lowest -= (HALF_DIAGONAL * np.hypot(some[5], some[6]) + np.float32(_ROUNDING))[..., None]
-        in_cells = points_of(poses[:4], ahead / layers.cell, left / layers.cell)
-        s, n, t = np.nonzero((layers.highest_near(*in_cells) > lowest).transpose(1, 0, 2))
-        for k in range(0, len(s), _TOGETHER):
-            part = slice(k, k + _TOGETHER)
-            yield s[part] + block.start, n[part], t[part]
+        poses = self._in_cells[..., block].transpose(0, 2, 1)  # those of a sample together
+        matrix = poses[_ROWS]
+        matrix[2, 0] -= HALF_DIAGONAL * np.hypot(poses[5], poses[6])
+        x, y, lowest = self._points.tiles @ matrix.reshape(3, 3, -1)
+        near = self._layers.highest_near(x, y) > lowest
+        if not near.any():
+            return _NOWHERE
+        pose, t = np.divmod(np.flatnonzero(near.T), len(near))
+        return *np.divmod(pose, poses.shape[2]), t
 
-    def _exempt_start(self, unknown: Bools, struck: Bools, poses: Floats, t: Ints) -> None:
+    def _near_quarters(
+        self, tiles: tuple[Ints, Ints, Ints], start: int
+    ) -> Iterator[tuple[Ints, Ints, Ints]]:
+        """Samples, courses and quarters of tiles, some at a time, as :meth:`_near_tiles`."""
+        layers, points, first, together = self._layers, self._points, 0, _TOGETHER
+        while first < len(tiles[0]):
+            s, n, t = (of[first : first + together] for of in tiles)
+            first, together, s = first + together, 2 * together, s + start
+            some, u = self._in_cells[:, n, s, None], points.quarters[t]
+            ahead, left = points.middle_ahead[u], points.middle_left[u]
+            x, y = points_of(some[:4], ahead / layers.cell, left / layers.cell)
+            lowest = _underside(some, ahead, left)
+            lowest -= 0.5 * HALF_DIAGONAL * np.hypot(some[5], some[6])
+            k, q = np.nonzero(layers.highest_near(x, y, half=True) > lowest)
+            if len(k):
+                yield s[k], n[k], u[k, q]
+
+    def _exempt_start(self, unknown: Bools, struck: Bools, poses: Floats, u: Ints) -> None:
         """Clear what lies below the body or a cell from it where it stands, unless it moves there.
 
         Of unknown ground only the leading edge counts as moving there: a sensor often does not see
@@ -197,7 +221,7 @@ class SweptBody:
         cell, front, rear = self._layers.cell, float(points.ahead.max()), -float(points.ahead.min())
         side = float(points.left.max())
         m, p = np.nonzero(unknown | struck)
-        at = t[m], p
+        at = u[m], p
         ahead, left = points.ahead[at], points.left[at]
         x, y, cos, sin = poses[:4, m, 0]
         moved_by = cell * (x - start[0]), cell * (y - start[1])
@@ -227,7 +251,12 @@ def _bands(vehicle: Vehicle, poses: BodyPoses, errors: InputErrors) -> tuple[flo
 
 @lru_cache(maxsize=64)
 def _points(
-    vehicle: Vehicle, reach: tuple[float, float], band: float, growth: float, ahead: float
+    vehicle: Vehicle,
+    reach: tuple[float, float],
+    cell: float,
+    band: float,
+    growth: float,
+    ahead: float,
 ) -> _Points:
     """Wheels, outline and three rows across the underside, at most :data:`SPACING` apart."""
     front, rear = reach[0] + ahead, reach[1]
@@ -251,25 +280,39 @@ def _points(
     columns = [np.array(np.broadcast_arrays(*part, np.zeros(1))) for part in parts]
     points: Floats = np.concatenate(columns, axis=1).astype(np.float32)
     points[4] = np.arange(points.shape[1]) < 2 * len(tyres)
-    return _by_tiles(points, front, rear, (*reach, side))
+    return _by_tiles(points, front, rear, cell, (*reach, side))
 
 
 def _by_tiles(
-    points: Floats, front: float, rear: float, size: tuple[float, float, float]
+    points: Floats, front: float, rear: float, cell: float, size: tuple[float, float, float]
 ) -> _Points:
     """Points (5, P), see :class:`_Points`, by the tiles of their bounding rectangle."""
     side = float(points[1].max())
     columns, rows = (math.ceil(size / TILE - 1e-6) for size in (front + rear, 2.0 * side))
-    length, width = (front + rear) / columns, 2.0 * side / rows
-    i = np.clip((points[0] + rear) / length, 0, columns - 1).astype(int)
-    j = np.clip((points[1] + side) / width, 0, rows - 1).astype(int)
-    tiles, tile_of, counts = np.unique(i + columns * j, return_inverse=True, return_counts=True)
-    chosen = [np.resize(np.flatnonzero(tile_of == t), counts.max()) for t in range(len(tiles))]
+    length, width = 0.5 * (front + rear) / columns, side / rows  # of quarters
+    i = np.clip((points[0] + rear) / length, 0, 2 * columns - 1).astype(int)
+    j = np.clip((points[1] + side) / width, 0, 2 * rows - 1).astype(int)
+    ids, id_of = np.unique(i + 2 * columns * j, return_inverse=True)
+    chosen = _rows([np.flatnonzero(id_of == k) for k in range(len(ids))])
     ahead, left, normal_ahead, normal_left, wheel = points[:, chosen]
-    middle_ahead: Floats = ((tiles % columns + 0.5) * length - rear).astype(np.float32)
-    middle_left: Floats = ((tiles // columns + 0.5) * width - side).astype(np.float32)
-    middles = middle_ahead, middle_left
-    return _Points(ahead, left, normal_ahead, normal_left, wheel > 0.0, *middles, size)
+    j, i = np.divmod(ids, 2 * columns)
+    tiles, tile_of = np.unique(i // 2 + columns * (j // 2), return_inverse=True)
+    quarters = _rows([np.flatnonzero(tile_of == k) for k in range(len(tiles))])
+    middle_ahead: Floats = ((i + 0.5) * length - rear).astype(np.float32)
+    middle_left: Floats = ((j + 0.5) * width - side).astype(np.float32)
+    j, i = np.divmod(tiles, columns)
+    a, b = (2 * i + 1) * length - rear, (2 * j + 1) * width - side
+    rows_of = (1.0, a / cell, -b / cell), (1.0, a / cell, b / cell), (1.0, a, b)
+    stacked = [np.stack(np.broadcast_arrays(*row), axis=1) for row in rows_of]
+    matrix: Floats = np.array(stacked).astype(np.float32)
+    of_points = ahead, left, normal_ahead, normal_left, wheel > 0.0
+    return _Points(*of_points, quarters, middle_ahead, middle_left, matrix, size)
+
+
+def _rows(parts: list[Ints]) -> Ints:
+    """The parts as rows of one length; shorter ones repeat."""
+    longest = max(map(len, parts))
+    return np.array([np.resize(part, longest) for part in parts])
 
 
 def _underside(poses: Floats, ahead: Floats, left: Floats) -> Floats:

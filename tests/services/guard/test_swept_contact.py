@@ -90,7 +90,7 @@ def test_first_contact_is_not_later_than_that_of_polygons_nor_without_cause(
             continue
         course = Course(share, turn, turn, turn, forward=True)
         scene = GuardScene(model, ground_of(heights), math.inf)
-        courses = courses_ahead(scene, start, course, 3.0, 3.0)
+        courses = next(courses_ahead(scene, start, course, (3.0,)))
         reached = max(courses.end.sample - 1, 0) * courses.step if courses.end.reason else math.inf
         latest = first_overlap(start, share, turn, axis, (*square, 0.5 * CELL))
         earliest = first_overlap(start, share, turn, axis, (*square, 2.1 * CELL))
@@ -103,6 +103,22 @@ def test_first_contact_is_not_later_than_that_of_polygons_nor_without_cause(
         if math.isinf(earliest):
             assert math.isinf(reached), (start, turn, square)
     assert met > 4
+
+
+def test_courses_that_are_continued_are_those_sampled_in_one_go() -> None:
+    rng, continued = np.random.default_rng(3), 0
+    for _ in range(40):
+        heights = level() + 0.05 * rng.random((121, 121))
+        heights[rng.random(heights.shape) < 2e-3] = rng.choice([0.6, math.nan])
+        scene = GuardScene(MODEL, ground_of(heights), math.inf)
+        pose = Pose2d(*rng.uniform(3.0, 9.0, 2), rng.uniform(-3.0, 3.0))
+        course = Course(1.0, 0.1, -0.2, 0.3, forward=bool(rng.random() < 0.5))
+        first, continued_to = courses_ahead(scene, pose, course, (1.5, 4.0))
+        whole = next(courses_ahead(scene, pose, course, (4.0,)))
+        continued += not first.end.reason
+        for ours, theirs in zip(continued_to, whole, strict=True):
+            np.testing.assert_equal(ours, theirs)
+    assert 5 < continued < 40
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.4, 0.785])
