@@ -18,7 +18,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.io import geotiff
 from slopewise.services.io.geotiff import GeotiffWindows
-from slopewise.services.io.map_grid import Around, MapInfo
+from slopewise.services.io.map_grid import Extent, MapInfo
 from slopewise.services.io.no_data import NoData
 
 SHARED_CELLS = 1_000_000  # Cells up to which paths share a window: 8 MB of heights
@@ -86,16 +86,16 @@ def _with_a_known_cell(heights: Floats) -> Floats:
     return np.concatenate((heights, beyond))
 
 
-def _around(path: CandidatePath, margin: float) -> Around:
+def _around(path: CandidatePath, margin: float) -> Extent:
     (x_min, y_min), (x_max, y_max) = path.points.min(axis=0), path.points.max(axis=0)
     return x_min - margin, x_max + margin, y_min - margin, y_max + margin
 
 
-def _union(a: Around, b: Around) -> Around:
+def _union(a: Extent, b: Extent) -> Extent:
     return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])
 
 
-def _size(info: MapInfo, around: Around) -> int:
+def _size(info: MapInfo, around: Extent) -> int:
     cells = info.cells_around(around)
     if cells is None:
         return 0
@@ -103,5 +103,5 @@ def _size(info: MapInfo, around: Around) -> int:
     return int((rows.stop - rows.start) * (columns.stop - columns.start))
 
 
-def _cells(around: Around, info: MapInfo) -> Cells | None:
+def _cells(around: Extent, info: MapInfo) -> Cells | None:
     return info.cells_around(around) if 0 < _size(info, around) <= MAX_CELLS else None

@@ -29,7 +29,7 @@ from slopewise.planner.settings import PlannerSettings
 from slopewise.services.fleet.map_windows import MAX_CELLS, ground_in, map_windows, opened
 from slopewise.services.fleet.plan_results import RejectedCandidate, write_part
 from slopewise.services.fleet.result_folder import digest_of, map_digest
-from slopewise.services.io.map_grid import Around, footprint_margin
+from slopewise.services.io.map_grid import Extent, footprint_margin
 from slopewise.services.io.model_file import model_from_dict
 from slopewise.services.io.no_data import NoData
 from slopewise.services.io.path_file import check_paths_on_map, read_paths
@@ -91,7 +91,7 @@ class PlanTask:
 
 
 def parts_of(
-    source: Path, digest: str, extent: Around, map_file: Path
+    source: Path, digest: str, extent: Extent, map_file: Path
 ) -> Iterator[tuple[PartName, tuple[CandidatePath, ...]]]:
     """The parts of one file, whose paths have to begin in the map's extent [m]."""
     paths = read_paths(source)

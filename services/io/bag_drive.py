@@ -12,16 +12,15 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.services.io.bag_paths import other_frame, points_of
-from slopewise.services.io.bags import GRID_MAP, PATH, Bag, attitude, opened, read_cdr
+from slopewise.services.io.bags import GRID_MAP, ODOMETRY, PATH, Bag, attitude, opened, read_cdr
 from slopewise.services.io.files import fault
 from slopewise.services.io.grid_map import elevation_map_of
-from slopewise.services.io.topics import read_sources
+from slopewise.services.io.topics import only_topic, read_sources
 
-ODOMETRY = "nav_msgs/msg/Odometry"
 _TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
 
-_LATEST = 1.0
-"""Age of odometry from which its stamp is taken to be of another clock than the recorder's [s]."""
+_MAX_AGE = 1.0
+"""Age above which the stamp of odometry is taken to be of another clock than the recorder's [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +45,7 @@ class RecordedCommand:
 
 @dataclass(frozen=True, slots=True)
 class UnusableMessage:
-    """A message that a robot would have to do without, with the reason."""
+    """A message that cannot be used, with the reason."""
 
     topic: str
     reason: str
@@ -56,14 +55,11 @@ Event = ElevationMap | RecordedPose | CandidatePath | RecordedCommand | Unusable
 
 
 def _only(bag: Bag, kind: str, conventional: str) -> str:
-    """The only topic of a type, or the only one of them with the conventional name."""
+    """The topic of a type that :func:`only_topic` selects; InputError without one."""
     there = bag.topics_of(kind)
-    named = [topic for topic in there if conventional in topic.split("/")]
-    for choice in (there, named):
-        if len(choice) == 1:
-            return choice[0]
-    expected = f"expected one topic of {kind}, got {', '.join(there)}"
-    raise fault(bag.path, "topics", expected)
+    if topic := only_topic(bag.types, {kind}, conventional):
+        return topic
+    raise fault(bag.path, "topics", f"expected one topic of {kind}, got {', '.join(there)}")
 
 
 def drive_events(path: Path, mapping: Path | None = None) -> Iterator[tuple[float, Event]]:
@@ -133,5 +129,5 @@ def _pose(message: Any, at: int) -> RecordedPose:
         attitude(q.w, q.x, q.y, q.z)[2],
         math.copysign(math.hypot(twist.linear.x, twist.linear.y), twist.linear.x),
         float(twist.angular.z),
-        age if 0.0 <= age <= _LATEST else 0.0,
+        age if 0.0 <= age <= _MAX_AGE else 0.0,
     )

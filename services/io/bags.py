@@ -23,6 +23,7 @@ from slopewise.services.io.files import fault, reason
 SUFFIXES = (".mcap", ".db3")
 
 GRID_MAP = "grid_map_msgs/msg/GridMap"
+ODOMETRY = "nav_msgs/msg/Odometry"
 PATH = "nav_msgs/msg/Path"
 SPEED_LIMIT = "nav2_msgs/msg/SpeedLimit"
 

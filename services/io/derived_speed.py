@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from slopewise.models.arrays import Floats
 
-_MAX_NOISE = 0.03  # [m/s] of a speed by positions; more of them are taken where that is exceeded
-_MAX_HALF = 0.3  # [s] to each side: a stop has to show the brakes take hold
-_NOISE_OF_THIRD = 0.6745 * np.sqrt(20.0)
-"""Median of the absolute third differences of noise of 1: neighbours of 1, 3, 3, 1 times."""
+_MAX_NOISE = 0.03  # of the speed [m/s]; noisier positions are fitted over more samples
+_MAX_HALF = 0.3  # time that a fit reaches to each side [s]: a stop has to show its onset
+_MEDIAN_THIRD = 0.6745 * np.sqrt(20.0)
+"""Median absolute third difference of white noise, over its standard deviation [1]: a third
+difference has the weights 1, −3, 3, −1, and half of a normal distribution is within 0.6745."""
 
 
 def source_of_speed(columns: Container[str]) -> str:
@@ -24,7 +25,7 @@ def source_of_speed(columns: Container[str]) -> str:
 
 
 def derived_speed(columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]) -> Floats:
-    """(n,) speed [m/s], negative backwards where `yaw` shows it."""
+    """(n,) speed [m/s]; backwards it is negative, by positions only if the log has `yaw`."""
     if "v_left" in columns and "v_right" in columns:
         return np.asarray(0.5 * (columns["v_left"] + columns["v_right"]))
     speed = np.full(len(columns["t"]), np.nan)
@@ -45,10 +46,12 @@ def derived_speed(columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]) ->
 
 
 def _by_positions(at: Mapping[str, Floats]) -> Floats:
+    """(n,) speed [m/s] by lines through as few positions as their noise permits."""
     t, x, y = at["t"], at["x"], at["y"]
     step = float(np.median(np.diff(t)))
-    noise = max(float(np.median(np.abs(np.diff(p, 3)))) for p in (x, y)) / _NOISE_OF_THIRD
+    noise = max(float(np.median(np.abs(np.diff(p, 3)))) for p in (x, y)) / _MEDIAN_THIRD
     half = 1
+    # Standard deviation of a line's slope through 2 half + 1 samples.
     while (
         noise / (step * np.sqrt(half * (half + 1) * (2 * half + 1) / 3.0)) > _MAX_NOISE
         and (half + 1) * step <= _MAX_HALF
@@ -62,10 +65,8 @@ def _by_positions(at: Mapping[str, Floats]) -> Floats:
 
 
 def _slope(t: Floats, p: Floats, half: int) -> Floats:
-    """(n,) change of a position by the line through `half` samples to each side [m/s]."""
-    width = 2 * half + 1
-    times = np.lib.stride_tricks.sliding_window_view(t, width)
-    places = np.lib.stride_tricks.sliding_window_view(p, width)
+    """(n,) slope of the line fitted to a position [m] over `half` samples to each side [m/s]."""
+    times, places = (np.lib.stride_tricks.sliding_window_view(a, 2 * half + 1) for a in (t, p))
     times = times - times.mean(axis=1, keepdims=True)
     slope = np.sum(times * places, axis=1) / np.sum(times**2, axis=1)
     return np.pad(slope, half, mode="edge")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from collections.abc import Sequence
@@ -11,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from slopewise.models.discrepancy.findings import Findings, Gap
-from slopewise.services.io.files import write_atomic
+from slopewise.services.io.files import sha256_of, write_atomic
 from slopewise.services.io.model_file import write_model
 
-FINDINGS, MODEL, PAGE = "discrepancy.json", "model.toml", "report.html"  # Files of a result folder
+FINDINGS, MODEL, PAGE = "discrepancy.json", "model.toml", "report.html"  # in a result folder
 
 
 def write_findings(findings: Findings, folder: Path) -> list[Path]:
-    """DIR/discrepancy.json and DIR/model.toml; each all or nothing."""
+    """Write discrepancy.json and model.toml, each all or nothing; returns both files."""
     folder.mkdir(parents=True, exist_ok=True)
     content = json.dumps(findings_as_json(findings), allow_nan=False, indent=2, ensure_ascii=False)
     write_atomic(folder / FINDINGS, (content + "\n").encode())
@@ -27,19 +26,9 @@ def write_findings(findings: Findings, folder: Path) -> list[Path]:
 
 
 def source_of(logs: Sequence[Path], parent: Path, day: str) -> str:
-    """Logs, date and parent of what is added to a model: names with a digest of the bytes."""
-    digests = ", ".join(f"{path.name} {_digest(path)}" for path in logs)
-    return f"slopewise discrepancy {day}; {digests}; parent {parent.name} {_digest(parent)}"
-
-
-def _digest(path: Path) -> str:
-    """First digits of the SHA-256 of a file, or of all files of a recording's folder."""
-    total = hashlib.sha256()
-    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-        if file.is_file():
-            with file.open("rb") as stream:
-                hashlib.file_digest(stream, lambda: total)
-    return total.hexdigest()[:12]
+    """Text on the origin of an effect: day, logs and parent model, with digits of their SHA-256."""
+    *digests, of_parent = (f"{path.name} {sha256_of(path)[:12]}" for path in (*logs, parent))
+    return f"slopewise discrepancy {day}; {', '.join(digests)}; parent {of_parent}"
 
 
 def findings_as_json(f: Findings) -> dict[str, Any]:

@@ -21,22 +21,23 @@ from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.files import fault
 
 _NEEDED = ("v", "v_cmd", "pitch")
-_FEW = 0.25  # Share of the runs that may look as if they were in another unit, and are excluded
+_FEW = 0.25  # share of the runs that may look like another unit and are only excluded [1]
 _FACTORS = {"km/h": 3.6, "miles per hour": 1.0 / 0.44704, "knots": 1.0 / 0.514444}
 _TOO_FAST = 1.5
 """Ratio to the highest wheel speed [1]: above slip downhill, below 1.9, the factor of knots."""
 
 _MAX_SHIFT, _MAX_RATIO = 0.2, 0.12
-"""How near b_m, and the force's factor, have to come [1]: knots and miles differ by 15 %."""
+"""Largest deviations of b_m and of the force's factor from those of a unit [1]: knots and miles per
+hour differ by 15 %."""
 
-_STEEP = 0.02  # Grades that vary by less do not determine b_m [rad]
+_MIN_GRADE_STD = 0.02  # grades that vary by less do not determine b_m [rad]
 
 
 def refuse_wrong_units(log: DriveLog) -> None:
-    """A channel that everything rests on and that fits another unit is an error, not a stretch.
+    """Raise InputError where a required channel looks like another unit in many of the runs.
 
-    One run of several that looks so, such as of a vehicle that stands while its positions wander,
-    is excluded with its reason, and the others are used.
+    Where only a few look so, as that of a standing vehicle whose positions wander, the data issues
+    of the log exclude those and the others are used.
     """
     suspects: dict[str, list[tuple[str, str]]] = {}
     for run, source in zip(log.runs, log.sources, strict=True):
@@ -69,7 +70,7 @@ def refuse_unit(learned: Braking, known: Braking, grades: np.ndarray, source: st
 
     ``grades`` (n,) are those of the stops [rad].
     """
-    if len(grades) < 2 or float(np.std(grades)) < _STEEP:
+    if len(grades) < 2 or float(np.std(grades)) < _MIN_GRADE_STD:
         return
     for unit, factor in _FACTORS.items():
         wrong = factor * known.b_m + factor - 1.0

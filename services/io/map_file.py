@@ -12,17 +12,20 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.vehicle import Vehicle
 from slopewise.services.io import geotiff, grid_map, npz_map
 from slopewise.services.io.bags import is_bag
 from slopewise.services.io.files import fault, faults_of, write_atomic
 from slopewise.services.io.map_grid import (
     MAX_CELLS,
-    Around,
+    Extent,
     MapInfo,
     MapLayers,
     check_physical,
     describe_extent,
+    footprint_margin,
 )
 from slopewise.services.io.no_data import NoData
 
@@ -48,7 +51,7 @@ def map_info(path: Path, topics: Path | None = None) -> MapInfo:
 
 
 def read_map(
-    path: Path, *, around: Around | None = None, topics: Path | None = None, nodata: NoData = None
+    path: Path, *, around: Extent | None = None, topics: Path | None = None, nodata: NoData = None
 ) -> ElevationMap:
     """An elevation map, or the part of it that holds all heights within ``around``.
 
@@ -56,13 +59,12 @@ def read_map(
     the vehicle's footprint; of a GeoTIFF only that part is read.
     """
     info = map_info(path, topics)
-    cells: tuple[slice, slice] | None = slice(0, info.rows), slice(0, info.columns)
+    cells = slice(0, info.rows), slice(0, info.columns)
     if around is not None:
-        cells = info.cells_around(around)
-    if cells is None:
-        assert around is not None
-        got = f"the map at {describe_extent(info.extent)}"
-        raise fault(path, "extent", f"expected ground at {describe_extent(around)}, got {got}")
+        if (inside := info.cells_around(around)) is None:
+            got = f"the map at {describe_extent(info.extent)}"
+            raise fault(path, "extent", f"expected ground at {describe_extent(around)}, got {got}")
+        cells = inside
     part = info.part(*cells)
     if part.rows * part.columns > MAX_CELLS:
         size = f"{part.rows} x {part.columns}"
@@ -74,6 +76,22 @@ def read_map(
         raise fault(path, "elevation", f"expected a known cell{where}, got {got}")
     with faults_of(path):
         return layers.on(part)
+
+
+def read_map_around(
+    path: Path,
+    points: Floats,
+    vehicle: Vehicle,
+    *,
+    reach: float = 0.0,
+    topics: Path | None = None,
+    nodata: NoData = None,
+) -> ElevationMap:
+    """The part of a map around points (n, 2), as far as the vehicle and a further reach [m]."""
+    margin = footprint_margin(vehicle, map_info(path, topics)) + reach
+    (x_min, y_min), (x_max, y_max) = points.min(axis=0) - margin, points.max(axis=0) + margin
+    around = float(x_min), float(x_max), float(y_min), float(y_max)
+    return read_map(path, around=around, topics=topics, nodata=nodata)
 
 
 def write_map_npz(elevation_map: ElevationMap, path: Path) -> None:

@@ -11,13 +11,14 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.vehicle import Vehicle
 
-Around = tuple[float, float, float, float]  # (x_min, x_max, y_min, y_max) [m] in map coordinates
+Extent = tuple[float, float, float, float]
+"""(x_min, x_max, y_min, y_max) in map coordinates [m]."""
 
-MAX_CELLS = 100_000_000  # Cells read together: 10 km x 10 km at 1 m, 0.8 GB of heights
-_MIN_CELLS = 2  # Cells in a row or column that have ground between them
+MAX_CELLS = 100_000_000  # cells read together: 10 km x 10 km at 1 m, 0.8 GB of heights
+_MIN_CELLS = 2  # cells of a row or column with ground between them
 
 _MIN_RESOLUTION, _MAX_RESOLUTION = 1e-3, 1e3
-"""Edges of cells that robots drive by [m]: beyond, the file is in millimetres or degrees."""
+"""Plausible edges of a cell [m]: beyond them the file is in millimetres or degrees."""
 
 _MAX_COORDINATE = 1e8
 """Largest coordinate of a map [m]: no projection of this earth reaches 40,000 km."""
@@ -25,7 +26,7 @@ _MAX_COORDINATE = 1e8
 
 @dataclass(frozen=True, slots=True)
 class MapInfo:
-    """The grid of a map; cell [row, column] has its centre at origin + resolution (column, row)."""
+    """Grid of a map; cell [row, column] has its centre at origin + resolution · (column, row)."""
 
     rows: int  # row 0 is at minimum y
     columns: int
@@ -33,13 +34,13 @@ class MapInfo:
     origin: tuple[float, float]  # (x, y) of the centre of cell [0, 0] [m]
 
     @property
-    def extent(self) -> Around:
+    def extent(self) -> Extent:
         """(x_min, x_max, y_min, y_max) of the cell centres [m]."""
         x, y = self.origin
         width, height = (self.columns - 1) * self.resolution, (self.rows - 1) * self.resolution
         return x, x + width, y, y + height
 
-    def cells_around(self, around: Around) -> tuple[slice, slice] | None:
+    def cells_around(self, around: Extent) -> tuple[slice, slice] | None:
         """(rows, columns) that hold every height within ``around``; None if it is off the map."""
         x_min, x_max, y_min, y_max = around
         rows = _cells(y_min, y_max, self.origin[1], self.resolution, self.rows)
@@ -55,7 +56,7 @@ class MapInfo:
 
 
 def _cells(low: float, high: float, origin: float, resolution: float, count: int) -> slice | None:
-    """Cells from one before ``low`` to one after ``high``: rounding must not cost a neighbour."""
+    """Cells from one before ``low`` to one after ``high``, so that rounding loses none."""
     first = max(math.floor((low - origin) / resolution) - 1, 0)
     last = min(math.ceil((high - origin) / resolution) + 1, count - 1)
     if last - first + 1 < _MIN_CELLS:
@@ -64,40 +65,38 @@ def _cells(low: float, high: float, origin: float, resolution: float, count: int
 
 
 def check_physical(resolution: float, origin: tuple[float, float], shape: tuple[int, ...]) -> None:
-    """Raise ParameterError unless a grid can be of a map in metres on this earth."""
+    """Raise ParameterError where resolution or position show that a grid is not in metres."""
     if not _MIN_RESOLUTION <= resolution <= _MAX_RESOLUTION:
-        expected = (
-            f"{_MIN_RESOLUTION:g} … {_MAX_RESOLUTION:g} m from cell to cell, got {resolution:g}"
-        )
-        raise ParameterError("resolution", expected)
+        span = f"{_MIN_RESOLUTION:g} … {_MAX_RESOLUTION:g} m from cell to cell"
+        raise ParameterError("resolution", f"{span}, got {resolution:g}")
     ends = (origin[0] + shape[1] * resolution, origin[1] + shape[0] * resolution)
-    # NaN is never within anything.
+    # Written so that NaN fails.
     if not all(abs(value) <= _MAX_COORDINATE for value in (*origin, *ends)):
         expected = f"coordinates of at most {_MAX_COORDINATE:g} m, got {origin[0]:g}, {origin[1]:g}"
         raise ParameterError("origin", expected)
 
 
-def describe_extent(extent: Around) -> str:
-    """An extent as an error shows it."""
+def describe_extent(extent: Extent) -> str:
+    """Format an extent for an error message."""
     x_min, x_max, y_min, y_max = extent
     return f"x {x_min:.10g} … {x_max:.10g}, y {y_min:.10g} … {y_max:.10g} m"
 
 
 def footprint_margin(vehicle: Vehicle, info: MapInfo) -> float:
-    """Ground that has to be known around a path [m]."""
+    """Width of the strip around a path whose ground a plan reads [m]."""
     return vehicle.wheelbase + vehicle.track_width + 2.0 * info.resolution
 
 
 class MapLayers(NamedTuple):
-    """Some cells of a map, (rows, columns) each."""
+    """Heights and surfaces of some cells of a map, (rows, columns) each."""
 
-    heights: Floats  # heights [m], NaN where unknown
+    heights: Floats  # [m], NaN where unknown
     height_std: float  # error of the heights of cells relative to each other [m], one for all
-    assumed: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()  # assumptions about the file, as sentences
     classes: Ints | None = None  # index into ``class_names``, None for the base surface everywhere
     class_names: tuple[str, ...] = ("",)
     std_is_assumed: bool = False  # the source states no error
-    correlation_length: float = 0.0  # over which errors of cells are alike [m]
+    correlation_length: float = 0.0  # distance over which errors of cells are alike [m]
 
     def on(self, grid: MapInfo) -> ElevationMap:
         """The map of these layers, whose cells are those of a grid."""

@@ -26,7 +26,7 @@ UNSCALED = (-99999.0, -32768.0, -32767.0, -9999.0)
 """Markers of GDAL, ESRI, SRTM and GEBCO [m]: below all land, also as a raw value before scaling."""
 
 COMMON = (*UNSCALED, 9999.0, 32767.0, 65535.0, 99999.0)
-"""Those above all land as well [m], with the highest numbers of 16 bits."""
+"""The same and markers above all land [m], among them the highest numbers of 16 bits."""
 
 _MIN_COMMON = min(abs(value) for value in COMMON)
 
@@ -42,10 +42,10 @@ _MIN_COUNT = 4
 spike or a hole, whose sides nothing climbs."""
 
 
-def nodata_of(text: str | None) -> NoData:
-    """The value of `--nodata`: a number of metres or "none"."""
-    if text is None or text.strip().lower() == "none":
-        return None if text is None else "none"
+def nodata_of(text: str) -> NoData:
+    """The value of `--nodata`: a height [m] or "none"."""
+    if text.strip().lower() == "none":
+        return "none"
     try:
         return float(text)
     except ValueError:
@@ -69,7 +69,7 @@ def known_heights(
 
 
 def without_common(heights: Floats, nodata: NoData) -> tuple[Floats, set[float]]:
-    """The same, of what marks missing data on any map."""
+    """Heights with NaN for what marks missing data on any map, and the markers that were found."""
     known = _without(heights, nodata)
     far = np.abs(known) >= (MAX_HEIGHT if nodata == "none" else _MIN_COMMON)
     if not far.any():
@@ -83,7 +83,7 @@ def without_common(heights: Floats, nodata: NoData) -> tuple[Floats, set[float]]
 
 
 def known_raw(raw: Floats, nodata: NoData, dtype: str) -> tuple[Floats, set[float]]:
-    """Numbers of a file that are scaled to heights later, with NaN for :data:`UNSCALED`, and them.
+    """Numbers before scaling, with NaN for those of :data:`UNSCALED`, and the markers found.
 
     The ends of a number type of 16 bits and more are markers too, except 0.
     """
@@ -154,11 +154,10 @@ def _count(parts: Sequence[Floats], value: float) -> int:
     return sum(int(np.count_nonzero(part == value)) for part in parts)
 
 
-REMEDY = "; --nodata none takes them as heights"
-
-
-def describe(markers: Sequence[float], remedy: str = REMEDY) -> tuple[str, ...]:
-    """A sentence about undeclared markers; empty without any."""
+def describe(
+    markers: Sequence[float], remedy: str = "; --nodata none takes them as heights"
+) -> tuple[str, ...]:
+    """A sentence about undeclared markers, with the option that keeps them; empty without any."""
     values = ", ".join(f"{value:.6g}" for value in sorted(markers))
     sentence = f"cells of {values} m are unknown ground: no height, but an undeclared no-data value"
     # No option makes ground of what is beyond all heights.

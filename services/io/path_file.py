@@ -17,7 +17,7 @@ from slopewise.services.io.bag_paths import read_bag_paths
 from slopewise.services.io.bags import is_bag
 from slopewise.services.io.files import fault, faults_of
 from slopewise.services.io.geojson import read_geojson_paths
-from slopewise.services.io.map_grid import Around, describe_extent
+from slopewise.services.io.map_grid import Extent, describe_extent
 from slopewise.services.io.table import Table, read_table, write_csv
 
 _OPTIONAL = {"speed_limit": "m/s", "yaw": "rad"}
@@ -73,7 +73,7 @@ def _candidate(
 
 
 def check_paths_on_map(
-    paths: Sequence[CandidatePath], extent: Around, source: str, map_source: str
+    paths: Sequence[CandidatePath], extent: Extent, source: str, map_source: str
 ) -> None:
     """Raise InputError if a candidate does not begin within the extent of the cell centres [m]."""
     x_min, x_max, y_min, y_max = extent

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.services.io.bags import ODOMETRY
 from slopewise.services.io.decode import decode_table, dotted
 from slopewise.services.io.files import fault, read_toml, shipped_folder
 from slopewise.services.io.units import REQUIRED
@@ -21,7 +22,6 @@ ATTITUDE = ("roll", "pitch", "yaw")
 _NO_COLUMN = ("run", "t")
 _SOURCES = ("map", "paths")
 
-_ODOMETRY = "nav_msgs/msg/Odometry"
 _IMU = "sensor_msgs/msg/Imu"
 _COMMANDS = {
     "geometry_msgs/msg/Twist": "linear.x",
@@ -102,20 +102,20 @@ def infer_channels(
 ) -> dict[str, Channel]:
     """The shipped channels with the topics that a recording has, and more from the same IMU."""
     channels = dict(shipped)
-    if odometry := _only_topic(recorded, {_ODOMETRY}, "odom"):
+    if odometry := only_topic(recorded, {ODOMETRY}, "odom"):
         channels["v"] = replace(channels["v"], topic=odometry)
-    if command := _only_topic(recorded, set(_COMMANDS), "cmd_vel"):
+    if command := only_topic(recorded, set(_COMMANDS), "cmd_vel"):
         field = _COMMANDS[recorded[command]]
         channels["v_cmd"] = replace(channels["v_cmd"], topic=command, field=field)
-    if imu := _only_topic(recorded, {_IMU}, "imu"):
+    if imu := only_topic(recorded, {_IMU}, "imu"):
         channels["pitch"] = replace(channels["pitch"], topic=imu)
         channels.setdefault("roll", Channel(topic=imu, quaternion="orientation"))
         channels.setdefault("yaw_rate", Channel(topic=imu, field="angular_velocity.z"))
     return channels
 
 
-def _only_topic(recorded: Mapping[str, str], kinds: set[str], conventional: str) -> str:
-    """The only topic of some types, or the only one of them with the conventional name; or ""."""
+def only_topic(recorded: Mapping[str, str], kinds: set[str], conventional: str) -> str:
+    """The only topic of some types, else the only one of them with a conventional name, else ""."""
     of_kind = [topic for topic, kind in recorded.items() if kind in kinds]
     named = [topic for topic in of_kind if conventional in topic.split("/")]
     for choice in (of_kind, named):

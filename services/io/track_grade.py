@@ -13,14 +13,12 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.files import fault
-from slopewise.services.io.map_file import map_info, read_map
-from slopewise.services.io.map_grid import footprint_margin
+from slopewise.services.io.map_file import read_map_around
 from slopewise.services.io.no_data import NoData
 
 _log = logging.getLogger("slopewise")
-_SPACING = 0.3  # [m] positions nearer than that are mostly noise
-_MIN_MARKS = 3
-"""Fewest marks with a heading between neighbours."""
+_SPACING = 0.3  # between positions whose ground is looked up [m]; nearer ones are mostly noise
+_MIN_MARKS = 3  # positions with a heading between neighbours [1]
 
 
 def grade_by_map(
@@ -38,12 +36,8 @@ def grade_by_map(
     placed = np.isfinite(x) & np.isfinite(y)
     if not placed.any():
         raise fault(log.sources[0], "column x", "expected positions, got none")
-    info = map_info(map_file)
-    margin = footprint_margin(vehicle, info)
-    ends = ((xy[placed].min() - margin, xy[placed].max() + margin) for xy in (x, y))
-    (x_min, x_max), (y_min, y_max) = ends
-    around = float(x_min), float(x_max), float(y_min), float(y_max)
-    elevation_map = read_map(map_file, around=around, nodata=nodata)
+    points = np.stack((x[placed], y[placed]), axis=1)
+    elevation_map = read_map_around(map_file, points, vehicle, nodata=nodata)
     for assumption in elevation_map.assumed:
         _log.warning("%s: %s", map_file, assumption)
     grade = np.full(len(x), np.nan)

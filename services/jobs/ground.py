@@ -12,8 +12,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.io.bags import is_bag
-from slopewise.services.io.map_file import map_info, read_map
-from slopewise.services.io.map_grid import footprint_margin
+from slopewise.services.io.map_file import map_info, read_map_around
 from slopewise.services.io.no_data import NoData
 from slopewise.services.io.path_file import check_paths_on_map
 
@@ -36,10 +35,7 @@ def read_ground(
     reach: float = 0.0,
 ) -> ElevationMap:
     """Read the map around paths, as far as the vehicle and a further reach [m] from each point."""
-    info = map_info(map_file, topics)
-    check_paths_on_map(paths, info.extent, str(path_file), str(map_file))
+    extent = map_info(map_file, topics).extent
+    check_paths_on_map(paths, extent, str(path_file), str(map_file))
     points = np.concatenate([path.points for path in paths])
-    margin = footprint_margin(vehicle, info) + reach
-    (x_min, y_min), (x_max, y_max) = points.min(axis=0) - margin, points.max(axis=0) + margin
-    around = float(x_min), float(x_max), float(y_min), float(y_max)
-    return read_map(map_file, around=around, topics=topics, nodata=nodata)
+    return read_map_around(map_file, points, vehicle, reach=reach, topics=topics, nodata=nodata)

@@ -168,7 +168,6 @@ def test_with_none_only_what_is_no_height_at_all_is_unknown() -> None:
 
 
 def test_values_of_the_option() -> None:
-    assert nodata_of(None) is None
     assert nodata_of("None") == "none"
     assert nodata_of("-9999") == -9999.0
     with pytest.raises(InputError, match=r"--nodata: expected a height \[m\] or none, got rocks"):
