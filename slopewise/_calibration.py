@@ -72,4 +72,4 @@ def find_discrepancies(
 
 def _ground(log: DriveLog, model: Model, map_file: str | PathLike[str] | None) -> Floats | None:
     """Grade of the ground at each sample [rad], None without a map."""
-    return grade_by_map(log, None if map_file is None else Path(map_file), model.vehicle)
+    return None if map_file is None else grade_by_map(log, Path(map_file), model.vehicle)

@@ -90,7 +90,6 @@ def measured_beside(
             dataclasses.replace(
                 one.record,
                 force_ratio=one.force,
-                onset_shift=one.shift,
                 by_effects=extra,
                 force_std=one.record.force_std / share if share > _HIDDEN else _NO_WORD,
             )

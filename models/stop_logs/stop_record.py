@@ -88,7 +88,6 @@ class StopRecord:
     grade: float  # mean while braking [rad]
     force_ratio: float  # F_b/W; no more than it where the stop was cut short
     force_std: float  # measurement noise of it
-    onset_shift: float = 0.0  # by how much named effects make the onset look later [s]
     by_effects: float = 0.0  # by how much they make the stop longer [m]
     applied: float = 1.0  # share of full braking; force_ratio is as if it were 1
     resistance: float = 0.0  # of rolling, which stays when less is applied [1]
@@ -107,6 +106,11 @@ class StopRecord:
     def mean_grade(self) -> float:
         """Grade of the ground, mean over the distance from the command to standstill [rad]."""
         return self.samples.mean_of(self.ground)
+
+    @property
+    def distance_margin(self) -> float:
+        """Allowed minus actual stopping distance [m]; below 0 where the stop was longer."""
+        return self.bound_distance - self.samples.distance
 
     @property
     def path(self) -> tuple[Floats, Floats]:

@@ -21,15 +21,11 @@ _SPACING = 0.3  # between positions whose ground is looked up [m]; nearer ones a
 _MIN_MARKS = 3  # positions with a heading between neighbours [1]
 
 
-def grade_by_map(
-    log: DriveLog, map_file: Path | None, vehicle: Vehicle, nodata: NoData = None
-) -> Floats | None:
-    """(samples,) grade under the wheels [rad], NaN off the known map; None without a map.
+def grade_by_map(log: DriveLog, map_file: Path, vehicle: Vehicle, nodata: NoData = None) -> Floats:
+    """(samples,) grade under the wheels [rad], NaN off the known map.
 
     The log has x, y in map coordinates, and the vehicle drives forward.
     """
-    if map_file is None:
-        return None
     if not {"x", "y"} <= log.columns.keys():
         raise fault(log.sources[0], "column x", "expected x and y to place the log on the map")
     x, y = log.columns["x"], log.columns["y"]

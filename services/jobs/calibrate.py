@@ -35,7 +35,7 @@ from slopewise.services.jobs.summary import option_of
 
 @dataclass(frozen=True, slots=True)
 class CalibrateResult:
-    """The calibration, the model with it, and its log."""
+    """A calibration, the model with what was learned, and the log."""
 
     calibration: Calibration
     model: Model
@@ -61,7 +61,7 @@ class RejectedLogError(InputError):
 
 
 def calibrate(logs: LogInput, model_file: str, *, settings: CalibrationSettings) -> CalibrateResult:
-    """Read logs, find stops, fit; the model of the file, or the shipped one, is the prior."""
+    """Read logs, find stops and fit; the prior is a model file or the name of a shipped vehicle."""
     begin = time.perf_counter()
     model = read_model(find_model(model_file))
     with progress_bar("calibrating", 4) as advance:
@@ -82,22 +82,15 @@ def calibrate(logs: LogInput, model_file: str, *, settings: CalibrationSettings)
                 expected = logs.in_own_units(f"expected {error.expected}")
                 error = fault(logs.names, error.field, expected)
             raise RejectedLogError(error, log, settings.stops) from None
-    tracking = _tracking(log, model, settings.coverage)
-    if tracking is not None:
+    tracking = None
+    if (samples := tracking_samples(log.columns, log.runs)) is not None:
+        tracking = fit_tracking(samples, model.tracking, model.limits.speed, settings.coverage)
         updated = replace(updated, tracking=tracking.tracking)
         calibration = replace(calibration, warnings=(*calibration.warnings, tracking.note))
     missing = unseen_channels(model.effect, log.columns)
     warnings = map(logs.in_own_units, (*log.notes, *calibration.warnings, *missing))
     calibration = replace(calibration, warnings=tuple(warnings))
     return CalibrateResult(calibration, updated, log, time.perf_counter() - begin, tracking)
-
-
-def _tracking(log: DriveLog, model: Model, coverage: float) -> TrackingFit | None:
-    """Learned tracking errors, None without poses and paths in the log."""
-    samples = tracking_samples(log.columns, log.runs)
-    if samples is None:
-        return None
-    return fit_tracking(samples, model.tracking, model.limits.speed, coverage)
 
 
 def calibrate_log(

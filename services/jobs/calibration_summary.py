@@ -31,10 +31,10 @@ class Coefficient(Summary, frozen=True):
 
 
 class PromiseSummary(Summary, frozen=True):
-    """Supported shares: `counted_here` for the sessions of the log, `counted_new` for new ones [1].
+    """Shares that stops support: `counted_here` in sessions of the log, `counted_new` in new ones.
 
-    Each session is predicted by the others: `held_out` stops, `held_out_beyond` of them beyond,
-    with the exact 95 % `interval` of that share, null where no session could be predicted.
+    Each session is predicted from the others: of `held_out` stops `held_out_beyond` were longer
+    than allowed; `interval` is 95 % of that share, exact, null where no session was predicted.
     """
 
     share: float
@@ -137,8 +137,8 @@ def surface_summary(s: SurfaceFit) -> SurfaceSummary:
     """
     std = np.sqrt(np.diag(s.fit.covariance))
     numbers = zip(NAMES, s.fit.coefficients, std, s.fit.learned, strict=True)
-    excess = np.array([r.bound_distance - r.samples.distance for r in s.records])
-    finite = excess[np.isfinite(excess)]
+    margin = np.array([r.distance_margin for r in s.records])
+    finite = margin[np.isfinite(margin)]
     return SurfaceSummary.of(
         s,
         stops=len(s.records),
@@ -150,7 +150,7 @@ def surface_summary(s: SurfaceFit) -> SurfaceSummary:
             s.promise, held_out_excess_m=s.promise.excess, text=s.promise.sentence()
         ),
         stop_factor=s.distance.table.worst(s.promise.share),
-        coverage=float(np.mean(excess >= 0.0)),
+        coverage=float(np.mean(margin >= 0.0)),
         mean_excess=float(np.mean(finite)) if len(finite) else 0.0,
     )
 

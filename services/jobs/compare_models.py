@@ -17,8 +17,7 @@ from slopewise.models.parameters import Braking, Model
 from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.jobs.summary import Summary
 
-_STEPS = 9
-"""Speeds, and grades, of the trained ranges at which stops are compared."""
+_STEPS = 9  # speeds, and grades, of the trained ranges at which stops are compared [1]
 
 
 class KeyChange(Summary, frozen=True):
@@ -82,12 +81,12 @@ def _stops(first: Model, second: Model) -> Iterator[StopChange]:
             yield StopChange(name or "base", float(change.min()), float(change.max()))
 
 
-def _distances(prior: Braking, speed: Floats, grade: Floats) -> Floats:
-    """Stopping distances [m]; infinite where the brakes do not hold the vehicle."""
-    force = (prior.m_m * speed + prior.b_m) * grade + prior.m_b * speed + prior.b_b
+def _distances(on: Braking, speed: Floats, grade: Floats) -> Floats:
+    """Stopping distances at speeds [m/s] and grades [rad] [m]; inf where the brakes do not stop."""
+    force = braking.force_ratio(grade, speed, on.m_m, on.b_m, on.m_b, on.b_b)
     deceleration = np.asarray(braking.deceleration(force, grade))
     is_held = deceleration > 0.0
     distance = braking.stopping_distance(
-        speed, np.where(is_held, deceleration, 1.0), prior.dead_time, prior.distance_offset
+        speed, np.where(is_held, deceleration, 1.0), on.dead_time, on.distance_offset
     )
     return np.where(is_held, distance, math.inf)

@@ -45,6 +45,8 @@ class LogInput:
 
     def grade(self, log: DriveLog, vehicle: Vehicle) -> Floats | None:
         """Grade of the ground at each sample [rad], None without a map."""
+        if self.map_file is None:
+            return None
         return grade_by_map(log, self.map_file, vehicle, self.nodata)
 
     def in_own_units(self, sentence: str) -> str:

@@ -7,7 +7,6 @@ vehicle, the newest path of each topic, and the newest odometry with its age.
 from __future__ import annotations
 
 import math
-import re
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -32,14 +31,9 @@ from slopewise.services.io.bag_drive import (
 )
 from slopewise.services.io.model_file import find_model, read_model
 
-_SLOWER = 0.1
-"""Below the recorded speed by more than that, the vehicle would have been slowed [m/s]: speed that
-tracking removes (`speed_error` of the horizon)."""
-
-_TOGETHER = 0.5  # time between two slow-downs up to which they are one [s]
-
-_SPREAD = (0.5, 0.9, 0.99, 1.0)
-"""Quantiles of latencies that are reported [1]."""
+_SPEED_TOLERANCE = 0.1
+"""A lower limit slows the vehicle only if it is below the recorded speed by more than that [m/s]:
+tracking removes smaller errors (`speed_error` of the horizon)."""
 
 GuardDecide = Callable[..., Any]
 """A decision as `slopewise.guard_decision`: with `action`, `command.speed` and `reason`."""
@@ -51,7 +45,7 @@ class ReplayCycle:
 
     time: float  # since the first message [s]
     pose: RecordedPose
-    later: float  # recorded speed one period later [m/s], NaN at the end
+    next_speed: float  # recorded one period later [m/s], NaN at the end
     status: str
     reason: str
     limit: float  # speed of the horizon after one period [m/s]
@@ -63,8 +57,8 @@ class ReplayCycle:
 
     @property
     def slows(self) -> bool:
-        """The driver was faster than the planner would have been."""
-        return self.later > self.limit + _SLOWER
+        """True if the driver was faster one period later than the limit."""
+        return self.next_speed > self.limit + _SPEED_TOLERANCE
 
 
 @dataclass
@@ -87,10 +81,9 @@ def replay_plan(
     topics: Path | None = None,
     speed_up: float = 1.0,
 ) -> ReplayResult:
-    """Replay a recording with a grid map, odometry and paths in one frame; decide: the guard.
+    """Replay a recording with grid map, odometry and paths in one frame, `speed_up` times as fast.
 
-    Seconds of the recording pass `speed_up` times as fast. InputError: also where no cycle had all
-    that it needs.
+    `decide` is the guard. InputError: also where no cycle had map, path and odometry.
     """
     model = read_model(find_model(model_file))
     settings = HorizonSettings()
@@ -117,12 +110,12 @@ def replay_plan(
             f"expected map, path and odometry at one time, got none ({skipped or 'no odometry'})"
         )
         raise InputError(str(bag), "messages", expected)
-    _add_later_speeds(result)
+    _add_next_speeds(result)
     return result
 
 
 class _Replay:
-    """Newest messages at one moment of the recording."""
+    """Newest messages at one moment of the recording, and the cycles on them."""
 
     def __init__(self, horizon: Horizon, decide: GuardDecide) -> None:
         self._horizon, self._decide = horizon, decide
@@ -131,7 +124,7 @@ class _Replay:
         self._command: RecordedCommand | None = None
 
     def take(self, event: object) -> str:
-        """Take a message; the kind of it, in the plural."""
+        """Take a message; returns what it is counted as."""
         match event:
             case ElevationMap():
                 self._map = event
@@ -160,18 +153,19 @@ class _Replay:
         self._horizon.forget()
 
     def cycle(self, at: float, pose: RecordedPose) -> ReplayCycle:
-        """Horizon and guard on the newest of everything."""
-        assert self._map is not None
+        """One cycle of horizon and guard on the newest messages; none may be missing."""
+        ground = self._map
+        assert ground is not None
         state = PlanarState(
             x=pose.x, y=pose.y, heading=pose.heading, speed=pose.speed, age=pose.age
         )
         begin = time.perf_counter()
-        answer = self._step(state)
+        answer = self._step(state, ground)
         planned = time.perf_counter()
         command = self._command or RecordedCommand(pose.speed, pose.yaw_rate)
         decision = self._decide(
             self._horizon.model,
-            self._map,
+            ground,
             (pose.x, pose.y, pose.heading),
             pose.speed,
             (command.speed, command.yaw_rate),
@@ -193,14 +187,13 @@ class _Replay:
             decided - planned,
         )
 
-    def _step(self, state: PlanarState) -> CycleAnswer:
-        assert self._map is not None
+    def _step(self, state: PlanarState, ground: ElevationMap) -> CycleAnswer:
+        """A cycle of the horizon without the candidates that cannot be resampled."""
         paths = list(self._paths.values())
         while True:
             try:
-                return self._horizon.step(state, paths, self._map)
+                return self._horizon.step(state, paths, ground)
             except ParameterError as error:
-                # A candidate that cannot be resampled is one less.
                 name = error.field.partition(".")[0]
                 left = [path for path in paths if path.name != name]
                 if len(left) == len(paths):
@@ -208,36 +201,12 @@ class _Replay:
                 paths = left
 
 
-def _add_later_speeds(result: ReplayResult) -> None:
-    """The recorded speed of each cycle one period later, before the horizon's command is due."""
+def _add_next_speeds(result: ReplayResult) -> None:
+    """Add the recorded speed one period after each cycle, when its limit applies."""
     times = np.array([cycle.time for cycle in result.cycles])
     speeds = np.array([cycle.pose.speed for cycle in result.cycles])
-    later = np.interp(times + result.period, times, speeds, right=np.nan)
+    following = np.interp(times + result.period, times, speeds, right=np.nan)
     result.cycles[:] = [
-        replace(cycle, later=float(speed))
-        for cycle, speed in zip(result.cycles, later, strict=True)
+        replace(cycle, next_speed=speed)
+        for cycle, speed in zip(result.cycles, following.tolist(), strict=True)
     ]
-
-
-def cause(reason: str) -> str:
-    """A reason without its numbers, so that equal causes are one."""
-    return re.sub(r"-?\d+(?:\.\d+)?(?:e-?\d+)?", "…", reason)
-
-
-def spread(seconds: list[float]) -> dict[str, float]:
-    """Quantiles of durations: name -> value [s]."""
-    values = np.quantile(seconds, _SPREAD)
-    names = ("median", "p90", "p99", "max")
-    return dict(zip(names, map(float, values), strict=True))
-
-
-def slowed_stretches(cycles: list[ReplayCycle]) -> list[list[ReplayCycle]]:
-    """Cycles in which the driver would have been slowed, by stretch."""
-    stretches: list[list[ReplayCycle]] = []
-    for cycle in cycles:
-        if not cycle.slows:
-            continue
-        if not stretches or cycle.time - stretches[-1][-1].time > _TOGETHER:
-            stretches.append([])
-        stretches[-1].append(cycle)
-    return stretches

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 
-from slopewise.services.jobs.replay_plan import (
-    ReplayCycle,
-    ReplayResult,
-    cause,
-    slowed_stretches,
-    spread,
-)
+import numpy as np
+
+from slopewise.services.jobs.replay_plan import ReplayCycle, ReplayResult
 from slopewise.services.jobs.summary import Summary
+
+_MAX_GAP = 0.5  # time between two slow-downs up to which they are one [s]
+_QUANTILES = {"median": 0.5, "p90": 0.9, "p99": 0.99, "max": 1.0}
+"""Quantiles of latencies by name [1]."""
 
 
 class CauseRow(Summary, frozen=True):
@@ -64,13 +65,13 @@ class ReplaySummary(Summary, frozen=True):
 def summarise(result: ReplayResult) -> ReplaySummary:
     """Quantiles, causes, and where the driver would have been slowed."""
     cycles = result.cycles
-    stretches = slowed_stretches(cycles)
+    stretches = _slowed_stretches(cycles)
     return ReplaySummary.of(
         result,
         model=result.model.name,
         cycles=len(cycles),
-        latency=spread([c.plan_seconds for c in cycles]),
-        guard_latency=spread([c.guard_seconds for c in cycles]),
+        latency=_quantiles([c.plan_seconds for c in cycles]),
+        guard_latency=_quantiles([c.guard_seconds for c in cycles]),
         late=sum(c.plan_seconds > result.period for c in cycles),
         statuses=_causes([(c.status, c.reason, c.time) for c in cycles]),
         guard=_causes([(c.action, c.guard_reason, c.time) for c in cycles]),
@@ -80,25 +81,47 @@ def summarise(result: ReplayResult) -> ReplaySummary:
 
 
 def _causes(rows: list[tuple[str, str, float]]) -> list[CauseRow]:
-    counts = Counter((status, cause(reason)) for status, reason, _ in rows)
+    """Causes by status, most frequent first; rows are status, reason and time [s]."""
+    counts = Counter[tuple[str, str]]()
     first: dict[tuple[str, str], tuple[float, str]] = {}
     for status, reason, at in rows:
-        first.setdefault((status, cause(reason)), (at, reason))
-    return [
-        CauseRow(status, text, count, *first[status, text])
-        for (status, text), count in counts.most_common()
-    ]
+        key = status, _without_numbers(reason)
+        counts[key] += 1
+        first.setdefault(key, (at, reason))
+    return [CauseRow(*key, count, *first[key]) for key, count in counts.most_common()]
 
 
 def _slowed(stretch: list[ReplayCycle]) -> SlowedRow:
-    worst = max(stretch, key=lambda c: c.later - c.limit)
+    worst = max(stretch, key=lambda c: c.next_speed - c.limit)
     return SlowedRow(
         stretch[0].time,
         stretch[-1].time,
         worst.pose.x,
         worst.pose.y,
-        worst.later,
+        worst.next_speed,
         worst.limit,
         worst.status,
         worst.reason,
     )
+
+
+def _without_numbers(reason: str) -> str:
+    """A reason with … for its numbers, so that equal causes are counted together."""
+    return re.sub(r"-?\d+(?:\.\d+)?(?:e-?\d+)?", "…", reason)
+
+
+def _quantiles(seconds: list[float]) -> dict[str, float]:
+    """Quantiles of durations: name -> value [s]."""
+    return {name: float(np.quantile(seconds, share)) for name, share in _QUANTILES.items()}
+
+
+def _slowed_stretches(cycles: list[ReplayCycle]) -> list[list[ReplayCycle]]:
+    """Cycles in which the driver would have been slowed, by stretch."""
+    stretches: list[list[ReplayCycle]] = []
+    for cycle in cycles:
+        if not cycle.slows:
+            continue
+        if not stretches or cycle.time - stretches[-1][-1].time > _MAX_GAP:
+            stretches.append([])
+        stretches[-1].append(cycle)
+    return stretches

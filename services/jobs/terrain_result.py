@@ -23,7 +23,7 @@ _LASTING = 6
 
 @dataclass(frozen=True, slots=True)
 class LoggedStretch(DescribedStretch):
-    """A stretch, with what the log says of it."""
+    """A stretch with the log's own columns on its ground."""
 
     label: str  # name of the ground, empty where the log has none
     session: str  # day or site likewise
@@ -143,14 +143,15 @@ class TerrainResult:
 
     @property
     def agreement(self) -> float | None:
-        """Balanced share of stretches that agree with the class of their label; None without.
+        """Share of stretches that agree with the class of their label, mean over labels; or None.
 
         It is higher for classes learned from these labels than on other ground.
         """
-        classes = {terrain_class.name for terrain_class in self.terrains.terrain}
+        if not self.terrains.terrain:
+            return None
         by_label: dict[str, list[bool]] = {}
         for run in self.runs:
-            for stretch in run.ground if classes else ():
+            for stretch in run.ground:
                 if label := stretch.label:
                     by_label.setdefault(label, []).append(label in stretch.agrees_with)
         return float(np.mean([np.mean(v) for v in by_label.values()])) if by_label else None

@@ -109,9 +109,9 @@ def summarise(result: TerrainResult, *notes: str) -> TerrainSummary:
 
 def _run(run: RunEvents, result: TerrainResult) -> RunRow:
     t = result.log.columns["t"]
-    observations = [stretch.observation for stretch in run.stretches]
-    compared = [o for o in observations if any(evidence_of(o))]
-    unused = [o for o in observations if not any(evidence_of(o))]
+    seconds = {True: 0.0, False: 0.0}  # by whether anything in them is compared
+    for o in (stretch.observation for stretch in run.stretches):
+        seconds[any(evidence_of(o))] += o.end - o.begin
     return RunRow(
         run=run.run,
         terrain=_features(run.known),
@@ -121,8 +121,8 @@ def _run(run: RunEvents, result: TerrainResult) -> RunRow:
         stuck=run.stuck_seconds,
         probabilities=_probabilities(run.name),
         changes=[ChangeRow.of(change, t=change.time, classes=None) for change in run.changes],
-        compared_seconds=round(sum(o.end - o.begin for o in compared)),
-        not_compared_seconds=round(sum(o.end - o.begin for o in unused)),
+        compared_seconds=round(seconds[True]),
+        not_compared_seconds=round(seconds[False]),
         excluded=[
             ExcludedRow.of(s, t=float(t[s.start]), t_end=float(t[s.stop - 1]), kind=s.kind.value)
             for s in run.excluded

@@ -85,18 +85,13 @@ def _write(path: Path, values: dict[str, Any], issues: Sequence[Suspect], log: D
 
 def _verdict(calibration: Calibration) -> str:
     base = calibration.surfaces[0]
-    margin = _distance_margins(base)
+    margin = np.array([r.distance_margin for r in base.records])
     within, finite = int(np.sum(margin >= 0.0)), margin[np.isfinite(margin)]
     mean = float(np.mean(finite)) if len(finite) else float("inf")
     return (
         f"{within} of {plural(len(base.records), 'stop')} ended within the distance that a plan "
         f"allows, {mean:.2f} m before its end on average. {base.promise.sentence()}."
     )
-
-
-def _distance_margins(surface: SurfaceFit) -> Any:
-    """(R,) predicted minus actual stopping distance of each record [m]."""
-    return np.array([r.bound_distance - r.samples.distance for r in surface.records])
 
 
 def _shared_facts(calibration: Calibration) -> dict[str, str]:
@@ -174,7 +169,7 @@ def _draw_distance(figure: Any, surface: SurfaceFit) -> None:
 
 def _draw_margin(figure: Any, surface: SurfaceFit) -> None:
     axes = figure.add_subplot()
-    margin = _distance_margins(surface)
+    margin = np.array([r.distance_margin for r in surface.records])
     margin[~np.isfinite(margin)] = np.nan
     axes.axhline(0.0, color=SHORT, lw=1.0)
     axes.scatter([r.onset_speed for r in surface.records], margin, s=16, color=FIRST, zorder=3)
