@@ -6,9 +6,11 @@ import dataclasses
 import inspect
 import re
 from collections.abc import Iterator
-from typing import Any, get_args, get_type_hints
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
+import numpy as np
 
 from slopewise.models.input_errors import Tracking
 from slopewise.models.parameters import Braking, Effect, Limits, Terrain
@@ -20,7 +22,12 @@ from slopewise.services.discovery import investigation_process
 from slopewise.services.io.topics import Channel, MapSource, PathSource
 from slopewise.services.ros.settings import EdgeSettings
 from slopewise.services.settings.service_settings import ServiceConfig
-from slopewise.services.wire import observations, parameter_messages, plan_messages
+from slopewise.services.wire import (
+    model_proposal,
+    observations,
+    parameter_messages,
+    plan_messages,
+)
 from slopewise.services.wire.codec import schema_of
 
 _HEAD = "| key | unit and range | default | what |\n|---|---|---|---|\n"
@@ -94,7 +101,8 @@ def messages_page() -> str:
         "| `v1/status` | out: `ServiceStatus`, JSON |",
         "| `v1/alive/ID` | liveliness token |\n",
     ]
-    for module in (plan_messages, observations, parameter_messages, investigation_process):
+    modules = plan_messages, observations, parameter_messages, model_proposal, investigation_process
+    for module in modules:
         for _, kind in inspect.getmembers(module, _is_message):
             if kind.__module__ != module.__name__ or not kind.__struct_fields__:
                 continue
@@ -104,7 +112,7 @@ def messages_page() -> str:
 
 
 def _is_message(kind: Any) -> bool:
-    return inspect.isclass(kind) and issubclass(kind, msgspec.Struct)
+    return inspect.isclass(kind) and issubclass(kind, plan_messages.Message)
 
 
 def _settings(kind: Any) -> Iterator[str]:
@@ -186,10 +194,17 @@ def _fields(kind: Any) -> str:
 
 
 def _wire(hint: Any) -> str:
-    text = re.sub(r"typing\.Annotated\[(.*?), msgspec\.Meta\(.*?\)\]", r"\1", str(hint))
-    text = re.sub(r"<class '(.*?)'>", r"\1", text)
-    text = re.sub(r"\b(?:slopewise\.services\.\w+|numpy|typing)\.", "", text)
-    return text.replace("ndarray", "array").replace(" | None", " or null").replace("str", "text")
+    """Type of a field of a message; messages by their names."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return _wire(arguments[0])
+    if origin in (Union, UnionType):
+        return " or ".join(map(_wire, arguments))
+    if origin is Literal:
+        return " or ".join(f"`{choice}`" for choice in arguments)
+    if origin is not None:
+        return f"{origin.__name__}[{', '.join(map(_wire, arguments))}]"
+    return {np.ndarray: "array", str: "text", NoneType: "null"}.get(hint, hint.__name__)
 
 
 def _lead(kind: Any) -> str:

@@ -13,6 +13,7 @@ from msgspec import Meta
 
 Name = Annotated[str, Meta(min_length=1, max_length=120)]
 Text = Annotated[str, Meta(max_length=120)]
+ClassNames = Annotated[list[Text], Meta(min_length=1, max_length=62)]
 Number = Annotated[int, Meta(ge=0, le=2**53)]
 Instance = Annotated[str, Meta(max_length=64, pattern=r"^[!-~]*$")]
 NotNegative = Annotated[float, Meta(ge=0.0)]
@@ -102,8 +103,8 @@ class RankedCandidate(Message, frozen=True):
 class Limit(Message, frozen=True):
     """Limiting bound ``name`` from station number ``first`` up to the next of these."""
 
-    first: int
-    name: str
+    first: int  # number of its first station, from 0
+    name: str  # of the bound
 
 
 class ObstacleMessage(Message, frozen=True):
@@ -187,7 +188,7 @@ class MapUpdate(Message, frozen=True):
     origin: tuple[float, float]  # x, y of the centre of cell [0, 0] [m]
     patch: bool = False  # these cells only, on the grid of the known whole map
     terrain_class: np.ndarray | None = None  # index in class_names (rows, columns), 0 is the base
-    class_names: Annotated[list[Text], Meta(min_length=1, max_length=62)] | None = None
+    class_names: ClassNames | None = None  # names of the classes, the empty one for the base
     height_std: NotNegative | None = None  # relative error of heights [m]; null: as is typical
     correlation_length: NotNegative | None = None  # over which errors are alike [m]; null: none
     time: float | None = None  # of measurement, on the source's clock, whose zero is arbitrary [s]
