@@ -127,7 +127,7 @@ def _from_lists(value: Any) -> np.ndarray:
         rows = msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
         what, where = _what_and_where(str(error))
-        raise ValueError(f"{what} at {where}") from None
+        raise ValueError(f"{what} at {where}" if where else what) from None
     if nested and len({len(row) for row in rows}) > 1:
         raise ValueError("Expected rows of one length")
     return np.array(rows, np.float64)
@@ -162,16 +162,15 @@ def _check_numbers(value: Any, source: str, where: str) -> None:
             _check_numbers(item, source, f"{where}[{i}]")
 
 
-def _what_and_where(text: str) -> tuple[str, str | None]:
+def _what_and_where(text: str) -> tuple[str, str]:
     fault = _WHERE.match(text)
     assert fault is not None
-    return fault["what"], fault["where"]
+    return fault["what"], fault["where"] or ""
 
 
 def _fault(source: str, text: str) -> InputError:
     """An error of msgspec as one that names source and field."""
-    what, place = _what_and_where(text)
-    where = place or ""
+    what, where = _what_and_where(text)
     for pattern, expected in (
         (_MISSING, "expected this field, got none"),
         (_UNKNOWN, "unknown field"),

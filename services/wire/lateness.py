@@ -1,8 +1,8 @@
 """Age of the newest message of a sender: from its stamp where clocks are shared, else from arrival.
 
-A constant delay that no shared clock shows cannot be seen by a receiver: a declared bound of it is
-added to every age that is used for a stop. What can be seen of it without a shared clock is growth:
-:meth:`SenderClock.lateness`. Moments are of the monotonic clock [s] where no other is named.
+Without a shared clock a receiver sees how a delay grows (:meth:`SenderClock.lateness`) and not its
+constant part: a declared bound of that is added to every age that decides on a stop. Times are of
+the monotonic clock [s] where no other is named.
 """
 
 from __future__ import annotations
@@ -17,21 +17,20 @@ from slopewise.models.errors import ParameterError
 DRIFT = 1e-4
 """Rate at which two clocks drift apart: crystals stay within 100 ppm [s/s].
 
-Lateness that grows more slowly is not seen, and larger one is forgotten at that rate."""
+Lateness that grows more slowly is not seen; what was seen decays at that rate."""
 
-STEP = 0.02  # quicker than the quickest message by more than that, its clock was set forward [s]
-RECOVERY = 10.0  # time from a step of a clock until ages that it left uncertain are certain [s]
-SYNCHRONY = 0.02  # shared clocks agree within that, with NTP on one network; part of every age [s]
+STEP = 0.02  # lead over the quickest message from which a clock was set forward [s]
+RECOVERY = 10.0  # time after a step of a clock until ages are certain again [s]
+SYNCHRONY = 0.02  # difference of clocks that share NTP on one network; part of every age [s]
 
 _SMOOTHED = 20  # messages over which the interval of a sender is averaged [1]
 _IRREGULAR = 1.5  # ratio of an interval to the average that a regular sender does not exceed [1]
-_REORDERED = 1.0  # unnumbered, a stamp that is earlier by less is of an overtaken message [s]
-_IN_A_ROW = 3  # overtaken messages in a row from which on the clock was set back [1]
-_LATEST_STAMP = 1e11  # of any clock: one beyond has another unit, or is too coarse [s]
+_REORDERED = 1.0  # an unnumbered message with a stamp that is earlier by less was overtaken [s]
+_IN_A_ROW = 3  # overtaken messages in a row from which the clock was set back [1]
+_MAX_STAMP = 1e11  # of any clock; later ones have another unit, or are too coarse [s]
 
 SHARED, GROWTH, ARRIVAL = "shared clock", "growth only", "none"
-"""What stamps are good for, as the status reports it."""
-
+"""What ages are derived from, as the status reports it."""
 _BASIS = {SHARED: "stamp", GROWTH: "arrival and growth of delay", ARRIVAL: "arrival"}
 
 
@@ -45,7 +44,7 @@ class SenderClock:
         self.steps = 0  # how often that clock was set
         self._at, self._late = 0.0, late
         self._uncertain = self._recovers = self._interval = 0.0
-        self._measured = 0
+        self._measured = 0  # messages of which the interval is averaged
 
     @property
     def is_known(self) -> bool:
@@ -55,16 +54,17 @@ class SenderClock:
     def lateness(
         self, stamp: float, at: float, known: float = 0.0, sent: int = 0, *, is_set: bool = False
     ) -> float:
-        """How late a message is [s]: what is known of it, and what it is later than the quickest.
+        """Lateness of a message against the quickest one so far, and at least ``known`` [s].
 
-        A message is never later than the one before it was on arrival and the time since then.
-        After a step of the sender's clock that is all that is known, so it is what is returned; the
-        excess is given up over :data:`RECOVERY`. A repeated stamp is not refreshed.
+        It is at most that of the message before, plus the time since its arrival. After a step of
+        the sender's clock nothing else is known: this bound is returned, and decays over
+        :data:`RECOVERY`. A repeated stamp grows later with time.
 
         ``known``: age by a shared clock, 0 without one [s]; ``sent``: messages since the last one,
         0 where they are not numbered. Messages come in the order in which they were sent.
         """
-        lead, passed = stamp - at, max(at - self._at, 0.0) if self.is_known else 0.0
+        passed = max(at - self._at, 0.0) if self.is_known else 0.0
+        lead = stamp - at
         if stamp == self.stamp:
             return max(self._late + passed, known)
         recovered = min(self._uncertain, self._recovers * passed)
@@ -90,24 +90,24 @@ class SenderClock:
             return True
         regular = self._measured >= _SMOOTHED
         if sent > 0:
-            # By the clock here, which no sender sets.
+            # By the clock of the receiver, which no sender sets.
             self._measured += 1
             share = 1.0 / min(self._measured, _SMOOTHED)
             self._interval += share * (passed / sent - self._interval)
-        # A delay that falls brings as many messages; one that skips ahead alone was set ahead.
+        # A falling delay delivers the messages in between; a clock that was set ahead does not.
         ahead = stamp - self.stamp - max(passed, _IRREGULAR * sent * self._interval)
         return regular and sent > 0 and self._late > STEP and ahead > STEP
 
 
 class WallTime(NamedTuple):
-    """Wall clock at one moment [s]: the latest and the earliest that it may be."""
+    """Latest and earliest reading that the wall clock may have at one moment [s]."""
 
     latest: float
     earliest: float
 
 
 class WallClock:
-    """Wall time at moments; for :data:`RECOVERY` after it was set, each setting is possible."""
+    """Wall clock; for :data:`RECOVERY` after it was set, each of its settings may be right."""
 
     def __init__(
         self, wall: Callable[[], float] = time.time, monotonic: Callable[[], float] = time.monotonic
@@ -118,7 +118,7 @@ class WallClock:
         self._set = -math.inf
 
     def at(self, moment: float) -> WallTime:
-        """Wall time at a moment."""
+        """Wall time at a moment of the monotonic clock."""
         now = self._monotonic()
         offset = self._wall() - now
         # NTP slews by less than ten times the drift of a clock.
@@ -131,7 +131,7 @@ class WallClock:
         return WallTime(moment + max(offset, self._high), moment + min(offset, self._low))
 
     def is_recovering(self, now: float) -> bool:
-        """Return True if the clock was set lately."""
+        """Return True if the clock was set within :data:`RECOVERY`."""
         return now - self._set <= RECOVERY
 
 
@@ -146,12 +146,12 @@ class Lateness:
         uses_stamps: bool = True,
         late: float = 0.0,
     ) -> None:
-        """Begin.
+        """Begin without messages.
 
-        ``max_latency``: declared bound of the delay that no shared clock shows [s]; ``wall``: the
-        clock that stamps are of; None: no clock is shared; ``late``: lateness of the sender before
-        this one [s]; not used with a shared clock; ``uses_stamps``: False where they do not advance
-        as time does, as in simulations.
+        ``max_latency``: declared bound of the delay without a shared clock [s]; ``wall``: the clock
+        that stamps are of, None if none is shared; ``late``: lateness of the sender before this one
+        [s], not used with a shared clock; ``uses_stamps``: False where stamps do not advance as
+        time does, as in simulations.
         """
         self._max_latency, self._wall, self._uses_stamps = max_latency, wall, uses_stamps
         self._clock = SenderClock(late if wall is None else 0.0)
@@ -166,12 +166,11 @@ class Lateness:
 
         ParameterError: the stamp is no time, or later than now by a shared clock.
         """
-        stamp, known = stamp if self._uses_stamps else None, 0.0
-        if stamp is not None:
-            known = self._checked(stamp, at)
-            if number is None and 0.0 < self._clock.stamp - stamp < _REORDERED:
-                self._overtaken += 1
-                return False
+        stamp = stamp if self._uses_stamps else None
+        known = 0.0 if stamp is None else self._checked(stamp, at)
+        if stamp is not None and number is None and 0.0 < self._clock.stamp - stamp < _REORDERED:
+            self._overtaken += 1
+            return False
         self.repeated = stamp == self._clock.stamp or (stamp is None and self._clock.is_known)
         if stamp is not None:
             steps = self._clock.steps
@@ -183,14 +182,15 @@ class Lateness:
         elif self.repeated:
             # A sender that omits its stamp may repeat itself.
             self.late = self._clock.lateness(self._clock.stamp, at)
-        self._at, self._overtaken = at, self._overtaken if self.repeated else 0
+        self._at = at
+        self._overtaken = self._overtaken if self.repeated else 0
         self.number = self.number if number is None else number
         return True
 
     def _checked(self, stamp: float, at: float) -> float:
-        """Age by the shared clock, 0 without one [s]."""
-        if not abs(stamp) <= _LATEST_STAMP:
-            expected = f"a finite time in seconds, {_LATEST_STAMP:g} at most"
+        """Age of a valid stamp by the shared clock, 0 without one [s]."""
+        if not abs(stamp) <= _MAX_STAMP:
+            expected = f"a finite time in seconds, {_MAX_STAMP:g} at most"
             raise ParameterError("stamp", f"{expected}, got {stamp:g}")
         if self._wall is None:
             return 0.0
@@ -201,20 +201,20 @@ class Lateness:
         return max(wall.latest - stamp, 0.0)
 
     def age(self, now: float) -> float:
-        """Age as far as stamps and arrival show it; inf before the first message [s]."""
+        """Age by stamps and arrival [s]; inf before the first message."""
         return now - self._at + self.late
 
     def bound(self, now: float) -> float:
-        """Age that is not exceeded, if clocks or delay are as declared [s]."""
+        """Upper bound of the age, where clocks and delay are as declared [s]."""
         return self.age(now) + self.margin
 
     @property
     def margin(self) -> float:
-        """Part of the bound that no stamp shows [s]."""
+        """Part of the bound beyond the age [s]."""
         return SYNCHRONY if self.stamps == SHARED else self._max_latency
 
     def objection(self, now: float, limit: float) -> str:
-        """Age and limit as text [s], empty within the limit."""
+        """Message with age and limit [s]; empty within the limit."""
         age = self.age(now)
         if age <= limit:
             return ""
