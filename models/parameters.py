@@ -195,7 +195,9 @@ class Braking:
         return states_of(self.terrain, surface)
 
     def on(self, surface: str) -> Braking:
-        """The braking model on a named surface; one without a table is the base."""
+        """The braking model on a named surface; the base for "" and for one without a table."""
+        if not surface:
+            return self
         table = self.terrain.get(surface)
         return dataclasses.replace(self, terrain={}, **({} if table is None else table.given))
 

@@ -146,7 +146,7 @@ def allowed_distance(
     width = float(ndtri(quantile))
     worst = 0.0
     for state in (name, *braking.states_of(name)):
-        on = _promised(braking.on(state) if state else braking, record, quantile, rolling)
+        on = _promised(braking.on(state), record, quantile, rolling)
         own = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
         margin = np.zeros((4, 4)) if on.covariance is None else np.array(on.covariance)
         margin = margin + on.force_scatter**2 * np.outer(own, own)

@@ -99,7 +99,7 @@ def braking_in_use(
     tables = dict(prior.terrain)
     base: dict[str, object] = {}
     for name, one in learned.items():
-        known = prior.on(name) if name else prior
+        known = prior.on(name)
         more = 0.0 if older is None else older.get(name, 0.0)
         if known.distance is not None:
             # The offset of a session includes the error of the force, stop by stop.

@@ -211,7 +211,7 @@ class OnlineBraking:
     def _on(self, surface: str) -> _Surface:
         found = self._surfaces.get(surface)
         if found is None:
-            known = self._known.on(surface) if surface else self._known
+            known = self._known.on(surface)
             found = self._surfaces[surface] = _Surface(known, self._recursive, self._publish)
         return found
 

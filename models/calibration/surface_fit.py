@@ -172,7 +172,7 @@ def _surface(
     settings: CalibrationSettings,
     levels: BrakeLevels | None,
 ) -> SurfaceFit:
-    on = known.on(name) if name else known
+    on = known.on(name)
     mount_std = mount.std if records[0].samples.grade is None else 0.0
     fit = fit_records(records, measured, on)
     law = SurfaceLaw(fit.coefficients, measured.dead_time.value, levels)

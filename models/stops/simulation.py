@@ -168,7 +168,7 @@ def simulate_stop(
     Source: Braking (2), (7), (8), (12) along a varying slope; effects as in
         `slopewise.models.effects.registry`.
     """
-    on = model.braking.on(surface) if surface else model.braking
+    on = model.braking.on(surface)
     motion = registry.motion(model.effect, on.sliding_friction, heat)
     onset = station + speed * on.dead_time
     crests = registry.crest_share(model.effect)

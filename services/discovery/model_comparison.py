@@ -118,8 +118,8 @@ def _distance(model: Model, case: _Case) -> float:
     stop = simulate_stop(
         model, track, case.speed, surface=case.surface, session_time=case.time, heat=case.heat
     )
-    on = model.braking.on(case.surface) if case.surface else model.braking
-    return min(stop.distance + on.distance_offset, _MAX_DISTANCE)
+    offset = model.braking.on(case.surface).distance_offset
+    return min(stop.distance + offset, _MAX_DISTANCE)
 
 
 def _cases(after: Model, before: Model) -> Iterator[_Case]:

@@ -84,7 +84,7 @@ class BrakingForces:
         self._forces: dict[str, LearnedForce] | None = None
 
     def copy(self) -> BrakingForces:
-        """A second one that learns separately from the same prior."""
+        """A copy that learns separately from the same prior."""
         clone = copy.copy(self)
         clone._online = copy.deepcopy(self._online, {id(self._start): self._start})
         clone._updated, clone._rejections = dict(self._updated), dict(self._rejections)
@@ -109,7 +109,7 @@ class BrakingForces:
         ``may_narrow``: False for stops that may only make plans slower.
         """
         self._add_surface(surface)
-        used = self._planned_on(surface)
+        used = self.planning_braking({}).on(surface)
         predicted = predicted_distance(used, self.dead_time(), stop)
         if distance is None:
             distance = measured_distance(stop, max(used.dead_time, self.dead_time()))
@@ -180,7 +180,7 @@ class BrakingForces:
         return lowered
 
     def new_session(self, surface: str) -> None:
-        """The ground may be another, under the same name."""
+        """Begin a session on a surface: the ground may be another, under the same name."""
         if surface in self.learned():
             self._online.new_session(surface)
             self._changed()
@@ -204,7 +204,7 @@ class BrakingForces:
         """
         surfaces = [s for s in ("", *self.prior.terrain) if not self._online.knows(s)]
         for surface in surfaces:
-            below = coefficients_of(self.prior_on(surface))
+            below = coefficients_of(self.prior.on(surface))
             self._online.doubt(surface, _UNCERTAINTY.untrained_share * below)
             self._updated[surface] = time.monotonic() - self._settings.oldest
         self._changed()
@@ -220,7 +220,7 @@ class BrakingForces:
     # ------------------------------------------------------------------ planning
 
     def flags(self) -> list[str]:
-        """Warnings about the force that is planned with."""
+        """Warning of surfaces on which plans use more force than the model file."""
         if not self._stronger:
             return []
         names = ", ".join(name or "base" for name in self._stronger[:_MAX_LISTED])
@@ -233,11 +233,11 @@ class BrakingForces:
 
     def planned_force(self, surface: str, speed: float, grade: float) -> float:
         """F_b/W that is planned with at a speed [m/s] and grade [rad]."""
-        if surface and surface not in self.prior.terrain and not self._online.knows(surface):
-            row = design(np.array([speed]), np.array([grade]))[0]
-            return float(row @ self._new_surface_prior())
-        used = self._planned_on(surface)
-        return float((used.m_m * speed + used.b_m) * grade + used.m_b * speed + used.b_b)
+        if self._is_new(surface):
+            coefficients = self._new_surface_prior()
+        else:
+            coefficients = coefficients_of(self.planning_braking({}).on(surface))
+        return float(design(np.array([speed]), np.array([grade]))[0] @ coefficients)
 
     def ages(self, now: float) -> dict[str, float]:
         """Time since each surface was last updated by a stop [s]."""
@@ -263,11 +263,6 @@ class BrakingForces:
             self._planned = used
         return used
 
-    def _planned_on(self, surface: str) -> Braking:
-        """Braking in use on a surface, with what other surfaces add."""
-        used = self.planning_braking({})
-        return used.on(surface) if surface else used
-
     def learned(self) -> dict[str, LearnedForce]:
         """Force learned on each surface."""
         if self._forces is None:
@@ -281,11 +276,15 @@ class BrakingForces:
 
     def _add_surface(self, surface: str) -> None:
         """Begin a new surface with a share of the weakest known force."""
-        if not surface or surface in self.prior.terrain or self._online.knows(surface):
+        if not self._is_new(surface):
             return
         self._free_slot(surface)
         self._online.doubt(surface, self._new_surface_prior())
         self._changed()
+
+    def _is_new(self, surface: str) -> bool:
+        known = not surface or surface in self.prior.terrain
+        return not (known or self._online.knows(surface))
 
     def _free_slot(self, surface: str) -> None:
         named = {*self.prior.terrain, *self._map_surfaces()}
@@ -318,13 +317,9 @@ class BrakingForces:
             self._online.doubt(surface)
         self._changed()
 
-    def prior_on(self, surface: str) -> Braking:
-        """The prior on a surface."""
-        return self.prior.on(surface) if surface else self.prior
-
     def covariance_of(self, surface: str) -> Matrix:
         """Covariance of the prior on a surface, the default one where it has none."""
-        known = self.prior_on(surface).covariance
+        known = self.prior.on(surface).covariance
         return known or tuple(map(tuple, np.diag(np.square(DEFAULT_COEFFICIENT_STD)).tolist()))
 
     def use_dead_times(self, dead_times: Collection[float]) -> None:
@@ -333,5 +328,5 @@ class BrakingForces:
         self._changed()
 
     def _corners(self, surface: str) -> Floats:
-        known = self.prior_on(surface)
+        known = self.prior.on(surface)
         return corner_design(known.speed_range, known.grade_range)

@@ -80,8 +80,7 @@ class BrakingGroups(ParameterGroups):
     def describe(self, group: str) -> GroupDescription:
         surface = _surface_of(group)
         force = self.forces.learned().get(surface)
-        used = self.forces.planning_braking({})
-        used = used.on(surface) if surface else used
+        used = self.forces.planning_braking({}).on(surface)
         matrix, stds = used.covariance, dict[str, float]()
         if matrix is not None:
             stds = {name: math.sqrt(max(matrix[i][i], 0.0)) for i, name in enumerate(NAMES)}

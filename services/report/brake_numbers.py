@@ -73,7 +73,7 @@ class BrakeNumbers:
     def tables(self) -> tuple[Braking, ...]:
         """The surface, and the states in which it may be, as promised at the quantile."""
         b = promised(self.model, self.survive.quantile).braking
-        return tuple(b.on(n) if n else b for n in (self.surface, *b.states_of(self.surface)))
+        return tuple(map(b.on, (self.surface, *b.states_of(self.surface))))
 
     @cached_property
     def _margins(self) -> tuple[tuple[Braking, Floats], ...]:
@@ -128,8 +128,7 @@ class BrakeNumbers:
 
     def mean_distance(self, speed: float, grade: float) -> float:
         """Stop by the mean of the model, without safety offset [m]; inf without a stop."""
-        b = self.model.braking
-        table = b.on(self.surface) if self.surface else b
+        table = self.model.braking.on(self.surface)
         force = force_ratio(self.model, table, _place(grade, 0.0), speed)
         braked = _braked_distance(self.model, table, force, speed, grade, 0.0)
         return speed * table.dead_time + braked
