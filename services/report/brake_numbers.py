@@ -138,23 +138,23 @@ class BrakeNumbers:
         return self._allowed(speed, grade, self.yaw)
 
     def level_deceleration(self, speed: float) -> float:
-        """On level ground from an onset speed, at the quantile [m/s²]."""
+        """Deceleration on level ground from an onset speed, at the quantile [m/s²]."""
         return GRAVITY * max(self.least_force(speed, 0.0), 0.0)
 
     def plain_distance(self, speed: float) -> float:
-        """v²/2a [m]: no dead time, no slope."""
+        """Rule v²/2a [m], without dead time and slope."""
         deceleration = max(self.level_deceleration(speed), 1e-9)
         return float(rss.rule_distance(speed, 0.0, 0.0, deceleration))
 
     def rule_distance(self, speed: float, acceleration: float = 0.0) -> float:
-        """Responsibility-sensitive safety, with an acceleration in the dead time [m/s²]; [m]."""
+        """Rule of responsibility-sensitive safety [m], accelerating in the dead time [m/s²]."""
         deceleration = max(self.level_deceleration(speed), 1e-9)
         return float(rss.rule_distance(speed, self.dead_time, acceleration, deceleration))
 
     def rule_is_short_below(self, speed: float, acceleration: float = 0.0) -> float | None:
-        """Grade below which that rule is shorter than the allowed distance less its offset [rad].
+        """Grade below which :meth:`rule_distance` is less than the allowed distance without offset.
 
-        None where that holds on no trained grade.
+        In radians; None where that holds on no trained grade.
         """
         rule = self.rule_distance(speed, acceleration)
         low, high = self.tables[0].grade_range[0], 0.0
@@ -183,7 +183,7 @@ class BrakeNumbers:
         )
 
     def stops(self, sign: float) -> SteepestSlope:
-        """Steepest slope on which a stop from each trained speed ends."""
+        """Steepest slope, up (+1) or down (−1), on which stops from all trained speeds end."""
         ends = self.tables[0].speed_range
         return self._steepest(
             lambda grade: (

@@ -40,7 +40,6 @@ _AXES = 6
 """Axes of the residual that are drawn."""
 _BINS, _MIN_BIN = 8, 3
 """Bins of a mean along an axis, and values below which a bin has none."""
-_IN_DEGREES = ("rad", "rad/s")
 
 
 def write_discrepancy_page(
@@ -98,13 +97,17 @@ def _effect_cells(effect: NamedEffect) -> tuple[str, ...]:
 
 
 def _axis_cells(axis: LocatedAxis) -> tuple[str, ...]:
-    low, high, unit = axis.low, axis.high, axis.unit
-    if unit in _IN_DEGREES:
-        low, high = float(np.rad2deg(low)), float(np.rad2deg(high))
-        unit = unit.replace("rad", "°")
-    span = f"{low:.3g} … {high:.3g} {'' if unit == '1' else unit}".rstrip()
+    factor, unit = _shown_unit(axis.unit)
+    span = f"{factor * axis.low:.3g} … {factor * axis.high:.3g} {unit}".rstrip()
     chance = "< 0.001" if axis.p_value < 1e-3 else f"{axis.p_value:.3f}"
     return axis.axis.replace("_", " "), span, f"{axis.share_of_gap:.0%}", chance
+
+
+def _shown_unit(unit: str) -> tuple[float, str]:
+    """Factor to the unit that the page shows, and that unit: degrees, and none for shares."""
+    if unit in ("rad", "rad/s"):
+        return float(np.rad2deg(1.0)), unit.replace("rad", "°")
+    return 1.0, "" if unit == "1" else unit
 
 
 def _figures(findings: Findings) -> dict[str, str]:
@@ -186,9 +189,8 @@ def _draw_axes(figure: Any, evidence: Evidence) -> None:
 
 
 def _draw_residual(axes: Any, axis: AxisResidual, scatter: float) -> None:
-    in_degrees = axis.unit in _IN_DEGREES
-    value = np.rad2deg(axis.value) if in_degrees else axis.value
-    unit = axis.unit.replace("rad", "°") if in_degrees else axis.unit
+    factor, unit = _shown_unit(axis.unit)
+    value = factor * axis.value
     axes.axhspan(-scatter, scatter, color=FAINT, alpha=0.22, lw=0)
     axes.axhline(0.0, color=INK, lw=0.8)
     for residual, colour, label in (
@@ -201,7 +203,7 @@ def _draw_residual(axes: Any, axis: AxisResidual, scatter: float) -> None:
         axes.plot(middle, mean, color=colour, lw=1.5, label=label)
     low, high = np.nanquantile(axis.before, [0.02, 0.98])
     reach = max(-low, high, 3.0 * scatter)
-    label = axis.name.replace("_", " ") + (f" [{unit}]" if unit and unit != "1" else "")
+    label = axis.name.replace("_", " ") + (f" [{unit}]" if unit else "")
     axes.set(xlabel=label, ylabel="missing force / weight", ylim=(-reach, reach))
     chance = "1 in 1000 or less" if axis.p_value < 1e-3 else f"p = {axis.p_value:.2g}"
     axes.set_title(f"by chance: {chance}", fontsize=9, loc="right")

@@ -25,7 +25,7 @@ from slopewise.planner.plan import Obstacle, SpeedPlan, Status
 from slopewise.services.jobs.plan import PlanResult
 from slopewise.services.report.page import write_page
 from slopewise.services.report.plan_labels import STATUS_MEANING, limit_colours
-from slopewise.services.report.plan_summary import PlanSummary, best_plan, summarise, verdict
+from slopewise.services.report.plan_numbers import PlanNumbers, best_plan, numbers_of, verdict
 from slopewise.services.report.relief import relief
 
 _PARTS = "page painter charts plan_state plan_map plan_charts plan_details"
@@ -40,10 +40,12 @@ _DECIMALS = {
     **dict.fromkeys(("accel", "rear_load", "side_load", "speed_bound", "station"), 2),
     **dict.fromkeys(("stop_distance", "time", "x", "y", "z"), 2),
 }
-"""Decimals of each column [1], whole numbers of which the page has; half a pixel of its charts."""
-_NUMBERS = ["travel_time", "progress", "length", "mean_speed", "max_speed", "margin"]
-_NUMBERS += ["rear_load", "side_load", "path_deviation"]
-"""Numbers of a summary that the script shows."""
+"""Decimals of each column [1]: half a pixel of a chart. The page holds integers of the last one."""
+_NUMBERS = (
+    *("travel_time", "progress", "length", "mean_speed", "max_speed", "margin"),
+    *("rear_load", "side_load", "path_deviation"),
+)
+"""Fields of :class:`.PlanNumbers` that the script shows."""
 
 
 def write_job_page(
@@ -55,7 +57,7 @@ def write_job_page(
     speed: float,
     clear: float,
 ) -> None:
-    """Write the page of a planning job, all or nothing; files and numbers as stated."""
+    """Write the page of a planning job, all or nothing, with its files, start speed and options."""
     spacing = result.settings.spacing_on(result.elevation_map.resolution)
     facts = {
         "map": str(map_file),
@@ -83,19 +85,19 @@ def write_plan_page(
 ) -> None:
     """Write the page of some plans, best first, all or nothing; provenance: name -> value."""
     plans = result.plans
-    summaries = [summarise(plan, rank) for rank, plan in enumerate(plans, start=1)]
+    numbers = [numbers_of(plan, rank) for rank, plan in enumerate(plans, start=1)]
     best = best_plan(plans)
     picture, ground = relief(result.elevation_map)
     values = {
         "title": title,
         "verdict": verdict(plans),
-        "best": None if best is None else summaries[best],
-        "best_way": "" if best is None else _format_drive(summaries[best]),
+        "best": None if best is None else numbers[best],
+        "best_way": "" if best is None else _format_drive(numbers[best]),
         "provenance": provenance,
         "model": _model_facts(result.model),
         "model_name": result.model.name,
         "relief": picture,
-        "summaries": summaries,
+        "numbers": numbers,
         "statuses": list(Status),
         "status_meaning": STATUS_MEANING,
         "bounds": BOUNDS,
@@ -110,17 +112,17 @@ def write_plan_page(
         STYLES,
         extra_style=limit_colours(),
         scripts=SCRIPTS,
-        data=_page_data(ground, result, summaries),
+        data=_page_data(ground, result, numbers),
     )
 
 
-def _format_drive(summary: PlanSummary) -> str:
+def _format_drive(n: PlanNumbers) -> str:
     """How far, how long and how fast a plan drives."""
-    distance = f"{summary.progress:.1f} m"
-    if summary.plan.status is not Status.OK and summary.progress < summary.length - 0.05:
-        distance += f" of {summary.length:.1f} m"
-    time = "" if summary.travel_time is None else f" in {summary.travel_time:.1f} s"
-    top = "" if summary.max_speed is None else f", at most {summary.max_speed:.2f} m/s"
+    distance = f"{n.progress:.1f} m"
+    if n.plan.status is not Status.OK and n.progress < n.length - 0.05:
+        distance += f" of {n.length:.1f} m"
+    time = "" if n.travel_time is None else f" in {n.travel_time:.1f} s"
+    top = "" if n.max_speed is None else f", at most {n.max_speed:.2f} m/s"
     return f"{distance}{time}{top}."
 
 
@@ -160,7 +162,7 @@ def _costs(explanation: Explanation | None) -> list[tuple[Limiting, float, float
 
 
 def _page_data(
-    ground: dict[str, Any], result: PlanResult, summaries: Sequence[PlanSummary]
+    ground: dict[str, Any], result: PlanResult, numbers: Sequence[PlanNumbers]
 ) -> dict[str, Any]:
     """Everything that the script reads."""
     plans, model = result.plans, result.model
@@ -169,9 +171,7 @@ def _page_data(
     limits = model.limits
     return {
         "map": ground,
-        "plans": [
-            _plan_table(summary, result.elevation_map, model, max_stations) for summary in summaries
-        ],
+        "plans": [_plan_table(n, result.elevation_map, model, max_stations) for n in numbers],
         "selected": best_plan(plans) or 0,
         "limiting": [
             {
@@ -191,10 +191,10 @@ def _page_data(
 
 
 def _plan_table(
-    summary: PlanSummary, ground: ElevationMap, model: Model, max_stations: int
+    n: PlanNumbers, ground: ElevationMap, model: Model, max_stations: int
 ) -> dict[str, Any]:
-    """One plan: its summary and columns, positions relative to the map's origin."""
-    plan = summary.plan
+    """One plan: its numbers and columns, positions relative to the map's origin."""
+    plan = n.plan
     at = thinned(plan, max_stations)
     x0, y0 = ground.origin
     placed = replace(plan, x=plan.x - x0, y=plan.y - y0)
@@ -205,11 +205,11 @@ def _plan_table(
         "name": plan.candidate,
         "status": plan.status.value,
         "reason": plan.reason,
-        "rank": summary.rank,
+        "rank": n.rank,
         "stations": len(plan.station),
         "clear": _number(plan.clear_distance),
-        **{name: _number(getattr(summary, name)) for name in _NUMBERS},
-        "limits": None if summary.longest_limit is None else int(summary.longest_limit),
+        **{name: _number(getattr(n, name)) for name in _NUMBERS},
+        "limits": None if n.longest_limit is None else int(n.longest_limit),
         "obstacle": _obstacle(plan.obstacle, ground.origin),
         "columns": {
             **{name: _scaled(getattr(placed, name)[at], name) for name in _DECIMALS},

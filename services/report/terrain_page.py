@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slopewise.models.terrain.phases import Phase
 from slopewise.models.terrain.trace import TerrainTrace
@@ -66,7 +65,7 @@ def write_terrain_page(
 
 
 def _variety(run: RunEvents) -> float:
-    """Straights and turns; else many stretches."""
+    """Number of straights and turns in equal parts; among equals, that of stretches."""
     phases = [stretch.observation.phase for stretch in run.stretches]
     turns = sum(phase in (Phase.TURN, Phase.SPOT) for phase in phases)
     return min(turns, phases.count(Phase.STRAIGHT)) + 1e-3 * len(phases)
@@ -92,7 +91,9 @@ def _draw_run(figure: Any, trace: TerrainTrace, run: RunEvents) -> None:
     currents.plot(t, trace.current_right[thin], color=INK, lw=0.9, label="right")
     currents.set_ylabel("current, A")
     currents.legend(loc="upper right", ncols=2, fontsize=8.5)
-    b_s, std = _or_nan(trace.slip_track[thin]), _or_nan(trace.slip_track_std[thin])
+    b_s, std = (
+        np.where(np.isfinite(v), v, np.nan)[thin] for v in (trace.slip_track, trace.slip_track_std)
+    )
     slip.plot(t, b_s, color=FIRST, lw=1.2)
     slip.fill_between(t, b_s - std, b_s + std, color=FIRST, alpha=0.15, lw=0)
     for axes in (turning, currents, slip):
@@ -103,10 +104,6 @@ def _draw_run(figure: Any, trace: TerrainTrace, run: RunEvents) -> None:
         for change in run.changes:
             axes.axvline(change.time, color=SECOND, lw=1.0, ls="--")
     slip.set(xlabel="time, s", ylabel=_AXES[2])
-
-
-def _or_nan(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _draw_variance(figure: Any, trace: TerrainTrace) -> None:

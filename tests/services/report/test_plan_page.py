@@ -24,8 +24,8 @@ from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.jobs.plan import PlanResult
 from slopewise.services.report.page import asset, script_json
 from slopewise.services.report.plan_labels import STATUS_MEANING, limit_colours
+from slopewise.services.report.plan_numbers import best_plan, numbers_of, verdict
 from slopewise.services.report.plan_page import thinned, write_plan_page
-from slopewise.services.report.plan_summary import best_plan, summarise, verdict
 from tests.services.report.page_fixtures import PageReader, embedded, pixels_of, plan_of
 
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(1)> \"'&{{ 7 * 7 }}"
@@ -238,7 +238,7 @@ def test_json_cannot_end_its_element() -> None:
 
 def test_summary_has_the_numbers_of_a_plan_up_to_its_stop() -> None:
     plan = plan_of(limiting=np.r_[np.full(30, 7), np.full(10, 0)])
-    summary = summarise(plan, 3)
+    summary = numbers_of(plan, 3)
     assert (summary.rank, summary.longest_limit) == (3, Limiting.ACCEL)
     assert summary.progress == pytest.approx(plan.progress)
     assert summary.mean_speed == pytest.approx(plan.progress / plan.travel_time)
@@ -248,7 +248,7 @@ def test_summary_has_the_numbers_of_a_plan_up_to_its_stop() -> None:
     assert summary.limits_share == pytest.approx(30 / 39)
     speed = np.where(np.arange(40) < 20, 1.0, 0.0)
     loads = np.where(np.arange(40) > 25, 0.1, 0.6)
-    assert summarise(plan_of(speed=speed, rear_load=loads), 1).rear_load == 0.6
+    assert numbers_of(plan_of(speed=speed, rear_load=loads), 1).rear_load == 0.6
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ _OUTCOMES = (
 
 
 @dataclass(frozen=True, slots=True)
-class PlanSummary:
+class PlanNumbers:
     """One plan in numbers; None where a number does not exist, e.g. the margin at standstill."""
 
     plan: SpeedPlan
@@ -40,8 +40,8 @@ class PlanSummary:
     path_deviation: float | None  # largest distance between the plan and the given path [m]
 
 
-def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
-    """Summarise one plan."""
+def numbers_of(plan: SpeedPlan, rank: int) -> PlanNumbers:
+    """Numbers of one plan; ``rank``: 1 is best."""
     moving = plan.speed > 0.0
     last = min(int(np.flatnonzero(moving)[-1]) + 1, len(moving) - 1) if moving.any() else 0
     driven = slice(0, last + 1)
@@ -49,7 +49,7 @@ def summarise(plan: SpeedPlan, rank: int) -> PlanSummary:
     time = finite(plan.travel_time)
     with np.errstate(invalid="ignore"):  # inf - inf, where nothing limits
         margin = finite(plan.least_margin)
-    return PlanSummary(
+    return PlanNumbers(
         plan=plan,
         rank=rank,
         travel_time=time,
