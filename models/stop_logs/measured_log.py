@@ -1,9 +1,9 @@
 """The stops of a log, found and measured: the one pipeline for everything that learns from stops.
 
-Suspect samples are excluded; stops are found, extracted and measured on the ground by the body's
-pitch; the mount of the pitch sensor follows; then they are measured again with an estimate of it
-and of the slope coefficient. Calibration and discrepancy differ only in that estimate. Where stops
-that begin with a step of the command are too few, ramps and reversals are stops as well.
+Suspect samples are excluded; stops are found, extracted, and measured with the grade by the body's
+pitch. They give the mount offset of the pitch sensor, and are measured again with an estimate of it
+and of the slope coefficient: calibration and discrepancy differ only in that estimate. Where too
+few stops begin with a step of the command, ramps and reversals are used as well.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from slopewise.models.stop_logs.mount_of_log import mount_of_log
 from slopewise.models.stop_logs.mount_offset import Mount
 from slopewise.models.stop_logs.stop_record import StopSamples, cut
 
-_A_STOP = (
+_STOP_DEFINITION = (
     "a stop begins where v_cmd goes to 0 while the vehicle rolls, and ends, under brakes, where it "
     "stands"
 )
 
-_NO_KNEE = "show no force: record the speed more often, or stop from higher speeds"
+_NO_FORCE = "show no force: record the speed more often, or stop from higher speeds"
 
 Estimate = Callable[[Measured, Mount], tuple[Mount, Slope] | None]
 """Mount and slope coefficient for a second measurement, from the first one and the mount of the
@@ -52,14 +52,14 @@ class MeasuredLog:
 
     @property
     def usable(self) -> int:
-        """Stops that may be learned from, measured or not."""
+        """Number of stops that may be learned from, measured or not."""
         return sum(w.usable for w in self.windows)
 
     @property
     def distances(self) -> tuple[tuple[StopSamples, float], ...]:
-        """Every straight stop whose distance is known, and its mean grade from the command on.
+        """Every straight stop with a known distance, and its mean grade from the command on [rad].
 
-        Its force may be unknown; those cut short are included, and marked so.
+        Its force may be unknown; stops that were cut short are included and marked.
         """
         records = (*self.measured.records, *self.measured.bounds)
         rows = [(r.samples, r.mean_grade) for r in records]
@@ -72,7 +72,7 @@ class MeasuredLog:
 
 
 def is_mapped(ground: Floats | None) -> bool:
-    """Return True if a map has the grade at every sample (n,), so that no pitch is needed."""
+    """Return True if a map has the grade of every sample (n,), so that no pitch is needed."""
     return ground is not None and bool(np.isfinite(ground).all())
 
 
@@ -90,22 +90,24 @@ def measure_stops(
 
     Args:
         columns: channels of a drive log, (n,). runs: samples of each run.
-        slope: current estimate of the coefficient; it matters where the grade varies along a stop.
-        estimate: of mount and slope, for a second measurement.
+        slope: prior of the slope coefficient, used where the grade varies along a stop.
+        estimate: of mount and slope, for the second measurement.
         ground: (n,) grade of the ground by a map [rad], NaN where unknown; None without a map.
+        settings: of what is a stop. min_count: stops below which ramps and reversals are used, and
+            with too few of these an error is raised.
 
     Raises:
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
     """
     suspects = find_suspects(columns, runs)
-    matter = ["v", "v_cmd"] if is_mapped(ground) else ["v", "v_cmd", "pitch"]
-    is_usable = usable(len(columns["t"]), suspects, matter)
+    required = ["v", "v_cmd"] if is_mapped(ground) else ["v", "v_cmd", "pitch"]
+    is_usable = usable(len(columns["t"]), suspects, required)
     fresh = fresh_samples(columns, runs)
 
-    def search(how: StopSettings) -> tuple[StopWindow, ...]:
-        return tuple(w for run in runs for w in find_stops(columns, run, is_usable, how, fresh))
+    def search(given: StopSettings) -> tuple[StopWindow, ...]:
+        return tuple(w for run in runs for w in find_stops(columns, run, is_usable, given, fresh))
 
-    windows, notes = _windows(search, settings or StopSettings(), min_count)
+    windows, notes = _enough_windows(search, settings or StopSettings(), min_count)
 
     def samples(chosen: Iterable[StopWindow]) -> list[StopSamples]:
         return [cut(columns, w, ground, fresh) for w in chosen]
@@ -114,35 +116,36 @@ def measure_stops(
         if count < min_count:
             message = too_few(min_count, count, windows)
             unmeasured = sum(w.usable for w in windows) - count
-            message += f"; {unmeasured} usable ones {_NO_KNEE}" if unmeasured else ""
-            raise ParameterError("stops", _reason(message, columns, windows, suspects))
+            message += f"; {unmeasured} usable ones {_NO_FORCE}" if unmeasured else ""
+            raise ParameterError("stops", _explained(message, columns, windows, suspects))
 
     stops = samples(w for w in windows if w.usable)
     refuse_few(len(stops))
     bounds = samples(w for w in windows if w.is_bound)
-    measured, mount = measure(stops, Mount(), slope, None, bounds), Mount()
+    mount = Mount()
+    measured = measure(stops, mount, slope, None, bounds)
     refuse_few(len(measured.records))
     again = estimate(measured, mount_of_log(columns, runs, is_usable, ground, measured))
     if again is not None:
         mount, slope = again
         measured = measure(stops, mount, slope, (measured.dive, measured.oscillation), bounds)
     sparse = tuple(samples(w for w in windows if w.verdict is Usability.SPARSE))
-    notes = (*notes, *_slow_sensor(columns, runs), *_findings(measured))
+    notes = (*notes, *_note_on_rate(columns, runs), *_notes_on_stops(measured))
     return MeasuredLog(measured, mount, windows, suspects, sparse, notes)
 
 
 _BY_OTHER_COMMANDS = {
     Usability.RAMPED: "{} of {} stops begin with a command that comes down gradually: dead time "
-    "and distance count from where it begins to, and force is that of the whole way",
+    "and distance are from the beginning of that, and the force is the mean from there on",
     Usability.REVERSED: "{} of {} stops are commands to drive the other way: where these brake "
     "harder than the stop command, plans trust the brakes too much",
 }
 
 
-def _windows(
+def _enough_windows(
     search: Callable[[StopSettings], tuple[StopWindow, ...]], settings: StopSettings, min_count: int
 ) -> tuple[tuple[StopWindow, ...], tuple[str, ...]]:
-    """Stops, with ramps and then reversals among them where the others are too few."""
+    """Stops and notes; ramps, then reversals are among them where the others are too few."""
     windows = steps = search(settings)
     notes: tuple[str, ...] = ()
     for name, verdict in (("ramps", Usability.RAMPED), ("reversals", Usability.REVERSED)):
@@ -154,7 +157,8 @@ def _windows(
     return (windows, notes) if sum(w.usable for w in windows) >= min_count else (steps, ())
 
 
-def _slow_sensor(columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]) -> tuple[str, ...]:
+def _note_on_rate(columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]) -> tuple[str, ...]:
+    """Note on a speed that is measured less often than the log has rows."""
     period = held_period(columns, runs)
     if not period:
         return ()
@@ -163,7 +167,7 @@ def _slow_sensor(columns: Mapping[str, NDArray[Any]], runs: Sequence[slice]) -> 
     return (f"v has {every}: rows that repeat it are not counted",)
 
 
-def _findings(measured: Measured) -> tuple[str, ...]:
+def _notes_on_stops(measured: Measured) -> tuple[str, ...]:
     """Notes on the body's oscillation and on stops cut short."""
     notes = []
     if (oscillation := measured.oscillation) is not None:
@@ -181,7 +185,7 @@ def too_few(min_count: int, count: int, windows: Sequence[StopWindow]) -> str:
     return f"at least {min_count} usable stops, got {count} of {len(windows)} found"
 
 
-def _reason(
+def _explained(
     message: str,
     columns: Mapping[str, NDArray[Any]],
     windows: Sequence[StopWindow],
@@ -190,7 +194,7 @@ def _reason(
     """The message, with the stops that were excluded, the first of each kind, and what to try."""
     unusable = Counter(w.verdict for w in windows if w.verdict is not Usability.USABLE)
     if len(windows) == unusable[Usability.COASTED]:
-        message += f"; {_A_STOP}"
+        message += f"; {_STOP_DEFINITION}"
     for verdict, count in unusable.most_common():
         first = next(w for w in windows if w.verdict is verdict)
         place = f"first at {columns['t'][first.command]:.2f} s"

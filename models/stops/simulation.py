@@ -1,11 +1,11 @@
 """Forward simulation of stops: the braking model with its effects, integrated in time.
 
-The one slow reference of the emergency stop: scipy's adaptive integrator in time, with the ground
+The slow reference of the emergency stop: scipy's adaptive integrator in time, with the ground
 looked up at every step. With the planner's bound (:mod:`slopewise.planner.bounds`), which
 marches over distance, and with its verifier (:mod:`slopewise.planner.verify`) it shares the laws of
 :mod:`slopewise.models.laws` and :mod:`slopewise.models.effects` and nothing else: neither
 integration nor terrain nor the linear bounds of the force. It replays the stops of a drive log, so
-that measurement and model can be laid side by side.
+that model and measurement can be compared.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -28,14 +28,14 @@ from slopewise.models.quantity import GRAVITY
 
 _PLACE = ("grade", "roll", "yaw", "curvature", "x", "y")
 
-LONGEST = 120.0  # [s] a vehicle that still rolls after this long does not stop
-_HELD = 0.2  # [s] before the stop command over which the speed is averaged
-_ROLLING = 0.05  # [m/s] slower than that there is nothing to stop
+MAX_STOP_TIME = 120.0  # a vehicle that still rolls after that time does not stop [s]
+_AVERAGED = 0.2  # time before the stop command over which the speed is averaged [s]
+_MIN_SPEED = 0.05  # speed below which a stop command has nothing to stop [m/s]
 
 
 @dataclass(frozen=True, slots=True)
 class GroundTrack:
-    """Ground along the path, linear between n points; one point means the same everywhere.
+    """Ground along a path, linear between n points and constant beyond them.
 
     Attributes:
         station: (n,) increasing [m].
@@ -54,12 +54,12 @@ class GroundTrack:
 
     @classmethod
     def of_grade(cls, grade: float) -> GroundTrack:
-        """A straight, even slope without end."""
+        """A straight path on an endless plane of one grade [rad]."""
         zero = np.zeros(1)
         return cls(zero, np.array([grade]), zero, zero, zero, zero, zero)
 
-    def reader(self) -> Callable[[float], dict[str, float]]:
-        """Interpolate grade, roll, yaw, curvature, x and y at any station."""
+    def interpolator(self) -> Callable[[float], dict[str, float]]:
+        """A function of the station [m] that interpolates grade, roll, yaw, curvature, x and y."""
         rows = np.column_stack([getattr(self, name) for name in _PLACE]).tolist()
         stations, last = self.station.tolist(), len(rows) - 1
 
@@ -78,7 +78,7 @@ class GroundTrack:
         return at
 
     def vertical_curvature(self, station: float) -> float:
-        """Change of grade along the ground at a station, or of the segment it is in [1/m]."""
+        """Vertical curvature dθ/ds at a station, by default that of its segment [1/m]."""
         if self.grade_change is not None:
             return float(np.interp(station, self.station, self.grade_change))
         if len(self.station) < 2 or not self.station[0] <= station <= self.station[-1]:
@@ -105,7 +105,7 @@ class SimulatedStop:
     speed: Floats
     stopped: bool
     distance: float
-    heat: float = field(default=0.0)
+    heat: float = 0.0
 
     def speed_at(self, time: Floats) -> Floats:
         """Speed at times since the command, 0 after standstill [m/s]."""
@@ -127,7 +127,7 @@ def force_ratio(
     Args:
         model: effects and motion resistance.
         on: braking model of the surface.
-        place: as of :meth:`GroundTrack.reader`.
+        place: as of :meth:`GroundTrack.interpolator`.
         onset_speed: v_i; below the trained range the coefficients at its lower end hold [m/s].
         session_time: [s]. level: share of full application, that of the model by default.
     """
@@ -172,7 +172,7 @@ def simulate_stop(
     motion = registry.motion(model.effect, on.sliding_friction, heat)
     onset = station + speed * on.dead_time
     crests = registry.crest_share(model.effect)
-    ground_at = track.reader()
+    ground_at = track.interpolator()
 
     def rates(_: float, state: Floats) -> list[float]:
         s, v, f, q = state.tolist()
@@ -200,7 +200,7 @@ def simulate_stop(
     standstill.direction = -1.0  # type: ignore[attr-defined]
     result = solve_ivp(
         rates,
-        (0.0, LONGEST),
+        (0.0, MAX_STOP_TIME),
         [onset, speed, 0.0, heat],
         events=standstill,
         rtol=1e-7,
@@ -209,10 +209,10 @@ def simulate_stop(
     )
     stopped = result.status == 1
     time = np.concatenate(([0.0], result.t + on.dead_time))
-    along = np.concatenate(([station], result.y[0]))
-    held = np.concatenate(([speed], np.maximum(result.y[1], 0.0)))
-    distance = float(along[-1] - station) if stopped else math.inf
-    return SimulatedStop(time, along, held, stopped, distance, float(result.y[3][-1]))
+    stations = np.concatenate(([station], result.y[0]))
+    speeds = np.concatenate(([speed], np.maximum(result.y[1], 0.0)))
+    distance = float(stations[-1] - station) if stopped else math.inf
+    return SimulatedStop(time, stations, speeds, stopped, distance, float(result.y[3][-1]))
 
 
 def stop_commands(time: Floats, speed: Floats, command: Floats) -> list[int]:
@@ -223,11 +223,12 @@ def stop_commands(time: Floats, speed: Floats, command: Floats) -> list[int]:
     """
     is_stop = command <= 0.0
     starts = np.flatnonzero(is_stop & ~np.concatenate(([False], is_stop[:-1])))
-    return [int(i) for i in starts if _held_speed(time, speed, int(i)) > _ROLLING]
+    return [int(i) for i in starts if _command_speed(time, speed, int(i)) > _MIN_SPEED]
 
 
-def _held_speed(time: Floats, speed: Floats, i: int) -> float:
-    window = (time >= time[i] - _HELD) & (time <= time[i])
+def _command_speed(time: Floats, speed: Floats, i: int) -> float:
+    """Mean speed just before a stop command at sample i [m/s]."""
+    window = (time >= time[i] - _AVERAGED) & (time <= time[i])
     return float(np.mean(speed[window]))
 
 
@@ -302,7 +303,7 @@ def replay(model: Model, run: RunChannels, surface: str = "") -> Floats:
         stop = simulate_stop(
             model,
             track,
-            _held_speed(time, speed, i),
+            _command_speed(time, speed, i),
             station=float(track.station[i]),
             surface=surface,
             session_time=float(time[i]),

@@ -216,7 +216,7 @@ class Service:
             status=self.status, ground=lambda: self.maps.snapshot, board=self.board
         )
         try:
-            hosts = server.own_names(self.config.page.host)
+            hosts = server.allowed_hosts(self.config.page.host)
             token = self.config.page.token and read_text(Path(self.config.page.token)).strip()
             return server.PageServer(self.config.page, site.Site(source, hosts, token))
         except InputError as error:

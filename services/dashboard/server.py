@@ -1,4 +1,4 @@
-"""The HTTP server of a service: few threads, few connections, none of them waited for."""
+"""The HTTP server of a service, limited in threads, connections and the size of requests."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ class PageServer:
         self._server.trigger.pull_trigger(self._server.close)
 
 
-def own_names(host: str) -> frozenset[str]:
-    """Host names accepted by a server on the loopback; empty for one that is open to all."""
+def allowed_hosts(host: str) -> frozenset[str]:
+    """Host names that a server on the loopback accepts; empty for any other: it accepts all."""
     try:
         loopback = ipaddress.ip_address(host).is_loopback
     except ValueError:

@@ -26,11 +26,11 @@ _STOP_NUMBERS = ("speed", "grade", "predicted", "actual")
 _OFFER_FIELDS = ("id", "verdict", "summary", "at", "stops", "cause", "notes")
 _COLUMNS = ("station", "x", "y", "speed", "speed_bound", "stop_distance")
 _DECIMALS, _PARAMETER_DECIMALS = 3, 5
-"""Decimals of numbers on the page [1]: millimetres, and five digits of a coefficient."""
+"""Decimals of numbers on the page [1]: of millimetres, and of coefficients of braking."""
 
 
 def state(status: ServiceStatus, page: LiveState) -> dict[str, Any]:
-    """Status and last plan, which change all the time."""
+    """Page data that change with every plan: status and last plan."""
     return {
         "status": msgspec.to_builtins(status),
         "changes": page.changes,
@@ -84,7 +84,7 @@ def _path(plan: Plan, columns: Sequence[str], count: int) -> dict[str, Any]:
 
 
 def learned(page: LiveState) -> dict[str, Any]:
-    """Parameters with their past, terrain, stops and finding, which change now and then."""
+    """Page data that change rarely: parameters with their history, terrain, stops, proposal."""
     stops = [
         {
             **{name: _rounded(getattr(stop, name)) for name in _STOP_NUMBERS},

@@ -37,9 +37,9 @@ class EffectPrevalence(Summary, frozen=True):
     parameters: dict[str, ParameterRange]
 
     def cells(self, examined: int) -> tuple[str, str, str, str, str]:
-        """Vehicles, range of confidence, number of correct names, ambiguous vehicles, parameters.
+        """Row of a table: vehicles, confidence, expected correct names, ambiguous ones, parameters.
 
-        A parameter is given by its median over the vehicles, and its range.
+        Confidence and parameters are ranges over the vehicles; a parameter has its median as well.
         """
         ambiguous = str(len(self.ambiguous_in)) if self.ambiguous_in else ""
         if self.confidence is None:
@@ -49,9 +49,10 @@ class EffectPrevalence(Summary, frozen=True):
         parts = []
         for name, p in self.parameters.items():
             spread = "" if p.minimum == p.maximum else f" ({p.minimum:.3g} … {p.maximum:.3g})"
-            parts.append(f"{name} = {p.median:.3g}{spread} {p.unit if p.unit != '1' else ''}")
-        vehicles, numbers = f"{len(self.vehicles)} of {examined}", map(str.rstrip, parts)
-        return vehicles, confidence, f"{self.expected_true:.1f}", ambiguous, ", ".join(numbers)
+            unit = "" if p.unit == "1" else f" {p.unit}"
+            parts.append(f"{name} = {p.median:.3g}{spread}{unit}")
+        vehicles = f"{len(self.vehicles)} of {examined}"
+        return vehicles, confidence, f"{self.expected_true:.1f}", ambiguous, ", ".join(parts)
 
 
 class FleetSummary(Summary, frozen=True):
@@ -69,7 +70,7 @@ class FleetSummary(Summary, frozen=True):
 
     @property
     def false_alarms(self) -> str:
-        """Expected number of names that are chance, as a sentence."""
+        """Sentence with the expected number of false alarms."""
         return (
             f"Expected false alarms: {self.expected_false:.2g} of {self.examined} vehicles if "
             "none lacked an effect."
@@ -78,8 +79,7 @@ class FleetSummary(Summary, frozen=True):
     def list_failed(self, max_count: int) -> list[str]:
         """Vehicles without a finding, with the reason; beyond max_count only their number."""
         lines = [f"{name} is excluded: {reason}" for name, reason in self.failed.items()]
-        more = len(lines) - max_count
-        if more <= 0:
+        if (more := len(lines) - max_count) <= 0:
             return lines
         return [*lines[:max_count], f"{more} more are excluded; findings.jsonl has the reasons"]
 
@@ -122,15 +122,15 @@ def _prevalence(
 ) -> EffectPrevalence:
     matches = sorted(matches, key=lambda pair: (-pair[1]["confidence"], pair[0]["vehicle"]))
     confidence = [effect["confidence"] for _, effect in matches]
-    given: dict[str, list[Row]] = {}
+    by_name: dict[str, list[Row]] = {}
     for _, effect in matches:
         for parameter in effect["parameters"]:
-            given.setdefault(parameter["name"], []).append(parameter)
+            by_name.setdefault(parameter["name"], []).append(parameter)
     ranges = {}
-    for key, parameters in given.items():
+    for key, parameters in by_name.items():
         values = [parameter["value"] for parameter in parameters]
-        spread = (min(values), statistics.median(values), max(values))
-        ranges[key] = ParameterRange(parameters[0]["unit"], *spread)
+        unit, median = parameters[0]["unit"], statistics.median(values)
+        ranges[key] = ParameterRange(unit, min(values), median, max(values))
     return EffectPrevalence(
         name,
         tuple(row["vehicle"] for row, _ in matches),

@@ -26,7 +26,7 @@ from slopewise.models.laws.wheel_lockup import friction_cap, lockup_force_ratios
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_promise import promised
-from slopewise.models.stops.simulation import LONGEST, GroundTrack, force_ratio, simulate_stop
+from slopewise.models.stops.simulation import MAX_STOP_TIME, GroundTrack, force_ratio, simulate_stop
 from slopewise.planner.ground.uncertainty import Uncertainty
 
 MIN_NET_DECEL_RATIO = 0.02
@@ -323,7 +323,7 @@ def _braked_distance(
         friction = math.inf if table.sliding_friction is None else table.sliding_friction
         capped = min(force, float(friction_cap(grade, 0.0, friction)))
         deceleration = float(braking.deceleration(capped, grade))
-        if deceleration * LONGEST <= speed:
+        if deceleration * MAX_STOP_TIME <= speed:
             return math.inf
         return float(braking.stopping_distance(speed, deceleration, 0.0, 0.0))
     flat = replace(table, m_m=0.0, b_m=0.0, m_b=0.0, b_b=brakes, uphill=None, terrain={})

@@ -65,7 +65,7 @@ def write_terrain_page(
 
 
 def _variety(run: RunEvents) -> float:
-    """Number of straights and turns in equal parts; among equals, that of stretches."""
+    """Smaller of the numbers of straights and of turns; between equals, more stretches."""
     phases = [stretch.observation.phase for stretch in run.stretches]
     turns = sum(phase in (Phase.TURN, Phase.SPOT) for phase in phases)
     return min(turns, phases.count(Phase.STRAIGHT)) + 1e-3 * len(phases)

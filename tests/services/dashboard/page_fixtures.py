@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from slopewise.services.dashboard.live_state import LiveState
-from slopewise.services.dashboard.server import PageServer, own_names
+from slopewise.services.dashboard.server import PageServer, allowed_hosts
 from slopewise.services.dashboard.site import Site, Source
 from slopewise.services.planning.map_store import MapSnapshot
 from slopewise.services.settings.service_settings import PageSettings
@@ -39,7 +39,7 @@ def served(
 ) -> Iterator[str]:
     port = free_port()
     source = Source(status=lambda: status(**changes), ground=lambda: ground, board=page)
-    site = Site(source, own_names("127.0.0.1"), token)
+    site = Site(source, allowed_hosts("127.0.0.1"), token)
     server = PageServer(PageSettings(enabled=True, port=port), site)
     try:
         yield f"http://127.0.0.1:{port}"
