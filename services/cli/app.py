@@ -84,7 +84,6 @@ app.add_typer(fleet_app, name="fleet")
 
 @app.callback(invoke_without_command=True)
 def _root(
-    context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
 ) -> None:
     if version:
@@ -92,8 +91,6 @@ def _root(
 
         typer.echo(f"slopewise {installed('slopewise')}")
         raise typer.Exit
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -101,7 +98,9 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         status = _command_of(app)(args=arguments, prog_name="slopewise", standalone_mode=False)
     except _UsageError as error:
-        _fail(f"{error.format_message()} (see slopewise --help)", ExitStatus.BAD_INPUT)
+        if message := error.format_message():  # none where the help was printed instead
+            _fail(f"{message} (see slopewise --help)", ExitStatus.BAD_INPUT)
+        sys.exit(ExitStatus.BAD_INPUT)
     except SlopewiseError as error:
         _fail(" ".join(str(error).split()), ExitStatus.BAD_INPUT)
     except OSError as error:
@@ -113,14 +112,10 @@ def main(arguments: list[str] | None = None) -> None:
             raise
         text = f"fault of slopewise, not of your input: {type(error).__name__}: {error}"
         _fail(f"{text} (SLOPEWISE_DEBUG=1 shows where)", ExitStatus.FAULT)
-    sys.exit(status if isinstance(status, int) else 0)
+    sys.exit(status if isinstance(status, int) else ExitStatus.DONE)
 
 
 def _fail(line: str, status: ExitStatus) -> None:
     sys.stdout.flush()
     print(f"slopewise: {line}", file=sys.stderr)
     sys.exit(status)
-
-
-if __name__ == "__main__":
-    main()

@@ -17,8 +17,7 @@ from slopewise.services.jobs.plural import plural
 if TYPE_CHECKING:
     from slopewise.services.jobs.calibrate import CalibrateResult
 
-_SUSPECTS = 20
-"""Excluded stretches that are listed; --json has all."""
+_SUSPECTS = 20  # excluded stretches that are listed; --json has all
 
 
 def calibrate(

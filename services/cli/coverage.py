@@ -14,8 +14,7 @@ from slopewise.services.jobs.plural import plural
 if TYPE_CHECKING:
     from slopewise.services.jobs.coverage import CoverageSummary, PartCoverage
 
-_SESSIONS = 20
-"""Sessions up to which each has a row; beyond that --json has them."""
+_SESSIONS = 20  # number of sessions up to which each has a row; --json has them always
 
 
 def coverage(

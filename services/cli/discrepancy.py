@@ -15,8 +15,7 @@ from slopewise.services.cli.tables import line, notes, table
 if TYPE_CHECKING:
     from slopewise.models.discrepancy.findings import Findings
 
-_AXES = 3
-"""Axes of the disagreement that are listed, strongest first; --json has all."""
+_AXES = 3  # axes of the disagreement that are listed, strongest first; --json has all
 
 
 def discrepancy(

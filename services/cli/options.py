@@ -58,7 +58,7 @@ Connect = Annotated[
 ]
 Namespace = Annotated[str, typer.Option(help="Prefix of the service's keys.")]
 ZenohFile = Annotated[
-    str, typer.Option("--zenoh", metavar="FILE", help="Zenoh's own settings, e.g. certificates.")
+    str, typer.Option("--zenoh", metavar="FILE", help="Settings of zenoh, e.g. certificates.")
 ]
 StartSpeed = Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")]
 ClearDistance = Annotated[
@@ -102,14 +102,16 @@ FalseAlarm = Annotated[
     float,
     typer.Option(help="Accepted share of logs without a missing effect that name one."),
 ]
-Seed = Annotated[int, typer.Option(help="Of the random numbers; the same gives the same.")]
+Seed = Annotated[
+    int, typer.Option(help="Seed of the random numbers; the same one gives the same result.")
+]
 Report = Annotated[Path | None, typer.Option(metavar="out.html", help="Write a page with charts.")]
-Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="For the reply.")]
+Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="Longest wait for the reply.")]
 AsJson = Annotated[
     bool,
     typer.Option("--json", callback=_without_progress, help="Print JSON instead of a table."),
 ]
 JsonLine = Annotated[
     bool,
-    typer.Option("--json", help="Print the line that it is ready as JSON, on standard output."),
+    typer.Option("--json", help="Print the ready message as JSON, on standard output."),
 ]

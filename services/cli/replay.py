@@ -42,7 +42,9 @@ def replay(
     ] = 1.0,
     topics: options.Topics = None,
     columns: options.Columns = "",
-    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="For each reply.")] = 5.0,
+    timeout: Annotated[
+        float, typer.Option(metavar="SECONDS", help="Longest wait for each reply.")
+    ] = 5.0,
     zenoh_file: options.ZenohFile = "",
     plan: Annotated[
         bool, typer.Option("--plan", help="Plan along a recording instead; needs --model.")

@@ -15,6 +15,8 @@ from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_ready
 
+_PACKAGES = {"zenoh": "eclipse-zenoh", "rosbags": "'.[ros]' in a clone"}  # by module
+
 
 def serve(
     config: Annotated[
@@ -28,7 +30,7 @@ def serve(
     """
     from slopewise.services.settings.service_settings import read_config
 
-    _require_zenoh("serve")
+    _require("serve", "zenoh")
     settings = read_config(config)
     if settings.page.enabled and not all(map(find_spec, ("waitress", "prometheus_client"))):
         expected = "expected what serves the page: pip install '.[service]' in a clone"
@@ -50,9 +52,7 @@ def ros(
 
     [bold]Example[/]  slopewise ros --config configs/ros.toml
     """
-    for module, extra in (("zenoh", "eclipse-zenoh"), ("rosbags", "'.[ros]' in a clone")):
-        if find_spec(module) is None:
-            raise InputError("ros", "", f"expected {module}, got none: pip install {extra}")
+    _require("ros", "zenoh", "rosbags")
     import zenoh
 
     from slopewise.services.ros.edge import RosEdge
@@ -95,12 +95,14 @@ def guard(
 
     [bold]Example[/]  slopewise guard --config configs/guard.toml
     """
-    _require_zenoh("guard")
+    _require("guard", "zenoh")
     from slopewise.services.guard.watchdog import serve as run_guard
 
     run_guard(config, partial(print_ready, as_json))
 
 
-def _require_zenoh(name: str) -> None:
-    if find_spec("zenoh") is None:
-        raise InputError(name, "", "needs zenoh: pip install eclipse-zenoh")
+def _require(command: str, *modules: str) -> None:
+    """Raise InputError for a module that is not installed, with what installs it."""
+    for module in modules:
+        if find_spec(module) is None:
+            raise InputError(command, "", f"needs {module}: pip install {_PACKAGES[module]}")

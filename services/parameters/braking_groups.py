@@ -78,7 +78,7 @@ class BrakingGroups(ParameterGroups):
         return surface != group and _SURFACE.fullmatch(surface) is not None
 
     def describe(self, group: str) -> GroupDescription:
-        surface = _surface_of(group)
+        surface = surface_of(group)
         force = self.forces.learned().get(surface)
         used = self.forces.planning_braking({}).on(surface)
         matrix, stds = used.covariance, dict[str, float]()
@@ -107,7 +107,7 @@ class BrakingGroups(ParameterGroups):
         )
 
     def state(self, group: str) -> State | None:
-        surface = _surface_of(group)
+        surface = surface_of(group)
         force = self.forces.learned().get(surface)
         dead_times = [] if surface else [*self.forces.dead_times]
         if force is None and not dead_times:
@@ -117,7 +117,7 @@ class BrakingGroups(ParameterGroups):
 
     def restore(self, group: str, state: State | None, age: float) -> None:
         """Restore a surface, and with the base the dead times."""
-        surface = _surface_of(group)
+        surface = surface_of(group)
         learned = None if state is None else state["learned"]
         dead_times = [] if state is None else msgspec.convert(state["dead_times"], list[float])
         if not all(0.0 <= t <= MAX_DEAD_TIME for t in dead_times):
@@ -132,7 +132,7 @@ class BrakingGroups(ParameterGroups):
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
         """Apply an operator's coefficients; above the model file's, stops have to confirm them."""
-        surface = _surface_of(group)
+        surface = surface_of(group)
         known = self.describe(group).values
         self._check_values(surface, values, known)
         if set(values) & set(NAMES):
@@ -167,5 +167,6 @@ def group_of(surface: str) -> str:
     return f"{BASE}.{surface}" if surface else BASE
 
 
-def _surface_of(group: str) -> str:
+def surface_of(group: str) -> str:
+    """Surface of a group of braking; "" is the base."""
     return group[len(BASE) + 1 :]

@@ -15,7 +15,6 @@ from slopewise.models.calibration.published import PublishSettings
 from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import corner_design
 from slopewise.models.parameters import Braking
-from slopewise.models.surface_braking import SurfaceBraking
 
 _REPORTED_EXCESS = 1e-3
 """Smallest F_b/W above the file that is reported [1]: a tenth of the step that one stop may add."""
@@ -33,7 +32,7 @@ _TOLERANCE = 1e-9  # rounding of F_b/W [1]
 
 
 def coefficients_of(known: Braking) -> Floats:
-    """(4,) m_m, b_m, m_b, b_b."""
+    """(4,) coefficients m_m [s/m], b_m [1], m_b [s/m], b_b [1]."""
     return np.array([getattr(known, name) for name in NAMES])
 
 
@@ -56,11 +55,11 @@ def limit_increase(prior: Braking, used: Braking, share: float) -> tuple[Braking
     F_b/W is bilinear in speed and grade: a limit at the four corners of the trained rectangle is
     one everywhere in it. Also returns surfaces on which it still exceeds the file; "" is the base.
     """
-    base, above = _limit_surface(prior, None, used, None, share)
+    base, above = _limit_surface(prior, used, share)
     stronger = [""] if above else []
     tables = {}
     for name, table in used.terrain.items():
-        changes, above = _limit_surface(prior, prior.terrain.get(name), used, table, share)
+        changes, above = _limit_surface(prior.on(name), used.on(name), share)
         tables[name] = dataclasses.replace(table, **changes) if changes else table
         stronger += [name] if above else []
     if not base and tables == used.terrain:
@@ -68,35 +67,21 @@ def limit_increase(prior: Braking, used: Braking, share: float) -> tuple[Braking
     return dataclasses.replace(used, terrain=tables, **base), stronger
 
 
-def _limit_surface(
-    prior: Braking,
-    known: SurfaceBraking | None,
-    used: Braking,
-    table: SurfaceBraking | None,
-    share: float,
-) -> tuple[dict[str, Any], bool]:
+def _limit_surface(prior: Braking, used: Braking, share: float) -> tuple[dict[str, Any], bool]:
     """Coefficients to replace, empty within the limit; True if the force exceeds the file."""
-    speeds, grades = _value(used, table, "speed_range"), _value(used, table, "grade_range")
-    corners = corner_design(speeds, grades)
-    file = corners @ np.array([_value(prior, known, name) for name in NAMES])
-    force = corners @ np.array([_value(used, table, name) for name in NAMES])
+    corners = corner_design(used.speed_range, used.grade_range)
+    file, force = corners @ coefficients_of(prior), corners @ coefficients_of(used)
     limit = file + share * np.abs(file)
-    excess, distance = np.minimum(force, limit) - file, _value(prior, known, "distance")
+    excess = np.minimum(force, limit) - file
     above = bool(np.any(excess > _REPORTED_EXCESS))
-    if distance is not None:
+    if prior.distance is not None:
         # Sessions differ, and corners more than the middle: neither is reported.
-        typical = (_TYPICAL_EXCESS + 3.0 * distance.session_std) * file.mean()
+        typical = (_TYPICAL_EXCESS + 3.0 * prior.distance.session_std) * file.mean()
         above = bool(excess.mean() > typical)
     if np.all(force <= limit + _TOLERANCE):
         return {}, above
     lower = np.linalg.solve(corners, np.minimum(force, limit))
     return dict(zip(NAMES, lower.tolist(), strict=True)), above
-
-
-def _value(base: Braking, table: SurfaceBraking | None, name: str) -> Any:
-    """Value on a surface: its key, or the base's where it has none."""
-    value = None if table is None else getattr(table, name)
-    return getattr(base, name) if value is None else value
 
 
 def prior_for_new_surface(

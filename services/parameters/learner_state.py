@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.services.parameters.braking_groups import BASE, BrakingGroups
+from slopewise.services.parameters.braking_groups import BASE, BrakingGroups, surface_of
 from slopewise.services.parameters.effects_group import EFFECTS, EffectsGroup
 from slopewise.services.parameters.group_registry import GROUPS
 from slopewise.services.parameters.parameter_group import ParameterGroups, State
@@ -118,13 +118,13 @@ class LearnerState:
         Learned force is used below the finding from now on. Where braking cannot be learned on it,
         the force of the base is parked: the finding is made of the same stops.
         """
-        reverts, now = effects.tables is None, time.monotonic()
+        reverts = effects.tables is None
         basis = effects.model()
         owner = "the model file" if reverts else "the adopted finding"
         reason = _unsupported(basis, self.settings, owner)
         known = self.braking
-        learned = {name: known.state(name) for name in known.names()}
-        learned = {name: state for name, state in learned.items() if state is not None}
+        states = ((name, known.state(name)) for name in known.names())
+        learned = {name: state for name, state in states if state is not None}
         surfaces = sorted(set(learned) - {BASE})
         if surfaces and not reverts and counts_twice(basis):
             expected = "no learned surfaces next to effects that add force"
@@ -133,11 +133,10 @@ class LearnerState:
         parked = None if reverts or not reason else learned.pop(BASE, None)
         if reverts and effects.parked is not None and BASE not in learned and not reason:
             learned[BASE] = effects.parked
-        ages = known.forces.ages(now)
+        ages = known.forces.ages(time.monotonic())
         braking = BrakingGroups(basis, self.settings, self.map_surfaces)
         for name, state in learned.items():
-            age = ages.get(name[len(BASE) + 1 :], self.settings.oldest)
-            braking.restore(name, state, age)
+            braking.restore(name, state, ages.get(surface_of(name), self.settings.oldest))
         effects = replace(effects, parked=None if reverts else parked or effects.parked)
         return replace(
             self, basis=basis, unsupported_reason=reason, effects=effects, braking=braking

@@ -72,6 +72,13 @@ def test_a_running_command_prints_that_it_is_ready(tmp_path: Path) -> None:
         process.wait(10.0)
 
 
+@pytest.mark.parametrize("arguments", [(), ("fleet",)])
+def test_a_command_without_arguments_prints_its_help_alone(arguments: tuple[str, ...]) -> None:
+    done = here(*arguments)
+    assert "Usage: slopewise" in done.stdout
+    assert (done.stderr, done.returncode) == ("", 2)
+
+
 def test_version_is_printed() -> None:
     assert here("--version").stdout.startswith("slopewise ")
     assert app.app.info.name == "slopewise"
