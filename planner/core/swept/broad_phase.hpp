@@ -49,8 +49,7 @@ class BroadPhase {
   BroadPhase(const MapView& map, double resolution, const VehicleEnvelope& vehicle,
              const std::optional<BandWidth>& width, const Positions& at, double beside)
       : map_(map), vehicle_(vehicle), layout_(map, resolution, vehicle),
-        band_(width ? TrackingBand(*width, vehicle, resolution, 1.0 / layout_.per_metre)
-                    : TrackingBand()),
+        band_(width, vehicle, resolution, 1.0 / layout_.per_metre),
         sizes_(band_.widest_area(vehicle)),
         window_(map, layout_, sizes_, at, beside), limits_(sizes_, layout_.cells, resolution),
         blocks_(window_.rows.size(), window_.columns.size()),

@@ -69,10 +69,7 @@ class NarrowPhase {
     if (required == 0) return {};
     ++checked_;
     Hazard found = check_line(pose, back, required, across);
-    const double wheel_band = band_.of_wheels(across);
-    if (wheel_band > 0.0 && !blocks(found.kind)) {
-      found = check_beside(pose, back, required, wheel_band);
-    }
+    if (!blocks(found.kind)) found = check_beside(pose, back, required, band_.of_wheels(across));
     return found;
   }
 
@@ -137,7 +134,8 @@ class NarrowPhase {
     return WheelWay(grid_.facets(), pose, wheel, back, sizes_, slopes, buffers_).find_step();
   }
 
-  // Steps and edges on the lines of the wheels within the band, without the planned one.
+  // Steps on the lines of the wheels within the band, without the planned one, and edges next to
+  // all of them, though the band has no width.
   Hazard check_beside(const Pose2d& pose, double back, std::int32_t required,
                       double band) const noexcept {
     const BandLines lines(band, band_.stride);
@@ -158,8 +156,8 @@ class NarrowPhase {
   Hazard check_edges(const WheelBand& of) const noexcept {
     const std::size_t block = block_under(of.pose, of.wheel, grid_);
     const double slope = explained_slope(slopes_in(block, of.pose, grid_).across);
-    // Half a tyre beyond the band, too.
-    const BandLines lines(of.band + sizes_.half_tyre, band_.stride);
+    // Half a tyre beyond the band, too, and half a cell, in which an edge may be anywhere.
+    const BandLines lines(of.band + band_.beyond, band_.stride);
     for (Index line = -lines.side; line <= lines.side; ++line) {
       const Place at = lines.move(of.wheel, line);
       heights_[line + lines.side] =
@@ -225,6 +223,13 @@ inline Hazard check_pose(NarrowPhase& narrow_phase, const SweptPaths& paths, Ind
   return narrow_phase.check(pose, std::sqrt(dx * dx + dy * dy), required, across);
 }
 
+// The last station so far before station k [m], or the first after where the vehicle stands.
+inline Index station_before(const SweptPaths& paths, Index k, Index j, double length) noexcept {
+  const double end = paths.station[k * paths.candidates + j] - length;
+  while (k > 1 && paths.station[k * paths.candidates + j] > end) --k;
+  return k;
+}
+
 }  // namespace detail
 
 // Hazards of all candidates, up to the first of each; the first stations are where they stand.
@@ -245,10 +250,13 @@ inline Index sweep(const BroadPhase& grid, const SweptPaths& paths, const Hazard
         if (required[n] == 0 || k >= static_cast<Index>(paths.count[j])) continue;
         const Hazard found = detail::check_pose(narrow_phase, paths, k, j, required[n]);
         if (!narrow_phase.blocks(found.kind)) continue;
-        out.code[k * paths.candidates + j] = out.code_of_kind[static_cast<Index>(found.kind)];
+        const Index blocked = detail::station_before(paths, k, j, found.before);
+        const double back = paths.station[k * paths.candidates + j] -
+                            paths.station[blocked * paths.candidates + j];
+        out.code[blocked * paths.candidates + j] = out.code_of_kind[static_cast<Index>(found.kind)];
         open[n] = 0;
         const std::array<double, 4> numbers{static_cast<double>(found.kind), found.height,
-                                            found.ahead, found.aside};
+                                            found.ahead + back, found.aside};
         std::copy_n(numbers.begin(), 4, out.found + 4 * j);
       }
     }

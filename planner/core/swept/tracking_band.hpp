@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "swept/vehicle_envelope.hpp"
 
@@ -36,19 +37,23 @@ struct TrackingBand {
   double widest = 0.0, turned = 0.0;
   double arm = 0.0, wheel_arm = 0.0;  // farthest ends of body and wheels from the reference [m]
   double stride = 1.0;                // largest distance between two lines of a wheel [m]
+  double beyond = 0.0;                // the band, where the ground must not fall [m]
   Index blocks = 0;                   // to either side in which a wheel may be [1]
   Index lines = 1;                    // of a wheel at most, with those beyond the band [1]
 
-  TrackingBand() = default;
-  TrackingBand(const BandWidth& width, const VehicleEnvelope& sizes, double resolution,
-               double block_edge) noexcept
-      : widest(width.widest), turned(width.turned),
-        arm(max_of(sizes.front, sizes.rear) + width.body_offset),
-        wheel_arm(sizes.half_length + width.body_offset),
-        stride(max_of(resolution, sizes.half_tyre)) {
-    const double wheels = of_wheels(widest);
-    blocks = static_cast<Index>(wheels / block_edge) + 1;
-    lines = 2 * static_cast<Index>(std::ceil((wheels + sizes.half_tyre) / stride)) + 1;
+  // Without a width the body is exactly on its line.
+  TrackingBand(const std::optional<BandWidth>& width, const VehicleEnvelope& sizes,
+               double resolution, double block_edge) noexcept
+      : stride(max_of(resolution, sizes.half_tyre)) {
+    if (width) {
+      widest = width->widest;
+      turned = width->turned;
+      arm = max_of(sizes.front, sizes.rear) + width->body_offset;
+      wheel_arm = sizes.half_length + width->body_offset;
+      blocks = static_cast<Index>(of_wheels(widest) / block_edge) + 1;
+    }
+    beyond = sizes.half_tyre + 0.5 * resolution;
+    lines = 2 * BandLines(of_wheels(widest) + beyond, stride).side + 1;
   }
 
   [[nodiscard]] bool any() const noexcept { return blocks > 0; }

@@ -86,10 +86,11 @@ enum class HazardKind : std::int64_t {
 };
 inline constexpr Index hazard_kinds = 9;
 
-// What blocks a pose: its height [m], and where, from the middle of the wheelbase [m].
+// What blocks a pose: its height [m], and where, from the middle of the wheelbase [m]; poses so far
+// before are blocked, too [m].
 struct Hazard {
   HazardKind kind = HazardKind::none;
-  double height = 0.0, ahead = 0.0, aside = 0.0;
+  double height = 0.0, ahead = 0.0, aside = 0.0, before = 0.0;
 
   [[nodiscard]] bool any() const noexcept { return kind != HazardKind::none; }
 };

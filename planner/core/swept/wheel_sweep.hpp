@@ -28,6 +28,13 @@ inline Hazard find_twist(const std::array<double, wheel_count>& contact,
           twist > 0.0 ? -sizes.half_width : sizes.half_width};
 }
 
+// An edge under a wheel, up or down. A wheel that rolls over one falls once its centre is up to a
+// radius beyond: it has to stop before.
+inline Hazard hazard_of_edge(HazardKind kind, double height, Place at,
+                             const VehicleEnvelope& sizes) noexcept {
+  return {kind, height, at.x, at.y, kind == HazardKind::drop ? sizes.radius : 0.0};
+}
+
 // Room for the ground under a wheel and the path of its centre, of so many samples.
 struct WheelBuffers {
   double *profile, *path;  // with room for as many lanes behind
@@ -77,7 +84,7 @@ class WheelWay {
     for (Index n = first_; n <= last_; ++n) {
       if (const Hazard found = step_at(n); found.any()) {
         const double ahead = line_.begin + static_cast<double>(n + chord_) * sizes_.stride;
-        return {found.kind, found.height, ahead, wheel_.y};
+        return hazard_of_edge(found.kind, found.height, {ahead, wheel_.y}, sizes_);
       }
     }
     return {};
