@@ -1,7 +1,7 @@
 """Fixtures of all tests: the search of hypothesis, the nightly selection, and a model to plan with.
 
 Tests marked `nightly` run only when the marker is asked for: `pytest -m nightly`; hypothesis then
-searches longer, and with other seeds every time.
+searches forty times as long, and with other seeds every time.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tests.world.real_terrain import data_folder
 from tests.world.vehicles import ATV, Tables, model_of, tables_with
 
 _CALM = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
-settings.register_profile("default", derandomize=True, database=None, **_CALM)
+settings.register_profile("default", max_examples=50, derandomize=True, database=None, **_CALM)
 settings.register_profile("nightly", max_examples=2000, print_blob=True, **_CALM)
 
 
