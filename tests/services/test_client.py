@@ -43,7 +43,7 @@ def test_kill_minus_nine_and_the_client_stops_by_itself(tmp_path: Path) -> None:
         for _ in range(5):
             begun = time.monotonic()
             outcome = client.plan(2.0, fan())
-            assert time.monotonic() - begun < 0.6
+            assert time.monotonic() - begun < 2.0
         is_safe(outcome, 2.0)
 
 
@@ -59,7 +59,7 @@ def test_a_hung_service_is_one_that_does_not_answer(tmp_path: Path) -> None:
         took = time.monotonic() - begun
         hung.process.send_signal(signal.SIGCONT)
     is_safe(outcome, 1.5)
-    assert 0.25 < took < 0.8
+    assert 0.25 < took < 2.0
     assert outcome.stop.reason == "no service answers"
 
 

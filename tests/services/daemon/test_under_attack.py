@@ -29,8 +29,8 @@ SHARE = 0.99 if LONG else 0.4
 other tests on two processors a third of the answers may come late through no fault of the service;
 a robot that is starved, as without a separate share, is answered "busy" nearly every time.
 """
-MORE_MEMORY = 25.0 if LONG else 100.0
-"""[MB] than in the first seconds under attack, medians: large messages come and go."""
+MORE_MEMORY = 25.0 if LONG else 250.0
+"""[MB] than in the first seconds under attack, medians: large messages wait on busy machines."""
 LOADING = 6.0 if LONG else 4.0
 """[s] of attack before memory is measured: requests of every kind load modules."""
 

@@ -41,6 +41,7 @@ class GuardRobot:
         self.sends_motion = self.sends_command = True
         self.outputs: list[tuple[float, dict[str, Any]]] = []
         self._sequence, self._ended = 0, threading.Event()
+        self.delay = 0.0  # by which the machine lets this process wait too long, at most [s]
         self._subscriber = session.declare_subscriber(f"{SPACE}/v1/guard/output", self._on_output)
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -57,7 +58,10 @@ class GuardRobot:
         self.outputs.append((time.monotonic(), json.loads(sample.payload.to_bytes())))
 
     def _run(self) -> None:
+        last = time.monotonic()
         while not self._ended.wait(0.02):
+            last, before = time.monotonic(), last
+            self.delay = max(self.delay, last - before - 0.02)
             self._sequence += 1
             number = self._sequence
             if self.sends_motion:
