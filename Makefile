@@ -35,8 +35,8 @@ types: $(VENV)/.installed-dev
 tests: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not nightly"
 
-core: $(VENV)/bin/python  ## the compiled core, again, and nothing else
-	$(PIP) install -e . --no-deps
+core: $(VENV)/.tools  ## the compiled core, again, and nothing else
+	$(BIN)/python hatch_build.py
 
 nightly: $(VENV)/.installed-dev  ## thousands of generated cases, all real terrain, half an hour of random input under sanitizers
 	$(BIN)/python -m pytest -n $(JOBS) -m nightly --timeout 7200
@@ -64,12 +64,19 @@ $(VENV)/bin/python:
 	$(if $(PYTHON),,$(error no Python of at least 3.11 runs here: install one, such as python3.12 with its venv, or name it with PYTHON=))
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt $(CORE)
-	$(PIP) install -e . -c constraints.txt
+# What the core is compiled with; in the environment itself, so that it is compiled only once.
+$(VENV)/.tools: $(VENV)/bin/python constraints.txt
+	$(PIP) install editables hatchling nanobind -c constraints.txt
+	$(PIP) install nanobind $$($(BIN)/python -c "import hatch_build as h; print(*h.missing_tools())") -c constraints.txt
+	touch $@
+
+$(VENV)/.installed: $(VENV)/.tools pyproject.toml $(CORE)
+	$(PIP) install -e . -c constraints.txt --no-build-isolation
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@
 
-$(VENV)/.installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt $(CORE)
-	$(PIP) install -e ".[dev]" -c constraints.txt
+$(VENV)/.installed-dev: $(VENV)/.tools pyproject.toml $(CORE)
+	$(BIN)/python hatch_build.py & $(PIP) install -r constraints.txt; wait
+	$(PIP) install -e ".[dev]" -c constraints.txt --no-build-isolation
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@ $(VENV)/.installed

@@ -20,6 +20,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 ROOT = Path(__file__).parent
 PLANNER = ROOT / "slopewise" / "planner"
+IN_PLACE = ROOT / "build" / "core"
 COMPILERS = ("c++", "g++", "clang++")
 CMAKE = (3, 20)
 """The oldest CMake that is sufficient: major, minor [1]."""
@@ -39,10 +40,10 @@ class CoreBuildHook(BuildHookInterface[Any]):
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile the core, in place for an editable installation, else into the wheel."""
         try:
-            module = compile_core(Path(self.directory) / "core")
             if version == "editable":
-                install_in_place(module)
+                install_in_place(compile_core(IN_PLACE))
                 return
+            module = compile_core(Path(self.directory) / "core")
         except CoreError as error:
             self.app.abort(str(error))
         build_data["force_include"][str(module)] = f"slopewise/planner/{module.name}"
@@ -171,6 +172,6 @@ def install_in_place(module: Path) -> None:
 
 if __name__ == "__main__":
     try:
-        install_in_place(compile_core(ROOT / "build" / "core"))
+        install_in_place(compile_core(IN_PLACE))
     except CoreError as error:
         sys.exit(str(error))
