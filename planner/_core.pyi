@@ -1,12 +1,13 @@
 """The compiled core; `planner/core/` has its sources."""
 
-import numpy as np
-
 from slopewise.models.arrays import Bools, Bytes, Floats, Ints, Singles
+from slopewise.models.averaging_windows import AveragingWindows
+from slopewise.planner.ground.body_pose import BodyRows
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.surface_cache import SurfaceCache
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.planning_limits import PlanningLimits
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.profile.time_optimal import ProfileProblem
 from slopewise.planner.swept.hazards import HazardRows
 
@@ -75,14 +76,8 @@ class BroadPhase:
     def covers(self, x: Floats, y: Floats) -> bool: ...
     def sweep(
         self,
-        x: Floats,
-        y: Floats,
-        heading_x: Floats,
-        heading_y: Floats,
-        station: Floats,
-        count: Ints,
-        known: Bools,
-        twist: Singles,
+        body: BodyRows,
+        profile: TerrainProfile,
         spacing: float,
         trails: bool,
         across: Floats | None,
@@ -93,63 +88,22 @@ class BroadPhase:
 
 def roughness_speeds(
     grid: HeightGrid,
-    x: Floats,
-    y: Floats,
-    heading_x: Floats,
-    heading_y: Floats,
-    level: Floats,
+    profile: TerrainProfile,
     spacing: Floats,
-    count: Ints,
-    front: Singles,
     sizes: object,
-    frequency: float,
-    damping: float,
-    vertical_accel: float,
-    max_speed: float,
-    noise: float,
-    cell: float,
-    held: Floats,
-) -> None: ...
+    limits: tuple[float, float, float, float, float, float],
+) -> Floats: ...
 def time_optimal(problem: ProfileProblem) -> tuple[Floats, Floats]: ...
 def average_heights(
     elevation: Floats,
-    wide_row: np.ndarray,
-    wide_column: np.ndarray,
-    wide_weights: np.ndarray,
-    wide_std: np.ndarray,
-    slopes: np.ndarray,
-    narrow_row: np.ndarray,
-    narrow_column: np.ndarray,
-    narrow_weights: np.ndarray,
-    narrow_std: np.ndarray,
-    row: np.ndarray,
-    column: np.ndarray,
-    start: np.ndarray,
-    variance: Floats,
-    stride: int,
-    reach: int,
+    windows: AveragingWindows,
     noise: float,
-    block_noise: float,
     significance: float,
     known_share: float,
 ) -> Floats: ...
 def travel_cost(station: Floats, speed_sq: Floats, horizon_penalty: float) -> Floats: ...
-def smooth(
-    ds: Floats,
-    speed_sq_max: Floats,
-    accel_max: Floats,
-    decel_max: Floats,
-    jerk: float,
-    start_accel: float,
-) -> tuple[int, Floats]: ...
-def smoothing_program(
-    ds: Floats,
-    speed_sq_max: Floats,
-    accel_max: Floats,
-    decel_max: Floats,
-    jerk: float,
-    start_accel: float,
-) -> tuple[Floats, Floats, Floats]: ...
+def smooth(problem: SmoothingProblem) -> tuple[int, Floats]: ...
+def smoothing_program(problem: SmoothingProblem) -> tuple[Floats, Floats, Floats]: ...
 def keep_inside(speed_sq: Floats, speed_sq_max: Floats) -> Floats: ...
 
 # Forces and bounds along candidates.

@@ -96,22 +96,4 @@ def _patched(elevation: Floats, windows: AveragingWindows, noise: float) -> Floa
 
 
 def _average_heights(elevation: Floats, windows: AveragingWindows, noise: float) -> Floats:
-    return core.average_heights(
-        elevation,
-        *windows.wide.taps,
-        windows.wide.weights,
-        windows.wide.std,
-        windows.wide.slopes,
-        *windows.narrow.taps,
-        windows.narrow.weights,
-        windows.narrow.std,
-        *windows.taps,
-        windows.start,
-        windows.variance,
-        windows.stride,
-        windows.reach,
-        noise,
-        noise * windows.block_std,
-        SIGNIFICANCE,
-        KNOWN_SHARE,
-    )
+    return core.average_heights(elevation, windows, noise, SIGNIFICANCE, KNOWN_SHARE)

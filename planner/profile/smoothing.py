@@ -12,7 +12,7 @@ program. An answer depends on nothing that was solved before.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,9 +21,6 @@ from slopewise.planner.compiled_core import core
 from slopewise.planner.profile.osqp_nearest import nearest_by_osqp
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.settings import Solver
-
-_Numbers = tuple[Floats, Floats, Floats, Floats, float, float]
-"""Of a problem: its attributes in their order, NaN for an acceleration that does not matter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +52,13 @@ def smooth(problem: SmoothingProblem, first: Solver = "interior_point") -> Smoot
     # Of the stations of rest at the end only the first takes part.
     part = _first_stations(problem, last + 2)
     used = 0
-    orders: dict[str, tuple[Callable[..., tuple[int, Floats]], ...]] = {
+    orders: dict[str, tuple[Callable[[SmoothingProblem], tuple[int, Floats]], ...]] = {
         "interior_point": (core.smooth, _by_osqp),
         "osqp": (_by_osqp, core.smooth),
         "ipopt": (_by_ipopt, core.smooth, _by_osqp),
     }
     for solver in orders[first]:
-        iterations, speed_sq = solver(*part)
+        iterations, speed_sq = solver(part)
         used += abs(iterations)
         if iterations > 0:
             return Smoothed(core.keep_inside(speed_sq, top), used)
@@ -70,7 +67,7 @@ def smooth(problem: SmoothingProblem, first: Solver = "interior_point") -> Smoot
     return Smoothed(None, used, f"no profile keeps the jerk limit ({used} iterations)")
 
 
-def _first_stations(problem: SmoothingProblem, count: int) -> _Numbers:
+def _first_stations(problem: SmoothingProblem, count: int) -> SmoothingProblem:
     """The problem of so many stations; with stations of rest behind them where it has too few."""
     n = min(count, len(problem.speed_sq_max))
     more = max(core.MIN_STATIONS - n, 0)
@@ -78,37 +75,24 @@ def _first_stations(problem: SmoothingProblem, count: int) -> _Numbers:
     ds, accel, decel = (np.pad(a, (0, more), constant_values=1.0) if more else a for a in parts)
     top = problem.speed_sq_max[:n]
     top = np.pad(top, (0, more)) if more else top
-    before = np.nan if problem.start_accel is None else problem.start_accel
-    return ds, top, accel, decel, problem.jerk, before
+    return SmoothingProblem(ds, top, accel, decel, problem.jerk, problem.start_accel)
 
 
-def _by_osqp(
-    ds: Floats,
-    top: Floats,
-    accel_max: Floats,
-    decel_max: Floats,
-    jerk: float,
-    start_accel: float,
-) -> tuple[int, Floats]:
+def _by_osqp(problem: SmoothingProblem) -> tuple[int, Floats]:
     """As core.smooth by OSQP, with the first tangents."""
-    is_open, rows, limit = core.smoothing_program(ds, top, accel_max, decel_max, jerk, start_accel)
-    return nearest_by_osqp(top, is_open == 0.0, rows, limit)
+    is_open, rows, limit = core.smoothing_program(problem)
+    return nearest_by_osqp(problem.speed_sq_max, is_open == 0.0, rows, limit)
 
 
-def _by_ipopt(
-    ds: Floats,
-    top: Floats,
-    accel_max: Floats,
-    decel_max: Floats,
-    jerk: float,
-    start_accel: float,
-) -> tuple[int, Floats]:
+def _by_ipopt(problem: SmoothingProblem) -> tuple[int, Floats]:
     """The exact program by CasADi and IPOPT, tightened as the others are; much slower."""
     from slopewise.planner.profile.reference import jerk_limited_of_any_length
 
-    before = None if np.isnan(start_accel) else start_accel
-    accel, decel = (np.maximum(most - core.TIGHTENING, 0.0) for most in (accel_max, decel_max))
-    problem = SmoothingProblem(ds, top, accel, decel, jerk * (1.0 - core.TIGHTENING), before)
-    found = jerk_limited_of_any_length(problem)
+    accel, decel = (
+        np.maximum(most - core.TIGHTENING, 0.0) for most in (problem.accel_max, problem.decel_max)
+    )
+    jerk = problem.jerk * (1.0 - core.TIGHTENING)
+    tight = replace(problem, accel_max=accel, decel_max=decel, jerk=jerk)
+    found = jerk_limited_of_any_length(tight)
     used = max(found.iterations, 1)
-    return (-used, top) if found.speed_sq is None else (used, found.speed_sq)
+    return (-used, problem.speed_sq_max) if found.speed_sq is None else (used, found.speed_sq)

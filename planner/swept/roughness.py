@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.height_noise import noise_of
@@ -38,25 +36,9 @@ def rough_speeds(
     Returns:
         (N, M) [m/s], inf where roughness limits nothing.
     """
-    vehicle, limits, body = model.vehicle, model.limits, profile.body_rows
-    held = np.empty(profile.x.shape)
-    core.roughness_speeds(
-        height_grid(elevation_map, vehicle),
-        body.x[0],
-        body.y[0],
-        body.heading_x[0],
-        body.heading_y[0],
-        profile.z[0],
-        spacing,
-        profile.count,
-        profile.front,
-        sizes,
-        vehicle.ride_frequency,
-        vehicle.ride_damping,
-        limits.vertical_accel,
-        limits.speed,
-        0.0 if sizes.fine else noise_of(elevation_map),
-        elevation_map.resolution,
-        held,
-    )
-    return held
+    vehicle, limits = model.vehicle, model.limits
+    noise = 0.0 if sizes.fine else noise_of(elevation_map)
+    bounce = vehicle.ride_frequency, vehicle.ride_damping
+    ride = *bounce, limits.vertical_accel, limits.speed, noise, elevation_map.resolution
+    grid = height_grid(elevation_map, vehicle)
+    return core.roughness_speeds(grid, profile, spacing, sizes, ride)

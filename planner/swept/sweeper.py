@@ -121,11 +121,8 @@ class Sweeper:
         across, band = (None, None) if tube is None else tube
         body = poses.body
         looked = broad_phase_for(ground, sizes, band, body.x, body.y).sweep(
-            *body,
-            profile.station[:stations],
-            np.minimum(profile.count, stations),
-            profile.known[:stations],
-            profile.twist[:stations],
+            body,
+            profile,
             self.spacing,
             geometry.centre_offset > 0.0 or added_band is not None,
             across,

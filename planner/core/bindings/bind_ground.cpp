@@ -15,40 +15,43 @@ using Floats1 = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::
 using Floats2 = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Floats3 = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
-Taps taps_of(const Taps1& row, const Taps1& column) {
+// Of `Taps`.
+Taps taps_of(const nb::handle& taps) {
+  const auto row = member_array<Taps1>(taps, "row"), column = member_array<Taps1>(taps, "column");
   const auto count = static_cast<Index>(row.shape(0));
   expect_shape("column", column, {count});
   return {count, row.data(), column.data()};
 }
 
-Contrasts contrasts_of(const Taps1& row, const Taps1& column, const Floats2& weights,
-                       const Floats1& std) {
-  const auto count = static_cast<Index>(weights.shape(0));
-  const Taps taps = taps_of(row, column);
+// Of `Contrasts`.
+Contrasts contrasts_of(const nb::handle& contrasts) {
+  const auto weights = member_array<Floats2>(contrasts, "weights");
+  const auto std = member_array<Floats1>(contrasts, "std");
+  const auto slopes = member_array<Floats3>(contrasts, "slopes");
+  const Taps taps = taps_of(contrasts.attr("taps"));
+  const auto count = static_cast<Index>(weights.shape(0)), jumps = static_cast<Index>(slopes.shape(1));
   expect_shape("weights", weights, {count, taps.count});
   expect_shape("std", std, {count});
-  return {taps, count, 0, weights.data(), std.data(), nullptr, nullptr};
+  expect_shape("slopes", slopes, {2, jumps, taps.count});
+  return {taps, count, jumps, weights.data(), std.data(), slopes.data(),
+          slopes.data() + jumps * taps.count};
 }
 
-Made<double> average(const Input2& elevation, const Taps1& wide_row, const Taps1& wide_column,
-              const Floats2& wide_weights, const Floats1& wide_std, const Floats3& slopes,
-              const Taps1& narrow_row, const Taps1& narrow_column, const Floats2& narrow_weights,
-              const Floats1& narrow_std, const Taps1& row, const Taps1& column, const Taps1& start,
-              const Input1& variance, Index stride, Index reach, double noise, double block_noise,
-              double significance, double known_share) {
+// By `AveragingWindows`.
+Made<double> average(const Input2& elevation, const nb::handle& by, double noise,
+                     double significance, double known_share) {
   const auto rows = static_cast<Index>(elevation.shape(0));
   const auto columns = static_cast<Index>(elevation.shape(1));
+  const auto start = member_array<Taps1>(by, "start");
+  const auto variance = member_array<Input1>(by, "variance");
   const auto windows = static_cast<Index>(variance.shape(0));
-  const auto heights = make_array(rows, columns);
   expect_shape("start", start, {windows + 1});
-  AveragingTools tools{contrasts_of(wide_row, wide_column, wide_weights, wide_std),
-                       contrasts_of(narrow_row, narrow_column, narrow_weights, narrow_std),
-                       {taps_of(row, column), windows, start.data(), variance.data()},
-                       stride, noise, block_noise, significance, known_share};
-  tools.wide.jumps = static_cast<Index>(slopes.shape(1));
-  expect_shape("slopes", slopes, {2, tools.wide.jumps, tools.wide.taps.count});
-  tools.wide.slope_x = slopes.data();
-  tools.wide.slope_y = slopes.data() + tools.wide.jumps * tools.wide.taps.count;
+  const AveragingTools tools{contrasts_of(by.attr("wide")), contrasts_of(by.attr("narrow")),
+                             {taps_of(by.attr("taps")), windows, start.data(), variance.data()},
+                             nb::cast<Index>(by.attr("stride")), noise,
+                             noise * nb::cast<double>(by.attr("block_std")), significance, known_share};
+  const auto reach = nb::cast<Index>(by.attr("reach"));
+  const auto heights = make_array(rows, columns);
   const nb::gil_scoped_release release;
   average_heights(elevation.data(), rows, columns, reach, tools, heights.data());
   return heights;

@@ -10,7 +10,7 @@ namespace {
 
 // Of a `ProfileProblem`.
 std::tuple<Made<double>, Made<double>> time_optimal(const nb::handle& problem) {
-  const auto station = nb::cast<Input2>(problem.attr("station"));
+  const auto station = member_array<Input2>(problem, "station");
   const auto n = static_cast<Index>(station.shape(0)), m = static_cast<Index>(station.shape(1));
   const auto rows = [&](const char* name) { return member_rows<double>(problem, name, n, m); };
   const auto number = [&](const char* name) { return nb::cast<double>(problem.attr(name)); };
@@ -37,20 +37,20 @@ Made<double> travel_cost(const Input2& station, const Input2& speed_sq, double h
   return cost;
 }
 
-SmoothingProblem problem_of(const Input1& ds, const Input1& speed_sq_max, const Input1& accel,
-                            const Input1& decel, double jerk, double start_accel) {
-  const auto n = static_cast<Index>(speed_sq_max.shape(0));
+// Of a `SmoothingProblem`.
+SmoothingProblem problem_of(const nb::handle& problem) {
+  const auto top = member_array<Input1>(problem, "speed_sq_max");
+  const auto n = static_cast<Index>(top.shape(0));
   if (n < min_stations) throw nb::value_error("speed_sq_max: expected at least 3 stations");
-  expect_shape("ds", ds, {n - 1});
-  expect_shape("accel_max", accel, {n - 1});
-  expect_shape("decel_max", decel, {n - 1});
-  return {n, ds.data(), speed_sq_max.data(), accel.data(), decel.data(), jerk, start_accel};
+  const auto row = [&](const char* name) { return member_line<double>(problem, name, n - 1); };
+  const nb::object before = problem.attr("start_accel");
+  return {n, row("ds"), top.data(), row("accel_max"), row("decel_max"),
+          nb::cast<double>(problem.attr("jerk")),
+          before.is_none() ? std::numeric_limits<double>::quiet_NaN() : nb::cast<double>(before)};
 }
 
-std::tuple<int, Made<double>> smooth_profile(const Input1& ds, const Input1& speed_sq_max,
-                                             const Input1& accel, const Input1& decel, double jerk,
-                                             double start_accel) {
-  const SmoothingProblem p = problem_of(ds, speed_sq_max, accel, decel, jerk, start_accel);
+std::tuple<int, Made<double>> smooth_profile(const nb::handle& problem) {
+  const SmoothingProblem p = problem_of(problem);
   const auto speed_sq = make_array(p.stations);
   double* memory = Workspace::of_thread().reserve(smoothing_memory(p.stations));
   const nb::gil_scoped_release release;
@@ -58,14 +58,12 @@ std::tuple<int, Made<double>> smooth_profile(const Input1& ds, const Input1& spe
   return {iterations, speed_sq};
 }
 
-std::tuple<Made<double>, Made<double>, Made<double>> smoothing_program(
-    const Input1& ds, const Input1& speed_sq_max, const Input1& accel, const Input1& decel,
-    double jerk, double start_accel) {
-  const SmoothingProblem p = problem_of(ds, speed_sq_max, accel, decel, jerk, start_accel);
+std::tuple<Made<double>, Made<double>, Made<double>> smoothing_program(const nb::handle& problem) {
+  const SmoothingProblem p = problem_of(problem);
   const auto open = make_array(p.stations), rows = make_array(kind_count, 3, p.stations),
              limit = make_array(kind_count, p.stations);
   double* around = Workspace::of_thread().reserve(p.stations);
-  NearestProblem program(p.stations, speed_sq_max.data(), open.data());
+  NearestProblem program(p.stations, p.speed_sq_max, open.data());
   program.rows = rows.data();
   program.limit = limit.data();
   lower_to_reachable(p, around);

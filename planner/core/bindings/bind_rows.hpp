@@ -31,10 +31,20 @@ Rows<const T> member_rows(const nb::handle& owner, const char* name, Index stati
   return rows;
 }
 
+// An array that the owner keeps: never a copy, which would end with this call.
+template <class Array>
+Array member_array(const nb::handle& owner, const char* name) {
+  Array array;
+  if (!nb::try_cast<Array>(owner.attr(name), array, false)) {
+    throw nb::type_error((std::string(name) + ": expected a contiguous array of its type").c_str());
+  }
+  return array;
+}
+
 template <class T>
 const T* member_line(const nb::handle& owner, const char* name, Index candidates) {
-  const auto line =
-      nb::cast<nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>>(owner.attr(name));
+  using Array = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+  const auto line = member_array<Array>(owner, name);
   expect_shape(name, line, {candidates});
   return line.data();
 }

@@ -6,7 +6,7 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 
-#include "bindings/bindings.hpp"
+#include "bindings/bind_rows.hpp"
 #include "ground/map_grid.hpp"
 #include "swept/rough_ground.hpp"
 #include "swept/sweep.hpp"
@@ -15,8 +15,6 @@ namespace slopewise {
 namespace {
 
 using Floats3 = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Floats2 = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Flags2 = nb::ndarray<const bool, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Codes2 = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 template <class T>
@@ -67,54 +65,65 @@ bool covers(const MapBroadPhase& self, const Input2& x, const Input2& y) {
   return self.grid.covers(positions_of(x, y));
 }
 
-Index sweep_paths(const MapBroadPhase& self, const Input2& x, const Input2& y,
-                  const Input2& heading_x, const Input2& heading_y, const Input2& station,
-                  const Counts1& count, const Flags2& known, const Floats2& twist, double spacing,
-                  bool trails, const std::optional<Input2>& across, const Counts1& code_of_kind,
-                  const Codes2& code, const Output2& found) {
-  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
-  for (const Input2* row : {&y, &heading_x, &heading_y, &station}) {
-    expect_shape("y, heading, station", *row, {n, m});
+// Rows of a profile that begins with the poses and may go on beyond them.
+template <class T>
+const T* beginning_of(const nb::handle& profile, const char* name, Index stations,
+                      Index candidates) {
+  const auto rows =
+      member_array<nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>>(profile, name);
+  if (static_cast<Index>(rows.shape(0)) < stations) {
+    throw nb::value_error((std::string(name) + ": expected a row for each pose").c_str());
   }
-  expect_shape("count", count, {m});
-  expect_shape("known", known, {n, m});
-  expect_shape("twist", twist, {n, m});
+  expect_shape(name, rows, {static_cast<Index>(rows.shape(0)), candidates});
+  return rows.data();
+}
+
+// Of `BodyRows` along a `TerrainProfile`.
+Index sweep_paths(const MapBroadPhase& self, const nb::handle& body, const nb::handle& profile,
+                  double spacing, bool trails, const std::optional<Input2>& across,
+                  const Counts1& code_of_kind, const Codes2& code, const Output2& found) {
+  const auto n = static_cast<Index>(code.shape(0)), m = static_cast<Index>(code.shape(1));
+  const auto rows = [&](const char* name) { return member_rows<double>(body, name, n, m).at(0); };
   expect_shape("code_of_kind", code_of_kind, {hazard_kinds});
-  expect_shape("code", code, {n, m});
   expect_shape("found", found, {m, 4});
   if (across.has_value() != self.grid.band().any()) {
     throw nb::value_error("across: expected an array where the broad phase has a band, else None");
   }
   if (across) expect_shape("across", *across, {n, m});
-  const SweptPaths paths{n,           m,           x.data(),     y.data(),     heading_x.data(),
-                         heading_y.data(), station.data(), count.data(), known.data(),
-                         twist.data(), spacing,    trails,       across ? across->data() : nullptr};
+  const SweptPaths paths{n, m, rows("x"), rows("y"), rows("heading_x"), rows("heading_y"),
+                         beginning_of<double>(profile, "station", n, m),
+                         member_line<std::int64_t>(profile, "count", m),
+                         beginning_of<bool>(profile, "known", n, m),
+                         beginning_of<float>(profile, "twist", n, m),
+                         spacing, trails, across ? across->data() : nullptr};
   double* memory =
       Workspace::of_thread().reserve(NarrowPhase::memory_size(self.grid, spacing));
   const nb::gil_scoped_release release;
   return sweep(self.grid, paths, {code_of_kind.data(), code.data(), found.data()}, memory);
 }
 
-void roughness_speeds(const MapGrid& map, const Input1& x, const Input1& y,
-                      const Input1& heading_x, const Input1& heading_y, const Input1& level,
-                      const Input1& spacing, const Counts1& count, const Floats3& front,
-                      nb::handle sizes,
-                      double frequency, double damping, double vertical_accel, double max_speed,
-                      double noise, double cell, const Output2& held) {
+// `limits` are those of a ride, in the order of RideLimits.
+Made<double> roughness_speeds(const MapGrid& map, const nb::handle& profile, const Input1& spacing,
+                              nb::handle sizes, const std::array<double, 6>& limits) {
+  const auto front = member_array<Floats3>(profile, "front");
   const auto n = static_cast<Index>(front.shape(0)), m = static_cast<Index>(front.shape(2));
-  for (const Input1* column : {&x, &y, &heading_x, &heading_y, &level, &spacing}) {
-    expect_shape("x, y, heading, level, spacing", *column, {m});
-  }
-  expect_shape("count", count, {m});
+  expect_shape("spacing", spacing, {m});
   expect_shape("front", front, {n, 2, m});
-  expect_shape("held", held, {n, m});
   if (n * m == 0) throw nb::value_error("front: expected stations, got none");
+  const nb::object body = profile.attr("body_rows");
+  const auto first = [&](const nb::handle& owner, const char* name) {
+    return member_rows<double>(owner, name, n, m).at(0);
+  };
+  const auto held = make_rows(n, m);
+  const RiddenPaths on{n, m, first(body, "x"), first(body, "y"), first(body, "heading_x"),
+                       first(body, "heading_y"), first(profile, "z"), spacing.data(),
+                       member_line<std::int64_t>(profile, "count", m), front.data(), held.data()};
   const VehicleEnvelope envelope = envelope_of(sizes);
+  const auto& [frequency, damping, vertical_accel, speed, noise, cell] = limits;
+  const RideLimits ride{frequency, damping, vertical_accel, speed, noise, cell};
   const nb::gil_scoped_release release;
-  const RideLimits limits{frequency, damping, vertical_accel, max_speed, noise, cell};
-  limit_ride_speeds(map.grid, envelope, limits,
-                        {n, m, x.data(), y.data(), heading_x.data(), heading_y.data(),
-                         level.data(), spacing.data(), count.data(), front.data(), held.data()});
+  limit_ride_speeds(map.grid, envelope, ride, on);
+  return held;
 }
 
 // Of all blocks, (rows, columns), writable: tests compare and change them.
@@ -151,9 +160,8 @@ void bind_swept(nb::module_& m) {
       .def("__init__", &make_broad_phase, "elevation"_a.noconvert(), "origin_x"_a, "origin_y"_a,
            "resolution"_a, "sizes"_a, "band"_a.none(), "x"_a, "y"_a, "beside"_a)
       .def("covers", &covers, "x"_a, "y"_a)
-      .def("sweep", &sweep_paths, "x"_a, "y"_a, "heading_x"_a, "heading_y"_a,
-           "station"_a, "count"_a, "known"_a, "twist"_a, "spacing"_a, "trails"_a, "across"_a.none(),
-           "code_of_kind"_a, "code"_a.noconvert(), "found"_a.noconvert())
+      .def("sweep", &sweep_paths, "body"_a, "profile"_a, "spacing"_a, "trails"_a,
+           "across"_a.none(), "code_of_kind"_a, "code"_a.noconvert(), "found"_a.noconvert())
       .def_prop_ro("screened", &screened)
       .def_prop_ro("first_column",
                    [](const MapBroadPhase& self) { return self.grid.window().columns.first; })
@@ -165,9 +173,7 @@ void bind_swept(nb::module_& m) {
       .def_prop_ro("east", blocks_of(&ScreenedBlocks::east))
       .def_prop_ro("north", blocks_of(&ScreenedBlocks::north))
       .def_prop_ro("seen", blocks_of(&ScreenedBlocks::seen));
-  m.def("roughness_speeds", &roughness_speeds, "grid"_a, "x"_a, "y"_a, "heading_x"_a,
-        "heading_y"_a, "level"_a, "spacing"_a, "count"_a, "front"_a, "sizes"_a, "frequency"_a, "damping"_a,
-        "vertical_accel"_a, "max_speed"_a, "noise"_a, "cell"_a, "held"_a.noconvert());
+  m.def("roughness_speeds", &roughness_speeds);
 }
 
 }  // namespace slopewise

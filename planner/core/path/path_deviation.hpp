@@ -29,6 +29,22 @@ inline Point between(Point a, Point b, double share) noexcept {
   return {a.x + share * (b.x - a.x), a.y + share * (b.y - a.y)};
 }
 
+// Where a point lies along a segment from p to q, < 0 before and > 1 behind it; squared distance to
+// the segment [m²].
+struct Foot {
+  double share, away_sq;
+
+  [[nodiscard]] double inside() const noexcept { return min_of(max_of(share, 0.0), 1.0); }
+};
+
+[[nodiscard]] inline Foot foot_on(Point p, Point q, Point point) noexcept {
+  const double dx = q.x - p.x, dy = q.y - p.y, to_x = point.x - p.x, to_y = point.y - p.y;
+  Foot foot{(to_x * dx + to_y * dy) / max_of(dx * dx + dy * dy, 1e-18), 0.0};
+  const double off_x = foot.inside() * dx - to_x, off_y = foot.inside() * dy - to_y;
+  foot.away_sq = off_x * off_x + off_y * off_y;
+  return foot;
+}
+
 // A place of a polyline: its segment, the share of that, and how far off it is [m].
 struct NearestPoint {
   Index segment;
@@ -44,23 +60,12 @@ struct Line {
 
   [[nodiscard]] Point operator[](Index k) const noexcept { return {xy[2 * k], xy[2 * k + 1]}; }
 
-  // Squared distance of a point from a segment; where it lies along it, within its ends.
-  [[nodiscard]] double off(Index k, Point p, double& inside) const noexcept {
-    const Point a = (*this)[k], b = (*this)[k + 1];
-    const double dx = b.x - a.x, dy = b.y - a.y, to_x = p.x - a.x, to_y = p.y - a.y;
-    const double share = (to_x * dx + to_y * dy) / max_of(dx * dx + dy * dy, 1e-18);
-    inside = min_of(max_of(share, 0.0), 1.0);
-    const double u = inside * dx - to_x, v = inside * dy - to_y;
-    return u * u + v * v;
-  }
-
   // The nearest place on segments `low` to `high` − 1.
   [[nodiscard]] NearestPoint nearest(Index low, Index high, Point p) const noexcept {
     NearestPoint found{low, 0.0, std::numeric_limits<double>::infinity()};
     for (Index k = low; k < high; ++k) {
-      double share = 0.0;
-      const double away = off(k, p, share);
-      if (away < found.away) found = {k, share, away};
+      const Foot foot = foot_on((*this)[k], (*this)[k + 1], p);
+      if (foot.away_sq < found.away) found = {k, foot.inside(), foot.away_sq};
     }
     found.away = std::sqrt(found.away);
     return found;
@@ -69,8 +74,10 @@ struct Line {
   // Largest distance of points `low` to `high` − 1 from segment k; 0 without any. Matched in order
   // with these points, no place of the segment is farther from their line.
   [[nodiscard]] double farthest(Index k, Line points, Index low, Index high) const noexcept {
-    double away = 0.0, share = 0.0;
-    for (Index i = low; i < high; ++i) away = max_of(away, off(k, points[i], share));
+    double away = 0.0;
+    for (Index i = low; i < high; ++i) {
+      away = max_of(away, foot_on((*this)[k], (*this)[k + 1], points[i]).away_sq);
+    }
     return std::sqrt(away);
   }
 
@@ -185,14 +192,9 @@ class Deviation {
       Index first = from, beyond = std::min(to + 1, last);
       while (first > 0 && along_[from] - along_[first] < match_reach) --first;
       while (beyond < last && along_[beyond] - along_[to] < match_reach) ++beyond;
-      const Point a = given_[i], b = given_[i + 1];
-      const double length = distance_of(a, b);
-      for (double at = 0.0; at < length;) {
-        const NearestPoint foot = line_.nearest(first, beyond, between(a, b, at / length));
-        note(static_cast<Index>(foot.number() + 0.5), foot.away);
-        most = max_of(most, foot.away);
-        at += max_of(most - foot.away, exact);
-      }
+      walk(given_, i, line_, {first, beyond}, most, [](double, const NearestPoint& foot) {
+        return static_cast<Index>(foot.number() + 0.5);
+      });
     }
   }
 
@@ -207,14 +209,25 @@ class Deviation {
       }
       const auto first = static_cast<Index>(min_of(low_[k], low_[k + 1]));
       const auto beyond = static_cast<Index>(max_of(high_[k], high_[k + 1]));
-      const Point a = line_[k], b = line_[k + 1];
-      const double length = distance_of(a, b);
-      for (double at = 0.0; at < length;) {
-        const NearestPoint foot = given_.nearest(first, beyond, between(a, b, at / length));
-        note(k + static_cast<Index>(at / length + 0.5), foot.away);
-        most = max_of(most, foot.away);
-        at += max_of(most - foot.away, exact);
-      }
+      walk(line_, k, given_, {first, beyond}, most, [k](double share, const NearestPoint&) {
+        return k + static_cast<Index>(share + 0.5);
+      });
+    }
+  }
+
+  // Places of segment i of one line against segments of the other; `station_of` tells for each
+  // place, by its share of the segment, which station its distance is noted at.
+  template <class StationOf>
+  void walk(Line one, Index i, Line other, Segments part, double& most,
+            const StationOf& station_of) noexcept {
+    const Point a = one[i], b = one[i + 1];
+    const double length = distance_of(a, b);
+    for (double at = 0.0; at < length;) {
+      const double share = at / length;
+      const NearestPoint foot = other.nearest(part.low, part.high, between(a, b, share));
+      note(station_of(share, foot), foot.away);
+      most = max_of(most, foot.away);
+      at += max_of(most - foot.away, exact);
     }
   }
 

@@ -2,11 +2,10 @@
 // Paths of M candidates are (N, M), stations behind one another.
 #pragma once
 
-#include <cmath>
 #include <cstdint>
 #include <numbers>
 
-#include "batch.hpp"
+#include "path/path_deviation.hpp"
 
 namespace slopewise {
 
@@ -17,25 +16,6 @@ struct Paths {
 
   [[nodiscard]] Index at(Index i, Index j) const noexcept { return i * candidates + j; }
 };
-
-// A point of the plan view [m].
-struct Place {
-  double x, y;
-};
-
-// Where a point lies along a segment from p to q, < 0 before and > 1 behind it; squared distance to
-// the segment [m²].
-struct Foot {
-  double share, away_sq;
-};
-
-[[nodiscard]] inline Foot foot_on(Place p, Place q, Place point) noexcept {
-  const double dx = q.x - p.x, dy = q.y - p.y, to_x = point.x - p.x, to_y = point.y - p.y;
-  const double share = (to_x * dx + to_y * dy) / max_of(dx * dx + dy * dy, 1e-18);
-  const double inside = min_of(max_of(share, 0.0), 1.0);
-  const double off_x = inside * dx - to_x, off_y = inside * dy - to_y;
-  return {share, off_x * off_x + off_y * off_y};
-}
 
 // Of n points the nearest of the segments from `low` to below `high` of a line, the share of it and
 // the distance [m]; (n,) each.
@@ -88,17 +68,17 @@ struct NearestSegment {
 
 // Find a vehicle at a place with a heading [rad] on each path, where it crosses itself on the branch
 // that goes its way.
-inline void locate_on_paths(const Paths& paths, Place vehicle, double heading,
+inline void locate_on_paths(const Paths& paths, Point vehicle, double heading,
                             const Located& out) noexcept {
   const double cosine = std::cos(heading), sine = std::sin(heading);
   for (Index j = 0; j < paths.candidates; ++j) {
     const auto point = [&paths, j](Index i) noexcept {
-      return Place{paths.x[paths.at(i, j)], paths.y[paths.at(i, j)]};
+      return Point{paths.x[paths.at(i, j)], paths.y[paths.at(i, j)]};
     };
     detail::NearestSegment nearest, early;
     double begin = 0.0;
     for (Index i = 0; i + 1 < static_cast<Index>(paths.count[j]); ++i) {
-      const Place p = point(i), q = point(i + 1);
+      const Point p = point(i), q = point(i + 1);
       const Foot foot = foot_on(p, q, vehicle);
       const double dx = q.x - p.x, dy = q.y - p.y, length = std::sqrt(dx * dx + dy * dy);
       double off = std::sqrt(foot.away_sq);
@@ -109,7 +89,7 @@ inline void locate_on_paths(const Paths& paths, Place vehicle, double heading,
     }
     const auto [i, off, share, before] =
         early.off <= early_enough && early.share <= 1.0 ? early : nearest;
-    const Place p = point(i), q = point(i + 1);
+    const Point p = point(i), q = point(i + 1);
     const double dx = q.x - p.x, dy = q.y - p.y, to_x = vehicle.x - p.x, to_y = vehicle.y - p.y;
     const double step = max_of(std::sqrt(dx * dx + dy * dy), 1e-9);
     const double inside = min_of(max_of(share, 0.0), 1.0);

@@ -11,6 +11,7 @@ import pytest
 from slopewise.planner.compiled_core import core
 from slopewise.planner.profile.osqp_nearest import matrix_of
 from slopewise.planner.profile.smoothing import smooth
+from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.profile.time_optimal import (
     ProfileProblem,
     time_optimal_profile,
@@ -84,10 +85,10 @@ def test_the_rows_of_smoothing_are_as_defined(seed: int) -> None:
     road.bound[40:43] = 0.0
     p = problem_of(road, 2.0)
     n = len(p.speed_sq_max)
-    arguments = (p.ds, p.speed_sq_max, p.accel_max, p.decel_max, p.jerk, np.nan)
-    _, rows, limit = core.smoothing_program(*arguments)
+    _, rows, limit = core.smoothing_program(p)
     computed = np.column_stack([matrix_of(rows).toarray(), limit.ravel()])
-    expected = np.column_stack(reference.program(*arguments[:5], p.speed_sq_max))
+    given = p.ds, p.speed_sq_max, p.accel_max, p.decel_max, p.jerk
+    expected = np.column_stack(reference.program(*given, p.speed_sq_max))
     computed = computed[np.any(computed[:, :n] != 0.0, axis=1)]
     assert len(computed) == len(expected)
     for row in expected:
@@ -127,4 +128,4 @@ def test_a_wrong_shape_is_named() -> None:
     with pytest.raises(ValueError, match="sin_grade: expected 5 along axis 0, got 4"):
         core.time_optimal(short)
     with pytest.raises(ValueError, match="at least 3 stations"):
-        core.smooth(np.ones(1), np.ones(2), np.ones(1), np.ones(1), 1.0, np.nan)
+        core.smooth(SmoothingProblem(np.ones(1), np.ones(2), np.ones(1), np.ones(1), 1.0))
