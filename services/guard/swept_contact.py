@@ -39,8 +39,6 @@ behind the first contact."""
 _ROWS = np.array(((0, 2, 3), (1, 3, 2), (4, 5, 6)))
 """Rows of poses that x, y and underside of points depend on, see :meth:`SweptBody._place`."""
 
-_NOWHERE: tuple[Ints, Ints, Ints] = 3 * (np.zeros(0, np.int64),)  # samples, courses, tiles
-
 
 class BodyPoses(NamedTuple):
     """Poses of N courses of S samples, (N, S) each where no other shape is given."""
@@ -72,10 +70,12 @@ class _Points(NamedTuple):
     normal_ahead: Floats  # (U, Q) outward normal of the outline, 0 within it [1]
     normal_left: Floats
     wheel: Bools  # (U, Q) under a wheel
+    main: Bools  # (U, Q) at a rim or the middle of it
     quarters: Ints  # (T, 4) quarters of the tiles, those outside the outline repeat others
     middle_ahead: Floats  # (U,) middle_ahead, middle_left: place of the quarters [m]
     middle_left: Floats
     tiles: Floats  # (3, T, 3) x, y [cells] and underside [m] of their middles from :data:`_ROWS`
+    between: Floats  # (2, P) ahead, left: places between outline and the body without errors [m]
     size: tuple[float, float, float]  # front, rear, half width of the body without errors [m]
 
 
@@ -85,33 +85,44 @@ class SweptBody:
     Errors of the pose widen and lengthen it.
     """
 
-    def __init__(self, scene: GuardScene, poses: BodyPoses, reach: tuple[float, float]) -> None:
-        """Planes of the poses may be written until they are asked for."""
+    def __init__(
+        self, scene: GuardScene, poses: BodyPoses, reach: tuple[float, float], *, bare: bool = False
+    ) -> None:
+        """Planes of the poses may be written until they are asked for; ``bare``: without errors."""
         vehicle, errors = scene.model.vehicle, scene.model.errors
         self._poses, self._clearance = poses, scene.model.shape.clearance
+        self._arguments = scene, poses, reach
+        self._within: SweptBody | None = None
         self._layers = map_layers(scene.ground, vehicle).obstacles
         cell = self._layers.cell
         self._bare = self._points = _points(vehicle, reach, cell, 0.0, 0.0, 0.0)
-        if errors.has_band or errors.along_track > 0.0:
+        if not bare and (errors.has_band or errors.along_track > 0.0):
             self._points = _points(vehicle, reach, cell, *_bands(vehicle, poses, errors))
         self._in_cells: Floats = np.empty((8, *poses.x.shape), np.float32)
-        self._touches = False
+        self._touches = bare
 
     def first_contact(self, block: slice) -> Contact:
         """First contact at a block of samples; blocks are asked for in their order."""
         self._place(block)
         tiles = self._near_tiles(block)
-        if block.start == 0 and 0 in tiles[0][:1] and self._is_touched():
-            # What is closer than the next cell is judged by the cells alone, or nothing could leave
-            # it.
-            self._touches, self._points = True, self._bare
-            self._place(block)
-            tiles = self._near_tiles(block)
+        if block.start == 0 and not self._touches:
+            if 0 in tiles[0][:1] and self._is_touched():
+                # What is closer than the next cell is judged by the cells alone, or nothing could
+                # leave it.
+                self._touches, self._points = True, self._bare
+                self._place(block)
+                tiles = self._near_tiles(block)
+            elif self._is_passed():
+                self._within = SweptBody(*self._arguments, bare=True)
+        contact = Contact(self._poses.x.shape[1], "", None, self._touches)
         for s, n, u in self._near_quarters(tiles, block.start):
-            contact = self._contact(s, n, u)
-            if contact is not None:
-                return contact
-        return Contact(self._poses.x.shape[1], "", None, self._touches)
+            if (first := self._contact(s, n, u)) is not None:
+                contact = first
+                break
+        if self._within is None:
+            return contact
+        within = self._within.first_contact(block)
+        return min(within, contact._replace(touches=True), key=lambda of: of.sample)
 
     def _place(self, block: slice) -> None:
         """Write poses (8, N, S): x, y [cells], cos, sin, lowest underside [m], slopes, turn.
@@ -137,7 +148,17 @@ class SweptBody:
         ahead, left = points.ahead.ravel(), points.left.ravel()
         x, y = points_of(start[:4], ahead / layers.cell, left / layers.cell)
         struck = layers.heights(x, y, exact=False) > _underside(start, ahead, left)
-        return bool((struck | layers.edges(x, y) & points.wheel.ravel()).any())
+        return bool((struck | layers.edges(x, y) & points.main.ravel()).any())
+
+    def _is_passed(self) -> bool:
+        """Return True if errors widen the outline at the start beyond an obstacle.
+
+        The points of the outline are behind it already, and may move on without meeting it.
+        """
+        layers, start, (ahead, left) = self._layers, self._in_cells[:, -1, 0], self._points.between
+        x, y = points_of(start[:4], ahead / layers.cell, left / layers.cell)
+        struck = layers.heights(x, y, exact=True) > _underside(start, ahead, left)
+        return bool(struck.any())
 
     def _contact(self, s: Ints, n: Ints, u: Ints) -> Contact | None:
         """First contact of some quarters, the first samples first."""
@@ -188,8 +209,6 @@ class SweptBody:
         matrix[2, 0] -= HALF_DIAGONAL * np.hypot(poses[5], poses[6])
         x, y, lowest = self._points.tiles @ matrix.reshape(3, 3, -1)
         near = self._layers.highest_near(x, y) > lowest
-        if not near.any():
-            return _NOWHERE
         pose, t = np.divmod(np.flatnonzero(near.T), len(near))
         return *np.divmod(pose, poses.shape[2]), t
 
@@ -249,7 +268,7 @@ def _bands(vehicle: Vehicle, poses: BodyPoses, errors: InputErrors) -> tuple[flo
     return lateral_band(errors, 0.0, curvature), math.sin(errors.heading), errors.along_track
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=128)
 def _points(
     vehicle: Vehicle,
     reach: tuple[float, float],
@@ -265,7 +284,8 @@ def _points(
     across = np.linspace(-end, end, math.ceil(2.0 * end / SPACING) + 1)
     along = np.linspace(-rear, front, math.ceil((front + rear) / SPACING) + 1)
     tyre = 0.5 * vehicle.shape.wheel_width + band + growth * half
-    tyres = 0.5 * vehicle.track_width + tyre * np.array([-1.0, 0.0, 1.0])
+    within = np.linspace(-1.0, 1.0, math.ceil(2.0 * tyre / SPACING) + 1)[1:-1]
+    tyres = 0.5 * vehicle.track_width + tyre * np.append((-1.0, 0.0, 1.0), within)
     sides = side + band + growth * np.abs(along)
     tyres = np.concatenate((tyres, -tyres))
     parts: list[tuple[Floats | float, Floats | float, float, float]] = [
@@ -279,8 +299,12 @@ def _points(
     ]
     columns = [np.array(np.broadcast_arrays(*part, np.zeros(1))) for part in parts]
     points: Floats = np.concatenate(columns, axis=1).astype(np.float32)
-    points[4] = np.arange(points.shape[1]) < 2 * len(tyres)
-    return _by_tiles(points, front, rear, cell, (*reach, side))
+    points[4, : 2 * len(tyres)] = np.tile(np.arange(len(tyres) // 2) < 3, 4) + 1.0
+    station, lateral = np.meshgrid(along, across)
+    is_between = np.abs(lateral) < side + band + growth * np.abs(station)
+    is_between &= (np.abs(lateral) > side) | (station > reach[0])
+    between: Floats = np.stack((station[is_between], lateral[is_between])).astype(np.float32)
+    return _by_tiles(points, front, rear, cell, (*reach, side))._replace(between=between)
 
 
 def _by_tiles(
@@ -305,8 +329,9 @@ def _by_tiles(
     rows_of = (1.0, a / cell, -b / cell), (1.0, a / cell, b / cell), (1.0, a, b)
     stacked = [np.stack(np.broadcast_arrays(*row), axis=1) for row in rows_of]
     matrix: Floats = np.array(stacked).astype(np.float32)
-    of_points = ahead, left, normal_ahead, normal_left, wheel > 0.0
-    return _Points(*of_points, quarters, middle_ahead, middle_left, matrix, size)
+    of_points = ahead, left, normal_ahead, normal_left, wheel > 0.0, wheel > 1.0
+    of_tiles = quarters, middle_ahead, middle_left, matrix
+    return _Points(*of_points, *of_tiles, np.empty((2, 0)), size)
 
 
 def _rows(parts: list[Ints]) -> Ints:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -114,9 +115,9 @@ def test_courses_that_are_continued_are_those_sampled_in_one_go() -> None:
         pose = Pose2d(*rng.uniform(3.0, 9.0, 2), rng.uniform(-3.0, 3.0))
         course = Course(1.0, 0.1, -0.2, 0.3, forward=bool(rng.random() < 0.5))
         first, continued_to = courses_ahead(scene, pose, course, (1.5, 4.0))
-        whole = next(courses_ahead(scene, pose, course, (4.0,)))
+        sampled = next(courses_ahead(scene, pose, course, (4.0,)))
         continued += not first.end.reason
-        for ours, theirs in zip(continued_to, whole, strict=True):
+        for ours, theirs in zip(continued_to, sampled, strict=True):
             np.testing.assert_equal(ours, theirs)
     assert 5 < continued < 40
 
@@ -280,3 +281,21 @@ def test_only_obstacles_next_to_the_measured_body_make_it_creep() -> None:
     for speed, action in ((1.0, "stop"), (-1.0, "pass")):
         decision = slopewise.guard_decision(tracked, ground_of(heights), pose, 0.0, (speed, 0.0))
         assert decision.action == action
+
+
+def test_a_turn_meets_an_obstacle_between_the_body_and_its_errors() -> None:
+    """Next to a long tail, where the outline that errors widen is beyond it from the start on."""
+    model = read_model(ATV)
+    vehicle = dataclasses.replace(model.vehicle, wheelbase=1.6, cg_x=0.9)
+    vehicle = dataclasses.replace(vehicle, front_overhang=0.2, rear_overhang=1.2)
+    tracking = Tracking(cross_track_std=0.08, cross_track_per_curvature=0.1, heading_std=0.035)
+    model = dataclasses.replace(model, vehicle=vehicle, tracking=tracking)
+    heights = level()
+    heights[50:52, 43:46] = 1.5  # from 0.3 m of the right flank on
+    limited = slopewise.guard_decision(
+        model, ground_of(heights), (MIDDLE, MIDDLE, 0.0), 0.0, (0.0, 0.8)
+    )
+    angle = re.match(r"an obstacle stands (\d+)° ahead in the turn", limited.reason)
+    assert angle is not None, limited
+    assert limited.command.yaw_rate < 0.8
+    assert int(angle[1]) <= 12, limited
