@@ -20,6 +20,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.recent import Recent
+from slopewise.services.guard.arc_limits import TOO_FAST, arc_limits
 from slopewise.services.guard.guard_model import GuardModel, GuardScene, guard_model
 from slopewise.services.guard.settings import GuardJudgement, GuardTiming  # words: ok, key
 from slopewise.services.guard.stop_courses import Course, Pose2d, StopCourses, courses_ahead
@@ -43,8 +44,6 @@ length of courses [1]."""
 
 _PAST_STOP, _PAST_CLEAR = 0.5, 1.0
 """Length of a course beyond the stop, and beyond the clear distance [m]."""
-
-_TOO_FAST = "faster than the limits of the model"
 
 _TOLERANCE = 1e-9  # speed by which a command may exceed the allowed one: rounding [m/s]
 
@@ -85,6 +84,8 @@ class _Verdict(NamedTuple):
     brakes: bool  # the vehicle could not stop from its own speed any more
     reason: str
     where: tuple[float, float] | None
+    # share of the yaw rate at which axles and sides keep their load at the vehicle's speed [1]
+    turn: float = math.inf
 
 
 def stop(reason: str, where: tuple[float, float] | None = None) -> GuardDecision:
@@ -112,8 +113,10 @@ def decide(
     """
     if not all(map(math.isfinite, (*motion.pose, motion.speed, *command))):
         return stop("command or odometry contains a value that is not finite")
-    command, reason = _within_limits(scene.model, command)
     fastest = max(motion.speed, reached, key=abs)
+    turning = max(abs(rate) for rate in (motion.yaw_rate, *(c.yaw_rate for c in before[:1])))
+    share, yaw_share, reason = arc_limits(scene.model, command, abs(fastest), turning)
+    command = BaseCommand(share * command.speed, yaw_share * command.yaw_rate)
     requested, moving = abs(command.speed), abs(fastest)
     is_still = moving < _STANDSTILL
     if is_still and max(requested, abs(command.yaw_rate)) < _STANDSTILL:
@@ -127,28 +130,18 @@ def decide(
     verdict = _Verdict(math.inf, False, "", None)
     for course in courses:
         checked = _checked(scene, motion.pose, course, held, late, load)
+        turn = min(verdict.turn, checked.turn)
         verdict = min(verdict, checked, key=lambda of: (not of.brakes, of.allowed))
+        verdict = verdict._replace(turn=turn)
         if verdict.brakes or verdict.allowed == 0.0:
             break  # no other course can make it worse
     if verdict.brakes:
         return stop(verdict.reason, verdict.where)
     if reverses:
         return GuardDecision("slow", STILL, False, "it has to stand before it drives back")
-    if reason and verdict.allowed >= 1.0 - _TOLERANCE:
+    if reason and min(verdict.allowed, verdict.turn) >= 1.0 - _TOLERANCE:
         return GuardDecision("slow", command, False, reason)
     return _limited(scene.model, motion, command, verdict)
-
-
-def _within_limits(model: GuardModel, command: BaseCommand) -> tuple[BaseCommand, str]:
-    """Command on the same arc that the model allows, and the reason if it is another."""
-    rim = abs(command.speed) + 0.5 * abs(command.yaw_rate) * model.vehicle.track_width
-    by_rim = model.vehicle.max_wheel_speed / max(rim, _TOLERANCE)
-    by_speed = model.speed / max(abs(command.speed), _TOLERANCE)
-    share = min(by_rim, by_speed)
-    if share >= 1.0:
-        return command, ""
-    reason = "a wheel would be faster than it can" if by_rim < by_speed else _TOO_FAST
-    return BaseCommand(share * command.speed, share * command.yaw_rate), reason
 
 
 def _courses(
@@ -227,9 +220,13 @@ def _checked(
     # Nothing is known of what lies beyond.
     free = max(ways.end.sample - 1, 0) * ways.step
     inside = stops.distance <= min(free, clear)
-    cornering = abs(course.commanded) * share * speeds**2 <= model.lateral
-    fine = (inside & stops.loaded & cornering)[:-1]
+    fine = (inside & stops.loaded)[:-1]
     failed = _SPEEDS if fine.all() else int(np.argmin(fine))
+    turn = math.inf
+    if share and not stops.loaded[:-1].all():
+        # Lateral acceleration is speed times yaw rate, also of a vehicle that still slows down.
+        steady = float(np.append(0.0, speeds)[np.argmin(stops.loaded[:-1])])
+        turn = steady * steady / (top * max(course.moving, _TOLERANCE))
     cap = _CREEP if ways.end.touches else math.inf
     if share:
         fastest = model.tables[0].fastest[ways.possible].min()
@@ -239,18 +236,18 @@ def _checked(
     k = _SPEEDS if brakes else failed
     reason, where = "", None
     if brakes or not fine.all():
-        reason, where = _reason(ways, bool(inside[k]), bool(stops.loaded[k]), free, clear)
+        reason, where = _reason(ways, bool(inside[k]), free, clear)
     elif ways.end.touches:
         reason = "next to an obstacle it creeps"
-    return _Verdict(allowed / max(course.requested, _TOLERANCE), brakes, reason, where)
+    return _Verdict(allowed / max(course.requested, _TOLERANCE), brakes, reason, where, turn)
 
 
 def _reason(
-    ways: StopCourses, inside: bool, loaded: bool, free: float, clear: float
+    ways: StopCourses, inside: bool, free: float, clear: float
 ) -> tuple[str, tuple[float, float] | None]:
     """Reason why a speed is too high, and the place of it."""
     if inside:
-        return "too fast for this turn" if loaded else "an axle or a side would lose its load", None
+        return "an axle or a side would lose its load", None
     if not ways.end.reason and free < clear:
         return "brakes do not stop the vehicle on this slope", None
     if clear <= free:
@@ -276,15 +273,15 @@ def _course_length(
 def _limited(
     model: GuardModel, motion: VehicleMotion, command: BaseCommand, verdict: _Verdict
 ) -> GuardDecision:
-    """Command on the same arc, at the allowed speed at most."""
-    share, where = verdict.allowed, verdict.where
-    if share >= 1.0 - _TOLERANCE:
+    """Command on the same arc, at the allowed speed and yaw rate at most."""
+    share, where = min(verdict.allowed, 1.0), verdict.where
+    if min(share, verdict.turn) >= 1.0 - _TOLERANCE:
         return GuardDecision("pass", command, False, "")
-    reason = verdict.reason or _TOO_FAST
+    reason = verdict.reason or TOO_FAST
     rim = abs(command.speed) + 0.5 * abs(command.yaw_rate) * model.vehicle.track_width
     if share * rim < _STANDSTILL and abs(motion.speed) < _STANDSTILL:
         return stop(reason, where)
-    limited = BaseCommand(share * command.speed, share * command.yaw_rate)
+    limited = BaseCommand(share * command.speed, min(share, verdict.turn) * command.yaw_rate)
     return GuardDecision("slow", limited, False, reason, where=where)
 
 

@@ -102,6 +102,46 @@ def test_lateral_acceleration_in_turns_is_limited(
     assert result.command.speed * result.command.yaw_rate <= MODEL.lateral + 1e-9
 
 
+FAST_IN_TURNS = [(4.0, 0.2, 8.0), (3.0, 0.0, 12.0), (2.0, 1.0, 3.0), (3.0, 3.0, -4.0)]
+"""Speeds of the base, and commands that turn it more than it may at that speed."""
+
+
+@pytest.mark.parametrize(("speed", "requested", "rate"), [*FAST_IN_TURNS, (-3.0, -1.0, 4.0)])
+def test_a_base_that_is_still_fast_turns_no_more_than_its_speed_allows(
+    speed: float, requested: float, rate: float
+) -> None:
+    result = decided(speed, requested, rate)
+    assert result.action == "slow"
+    assert abs(result.command.speed) <= abs(requested)
+    assert result.command.yaw_rate * rate > 0.0
+    assert abs(speed * result.command.yaw_rate) == pytest.approx(MODEL.lateral)
+
+
+@pytest.mark.parametrize(("speed", "requested", "rate"), FAST_IN_TURNS)
+def test_a_base_that_is_still_fast_does_not_tip_over(
+    speed: float, requested: float, rate: float
+) -> None:
+    """Where the model allows any lateral acceleration its height alone limits turns: free body."""
+    model, vehicle = MODEL._replace(lateral=1e3), MODEL.vehicle
+    scene = GuardScene(model, FLAT, 1e9)
+    command = BaseCommand(requested, rate)
+    result = decide(scene, motion(speed), command, hold_time=0.1, late=0.02, load=0.5)
+    lateral = abs(result.command.yaw_rate) * max(speed, result.command.speed)
+    side = 1.0 - 2.0 * vehicle.cg_z / vehicle.track_width * lateral / 9.80665
+    assert result.action == "stop" or side >= 0.5 * MODEL.promised.limits.min_load
+
+
+def test_a_base_that_still_turns_drives_no_faster_than_its_turn_allows() -> None:
+    scene = GuardScene(MODEL, FLAT, 1e9)
+    values = {"hold_time": 0.1, "late": 0.02, "load": 0.5}
+    turning = motion(0.5)._replace(yaw_rate=2.0)
+    result = decide(scene, turning, BaseCommand(3.0, 0.0), **values)
+    assert (result.action, result.command.speed) == ("slow", pytest.approx(MODEL.lateral / 2.0))
+    before = (BaseCommand(0.0, 2.0),)
+    assert decide(scene, motion(0.5), BaseCommand(3.0, 0.0), before=before, **values) == result
+    assert decided(0.5, 3.0).action == "pass"
+
+
 def test_reverse_driving_is_decided_by_the_ground_behind() -> None:
     ground = ground_with(np.nan, last=72)  # up to x = -2 m
     assert decided(0.0, -3.0, ground=ground).action == "slow"

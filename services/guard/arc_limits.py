@@ -1,0 +1,37 @@
+"""Limits that a command keeps on any ground: speed, speed of rims, lateral acceleration."""
+
+from __future__ import annotations
+
+import math
+
+from slopewise.services.guard.guard_model import GuardModel
+
+TOO_FAST = "faster than the limits of the model"
+_RIM, _TURN = "a wheel would be faster than it can", "too fast for this turn"
+
+_TINY = 1e-9  # speed, yaw rate or their product that is divided by at least [m/s], [rad/s], [m/s²]
+
+
+def arc_limits(
+    model: GuardModel, command: tuple[float, float], moving: float, turning: float
+) -> tuple[float, float, str]:
+    """Shares of the speed and of the yaw rate of a command that are allowed [1], and the reason.
+
+    A command is slower on the same arc. Lateral acceleration is speed times yaw rate, also while a
+    base still has another speed or yaw rate than commanded: it turns no faster than a base may
+    that is still as fast as ``moving`` [m/s], and drives no faster than one may that still turns
+    at ``turning`` [rad/s]. A base at rest turns as fast as its wheels can.
+    """
+    speed, rate = map(abs, command)
+    rim = speed + 0.5 * rate * model.vehicle.track_width
+    by_rim = model.vehicle.max_wheel_speed / max(rim, _TINY)
+    by_speed = model.speed / max(speed, _TINY)
+    by_turn = min(
+        math.sqrt(model.lateral / max(speed * rate, _TINY)),
+        model.lateral / max(speed * turning, _TINY),
+    )
+    by_moving = model.lateral / max(moving * rate, _TINY)
+    share = min(by_rim, by_speed, by_turn, 1.0)
+    reasons = (by_rim, _RIM), (by_speed, TOO_FAST), (min(by_turn, by_moving), _TURN)
+    lowest, reason = min(reasons)
+    return share, min(share, by_moving), reason if lowest < 1.0 else ""
