@@ -53,6 +53,8 @@ def query(
     from slopewise.services.io.path_file import read_paths
     from slopewise.services.wire.connect import client_session
 
+    if not 0.0 <= speed < math.inf:
+        raise InputError("--speed", "", f"expected a finite start speed >= 0 [m/s], got {speed}")
     paths = [_message(path) for path in read_paths(path_file)]
     update = None if map_file is None else _map_update(map_file, nodata)
     with client_session(connect, zenoh_file) as session:

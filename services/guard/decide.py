@@ -36,6 +36,7 @@ _CREEP = 0.3
 """Speed of the fastest wheel next to obstacles closer than a cell of the map [m/s]: a stop from it
 takes a few centimetres more than the dead time."""
 
+_MAX_SPEED = 1e3  # beyond that of any vehicle [m/s]
 _MAX_LENGTH = 80.0  # of the longest course: more than the stop of any vehicle at 15 m/s [m]
 
 _LEVEL_SHARES, _MIN_SLOW = (0.9, 0.5), 0.05
@@ -114,6 +115,8 @@ def decide(
     if not all(map(math.isfinite, (*motion.pose, motion.speed, *command))):
         return stop("command or odometry contains a value that is not finite")
     fastest = max(motion.speed, reached, key=abs)
+    if abs(fastest) > _MAX_SPEED:
+        return stop(f"odometry has a speed of {fastest:.3g} m/s, which no vehicle has")
     turning = max(abs(rate) for rate in (motion.yaw_rate, *(c.yaw_rate for c in before[:1])))
     share, yaw_share, reason = arc_limits(scene.model, command, abs(fastest), turning)
     command = BaseCommand(share * command.speed, yaw_share * command.yaw_rate)
@@ -317,12 +320,14 @@ def guard_decision(
         Values that are not finite are a stop.
 
     Raises:
-        ParameterError: a pose or command of another length, a negative age or clear distance.
+        ParameterError: no numbers, or another count of them; a negative age or clear distance.
     """
-    for name, values, count in (("pose", pose, 3), ("command", command, 2)):
-        if len(values) != count:
-            raise ParameterError(name, f"{count} numbers, got {len(values)}")
-    for name, value in (("age", age), ("clear", clear)):
+    numbers = (("speed", speed), ("age", age), ("clear", clear))
+    rows = [("pose", pose, 3), ("command", command, 2), *((n, (of,), 1) for n, of in numbers)]
+    for name, values, count in (*rows, *(("before", c, 2) for c in before)):
+        if np.shape(values) != (count,) or np.asarray(values).dtype.kind not in "iuf":
+            raise ParameterError(name, f"{count} number{'s' * (count > 1)}, got {values!r}")
+    for name, value in numbers[1:]:
         if not value >= 0.0:
             raise ParameterError(name, f"at least 0, got {value!r}")
     worst = _models.get(lambda: guard_model(model), model)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from slopewise.models.elevation_map import ElevationMap
-from slopewise.services.guard.decide import BaseCommand, GuardDecision, decide
+from slopewise.models.errors import ParameterError
+from slopewise.services.guard.decide import BaseCommand, GuardDecision, decide, guard_decision
 from slopewise.services.guard.guard_model import GuardScene
-from tests.services.guard.guard_fixtures import FLAT, MODEL, ground_with, motion
+from slopewise.services.io.model_file import read_model
+from tests.services.guard.guard_fixtures import ATV, FLAT, MODEL, ground_with, motion
 
 STILL = BaseCommand(0.0, 0.0)
 
@@ -161,3 +165,18 @@ def test_vehicle_may_have_reached_the_speed_given_since_the_measurement() -> Non
     assert decided(1.0, 1.0, clear=3.0, late=0.2, reached=4.0).action == "stop"
     back = decided(0.0, -1.0, clear=3.0, late=0.2, reached=1.0)
     assert back.reason == "it has to stand before it drives back"
+
+
+WRONG = {"pose": "abc", "speed": None, "command": (1.0, "x"), "before": [(1.0,)], "age": "now"}
+
+
+@pytest.mark.parametrize("name", list(WRONG))
+def test_arguments_that_are_no_numbers_are_named(name: str) -> None:
+    values: dict[str, Any] = {"pose": (0.0, 0.0, 0.0), "speed": 1.0, "command": (1.0, 0.0)}
+    with pytest.raises(ParameterError, match=name):
+        guard_decision(read_model(ATV), FLAT, **(values | {name: WRONG[name]}))
+
+
+@pytest.mark.parametrize("speed", [1e300, -1e300, 1e155])
+def test_a_speed_that_no_vehicle_has_is_a_stop(speed: float) -> None:
+    assert decided(speed, 1.0, 0.3).brake
