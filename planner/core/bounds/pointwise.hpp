@@ -127,7 +127,9 @@ inline void drive(const PointRow& row, const Vehicle v, std::size_t lanes) noexc
     const double resistance = v.resistance + v.turning_drag * stance.bend();
     const double held = stance.sine + resistance * stance.cosine;
     const double thrust = gravity * (min_of(v.specific_force, row.passed->grip[j]) - held);
-    const double lifting = gravity * ((stance.upright - v.min_load) * per_lever - stance.sine);
+    // Bank and drive take load from the same front wheel.
+    const double kept = stance.upright - v.side_lever * std::fabs(stance.bank) - v.min_load;
+    const double lifting = gravity * (kept * per_lever - stance.sine);
     row.accel_max[j] = max_of(min_of(v.accel, min_of(thrust, lifting)), 0.0);
     row.demand[j] = held;
   }

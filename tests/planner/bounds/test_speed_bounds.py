@@ -84,6 +84,8 @@ def allowed_accel(model: Model, grade: float, roll: float, curvature: float) -> 
         0.0, grade, 0.0, vehicle.mass, vehicle.max_drive_force, 1e12, resistance
     )
     lifting = tip_over.drive_accel_limit(grade, roll, vehicle.cg_x, vehicle.cg_z, limits.min_load)
+    # The bank takes load from the upper front wheel as well: moments about the lower wheels.
+    lifting -= G * 2.0 * vehicle.cg_x / vehicle.track_width * np.cos(grade) * abs(np.sin(roll))
     return max(min(limits.accel, thrust, lifting), 0.0)
 
 

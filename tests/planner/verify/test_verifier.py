@@ -266,3 +266,19 @@ def test_standing_plans_have_no_stop_but_loads() -> None:
     side = np.cos(roll) * np.cos(grade) - 1.1 * np.cos(grade) * abs(np.sin(roll))
     np.testing.assert_allclose(verdict.rear_load, rear, rtol=1e-9)
     np.testing.assert_allclose(verdict.side_load, side, rtol=1e-9)
+
+
+@pytest.mark.parametrize("path", [straight(15.0), arc(15.0, 0.05)], ids=["straight", "turn"])
+def test_the_front_wheel_keeps_its_load_under_drive_and_bank(path: CandidatePath) -> None:
+    """A light front, uphill on a bank and in a turn, speeding up; loads as free body."""
+    vehicle = {"cg_x": 0.38, "cg_z": 0.8, "max_drive_force": 5000.0, "max_drive_power": 9000.0}
+    tables = tables_with(vehicle=vehicle)
+    ground = plane(0.2, 0.17)
+    plan = plan_one(tables, ground, path)
+    accel = np.append(0.5 * np.diff(plan.speed**2) / np.diff(plan.station), 0.0)
+    turn = plan.curvature * plan.speed**2 / np.cos(plan.roll) / 9.80665
+    sideways = 1.6 * np.abs(np.cos(plan.grade) * np.sin(plan.roll) + turn)
+    lengthwise = 0.8 / 0.38 * (np.maximum(accel, 0.0) / 9.80665 + np.sin(plan.grade))
+    wheel = np.cos(plan.grade) * np.cos(plan.roll) - lengthwise - sideways
+    assert plan.speed.max() > 0.5
+    assert wheel[accel > 0.0].min() >= 0.10 - 0.005
