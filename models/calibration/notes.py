@@ -16,6 +16,7 @@ from slopewise.models.stop_logs.mount_offset import Mount
 
 _MOST_FORCE = 1.2  # [1] of the weight; tyres on dry tarmac reach one
 _LATEST = 1.5  # [s] no brakes of vehicles that plan take longer
+_SIGNIFICANCE = 3.0  # [1] standard deviations from which a slope coefficient is below -1
 _TOO_LONG = 3.0
 """Median factor of allowed over actual distance from which a promise is of little use [1]."""
 
@@ -88,6 +89,14 @@ def objections(surfaces: tuple[SurfaceFit, ...], dead_time: DeadTime) -> tuple[s
         if force > _MOST_FORCE:
             said.append(
                 f"braking forces of {force:.2f} of the weight{on}, where {_MOST_FORCE:g} is a lot"
+            )
+        slope, std = surface.slope_at_middle
+        if slope + _SIGNIFICANCE * std < -1.0:
+            said.append(
+                f"the grade of the log has the wrong sign{on}: by it the vehicle decelerates less "
+                f"the steeper it drives uphill (slope coefficient {slope:.2f} ± {std:.2f}, where "
+                "the weight alone gives more than -1): pitch counts nose down as positive, and a "
+                "grade from a map uphill"
             )
         actual = np.array([r.samples.distance for r in surface.records])
         bound = np.array([r.bound_distance for r in surface.records])

@@ -34,6 +34,7 @@ class _Surface:
         covariance = np.diag(np.square(WEAK_PRIOR)) if given is None else np.array(given)
         self.estimate = RecursiveForce(start, covariance, recursive)
         self.published = PublishedForce(start, known.speed_range, known.grade_range, publish)
+        self.middle_speed = 0.5 * sum(known.speed_range)
         self.last: deque[bool] = deque(maxlen=publish.window)
         self.low = LowStops()
         table = known.distance
@@ -58,9 +59,19 @@ class _Surface:
             self.published.follow(kept * self.estimate.coefficients)
         share = sum(self.last) / window
         self.published.judge(self.estimate.covariance, self.estimate.accepted, share)
-        if kept < 1.0:  # what holds for some of the stops only is nothing to trust
+        # What holds for some of the stops only is nothing to trust, nor are grades of wrong sign.
+        if kept < 1.0 or self.has_mirrored_grade:
             self.published.fall_back()
         return outcome
+
+    @property
+    def has_mirrored_grade(self) -> bool:
+        """Return True if the deceleration falls with the grade: its sign is wrong.
+
+        The deceleration over g changes with grade by one more than the slope coefficient does.
+        """
+        slope = self.estimate.coefficients[:2] @ (self.middle_speed, 1.0)
+        return bool(slope < -1.0)
 
 
 class OnlineBraking:
@@ -112,6 +123,7 @@ class OnlineBraking:
             # The promise becomes shorter by what one stop may raise the force by, in all.
             fall = max(self._publish.rise - max(after - float(before), 0.0), 0.0) / after
             is_accepted = may_narrow and outcome is not Acceptance.GATED
+            is_accepted = is_accepted and not state.has_mirrored_grade
             state.session.take(
                 SessionStop(stop.onset_speed, stop.grade, distance),
                 state.published.coefficients,

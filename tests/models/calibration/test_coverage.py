@@ -63,6 +63,16 @@ def test_an_implausible_dead_time_is_reported() -> None:
     assert any("dead time of 2.00" in text or "of 1.99" in text for text in learned.objections)
 
 
+@pytest.mark.parametrize("by_map", [False, True])
+def test_a_grade_of_the_wrong_sign_is_rejected(by_map: bool) -> None:
+    columns, runs = stops_of(VEHICLE, 40, 6)
+    flipped = columns | {"pitch": -columns["pitch"]}
+    learned = learn(flipped, runs, BASE.braking, ground=columns["pitch"] if by_map else None)
+    assert any("wrong sign" in text for text in learned.objections)
+    honest = learn(columns, runs, BASE.braking, ground=-columns["pitch"] if by_map else None)
+    assert honest.objections == ()
+
+
 # -------------------------------------------------------------------------------- stopping
 
 

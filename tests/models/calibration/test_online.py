@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ from slopewise.models.calibration.force_fit import WEAK_PRIOR
 from slopewise.models.calibration.learned_force import LearnedForce
 from slopewise.models.calibration.online import OnlineBraking
 from slopewise.models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
+from slopewise.models.force_design import corner_design
 from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 from tests.models.calibration.plant import Plant, drive
 from tests.world.vehicles import BASE
@@ -48,6 +50,21 @@ def test_it_learns_while_driving() -> None:
     assert np.max(np.abs(force / plant.force(theta, v) - 1.0)) < 0.06
     assert learned(online).valid
     assert learned(online).accepted > 110
+
+
+def test_stops_whose_grade_has_the_wrong_sign_raise_no_force() -> None:
+    online = OnlineBraking(KNOWN)
+    corners = corner_design(KNOWN.speed_range, KNOWN.grade_range)
+    first = corners @ online.coefficients()
+    for stop in driven(Plant(b_b=0.45), 120, 0):
+        flipped = replace(
+            stop,
+            grade=-stop.grade,
+            force_ratio=stop.force_ratio + 2.0 * math.sin(stop.grade),
+        )
+        online.take(flipped)
+    assert np.all(corners @ online.coefficients() <= first + 1e-9)
+    assert not learned(online).valid
 
 
 def test_a_sample_is_processed_in_microseconds() -> None:
