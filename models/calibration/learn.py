@@ -23,7 +23,7 @@ from slopewise.models.calibration.coverage import allowed_distance
 from slopewise.models.calibration.distance_table import FEWEST_STOPS, promise_keys
 from slopewise.models.calibration.effects_in_force import measured_beside, tells_turns
 from slopewise.models.calibration.force_fit import NAMES
-from slopewise.models.calibration.notes import notes, objections
+from slopewise.models.calibration.notes import lost_samples, notes, objections
 from slopewise.models.calibration.speed_error import SpeedError, speed_error
 from slopewise.models.calibration.surface_fit import (
     CalibrationSettings,
@@ -142,7 +142,7 @@ def learn(
         mount,
         driven,
         tuple(warnings),
-        objections(allowed, measured.dead_time),
+        (*objections(allowed, measured.dead_time), *lost_samples(log)),
         levels,
     )
 

@@ -12,6 +12,8 @@ from slopewise.models.calibration.surface_fit import SurfaceFit
 from slopewise.models.calibration.uphill import Asymmetry
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs.dead_time import DeadTime
+from slopewise.models.stop_logs.drive_quality import SuspectKind
+from slopewise.models.stop_logs.measured_log import MeasuredLog
 from slopewise.models.stop_logs.mount_offset import Mount
 
 _MOST_FORCE = 1.2  # [1] of the weight; tyres on dry tarmac reach one
@@ -104,3 +106,14 @@ def objections(surfaces: tuple[SurfaceFit, ...], dead_time: DeadTime) -> tuple[s
         if longer > _TOO_LONG:
             said.append(f"plans allow {longer:.1f} times the length of the stops{on}")
     return tuple(said)
+
+
+def lost_samples(log: MeasuredLog) -> tuple[str, ...]:
+    """Objection to a log that loses samples in most stops: then the others lose some unseen."""
+    steps = [s for s in log.suspects if s.kind is SuspectKind.STEP]
+    if 2 * len(steps) <= len(log.windows):
+        return ()
+    return (
+        f"{len(steps)} falls of v that no vehicle makes in {len(log.windows)} stops, such as "
+        f"{steps[0].reason}: samples are lost where time shows no gap",
+    )

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.stop_logs import unit_suspects
+from slopewise.models.stop_logs.random_effects import PER_MAD
 
 _SENTINELS = (99.99, 999.0, 999.9, 1000.0, 9999.0, 32767.0, 32768.0, 65535.0, 1e6)
 """Values by which loggers mark missing samples, in any unit: full scale of 16 bits and rows of
@@ -38,6 +39,10 @@ _MOVING = 0.15  # [m/s] slower than that, the same value again and again is stan
 _FROZEN_FOR = 1.0  # [s] at least, and
 _FROZEN_TIMES = 10.0  # times as many samples as a value of this channel usually lasts
 _JUMP = 1.5  # [m/s] off its neighbours for one or two samples: no vehicle does that
+STEP_ACCEL, STEP_SPEED = 20.0, 0.25
+"""Fall of the speed between measurements that no vehicle reaches: two g [m/s²] for the time since
+the last one, beyond what noise and quantisation add [m/s]."""
+_STEP_NOISE = 8.0  # standard deviations of the speed's noise that a fall exceeds, too
 _GAP_TIMES, _GAP = 5.0, 0.3  # a gap exceeds this multiple of the median step, and this [s]
 
 
@@ -49,6 +54,7 @@ class SuspectKind(Enum):
     FROZEN = "frozen"
     JUMP = "jump"
     GAP = "gap"
+    STEP = "step"
     UNITS = "units"
 
 
@@ -127,6 +133,11 @@ def _suspects_of_channel(
         if name in ("v", "v_left", "v_right"):
             for a, b in _jumps(values, ~(missing | beyond)):
                 yield a, b, SuspectKind.JUMP, f"{name} jumps to {values[a]:.2f} m/s and back"
+        if name == "v":
+            for k in _steps(part["t"], np.where(missing | beyond, np.nan, values)):
+                change = values[k] - values[k - 1]
+                reason = f"v changes by {change:+.2f} m/s from one row to the next"
+                yield k - 1, k + 1, SuspectKind.STEP, reason
     if name in _FREEZES:
         for a, b in _frozen(name, values, part):
             seconds = part["t"][b - 1] - part["t"][a]
@@ -154,6 +165,23 @@ def _jumps(values: Floats, valid: Bools) -> list[tuple[int, int]]:
     around = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, mode="edge"), 5)
     is_far = np.abs(values - np.median(around, axis=1)) > _JUMP
     return stretches_of(is_far & valid)
+
+
+def _steps(time: Floats, speed: Floats) -> list[int]:
+    """Samples at which the speed (n,) has fallen faster than tyres and brakes can bring it down.
+
+    Samples are lost there, or the sensor failed. A slow sensor's value may be as old as its row. A
+    rise carries no information on brakes, and is where logs of several drives are joined.
+    """
+    if not np.isfinite(np.diff(speed, n=2)).any():
+        return []
+    change = np.diff(np.abs(speed))
+    at = np.flatnonzero(change != 0.0) + 1
+    elapsed = time[at] - time[np.concatenate(([0], at[:-1]))] if len(at) else np.empty(0)
+    # White noise has 6 times its variance in second differences.
+    noise = PER_MAD * float(np.nanmedian(np.abs(np.diff(speed, n=2)))) / np.sqrt(6.0)
+    is_step = -change[at - 1] > STEP_ACCEL * elapsed + max(STEP_SPEED, _STEP_NOISE * noise)
+    return [int(k) for k in at[is_step]]
 
 
 def _frozen(name: str, values: Floats, part: dict[str, Floats]) -> list[tuple[int, int]]:

@@ -18,6 +18,7 @@ import math
 from dataclasses import dataclass
 
 from slopewise.models.quantity import GRAVITY
+from slopewise.models.stop_logs.drive_quality import STEP_ACCEL, STEP_SPEED
 from slopewise.models.stop_logs.find_stops import STOP_COMMAND_MAX_SPEED
 
 _HOLDING = 0.1  # [s] time constant of the mean of the held speed
@@ -53,7 +54,7 @@ class StopStream:
     ) -> None:
         self.dead_time, self.mount, self.dive = dead_time, mount, dive
         self._min_speed = least_speed
-        self._time = math.nan
+        self._time = self._changed = self._speed = math.nan
         self._held = 0.0
         self._is_stop = True
         self._active = False
@@ -76,7 +77,8 @@ class StopStream:
             return None
         self._time = time
         is_stop = command <= STOP_COMMAND_MAX_SPEED
-        if not is_stop or not step <= _LONGEST_STEP:
+        is_lost = self._is_step(time, speed)
+        if not is_stop or not step <= _LONGEST_STEP or is_lost:
             self._active = False
         elif not self._is_stop:
             self._begin(time)
@@ -86,6 +88,15 @@ class StopStream:
             self._held += share * (speed - self._held)
             return None
         return self._brake(time - self._command, step, speed, pitch, grade)
+
+    def _is_step(self, time: float, speed: float) -> bool:
+        """Return True if the speed has fallen faster than tyres and brakes can bring it down."""
+        fall = abs(self._speed) - abs(speed)
+        if fall == 0.0:
+            return False
+        is_step = fall > STEP_ACCEL * (time - self._changed) + STEP_SPEED
+        self._changed, self._speed = time, speed
+        return is_step
 
     def _begin(self, time: float) -> None:
         self._active = self._held >= self._min_speed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -71,6 +72,20 @@ def test_a_grade_of_the_wrong_sign_is_rejected(by_map: bool) -> None:
     assert any("wrong sign" in text for text in learned.objections)
     honest = learn(columns, runs, BASE.braking, ground=-columns["pitch"] if by_map else None)
     assert honest.objections == ()
+
+
+def test_a_log_that_loses_samples_in_more_than_half_of_the_stops_is_rejected() -> None:
+    columns, runs = stops_of(VEHICLE, 40, 7)
+    time, logged = columns["t"].copy(), np.ones(len(columns["t"]), np.bool_)
+    for run in runs[:30]:
+        command = run.start + int(np.argmax(columns["v_cmd"][run] <= 0.0))
+        lost = slice(command + 40, command + 55)  # 0.15 s of the braking
+        logged[lost] = False
+        time[lost.stop : run.stop] -= 0.15
+    ends = np.concatenate(([0], np.cumsum([np.count_nonzero(logged[run]) for run in runs])))
+    short = {name: values[logged] for name, values in (columns | {"t": time}).items()}
+    parts = [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
+    assert any("falls of v" in text for text in learn(short, parts, BASE.braking).objections)
 
 
 # -------------------------------------------------------------------------------- stopping

@@ -67,6 +67,19 @@ def test_stops_whose_grade_has_the_wrong_sign_raise_no_force() -> None:
     assert not learned(online).valid
 
 
+def test_a_stop_with_samples_lost_is_discarded() -> None:
+    def stops(lost: int) -> int:
+        stream, time = StopStream(0.3), np.arange(0.0, 8.0, 0.02)
+        speed = np.clip(2.0 - 4.0 * (time - 4.3), 0.0, 2.0)
+        logged = np.r_[:225, 225 + lost : len(time)]
+        command = np.where(time < 4.0, 2.0, 0.0)[logged]
+        rows = zip(time[: len(logged)], speed[logged], command, strict=True)
+        return sum(stream.feed(*row, 0.0) is not None for row in rows)
+
+    assert stops(0) == 1
+    assert stops(15) == 0
+
+
 def test_a_sample_is_processed_in_microseconds() -> None:
     log, _, _ = drive(Plant(), 60, 0)
     rows = list(zip(*(log[n].tolist() for n in ("t", "v", "v_cmd", "pitch")), strict=True))

@@ -91,6 +91,20 @@ def test_one_wild_sample_is_a_jump() -> None:
     assert ("v", SuspectKind.JUMP, 555, 556) in suspects_of(log)
 
 
+def test_samples_lost_without_a_gap_in_time_are_a_step_that_no_vehicle_makes() -> None:
+    log = clean()
+    logged = np.ones(len(log["t"]), np.bool_)
+    logged[625:640] = False  # 1.2 m/s of the first stop
+    log["t"] = np.where(np.arange(len(logged)) >= 640, log["t"] - 0.3, log["t"])
+    assert suspects_of({name: values[logged] for name, values in log.items()}) == [
+        ("v", SuspectKind.STEP, 624, 626)
+    ]
+    # A sensor with a value every 0.3 s, in rows every 0.02 s, changes by as much.
+    slow = clean(noise=0.0)
+    slow["v"] = slow["v"][np.arange(len(slow["t"])) // 15 * 15]
+    assert suspects_of(slow) == []
+
+
 def test_gaps_matter_to_every_channel() -> None:
     log = clean()
     keep = np.r_[0:1000, 1100:3000]
