@@ -147,11 +147,6 @@ class OnlineBraking:
         """Force learned on each surface that stops were made on."""
         return {name: _learned(on) for name, on in self._surfaces.items() if not on.pristine}
 
-    def learned_of(self, surface: str) -> LearnedForce | None:
-        """Force learned on one surface; None without stops on it."""
-        on = self._surfaces.get(surface)
-        return None if on is None or on.pristine else _learned(on)
-
     def knows(self, surface: str) -> bool:
         """Whether stops were made on a surface."""
         on = self._surfaces.get(surface)

@@ -30,7 +30,6 @@ from slopewise.models.discrepancy.likelihood.marginal import (
     of_noise,
     share_changed,
     solved_both,
-    waves_of,
 )
 from slopewise.models.discrepancy.likelihood.onset import Integrated, Onset
 from slopewise.models.discrepancy.likelihood.trace import Trace, grams_at
@@ -125,7 +124,7 @@ class Problem:
         """With the dead time of each stop as its trace shows it."""
         grams, std = self.grams(onset)
         mean = self.solve(grams, std, noise).mean
-        variance = prior.own_variance(noise, waves_of(grams))
+        variance = prior.own_variance(noise, grams.square.shape[1])
         late = grams.own_means(noise[0], variance, mean)[:, _LATE]
         return replace(onset, late=np.clip(late, -_LATEST, _LATEST))
 
@@ -219,7 +218,13 @@ def _first(problem: Problem) -> tuple[Onset, Floats]:
         )[0]
         for tau in _STARTS
     ]
-    fitted = [problem.onset(onset, noise, _FIRST) for onset in tried]
+    near = [problem.at(onset, noise).evidence for onset in tried]
+    min_evidence = max(near) - _HOPELESS
+    fitted = [
+        problem.onset(onset, noise, _FIRST)
+        for onset, evidence in zip(tried, near, strict=True)
+        if evidence > min_evidence
+    ]
     return max(fitted, key=lambda o: problem.at(o, noise).evidence), noise
 
 

@@ -45,12 +45,11 @@ class Grams:
             float(np.log(spread[used]).sum()),
         )
 
-    def weighed(self, noise: float, variance: Floats) -> tuple[Floats, float]:
-        """(P, P) columnsᵀ V⁻¹ columns, and ln det V, for σ [m/s] and Λ (R,) on its diagonal."""
-        return self.whitened(noise, variance)[:2]
-
     def whitened(self, noise: float, variance: Floats) -> tuple[Floats, float, Floats, Floats]:
-        """As :meth:`weighed`; also (S, R, P) A⁻¹ZᵀD⁻¹ columns/σ², and (S, R, R) A⁻¹."""
+        """(P, P) columnsᵀ V⁻¹ columns, ln det V, (S, R, P) A⁻¹ZᵀD⁻¹ columns/σ², (S, R, R) A⁻¹.
+
+        For σ [m/s] and Λ (R,) on its diagonal.
+        """
         inner = self.square / noise**2 + np.diag(1.0 / variance)
         inverse = np.linalg.inv(inner)
         solutions = inverse @ (self.own / noise**2)
@@ -67,6 +66,49 @@ class Grams:
         inner = self.square / noise**2 + np.diag(1.0 / variance)
         solutions = np.linalg.solve(inner, left[:, :, None] / noise**2)[:, :, 0]
         return np.asarray(solutions, np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Precision:
+    """V⁻¹ of all stops, for columns of which not every product with one another is wanted.
+
+    Attributes:
+        own: (S, K, R) own effects. weight: (S, K, 1) D⁻¹/σ², 0 of unused bins.
+        inverse: (S, R, R) A⁻¹.
+    """
+
+    own: Floats
+    weight: Floats
+    inverse: Floats
+
+    @classmethod
+    def of(cls, own: Floats, spread: Floats, noise: float, variance: Floats) -> Precision:
+        """Of own effects (S, K, R), (S, K) variances without σ², σ [m/s] and Λ (R,)."""
+        used = spread > 0.0
+        weight = np.where(used, 1.0 / np.where(used, spread, 1.0), 0.0)[:, :, None] / noise**2
+        inner = np.swapaxes(own * weight, 1, 2) @ own + np.diag(1.0 / variance)
+        return cls(own, weight, np.asarray(np.linalg.inv(inner), np.float64))
+
+    def times(self, columns: Floats) -> Floats:
+        """(S, K, P) V⁻¹ columns."""
+        weighed = self.weight * columns
+        solutions = self.inverse @ (np.swapaxes(self.own, 1, 2) @ weighed)
+        result: Floats = weighed - self.weight * (self.own @ solutions)
+        return result
+
+    def squares(self, columns: Floats) -> Floats:
+        """(P,) diagonal of columnsᵀ V⁻¹ columns."""
+        weighed = self.weight * columns
+        mine = np.swapaxes(self.own, 1, 2) @ weighed
+        taken = np.einsum("srp,srp->p", mine, self.inverse @ mine)
+        result: Floats = np.einsum("skp,skp->p", weighed, columns) - taken
+        return result
+
+
+def products(columns: Floats, others: Floats) -> Floats:
+    """(P, Q) of columns (S, K, P) with others (S, K, Q), summed over all bins."""
+    result: Floats = columns.reshape(-1, columns.shape[2]).T @ others.reshape(-1, others.shape[2])
+    return result
 
 
 @dataclass(frozen=True, slots=True)

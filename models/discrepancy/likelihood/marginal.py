@@ -10,11 +10,6 @@ from slopewise.models.discrepancy.likelihood.gaussian import Grams, Solved, by_v
 from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, EARLY_PLACES, HAT_PLACES
 
 
-def waves_of(grams: Grams) -> int:
-    """Number of slow waves among a stop's own effects."""
-    return int(grams.square.shape[1]) - 4
-
-
 def of_noise(noise: Floats) -> float:
     """Ln of its prior, 0 where it is usual."""
     usual = (np.log(noise) - np.log(prior.NOISE)) / prior.NOISE_SPREAD
@@ -28,7 +23,8 @@ def solved_both(
 
     ``calibrated``: (4,) deviations of coefficients that are as calibrated.
     """
-    weighed, log_det = grams.weighed(noise[0], prior.own_variance(noise, waves_of(grams)))
+    variance = prior.own_variance(noise, grams.square.shape[1])
+    weighed, log_det, *_ = grams.whitened(noise[0], variance)
     before, changed = (
         solved(weighed, log_det, s, centre) for s in _both_stds(std, noise, calibrated)
     )
@@ -39,7 +35,7 @@ def by_noise(
     grams: Grams, std: Floats, noise: Floats, calibrated: Floats, centre: Floats
 ) -> tuple[float, Floats]:
     """Evidence and prior of the noise, and (6,) derivatives by its logarithms."""
-    variance = prior.own_variance(noise, waves_of(grams))
+    variance = prior.own_variance(noise, grams.square.shape[1])
     weighed, log_det, solutions, inverse = grams.whitened(noise[0], variance)
     evidences, slopes = [], []
     for scaled in _both_stds(std, noise, calibrated):

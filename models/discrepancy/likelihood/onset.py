@@ -164,7 +164,9 @@ class Integrated:
         part, rows = (place - left)[:, None], np.arange(len(t))
         at = (1.0 - part) * self.integral[rows, left] + part * self.integral[rows, left + 1]
         share = (1.0 - part) * self.shares[rows, left] + part * self.shares[rows, left + 1]
-        fall = np.where(moment.after, self.mean - at[:, None], moment.since * share[:, None])
+        fall: Floats = self.mean - at[:, None]
+        stop, early = np.nonzero(~moment.after[:, :, 0])
+        fall[stop, early] = moment.since[stop, early] * share[stop]
         fall -= moment.missing * np.where(self.through, share, 0.0)[:, None]
-        result: Floats = GRAVITY * fall
-        return result
+        fall *= GRAVITY
+        return fall

@@ -13,10 +13,11 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import Candidate, circles
+from slopewise.models.discrepancy.likelihood.gaussian import Grams, Precision, products
 from slopewise.models.discrepancy.likelihood.marginal import solved_both
-from slopewise.models.discrepancy.likelihood.onset import Integrated
+from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment
 from slopewise.models.discrepancy.likelihood.posterior import Explanation
-from slopewise.models.discrepancy.likelihood.trace import grams_at, size_of
+from slopewise.models.discrepancy.likelihood.trace import columns_at, size_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import stops_seen
 from slopewise.models.effects.effect_law import Enters
@@ -57,29 +58,34 @@ class _Gains:
 
     def __init__(self, explanation: Explanation, candidate: Candidate) -> None:
         fit = explanation.fit
-        self.trace, self.noise = fit.trace, fit.noise
-        self.onset = fit.onsets[explanation.at]
+        self.trace, self.onset = fit.trace, fit.onsets[explanation.at]
         rest = [c for c in fit.chosen if c.name != candidate.name]
         usable = [c.name != candidate.name for c in fit.chosen for _ in range(c.count)]
-        self.rest = fit.extra.take(np.flatnonzero(usable).tolist())
-        self.std = np.concatenate([np.empty(0), *(c.std for c in rest)])
-        self.centre = np.concatenate([np.empty(0), *(np.full(c.count, c.centre) for c in rest)])
+        columns = fit.extra.take(np.flatnonzero(usable).tolist())
+        every, own, std = columns_at(self.trace, self.onset, columns)
+        centre = np.concatenate([np.zeros(len(std)), *(np.full(c.count, c.centre) for c in rest)])
+        std = np.concatenate([std, *(c.std for c in rest)])
+        spread = self.trace.table.spread
+        grams = Grams.of(every, own, spread)
+        solutions = solved_both(grams, std, fit.noise, self.trace.calibrated, centre)
+        self.best = max(solutions, key=lambda s: s.evidence)
+        variance = prior.own_variance(fit.noise, own.shape[2])
+        self.precision = Precision.of(own, spread, fit.noise[0], variance)
+        self.weighed = self.precision.times(every)
+        self.moment = Moment.of(self.trace.samples, self.onset, self.trace.quicker)
 
     def of(self, shares: Floats) -> Floats:
         """(Q,) tempered gains of shares (S, M, Q) that brakes bring."""
-        trace, count = self.trace, shares.shape[2]
-        both = np.concatenate([self.rest.shares, shares], axis=2)
-        through = np.append(self.rest.through, np.ones(count, bool))
-        grams, std = grams_at(trace, self.onset, Integrated.of(trace.table, both, through))
-        centre = np.append(np.zeros(len(std)), self.centre)
-        solutions = solved_both(
-            grams, np.append(std, self.std), self.noise, trace.calibrated, centre
-        )
-        best = max(solutions, key=lambda s: s.evidence)
+        trace, table = self.trace, self.trace.table
+        columns = Integrated.of(table, shares, np.ones(shares.shape[2], bool))
+        added = -columns.fallen(table, self.onset, self.moment)
+        cross = products(added, self.weighed)
+        shared, pull = cross[:, :-1], cross[:, -1] - cross[:, :-1] @ self.best.mean
+        taken = np.einsum("qp,qp->q", shared @ self.best.covariance, shared)
         middle = np.einsum("smq,sm->q", shares, trace.used) / trace.used.sum()
         precision = np.square(size_of(shares - middle, trace.used) / (prior.SLAB * trace.force))
-        inner = np.diag(best.left) + np.maximum(precision, 1e-12)
-        gain: Floats = best.pull**2 / inner - np.log(inner / np.maximum(precision, 1e-12))
+        inner = self.precision.squares(added) - taken + np.maximum(precision, 1e-12)
+        gain: Floats = pull**2 / inner - np.log(inner / np.maximum(precision, 1e-12))
         return 0.5 * prior.TEMPER * gain
 
 

@@ -65,10 +65,10 @@ def changed(force: float) -> Floats:
     return np.array([0.2 * force, 0.25, 0.04, 0.08])
 
 
-def own_variance(noise: Floats, waves: int) -> Floats:
-    """(R,) variances of a stop's own effects, from scatter of force, dead time and slow waves."""
+def own_variance(noise: Floats, count: int) -> Floats:
+    """(count,) variances of a stop's own effects: level, ramp, dead time, force and slow waves."""
     _, force, late, wave = noise[:4]
-    slow = wave**2 / np.arange(1, waves + 1) ** 2
+    slow = wave**2 / np.arange(1, count - 3) ** 2
     return np.array([LEVEL**2, RAMP**2, late**2, force**2, *slow])
 
 

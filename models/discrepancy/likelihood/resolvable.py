@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import Dictionary
 from slopewise.models.discrepancy.likelihood.fit import Fit
-from slopewise.models.discrepancy.likelihood.gaussian import Grams
-from slopewise.models.discrepancy.likelihood.marginal import waves_of, with_onset
+from slopewise.models.discrepancy.likelihood.gaussian import Precision, products
+from slopewise.models.discrepancy.likelihood.marginal import with_onset
 from slopewise.models.discrepancy.likelihood.onset import Integrated
 from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, Trace, columns_at
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
@@ -73,7 +73,7 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
     """Effects that the log could have shown."""
     named = [c for c in book.candidates if c.named]
     log = _Normal(fit, at, book.columns.take([c.first for c in named]))
-    share, sizes = log.absorbed(), log.visible()
+    share, sizes = log.seen()
     visible: dict[str, float] = {}
     hidden = set()
     for name in dict.fromkeys(c.name for c in named):
@@ -98,7 +98,10 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
 
 
 class _Normal:
-    """Normal equations of nuisances (first), candidates, a bias of all grades, and residuals."""
+    """Normal equations of nuisances (first), candidates with a bias of all grades, and residuals.
+
+    The residuals are beyond the dead time of the fit, and beyond that of the file.
+    """
 
     def __init__(self, fit: Fit, at: int, named: Integrated) -> None:
         trace, onset = fit.trace, fit.onsets[at]
@@ -109,66 +112,65 @@ class _Normal:
         every, own, std = columns_at(trace, onset, Integrated.of(table, shares, through))
         # Gravity and brakes have the same bias.
         every[:, :, -3] += every[:, :, -2]
-        every = np.delete(every, -2, axis=2)
+        nuisances, candidates = every[:, :, : len(std)], every[:, :, len(std) : -2]
         # A single cause leaves the dead time as configured.
         late = onset.dead_time + onset.build_up - trace.model.braking.dead_time
-        dead = every[:, :, -1] + late * every[:, :, 0]
-        grams = Grams.of(np.append(every, dead[:, :, None], axis=2), own, table.spread)
-        variance = prior.own_variance(fit.noise, waves_of(grams))
-        self.products, _ = grams.weighed(fit.noise[0], variance)
+        sides = np.stack([every[:, :, -1], every[:, :, -1] + late * every[:, :, 0]], axis=2)
+        variance = prior.own_variance(fit.noise, own.shape[2])
+        precision = Precision.of(own, table.spread, fit.noise[0], variance)
+        weighed = precision.times(np.concatenate([nuisances, sides], axis=2))
+        self.inner, self.cross = products(nuisances, weighed), products(candidates, weighed)
+        self.sides = np.diag(products(sides, weighed[:, :, len(std) :]))
+        self.squares = precision.squares(candidates)
         self.std = with_onset(std, fit.noise)
         self.base = np.append(0, np.arange(len(std))[BASE_PLACES])
-        self.candidates = np.arange(len(std), every.shape[2] - 2)
         span = (table.time[:, -1] - table.time[:, 0]) / (table.spread > 0.0).sum(axis=1)
-        self.way = (every * (table.spread > 0.0)[:, :, None]).sum(axis=1) * span[:, None]
+        held = (table.spread > 0.0) * span[:, None]
+        self.way = np.einsum("sk,skp->sp", held, every[:, :, self.base])
+        self.candidates_way = np.einsum("sk,skq->sq", held, candidates[:, :, :-1])
 
-    def _taken(self) -> tuple[Floats, Floats, Floats]:
-        """(5, Q) of the base in candidates, (Q,) information about these, and without the base."""
-        inner = self.products[np.ix_(self.base, self.base)]
-        cross = self.products[np.ix_(self.base, self.candidates)]
-        taken = np.linalg.solve(inner + np.diag(1e-9 * np.diag(inner)), cross)
-        own = np.diag(self.products)[self.candidates]
-        return taken, np.maximum(own - np.sum(cross * taken, axis=0), 0.0), own
+    def seen(self) -> tuple[Floats, Floats]:
+        """(Q,) share of each candidate's column that new coefficients absorb, and its size [m].
 
-    def absorbed(self) -> Floats:
-        """(Q,) share of each candidate's column that new coefficients absorb."""
-        _, left, own = self._taken()
-        return np.asarray(1.0 - left / np.maximum(own, 1e-300), np.float64)
-
-    def visible(self) -> Floats:
-        """(Q,) change of stops from which each candidate would have been seen [m].
-
-        Beyond what new coefficients can do, so large that five logs of six would show it, in the
-        stops that it changes most.
+        The size is the change of stops, beyond what new coefficients can do, from which five logs
+        of six would show it, in the stops that it changes most.
         """
-        taken, left, own = self._taken()
-        change = self.way[:, self.candidates] - self.way[:, self.base] @ taken
-        left = np.where(left > _MIN_COLUMN * own, left, np.nan)
-        size = np.sort(np.abs(change), axis=0)[-CHANGED_STOPS]
-        size *= (np.sqrt(_NAMED_FROM) + 1.0) / np.sqrt(left)
-        return np.where(np.isfinite(size), size, np.inf)
+        inner = self.inner[np.ix_(self.base, self.base)]
+        cross, own = self.cross[:-1, self.base].T, self.squares[:-1]
+        taken = np.linalg.solve(inner + np.diag(1e-9 * np.diag(inner)), cross)
+        left = np.maximum(own - np.sum(cross * taken, axis=0), 0.0)
+        change = np.abs(self.candidates_way - self.way @ taken)
+        known = np.where(left > _MIN_COLUMN * own, left, np.nan)
+        size = np.sort(change, axis=0)[-CHANGED_STOPS] * (np.sqrt(_NAMED_FROM) + 1.0)
+        absorbed = np.asarray(1.0 - left / np.maximum(own, 1e-300), np.float64)
+        return absorbed, np.nan_to_num(size / np.sqrt(known), nan=np.inf)
 
     def base_chi_square(self) -> float:
         """With free coefficients and dead time."""
         std = self.std.copy()
         std[self.base] = np.inf
-        return self._chi_square(np.arange(len(std)), std, -2)[0]
+        count = len(std)
+        return float(self.sides[0] - _fitted(self.inner[:, :count], std, self.inner[:, -2])[0])
 
     def cause_chi_square(self, candidate: int) -> tuple[float, float, float]:
         """As configured with a candidate, or the bias after them; its strength, and the std."""
         rest = np.setdiff1d(np.arange(len(self.std)), self.base)
-        std = np.append(self.std[rest], np.inf)
-        return self._chi_square(np.append(rest, len(self.std) + candidate), std, -1)
+        cross = self.cross[candidate, rest][:, None]
+        inner = np.block(
+            [[self.inner[np.ix_(rest, rest)], cross], [cross.T, self.squares[candidate]]]
+        )
+        pull = np.append(self.inner[rest, -1], self.cross[candidate, -1])
+        taken, mean, std = _fitted(inner, np.append(self.std[rest], np.inf), pull)
+        return float(self.sides[1] - taken), mean, std
 
-    def _chi_square(self, columns: Ints, std: Floats, side: int) -> tuple[float, float, float]:
-        """That columns leave of what stands at a side; mean and std of the last one."""
-        inner = self.products[np.ix_(columns, columns)] + np.diag(1.0 / std**2)
-        pull = self.products[columns, side]
-        last = np.zeros(len(columns))
-        last[-1] = 1.0
-        mean, unit = np.linalg.solve(inner, np.column_stack((pull, last))).T
-        left = float(self.products[side, side] - pull @ mean)
-        return left, float(mean[-1]), float(np.sqrt(unit[-1]))
+
+def _fitted(inner: Floats, std: Floats, pull: Floats) -> tuple[float, float, float]:
+    """Chi square that columns (P,) take; mean and std of the last one."""
+    last = np.zeros(len(std))
+    last[-1] = 1.0
+    precision = inner + np.diag(1.0 / std**2)
+    mean, unit = np.linalg.solve(precision, np.column_stack((pull, last))).T
+    return float(pull @ mean), float(mean[-1]), float(np.sqrt(unit[-1]))
 
 
 def _bias(trace: Trace) -> Integrated:

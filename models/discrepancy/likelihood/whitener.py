@@ -65,7 +65,7 @@ class Whitener:
         every, own, std = columns_at(trace, onset)
         spread, scaled = trace.table.spread, with_onset(std, noise)
         used = spread > 0.0
-        variance = prior.own_variance(noise, own.shape[2] - _LEVELS - 2)
+        variance = prior.own_variance(noise, own.shape[2])
         own = own * used[:, :, None]
         alone = noise[0] ** 2 * np.where(used, spread, 1.0)
         covariance = (own * variance) @ np.swapaxes(own, 1, 2)

@@ -32,9 +32,7 @@ def driven(plant: Plant, count: int, seed: int) -> list[StreamedStop]:
 
 
 def learned(online: OnlineBraking, surface: str = "") -> LearnedForce:
-    force = online.learned_of(surface)
-    assert force is not None
-    return force
+    return online.learned()[surface]
 
 
 def test_it_learns_while_driving() -> None:

@@ -54,14 +54,14 @@ def _dense(columns: Floats, std: Floats, centre: Floats) -> float:
 def test_the_evidence_is_that_of_one_normal_density() -> None:
     columns, random, spread, seen = _sample()
     grams = Grams.of(np.concatenate([columns, seen[:, :, None]], axis=2), random, spread)
-    solution = solved(*grams.weighed(NOISE, VARIANCE), STD, CENTRE)
+    solution = solved(*grams.whitened(NOISE, VARIANCE)[:2], STD, CENTRE)
     assert solution.evidence == pytest.approx(_dense(columns, STD, CENTRE), rel=1e-9)
 
 
 def test_a_candidate_gains_what_the_density_gains() -> None:
     columns, random, spread, seen = _sample()
     grams = Grams.of(np.concatenate([columns, seen[:, :, None]], axis=2), random, spread)
-    base = solved(*grams.weighed(NOISE, VARIANCE), STD[:1], CENTRE[:1])
+    base = solved(*grams.whitened(NOISE, VARIANCE)[:2], STD[:1], CENTRE[:1])
     first_candidate, second_candidate = (
         Candidate(str(i), True, i, 1, STD[i + 1 : i + 2], float(CENTRE[i + 1])) for i in range(2)
     )

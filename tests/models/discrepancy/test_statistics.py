@@ -30,7 +30,7 @@ def sampled(stops: StopTable, hypothesis: Hypothesis, white: Whitener, seed: int
     rng = np.random.default_rng(seed)
     trace = trace_of(stops, BASE, _no_spikes(stops), np.zeros(len(stops), np.int64))
     effects = columns_at(trace, white.onset)[1]
-    std = np.sqrt(prior.own_variance(white.noise, effects.shape[2] - 4))
+    std = np.sqrt(prior.own_variance(white.noise, effects.shape[2]))
     std[0] = 0.5  # a level of 10 m/s would only round
     random = np.einsum("skr,sr->sk", effects, rng.standard_normal((len(stops), len(std))) * std)
     alone = white.noise[0] * np.sqrt(stops.spread) * rng.standard_normal(stops.binned.shape)
