@@ -12,14 +12,13 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from slopewise.models.arrays import Bools, Floats
-from slopewise.models.calibration.force_fit import WEAK_PRIOR
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.place import Extent, settled
 from slopewise.models.discrepancy.likelihood.posterior import LAG, Explanation
 from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES
 from slopewise.models.discrepancy.likelihood.whitener import Whitener
-from slopewise.models.discrepancy.model.hypothesis import Hypothesis
+from slopewise.models.discrepancy.model.hypothesis import BASE, Hypothesis
 from slopewise.models.discrepancy.model.prediction import predict
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Effect
@@ -36,6 +35,7 @@ class Refit:
     Attributes:
         hypothesis: with its numbers. covariance: (P, P) of them, in the order of its `free`.
         whitener: covariance of the fit.
+        information: (4, 4) root of what is known of the shifts of the coefficients without the log.
         extents: per added effect, deviations of numbers that have no derivative, by name.
         names: its effects in order of the alphabet, without the build-up of all brakes.
     """
@@ -43,6 +43,7 @@ class Refit:
     hypothesis: Hypothesis
     covariance: Floats
     whitener: Whitener
+    information: Floats
     extents: tuple[Extent, ...] = ()
     names: tuple[str, ...] = ()
 
@@ -56,12 +57,28 @@ def refitted(explanation: Explanation) -> Refit:
     builds_up = builds_up or LAG in explanation.names
     whitener = Whitener.of(fit.trace, fit.onsets[at], fit.noise, lagging=builds_up)
     hypothesis, likely, extents = _linear(explanation, builds_up=builds_up)
-    best = improved(fit.trace.table, hypothesis, whitener)
+    known = _information(explanation)
+    best = improved(fit.trace.table, hypothesis, whitener, known)
     for i, inners in enumerate(likely):
         if len(inners) > 1:
             nearest = _nearest(fit.trace.table, best, i, inners)
-            best = improved(fit.trace.table, nearest, whitener)
+            best = improved(fit.trace.table, nearest, whitener, known)
     return replace(best, extents=extents, names=tuple(sorted(explanation.names)))
+
+
+def _information(explanation: Explanation) -> Floats:
+    """(4, 4) as :attr:`Refit.information`: coefficients as calibrated or changed, as is likelier.
+
+    A refit that knew less than the weights would be farther off on stops held out than they say.
+    """
+    fit = explanation.fit
+    trace, held = fit.trace, fit.trace.table.held.mean()
+    is_changed = fit.solutions[explanation.at].changed > 0.5
+    std = prior.changed(trace.force) if is_changed else trace.calibrated
+    # Level force and slope at the mean speed, and with it, of the shifts of m_m, b_m, m_b, b_b.
+    of_shifts = np.array([[0, 0, held, 1], [held, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0]], np.float64)
+    root: Floats = of_shifts / std[:, None]
+    return root
 
 
 def _linear(
@@ -143,27 +160,27 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
     return table.average @ (np.stack(moved, axis=2) / steps)
 
 
-def improved(table: StopTable, start: Hypothesis, whitener: Whitener) -> Refit:
+def improved(table: StopTable, start: Hypothesis, whitener: Whitener, information: Floats) -> Refit:
     """Least squares within the bounds of all numbers, the coefficients drawn to those configured.
 
     Args:
         table: stops. start: from which to begin. whitener: of the same stops.
+        information: (4, 4) as :attr:`Refit.information`.
     """
     scales = start.scales
     low, high = (bound / scales for bound in start.bounds)
-    precision, centre = np.zeros(len(scales)), start.free
-    precision[: len(WEAK_PRIOR)], centre[: len(WEAK_PRIOR)] = 1.0 / np.square(WEAK_PRIOR), 0.0
-    precision[len(WEAK_PRIOR)] = 1.0  # [1/s²]: as good as unknown
-    centre[len(WEAK_PRIOR)] = start.model.braking.dead_time
-    root = np.sqrt(precision)
+    root, centre = np.zeros((BASE, len(scales))), np.zeros(len(scales))
+    root[: BASE - 1, : BASE - 1] = information
+    root[-1, BASE - 1] = 1.0  # [1/s] of the dead time: as good as unknown
+    centre[BASE - 1] = start.model.braking.dead_time
 
     def errors(x: Floats) -> Floats:
         rows = whitener.rows(residual(table, start.moved(x * scales))[:, :, None])[:, 0]
-        return np.concatenate((rows, root * (x * scales - centre)))
+        return np.concatenate((rows, root @ (x * scales - centre)))
 
     def slopes(x: Floats) -> Floats:
         rows = whitener.rows(jacobian(table, start.moved(x * scales)))
-        return np.concatenate((rows, np.diag(root))) * scales
+        return np.concatenate((rows, root)) * scales
 
     inside = np.clip(start.free / scales, low + 1e-6, high - 1e-6)
     best = least_squares(
@@ -178,13 +195,15 @@ def improved(table: StopTable, start: Hypothesis, whitener: Whitener) -> Refit:
     covariance = _robust(covariance, best.jac, best.fun, whitener.root.shape[:2])
     covariance += moved @ moved.T
     scaled = scales[:, None] * covariance * scales
-    return Refit(start.moved(best.x * scales), 0.5 * (scaled + scaled.T), whitener)
+    covariance = 0.5 * (scaled + scaled.T)
+    return Refit(start.moved(best.x * scales), covariance, whitener, information)
 
 
 def without(fit: Refit, table: StopTable, stops: Bools) -> tuple[StopTable, Hypothesis]:
     """The held-out stops (S,), and the same numbers fitted to all others."""
     seen = table.take(~stops)
-    return table.take(stops), improved(seen, fit.hypothesis, fit.whitener.take(~stops)).hypothesis
+    again = improved(seen, fit.hypothesis, fit.whitener.take(~stops), fit.information)
+    return table.take(stops), again.hypothesis
 
 
 def _robust(covariance: Floats, x: Floats, r: Floats, shape: tuple[int, ...]) -> Floats:
