@@ -2,11 +2,11 @@
 
     F = r + g(u) (F_full − r),   g(u) = (u − d) / (s − d) held within 0 … 1
 
-with the application u, the rolling resistance r that stays when the brakes are let go, the dead
-band d and the saturation s. Stops at every application are one fit with the four coefficients of
-F_full, so that those at a part of the brakes teach as well, each as much as its share is worth.
+with the application u, the rolling resistance r of released brakes, the dead band d and the
+saturation s. One fit of these and of the four coefficients of F_full uses the stops at every
+application, each weighted by its share.
 
-Validity: application that is held during the stop. Source: Braking (6) has r and one straight line.
+Validity: constant application during the stop. Source: Braking (6) has r and one straight line.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from slopewise.models.stop_logs.measure import Measured
 
 _FORCE = ("force_ratio", "force_std")
 _FEWEST = 6
-"""Stops at a part of the brakes without which nothing is learned of it."""
+"""Minimum number of partial stops for a fit [1]."""
 
-_PART = 0.98  # application from which a stop is one at full brakes, unless they saturate earlier
-_SPREAD = 0.1  # of the applications, without which a line has no slope
-_SCATTER = 0.02  # [1] of a force, to weigh stops by
-_RESISTANCE_STD = 0.03  # [1] how well the rolling resistance is known before
-_LINE_STD = 0.5  # [1] the same of dead band and saturation, which the stops tell
-_LEAST_SHARE = 0.03  # of the brakes, below which a stop says nothing of them
+_PART = 0.98  # [1] application from which a stop is at full brakes, unless saturated earlier
+_SPREAD = 0.1  # [1] minimum range of the applications: below it the slope is undetermined
+_SCATTER = 0.02  # [1] of F_b/W, added to the measurement noise
+_RESISTANCE_STD = 0.03  # [1] prior of the rolling resistance
+_LINE_STD = 0.5  # [1] weak prior of dead band and saturation
+_LEAST_SHARE = 0.03  # [1] lowest share that a force is divided by
 _MOST_BAND, _LEAST_WIDTH = 0.6, 0.15
 """Largest dead band and smallest width from band to full braking, shares of the brake command [1]:
-a band above or a width below leaves too few levels of a log to tell both apart."""
+beyond them a log has too few levels to identify both."""
 
 
 @dataclass(frozen=True, slots=True)
 class BrakeLevels:
-    """The law above.
+    """Dead band, slope and saturation of the brakes.
 
     Attributes:
-        dead_band, saturation: of the application. resistance: r [1]. std: of the three.
-        stops: at a part of the brakes.
+        dead_band, saturation: application d, s [1]. resistance: r [1].
+        std: standard deviations of d, s and r [1]. stops: number of partial stops.
     """
 
     dead_band: float
@@ -67,7 +67,7 @@ def _levels(measured: Measured) -> Floats:
 
 
 def tells_levels(measured: Measured) -> bool:
-    """There are enough stops at a part of the brakes, unlike enough, to tell what it is worth."""
+    """Whether number and range of partial stops suffice for a fit."""
     level = _levels(measured)
     return (
         int((level < _PART).sum()) >= _FEWEST and float(np.ptp(level)) >= _SPREAD - 1e-9
@@ -77,10 +77,10 @@ def tells_levels(measured: Measured) -> bool:
 def at_full_level(
     measured: Measured, known: Braking, resistance: float
 ) -> tuple[Measured, BrakeLevels | None]:
-    """The stops with their force as it would be at full brakes, and the law; None without need.
+    """Stops with their force scaled to full brakes, and the law; None with too few partial stops.
 
     Args:
-        measured: stops. known: braking so far. resistance: rolling resistance so far [1].
+        measured: stops. known: prior braking. resistance: prior rolling resistance [1].
     """
     if not tells_levels(measured):
         return measured, None

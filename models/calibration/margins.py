@@ -1,8 +1,8 @@
-"""Safety offsets for a wanted coverage, out of how far predictions of unseen stops were off.
+"""Safety offsets for a required coverage, from the errors of held-out predictions.
 
-Each stop is predicted by a fit that has not seen it. The offset covers the wanted share of future
-stops by the conformal order statistic, the longest shortfall where there are too few stops for one,
-or a normal tolerance bound, whichever is larger.
+Each stop is predicted by a fit that has not seen it. The offset is the larger of the conformal
+order statistic (the longest shortfall where there are too few stops for one) and a normal
+tolerance bound.
 
 Validity: future stops like those of the log, on ground inside the trained ranges.
 Source: Braking (11), (12) name the offsets and leave their values open. Conformal order statistic:
@@ -19,10 +19,10 @@ from scipy import stats
 from slopewise.models.arrays import Floats
 
 _CONFIDENCE = 0.95
-"""That the tolerance bound covers the wanted share in truth."""
+"""Confidence that the tolerance bound covers the required share [1]."""
 
 FEWEST_STOPS = 5
-"""Without which there is no offset."""
+"""Minimum number of stops for an offset [1]."""
 
 _EXACT = 100
 """Sample size from which the quantile is approximated [1], within 1 %: the noncentral t
@@ -30,7 +30,7 @@ underflows."""
 
 
 def offset_for(coverage: float, shortfall: Floats) -> float:
-    """Offset >= 0 that covers the wanted share of future stops.
+    """Offset >= 0 that covers the required share of future stops.
 
     Args:
         coverage: share of stops, below 1.

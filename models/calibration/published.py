@@ -1,9 +1,9 @@
-"""What planning may use of an estimate that changes while it drives: down at once, up slowly.
+"""Planning force from an online estimate: lowered immediately, raised slowly.
 
 The force is bilinear in speed and grade, so its four values at the corners of the trained rectangle
-are the model. Bounds, rate and caution act on these four: a corner where the brakes turned out
-weaker takes the new value at once, one where they seem stronger rises by a step a stop, and no
-corner leaves its bounds. Between the corners the same holds, since the model is linear there.
+are the model. Bounds and rates act on these four: a corner takes a lower estimate immediately,
+rises to a higher one by a limited step per stop, and stays within its bounds. Between the corners
+the same holds, since the model is linear in each variable.
 
 Weak stops that alternate with others are never two in a row, as after a change, and each alone may
 be an error: an estimate of the mean follows the others. Of the last stops all but one may therefore
@@ -24,7 +24,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import corner_design
 
 WINDOW = 24
-"""Stops that are remembered [1]: so many true stops after the last weak one a rise begins."""
+"""Length of the window of last stops [1]: weak stops count until they leave it."""
 
 _GATE = 4.0  # standard deviations below which a stop is weak
 _LEAST = 0.02  # [1] of a force
@@ -37,13 +37,13 @@ class PublishSettings:
     Attributes:
         least, most: bounds of F_b/W anywhere in the trained rectangle [1].
         rise: highest rise of F_b/W with one stop [1].
-        most_share: of the force to begin with, that no number of stops exceeds.
+        most_share: highest planning force over the initial one [1].
         valid_std, invalid_std: share of F_b/W that its standard deviation has to fall below to be
             valid, and to exceed to be so no longer.
-        fewest: stops before it can be valid.
-        only_valid: nothing rises above the default before it is valid, and what becomes invalid
-            falls back to it, so that no rise is released all at once.
-        window: last stops of which no more than half may have been unbelieved.
+        fewest: minimum number of accepted stops to be valid [1].
+        only_valid: no rise above the default before the estimate is valid; an invalid estimate
+            falls back to the default, so that no rise is released in one step.
+        window: last stops of which at most half may have been rejected [1].
     """
 
     least: float = 0.02
@@ -66,10 +66,10 @@ class PublishSettings:
 
 
 class PublishedForce:
-    """Coefficients for planning, beside an estimate.
+    """Coefficients for planning that follow an estimate.
 
     Args:
-        coefficients: (4,) to begin with; also the default that ageing goes back to.
+        coefficients: initial values, (4,); also the default that ageing returns to.
         speed_range, grade_range: the trained rectangle [m/s], [rad].
         settings: bounds and rates.
     """
@@ -105,7 +105,7 @@ class PublishedForce:
         return self._force.copy()
 
     def follow(self, coefficients: Floats) -> None:
-        """Take over an estimate (4,): at once where it is lower, a step where it is higher."""
+        """Follow an estimate (4,): immediately where it is lower, by a step where it is higher."""
         wanted = self._estimate = self._bounded(self._corners @ coefficients)
         risen = np.minimum(
             self._force + self.settings.rise,
@@ -122,7 +122,7 @@ class PublishedForce:
         self.valid = False
 
     def restore(self, coefficients: Floats, estimate: Floats, *, valid: bool) -> None:
-        """Go on with coefficients (4,) that were published before, beside an estimate (4,)."""
+        """Restore published coefficients (4,) and the estimate (4,) they follow."""
         self._estimate = self._bounded(self._corners @ estimate)
         self._force = self._bounded(self._corners @ coefficients)
         self.valid = valid
@@ -131,8 +131,8 @@ class PublishedForce:
         """Set the valid flag, with hysteresis; returns it.
 
         Args:
-            covariance: (4, 4) of the estimate. accepted: stops so far.
-            gated_share: of the last stops, how many were not believed.
+            covariance: (4, 4) of the estimate. accepted: number of accepted stops.
+            gated_share: share of rejected stops in the window [1].
         """
         s = self.settings
         variance = np.einsum("ki,ij,kj->k", self._corners, covariance, self._corners)
@@ -154,7 +154,7 @@ class PublishedForce:
     def _bounded(self, forces: Floats) -> Floats:
         """Within bounds; a corner that is raised to the least takes none on level ground along.
 
-        What a steep corner lacks is drawn from coefficients that level stops have not taught;
+        The deficit of a steep corner comes from coefficients that level stops do not determine;
         spread over the rectangle, it would be force that no stop has shown.
         """
         least, most = self.settings.least, self.settings.most

@@ -1,8 +1,8 @@
-"""Recursive least squares of the four coefficients, that forgets only what it is told anew.
+"""Recursive least squares of the four coefficients, with directional forgetting.
 
-Each stop is one observation of F_b/W = [v θ, θ, v, 1] · [m_m, b_m, m_b, b_b]. Old stops fade in the
-directions that new ones speak about, and in no other: hours on level ground do not wash away what
-slopes have taught. Plain exponential forgetting would, and then follow noise.
+Each stop is one observation of F_b/W = [v θ, θ, v, 1] · [m_m, b_m, m_b, b_b]. Old stops
+are forgotten only in the directions that new stops excite: hours on level ground leave the slope
+coefficients unchanged. Plain exponential forgetting would let them drift with the noise.
 
 Source: Braking Sec. 4.2 asks for an online estimator; forgetting without windup after Stenlund and
 Gustafsson, Avoiding windup in recursive parameter estimation, 2002.
@@ -19,24 +19,24 @@ import numpy as np
 from slopewise.models.arrays import Floats
 
 _SLOPE = 0.02
-"""Ground that is less steep tells nothing of the slope coefficients [rad]."""
+"""Lowest grade at which a stop carries information on the slope coefficients [rad]."""
 
 _FADING = 0.9
-"""What unbelieved stops said of the slope coefficients counts less with each believed one."""
+"""Decay per accepted stop of the evidence that rejected stops gave on slope coefficients [1]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecursiveSettings:
-    """How to follow.
+    """Settings of the estimator.
 
     Attributes:
-        scatter: of F_b/W from stop to stop beyond the measurement, standard deviation.
-        steady: (4,) standard deviations that the coefficients keep after many stops: how far they
-            may wander; with the scatter of stops they remember about ten [s/m, 1, s/m, 1].
-        gate: standard deviations beyond which one stop is not believed.
-        weaker, stronger: so many unbelieved stops in a row, all weaker or all stronger than
-            expected, are a change of the brakes or the ground; the weaker side is believed sooner.
-        change: standard deviation of what a change adds to F_b/W, beyond the first covariance.
+        scatter: standard deviation of F_b/W from stop to stop, without measurement noise [1].
+        steady: standard deviations of the coefficients after many stops [s/m, 1, s/m, 1]; with
+            the scatter of stops they give a memory of about ten stops.
+        gate: innovation beyond which a single stop is rejected [standard deviations].
+        weaker, stronger: consecutive rejected stops, all weaker or all stronger than expected,
+            after which a change of brakes or surface is assumed [1].
+        change: standard deviation that a change adds to F_b/W, on top of the first covariance.
         least_speed: slower stops are too short to learn from [m/s].
     """
 
@@ -50,7 +50,7 @@ class RecursiveSettings:
 
 
 class Acceptance(Enum):
-    """What became of a stop."""
+    """Outcome of the update with one stop."""
 
     ACCEPTED = "accepted"
     GATED = "not believed: too far from what was expected"
@@ -62,12 +62,12 @@ class RecursiveForce:
     """Coefficients m_m, b_m, m_b, b_b with covariance, one stop at a time.
 
     Args:
-        coefficients: (4,) to begin with. covariance: (4, 4) of them.
-        settings: how to follow.
+        coefficients: initial values, (4,). covariance: theirs, (4, 4).
+        settings: settings of the estimator.
 
     Attributes:
-        accepted, gated: stops believed and not believed. doubted: a change is held possible.
-        row: so many stops just now were not believed, > 0: stronger ones, < 0: weaker ones.
+        accepted, gated: number of accepted and rejected stops. doubted: inflate before the next.
+        row: streak of rejected stops, > 0: stronger than expected, < 0: weaker.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class RecursiveForce:
         self._leaning = 0.0
 
     def update(self, speed: float, grade: float, force_ratio: float, std: float) -> Acceptance:
-        """Take in one stop.
+        """Update with one stop.
 
         Args:
             speed: v_i [m/s]. grade: mean θ [rad]. force_ratio: F_b/W. std: its measurement noise.
@@ -119,10 +119,10 @@ class RecursiveForce:
         return outcome
 
     def _persists(self, innovation: float, grade: float) -> bool:
-        """Whether unbelieved stops of the same kind have come in a row.
+        """Whether the streak of similar rejected stops is long enough for a change.
 
-        Of the same kind are also those that are off to one side uphill and to the other downhill:
-        slope coefficients that were bent would never mend by stops that alternate otherwise.
+        Similar are also stops that deviate to one side uphill and to the other downhill: otherwise
+        wrong slope coefficients would never recover where uphill and downhill alternate.
         """
         side = math.copysign(1.0, innovation * grade) if abs(grade) > _SLOPE else 0.0
         if side:
@@ -135,18 +135,18 @@ class RecursiveForce:
         return self.row >= self.settings.stronger or leans
 
     def doubt(self) -> None:
-        """What was learned may hold no longer: be as open to the next stop as to a change."""
+        """Inflate the covariance before the next stop, as after a change; restart the counts."""
         self.doubted = True
         self.accepted = self.row = 0
 
     def _open(self) -> None:
-        """Hold possible whatever a change may bring."""
+        """Inflate the covariance for a change of brakes or surface."""
         self.covariance = self.covariance + self._first_covariance
         self.covariance[3, 3] += self.settings.change**2
         self.doubted, self._leaning = False, 0.0
 
     def age(self, seconds: float, time_constant: float) -> None:
-        """Grow the covariance towards the first one: what is old is known less well."""
+        """Grow the covariance towards the first one with the age of the estimate [s]."""
         share = -math.expm1(-max(seconds, 0.0) / time_constant)
         grown = at_least_both(self.covariance, self._first_covariance)
         self.covariance = self.covariance + share * (grown - self.covariance)

@@ -1,13 +1,13 @@
-"""How well a vehicle drives the speed that it is told, out of a drive log.
+"""Speed tracking error of a vehicle, estimated from a drive log.
 
-A plan bounds speeds; the vehicle drives them with an error, and a stop from a faster speed is
-longer. What counts is the error of a speed controller that has settled: while the command has been
-the same for a while, speeds are averaged over half seconds, so that noise of the sensor is mostly
-out and waves of the controller are in.
+A plan bounds speeds; the vehicle tracks them with an error, and a stop from a higher speed is
+longer. The error is that of a settled speed controller: once the command has been constant for
+`SETTLING`, speeds are averaged over half seconds, which suppresses sensor noise and keeps the
+oscillation of the controller.
 
-The error is robust, one sample in six may be anything. It is the scatter within stretches of one
-command, or the speed above the command that five samples in six do not exceed, whichever is more: a
-vehicle that is always too slow is held back by nothing here, one that is always too fast is.
+The estimate tolerates one outlier in six samples. It is the larger of the scatter within stretches
+of constant command and the 84 % quantile of the error: constant overspeed widens it, constant
+underspeed does not.
 
 Source: none; both numbers are the standard deviation where errors are normal and without bias.
 """
@@ -34,17 +34,17 @@ _FEWEST_SECONDS = 20.0
 """Driving at constant command that a speed error needs, all stretches together [s]."""
 _ONE_STD = 0.8413
 """Quantile of a normal law one standard deviation above its mean [1]."""
-_MOST = 0.3  # of the command: whatever is farther off is not that command
+_MOST = 0.3  # share of the command; above it, the vehicle did not follow that command
 
 
 @dataclass(frozen=True, slots=True)
 class SpeedError:
-    """What settled stretches of a log tell.
+    """Speed tracking error over the settled stretches of a log.
 
     Attributes:
         value: standard deviation of driven minus commanded speed [m/s].
-        bias: median of it [m/s].
-        stretches, seconds: that it rests on.
+        bias: median error [m/s].
+        stretches, seconds: number and duration [s] of the stretches used.
     """
 
     value: float
@@ -56,7 +56,7 @@ class SpeedError:
 def speed_error(
     columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], good: Bools
 ) -> SpeedError | None:
-    """The error of driven speeds; None where the log has too little of a settled controller.
+    """Speed tracking error; None where the log has too little settled driving.
 
     Args:
         columns: channels by name, (n,): ``t`` [s], ``v`` and ``v_cmd`` [m/s].
@@ -89,7 +89,7 @@ def _of_run(
         command = float(np.median(v_cmd[begin:end]))
         settled = slice(begin + int(np.searchsorted(t[begin:end] - t[begin], SETTLING)), end)
         blocks = ((t[settled] - t[begin] - SETTLING) / _BLOCK).astype(np.int64)
-        # A command that creeps is not one; the last block is hardly whole.
+        # A drifting command is not constant; the last block is incomplete.
         if len(blocks) == 0 or np.ptp(v_cmd[begin:end]) > max(_SAME[0], _SAME[1] * command):
             continue
         count = np.bincount(blocks)[:-1]

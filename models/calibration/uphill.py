@@ -1,12 +1,12 @@
-"""Slope coefficients of their own uphill, fitted where the stops carry them.
+"""Separate slope coefficients uphill, fitted where the stops support them.
 
     F_b/W = (m_m v_i + b_m) θ + (m_b v_i + b_b) + k max(θ, 0)
 
-The braking model has one slope coefficient for both ways. Where stops clearly show another one
-uphill, it would leave the difference as scatter: k is taken out of the stops, which then teach the
-four coefficients; uphill b_m + k holds. What k does to the length of a stop on slopes that vary is
-kept beside, as that of a named effect is.
-Source: Braking Sec. 2, which names coefficients of their own for uphill and downhill.
+The braking model has one slope coefficient for both directions; a different one uphill would appear
+as scatter. Where k is significant its force is subtracted from each stop before the four
+coefficients are fitted, and b_m + k applies uphill. The change of stopping distance by k on varying
+grades is recorded as the distance of a named effect is.
+Source: Braking Sec. 2, which names separate coefficients for uphill and downhill.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ from slopewise.models.stop_logs import random_effects
 from slopewise.models.stop_logs.measure import Measured
 from slopewise.models.stop_logs.stop_record import StopRecord
 
-_FEWEST = 8  # stops on each side
-_STEEP = 0.035  # [rad] from which a slope has a side
-_PRIOR = 1.0  # [1/rad] wide beside any asymmetry that brakes have
+_FEWEST = 8  # minimum number of stops uphill and downhill
+_STEEP = 0.035  # [rad] lowest grade that is uphill or downhill
+_PRIOR = 1.0  # [1/rad] much wider than any asymmetry of real brakes
 _SURE = 3.5  # standard deviations
 
 
 @dataclass(frozen=True, slots=True)
 class Asymmetry:
-    """Change of the slope coefficient from downhill to uphill [1/rad], and its deviation."""
+    """Change k of the slope coefficient uphill, and its standard deviation [1/rad]."""
 
     value: float
     std: float
 
     @property
     def clear(self) -> bool:
-        """It is no chance."""
+        """Whether the change is significant."""
         return abs(self.value) > _SURE * self.std
 
 
 def clear_asymmetry(base: SurfaceFit, beside: Model | None) -> Asymmetry | None:
-    """The change of the slope coefficient uphill, where it is clear and nothing else has it."""
+    """Significant change of the slope coefficient uphill that no effect of the model explains."""
     laws = () if beside is None else [registry.LAWS[effect.name] for effect in beside.effect]
     if any(law.kinks_at_level and law.axis == "grade" for law in laws):
         return None
@@ -59,7 +59,7 @@ def clear_asymmetry(base: SurfaceFit, beside: Model | None) -> Asymmetry | None:
 
 
 def asymmetry(speed: Floats, grade: Floats, force_ratio: Floats, noise: Floats) -> Asymmetry | None:
-    """Asymmetry of some stops, None where one side has too few.
+    """Asymmetry of stops; None with too few uphill or downhill.
 
     Args:
         speed: (n,) onset speeds [m/s]. grade: (n,) mean θ while braking [rad].
@@ -75,10 +75,10 @@ def asymmetry(speed: Floats, grade: Floats, force_ratio: Floats, noise: Floats) 
 
 
 def beside_uphill(measured: Measured, change: float, known: Braking) -> Measured:
-    """The stops with what is left of their force once uphill has its own slope coefficient.
+    """Stops with the extra uphill force removed.
 
     Args:
-        measured: stops at full brakes. change: k [1]. known: braking so far; its slope
+        measured: stops at full brakes. change: k [1]. known: prior braking; its slope
             coefficients matter where the grade varies along a stop.
     """
     dead = measured.dead_time.value
@@ -107,10 +107,10 @@ def _without(record: StopRecord, change: float, dead: float, known: Braking) -> 
 
 
 def extra_force(on: Braking, speed: float, grade: Floats) -> Floats | None:
-    """(n,) force that coefficients uphill add to those of the model, on grades (n,); None without.
+    """Force F_b/W that uphill coefficients add, (n,); None if the surface has none.
 
     Args:
-        on: braking model of a surface. speed: at onset [m/s].
+        on: braking model of a surface. speed: onset speed [m/s]. grade: θ [rad], (n,).
     """
     if on.uphill is None:
         return None
