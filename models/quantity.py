@@ -95,6 +95,12 @@ def describe_range(metadata: Any) -> str:
     return f"a finite number {' and '.join(bounds)}".rstrip() + f" [{metadata['unit']}]"
 
 
+def describe_plausible(metadata: Any) -> str:
+    """The values that a model file may hold, e.g. ``0.02 … 1.5``; "" where all in range may be."""
+    low, high = metadata["plausible"]
+    return "" if math.isinf(high) else f"{rounded(low)} … {rounded(high)}"
+
+
 def validate_quantities(instance: Any) -> None:
     """Check every quantity of a dataclass instance against its range.
 

@@ -115,9 +115,9 @@ class BodySweep {
     const auto [ahead, aside, away] = cell_at(across_row(i), j);
     if (away > cells.farthest) return {};
     const bool on_map = i >= 0 && j >= 0 && i < map_.rows && j < map_.columns;
-    // A cell off the map that is only touched is no loss beside its edge.
-    const double height = on_map ? map_.heights[i * map_.columns + j] : 0.0;
-    const bool is_unknown = on_map ? away <= cells.touched && std::isnan(height) : away <= 0.0;
+    const double height =
+        on_map ? map_.heights[i * map_.columns + j] : std::numeric_limits<double>::quiet_NaN();
+    const bool is_unknown = away <= cells.touched && std::isnan(height);
     if (cells.unknown_blocks && is_unknown) return {HazardKind::unknown_ground, 0.0, ahead, aside};
     if (!on_map) return {};
     const double over = above_plane(height, ahead, aside);

@@ -1,4 +1,4 @@
-"""Drops next to a path and across it, by plane geometry: where the wheels of every stop end."""
+"""Drops next to a path and across it, and the rim of a map: where wheels and body may be."""
 
 from __future__ import annotations
 
@@ -46,3 +46,29 @@ def test_wheels_stop_before_a_drop_at_any_angle(name: str, cell: float) -> None:
         assert (y + wheels).min() >= edge - 0.01, degrees
         assert (y + wheels).min() <= edge + 1.5, degrees
     assert driven >= 3
+
+
+@pytest.mark.parametrize("cell", [0.25, 0.5, 1.0])
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 57.0])
+def test_a_map_ends_where_unknown_cells_would_begin(cell: float, degrees: float) -> None:
+    """A front overhang is over known ground at rest; a ring of unknown cells changes nothing."""
+    model = slopewise.read_model("ugv")
+    cells = round(40.0 / cell)
+    level, half = np.zeros((cells, cells // 2)), 0.5 * cell
+    turned, last = np.radians(degrees), (cells // 2 - 1) * cell
+    begin = np.array([last - 10.0 * np.cos(turned), 20.0 - 10.0 * np.sin(turned)])
+    way = np.linspace(0.0, 20.0, 60)[:, None] * (np.cos(turned), np.sin(turned))
+    path = slopewise.CandidatePath("p", begin + way)
+    ends = []
+    for ring in (0, 2):
+        ground = slopewise.ElevationMap(
+            elevation=np.pad(level, ring, constant_values=np.nan),
+            resolution=cell,
+            origin=(-ring * cell, -ring * cell),
+        )
+        (plan,) = slopewise.plan(model, ground, [path], start_speed=0.0)
+        ends.append(plan.clear_distance)
+        front, side = model.front, 0.5 * model.vehicle.shape.width
+        x = np.interp(plan.clear_distance, plan.station, plan.x)
+        assert x + front * np.cos(turned) + side * np.sin(turned) <= last + half + 0.01
+    assert ends[0] == pytest.approx(ends[1])
