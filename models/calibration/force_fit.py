@@ -25,6 +25,10 @@ WEAK_PRIOR = (0.2, 0.7, 0.1, 1.0)
 dozen stops tell; where they tell nothing, such as the slope coefficients on level ground, the known
 coefficient stays."""
 
+MIRRORED_SLOPE = -1.0
+"""Slope coefficient c below which grades have the wrong sign [1]: by such grades the deceleration
+over g changes by -1 - c instead of 1 + c, and falls the steeper a vehicle drives uphill."""
+
 
 @dataclass(frozen=True, slots=True)
 class ForceFit:

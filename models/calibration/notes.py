@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slopewise.models.calibration.force_fit import NAMES
+from slopewise.models.calibration.force_fit import MIRRORED_SLOPE, NAMES
 from slopewise.models.calibration.surface_fit import SurfaceFit
 from slopewise.models.calibration.uphill import Asymmetry
 from slopewise.models.parameters import Braking
@@ -18,7 +18,7 @@ from slopewise.models.stop_logs.mount_offset import Mount
 
 _MOST_FORCE = 1.2  # [1] of the weight; tyres on dry tarmac reach one
 _LATEST = 1.5  # [s] no brakes of vehicles that plan take longer
-_SIGNIFICANCE = 3.0  # [1] standard deviations from which a slope coefficient is below -1
+_SIGNIFICANCE = 3.0  # [1] standard deviations by which a slope coefficient shows a wrong sign
 _TOO_LONG = 3.0
 """Median factor of allowed over actual distance from which a promise is of little use [1]."""
 
@@ -93,12 +93,12 @@ def objections(surfaces: tuple[SurfaceFit, ...], dead_time: DeadTime) -> tuple[s
                 f"braking forces of {force:.2f} of the weight{on}, where {_MOST_FORCE:g} is a lot"
             )
         slope, std = surface.slope_at_middle
-        if slope + _SIGNIFICANCE * std < -1.0:
+        if slope + _SIGNIFICANCE * std < MIRRORED_SLOPE:
             said.append(
                 f"the grade of the log has the wrong sign{on}: by it the vehicle decelerates less "
                 f"the steeper it drives uphill (slope coefficient {slope:.2f} ± {std:.2f}, where "
-                "the weight alone gives more than -1): pitch counts nose down as positive, and a "
-                "grade from a map uphill"
+                f"the weight alone gives more than {MIRRORED_SLOPE:g}): pitch counts nose down as "
+                "positive, and a grade from a map uphill"
             )
         actual = np.array([r.samples.distance for r in surface.records])
         bound = np.array([r.bound_distance for r in surface.records])

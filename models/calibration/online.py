@@ -15,7 +15,7 @@ from collections import deque
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.force_fit import WEAK_PRIOR
+from slopewise.models.calibration.force_fit import MIRRORED_SLOPE, WEAK_PRIOR
 from slopewise.models.calibration.learned_force import LearnedForce
 from slopewise.models.calibration.published import LowStops, PublishedForce, PublishSettings
 from slopewise.models.calibration.recursive import Acceptance, RecursiveForce, RecursiveSettings
@@ -66,12 +66,9 @@ class _Surface:
 
     @property
     def has_mirrored_grade(self) -> bool:
-        """Return True if the deceleration falls with the grade: its sign is wrong.
-
-        The deceleration over g changes with grade by one more than the slope coefficient does.
-        """
+        """Return True if the deceleration falls with the grade: its sign is wrong."""
         slope = self.estimate.coefficients[:2] @ (self.middle_speed, 1.0)
-        return bool(slope < -1.0)
+        return bool(slope < MIRRORED_SLOPE)
 
 
 class OnlineBraking:

@@ -95,11 +95,7 @@ class SurfaceFit:
 
     @property
     def slope_at_middle(self) -> tuple[float, float]:
-        """Change of F_b/W with grade at the middle of the speeds, and its standard deviation [1].
-
-        The deceleration over g changes with grade by 1 + this; with grades of the wrong sign, by
-        -1 - this, so that the log shows a slope coefficient mirrored at -1.
-        """
+        """Slope coefficient at the middle of the speeds, and its standard deviation [1]."""
         x = np.array([0.5 * sum(self.speed_range), 1.0])
         slope, covariance = self.fit.coefficients[:2], self.fit.covariance[:2, :2]
         return float(x @ slope), float(np.sqrt(x @ covariance @ x))

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.arrays import Bools, Floats
+from slopewise.models.arrays import Bools, Elementwise, Floats
 from slopewise.models.stop_logs import unit_suspects
 from slopewise.models.stop_logs.random_effects import PER_MAD
 
@@ -39,10 +39,9 @@ _MOVING = 0.15  # [m/s] slower than that, the same value again and again is stan
 _FROZEN_FOR = 1.0  # [s] at least, and
 _FROZEN_TIMES = 10.0  # times as many samples as a value of this channel usually lasts
 _JUMP = 1.5  # [m/s] off its neighbours for one or two samples: no vehicle does that
-STEP_ACCEL, STEP_SPEED = 20.0, 0.25
-"""Fall of the speed between measurements that no vehicle reaches: two g [m/s²] for the time since
-the last one, beyond what noise and quantisation add [m/s]."""
-_STEP_NOISE = 8.0  # standard deviations of the speed's noise that a fall exceeds, too
+_STEP_ACCEL = 20.0  # two g, which no vehicle reaches [m/s²]
+_STEP_SPEED, _STEP_NOISE = 0.25, 8.0
+"""What noise and quantisation add to a fall of the speed: [m/s], and standard deviations [1]."""
 _GAP_TIMES, _GAP = 5.0, 0.3  # a gap exceeds this multiple of the median step, and this [s]
 
 
@@ -180,8 +179,12 @@ def _steps(time: Floats, speed: Floats) -> list[int]:
     elapsed = time[at] - time[np.concatenate(([0], at[:-1]))] if len(at) else np.empty(0)
     # White noise has 6 times its variance in second differences.
     noise = PER_MAD * float(np.nanmedian(np.abs(np.diff(speed, n=2)))) / np.sqrt(6.0)
-    is_step = -change[at - 1] > STEP_ACCEL * elapsed + max(STEP_SPEED, _STEP_NOISE * noise)
-    return [int(k) for k in at[is_step]]
+    return [int(k) for k in at[-change[at - 1] > max_fall(elapsed, noise)]]
+
+
+def max_fall(elapsed: Elementwise, noise: float = 0.0) -> Elementwise:
+    """Largest fall of a speed with noise [m/s] in a time [s] that brakes can give [m/s]."""
+    return _STEP_ACCEL * elapsed + max(_STEP_SPEED, _STEP_NOISE * noise)
 
 
 def _frozen(name: str, values: Floats, part: dict[str, Floats]) -> list[tuple[int, int]]:

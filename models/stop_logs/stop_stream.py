@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 
 from slopewise.models.quantity import GRAVITY
-from slopewise.models.stop_logs.drive_quality import STEP_ACCEL, STEP_SPEED
+from slopewise.models.stop_logs.drive_quality import max_fall
 from slopewise.models.stop_logs.find_stops import STOP_COMMAND_MAX_SPEED
 
 _HOLDING = 0.1  # [s] time constant of the mean of the held speed
@@ -94,7 +94,7 @@ class StopStream:
         fall = abs(self._speed) - abs(speed)
         if fall == 0.0:
             return False
-        is_step = fall > STEP_ACCEL * (time - self._changed) + STEP_SPEED
+        is_step = bool(fall > max_fall(time - self._changed))
         self._changed, self._speed = time, speed
         return is_step
 

@@ -23,8 +23,7 @@ def arc_limits(
     at ``turning`` [rad/s]. A base at rest turns as fast as its wheels can.
     """
     speed, rate = map(abs, command)
-    rim = speed + 0.5 * rate * model.vehicle.track_width
-    by_rim = model.vehicle.max_wheel_speed / max(rim, _TINY)
+    by_rim = model.vehicle.max_wheel_speed / max(rim_speed(model, *command), _TINY)
     by_speed = model.speed / max(speed, _TINY)
     by_turn = min(
         math.sqrt(model.lateral / max(speed * rate, _TINY)),
@@ -35,3 +34,8 @@ def arc_limits(
     reasons = (by_rim, _RIM), (by_speed, TOO_FAST), (min(by_turn, by_moving), _TURN)
     lowest, reason = min(reasons)
     return share, min(share, by_moving), reason if lowest < 1.0 else ""
+
+
+def rim_speed(model: GuardModel, speed: float, yaw_rate: float) -> float:
+    """Speed of the fastest wheel [m/s]."""
+    return abs(speed) + 0.5 * abs(yaw_rate) * model.vehicle.track_width

@@ -20,7 +20,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.recent import Recent
-from slopewise.services.guard.arc_limits import TOO_FAST, arc_limits
+from slopewise.services.guard.arc_limits import TOO_FAST, arc_limits, rim_speed
 from slopewise.services.guard.guard_model import GuardModel, GuardScene, guard_model
 from slopewise.services.guard.settings import GuardJudgement, GuardTiming  # words: ok, key
 from slopewise.services.guard.stop_courses import Course, Pose2d, StopCourses, courses_ahead
@@ -162,7 +162,7 @@ def _courses(
     if top < _STANDSTILL:
         return [_on_the_spot(model, command, before)]
     courses = [_on_an_arc(model, moving, requested, command, before, forward=forward)]
-    rim = 0.5 * abs(command.yaw_rate) * model.vehicle.track_width
+    rim = rim_speed(model, 0.0, command.yaw_rate)
     if model.vehicle.drive == "skid_steer" and max(moving, _STANDSTILL) < min(rim, requested):
         # The base may turn at the commanded rate before it has the commanded speed.
         courses.append(_on_the_spot(model, command, ()))
@@ -281,8 +281,7 @@ def _limited(
     if min(share, verdict.turn) >= 1.0 - _TOLERANCE:
         return GuardDecision("pass", command, False, "")
     reason = verdict.reason or TOO_FAST
-    rim = abs(command.speed) + 0.5 * abs(command.yaw_rate) * model.vehicle.track_width
-    if share * rim < _STANDSTILL and abs(motion.speed) < _STANDSTILL:
+    if share * rim_speed(model, *command) < _STANDSTILL and abs(motion.speed) < _STANDSTILL:
         return stop(reason, where)
     limited = BaseCommand(share * command.speed, min(share, verdict.turn) * command.yaw_rate)
     return GuardDecision("slow", limited, False, reason, where=where)
@@ -323,9 +322,11 @@ def guard_decision(
         ParameterError: no numbers, or another count of them; a negative age or clear distance.
     """
     numbers = (("speed", speed), ("age", age), ("clear", clear))
-    rows = [("pose", pose, 3), ("command", command, 2), *((n, (of,), 1) for n, of in numbers)]
-    for name, values, count in (*rows, *(("before", c, 2) for c in before)):
-        if np.shape(values) != (count,) or np.asarray(values).dtype.kind not in "iuf":
+    rows = (("pose", pose, 3), ("command", command, 2), *(("before", c, 2) for c in before))
+    shapes = [(n, of, (count,)) for n, of, count in rows] + [(n, of, ()) for n, of in numbers]
+    for name, values, shape in shapes:
+        if np.shape(values) != shape or np.asarray(values).dtype.kind not in "iuf":
+            count = math.prod(shape)
             raise ParameterError(name, f"{count} number{'s' * (count > 1)}, got {values!r}")
     for name, value in numbers[1:]:
         if not value >= 0.0:
