@@ -22,9 +22,6 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.planner.compiled_core import core
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 
-_STANDSTILL = 1e-9
-"""v² up to which a station is at rest [m²/s²]."""
-
 _SLOWEST_GUESS = 0.05
 """Where the solver may start at the slowest [m/s]: at rest the time has no derivative."""
 
@@ -68,7 +65,7 @@ class JerkLimitedReference:
 
     def solve(self, problem: SmoothingProblem) -> Reference:
         """Solve one candidate; its first station keeps its speed, as when smoothing."""
-        bound = np.where(problem.speed_sq_max <= _STANDSTILL, 0.0, problem.speed_sq_max)
+        bound = np.where(problem.speed_sq_max <= core.STANDSTILL_SQ, 0.0, problem.speed_sq_max)
         idle = idle_segments(bound)
         accel, decel = problem.accel_max.copy(), problem.decel_max.copy()
         if problem.start_accel is not None and not idle[0]:
@@ -166,7 +163,7 @@ def program_of(
 
 def idle_segments(bound: Floats) -> Bools:
     """Segments on which nothing may move, (N − 1,)."""
-    rest = bound <= _STANDSTILL
+    rest = bound <= core.STANDSTILL_SQ
     idle: Bools = rest[:-1] & rest[1:]
     return idle
 

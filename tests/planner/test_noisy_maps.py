@@ -58,6 +58,15 @@ def test_noise_neither_stops_nor_slows(vehicle: str, std: float) -> None:
         assert slopewise.check_plan(plan, model, ground).valid
 
 
+@pytest.mark.parametrize("seed", [2, 9, 31])
+def test_a_plan_that_stops_before_a_drop_does_not_creep(seed: int) -> None:
+    drop = np.where(X > 8.0, -1.0, 0.0) + np.zeros_like(SWELL)
+    plan = planned(slopewise.read_model("atv"), measured(0.01, drop, seed, height_std=0.0))
+    assert plan.status.value == "blocked"
+    assert plan.speed.max() > 0.8
+    assert np.diff(plan.time).max() < 3.0
+
+
 def test_noise_that_neighbours_share_is_ground_unless_it_is_stated() -> None:
     rng = np.random.default_rng(3)
     waves = np.fft.fft2(rng.standard_normal(SWELL.shape))

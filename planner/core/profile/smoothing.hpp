@@ -11,10 +11,10 @@
 #include <cmath>
 
 #include "profile/nearest_point.hpp"
+#include "profile/time_optimal.hpp"
 
 namespace slopewise {
 
-inline constexpr double standstill_sq = 1e-9;  // v² up to this is standstill [m²/s²]
 // Tangents are taken at this speed or above [m/s]; below it they would be vertical.
 inline constexpr double lowest_tangent_speed = 0.15;
 // The acceleration before the start may change within a segment driven at this speed or above [m/s].
@@ -177,14 +177,21 @@ inline int smooth(const SmoothingProblem& p, double* memory, double* speed_sq) n
   return used;
 }
 
-// Solvers keep limits to their tolerance; the first station is given, standstill is standstill.
+// Rest from the first of stations begin … stations − 1 on at which the vehicle would hardly move.
+inline void rest_for_good(double* speed_sq, Index begin, Index stations) noexcept {
+  Index k = begin;
+  while (k < stations && speed_sq[k] > standstill_sq) ++k;
+  std::fill(speed_sq + k, speed_sq + std::max(k, stations), 0.0);
+}
+
+// Solvers keep limits to their tolerance, and may end in creeping; the first station is given.
 inline void keep_inside(const double* speed_sq, const double* speed_sq_max, Index stations,
                         double* out) noexcept {
   for (Index k = 0; k < stations; ++k) {
-    const double top = speed_sq_max[k], inside = std::min(std::max(speed_sq[k], 0.0), top);
-    out[k] = top > standstill_sq ? inside : 0.0;
+    out[k] = std::min(std::max(speed_sq[k], 0.0), speed_sq_max[k]);
   }
-  out[0] = speed_sq_max[0] > standstill_sq ? speed_sq_max[0] : 0.0;
+  out[0] = moving(speed_sq_max[0]);
+  rest_for_good(out, 1, stations);
 }
 
 }  // namespace slopewise

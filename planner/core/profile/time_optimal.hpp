@@ -19,9 +19,9 @@ namespace slopewise {
 inline constexpr double gravity = 9.80665;  // [m/s²]
 // Factor by which a required deceleration is rounded up [1].
 inline constexpr double decel_rounding = 1.0 + 1e-9;
-// Below this speed power does not matter [m/s].
+// Up to this speed a vehicle is at rest: power does not matter, and no plan creeps [m/s].
 inline constexpr double standstill_speed = 1e-3;
-inline constexpr double standstill_speed_sq = standstill_speed * standstill_speed;
+inline constexpr double standstill_sq = standstill_speed * standstill_speed;
 
 struct Limits {
   double decel;           // service deceleration [m/s²], inf to brake as hard as the model allows
@@ -49,6 +49,11 @@ struct ProfileProblem {
   }
 };
 
+// v², 0 where that is hardly a movement.
+[[nodiscard]] inline double moving(double speed_sq) noexcept {
+  return speed_sq > standstill_sq ? speed_sq : 0.0;
+}
+
 // Whether a lane is not 0.0. Masks are doubles: a bool beside doubles ends vectorisation silently.
 inline bool any_of(const Lane& masks, Index lanes) noexcept {
   std::int64_t bits = 0;
@@ -70,9 +75,10 @@ inline bool slow_down(const ProfileProblem& p, Index k, Index lanes, double dece
   double* __restrict out = p.speed_sq.at(k);
   double* __restrict mask_of = weak.data();
   const double required = decel / gravity * decel_rounding;
+  const double least = k > 0 ? standstill_sq : 0.0;  // the start is as it is
   SLOPEWISE_INDEPENDENT
   for (Index j = 0; j < lanes; ++j) {
-    const double top = bound[j], ds = s_ahead[j] - s[j];
+    const double top = bound[j] > least ? bound[j] : 0.0, ds = s_ahead[j] - s[j];
     out[j] = min_of(top, after[j] + 2.0 * ds * decel);
     const double slope = min_of(slope_0[j], slope_1[j]);
     const double spare = min_of(force_0[j] + sine_0[j], force_1[j] + sine_1[j]) - required;
@@ -155,10 +161,10 @@ inline void power_up(const ProfileProblem& p, Index k, Index lanes, double speci
     const double here = before[j], top = out[j];
     const double cost = twice * gravity * max_of(thrust_0[j], thrust_1[j]) - here;
     const double power = twice * gravity * specific_power;
-    double v = std::sqrt(max_of(top, standstill_speed_sq));
+    double v = std::sqrt(max_of(top, standstill_sq));
     for (int step = 0; step < 2; ++step) {
       const double lacking = max_of(v * (v * v + cost) - power, 0.0);
-      v -= lacking / max_of(3.0 * v * v + cost, standstill_speed_sq);
+      v -= lacking / max_of(3.0 * v * v + cost, standstill_sq);
       v = max_of(v, standstill_speed);
     }
     const double gain = power / v;
@@ -170,6 +176,21 @@ inline void power_up(const ProfileProblem& p, Index k, Index lanes, double speci
   }
 }
 
+// Rest from the first station after the start on at which the vehicle would hardly move: to creep on
+// would take hours.
+inline void rest_for_good(const ProfileProblem& p, Index lanes) noexcept {
+  Lane before;
+  before.fill(1.0);
+  for (Index k = 1; k < p.stations; ++k) {
+    double* speed_sq = p.speed_sq.at(k);
+    SLOPEWISE_INDEPENDENT
+    for (Index j = 0; j < lanes; ++j) {
+      const auto n = static_cast<std::size_t>(j);
+      speed_sq[j] = before[n] = before[n] > 0.0 ? moving(speed_sq[j]) : 0.0;
+    }
+  }
+}
+
 // `reachable_start_sq` (M,) receives the highest v² at the first station from which the bounds can
 // still be kept; below `start_sq` the profile begins there all the same.
 inline void solve_time_optimal(const ProfileProblem& problem, const Limits& limits,
@@ -178,7 +199,8 @@ inline void solve_time_optimal(const ProfileProblem& problem, const Limits& limi
     const ProfileProblem p = problem.from(tile.first);
     const Index last = p.stations - 1, lanes = tile.lanes;
     Lane weak;
-    std::copy_n(p.speed_sq_max.at(last), lanes, p.speed_sq.at(last));
+    const double* end = p.speed_sq_max.at(last);
+    for (Index j = 0; j < lanes; ++j) p.speed_sq.at(last)[j] = moving(end[j]);
     for (Index k = last - 1; k >= 0; --k) {
       if (slow_down(p, k, lanes, limits.decel, weak)) brake(p, k, lanes, weak);
     }
@@ -190,6 +212,7 @@ inline void solve_time_optimal(const ProfileProblem& problem, const Limits& limi
         power_up(p, k, lanes, limits.specific_power, weak);
       }
     }
+    rest_for_good(p, lanes);
   });
 }
 

@@ -50,9 +50,8 @@ void smoothing() {
              decel = numbers(n - 1, 0.3, 3.0);
   auto top = numbers(n, 0.0, 9.0);
   if (uniform(0, 1) < 0.5) top.back() = 0.0;
-  for (Index k = 0; uniform(0, 1) < 0.7 && k < 3; ++k) {
-    top[static_cast<std::size_t>(whole(0, n - 1))] = 0.0;
-  }
+  // What rests once, rests for good.
+  if (uniform(0, 1) < 0.7) std::fill(top.begin() + whole(0, n - 1), top.end(), 0.0);
   const double before = uniform(0, 1) < 0.5 ? std::nan("") : uniform(-6, 6);
   const SmoothingProblem p{n,           ds.data(), top.data(), accel.data(), decel.data(),
                            uniform(0.5, 10), before};

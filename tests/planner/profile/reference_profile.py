@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 G = 9.80665
-STANDSTILL_SQ, TANGENT_SPEED, TIGHTENING = 1e-9, 0.15, 1.5e-4
+STANDSTILL_SQ, TANGENT_SPEED, TIGHTENING = 1e-6, 0.15, 1.5e-4
 
 
 def braked(row: Any, ahead: Any, after: float) -> float:
@@ -51,6 +51,7 @@ def powered(row: Any, ahead: Any, before: float, top: float, specific_power: flo
 def time_optimal(rows: list[Any], start_sq: float, decel: float, power: float) -> np.ndarray:
     """v² of one candidate; rows are its stations, with the names of ProfileProblem."""
     v_sq = np.array([row.speed_sq_max for row in rows])
+    v_sq[1:][v_sq[1:] <= STANDSTILL_SQ] = 0.0
     for k in range(len(rows) - 2, -1, -1):
         reach = v_sq[k + 1] + 2.0 * (rows[k + 1].station - rows[k].station) * decel
         v_sq[k] = min(v_sq[k], reach, braked(rows[k], rows[k + 1], v_sq[k + 1]))
@@ -60,6 +61,8 @@ def time_optimal(rows: list[Any], start_sq: float, decel: float, power: float) -
         accel = min(row.accel_max, ahead.accel_max)
         top = min(v_sq[k + 1], v_sq[k] + 2.0 * (ahead.station - row.station) * accel)
         v_sq[k + 1] = powered(row, ahead, v_sq[k], top, power)
+    creeps = 1 + np.flatnonzero(v_sq[1:] <= STANDSTILL_SQ)
+    v_sq[creeps[0] if len(creeps) else len(rows) :] = 0.0
     return v_sq
 
 

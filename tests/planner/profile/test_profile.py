@@ -59,6 +59,18 @@ def test_the_start_is_unchanged_and_rest_stays_rest() -> None:
     assert result.speed_sq[30] > 0.0
 
 
+@pytest.mark.parametrize("bound", [2e-5, 8e-4, 0.0])
+def test_no_vehicle_creeps_on(bound: float) -> None:
+    r = road(81, 0.25, bound=3.0)
+    r.bound[60] = bound
+    fastest, _ = r.solve()
+    smooth_one = smooth(problem_of(r, 2.0)).speed_sq
+    assert smooth_one is not None
+    for speed_sq in (fastest, smooth_one):
+        assert np.all(speed_sq[60:] == 0.0)
+        assert np.all(speed_sq[1:60] > 0.01)
+
+
 @pytest.mark.parametrize("start_accel", [-1.0, 0.0, 1.0])
 def test_the_acceleration_before_the_start_is_taken_on(start_accel: float) -> None:
     r = road(101, 0.25, bound=3.0, start=2.0)
