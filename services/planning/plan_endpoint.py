@@ -23,6 +23,7 @@ from slopewise.models.errors import InputError
 from slopewise.services.planning.deadline_check import DeadlineError, UsageMeter
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.planning.request_validation import validate_request
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec, plan_messages
 from slopewise.services.wire.endpoint import Endpoint
@@ -160,7 +161,8 @@ class PlanEndpoint:
         query = entry.item
         encoding = str(query.encoding or "")
         written = codec.format_of(encoding)
-        request = self._endpoint.decode(PlanRequest, query, self._key)
+        check = partial(validate_request, sizes=self._config.sizes, key=self._key)
+        request = self._endpoint.decode(PlanRequest, query, self._key, check=check)
         entry.sender = request.client
         decoded = time.monotonic()
         try:

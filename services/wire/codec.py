@@ -10,20 +10,21 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from enum import Enum
-from functools import cache
-from typing import Any, TypeVar
+from functools import cache, lru_cache, partial
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 
 from slopewise.models.errors import InputError
 
 T = TypeVar("T", bound=msgspec.Struct)
 
 VERSION = 1  # major version of all schemas; it is in the keys, too
-_MAX_AXES = 2  # of an array [1]: heights and columns have two
-_MAX_ITEMS = 2**32  # along an axis [1]
+_NULLS = (b"null", b"\xc0")  # in JSON and MessagePack
 _WHERE = re.compile(r"^(?P<what>.*?)(?: - at `\$\.?(?P<where>.*)`)?$", re.DOTALL)
 _MISSING = re.compile(r"^Object missing required field `(?P<name>.*)`$")
 _UNKNOWN = re.compile(r"^Object contains unknown field `(?P<name>.*)`$", re.DOTALL)
@@ -65,11 +66,19 @@ def payload_of(message: msgspec.Struct, written: Format) -> dict[str, Any]:
     return {"payload": encode(message, written), "encoding": encoding_of(type(message), written)}
 
 
-def decode(kind: type[T], payload: Any, encoding: str, source: str, max_bytes: int) -> T:
+def decode(
+    kind: type[T],
+    payload: Any,
+    encoding: str,
+    source: str,
+    max_bytes: int,
+    check: Callable[[T], None] = lambda message: None,
+) -> T:
     """A message from a received payload, which is not copied if it is longer than ``max_bytes``.
 
     In JSON the encoding may omit the schema. Errors name ``source``, the key, and the field. No NaN
-    passes in a single number; in arrays it does, because there it means something.
+    passes in a single number; in arrays it does, because there it means something. ``check`` is
+    called before arrays are decoded, with a message that has bytes for them.
     """
     size = len(payload)
     if size > max_bytes:
@@ -81,56 +90,103 @@ def decode(kind: type[T], payload: Any, encoding: str, source: str, max_bytes: i
         raise InputError(source, "encoding", got)
     if schema != expected and (schema or written != Format.JSON.value):
         raise InputError(source, "encoding", f"expected schema {expected}, got {schema[:80]!r}")
+    arrays = _ArrayReader(written, max_bytes)
     try:
-        message: T = _decoder(kind, Format(written)).decode(bytes(payload))
+        undecoded = _decoder(_undecoded(kind), written).decode(bytes(payload))
+        _check_numbers(undecoded, source, "")
+        check(undecoded)
+        return msgspec.convert(undecoded, kind, from_attributes=True, dec_hook=arrays.read)
     except msgspec.ValidationError as error:
         raise _fault(source, str(error)) from None
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
         got = f"expected {expected} as {written}, got: {_line(str(error))}"
         raise InputError(source, "", got) from None
-    _check_numbers(message, source, "")
-    return message
+
+
+class _Block(msgspec.Struct, forbid_unknown_fields=True):
+    """Array as binary data; heights and columns have two axes."""
+
+    shape: Annotated[list[Annotated[int, Meta(ge=0, le=2**32)]], Meta(min_length=1, max_length=2)]
+    data: bytes
 
 
 @cache
-def _decoder(kind: type[msgspec.Struct], written: Format) -> Any:
-    if written is Format.JSON:
-        return msgspec.json.Decoder(kind, dec_hook=_hook)
-    return msgspec.msgpack.Decoder(kind, dec_hook=_hook)
+def _decoder(kind: Any, written: str) -> Any:
+    return (msgspec.json if written == Format.JSON.value else msgspec.msgpack).Decoder(kind)
 
 
-def _hook(kind: type, value: Any) -> Any:
-    if kind is np.ndarray:
-        return _from_block(value) if isinstance(value, dict) else _from_lists(value)
-    raise NotImplementedError(f"no wire form of {kind}")
+@lru_cache(maxsize=64)
+def _array_decoder(columns: int, written: str) -> Any:
+    row: Any = Annotated[list[float | None], Meta(max_length=columns)]
+    return _decoder.__wrapped__(_Block | list[row | float | None], written)
 
 
-def _from_block(value: dict[Any, Any]) -> np.ndarray:
-    shape, data = value.get("shape"), value.get("data")
-    if set(value) != {"shape", "data"} or not isinstance(data, bytes):
-        raise ValueError("Expected an array as shape and binary data")
-    if not isinstance(shape, list) or not (
-        1 <= len(shape) <= _MAX_AXES and all(type(n) is int and 0 <= n <= _MAX_ITEMS for n in shape)
-    ):
-        raise ValueError(f"Expected a shape of 1 or {_MAX_AXES} whole numbers")
-    if math.prod(shape) * 8 != len(data):
-        size = " x ".join(str(n) for n in shape)
-        raise ValueError(f"Expected {size} float64, got {len(data)} bytes")
-    # Read-only, without a copy: the payload is not shared.
-    return np.frombuffer(data, "<f8").reshape(shape)
+@cache
+def _undecoded(kind: Any) -> Any:
+    """The type with each array left as bytes: as objects, a million empty lists take seconds."""
+    if kind in (np.ndarray, np.ndarray | None):
+        return msgspec.Raw
+    if get_origin(kind) is list:
+        return list[_undecoded(*get_args(kind))]  # type: ignore[misc]
+    if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct)):
+        return kind
+    fields: list[Any] = [
+        (f.name, inner) if f.required else (f.name, inner, None if f.default is None else [])
+        for f in msgspec.structs.fields(kind)
+        if (inner := _undecoded(f.type)) != f.type
+    ]
+    optional = [name for name, inner, *default in fields if inner is msgspec.Raw and default]
+
+    def read_nulls(message: msgspec.Struct) -> None:
+        for name in optional:
+            value = getattr(message, name)
+            if value is not None and bytes(value) in _NULLS:
+                msgspec.structs.force_setattr(message, name, None)
+
+    methods = {"__post_init__": read_nulls} if optional else {}
+    undecoded = partial(msgspec.defstruct, kind.__name__, fields, bases=(kind,), namespace=methods)
+    return undecoded(gc=False) if fields else kind
 
 
-def _from_lists(value: Any) -> np.ndarray:
-    nested = isinstance(value, list) and bool(value) and isinstance(value[0], list)
-    kind: Any = list[list[float | None]] if nested else list[float | None]
-    try:
-        rows = msgspec.convert(value, kind)
-    except msgspec.ValidationError as error:
-        what, where = _what_and_where(str(error))
-        raise ValueError(f"{what} at {where}" if where else what) from None
-    if nested and len({len(row) for row in rows}) > 1:
-        raise ValueError("Expected rows of one length")
-    return np.array(rows, np.float64)
+class _ArrayReader:
+    """Reads the arrays of one message; as lists they have no more numbers than as binary data."""
+
+    def __init__(self, written: str, max_bytes: int) -> None:
+        self._written, self._max, self._left = written, max_bytes, max_bytes
+
+    def read(self, _: type, raw: msgspec.Raw) -> np.ndarray:
+        data = bytes(raw)
+        if self._written == Format.JSON.value:
+            rows, count, columns = data.count(b"["), data.count(b",") + 1, 2**32
+        else:
+            rows, start = _list_head(data, 0)
+            columns, _end = _list_head(data, start)
+            count = rows * max(columns, 1)
+        self._left -= max(8 * count, 16 * rows)
+        if self._left < 0:
+            raise ValueError(f"Expected lists of at most {self._max // 8} numbers in all")
+        try:
+            value = _array_decoder(columns, self._written).decode(data)
+        except msgspec.ValidationError as error:
+            what, where = _what_and_where(str(error))
+            raise ValueError(f"{what} at {where}" if where else what) from None
+        if isinstance(value, _Block):
+            if math.prod(value.shape) * 8 != len(value.data):
+                size = " x ".join(str(n) for n in value.shape)
+                raise ValueError(f"Expected {size} float64, got {len(value.data)} bytes")
+            return np.frombuffer(value.data, "<f8").reshape(value.shape)  # read-only
+        if len({len(row) if isinstance(row, list) else -1 for row in value}) > 1:
+            raise ValueError("Expected rows of one length")
+        return np.array(value, np.float64)
+
+
+def _list_head(data: bytes, at: int) -> tuple[int, int]:
+    """Items of a list in MessagePack and where the first stands; 0 items of anything else."""
+    first = data[at] if at < len(data) else 0
+    if 0x90 <= first <= 0x9F:
+        return first - 0x90, at + 1
+    end = at + {0xDC: 3, 0xDD: 5}.get(first, 1)
+    return int.from_bytes(data[at + 1 : end], "big"), end
 
 
 def _as_block(value: Any) -> dict[str, Any]:

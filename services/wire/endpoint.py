@@ -84,12 +84,14 @@ class Endpoint:
         item: zenoh.Query | zenoh.Sample,
         key: str,
         default: Request | None = None,
+        **check: Callable[[Request], None],
     ) -> Request:
-        """The request that arrived; an InputError names key and field."""
+        """The request that arrived, see :func:`codec.decode`; an InputError names key and field."""
         payload = item.payload
         if default is not None and (payload is None or not len(payload)):
             return default
-        return codec.decode(kind, payload or b"", str(item.encoding or ""), key, self._max_bytes)
+        encoding = str(item.encoding or "")
+        return codec.decode(kind, payload or b"", encoding, key, self._max_bytes, **check)
 
     def send(self, query: zenoh.Query, key: str, payload: dict[str, Any]) -> bool:
         """Send a reply, see :func:`codec.payload_of`; False if that failed, which is counted."""

@@ -84,7 +84,7 @@ def points(value: object) -> bytes:
         (points({"shape": [2**40, 2**40], "data": b""}), "paths[0].points", "shape"),
         (points({"shape": [-1, 2], "data": b""}), "paths[0].points", "shape"),
         (points({"shape": [1, 1, 1], "data": b"\0" * 8}), "paths[0].points", "shape"),
-        (points({"data": b"\0" * 8}), "paths[0].points", "array"),
+        (points({"data": b"\0" * 8}), "paths[0].points.shape", "got none"),
         (points([[1.0, 2.0], [3.0]]), "paths[0].points", "one length"),
         (points([["1", "2"]]), "paths[0].points", "str"),
     ],
@@ -117,6 +117,42 @@ def test_a_large_payload_is_not_decoded() -> None:
 
     with fault_in(KEY, "", "at most 1000000 bytes"):
         read(Heavy())  # type: ignore[arg-type]
+
+
+EMPTY_ROWS = [
+    msgspec.msgpack.encode({"speed": 1.0, "paths": [{"name": "a", "points": [row] * count}]})
+    for row, count in (([], 900_000), ([0, 0], 70_000), ([0] * 15, 60_000), (0, 900_000))
+]
+
+
+@pytest.mark.parametrize("payload", EMPTY_ROWS, ids=["empty", "pairs", "wide", "numbers"])
+def test_lists_are_counted_before_they_are_decoded(payload: bytes) -> None:
+    with fault_in(KEY, "paths[0].points", "at most 125000 numbers"):
+        read(payload)
+    as_json = msgspec.json.encode(msgspec.msgpack.decode(payload))
+    with fault_in(KEY, "paths[0].points", f"at most {len(as_json) // 8} numbers"):
+        read(as_json, "application/json", len(as_json))
+
+
+def test_many_small_lists_are_counted_together() -> None:
+    paths = [{"name": str(i), "points": [[0, 0]] * 1000} for i in range(100)]
+    with fault_in(KEY, "paths[62].points", "at most 125000 numbers"):
+        read(mutated(paths=paths))
+
+
+def test_a_row_longer_than_the_first_is_refused_before_it_is_decoded() -> None:
+    with fault_in(KEY, "paths[0].points", "length <= 1"):
+        read(points([[0], [0] * 900_000]))
+
+
+def test_a_message_is_checked_before_its_arrays_are_decoded() -> None:
+    def refuse(message: PlanRequest) -> None:
+        raise InputError(KEY, "paths", f"got {len(message.paths)}")
+
+    encoding = codec.encoding_of(PlanRequest, Format.MESSAGEPACK)
+    payload = points([["no number"]])
+    with fault_in(KEY, "paths", "got 1"):
+        codec.decode(PlanRequest, payload, encoding, KEY, MAX_BYTES, check=refuse)
 
 
 def test_deep_nesting_is_an_error_and_no_crash() -> None:
