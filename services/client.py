@@ -96,7 +96,6 @@ class PlanClient:
         self._querier = session.declare_querier(self._plan_key, timeout=timeout, express=True)
 
     def __enter__(self) -> PlanClient:
-        """The client itself."""
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -58,11 +58,11 @@ def check(
         topics=topics,
         nodata=nodata,
     )
-    print_result(as_json, result.summary, tables(result))
+    print_result(as_json, result.summary, _tables(result))
     return None if result.valid else ExitStatus.NOT_ADMISSIBLE
 
 
-def tables(result: CheckResult) -> Iterator[Any]:
+def _tables(result: CheckResult) -> Iterator[Any]:
     """Verdict on every plan, and the largest violation of each kind of those that are refused."""
     invalid = [report for report in result.reports if not report.valid]
     stops = sum(report.stops for report in result.reports)

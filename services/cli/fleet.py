@@ -139,7 +139,6 @@ def fleet_calibrate(
 
 
 def _calibrate_tables(result: FleetCalibrateResult, out: Path) -> Iterator[Any]:
-    """The fleet, then its vehicles."""
     from slopewise.models.calibration.force_fit import NAMES
 
     c = result.calibration

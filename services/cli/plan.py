@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from slopewise.services.cli import options
-from slopewise.services.cli.check import tables as check_tables
 from slopewise.services.cli.command import ExitStatus, print_result, schema_of
 from slopewise.services.cli.tables import LISTED, line, table
 from slopewise.services.jobs.plural import plural
@@ -56,10 +55,6 @@ def plan(
         ),
     ] = None,
     report: options.Report = None,
-    check: Annotated[
-        bool,
-        typer.Option("--check", help="Check the plans as `slopewise check` does, too."),
-    ] = False,
     as_json: options.AsJson = False,
     json_schema: Annotated[bool, schema_of("jobs.plan_summary.PlanSummary")] = False,
 ) -> ExitStatus | None:
@@ -67,14 +62,14 @@ def plan(
 
     Every plan is verified after the solver: from each station, and between them, an emergency stop
     ends before the clear distance with every axle and side loaded. Status 3: no candidate may be
-    driven, or --check found a violation.
+    driven.
 
     [bold]Example[/]  slopewise plan hill.tif paths.csv --model atv --speed 2 --report plan.html
     """
     from slopewise.planner.ground.uncertainty import Uncertainty
     from slopewise.planner.settings import PlannerSettings
     from slopewise.services.jobs import plan as job
-    from slopewise.services.jobs.plan_files import SCENES, check_plan_name, write_plans
+    from slopewise.services.jobs.plan_files import check_plan_name, write_plans
     from slopewise.services.jobs.plan_summary import summarise
     from slopewise.services.jobs.summary import from_options
 
@@ -99,17 +94,13 @@ def plan(
         from slopewise.services.report.plan_page import write_job_page
 
         write_job_page(report, result, map_file, path_file, model, speed, clear)
-    if check:
-        is_scene = out is None or out.suffix.lower() in SCENES
-        result = job.with_check(result, None if is_scene else out, clear)
     summary = summarise(result) if as_json else None
     print_result(as_json, summary, tables(result), out, report)
-    is_valid = result.check is None or result.check.valid
-    return None if result.admissible and is_valid else ExitStatus.NOT_ADMISSIBLE
+    return None if result.admissible else ExitStatus.NOT_ADMISSIBLE
 
 
 def tables(result: PlanResult) -> Iterator[Any]:
-    """Candidates, best first; their reasons; explanation and check."""
+    """Candidates, best first; their reasons; explanation."""
     plans = result.plans
     yield from table(
         _HEAD.split("|"),
@@ -132,8 +123,6 @@ def tables(result: PlanResult) -> Iterator[Any]:
         yield "The model states no covariance or scatter: --quantile changes little."
     if result.explanation is not None:
         yield from _explanation_tables(result.explanation)
-    if result.check is not None:
-        yield from check_tables(result.check)
 
 
 def _named(name: str, text: str) -> Any:

@@ -88,22 +88,12 @@ def _message(path: CandidatePath) -> PathMessage:
 
 def _map_update(map_file: Path, nodata: NoData) -> MapUpdate:
     from slopewise.services.io.map_file import read_map
-    from slopewise.services.wire.plan_messages import MapUpdate
+    from slopewise.services.wire.map_message import update_of
 
     ground = read_map(map_file, nodata=nodata)
     for assumption in ground.assumed:
         _log.warning("%s: %s", map_file, assumption)
-    return MapUpdate(
-        source=f"query-{os.getpid()}-{time.time_ns()}",
-        sequence=1,
-        elevation=ground.elevation,
-        resolution=ground.resolution,
-        origin=ground.origin,
-        terrain_class=ground.terrain_class,
-        class_names=list(ground.class_names),
-        height_std=None if ground.height_std_is_assumed else ground.height_std,
-        correlation_length=ground.correlation_length or None,
-    )
+    return update_of(ground, f"query-{os.getpid()}-{time.time_ns()}", 1)
 
 
 def _send_map(client: PlanClient, update: MapUpdate, timeout: float) -> None:

@@ -149,7 +149,6 @@ class Service:
         self._stopped.set()
 
     def status(self) -> ServiceStatus:
-        """State of the service."""
         snapshot = self.maps.snapshot
         return ServiceStatus(
             service=self.config.id,

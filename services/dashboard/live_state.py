@@ -50,12 +50,10 @@ class LiveState:
         self.plan = request, reply, time.monotonic()
 
     def set_ground(self, name: str, probability: float) -> None:
-        """Replace the class of the terrain."""
         self.ground = name, probability, time.time()
         self._count()
 
     def set_proposal(self, proposal: ProposalEntry | None) -> None:
-        """Replace the newest finding."""
         self.proposal = proposal
         self._count()
 
@@ -66,7 +64,6 @@ class LiveState:
         self._count()
 
     def add_change(self, change: HistoryEntry) -> None:
-        """Add a change of a group."""
         with self._lock:
             if change.group not in self._groups and len(self._groups) >= _MAX_GROUPS:
                 return

@@ -32,7 +32,6 @@ class StatusCollector(Collector):
         return []
 
     def collect(self) -> Iterable[Metric]:
-        """All metrics of now."""
         status = self._status()
         parameters = status.parameters
         events = CounterMetricFamily("slopewise_events", "Events since the start.", labels=["kind"])

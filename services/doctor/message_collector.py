@@ -54,7 +54,6 @@ class MessageCollector:
 
 
 def recorded_traffic(bag: Path) -> ObservedTraffic:
-    """Traffic in a recording."""
     collector = MessageCollector()
     with opened(bag) as recording:
         connections = [c for c in recording.reader.connections if c.msgtype in TYPES]

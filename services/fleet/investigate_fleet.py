@@ -93,7 +93,6 @@ def _digest(request: FleetDiscrepancyRequest) -> str:
 
 
 def _model_of(models: str, vehicle: str) -> Path:
-    """Model file of one vehicle."""
     folder = Path(models)
     if not folder.is_dir():
         return find_model(models)

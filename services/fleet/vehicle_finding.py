@@ -154,7 +154,6 @@ def _finding_row(task: VehicleTask, findings: dict[str, Any]) -> Row:
 
 
 def write_row(task: VehicleTask, row: Row) -> None:
-    """Write the row of one vehicle."""
     import pyarrow as pa
 
     text, number = pa.string(), pa.float64()

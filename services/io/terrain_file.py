@@ -36,12 +36,10 @@ class TerrainFile:
 
     @property
     def classes(self) -> TerrainClasses:
-        """The classes alone."""
         return TerrainClasses(name=self.name, terrain=self.terrain)
 
     @property
     def estimator(self) -> EstimatorSettings:
-        """Settings of the estimator."""
         return EstimatorSettings(filter=self.filter, motion=self.motion, resistance=self.resistance)
 
 

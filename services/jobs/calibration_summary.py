@@ -198,7 +198,6 @@ def write_stops(result: CalibrateResult, path: Path) -> None:
 
 
 def write_rejected_stops(rejected: RejectedLogError, path: Path) -> None:
-    """Write one row per stop of a log that calibration rejects."""
     rows = [
         _stop_row(rejected.log, w, w.verdict.name.lower(), w.reason or w.verdict.value)
         for w in rejected.windows

@@ -44,7 +44,6 @@ class ModelComparison(Summary, frozen=True):
 
 
 def compare_models(files: Sequence[Path]) -> ModelComparison:
-    """Read and compare two model files."""
     if len(files) != 2:
         raise InputError("params diff", "", f"expected two model files, got {len(files)}")
     first, second = (read_model(find_model(str(file))) for file in files)

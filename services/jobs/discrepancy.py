@@ -21,7 +21,6 @@ def discrepancy(
     *,
     settings: DiscrepancySettings | None = None,
 ) -> Findings:
-    """Read logs and model, and investigate."""
     model_path = find_model(model_file)
     model = read_model(model_path)
     with progress_bar("comparing", Stage.FINDINGS + 1) as advance:

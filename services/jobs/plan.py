@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,13 +24,10 @@ from slopewise.planner.pipeline.ranking import rank
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 from slopewise.planner.swept.sentences import notes as swept_notes
-from slopewise.services.check.external_plan import plan_of_columns
 from slopewise.services.io.map_file import frame_of
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.no_data import NoData
 from slopewise.services.io.path_file import read_paths
-from slopewise.services.io.plan_file import driven, read_external_plans
-from slopewise.services.jobs.check import CheckResult, check_plans
 from slopewise.services.jobs.ground import read_ground, refuse_topics
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import input_errors
@@ -53,7 +50,6 @@ class PlanResult:
     seconds: float
     uncertainty: Uncertainty | None = None
     explanation: Explanation | None = None
-    check: CheckResult | None = None
     files: tuple[Path, Path] | None = None  # map and model
     settings: PlannerSettings = field(default_factory=PlannerSettings)
     refused: tuple[RefusedPath, ...] = ()
@@ -181,15 +177,3 @@ def plan_paths(
         )
     seconds = time.perf_counter() - begin
     return rank(plans, planner.settings), resampled, seconds
-
-
-def with_check(result: PlanResult, written: Path | None, clear: float) -> PlanResult:
-    """Add the independent check, of the table if one was written, else of the plans."""
-    if written is not None:
-        plans, source = read_external_plans(written), str(written)
-    else:
-        plans, source = [plan_of_columns(driven(plan)) for plan in result.plans], "plan"
-    quantile = 0.5 if result.uncertainty is None else result.uncertainty.quantile
-    model, ground = result.model, result.elevation_map
-    checked = check_plans(plans, model, ground, clear=clear, quantile=quantile, source=source)
-    return replace(result, check=checked)

@@ -13,7 +13,6 @@ from slopewise.planner.explain.explain import Explanation
 from slopewise.planner.plan import SpeedPlan
 from slopewise.services.io.files import sha256_of
 from slopewise.services.io.plan_file import driven, summary
-from slopewise.services.jobs.check import CheckSummary
 from slopewise.services.jobs.plan import PlanResult
 from slopewise.services.jobs.summary import Summary
 
@@ -80,7 +79,6 @@ class PlanSummary(Summary, frozen=True):
     plans: list[dict[str, Any]]
     made_from: MadeFrom | None = None
     explain: ExplanationSummary | None = None
-    check: CheckSummary | None = None
     refused: list[dict[str, str]] = msgspec.field(default_factory=list)
 
 
@@ -100,7 +98,6 @@ def summarise(result: PlanResult, page: Path | None = None) -> PlanSummary:
         "plans": [_plan(plan) for plan in result.plans],
         "made_from": _made_from(result),
         "explain": None if result.explanation is None else _explained(result.explanation),
-        "check": None if result.check is None else result.check.summary,
         "refused": [{**path._asdict(), "status": "refused"} for path in result.refused],
     }
     return PlanSummary(**fields) if page is None else DemoSummary(**fields, page=str(page))

@@ -45,15 +45,16 @@ class ReplayCycle:
 
     time: float  # since the first message [s]
     pose: RecordedPose
-    next_speed: float  # recorded one period later [m/s], NaN at the end
-    status: str
-    reason: str
-    limit: float  # speed of the horizon after one period [m/s]
-    action: str
-    guard_reason: str
-    guard_limit: float  # commanded by the guard [m/s]
+    answer: CycleAnswer
+    decision: Any  # of the guard
     plan_seconds: float
     guard_seconds: float
+    next_speed: float = math.nan  # recorded one period later [m/s], NaN at the end
+
+    @property
+    def limit(self) -> float:
+        """Speed of the horizon after one period [m/s]."""
+        return 0.0 if self.answer.command.stop else self.answer.command.speed
 
     @property
     def slows(self) -> bool:
@@ -172,20 +173,7 @@ class _Replay:
             age=pose.age,
         )
         decided = time.perf_counter()
-        limit = 0.0 if answer.command.stop else answer.command.speed
-        return ReplayCycle(
-            at,
-            pose,
-            math.nan,
-            answer.status.value,
-            answer.reason,
-            limit,
-            decision.action,
-            decision.reason,
-            decision.command.speed,
-            planned - begin,
-            decided - planned,
-        )
+        return ReplayCycle(at, pose, answer, decision, planned - begin, decided - planned)
 
     def _step(self, state: PlanarState, ground: ElevationMap) -> CycleAnswer:
         """A cycle of the horizon without the candidates that cannot be resampled."""

@@ -73,8 +73,8 @@ def summarise(result: ReplayResult) -> ReplaySummary:
         latency=_quantiles([c.plan_seconds for c in cycles]),
         guard_latency=_quantiles([c.guard_seconds for c in cycles]),
         late=sum(c.plan_seconds > result.period for c in cycles),
-        statuses=_causes([(c.status, c.reason, c.time) for c in cycles]),
-        guard=_causes([(c.action, c.guard_reason, c.time) for c in cycles]),
+        statuses=_causes([(c.answer.status.value, c.answer.reason, c.time) for c in cycles]),
+        guard=_causes([(c.decision.action, c.decision.reason, c.time) for c in cycles]),
         slowed=[_slowed(stretch) for stretch in stretches],
         slowed_seconds=result.period * sum(map(len, stretches)),
     )
@@ -100,8 +100,8 @@ def _slowed(stretch: list[ReplayCycle]) -> SlowedRow:
         worst.pose.y,
         worst.next_speed,
         worst.limit,
-        worst.status,
-        worst.reason,
+        worst.answer.status.value,
+        worst.answer.reason,
     )
 
 

@@ -35,7 +35,6 @@ class LimitsGroup(ValueGroup):
     }
 
     def __init__(self, prior: Model, settings: Learning) -> None:
-        """Begin with the model file's limits."""
         super().__init__()
         self._prior, self._path_deviation = prior.limits, prior.max_path_deviation
 

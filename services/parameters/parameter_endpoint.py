@@ -125,7 +125,6 @@ class ParameterEndpoint:
             self._service.close()
 
     def flags(self) -> list[str]:
-        """Warnings of this endpoint."""
         lost = time.monotonic() - self._lost_at < _FLAGGED_FOR
         return ["observations were lost: more came than could be learned from"] if lost else []
 

@@ -106,15 +106,12 @@ class ValueGroup(ParameterGroups):
         self._updated = time.monotonic()
 
     def names(self) -> list[str]:
-        """The one group."""
         return [self.name]
 
     def state(self, group: str) -> State | None:
-        """State for a restart."""
         return {"values": self._values} if self._values else None
 
     def set(self, group: str, values: Mapping[str, float]) -> None:
-        """Apply an operator's values."""
         self._check(values)
         self._replace({**self._values, **values}, 0.0)
 

@@ -39,7 +39,6 @@ class StoreCopy(msgspec.Struct, frozen=True):
 
 
 def copy_path(store: Path) -> Path:
-    """Where the copy of a store is."""
     return store.with_name(store.name + "-last")
 
 
@@ -86,7 +85,6 @@ class ParameterHistory:
     """Versions and stored changes of one vehicle's parameters; one thread."""
 
     def __init__(self, settings: StoreSettings, fingerprint: str) -> None:
-        """Open the store, if the settings name one."""
         self._settings, self._fingerprint = settings, fingerprint
         self.version = 1  # of all parameters; 1 is the model file
         self.last: dict[str, LastChange] = {}  # of each group

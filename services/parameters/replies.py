@@ -44,7 +44,6 @@ def group_message(service: ParameterService, group: str) -> ParameterGroup:
 
 
 def read(service: ParameterService, request: ParameterQuestion) -> ParameterReply:
-    """Reply to a request for parameters."""
     try:
         names = [request.group] if request.group else service.learner.state.names()
         groups = [group_message(service, group) for group in names]

@@ -55,7 +55,6 @@ class BootTime:
 
     @classmethod
     def now(cls) -> BootTime:
-        """The present time."""
         try:
             boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
         except OSError:

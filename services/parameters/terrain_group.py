@@ -44,7 +44,6 @@ class TerrainGroup(ValueGroup):
     units: ClassVar = {"motion_resistance": "1", "lateral_resistance": "1", "slip_track": "m"}
 
     def __init__(self, prior: Model, settings: Learning) -> None:
-        """Begin with the model file's terrain."""
         super().__init__()
         self._prior, self._settings = prior, settings
         self._stds: dict[str, float] = {}

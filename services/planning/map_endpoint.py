@@ -35,7 +35,6 @@ class MapEndpoint:
         self._thread = threading.Thread(target=self._work, name="maps", daemon=True)
 
     def open(self) -> None:
-        """Start to work."""
         self._thread.start()
 
     def declare(self, session: zenoh.Session) -> Any:

@@ -69,7 +69,6 @@ class PlanEndpoint:
         self._threads: list[threading.Thread] = []
 
     def open(self) -> None:
-        """Start to work."""
         workers = [True] + [False] * self._config.planning.workers
         loops: list[Callable[[], None]] = [partial(self._work, driving) for driving in workers]
         for n, loop in enumerate([*loops, self._reply_busy]):

@@ -56,7 +56,6 @@ def draw_figures(**drawings: Drawing) -> dict[str, str]:
 
 
 def svg_uri(figure: Any) -> str:
-    """Data URI of a figure as SVG."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
     return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")

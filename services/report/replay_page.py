@@ -77,7 +77,7 @@ def _draw_speeds(figure: Any, result: ReplayResult) -> None:
     t = [c.time for c in result.cycles]
     axes.plot(t, [c.pose.speed for c in result.cycles], color=INK, lw=1.2, label="driven")
     axes.plot(t, [c.limit for c in result.cycles], color=FIRST, lw=1.0, label="planned")
-    guard = [abs(c.guard_limit) for c in result.cycles]
+    guard = [abs(c.decision.command.speed) for c in result.cycles]
     axes.plot(t, guard, color=THIRD, lw=0.8, label="passed by the guard")
     low, high = axes.get_ylim()
     slow = [c.slows for c in result.cycles]

@@ -29,7 +29,8 @@ from slopewise.services.ros.settings import EdgeSettings
 from slopewise.services.ros.speed_limit import SpeedAdvice
 from slopewise.services.ros.topic_matching import ConnectionWatch
 from slopewise.services.ros.vehicle_state import VehicleState
-from slopewise.services.wire.plan_messages import MapUpdate, Path, Plan, PlanReply
+from slopewise.services.wire.map_message import update_of
+from slopewise.services.wire.plan_messages import Path, Plan, PlanReply
 
 _log = logging.getLogger("slopewise")
 
@@ -283,16 +284,7 @@ class RosEdge:
             self._assumed = ground.assumed
             text = " ".join(ground.assumed) or "no undeclared no-data now"
             _log.warning("%s: %s", self._map, text)
-        update = MapUpdate(
-            source=self._source,
-            sequence=self._maps,
-            elevation=ground.elevation,
-            resolution=ground.resolution,
-            origin=ground.origin,
-            height_std=None if ground.height_std_is_assumed else ground.height_std,
-            correlation_length=ground.correlation_length or None,
-        )
-        self._map_client.put_map(update)
+        self._map_client.put_map(update_of(ground, self._source, self._maps))
 
 
 def _facts_of(reply: PlanReply) -> list[tuple[str, str]]:

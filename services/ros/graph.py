@@ -49,7 +49,6 @@ class Endpoint:
 
     @property
     def scheme(self) -> KeyScheme:
-        """Scheme of its keys."""
         if self.domain is None:
             return KeyScheme.BRIDGED
         return KeyScheme.UNHASHED if self.type_hash == NO_HASH else KeyScheme.HASHED
@@ -91,7 +90,6 @@ class Graph:
         ]
 
     def close(self) -> None:
-        """Unsubscribe."""
         for watcher in self._watchers:
             watcher.undeclare()
 

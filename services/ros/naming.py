@@ -116,7 +116,6 @@ class Attachment:
 
 
 def read_attachment(data: bytes) -> Attachment:
-    """Attachment from its bytes."""
     if len(data) != _ATTACHMENT.size:
         raise ParameterError("attachment", f"{_ATTACHMENT.size} bytes, got {len(data)}")
     sequence, at, size, gid = _ATTACHMENT.unpack(data)

@@ -26,7 +26,6 @@ class Publisher:
         self.channels: list[tuple[Any, bytes]] = []
 
     def send(self, message: Any) -> None:
-        """Send one message."""
         self._sequence += 1
         payload = bytes(typestore().serialize_cdr(message, self.kind))
         now = time.time_ns()
@@ -72,7 +71,6 @@ class Node:
         self._declared: list[Any] = [token]
 
     def __enter__(self) -> Node:
-        """Return the node."""
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
@@ -65,21 +66,13 @@ def surface(ground: ElevationMap, max_vertices: int = _MAX_VERTICES) -> DrawnSur
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Ribbon:
-    """One candidate as a line: what is driven, coloured by speed, and what is not."""
-
-    points: Floats  # (n, 3) [m]
-    colours: NDArray[np.uint8]  # (n, 3)
-
-
-def ribbon(plan: SpeedPlan, fastest: float) -> Ribbon:
-    """A candidate; ``fastest`` gets the last colour [m/s]."""
+def ribbon(plan: SpeedPlan, fastest: float) -> tuple[Floats, NDArray[np.uint8]]:
+    """(n, 3) points of a candidate [m] and their colours; ``fastest`` gets the last one [m/s]."""
     points = np.stack([plan.x, plan.y, plan.z + _LIFT], axis=1)
     driven = int(np.count_nonzero(plan.station <= plan.progress + 1e-9))
     colours = speed_colours(plan.speed, fastest)
     colours[driven:] = NOT_DRIVEN
-    return Ribbon(points, colours)
+    return points, colours
 
 
 def speed_colours(speed: Floats, fastest: float) -> NDArray[np.uint8]:
@@ -112,7 +105,7 @@ def drive(plan: SpeedPlan) -> DrivenPlan:
     moments = np.concatenate(([True], np.diff(plan.time) > 0.0))
     heading = np.unwrap(np.arctan2(np.gradient(plan.y), np.gradient(plan.x)))
     # REP-103: pitch is nose down positive, roll is left side up positive.
-    yaw, pitch, roll = heading[moments], -plan.grade[moments], plan.roll[moments]
+    turns = np.stack([heading, -plan.grade, plan.roll], axis=1)[moments]
     series = {
         "speed_m_s": plan.speed,
         "speed_bound_m_s": plan.speed_bound,
@@ -128,24 +121,8 @@ def drive(plan: SpeedPlan) -> DrivenPlan:
     return DrivenPlan(
         time=plan.time[moments],
         position=np.stack([plan.x, plan.y, plan.z], axis=1)[moments],
-        quaternion=_quaternions(yaw, pitch, roll),
+        quaternion=Rotation.from_euler("ZYX", turns).as_quat(),
         series={name: values[moments] for name, values in series.items()},
-    )
-
-
-def _quaternions(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
-    """(n, 4) x, y, z, w of turns about z, then y, then x [rad]."""
-    cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
-    cp, sp = np.cos(pitch / 2), np.sin(pitch / 2)
-    cr, sr = np.cos(roll / 2), np.sin(roll / 2)
-    return np.stack(
-        [
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-            cr * cp * cy + sr * sp * sy,
-        ],
-        axis=1,
     )
 
 

@@ -77,13 +77,13 @@ def _candidates(plans: Sequence[SpeedPlan], begin: int) -> Any:
     fastest = drawing.fastest_of(plans)
     entities = []
     for plan in plans:
-        line = drawing.ribbon(plan, fastest)
+        points, colours = drawing.ribbon(plan, fastest)
         primitive = messages.LinePrimitive(
             type=messages.LinePrimitiveLineType.LineStrip,
             thickness=_THICK,
             scale_invariant=True,
-            points=[messages.Point3(x=x, y=y, z=z) for x, y, z in line.points.tolist()],
-            colors=[_colour(rgb) for rgb in line.colours.tolist()],
+            points=[messages.Point3(x=x, y=y, z=z) for x, y, z in points.tolist()],
+            colors=[_colour(rgb) for rgb in colours.tolist()],
         )
         facts = {
             "status": plan.status.value,

@@ -60,15 +60,15 @@ def write_rrd(
 def _log_candidates(recording: Any, plans: Sequence[SpeedPlan], origin: Any) -> None:
     fastest = drawing.fastest_of(plans)
     for number, plan in enumerate(plans):
-        line = drawing.ribbon(plan, fastest)
-        points = line.points - origin
+        points, colours = drawing.ribbon(plan, fastest)
+        points = points - origin
         # Each piece has one colour: that of the station it begins at.
         entity = f"map/candidates/{number}"
         recording.log(
             entity,
             rr.LineStrips3D(
                 np.stack([points[:-1], points[1:]], axis=1).astype(np.float32),
-                colors=line.colours[:-1],
+                colors=colours[:-1],
                 radii=rr.Radius.ui_points(2.0),
             ),
             rr.AnyValues(

@@ -89,11 +89,9 @@ class Planning(PlannerSettings):
             raise ParameterError("deadline", expected)
 
     def horizon(self) -> HorizonSettings:
-        """Settings of a client's moving horizon."""
         return HorizonSettings(budget=self.budget, period=self.period)
 
     def planner(self) -> PlannerSettings:
-        """Settings of the candidate planner."""
         values = {f.name: getattr(self, f.name) for f in fields(PlannerSettings)}
         return PlannerSettings(**values)
 

@@ -24,6 +24,21 @@ _MAX_GRID_ERROR = 1e-3
 _MAX_CLASS = 2**20  # exclusive limit of class numbers in a patch, which may name no classes [1]
 
 
+def update_of(ground: ElevationMap, source: str, sequence: int) -> MapUpdate:
+    """The message that sends a whole map."""
+    return MapUpdate(
+        source=source,
+        sequence=sequence,
+        elevation=ground.elevation,
+        resolution=ground.resolution,
+        origin=ground.origin,
+        terrain_class=ground.terrain_class,
+        class_names=list(ground.class_names),
+        height_std=None if ground.height_std_is_assumed else ground.height_std,
+        correlation_length=ground.correlation_length or None,
+    )
+
+
 def apply_update(update: MapUpdate, known: ElevationMap | None) -> ElevationMap:
     """The map after an update; ``known``: before it, None before the first one."""
     if not update.patch:

@@ -30,7 +30,8 @@ def _do_once(folder: Path) -> None:
     pages = ["--out", str(folder / "plan.csv"), "--report", str(folder / "plan.html")]
     learned = ["--out", str(folder / "mine.toml"), "--report", str(folder / "stops.html")]
     for arguments in (
-        ["plan", *given, *pages, "--check"],
+        ["plan", *given, *pages],
+        ["check", pages[1], "--map", given[0], *given[2:]],
         ["calibrate", str(folder / "drive.csv"), "--model", "atv", *learned],
     ):
         app.app(args=arguments, prog_name="slopewise", standalone_mode=False)

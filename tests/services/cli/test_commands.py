@@ -99,7 +99,7 @@ def test_a_real_elevation_map_is_planned_on(tmp_path: Path) -> None:
 GOLDEN = Path(__file__).parents[2] / "golden" / "json_keys.json"
 
 COMMANDS: dict[str, tuple[str, int, str]] = {
-    "plan": ("plan map.npz paths.csv -m atv --speed 1 --explain --check", 0, "best first"),
+    "plan": ("plan map.npz paths.csv -m atv --speed 1 --explain", 0, "best first"),
     "check": ("check good.csv --map level.npz -m quad.toml", 0, "no violation"),
     "check, violations": ("check fast.csv --map level.npz -m quad.toml", 3, "1 with violations"),
     "calibrate": ("calibrate stops.csv -m atv --sheet sheet.html", 0, "stops found: 24"),

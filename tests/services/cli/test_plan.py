@@ -20,7 +20,6 @@ from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.model_file import find_model, read_model, write_model
 from slopewise.services.io.plan_file import read_external_plans
 from slopewise.services.jobs import plan as job
-from slopewise.services.jobs import plan_files
 from slopewise.services.jobs.plan_summary import summarise
 from tests.services.command_line import here
 
@@ -84,8 +83,6 @@ def test_plans_of_another_solver_differ_little(
     for plan in result.plans:
         assert plan.status is expected[plan.candidate].status
         assert plan.travel_time == pytest.approx(expected[plan.candidate].travel_time, rel=0.02)
-    checked = job.with_check(result, None, 12.0).check
-    assert checked.valid
 
 
 def test_the_best_candidate_is_explained(explained: job.PlanResult) -> None:
@@ -152,22 +149,6 @@ def test_check_reads_many_plans_and_the_clear_distance(world: Path) -> None:
     done = here("check", "good.csv", *arguments, "--clear", "10")
     assert done.returncode == 3
     assert {v["kind"] for v in json.loads(done.stdout)["violations"]} == {"stopping_path"}
-
-
-def test_plans_are_checked_as_written(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (world / "line.csv").write_text("x,y\n0,0\n20,0\n")
-    arguments = ("plan", "level.npz", "line.csv", "-m", "quad.toml", "--out", "plan.csv", "--check")
-    checked = json.loads(here(*arguments, "--json").stdout)["check"]
-    assert checked["valid"], checked["violations"][:3]
-    assert checked["plans"][0]["stops"] > 100
-
-    def write_faster(_: job.PlanResult, path: Path) -> None:
-        path.write_text((world / "fast.csv").read_text())
-
-    monkeypatch.setattr(plan_files, "write_plans", write_faster)
-    done = here(*arguments)
-    assert done.returncode == 3
-    assert "with violations" in done.stdout
 
 
 def test_stops_shorter_than_by_the_file_are_reported_by_params_diff(world: Path) -> None:
