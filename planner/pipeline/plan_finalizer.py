@@ -196,8 +196,9 @@ class PlanFinalizer:
             share *= 0.9
             slower = speed_sq * share
             slower[: len(fixed)] = speed_sq[: len(fixed)]
-            creeps = np.flatnonzero(slower[len(fixed) :] <= core.STANDSTILL_SQ)
-            slower[len(fixed) + int(creeps[0]) if len(creeps) else len(slower) :] = 0.0
+            creeps = np.flatnonzero(np.maximum(slower[:-1], slower[1:]) <= core.STANDSTILL_SQ)
+            if len(creeps):
+                slower[max(int(creeps[0]), len(fixed)) :] = 0.0
             verdict = column.judge(slower)
             if verdict.valid:
                 return slower, verdict, f"slowed to {share:.0%} of v²: {name} by {worst:.3g}"

@@ -177,11 +177,12 @@ inline int smooth(const SmoothingProblem& p, double* memory, double* speed_sq) n
   return used;
 }
 
-// Rest from the first of stations begin … stations − 1 on at which the vehicle would hardly move.
-inline void rest_for_good(double* speed_sq, Index begin, Index stations) noexcept {
-  Index k = begin;
-  while (k < stations && speed_sq[k] > standstill_sq) ++k;
-  std::fill(speed_sq + k, speed_sq + std::max(k, stations), 0.0);
+// Rest from the first segment on along which the vehicle would hardly move; the start is as it is.
+inline void rest_for_good(double* speed_sq, Index stations) noexcept {
+  for (Index k = 1; k < stations; ++k) {
+    if (std::max(speed_sq[k - 1], speed_sq[k]) > standstill_sq) continue;
+    std::fill(speed_sq + std::max<Index>(k - 1, 1), speed_sq + stations, 0.0);
+  }
 }
 
 // Solvers keep limits to their tolerance, and may end in creeping; the first station is given.
@@ -190,8 +191,8 @@ inline void keep_inside(const double* speed_sq, const double* speed_sq_max, Inde
   for (Index k = 0; k < stations; ++k) {
     out[k] = std::min(std::max(speed_sq[k], 0.0), speed_sq_max[k]);
   }
-  out[0] = moving(speed_sq_max[0]);
-  rest_for_good(out, 1, stations);
+  out[0] = speed_sq_max[0];
+  rest_for_good(out, stations);
 }
 
 }  // namespace slopewise

@@ -49,11 +49,6 @@ struct ProfileProblem {
   }
 };
 
-// v², 0 where that is hardly a movement.
-[[nodiscard]] inline double moving(double speed_sq) noexcept {
-  return speed_sq > standstill_sq ? speed_sq : 0.0;
-}
-
 // Whether a lane is not 0.0. Masks are doubles: a bool beside doubles ends vectorisation silently.
 inline bool any_of(const Lane& masks, Index lanes) noexcept {
   std::int64_t bits = 0;
@@ -75,10 +70,12 @@ inline bool slow_down(const ProfileProblem& p, Index k, Index lanes, double dece
   double* __restrict out = p.speed_sq.at(k);
   double* __restrict mask_of = weak.data();
   const double required = decel / gravity * decel_rounding;
-  const double least = k > 0 ? standstill_sq : 0.0;  // the start is as it is
+  const double* bound_ahead = p.speed_sq_max.at(k + 1);
+  const double creeping = k > 0 ? standstill_sq : -1.0;  // the start is as it is
   SLOPEWISE_INDEPENDENT
   for (Index j = 0; j < lanes; ++j) {
-    const double top = bound[j] > least ? bound[j] : 0.0, ds = s_ahead[j] - s[j];
+    const double ds = s_ahead[j] - s[j];
+    const double top = max_of(bound[j], bound_ahead[j]) <= creeping ? 0.0 : bound[j];
     out[j] = min_of(top, after[j] + 2.0 * ds * decel);
     const double slope = min_of(slope_0[j], slope_1[j]);
     const double spare = min_of(force_0[j] + sine_0[j], force_1[j] + sine_1[j]) - required;
@@ -176,17 +173,19 @@ inline void power_up(const ProfileProblem& p, Index k, Index lanes, double speci
   }
 }
 
-// Rest from the first station after the start on at which the vehicle would hardly move: to creep on
-// would take hours.
+// Rest from the first segment on along which the vehicle would hardly move: to creep takes hours.
 inline void rest_for_good(const ProfileProblem& p, Index lanes) noexcept {
-  Lane before;
-  before.fill(1.0);
+  Lane moves;
+  moves.fill(1.0);
   for (Index k = 1; k < p.stations; ++k) {
-    double* speed_sq = p.speed_sq.at(k);
+    double* __restrict last = p.speed_sq.at(k - 1);
+    double* __restrict speed_sq = p.speed_sq.at(k);
     SLOPEWISE_INDEPENDENT
     for (Index j = 0; j < lanes; ++j) {
       const auto n = static_cast<std::size_t>(j);
-      speed_sq[j] = before[n] = before[n] > 0.0 ? moving(speed_sq[j]) : 0.0;
+      moves[n] = max_of(last[j], speed_sq[j]) <= standstill_sq ? 0.0 : moves[n];
+      last[j] *= k > 1 ? moves[n] : 1.0;
+      speed_sq[j] *= moves[n];
     }
   }
 }
@@ -199,8 +198,7 @@ inline void solve_time_optimal(const ProfileProblem& problem, const Limits& limi
     const ProfileProblem p = problem.from(tile.first);
     const Index last = p.stations - 1, lanes = tile.lanes;
     Lane weak;
-    const double* end = p.speed_sq_max.at(last);
-    for (Index j = 0; j < lanes; ++j) p.speed_sq.at(last)[j] = moving(end[j]);
+    std::copy_n(p.speed_sq_max.at(last), lanes, p.speed_sq.at(last));
     for (Index k = last - 1; k >= 0; --k) {
       if (slow_down(p, k, lanes, limits.decel, weak)) brake(p, k, lanes, weak);
     }

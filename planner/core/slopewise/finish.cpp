@@ -84,7 +84,7 @@ class Finisher {
       slowed = true;
       for (std::size_t k = 1; k < size(); ++k) speed_sq[k] *= slowing_share;
       speed_sq[0] = start_sq;
-      rest_for_good(speed_sq.data(), 1, n_);
+      rest_for_good(speed_sq.data(), n_);
       valid = verified(speed_sq);
     }
     return valid;

@@ -51,7 +51,7 @@ def powered(row: Any, ahead: Any, before: float, top: float, specific_power: flo
 def time_optimal(rows: list[Any], start_sq: float, decel: float, power: float) -> np.ndarray:
     """v² of one candidate; rows are its stations, with the names of ProfileProblem."""
     v_sq = np.array([row.speed_sq_max for row in rows])
-    v_sq[1:][v_sq[1:] <= STANDSTILL_SQ] = 0.0
+    v_sq[1:-1][np.maximum(v_sq[1:-1], v_sq[2:]) <= STANDSTILL_SQ] = 0.0
     for k in range(len(rows) - 2, -1, -1):
         reach = v_sq[k + 1] + 2.0 * (rows[k + 1].station - rows[k].station) * decel
         v_sq[k] = min(v_sq[k], reach, braked(rows[k], rows[k + 1], v_sq[k + 1]))
@@ -61,8 +61,8 @@ def time_optimal(rows: list[Any], start_sq: float, decel: float, power: float) -
         accel = min(row.accel_max, ahead.accel_max)
         top = min(v_sq[k + 1], v_sq[k] + 2.0 * (ahead.station - row.station) * accel)
         v_sq[k + 1] = powered(row, ahead, v_sq[k], top, power)
-    creeps = 1 + np.flatnonzero(v_sq[1:] <= STANDSTILL_SQ)
-    v_sq[creeps[0] if len(creeps) else len(rows) :] = 0.0
+    creeps = np.flatnonzero(np.maximum(v_sq[:-1], v_sq[1:]) <= STANDSTILL_SQ)
+    v_sq[max(creeps[0], 1) if len(creeps) else len(rows) :] = 0.0
     return v_sq
 
 

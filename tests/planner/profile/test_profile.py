@@ -62,13 +62,16 @@ def test_the_start_is_unchanged_and_rest_stays_rest() -> None:
 @pytest.mark.parametrize("bound", [2e-5, 8e-4, 0.0])
 def test_no_vehicle_creeps_on(bound: float) -> None:
     r = road(81, 0.25, bound=3.0)
-    r.bound[60] = bound
+    r.bound[60:62] = bound
     fastest, _ = r.solve()
     smooth_one = smooth(problem_of(r, 2.0)).speed_sq
     assert smooth_one is not None
     for speed_sq in (fastest, smooth_one):
         assert np.all(speed_sq[60:] == 0.0)
         assert np.all(speed_sq[1:60] > 0.01)
+    r.bound[61] = 3.0
+    past_one_station, _ = r.solve()
+    assert np.all(past_one_station[61:-1] > 0.01)
 
 
 @pytest.mark.parametrize("start_accel", [-1.0, 0.0, 1.0])
