@@ -182,6 +182,8 @@ def segment_limits(
     speed_sq: Floats,
     accel_max: Floats,
     demand: Floats,
+    lift: Floats,
+    lift_per_speed_sq: Floats,
     braking_intercept: Floats,
     limits: object,
 ) -> tuple[Floats, Floats]: ...

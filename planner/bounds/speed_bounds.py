@@ -47,6 +47,8 @@ class SpeedBounds:
         speed_sq_max: highest v² with which v² may be linear between stations [m²/s²].
         limiting: which bound that is, as :class:`Limiting`.
         accel_max: highest acceleration by comfort, thrust and front axle load [m/s²].
+        lift, lift_per_speed_sq: in a turn the wheel that bank and turn unload allows an
+            acceleration of lift − lift_per_speed_sq v² [m/s²], [1/m].
         demand: thrust that holds the speed, as a share of the weight.
         clear_distance: (M,) station up to which the vehicle may stop [m].
         barrier: (M,) what ends the clear distance, as :class:`Limiting`; STOPPING_PATH if it is
@@ -60,6 +62,8 @@ class SpeedBounds:
     speed_sq_max: Floats
     limiting: Ints
     accel_max: Floats
+    lift: Floats
+    lift_per_speed_sq: Floats
     demand: Floats
     clear_distance: Floats
     barrier: Ints
@@ -97,12 +101,14 @@ def speed_bounds(
         clear,
         planning_limits(model)._replace(holding=0.0 if holds_anywhere else 1.0),
     )
-    speed_sq_max, accel_max, demand, lower_slope, lower_intercept = rows
+    speed_sq_max, accel_max, lift, lost, demand, lower_slope, lower_intercept = rows
     left = replace(ground, lower_slope=lower_slope, lower_intercept=lower_intercept)
     return SpeedBounds(
         speed_sq_max,
         codes,
         accel_max,
+        lift,
+        lost,
         demand,
         clear_distance,
         barrier,

@@ -7,6 +7,7 @@ column belongs to one plan.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,16 @@ from slopewise.planner.profile.time_optimal import ProfileProblem, time_optimal_
 from slopewise.planner.verify.ground import GroundFinding, first_blocked
 from slopewise.planner.verify.judge import Judgement, check
 from slopewise.planner.verify.track import track_of
+
+
+class ChangeBounds(NamedTuple):
+    """Bounds on the changes of speed at the stations, (N,) each, as in ``SpeedBounds``."""
+
+    accel_max: Floats
+    demand: Floats
+    lift: Floats
+    lift_per_speed_sq: Floats
+    braking_intercept: Floats
 
 
 class CandidateColumn:
@@ -74,10 +85,10 @@ class CandidateColumn:
         self.speed_sq_max = bounds.speed_sq_max[first:n, j]
         self.bound = self.speed_sq_max.copy()
         self.label = np.ascontiguousarray(bounds.limiting[first:n, j])
-        self._accel_max, self.demand, self._braking_intercept = (
-            np.ascontiguousarray(array[first:n, j])
-            for array in (bounds.accel_max, bounds.demand, ground.braking_intercept)
-        )
+        rows = bounds.accel_max, bounds.demand, bounds.lift, bounds.lift_per_speed_sq
+        columns = (np.ascontiguousarray(a[first:n, j]) for a in (*rows, ground.braking_intercept))
+        self._changes = ChangeBounds(*columns)
+        self.demand = self._changes.demand
         self._motion, self.errors = ground.motion, ground.errors
         self._sine = np.sin(self.track.grade)
         self.blocked: GroundFinding | None = None
@@ -179,18 +190,21 @@ class CandidateColumn:
             return np.ascontiguousarray(array[begin:, None])
 
         track = self.track
+        accel_max, demand, lift, lift_per_speed_sq, braking = map(column, self._changes)
         problem = ProfileProblem(
             column(track.station),
             column(self.bound),
             column(self._sine),
             column(track.lower_slope),
-            column(self._braking_intercept),
+            braking,
             column(track.slowest),
-            column(self._accel_max),
-            column(self.demand),
+            accel_max,
+            demand,
             np.array([start_sq]),
             self.scalars.decel,
             self.scalars.specific_power,
+            lift,
+            lift_per_speed_sq,
         )
         answer, reachable = time_optimal_profile(problem)
         return answer[:, 0], float(reachable[0])
@@ -201,7 +215,7 @@ class CandidateColumn:
         slow = float(track.slowest[k])
         fast = max(float(np.sqrt(speed_sq)), slow)
         force = min(slow * track.lower_slope[k], fast * track.lower_slope[k])
-        force += self._braking_intercept[k]
+        force += self._changes.braking_intercept[k]
         return float(GRAVITY * (force + self._sine[k]))
 
     def rest_at(self, rest: float, k: int) -> None:
@@ -231,8 +245,7 @@ class CandidateColumn:
 
         (N − 1,) each, both >= 0 [m/s²].
         """
-        rows = self._accel_max, self.demand, self._braking_intercept
-        return core.segment_limits(self.track, speed_sq, *rows, self.scalars)
+        return core.segment_limits(self.track, speed_sq, *self._changes, self.scalars)
 
     def limiting(self, speed_sq: Floats, accel: Floats, smoothed: bool) -> Ints:
         """What holds a profile at each station, (N,) codes of :class:`Limiting`.

@@ -27,6 +27,7 @@ class ProfileProblem(NamedTuple):
         accel_max: by comfort, thrust and front axle load [m/s²].
         demand: share of the weight that holding the speed costs.
         start_sq: (M,) v² at the first station [m²/s²].
+        lift, lift_per_speed_sq: as of :class:`SpeedBounds`; None where nothing turns.
         decel: service deceleration, inf to brake as hard as the model allows [m/s²].
         specific_power: drive power / weight [m/s].
     """
@@ -42,6 +43,8 @@ class ProfileProblem(NamedTuple):
     start_sq: Floats
     decel: float
     specific_power: float
+    lift: Floats | None = None
+    lift_per_speed_sq: Floats | None = None
 
 
 def profile_problem(
@@ -64,6 +67,8 @@ def profile_problem(
         start_sq,
         limits.decel,
         limits.specific_power,
+        bounds.lift,
+        bounds.lift_per_speed_sq,
     )
 
 

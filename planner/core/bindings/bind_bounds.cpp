@@ -13,7 +13,7 @@ std::tuple<Made<double>, Made<Label>, Made<Label>, Made<std::int64_t>, Made<doub
   const Index n = t.stations, m = t.candidates;
   if (n < 2 || m < 1) throw nb::value_error("profile: expected a candidate and two stations");
   expect_shape("clear", clear, {m});
-  const auto rows = make_rows(5, n, m);
+  const auto rows = make_rows(7, n, m);
   const auto limiting = make_rows<Label>(n, m);
   const auto barrier = make_array<Label>(m);
   const auto barrier_station = make_array<std::int64_t>(m);
@@ -31,7 +31,7 @@ std::tuple<Made<double>, Made<Label>, Made<Label>, Made<std::int64_t>, Made<doub
       nb::cast<bool>(ground.attr("closed_form"))};
   const auto row = [&](Index r) { return Rows<double>{rows.data() + r * n * m, m}; };
   const Bounds out{row(0), {limiting.data(), m}, row(1), row(2), row(3), row(4),
-                   barrier.data(), barrier_station.data(), clear_distance.data()};
+                   row(5), row(6), barrier.data(), barrier_station.data(), clear_distance.data()};
   BoundMemory& memory = BoundMemory::of_thread(n, m);
   const nb::gil_scoped_release release;
   bound_speeds(problem, out, memory);

@@ -17,7 +17,10 @@ std::tuple<Made<double>, Made<double>> time_optimal(const nb::handle& problem) {
   const auto speed_sq = make_rows(n, m), reachable_start_sq = make_array(m);
   const ProfileProblem of{n, m, rows("station"), rows("speed_sq_max"), rows("sin_grade"),
                           rows("lower_slope"), rows("lower_intercept"), rows("slowest"),
-                          rows("accel_max"), rows("demand"), {speed_sq.data(), m}};
+                          rows("accel_max"), rows("demand"),
+                          rows_of<double>("lift", problem.attr("lift"), n, m),
+                          rows_of<double>("lift_per_speed_sq", problem.attr("lift_per_speed_sq"), n, m),
+                          {speed_sq.data(), m}};
   const double* start_sq = member_line<double>(problem, "start_sq", m);
   const Limits limits{number("decel"), number("specific_power")};
   const nb::gil_scoped_release release;

@@ -135,15 +135,18 @@ std::tuple<int, double, double, double, double> blocked(const Input2& elevation,
 
 std::tuple<Made<double>, Made<double>> segment_limits(
     const Columns& track, const Input1& speed_sq, const Input1& accel_max, const Input1& demand,
-    const Input1& braking_intercept, const nb::handle& limits) {
+    const Input1& lift, const Input1& lift_per_speed_sq, const Input1& braking_intercept,
+    const nb::handle& limits) {
   const Track on = track_of(track);
-  for (const Input1* column : {&speed_sq, &accel_max, &demand, &braking_intercept}) {
+  for (const Input1* column : {&speed_sq, &accel_max, &demand, &lift, &lift_per_speed_sq,
+                               &braking_intercept}) {
     expect_shape("speed_sq, bounds", *column, {on.stations});
   }
   const auto accel = make_array(on.last()), decel = make_array(on.last());
   const Vehicle vehicle = vehicle_of(limits);
   const nb::gil_scoped_release release;
-  limit_segments(on, speed_sq.data(), {accel_max.data(), demand.data(), braking_intercept.data()},
+  limit_segments(on, speed_sq.data(), {accel_max.data(), demand.data(), lift.data(),
+                                     lift_per_speed_sq.data(), braking_intercept.data()},
                  vehicle, accel.data(), decel.data());
   return {accel, decel};
 }

@@ -36,6 +36,8 @@ struct Bounds {
   Rows<double> speed_sq_max;                 // v² [m²/s²]
   Rows<Label> limiting;                      // which bound that is
   Rows<double> accel_max;                    // by comfort, thrust and front axle load [m/s²]
+  // In a turn the wheel that bank and turn unload allows lift − lift_per_speed_sq v² [m/s²], [1/m].
+  Rows<double> lift, lift_per_speed_sq;
   Rows<double> demand;                       // thrust that holds the speed, over the weight
   Rows<double> lower_slope, lower_intercept; // what friction and crests leave of the lower bound
   Label* barrier;                            // what ends the clear distance
@@ -44,7 +46,8 @@ struct Bounds {
 
   [[nodiscard]] Bounds from(Index first) const noexcept {
     return {speed_sq_max.from(first), limiting.from(first),        accel_max.from(first),
-            demand.from(first),       lower_slope.from(first),     lower_intercept.from(first),
+            lift.from(first),         lift_per_speed_sq.from(first), demand.from(first),
+            lower_slope.from(first),  lower_intercept.from(first),
             barrier + first,          barrier_station + first,     clear_distance + first};
   }
 };

@@ -42,7 +42,7 @@ struct PointRow {
   const double *path_speed, *rough_speed, *steering_speed, *excess, *friction, *top;
   const std::int64_t* hazard;
   const unsigned char *known, *trained;  // as bytes: gcc widens no bools
-  double *left_slope, *left_intercept, *speed_sq_max, *accel_max, *demand;
+  double *left_slope, *left_intercept, *speed_sq_max, *accel_max, *lift, *lift_per_speed_sq, *demand;
   Label *limiting, *barrier;
   std::int64_t* barrier_station;
   PointLanes* passed;
@@ -62,6 +62,7 @@ struct PointRow {
         trained(reinterpret_cast<const unsigned char*>(p.forces.trained.at(k))),
         left_slope(out.lower_slope.at(k)), left_intercept(out.lower_intercept.at(k)),
         speed_sq_max(out.speed_sq_max.at(k)), accel_max(out.accel_max.at(k)),
+        lift(out.lift.at(k)), lift_per_speed_sq(out.lift_per_speed_sq.at(k)),
         demand(out.demand.at(k)), limiting(out.limiting.at(k)), barrier(out.barrier),
         barrier_station(out.barrier_station), passed(&lanes) {}
 
@@ -127,10 +128,13 @@ inline void drive(const PointRow& row, const Vehicle v, std::size_t lanes) noexc
     const double resistance = v.resistance + v.turning_drag * stance.bend();
     const double held = stance.sine + resistance * stance.cosine;
     const double thrust = gravity * (min_of(v.specific_force, row.passed->grip[j]) - held);
-    // Bank and drive take load from the same front wheel.
-    const double kept = stance.upright - v.side_lever * std::fabs(stance.bank) - v.min_load;
-    const double lifting = gravity * (kept * per_lever - stance.sine);
+    // Bank, turn and drive take load from the same front wheel.
+    const double level = gravity * ((stance.upright - v.min_load) * per_lever - stance.sine);
+    const double across = v.side_lever * per_lever;
+    const double lifting = level - gravity * across * std::fabs(stance.bank);
     row.accel_max[j] = max_of(min_of(v.accel, min_of(thrust, lifting)), 0.0);
+    row.lift[j] = level - gravity * across * stance.outward();
+    row.lift_per_speed_sq[j] = across * stance.bend() / stance.cos_lean;
     row.demand[j] = held;
   }
 }

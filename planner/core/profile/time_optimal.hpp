@@ -39,13 +39,15 @@ struct ProfileProblem {
   Numbers slowest;         // below it the force does not change with speed [m/s]
   Numbers accel_max;       // by comfort, thrust and front axle load [m/s²]
   Numbers demand;          // thrust that holds the speed, over weight [1]
+  Numbers lift, lift_per_speed_sq;  // lift − lift_per_speed_sq v² by front wheels in turns [m/s²], [1/m]
   Rows<double> speed_sq;   // out, v² of the profile [m²/s²]
 
   // Candidates from this one on.
   [[nodiscard]] ProfileProblem from(Index first) const noexcept {
     return {stations, candidates - first, station.from(first), speed_sq_max.from(first),
             sin_grade.from(first), lower_slope.from(first), lower_intercept.from(first),
-            slowest.from(first), accel_max.from(first), demand.from(first), speed_sq.from(first)};
+            slowest.from(first), accel_max.from(first), demand.from(first), lift.from(first),
+            lift_per_speed_sq.from(first), speed_sq.from(first)};
   }
 };
 
@@ -113,6 +115,21 @@ inline void brake(const ProfileProblem& p, Index k, Index lanes, const Lane& wea
     braked = half > 0.0 ? braked : min_of(speed * speed, braked);
     const double before = out[j], lowered = min_of(before, max_of(braked, 0.0));
     out[j] = mask_of[j] > 0.0 ? lowered : before;
+  }
+}
+
+// Lower the next station to what keeps every front wheel loaded: the faster end of the segment counts.
+inline void turn(const ProfileProblem& p, Index k, Index lanes) noexcept {
+  const double *s = p.station.at(k), *s_ahead = p.station.at(k + 1);
+  const double *lift_0 = p.lift.at(k), *lift_1 = p.lift.at(k + 1);
+  const double *lost_0 = p.lift_per_speed_sq.at(k), *lost_1 = p.lift_per_speed_sq.at(k + 1);
+  const double* __restrict before = p.speed_sq.at(k);
+  double* __restrict out = p.speed_sq.at(k + 1);
+  SLOPEWISE_INDEPENDENT
+  for (Index j = 0; j < lanes; ++j) {
+    const double twice = 2.0 * (s_ahead[j] - s[j]), lost = max_of(lost_0[j], lost_1[j]);
+    const double most = (before[j] + twice * min_of(lift_0[j], lift_1[j])) / (1.0 + twice * lost);
+    out[j] = min_of(out[j], max_of(before[j], most));
   }
 }
 
@@ -206,6 +223,7 @@ inline void solve_time_optimal(const ProfileProblem& problem, const Limits& limi
     std::copy_n(first, lanes, reachable_start_sq + tile.first);
     for (Index j = 0; j < lanes; ++j) first[j] = min_of(first[j], start_sq[tile.first + j]);
     for (Index k = 0; k < last; ++k) {
+      if (p.lift.data != nullptr) turn(p, k, lanes);
       if (speed_up(p, k, lanes, limits.specific_power, weak)) {
         power_up(p, k, lanes, limits.specific_power, weak);
       }

@@ -57,7 +57,7 @@ struct Planner::Candidates {
 
   bool solved = false;
   double start_sq = 0.0;
-  OwnRows speed_sq_max, accel_max, demand, slope_left, force_left, speed_sq;
+  OwnRows speed_sq_max, accel_max, lift, lift_per_speed_sq, demand, slope_left, force_left, speed_sq;
   std::vector<Label> limiting, barrier;
   std::vector<std::int64_t> barrier_station;
   std::vector<double> clear_distance, reachable;

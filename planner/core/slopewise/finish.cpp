@@ -34,7 +34,7 @@ class Finisher {
         terms_{model.weighed, model.limits, model.motion, model.errors, model.steering, false, points_between, time_step, true} {}
 
   // Columns of the candidate, (N,) each.
-  Numbers1 track, even, bound, accel_max, demand, start_bound, accel, decel;
+  Numbers1 track, even, bound, accel_max, lift, lift_per_speed_sq, demand, start_bound, accel, decel;
   std::vector<Label> label;
   double clear = 0.0, offset = 0.0, start_sq = 0.0;
 
@@ -65,7 +65,8 @@ class Finisher {
     double reachable = 0.0;
     solve_time_optimal({n_, 1, {on.station, 1}, {bound.data(), 1}, {sine.data(), 1},
                         {on.lower_slope, 1}, {on.lower_intercept, 1}, {on.slowest, 1},
-                        {accel_max.data(), 1}, {demand.data(), 1}, {speed_sq.data(), 1}},
+                        {accel_max.data(), 1}, {demand.data(), 1}, {lift.data(), 1},
+                        {lift_per_speed_sq.data(), 1}, {speed_sq.data(), 1}},
                        {model_.limits.decel, model_.limits.specific_power}, &start_sq, &reachable);
     return reachable >= start_sq - start_rounding;
   }
@@ -94,7 +95,7 @@ class Finisher {
     const verify::Track on = columns_of(track);
     accel.resize(size());
     decel.resize(size());
-    verify::limit_segments(on, speed_sq.data(), {accel_max.data(), demand.data(),
+    verify::limit_segments(on, speed_sq.data(), {accel_max.data(), demand.data(), lift.data(), lift_per_speed_sq.data(),
                                                  on.lower_intercept},
                            model_.limits, accel.data(), decel.data());
   }
@@ -207,6 +208,8 @@ Finisher finisher_of(const Planner::Candidates& c, Index j) {
   f.even = columns_with(c.force_lower_slope, c.force_lower);
   f.bound = column(c.speed_sq_max);
   f.accel_max = column(c.accel_max);
+  f.lift = column(c.lift);
+  f.lift_per_speed_sq = column(c.lift_per_speed_sq);
   f.demand = column(c.demand);
   for (Index k = 0; k < n; ++k) {
     f.label.push_back(c.limiting[static_cast<std::size_t>(k * c.candidates + j)]);

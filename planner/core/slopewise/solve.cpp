@@ -28,7 +28,8 @@ void Planner::solve(double start_speed, double clear) {
   expect(clear >= 0.0, "clear: expected a distance >= 0");
   const auto cells = static_cast<std::size_t>(c.stations * c.candidates);
   const auto lanes = static_cast<std::size_t>(c.candidates);
-  c.allocate({&c.speed_sq_max, &c.accel_max, &c.demand, &c.slope_left, &c.force_left, &c.speed_sq});
+  c.allocate({&c.speed_sq_max, &c.accel_max, &c.lift, &c.lift_per_speed_sq, &c.demand,
+              &c.slope_left, &c.force_left, &c.speed_sq});
   c.limiting.assign(cells, 0);
   c.barrier.assign(lanes, 0);
   c.barrier_station.assign(lanes, 0);
@@ -42,14 +43,15 @@ void Planner::solve(double start_speed, double clear) {
       c.sliding_friction(), free.data(), c.model.errors, c.model.limits, c.model.motion, true};
   bound_speeds(problem,
                {c.speed_sq_max.rows(), {c.limiting.data(), c.candidates}, c.accel_max.rows(),
-                c.demand.rows(), c.slope_left.rows(), c.force_left.rows(), c.barrier.data(),
+                c.lift.rows(), c.lift_per_speed_sq.rows(), c.demand.rows(), c.slope_left.rows(), c.force_left.rows(), c.barrier.data(),
                 c.barrier_station.data(), c.clear_distance.data()},
                BoundMemory::of_thread(c.stations, c.candidates));
   c.start_sq = start_speed * start_speed;
   const std::vector<double> start(lanes, c.start_sq);
   solve_time_optimal({c.stations, c.candidates, c.station.read(), c.speed_sq_max.read(),
                       c.sin_grade.read(), c.slope_left.read(), c.force_left.read(),
-                      c.slowest.read(), c.accel_max.read(), c.demand.read(), c.speed_sq.rows()},
+                      c.slowest.read(), c.accel_max.read(), c.demand.read(), c.lift.read(),
+                      c.lift_per_speed_sq.read(), c.speed_sq.rows()},
                      {c.model.limits.decel, c.model.limits.specific_power}, start.data(),
                      c.reachable.data());
   c.solved = true;

@@ -18,6 +18,7 @@ inline constexpr double nearly_all = 0.99;
 struct ChangeBounds {
   const double* accel_max;          // [m/s²]
   const double* demand;             // thrust that holds the speed, over weight [1]
+  const double *lift, *lift_per_speed_sq;  // as in ProfileProblem
   const double* braking_intercept;  // of the lower bound of F_b/W [1]
 };
 
@@ -40,7 +41,10 @@ inline void limit_segments(const Track& track, const double* speed_sq, const Cha
                least_force(k + 1, fast) + bounds.braking_intercept[k + 1] + sine);
     const double powered =
         gravity * (n.specific_power / fast - max_of(bounds.demand[k], bounds.demand[k + 1]));
-    accel[k] = max_of(min_of(min_of(bounds.accel_max[k], bounds.accel_max[k + 1]), powered), 0.0);
+    const double lost = max_of(bounds.lift_per_speed_sq[k], bounds.lift_per_speed_sq[k + 1]);
+    const double lifting = min_of(bounds.lift[k], bounds.lift[k + 1]) - lost * fast * fast;
+    const double most = min_of(min_of(bounds.accel_max[k], bounds.accel_max[k + 1]), lifting);
+    accel[k] = max_of(min_of(most, powered), 0.0);
     decel[k] = max_of(min_of(gravity * braking, n.decel), 0.0);
     sine_before = sine;
   }

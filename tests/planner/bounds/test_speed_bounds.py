@@ -150,6 +150,14 @@ def test_every_station_keeps_to_the_lowest_of_the_laws(
     assert bounds.accel_max[0, 0] == pytest.approx(
         allowed_accel(model, grade, roll, curvature), rel=1e-6, abs=1e-9
     )
+    # Moments about the outer wheels, at the highest speed of the station.
+    v = model.vehicle
+    level = tip_over.drive_accel_limit(grade, roll, v.cg_x, v.cg_z, model.limits.min_load)
+    outward = G * np.cos(grade) * np.sin(roll) * (1.0 if curvature > 0.0 else -1.0)
+    outward += abs(curvature) * speed**2 / np.cos(roll)
+    assert bounds.lift[0, 0] - bounds.lift_per_speed_sq[0, 0] * speed**2 == pytest.approx(
+        level - 2.0 * v.cg_x / v.track_width * outward, rel=1e-6, abs=1e-9
+    )
 
 
 def first_barrier(model: Model, grade: float, roll: float) -> tuple[str, float]:

@@ -59,7 +59,14 @@ def time_optimal(rows: list[Any], start_sq: float, decel: float, power: float) -
     for k in range(len(rows) - 1):
         row, ahead = rows[k], rows[k + 1]
         accel = min(row.accel_max, ahead.accel_max)
-        top = min(v_sq[k + 1], v_sq[k] + 2.0 * (ahead.station - row.station) * accel)
+        step = 2.0 * (ahead.station - row.station)
+        top = min(v_sq[k + 1], v_sq[k] + step * accel)
+        # Where v² = before + step (lift − lost v²); it never slows down.
+        lost = max(row.lift_per_speed_sq, ahead.lift_per_speed_sq)
+        turned = np.linalg.solve(
+            [[1.0 / step + lost]], [v_sq[k] / step + min(row.lift, ahead.lift)]
+        )
+        top = min(top, max(float(turned[0]), v_sq[k]))
         v_sq[k + 1] = powered(row, ahead, v_sq[k], top, power)
     creeps = np.flatnonzero(np.maximum(v_sq[:-1], v_sq[1:]) <= STANDSTILL_SQ)
     v_sq[max(creeps[0], 1) if len(creeps) else len(rows) :] = 0.0

@@ -44,8 +44,12 @@ def random_problem(seed: int, n: int = 40, m: int = 3) -> ProfileProblem:
 @pytest.mark.parametrize("seed", range(12))
 def test_profiles_and_costs_are_as_defined(seed: int) -> None:
     problem = random_problem(seed)
+    rng, shape = np.random.default_rng(seed), problem.station.shape
+    problem = problem._replace(
+        lift=rng.uniform(-0.5, 2.0, shape), lift_per_speed_sq=rng.uniform(0.0, 1.0, shape)
+    )
     speed_sq, _ = time_optimal_profile(problem)
-    columns = ProfileProblem._fields[:8]
+    columns = *ProfileProblem._fields[:8], "lift", "lift_per_speed_sq"
     for j in range(speed_sq.shape[1]):
         rows = [
             SimpleNamespace(**{name: getattr(problem, name)[k, j] for name in columns})

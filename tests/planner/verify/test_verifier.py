@@ -281,4 +281,5 @@ def test_the_front_wheel_keeps_its_load_under_drive_and_bank(path: CandidatePath
     lengthwise = 0.8 / 0.38 * (np.maximum(accel, 0.0) / 9.80665 + np.sin(plan.grade))
     wheel = np.cos(plan.grade) * np.cos(plan.roll) - lengthwise - sideways
     assert plan.speed.max() > 0.5
+    assert not plan.reason.startswith("slowed")
     assert wheel[accel > 0.0].min() >= 0.10 - 0.005
