@@ -135,8 +135,8 @@ def speed_bounds(
     speed_limit: Floats | None,
     clear: Floats,
     vehicle: PlanningLimits,
+    curves: Floats | None,
 ) -> tuple[Floats, Ints, Ints, Ints, Floats]: ...
-def speed_excess(profile: TerrainProfile, ground: BrakingGround, resistance: float) -> Floats: ...
 def onset_speed(slope_sum: float, intercept_sum: float, slowest: float) -> float: ...
 
 # Verification and labels; `terms` is a `Terms`, `limits` a `PlanningLimits`, `track` a `Track`.

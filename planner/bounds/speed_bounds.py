@@ -32,9 +32,6 @@ from slopewise.planner.swept.hazards import Hazards, nothing_looked_for
 HOLDING = core.HOLDING
 """Least F_b/W + sin θ: below it the brakes hardly slow the vehicle, let alone stop it."""
 
-SPENT = core.SPENT
-"""Share of what the brakes have beyond :data:`HOLDING` that a crest may take."""
-
 STOP_GUARD = core.STOP_GUARD
 """Kept free between stopping path and clear distance, above all errors of integration [m]."""
 
@@ -81,6 +78,7 @@ def speed_bounds(
     hazards: Hazards | None = None,
     *,
     holds_anywhere: bool = False,
+    curves: Floats | None = None,
 ) -> SpeedBounds:
     """Bounds on speed along candidates.
 
@@ -92,6 +90,8 @@ def speed_bounds(
         speed_limit: (N, M) limits of the path itself [m/s].
         hazards: what body and wheels meet; left out, nothing.
         holds_anywhere: for what-if questions: a vehicle at rest is held on any slope.
+        curves: (len(Limiting), N) receives v² that each bound at a station individually allows the
+            first candidate, where it says anything [m²/s²].
     """
     rows, codes, barrier, barrier_station, clear_distance = core.speed_bounds(
         profile,
@@ -100,6 +100,7 @@ def speed_bounds(
         speed_limit,
         clear,
         planning_limits(model)._replace(holding=0.0 if holds_anywhere else 1.0),
+        curves,
     )
     speed_sq_max, accel_max, lift, lost, demand, lower_slope, lower_intercept = rows
     left = replace(ground, lower_slope=lower_slope, lower_intercept=lower_intercept)
@@ -116,14 +117,3 @@ def speed_bounds(
         left,
         ground if crest_share(model.effect) is None else left,
     )
-
-
-def speed_excess(profile: TerrainProfile, ground: BrakingGround, resistance: float) -> Floats:
-    """Speed beyond the planned one that a stop may begin with, (N, M) [m/s].
-
-    Args:
-        profile: terrain under the wheels.
-        ground: braking along the candidates, with its errors.
-        resistance: f_r, motion resistance as a share of the weight [1].
-    """
-    return core.speed_excess(profile, ground, resistance)

@@ -1,4 +1,6 @@
 // Bounds on speed.
+#include <nanobind/stl/optional.h>
+
 #include "bindings/bind_rows.hpp"
 #include "bindings/bind_vehicle.hpp"
 #include "bounds/speed_bounds.hpp"
@@ -6,9 +8,12 @@
 namespace slopewise {
 namespace {
 
+using Curves = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
 std::tuple<Made<double>, Made<Label>, Made<Label>, Made<std::int64_t>, Made<double>> speed_bounds(
     const nb::handle& profile, const nb::handle& ground, const nb::handle& hazards,
-    const nb::handle& speed_limit, const Input1& clear, const nb::handle& vehicle) {
+    const nb::handle& speed_limit, const Input1& clear, const nb::handle& vehicle,
+    std::optional<Curves> curves) {
   const TerrainRows t = terrain_of(profile);
   const Index n = t.stations, m = t.candidates;
   if (n < 2 || m < 1) throw nb::value_error("profile: expected a candidate and two stations");
@@ -21,7 +26,7 @@ std::tuple<Made<double>, Made<Label>, Made<Label>, Made<std::int64_t>, Made<doub
   const auto speeds = [&](const char* name, const nb::handle& array) {
     return alike_infinite.unless(rows_of<double>(name, array, n, m));
   };
-  const BoundProblem problem{
+  BoundProblem problem{
       t, forces_of(ground, n, m),
       alike_zero.unless(rows_of<std::int64_t>("code", hazards.attr("code"), n, m)),
       speeds("rough_speed", hazards.attr("rough_speed")),
@@ -29,6 +34,10 @@ std::tuple<Made<double>, Made<Label>, Made<Label>, Made<std::int64_t>, Made<doub
       rows_of<double>("friction", ground.attr("friction"), n, m), clear.data(),
       errors_of(ground.attr("errors")), vehicle_of(vehicle), motion_of(ground.attr("motion")),
       nb::cast<bool>(ground.attr("closed_form"))};
+  if (curves) {
+    expect_shape("curves", *curves, {limiting::count, n});
+    problem.curves = curves->data();
+  }
   const auto row = [&](Index r) { return Rows<double>{rows.data() + r * n * m, m}; };
   const Bounds out{row(0), {limiting.data(), m}, row(1), row(2), row(3), row(4),
                    row(5), row(6), barrier.data(), barrier_station.data(), clear_distance.data()};
@@ -36,19 +45,6 @@ std::tuple<Made<double>, Made<Label>, Made<Label>, Made<std::int64_t>, Made<doub
   const nb::gil_scoped_release release;
   bound_speeds(problem, out, memory);
   return {rows, limiting, barrier, barrier_station, clear_distance};
-}
-
-Made<double> speed_excess(const nb::handle& profile, const nb::handle& ground, double resistance) {
-  BoundProblem problem{};
-  problem.terrain = terrain_of(profile);
-  problem.forces = forces_of(ground, problem.terrain.stations, problem.terrain.candidates);
-  const auto excess = make_rows(problem.terrain.stations, problem.terrain.candidates);
-  problem.errors = errors_of(ground.attr("errors"));
-  problem.vehicle.resistance = resistance;
-  if (!find_run_off(problem, excess.data())) {
-    std::fill_n(excess.data(), excess.size(), problem.errors.speed);
-  }
-  return excess;
 }
 
 double speed_at_onset(double slope_sum, double intercept_sum, double slowest) {
@@ -61,10 +57,8 @@ void bind_bounds(nb::module_& m) {
   using namespace nb::literals;
   m.attr("STOP_GUARD") = stop_guard;
   m.attr("HOLDING") = least_slowing;
-  m.attr("SPENT") = crest_spent;
   m.def("speed_bounds", &speed_bounds, "profile"_a, "ground"_a, "hazards"_a,
-        "speed_limit"_a.none(), "clear"_a, "vehicle"_a);
-  m.def("speed_excess", &speed_excess);
+        "speed_limit"_a.none(), "clear"_a, "vehicle"_a, "curves"_a.none());
   m.def("onset_speed", &speed_at_onset);
 }
 

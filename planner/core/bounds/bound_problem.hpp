@@ -23,6 +23,7 @@ struct BoundProblem {
   MotionTerms motion;
   bool closed_form;        // nothing acts on the motion: the stopping path has a closed form
   Numbers excess{};        // by how much stops may begin faster than planned [m/s]; found here
+  double* curves = nullptr;  // receives v² of the first candidate, a row of N for each code, if wanted
   bool exceeds = false;    // it is not zero everywhere
   // (M,) found here: the speed limit, raised to the highest trained speed of the candidate, and the
   // speed at which any stop of it may begin [m/s]; its longest dead time [s].
@@ -54,6 +55,7 @@ struct Bounds {
 
 inline BoundProblem BoundProblem::from(Index first) const noexcept {
   BoundProblem out = *this;
+  if (first > 0) out.curves = nullptr;
   out.terrain.counts += first;
   out.forces.distance_offset += first;
   out.clear += first;

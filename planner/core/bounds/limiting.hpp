@@ -27,6 +27,7 @@ inline constexpr Label crest = 16;
 inline constexpr Label friction = 17;
 inline constexpr Label holding = 18;
 inline constexpr Label steering = 19;
+inline constexpr Label count = steering + 1;  // of all bounds
 
 }  // namespace limiting
 

@@ -177,37 +177,36 @@ inline void stand(const PointRow& row, const Vehicle v, std::size_t lanes) noexc
   }
 }
 
-// The lowest v² so far, and what says so; earlier names win ties, and NaN (0 over 0) never does.
-struct Lowest {
-  double speed_sq;
-  Label why;
+// v² by limits, curvature, wheels, power, roughness, steering and contact, one after the other.
+template <class Take>
+void speeds_of(const PointRow& row, const Vehicle& v, std::size_t j, const Take& take) noexcept {
+  const Stance stance = row.stance(j);
+  const double bend = stance.bend(), per_bend = 1.0 / bend;
+  const auto take_speed = [&take](double speed, Label why) noexcept { take(speed * speed, why); };
+  take_speed(min_of(row.top[j], row.path_speed[j]), limiting::speed_limit);
+  take_speed(row.fastest[j], limiting::model_validity);
+  take(lateral_reach(stance, v) * stance.cos_lean * per_bend, limiting::lateral);
+  take(side_reach(stance, v) * per_bend, limiting::rollover);
+  take_speed(v.max_wheel_speed / (1.0 + bend * v.half_slip_track), limiting::wheel_speed);
+  take_speed(v.specific_power / max_of(row.demand[j], 0.0), limiting::traction);
+  take_speed(row.rough_speed[j], limiting::roughness);
+  take_speed(row.steering_speed[j], limiting::steering);
+  take(row.passed->crest_sq[j], limiting::crest);
+  take(row.passed->friction_sq[j], limiting::friction);
+}
 
-  void take(double other_sq, Label other) noexcept {
-    why = other_sq < speed_sq ? other : why;
-    speed_sq = min_of(speed_sq, other_sq);
-  }
-  void take_speed(double speed, Label other) noexcept { take(speed * speed, other); }
-};
-
-// Lowest of the speeds by limits, curvature, wheels, power, roughness, steering and contact.
+// The lowest of them; earlier names win ties, and NaN (0 over 0) never does.
 inline void bound_speed(const PointRow& row, const Vehicle v, std::size_t lanes) noexcept {
   SLOPEWISE_INDEPENDENT
   for (std::size_t j = 0; j < lanes; ++j) {
-    const Stance stance = row.stance(j);
-    const double bend = stance.bend(), per_bend = 1.0 / bend;
-    const double limit = min_of(row.top[j], row.path_speed[j]), fastest = row.fastest[j];
-    const double cap = min_of(limit, fastest);
-    Lowest lowest{cap * cap, fastest < limit ? limiting::model_validity : limiting::speed_limit};
-    lowest.take(lateral_reach(stance, v) * stance.cos_lean * per_bend, limiting::lateral);
-    lowest.take(side_reach(stance, v) * per_bend, limiting::rollover);
-    lowest.take_speed(v.max_wheel_speed / (1.0 + bend * v.half_slip_track), limiting::wheel_speed);
-    lowest.take_speed(v.specific_power / max_of(row.demand[j], 0.0), limiting::traction);
-    lowest.take_speed(row.rough_speed[j], limiting::roughness);
-    lowest.take_speed(row.steering_speed[j], limiting::steering);
-    lowest.take(row.passed->crest_sq[j], limiting::crest);
-    lowest.take(row.passed->friction_sq[j], limiting::friction);
-    row.speed_sq_max[j] = lowest.speed_sq;
-    row.limiting[j] = lowest.why;
+    double lowest = no_limit;
+    Label why = limiting::speed_limit;
+    speeds_of(row, v, j, [&](double speed_sq, Label other) noexcept {
+      why = speed_sq < lowest ? other : why;
+      lowest = min_of(lowest, speed_sq);
+    });
+    row.speed_sq_max[j] = lowest;
+    row.limiting[j] = why;
   }
 }
 
@@ -301,6 +300,11 @@ inline void bound_points(const BoundProblem& problem, Index lanes, const Bounds&
     detail::hold(row, vehicle, count);
     detail::stand(row, vehicle, count);
     detail::bound_speed(row, vehicle, count);
+    if (problem.curves != nullptr) {
+      detail::speeds_of(row, vehicle, 0, [&](double speed_sq, Label why) noexcept {
+        if (speed_sq >= 0.0) problem.curves[why * stations + k] = speed_sq;
+      });
+    }
     detail::close(row, k, count);
     detail::look_for_risks(row, vehicle, k, count, last_risk);
   }
