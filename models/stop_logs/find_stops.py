@@ -66,9 +66,9 @@ _REMEDIES = {
     Usability.UNFINISHED: "record until the vehicle stands; until then it bounds the force only",
     Usability.RAMPED: "command 0 in one step, or ramps = true in --stop-settings",
     Usability.REVERSED: "command 0 before driving back, or reversals = true in --stop-settings",
-    Usability.TURNING: "brake on straights, or raise --turn-rate",
+    Usability.TURNING: "brake on straights, or raise turn_rate in --stop-settings",
     Usability.PARTIAL: "apply the brakes fully, or hold one application",
-    Usability.SLOW: "lower --least-speed",  # words: ok, an option
+    Usability.SLOW: "lower least_speed in --stop-settings",  # words: ok, a key
     Usability.COASTED: "drop the column brake if it belongs to others",
     Usability.SPARSE: "record the speed more often, or stop from higher speeds",
     Usability.SUSPECT: "record again without the samples that are listed as suspect",

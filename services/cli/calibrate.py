@@ -42,27 +42,12 @@ def calibrate(
     topics: options.Topics = None,
     columns: options.Columns = "",
     coverage: options.Coverage = 0.999,
-    least_speed: Annotated[  # words: ok, an option
-        float | None,
-        typer.Option(
-            metavar="M/S",
-            help="Ignore stops from below this speed. Default: the noise floor of the log.",
-        ),
-    ] = None,
-    turn_rate: Annotated[
-        float | None,
-        typer.Option(
-            metavar="RAD/S",
-            help="Mean yaw rate from which a stop is a turn and excluded. By default 0.35, or "
-            "unlimited where the model has the effect turning_resistance.",
-        ),
-    ] = None,
     stop_settings: Annotated[
         Path | None,
         typer.Option(
             metavar="stops.toml",
-            help="Further settings of a stop: longest, settled_speed, ramp, step, full_brake, "
-            "fewest and others.",
+            help="Settings of a stop: least_speed, turn_rate, longest, settled_speed, ramp, step, "
+            "full_brake, fewest and others.",
         ),
     ] = None,
     as_json: options.AsJson = False,
@@ -93,12 +78,7 @@ def calibrate(
         from slopewise.services.report import brake_sheet
 
         brake_sheet.check_name(sheet)
-    settings = job.calibration_settings(
-        coverage,
-        stop_settings=stop_settings,
-        least_speed=least_speed,  # words: ok, an option
-        turn_rate=turn_rate,
-    )
+    settings = job.calibration_settings(coverage, stop_settings)
     log_input = LogInput(logs, map_file, nodata, topics, columns)
     try:
         result = job.calibrate(log_input, model, settings=settings)

@@ -19,6 +19,7 @@ from slopewise.services.check.external_plan import COLUMNS as CHECKED
 from slopewise.services.check.external_plan import NEEDED, ExternalPlan, plan_of_columns
 from slopewise.services.io.files import faults_of
 from slopewise.services.io.table import Table, read_table, write_csv
+from slopewise.services.io.units import finite
 
 TEXT = ("candidate", "limiting", "status", "reason")
 COLUMNS = (
@@ -106,6 +107,6 @@ def summary(plan: SpeedPlan) -> dict[str, Any]:
         "length": float(plan.station[-1]),
         "max_speed": float(plan.speed.max()),
         "clear_distance": plan.clear_distance,
-        "least_margin": plan.least_margin if np.isfinite(plan.least_margin) else None,
+        "least_margin": finite(plan.least_margin),
         "least_rear_load": float(plan.rear_load.min()),
     }

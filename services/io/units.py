@@ -57,3 +57,8 @@ def factor_to(unit: str, written: str) -> float | None:
     except (ValueError, ZeroDivisionError):
         return None
     return factor if math.isfinite(factor) and factor > 0.0 else None
+
+
+def finite(value: float) -> float | None:
+    """The value, None where it is not finite, which JSON cannot hold."""
+    return float(value) if math.isfinite(value) else None

@@ -30,7 +30,7 @@ from slopewise.services.io.log_checks import (
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
-from slopewise.services.jobs.summary import option_of
+from slopewise.services.jobs.summary import from_options
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,26 +108,10 @@ def calibrate_log(
     )
 
 
-def calibration_settings(
-    coverage: float,
-    *,
-    stop_settings: Path | None = None,
-    least_speed: float | None = None,  # words: ok, key of stop settings
-    turn_rate: float | None = None,
-) -> CalibrationSettings:
-    """Settings from options, and from a TOML file with keys of :class:`.StopSettings`."""
+def calibration_settings(coverage: float, stop_settings: Path | None = None) -> CalibrationSettings:
+    """Settings from the option, and from a TOML file with keys of :class:`.StopSettings`."""
     stops = StopSettings(partial=True)
     if stop_settings is not None:
         data = {"partial": True} | read_toml(stop_settings)
         stops = decode_table(StopSettings, data, str(stop_settings))
-    try:
-        if least_speed is not None:
-            stops = replace(stops, least_speed=least_speed)
-        if turn_rate is not None:
-            stops = replace(stops, turn_rate=turn_rate)
-        return CalibrationSettings(coverage=coverage, stops=stops)
-    except ParameterError as error:
-        if error.field in ("coverage", "least_speed", "turn_rate"):
-            raise fault(option_of(error.field), "", f"expected {error.expected}") from None
-        where = "--least-speed" if stop_settings is None else stop_settings
-        raise fault(where, error.field, f"expected {error.expected}") from None
+    return from_options(CalibrationSettings, coverage=coverage, stops=stops)

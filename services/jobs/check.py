@@ -22,9 +22,10 @@ from slopewise.services.check.tolerances import TOLERANCES
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.no_data import NoData
 from slopewise.services.io.plan_file import read_external_plans
+from slopewise.services.io.units import finite
 from slopewise.services.jobs.ground import read_ground, refuse_topics
 from slopewise.services.jobs.progress import progress_bar
-from slopewise.services.jobs.summary import Summary, finite, input_errors
+from slopewise.services.jobs.summary import Summary, input_errors
 
 
 class ViolationRow(Summary, frozen=True):

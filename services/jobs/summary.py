@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any, Self, TypeVar
@@ -38,11 +37,6 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
-def finite(value: float) -> float | None:
-    """The value, None where it is not finite."""
-    return float(value) if math.isfinite(value) else None
-
-
 @contextmanager
 def input_errors(source: object, options: Collection[str] = ()) -> Iterator[None]:
     """Turn a ParameterError of the block into an InputError that names its source.
@@ -64,5 +58,5 @@ def from_options(kind: type[T], **values: Any) -> T:
 
 
 def option_of(parameter: str) -> str:
-    """The option of a parameter, `--least-speed` of `least_speed`."""
+    """The option of a parameter, `--false-alarm` of `false_alarm`."""
     return f"--{parameter.replace('_', '-')}"

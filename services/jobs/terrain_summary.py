@@ -13,7 +13,8 @@ from slopewise.models.terrain.classes import FEATURES
 from slopewise.models.terrain.description import UNDECIDED
 from slopewise.models.terrain.evidence import evidence_of
 from slopewise.models.terrain.observation import Features, TerrainEstimate
-from slopewise.services.jobs.summary import Summary, finite
+from slopewise.services.io.units import finite
+from slopewise.services.jobs.summary import Summary
 from slopewise.services.jobs.terrain_outputs import stretch_row
 from slopewise.services.jobs.terrain_result import RunEvents, TerrainResult
 

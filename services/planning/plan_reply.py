@@ -11,6 +11,7 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.ranking import ranking_cost
 from slopewise.planner.plan import Obstacle, SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
+from slopewise.services.io.units import finite
 from slopewise.services.wire import plan_messages as wire
 
 M = TypeVar("M", bound=wire.Message)
@@ -36,7 +37,7 @@ def cycle_reply(answer: CycleAnswer) -> wire.PlanReply:
         kept=answer.kept,
         ranking=[
             wire.RankedCandidate(
-                name=r.candidate, usable=r.valid, reason=r.reason, cost=_finite(r.cost)
+                name=r.candidate, usable=r.valid, reason=r.reason, cost=finite(r.cost)
             )
             for r in answer.ranking
         ],
@@ -85,7 +86,7 @@ def _plan(plan: SpeedPlan) -> wire.Plan:
         travel_time=plan.travel_time,
         progress=plan.progress,
         clear_distance=float(plan.clear_distance),
-        least_margin=_finite(plan.least_margin),
+        least_margin=finite(plan.least_margin),
         least_rear_load=float(plan.rear_load.min()),
         limits=[wire.Limit(first=i, name=Limiting(int(plan.limiting[i])).label) for i in starts],
         columns=list(wire.PLAN_COLUMNS),
@@ -93,10 +94,6 @@ def _plan(plan: SpeedPlan) -> wire.Plan:
         obstacle=_obstacle(plan.obstacle),
         path_deviation=None if deviation is None else _copied(wire.Deviation, deviation),
     )
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _copied(kind: type[M], value: object) -> M:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import SpeedPlan, Status
-from slopewise.services.jobs.summary import finite
+from slopewise.services.io.units import finite
 
 _OUTCOMES = (
     (Status.OK, "reaches the end of its path", "reach the end of their paths"),
@@ -21,27 +21,8 @@ _OUTCOMES = (
 """Status, and the predicate of one candidate and of several."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlanNumbers:
-    """One plan in numbers; None where a number does not exist, e.g. the margin at standstill."""
-
-    plan: SpeedPlan
-    rank: int  # 1 is best
-    travel_time: float | None  # until the last movement ends [s]
-    progress: float  # station where it comes to rest [m]
-    length: float  # station where the path ends [m]
-    mean_speed: float | None  # [m/s]
-    max_speed: float | None  # [m/s]
-    margin: float | None  # smallest of an emergency stop to the clear distance [m]
-    rear_load: float | None  # smallest in any emergency stop, share of the level static one [1]
-    side_load: float | None  # likewise
-    longest_limit: Limiting | None  # bound along most of the driven distance
-    limits_share: float  # share of the driven distance along which it holds [1]
-    path_deviation: float | None  # largest distance between the plan and the given path [m]
-
-
-def numbers_of(plan: SpeedPlan, rank: int) -> PlanNumbers:
-    """Numbers of one plan; ``rank``: 1 is best."""
+def numbers_of(plan: SpeedPlan, rank: int) -> dict[str, Any]:
+    """One plan in numbers, of which 1 is the best rank; None where a number does not exist."""
     moving = plan.speed > 0.0
     last = min(int(np.flatnonzero(moving)[-1]) + 1, len(moving) - 1) if moving.any() else 0
     driven = slice(0, last + 1)
@@ -49,21 +30,21 @@ def numbers_of(plan: SpeedPlan, rank: int) -> PlanNumbers:
     time = finite(plan.travel_time)
     with np.errstate(invalid="ignore"):  # inf - inf, where nothing limits
         margin = finite(plan.least_margin)
-    return PlanNumbers(
-        plan=plan,
-        rank=rank,
-        travel_time=time,
-        progress=plan.progress,
-        length=float(plan.station[-1]),
-        mean_speed=plan.progress / time if time else None,
-        max_speed=finite(np.max(plan.speed)),
-        margin=margin,
-        rear_load=_smallest(plan.rear_load[driven]),
-        side_load=_smallest(plan.side_load[driven]),
-        longest_limit=longest_limit,
-        limits_share=limits_share,
-        path_deviation=None if plan.path_deviation is None else plan.path_deviation.largest,
-    )
+    return {
+        "plan": plan,
+        "rank": rank,
+        "travel_time": time,  # until the last movement ends [s]
+        "progress": plan.progress,  # station where it comes to rest [m]
+        "length": float(plan.station[-1]),  # station where the path ends [m]
+        "mean_speed": plan.progress / time if time else None,
+        "max_speed": finite(np.max(plan.speed)),
+        "margin": margin,  # smallest of an emergency stop to the clear distance [m]
+        "rear_load": _smallest(plan.rear_load[driven]),  # share of the level static load [1]
+        "side_load": _smallest(plan.side_load[driven]),
+        "longest_limit": longest_limit,  # bound along most of the driven distance
+        "limits_share": limits_share,  # share of that distance along which it holds [1]
+        "path_deviation": None if plan.path_deviation is None else plan.path_deviation.largest,
+    }
 
 
 def _smallest(values: np.ndarray) -> float | None:

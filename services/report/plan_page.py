@@ -25,7 +25,7 @@ from slopewise.planner.plan import Obstacle, SpeedPlan, Status
 from slopewise.services.jobs.plan import PlanResult
 from slopewise.services.report.page import write_page
 from slopewise.services.report.plan_labels import STATUS_MEANING, limit_colours
-from slopewise.services.report.plan_numbers import PlanNumbers, best_plan, numbers_of, verdict
+from slopewise.services.report.plan_numbers import best_plan, numbers_of, verdict
 from slopewise.services.report.relief import relief
 
 _PARTS = "page painter charts plan_state plan_map plan_charts plan_details"
@@ -45,7 +45,7 @@ _NUMBERS = (
     *("travel_time", "progress", "length", "mean_speed", "max_speed", "margin"),
     *("rear_load", "side_load", "path_deviation"),
 )
-"""Fields of :class:`.PlanNumbers` that the script shows."""
+"""Numbers of :func:`.numbers_of` that the script shows."""
 
 
 def write_job_page(
@@ -116,13 +116,13 @@ def write_plan_page(
     )
 
 
-def _format_drive(n: PlanNumbers) -> str:
+def _format_drive(n: Mapping[str, Any]) -> str:
     """How far, how long and how fast a plan drives."""
-    distance = f"{n.progress:.1f} m"
-    if n.plan.status is not Status.OK and n.progress < n.length - 0.05:
-        distance += f" of {n.length:.1f} m"
-    time = "" if n.travel_time is None else f" in {n.travel_time:.1f} s"
-    top = "" if n.max_speed is None else f", at most {n.max_speed:.2f} m/s"
+    distance = f"{n['progress']:.1f} m"
+    if n["plan"].status is not Status.OK and n["progress"] < n["length"] - 0.05:
+        distance += f" of {n['length']:.1f} m"
+    time = "" if n["travel_time"] is None else f" in {n['travel_time']:.1f} s"
+    top = "" if n["max_speed"] is None else f", at most {n['max_speed']:.2f} m/s"
     return f"{distance}{time}{top}."
 
 
@@ -162,7 +162,7 @@ def _costs(explanation: Explanation | None) -> list[tuple[Limiting, float, float
 
 
 def _page_data(
-    ground: dict[str, Any], result: PlanResult, numbers: Sequence[PlanNumbers]
+    ground: dict[str, Any], result: PlanResult, numbers: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Everything that the script reads."""
     plans, model = result.plans, result.model
@@ -191,10 +191,10 @@ def _page_data(
 
 
 def _plan_table(
-    n: PlanNumbers, ground: ElevationMap, model: Model, max_stations: int
+    n: Mapping[str, Any], ground: ElevationMap, model: Model, max_stations: int
 ) -> dict[str, Any]:
     """One plan: its numbers and columns, positions relative to the map's origin."""
-    plan = n.plan
+    plan = n["plan"]
     at = thinned(plan, max_stations)
     x0, y0 = ground.origin
     placed = replace(plan, x=plan.x - x0, y=plan.y - y0)
@@ -205,11 +205,11 @@ def _plan_table(
         "name": plan.candidate,
         "status": plan.status.value,
         "reason": plan.reason,
-        "rank": n.rank,
+        "rank": n["rank"],
         "stations": len(plan.station),
         "clear": _number(plan.clear_distance),
-        **{name: _number(getattr(n, name)) for name in _NUMBERS},
-        "limits": None if n.longest_limit is None else int(n.longest_limit),
+        **{name: _number(n[name]) for name in _NUMBERS},
+        "limits": None if n["longest_limit"] is None else int(n["longest_limit"]),
         "obstacle": _obstacle(plan.obstacle, ground.origin),
         "columns": {
             **{name: _scaled(getattr(placed, name)[at], name) for name in _DECIMALS},

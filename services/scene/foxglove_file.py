@@ -8,13 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.plan import SpeedPlan
 from slopewise.services.io.files import write_atomic
+from slopewise.services.io.units import finite
 from slopewise.services.scene import drawing
 
 try:
@@ -128,7 +127,7 @@ def _drive(
             ),
             log_time=at,
         )
-        row = {key: _number(values[k]) for key, values in driven.series.items()}
+        row = {key: finite(values[k]) for key, values in driven.series.items()}
         numbers.log({"candidate": name, "time_s": moment, **row}, log_time=at)
 
 
@@ -165,7 +164,3 @@ def _stamp(at: int) -> Any:
 def _colour(rgb: Sequence[int], alpha: float = 1.0) -> Any:
     red, green, blue = (channel / 255.0 for channel in rgb)
     return messages.Color(r=red, g=green, b=blue, a=alpha)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -107,11 +107,11 @@ def test_the_brake_sheet_is_one_page_with_digests(world: Path) -> None:
     assert "of all, 2 more" in lines
 
 
-def test_stop_settings_are_read_from_a_file_and_options_prevail(tmp_path: Path) -> None:
+def test_stop_settings_are_read_from_a_file(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
     file.write_text("longest = 3.0\nfewest = 8\nleast_speed = 0.5\n")
-    stops = job.calibration_settings(0.999, stop_settings=file, least_speed=0.6).stops
-    assert (stops.longest, stops.fewest, stops.least_speed) == (3.0, 8, 0.6)
+    stops = job.calibration_settings(0.999, file).stops
+    assert (stops.longest, stops.fewest, stops.least_speed) == (3.0, 8, 0.5)
     assert stops.partial
 
 
@@ -248,7 +248,8 @@ def test_a_rejected_log_has_its_stops_and_reasons_written(world: Path) -> None:
     one_line_of(here(*arguments), reason)
     assert [row["verdict"] for row in rows_of(world / "s.csv")] == ["usable"] * 5
     assert reason in (world / "p.html").read_text()
-    one_line_of(here(*arguments, "--least-speed", "9"), "got 0 of 5 found; 5 slow")
+    (world / "s.toml").write_text("least_speed = 9.0\n")
+    one_line_of(here(*arguments, "--stop-settings", "s.toml"), "got 0 of 5 found; 5 slow")
     rows = rows_of(world / "s.csv")
     assert [row["verdict"] for row in rows] == ["slow"] * 5
     for text in ((world / "p.html").read_text(), rows[0]["reason"]):

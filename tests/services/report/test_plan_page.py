@@ -239,16 +239,16 @@ def test_json_cannot_end_its_element() -> None:
 def test_summary_has_the_numbers_of_a_plan_up_to_its_stop() -> None:
     plan = plan_of(limiting=np.r_[np.full(30, 7), np.full(10, 0)])
     summary = numbers_of(plan, 3)
-    assert (summary.rank, summary.longest_limit) == (3, Limiting.ACCEL)
-    assert summary.progress == pytest.approx(plan.progress)
-    assert summary.mean_speed == pytest.approx(plan.progress / plan.travel_time)
-    assert summary.max_speed == pytest.approx(plan.speed.max())
-    assert summary.margin == pytest.approx(plan.least_margin)
-    assert summary.rear_load == pytest.approx(0.7)
-    assert summary.limits_share == pytest.approx(30 / 39)
+    assert (summary["rank"], summary["longest_limit"]) == (3, Limiting.ACCEL)
+    assert summary["progress"] == pytest.approx(plan.progress)
+    assert summary["mean_speed"] == pytest.approx(plan.progress / plan.travel_time)
+    assert summary["max_speed"] == pytest.approx(plan.speed.max())
+    assert summary["margin"] == pytest.approx(plan.least_margin)
+    assert summary["rear_load"] == pytest.approx(0.7)
+    assert summary["limits_share"] == pytest.approx(30 / 39)
     speed = np.where(np.arange(40) < 20, 1.0, 0.0)
     loads = np.where(np.arange(40) > 25, 0.1, 0.6)
-    assert numbers_of(plan_of(speed=speed, rear_load=loads), 1).rear_load == 0.6
+    assert numbers_of(plan_of(speed=speed, rear_load=loads), 1)["rear_load"] == 0.6
 
 
 @pytest.mark.parametrize(
