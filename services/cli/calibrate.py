@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result, provenance_of, schema_of
+from slopewise.services.cli.options import option
 from slopewise.services.cli.tables import line, notes, table
 from slopewise.services.jobs.plural import plural
 
@@ -23,19 +22,11 @@ _SUSPECTS = 20  # excluded stretches that are listed; --json has all
 def calibrate(
     logs: options.LogFiles,
     model: options.ModelFile,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="M2.toml", help="Write the model with what was learned."),
-    ] = None,
-    stops: Annotated[
-        Path | None, typer.Option(metavar="stops.csv", help="Write one row per stop.")
-    ] = None,
+    out: Annotated[Path | None, option("Write the model with what was learned.", "M2.toml")] = None,
+    stops: Annotated[Path | None, option("Write one row per stop.", "stops.csv")] = None,
     report: options.Report = None,
     sheet: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="sheet.pdf", help="Write the brake sheet, one page to file: .pdf or .html."
-        ),
+        Path | None, option("Write the brake sheet, one page to file: .pdf or .html.", "sheet.pdf")
     ] = None,
     map_file: options.GroundMap = None,
     nodata: options.NoDataValue = None,
@@ -44,10 +35,10 @@ def calibrate(
     coverage: options.Coverage = 0.999,
     stop_settings: Annotated[
         Path | None,
-        typer.Option(
-            metavar="stops.toml",
-            help="Settings of a stop: least_speed, turn_rate, longest, settled_speed, ramp, step, "
+        option(
+            "Settings of a stop: least_speed, turn_rate, longest, settled_speed, ramp, step, "
             "full_brake, fewest and others.",
+            "stops.toml",
         ),
     ] = None,
     as_json: options.AsJson = False,

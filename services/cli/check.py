@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result, schema_of
+from slopewise.services.cli.options import argument, option
 from slopewise.services.cli.tables import LISTED, line, table
 from slopewise.services.jobs.plural import plural
 
@@ -21,14 +20,11 @@ if TYPE_CHECKING:
 def check(
     plan_file: Annotated[
         Path,
-        typer.Argument(
-            metavar="PLAN",
-            help="Plans: CSV or Parquet with x,y,speed and any further column of a plan file.",
+        argument(
+            "Plans: CSV or Parquet with x,y,speed and any further column of a plan file.", "PLAN"
         ),
     ],
-    map_file: Annotated[
-        Path, typer.Option("--map", metavar="MAP", help="Elevation map: GeoTIFF, .npz, or a bag.")
-    ],
+    map_file: Annotated[Path, option("Elevation map: GeoTIFF, .npz, or a bag.", "MAP", "--map")],
     model: options.ModelFile,
     clear: options.ClearDistance = math.inf,
     quantile: options.Quantile = 0.999,

@@ -10,13 +10,14 @@ import typer
 
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result, schema_of
+from slopewise.services.cli.options import option
 from slopewise.services.cli.plan import tables as plan_tables
 
 
 def demo(
-    out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Where map, paths, plans and report go.")
-    ] = Path("out/demo"),
+    out: Annotated[Path, option("Where map, paths, plans and report go.", "DIR")] = Path(
+        "out/demo"
+    ),
     as_json: options.AsJson = False,
     json_schema: Annotated[bool, schema_of("jobs.plan_summary.DemoSummary")] = False,
 ) -> None:

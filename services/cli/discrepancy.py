@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result, provenance_of
+from slopewise.services.cli.options import option
 from slopewise.services.cli.tables import line, notes, table
 
 if TYPE_CHECKING:
@@ -21,10 +20,7 @@ _AXES = 3  # axes of the disagreement that are listed, strongest first; --json h
 def discrepancy(
     logs: options.LogFiles,
     model: options.ModelFile,
-    out: Annotated[
-        Path,
-        typer.Option(metavar="DIR", help="Folder for discrepancy.json, model.toml, report.html."),
-    ],
+    out: Annotated[Path, option("Folder for discrepancy.json, model.toml, report.html.", "DIR")],
     map_file: options.GroundMap = None,
     nodata: options.NoDataValue = None,
     topics: options.Topics = None,

@@ -6,11 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result
+from slopewise.services.cli.options import argument, option
 from slopewise.services.cli.tables import line
 
 if TYPE_CHECKING:
@@ -18,26 +17,19 @@ if TYPE_CHECKING:
 
 
 def doctor(
-    map_file: Annotated[
-        Path | None, typer.Argument(metavar="[MAP]", help="An elevation map to examine.")
-    ] = None,
+    map_file: Annotated[Path | None, argument("An elevation map to examine.", "[MAP]")] = None,
     model: Annotated[
-        str, typer.Option("--model", "-m", metavar="M.toml", help="Model file, or shipped vehicle.")
+        str, option("Model file, or shipped vehicle.", "M.toml", "--model", "-m")
     ] = "",
     nav2: Annotated[
-        list[Path] | None,
-        typer.Option("--nav2", metavar="PARAMS.yaml", help="Parameters of Nav2 or a base; repeat."),
+        list[Path] | None, option("Parameters of Nav2 or a base; repeat.", "PARAMS.yaml", "--nav2")
     ] = None,
-    bag: Annotated[
-        Path | None, typer.Option("--bag", metavar="BAG", help="A recording of the robot.")
-    ] = None,
+    bag: Annotated[Path | None, option("A recording of the robot.", "BAG", "--bag")] = None,
     config: Annotated[
-        Path | None,
-        typer.Option("--config", "-c", metavar="ros.toml", help="Settings of slopewise ros."),
+        Path | None, option("Settings of slopewise ros.", "ros.toml", "--config", "-c")
     ] = None,
     live: Annotated[
-        float,
-        typer.Option("--live", metavar="SECONDS", help="Listen to the robot for this duration."),
+        float, option("Listen to the robot for this duration.", "SECONDS", "--live")
     ] = 0.0,
     as_json: options.AsJson = False,
 ) -> ExitStatus | None:

@@ -11,31 +11,24 @@ import typer
 from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result
+from slopewise.services.cli.options import argument, option
 from slopewise.services.cli.tables import table
 
 
 def export(
-    model: Annotated[
-        str, typer.Argument(metavar="M.toml", help="Model file, or shipped vehicle.")
-    ] = "",
-    casadi: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="All functions, for CasADi to read.")
-    ] = None,
-    c: Annotated[
-        Path | None, typer.Option("--c", metavar="FOLDER", help="C code, header, test vectors.")
-    ] = None,
-    cpp: Annotated[
-        Path | None, typer.Option("--cpp", metavar="FOLDER", help="Header for slopewise::core.")
-    ] = None,
+    model: Annotated[str, argument("Model file, or shipped vehicle.", "M.toml")] = "",
+    casadi: Annotated[Path | None, option("All functions, for CasADi to read.", "FILE")] = None,
+    c: Annotated[Path | None, option("C code, header, test vectors.", "FOLDER", "--c")] = None,
+    cpp: Annotated[Path | None, option("Header for slopewise::core.", "FOLDER", "--cpp")] = None,
     resolution: Annotated[
-        float | None, typer.Option(metavar="M", help="With --cpp: edge of a map's cell [m].")
+        float | None, option("With --cpp: edge of a map's cell [m].", "M")
     ] = None,
     height_std: Annotated[
-        float | None, typer.Option(metavar="M", help="With --cpp: error of a map's heights [m].")
+        float | None, option("With --cpp: error of a map's heights [m].", "M")
     ] = None,
     quantile: options.Quantile = 0.999,
     json_schema: Annotated[
-        bool, typer.Option("--json-schema", help="Print the JSON schema of model files.")
+        bool, option("Print the JSON schema of model files.", None, "--json-schema")
     ] = False,
     as_json: options.AsJson = False,
 ) -> None:

@@ -11,6 +11,7 @@ import typer
 
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result, schema_of
+from slopewise.services.cli.options import argument, option
 from slopewise.services.cli.tables import LISTED, line, notes, table
 from slopewise.services.jobs.plural import plural
 
@@ -24,27 +25,20 @@ Workers = Annotated[
     int | None,
     typer.Option(min=0, help="Processes here; 0 works in this one. One for each processor."),
 ]
-Scheduler = Annotated[
-    str, typer.Option(metavar="ADDRESS", help="A running Dask scheduler, e.g. tcp://10.0.0.1:8786.")
-]
+Scheduler = Annotated[str, option("A running Dask scheduler, e.g. tcp://10.0.0.1:8786.", "ADDRESS")]
 _CALIBRATION = "fleet.calibrate_fleet.FleetCalibrationSummary"
 ByFolder = Annotated[
-    bool, typer.Option("--by-folder", help="A folder is a vehicle; else each file is one.")
+    bool, option("A folder is a vehicle; else each file is one.", None, "--by-folder")
 ]
 
 
 def fleet_plan(
-    map_file: Annotated[
-        Path, typer.Argument(metavar="MAP", help="Elevation map: tiled GeoTIFF in metres.")
-    ],
+    map_file: Annotated[Path, argument("Elevation map: tiled GeoTIFF in metres.", "MAP")],
     path_files: Annotated[
-        list[Path],
-        typer.Argument(metavar="PATHS…", help="Candidates: CSV or Parquet with x,y[,candidate]."),
+        list[Path], argument("Candidates: CSV or Parquet with x,y[,candidate].", "PATHS…")
     ],
     model: options.ModelFile,
-    out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Where the results go, as Parquet in parts.")
-    ],
+    out: Annotated[Path, option("Where the results go, as Parquet in parts.", "DIR")],
     speed: options.StartSpeed = 0.0,
     clear: options.ClearDistance = math.inf,
     spacing: options.Spacing = None,
@@ -106,7 +100,7 @@ def _plan_tables(summary: FleetPlanSummary) -> Iterator[Any]:
 def fleet_calibrate(
     logs: options.LogFiles,
     model: options.ModelFile,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder, with one model per vehicle.")],
+    out: Annotated[Path, option("Folder, with one model per vehicle.", "DIR")],
     by_folder: ByFolder = False,
     map_file: options.GroundMap = None,
     nodata: options.NoDataValue = None,
@@ -175,12 +169,11 @@ def fleet_discrepancy(
     logs: options.LogFiles,
     models: Annotated[
         str,
-        typer.Option(
-            metavar="MODEL|DIR",
-            help="Model file or name for all, or a folder with NAME.toml for each vehicle.",
+        option(
+            "Model file or name for all, or a folder with NAME.toml for each vehicle.", "MODEL|DIR"
         ),
     ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")],
+    out: Annotated[Path, option("Folder of the results.", "DIR")],
     by_folder: ByFolder = False,
     map_file: options.GroundMap = None,
     nodata: options.NoDataValue = None,

@@ -8,6 +8,16 @@ from typing import Annotated, Any
 import typer
 
 
+def option(text: str, metavar: str | None = None, *names: str) -> Any:
+    """An option: its help, what its value is called, and its names where the parameter's differ."""
+    return typer.Option(*names, metavar=metavar, help=text)
+
+
+def argument(text: str, metavar: str | None = None) -> Any:
+    """An argument: its help, and what it is called."""
+    return typer.Argument(metavar=metavar, help=text)
+
+
 def _nodata(text: str) -> Any:
     from slopewise.services.io.no_data import nodata_of
 
@@ -22,10 +32,7 @@ def _without_progress(as_json: bool) -> bool:
 
 
 MapFile = Annotated[
-    Path,
-    typer.Argument(
-        metavar="MAP", help="Elevation map: GeoTIFF in metres, .npz, or GridMap in a bag."
-    ),
+    Path, argument("Elevation map: GeoTIFF in metres, .npz, or GridMap in a bag.", "MAP")
 ]
 NoDataValue = Annotated[
     Any,
@@ -38,29 +45,18 @@ NoDataValue = Annotated[
     ),
 ]
 PathFile = Annotated[
-    Path,
-    typer.Argument(
-        metavar="PATHS", help="Candidates: CSV with x,y[,candidate], GeoJSON, or a bag."
-    ),
+    Path, argument("Candidates: CSV with x,y[,candidate], GeoJSON, or a bag.", "PATHS")
 ]
 LogFiles = Annotated[
-    list[Path],
-    typer.Argument(metavar="LOG…", help="Drive logs: CSV or Parquet, run,t,v,v_cmd,pitch."),
+    list[Path], argument("Drive logs: CSV or Parquet, run,t,v,v_cmd,pitch.", "LOG…")
 ]
 ModelFile = Annotated[
-    str,
-    typer.Option(
-        "--model", "-m", metavar="M.toml", help="Model file, or the name of a shipped vehicle."
-    ),
+    str, option("Model file, or the name of a shipped vehicle.", "M.toml", "--model", "-m")
 ]
-Connect = Annotated[
-    str, typer.Option(metavar="ENDPOINT", help="Where the service, or a router, listens.")
-]
-Namespace = Annotated[str, typer.Option(help="Prefix of the service's keys.")]
-ZenohFile = Annotated[
-    str, typer.Option("--zenoh", metavar="FILE", help="Settings of zenoh, e.g. certificates.")
-]
-StartSpeed = Annotated[float, typer.Option(metavar="V0", help="Speed at the start in m/s.")]
+Connect = Annotated[str, option("Where the service, or a router, listens.", "ENDPOINT")]
+Namespace = Annotated[str, option("Prefix of the service's keys.")]
+ZenohFile = Annotated[str, option("Settings of zenoh, e.g. certificates.", "FILE", "--zenoh")]
+StartSpeed = Annotated[float, option("Speed at the start in m/s.", "V0")]
 ClearDistance = Annotated[
     float,
     typer.Option(
@@ -70,48 +66,40 @@ ClearDistance = Annotated[
         "middle of the wheelbase stays behind it. Default: the end of the path.",
     ),
 ]
-Spacing = Annotated[float | None, typer.Option(metavar="METRES", help="Distance between stations.")]
+Spacing = Annotated[float | None, option("Distance between stations.", "METRES")]
 Quantile = Annotated[
     float,
-    typer.Option(
-        metavar="Q",
-        help="One-sided probability that margins cover the model's uncertainty; 0.5 plans with "
+    option(
+        "One-sided probability that margins cover the model's uncertainty; 0.5 plans with "
         "the mean.",
+        "Q",
     ),
 ]
-Smooth = Annotated[bool, typer.Option(help="Limit jerk; else the time-optimal profile.")]
+Smooth = Annotated[bool, option("Limit jerk; else the time-optimal profile.")]
 GroundMap = Annotated[
-    Path | None,
-    typer.Option("--map", metavar="MAP", help="Elevation map: grade of the ground at x, y."),
+    Path | None, option("Elevation map: grade of the ground at x, y.", "MAP", "--map")
 ]
 Coverage = Annotated[
-    float, typer.Option(help="Share of stops like those of the log that margins have to cover.")
+    float, option("Share of stops like those of the log that margins have to cover.")
 ]
-Topics = Annotated[
-    Path | None,
-    typer.Option(metavar="topics.toml", help="Topics of ROS 2 recordings (.mcap, .db3)."),
-]
+Topics = Annotated[Path | None, option("Topics of ROS 2 recordings (.mcap, .db3).", "topics.toml")]
 Columns = Annotated[
     str,
-    typer.Option(
-        metavar="NAME=COLUMN:UNIT,…",
-        help="Columns of tables with other names or units: speed=v:km/h,grade=slope:deg.",
+    option(
+        "Columns of tables with other names or units: speed=v:km/h,grade=slope:deg.",
+        "NAME=COLUMN:UNIT,…",
     ),
 ]
 FalseAlarm = Annotated[
-    float,
-    typer.Option(help="Accepted share of logs without a missing effect that name one."),
+    float, option("Accepted share of logs without a missing effect that name one.")
 ]
-Seed = Annotated[
-    int, typer.Option(help="Seed of the random numbers; the same one gives the same result.")
-]
-Report = Annotated[Path | None, typer.Option(metavar="out.html", help="Write a page with charts.")]
-Timeout = Annotated[float, typer.Option(metavar="SECONDS", help="Longest wait for the reply.")]
+Seed = Annotated[int, option("Seed of the random numbers; the same one gives the same result.")]
+Report = Annotated[Path | None, option("Write a page with charts.", "out.html")]
+Timeout = Annotated[float, option("Longest wait for the reply.", "SECONDS")]
 AsJson = Annotated[
     bool,
     typer.Option("--json", callback=_without_progress, help="Print JSON instead of a table."),
 ]
 JsonLine = Annotated[
-    bool,
-    typer.Option("--json", help="Print the ready message as JSON, on standard output."),
+    bool, option("Print the ready message as JSON, on standard output.", None, "--json")
 ]

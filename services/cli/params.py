@@ -13,6 +13,7 @@ import typer
 from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result, schema_of
+from slopewise.services.cli.options import argument, option
 from slopewise.services.cli.tables import line, notes, number, table
 from slopewise.services.jobs.plural import plural
 
@@ -41,39 +42,30 @@ _SHORTER = -1e-9
 def params(
     group: Annotated[
         str,
-        typer.Argument(
-            help="braking, braking.SURFACE, terrain, limits, effects; all by default. diff: "
+        argument(
+            "braking, braking.SURFACE, terrain, limits, effects; all by default. diff: "
             "compare two model files, without a service."
         ),
     ] = "",
-    files: Annotated[
-        list[Path] | None, typer.Argument(metavar="[A.toml B.toml]", help="Files of diff.")
-    ] = None,
+    files: Annotated[list[Path] | None, argument("Files of diff.", "[A.toml B.toml]")] = None,
     history: Annotated[
-        bool,
-        typer.Option("--history", help="The last changes: when, by what cause, to which values."),
+        bool, option("The last changes: when, by what cause, to which values.", None, "--history")
     ] = False,
     limit: Annotated[
         int, typer.Option("--most", min=1, max=10_000, help="Changes that are listed.")
     ] = 20,
     rollback: Annotated[
-        int | None,
-        typer.Option(metavar="VERSION", help="Restore GROUP, or all, as of a version."),
+        int | None, option("Restore GROUP, or all, as of a version.", "VERSION")
     ] = None,
     changes: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter of GROUP; repeat it."),
+        list[str] | None, option("Set a parameter of GROUP; repeat it.", "NAME=VALUE", "--set")
     ] = None,
     investigate: Annotated[
-        bool,
-        typer.Option("--investigate", help="Compare the stored stops with the model."),
+        bool, option("Compare the stored stops with the model.", None, "--investigate")
     ] = False,
-    adopt: Annotated[
-        str, typer.Option(metavar="OFFER", help="Plan with the model change that it proposes.")
-    ] = "",
+    adopt: Annotated[str, option("Plan with the model change that it proposes.", "OFFER")] = "",
     faster: Annotated[
-        bool,
-        typer.Option("--faster", help="Even if stops get shorter than by the model file."),
+        bool, option("Even if stops get shorter than by the model file.", None, "--faster")
     ] = False,
     connect: options.Connect = "tcp/127.0.0.1:7447",
     namespace: options.Namespace = "slopewise/robot",

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result, schema_of
+from slopewise.services.cli.options import option
 from slopewise.services.cli.tables import LISTED, line, table
 from slopewise.services.jobs.plural import plural
 
@@ -32,26 +31,24 @@ def plan(
     spacing: options.Spacing = None,
     quantile: options.Quantile = 0.999,
     explain: Annotated[
-        bool,
-        typer.Option("--explain", help="Show what the best candidate loses to each bound."),
+        bool, option("Show what the best candidate loses to each bound.", None, "--explain")
     ] = False,
     smooth: options.Smooth = True,
     solver: Annotated[
         str,
-        typer.Option(
-            "--solver",
-            metavar="NAME",
-            help="Solver that limits jerk: interior_point, osqp, or ipopt (exact, slow). "
+        option(
+            "Solver that limits jerk: interior_point, osqp, or ipopt (exact, slow). "
             "Every plan is verified.",
+            "NAME",
+            "--solver",
         ),
     ] = "interior_point",
     topics: options.Topics = None,
     nodata: options.NoDataValue = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            metavar="plan.csv",
-            help="Write all plans, one row per station; .mcap for Foxglove, .rrd for rerun.",
+        option(
+            "Write all plans, one row per station; .mcap for Foxglove, .rrd for rerun.", "plan.csv"
         ),
     ] = None,
     report: options.Report = None,

@@ -10,11 +10,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result
+from slopewise.services.cli.options import option
 from slopewise.services.cli.tables import line, number, table
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ def query(
     speed: options.StartSpeed = 0.0,
     clear: options.ClearDistance = math.inf,
     map_file: Annotated[
-        Path | None, typer.Option("--map", metavar="MAP", help="Elevation map to send before.")
+        Path | None, option("Elevation map to send before.", "MAP", "--map")
     ] = None,
     nodata: options.NoDataValue = None,
     timeout: options.Timeout = 2.0,

@@ -9,11 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result, schema_of
+from slopewise.services.cli.options import option
 from slopewise.services.cli.tables import line, number, table
 from slopewise.services.jobs.plural import plural
 
@@ -37,21 +36,16 @@ def replay(
     connect: options.Connect = "tcp/127.0.0.1:7447",
     namespace: options.Namespace = "slopewise/robot",
     speed_up: Annotated[
-        float,
-        typer.Option(metavar="X", help="Seconds of the log per second; inf: as fast as possible."),
+        float, option("Seconds of the log per second; inf: as fast as possible.", "X")
     ] = 1.0,
     topics: options.Topics = None,
     columns: options.Columns = "",
-    timeout: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Longest wait for each reply.")
-    ] = 5.0,
+    timeout: Annotated[float, option("Longest wait for each reply.", "SECONDS")] = 5.0,
     zenoh_file: options.ZenohFile = "",
     plan: Annotated[
-        bool, typer.Option("--plan", help="Plan along a recording instead; needs --model.")
+        bool, option("Plan along a recording instead; needs --model.", None, "--plan")
     ] = False,
-    model: Annotated[
-        str, typer.Option("--model", "-m", metavar="M.toml", help="Model file, with --plan.")
-    ] = "",
+    model: Annotated[str, option("Model file, with --plan.", "M.toml", "--model", "-m")] = "",
     report: options.Report = None,
     as_json: options.AsJson = False,
     json_schema: Annotated[bool, schema_of("jobs.replay_summary.ReplaySummary")] = False,

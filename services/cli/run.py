@@ -9,19 +9,16 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_ready
+from slopewise.services.cli.options import option
 
 _PACKAGES = {"zenoh": "eclipse-zenoh", "rosbags": "'.[ros]' in a clone"}  # by module
 
 
 def serve(
-    config: Annotated[
-        Path, typer.Option("--config", "-c", metavar="service.toml", help="The service's settings.")
-    ],
+    config: Annotated[Path, option("The service's settings.", "service.toml", "--config", "-c")],
     as_json: options.JsonLine = False,
 ) -> None:
     """Reply to plan requests over zenoh until a signal asks to stop.
@@ -41,9 +38,7 @@ def serve(
 
 
 def ros(
-    config: Annotated[
-        Path, typer.Option("--config", "-c", metavar="ros.toml", help="The edge's settings.")
-    ],
+    config: Annotated[Path, option("The edge's settings.", "ros.toml", "--config", "-c")],
     as_json: options.JsonLine = False,
 ) -> None:
     """Give a robot with ROS 2 speed limits: paths, maps and odometry in, limits out.
@@ -83,9 +78,7 @@ def ros(
 
 
 def guard(
-    config: Annotated[
-        Path, typer.Option("--config", "-c", metavar="guard.toml", help="The guard's settings.")
-    ],
+    config: Annotated[Path, option("The guard's settings.", "guard.toml", "--config", "-c")],
     as_json: options.JsonLine = False,
 ) -> None:
     """Monitor velocity commands: pass, limit or stop each so that the vehicle can always stop.

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result, schema_of
+from slopewise.services.cli.options import option
 from slopewise.services.cli.tables import notes, table
 
 if TYPE_CHECKING:
@@ -20,8 +19,7 @@ def simulate(
     logs: options.LogFiles,
     model: options.ModelFile,
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="sim.csv", help="Write run,t,v_measured,v_simulated,residual."),
+        Path | None, option("Write run,t,v_measured,v_simulated,residual.", "sim.csv")
     ] = None,
     topics: options.Topics = None,
     columns: options.Columns = "",

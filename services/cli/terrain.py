@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result, schema_of
+from slopewise.services.cli.options import option
 from slopewise.services.cli.tables import LISTED, line, table
 from slopewise.services.jobs.plural import plural
 
@@ -20,23 +19,18 @@ if TYPE_CHECKING:
 def terrain(
     logs: options.LogFiles,
     model: options.ModelFile,
-    out: Annotated[
-        Path | None, typer.Option(metavar="terrain.csv", help="Write one row per stretch.")
-    ] = None,
+    out: Annotated[Path | None, option("Write one row per stretch.", "terrain.csv")] = None,
     report: options.Report = None,
     update: Annotated[
-        Path | None,
-        typer.Option(metavar="M2.toml", help="Write the model with the ground driven now."),
+        Path | None, option("Write the model with the ground driven now.", "M2.toml")
     ] = None,
     terrains: Annotated[
-        str | None,
-        typer.Option(metavar="T.toml", help="Known classes and settings: file, or a shipped name."),
+        str | None, option("Known classes and settings: file, or a shipped name.", "T.toml")
     ] = None,
     learn: Annotated[
         Path | None,
-        typer.Option(
-            metavar="T2.toml",
-            help="Write classes and thresholds learned from the columns terrain and session.",
+        option(
+            "Write classes and thresholds learned from the columns terrain and session.", "T2.toml"
         ),
     ] = None,
     topics: options.Topics = None,
