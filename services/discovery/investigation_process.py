@@ -28,9 +28,6 @@ from slopewise.services.wire.model_proposal import ModelProposal
 from slopewise.services.wire.plan_messages import Message
 
 JOB, OUTCOME = "job.json", "outcome.json"
-FILE, BASIS, ACTIVE = "file.toml", "base.toml", "in_use.toml"
-"""The model file, the model that stops are compared with, and the one planned with now."""
-
 _CONCLUSIVE = ("missing_effect", "parameter_drift")
 _LOWEST_PRIORITY = 19  # niceness of the process: the lowest priority of POSIX
 _PAUSE = 60.0
@@ -46,6 +43,10 @@ class InvestigationJob(Message, frozen=True):
     vehicle: str  # fingerprint of the vehicle
     cause: str  # operator or schedule
     limit: float  # time limit [s]
+    # tables of the model file, of the model that stops are compared with, and of that planned with
+    file: dict[str, Any]
+    basis: dict[str, Any]
+    active: dict[str, Any]
 
 
 class InvestigationOutcome(Message, frozen=True):
@@ -62,7 +63,7 @@ def main(folder: Path) -> None:
     _lower_priority(job.limit)
     from slopewise.services.io.files import write_atomic
 
-    write_atomic(folder / OUTCOME, msgspec.json.encode(_investigate(job, folder)))
+    write_atomic(folder / OUTCOME, msgspec.json.encode(_investigate(job)))
 
 
 def _lower_priority(limit: float) -> None:
@@ -78,12 +79,12 @@ def _lower_priority(limit: float) -> None:
     threading.Thread(target=exit_with_service, daemon=True).start()
 
 
-def _investigate(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
+def _investigate(job: InvestigationJob) -> InvestigationOutcome:
     from slopewise.models.discrepancy.workflow import investigate
     from slopewise.models.errors import ParameterError
     from slopewise.services.discovery.model_comparison import cautious, compare_stops
     from slopewise.services.io.findings_file import findings_as_json
-    from slopewise.services.io.model_file import model_to_dict, read_model
+    from slopewise.services.io.model_file import model_from_dict, model_to_dict
 
     stored, damaged, data = read_stops(Path(job.store), job.names)
     stops = [stop for stop in stored if stop.vehicle == job.vehicle]
@@ -91,7 +92,7 @@ def _investigate(job: InvestigationJob, folder: Path) -> InvestigationOutcome:
         return InvestigationOutcome(
             reason="expected stored stops of this vehicle, got none", damaged=damaged
         )
-    file, basis, active = (read_model(folder / name) for name in (FILE, BASIS, ACTIVE))
+    file, basis, active = (model_from_dict(t, JOB) for t in (job.file, job.basis, job.active))
     columns, runs, ground = as_log(stops)
     source = f"slopewise service, {len(stops)} stops {data}; {job.cause}"
     try:

@@ -24,9 +24,6 @@ from slopewise.models.arrays import Floats
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
 from slopewise.services.discovery.investigation_process import (
-    ACTIVE,
-    BASIS,
-    FILE,
     JOB,
     OUTCOME,
     InvestigationJob,
@@ -35,7 +32,7 @@ from slopewise.services.discovery.investigation_process import (
 from slopewise.services.discovery.stop_extractor import StopExtractor
 from slopewise.services.discovery.stop_store import StopStore, StoredStop
 from slopewise.services.io.files import reason
-from slopewise.services.io.model_file import write_model
+from slopewise.services.io.model_file import model_to_dict
 from slopewise.services.settings.learning_settings import Investigation
 
 _log = logging.getLogger("slopewise")
@@ -134,14 +131,14 @@ class Investigator:
             cause=cause,
             names=self._store.latest(int(self._settings.stops)),
             limit=self._settings.limit,
+            file=model_to_dict(file),
+            basis=model_to_dict(basis),
+            active=model_to_dict(_without_learned_surfaces(active, file)),
         )
-        models = {FILE: file, BASIS: basis, ACTIVE: _without_learned_surfaces(active, file)}
         try:
-            for name, model in models.items():
-                write_model(model, folder / name)
             (folder / JOB).write_bytes(msgspec.json.encode(job))
             self._process = _start_process(folder)
-        except (OSError, InputError) as error:
+        except OSError as error:
             shutil.rmtree(folder, ignore_errors=True)
             expected = f"a process for the investigation: {reason(error)}"
             raise ParameterError("start", expected) from None

@@ -109,13 +109,17 @@ class TerrainResult:
         return next((run.is_relied_on for run in reversed(self.runs) if run.ground), False)
 
     @property
+    def ground(self) -> list[tuple[str, LoggedStretch]]:
+        """Run and stretch, of all runs; without those that were stuck."""
+        return [(run.run, stretch) for run in self.runs for stretch in run.ground]
+
+    @property
     def labelled(self) -> list[LabelledRun]:
-        """Stretches by run and the log's own name of the ground; without those that were stuck."""
+        """Stretches by run and the log's own name of the ground."""
         parts: dict[tuple[str, str, str], list[DescribedStretch]] = {}
-        for run in self.runs:
-            for s in run.ground:
-                if s.label:
-                    parts.setdefault((run.run, s.label, s.session), []).append(s)
+        for run, s in self.ground:
+            if s.label:
+                parts.setdefault((run, s.label, s.session), []).append(s)
         return [
             LabelledRun(label, session, tuple(stretch.observation for stretch in stretches))
             for (_, label, session), stretches in parts.items()
@@ -125,10 +129,9 @@ class TerrainResult:
     def values_by_name(self) -> dict[str, list[tuple[float, float, float]]]:
         """Features of the stretches by the log's name of their ground, else a single class name."""
         values: dict[str, list[tuple[float, float, float]]] = {}
-        for run in self.runs:
-            for stretch in run.ground:
-                if name := stretch.label or stretch.name:
-                    values.setdefault(name, []).append(stretch.observation.known.values)
+        for _, stretch in self.ground:
+            if name := stretch.label or stretch.name:
+                values.setdefault(name, []).append(stretch.observation.known.values)
         return values
 
     @property
@@ -150,8 +153,7 @@ class TerrainResult:
         if not self.terrains.terrain:
             return None
         by_label: dict[str, list[bool]] = {}
-        for run in self.runs:
-            for stretch in run.ground:
-                if label := stretch.label:
-                    by_label.setdefault(label, []).append(label in stretch.agrees_with)
+        for _, stretch in self.ground:
+            if label := stretch.label:
+                by_label.setdefault(label, []).append(label in stretch.agrees_with)
         return float(np.mean([np.mean(v) for v in by_label.values()])) if by_label else None

@@ -120,11 +120,7 @@ def _draw_variance(figure: Any, trace: TerrainTrace) -> None:
 def _draw_features(figure: Any, result: TerrainResult) -> None:
     grid = figure.subplots(2, 2)
     known = result.terrains.terrain
-    points = [
-        (stretch.label or "unnamed", stretch.observation.known.values)
-        for run in result.runs
-        for stretch in run.ground
-    ]
+    points = [(s.label or "unnamed", s.observation.known.values) for _, s in result.ground]
     names = list(dict.fromkeys([terrain.name for terrain in known] + [name for name, _ in points]))
     colour = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
     for axes, (first, second) in zip(grid.flat, ((0, 1), (0, 2), (2, 1)), strict=False):

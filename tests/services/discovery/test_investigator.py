@@ -19,7 +19,7 @@ from slopewise.services.discovery import investigation_process, investigator
 from slopewise.services.discovery.investigation_process import InvestigationOutcome, as_log
 from slopewise.services.discovery.investigator import Investigator
 from slopewise.services.discovery.stop_store import StoredStop
-from slopewise.services.io.model_file import find_model, read_model, write_model
+from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.settings.learning_settings import Investigation
 from tests.services.robot_plant import ASPHALT, Vehicle
 
@@ -148,14 +148,9 @@ def test_an_investigation_is_due_after_its_interval_with_new_stops(
 def test_the_process_has_the_lowest_priority_and_ends_with_the_service(tmp_path: Path) -> None:
     folder = tmp_path / "job"
     folder.mkdir()
-    for name in (
-        investigation_process.FILE,
-        investigation_process.BASIS,
-        investigation_process.ACTIVE,
-    ):
-        write_model(FILE, folder / name)
+    models = dict.fromkeys(("file", "basis", "active"), model_to_dict(FILE))
     job = investigation_process.InvestigationJob(
-        store=str(tmp_path), names=[], vehicle="v", cause="test", limit=20.0
+        store=str(tmp_path), names=[], vehicle="v", cause="test", limit=20.0, **models
     )
     (folder / investigation_process.JOB).write_bytes(msgspec.json.encode(job))
     waits = (
