@@ -1,4 +1,4 @@
-"""What goes into a cycle of the moving horizon, and what comes out."""
+"""Input and output of a cycle of the moving horizon."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slopewise.planner.plan import SpeedPlan, Status
 
 MAX_HEADING_ERROR = 0.3
 """Largest angle between path and heading [rad]: up to it (17°) the linear law of the tracker, by
-which the way back to the path is swept, is good to 5 % of the offset."""
+which the return to the path is swept, is good to 5 % of the offset."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +85,7 @@ class PlanarState:
             object.__setattr__(self, name, float(getattr(self, name)))
 
     def flaw(self) -> str:
-        """What makes it useless, empty if nothing does."""
+        """Fault that makes it unusable, empty without one."""
         for name in ("x", "y", "heading", "speed", "age"):
             if not np.isfinite(getattr(self, name)):
                 return f"state.{name} is {getattr(self, name)}"
@@ -96,7 +96,7 @@ class PlanarState:
 
 @dataclass(frozen=True, slots=True)
 class SpeedCommand:
-    """What to do until the next cycle.
+    """Command until the next cycle.
 
     Attributes:
         speed: to be reached after one period [m/s].
@@ -117,7 +117,7 @@ FULL_STOP = SpeedCommand(0.0, 0.0, True, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Deficit:
-    """What the previous plan lacks, now that something got worse.
+    """Deficit of the previous plan, now that something got worse.
 
     Attributes:
         amount: by how much, in the unit of the bound.
@@ -130,7 +130,7 @@ class Deficit:
     bound: str
 
     def sentence(self) -> str:
-        """In words."""
+        """The deficit as text."""
         return f"{self.bound} by {self.amount:.3g} in {self.distance:.2f} m"
 
 
@@ -156,7 +156,7 @@ class CycleAnswer:
     """The answer of one cycle.
 
     Attributes:
-        status, reason: in a word and a sentence; those of the chosen plan, if there is one.
+        status, reason: those of the chosen plan, if there is one.
         chosen: the plan to drive, None where there is nothing to drive along.
         command: what to do now; always there.
         plans: those that were finished, best first; the previous one may be among them.
@@ -178,7 +178,7 @@ class CycleAnswer:
 
 
 def command_of(plan: SpeedPlan, station: float, now: float, period: float) -> SpeedCommand:
-    """What to do at a station of a plan.
+    """Command at a station of a plan.
 
     Args:
         plan: followed from there.

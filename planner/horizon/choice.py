@@ -1,4 +1,4 @@
-"""Which of the finished plans is driven, and what the vehicle is told to do."""
+"""Which of the finished plans is driven, and the command to the vehicle."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slopewise.planner.plan import SpeedPlan, Status
 SAFE = (Status.OK, Status.BLOCKED)
 
 _STARTS = 0.05
-"""A plan that begins so much slower than the vehicle does not begin at the vehicle [m/s]."""
+"""A plan slower than the vehicle by this does not begin at the vehicle [m/s]."""
 
 
 def best_first(
@@ -27,7 +27,7 @@ def best_first(
     previous: str,
     gain: float,
 ) -> list[PreviousPlan]:
-    """Plans by what is safe, as wanted, and soon there.
+    """Plans by what is safe, as requested, and soon there.
 
     Args:
         planner: of this cycle. plans: that were finished.
@@ -49,7 +49,7 @@ def best_first(
 
     plans = sorted(plans, key=key)
     if continued is not None and continued.plan.status is Status.OK:
-        # What reaches its end gives way only to what does so as well.
+        # What reaches its end is replaced only by what does so as well.
         plans.sort(key=lambda one: one.plan.status is not Status.OK)
     return plans
 

@@ -1,7 +1,7 @@
-"""The previous plan in this cycle: continued, kept as it is, or braked to a stop.
+"""The previous plan in this cycle: continued, kept unchanged, or braked to a stop.
 
-All of it happens on the stations of that plan. What is left of it is one of the profiles that are
-possible now; if nothing got worse, the judge can have no objection (docs/decisions/0008).
+All of it happens on the stations of that plan. Its remainder is one of the profiles that are
+possible now; if nothing got worse, the verifier can have no objection (docs/decisions/0008).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _EXACT = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class PathAhead:
-    """A path to go on along, with stations behind the vehicle.
+    """A path to continue along, with stations behind the vehicle.
 
     Attributes:
         path: as a batch of one. first: station of it behind which the vehicle is.
@@ -82,7 +82,7 @@ class Continuation:
         return self.rests or left > mean * _LONG
 
     def path_ahead(self) -> PathAhead | None:
-        """The path of a plan that goes on from this one; None if it has to begin anew."""
+        """The path of a plan that continues this one; None if it has to begin again."""
         # What brakes harder than planned braking may has to be planned from where it is by now.
         service = self.planner.model.limits.decel
         if self.rests or -self.previous.plan.accel[self._segment] > service + _EXACT:
@@ -90,7 +90,7 @@ class Continuation:
         return self._path_ahead(BEHIND, extended=True)
 
     def go_on(self, ahead: PathAhead, solved: TimeOptimalBatch) -> PreviousPlan | None:
-        """A new plan that goes on from the end of the segment; None if it has to begin anew.
+        """A new plan that continues from the end of the segment; None if it has to begin again.
 
         Args:
             ahead: of :meth:`path_ahead`. solved: a batch whose last candidate that is.
@@ -111,13 +111,13 @@ class Continuation:
             lambda: first_try.pop() if first_try else self._finalizer(extended=True)[1],
             profile,
         )
-        # A plan that cannot be repaired stands still: that is none for a vehicle that moves.
+        # A plan that cannot be repaired stands still, which is no plan for a vehicle that moves.
         if answer.speed[0] != plan.speed[i]:
             return None
         return PreviousPlan.on(ahead.path, ahead.first, answer)
 
     def keep(self) -> tuple[PreviousPlan | None, Deficit | None]:
-        """What is left of the plan, as it is; or what it lacks by what is known now."""
+        """The remainder of the plan unchanged; or its deficit by what is known now."""
         i, plan = self._segment, self.previous.plan
         ahead, finalizer = self._finalizer(extended=False)
         speed_sq = plan.speed[i:] ** 2
@@ -157,10 +157,10 @@ class Continuation:
     def _finalizer(
         self, *, extended: bool, behind: int = BEHIND
     ) -> tuple[PathAhead, PlanFinalizer]:
-        """The path from the vehicle's segment on, judged with the stations behind it.
+        """The path from the vehicle's segment on, verified with the stations behind it.
 
-        Ground behind the vehicle that is not known any more, or never was, bars nothing ahead: then
-        fewer stations are taken from there.
+        Ground behind the vehicle that is not known any more, or never was, blocks nothing ahead:
+        then fewer stations are taken from there.
         """
         for stations in range(behind, -1, -1):
             ahead = self._path_ahead(stations, extended=extended)

@@ -27,7 +27,7 @@ from slopewise.planner.plan import Status
 
 
 class Cycle:
-    """One cycle: made, run once, thrown away."""
+    """One cycle: made, run once, discarded."""
 
     def __init__(self, planner: CyclePlanner, previous: PreviousPlan | None) -> None:
         """Find the vehicle on the plan that it drives."""
@@ -90,7 +90,7 @@ class Cycle:
         ranking, order = batch.ranked(index, gain)
         continued, deficit, kept = self._continue(batch, index)
         plans = [] if continued is None else [continued]
-        # The previous plan and the best other candidate are finished whatever the time.
+        # The previous plan and the best other candidate are finished at any time.
         others = [j for j in order if j != index]
         for n, j in enumerate(others[: max(self._settings.smoothed - len(plans), 1)]):
             if n > 0 and planner.late():
@@ -154,7 +154,7 @@ class Cycle:
     def _continue(
         self, batch: CycleBatch, index: int | None
     ) -> tuple[PreviousPlan | None, Deficit | None, bool]:
-        """The previous plan in this cycle; what it lacks; is it kept as it was?
+        """The previous plan in this cycle; what it lacks; is it kept unchanged?
 
         Args:
             batch: the candidates. index: of the one that is its path, None if none is.
@@ -179,7 +179,7 @@ class Cycle:
     # ------------------------------------------------------------------ plans
 
     def _go_on(self, batch: CycleBatch) -> PreviousPlan | None:
-        """The plan that goes on from the previous one, None if none does."""
+        """The plan that continues the previous one, None without one."""
         if self._continuation is None or self._ahead is None:
             return None
         return self._continuation.go_on(self._ahead, batch.solved)

@@ -15,7 +15,7 @@ from slopewise.planner.verify.judge import Violations, screen
 
 @dataclass(frozen=True, slots=True)
 class CycleBatch:
-    """Time-optimal profiles of M candidates, with the judge's word on them.
+    """Time-optimal profiles of M candidates, with the verdicts of the verifier.
 
     Attributes:
         paths: of the candidates.
@@ -46,11 +46,11 @@ class CycleBatch:
         return cls(paths, solved, violation[:m], ~solved.reachable[:m])
 
     def passed(self, j: int) -> bool:
-        """The judge has no objection to the profile of candidate j."""
+        """Return True if the verifier has no objection to the profile of candidate j."""
         return not self.violation[j].max() > 0.0
 
     def ranked(self, previous: int | None, gain: float) -> tuple[tuple[Ranked, ...], list[int]]:
-        """All candidates by cost, those that the judge objects to last; and their indices.
+        """All candidates by cost, those that the verifier objects to last; and their indices.
 
         Args:
             previous: index of the candidate that is the previous plan's path, if any is.
@@ -69,7 +69,7 @@ class CycleBatch:
         return ranking, order
 
     def _objection(self, j: int) -> str:
-        """What the judge objects to in a time-optimal profile."""
+        """Objections of the verifier to a time-optimal profile."""
         if self.too_fast[j]:
             return "starts faster than service braking can bring down"
         kind = int(np.argmax(self.violation[j]))

@@ -1,4 +1,4 @@
-"""What all plans of one cycle have in common: model, ground of the moment, time."""
+"""Common data of all plans of one cycle: model, ground of the moment, time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class CyclePlanner:
     Attributes:
         model: of the vehicle, made cautious. uncertainty: for which it was.
         settings, planning: of cycles and of plans.
-        elevation_map, conditions: of the moment.
+        elevation_map, conditions: those of the moment.
         started: when the cycle did, by the clock of `perf_counter` [s].
         state: vehicle state; it may be off its paths.
     """
@@ -90,6 +90,6 @@ class CyclePlanner:
             try:
                 return finalizer().finish(name, profile)
             except Exception as error:  # noqa: BLE001
-                # Whatever a solver raises: the plan does not need it, and is labelled.
+                # Any fault of a solver: the plan does not need it, and is labelled.
                 why = f"not smoothed: {type(error).__name__}: {error}"
         return finalizer().finish(name, profile, smoothed=False, unsmoothed=why)

@@ -1,7 +1,7 @@
 """The moving horizon: from state, candidates and map of this cycle to one plan and one command.
 
 All candidates are planned and judged; the best are smoothed, as many as the time allows. The
-previous plan stays among them on stations of its own: as long as nothing got worse it may be
+previous plan stays among them on its stations: as long as nothing got worse it may be
 driven on, so an answer that was `ok` stays `ok` (docs/decisions/0008-horizon.md).
 """
 
@@ -51,16 +51,16 @@ class Horizon:
 
     @property
     def model(self) -> Model:
-        """What is planned with: the vehicle's model, made cautious."""
+        """The vehicle's model, made cautious, which plans use."""
         return self._model
 
     def learn(self, model: Model, uncertainty: Uncertainty | None = None) -> None:
-        """Go on with other parameters, or with the same ones, aged."""
+        """Continue with other parameters, or with the same ones, aged."""
         self.uncertainty = uncertainty or self.uncertainty
         self._model = self.uncertainty.cautious(model)
 
     def forget(self) -> None:
-        """Go on without the previous plan."""
+        """Continue without the previous plan."""
         self._previous = None
 
     def step(

@@ -46,7 +46,7 @@ def cut(paths: PathBatch, projection: PathProjection, at: tuple[float, float]) -
 def _cut_limits(limit: Floats, count: Ints, kept: Ints, own: Bools, rows: int) -> Floats:
     """Limits at the new stations, (rows, M) [m/s].
 
-    Between two stations either one's limit holds; of one left out, and ahead of a path, its own.
+    Between two stations either one's limit holds; of an omitted one, and ahead of a path, its own.
 
     Args:
         limit: (N, M) of the paths [m/s]; count: (M,) their stations.

@@ -42,7 +42,7 @@ class PathProjection:
 def locate(
     x: Floats, y: Floats, count: Ints, at: tuple[float, float], heading: float
 ) -> PathProjection:
-    """Find the vehicle on paths, where they cross themselves on the branch that goes its way.
+    """Find the vehicle on paths, where they cross themselves on the branch of its direction.
 
     Args:
         x, y: (N, M) stations, finite and N >= 2 [m]; count: (M,) of each path, >= 2.

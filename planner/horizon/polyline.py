@@ -13,14 +13,14 @@ from slopewise.planner.raw_polyline import arc
 _WINDOW = 1.0
 """Half length of the path searched for the vehicle [m], besides its odometry's drift."""
 _DRIFT = 0.1
-"""A point is looked for on so much of another path, a metre and a share of the distance to it."""
+"""Extent of another path on which a point is searched: a metre and a share of the distance."""
 
 AT_END = 1e-6
 """Share of a segment so close to its ends is at its end."""
 
 
 class Polyline(NamedTuple):
-    """Positions of stations, (N,) each, N >= 2 wherever something is projected on it [m]."""
+    """Positions of stations, (N,) each, N >= 2 for a projection on it [m]."""
 
     x: Floats
     y: Floats
@@ -36,7 +36,7 @@ class Polyline(NamedTuple):
 
         Args:
             points: (n,) positions.
-            low, high: segments among which the nearest is looked for; all of them if left out.
+            low, high: segments among which the nearest is looked for; all of them if omitted.
 
         Returns:
             (n,) nearest segments; shares of them, < 0 before and > 1 beyond; distances [m].

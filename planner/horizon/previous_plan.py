@@ -1,4 +1,4 @@
-"""The plan of the last cycle on its own stations, and how its path goes on from there.
+"""The plan of the last cycle on its own stations, and how its path continues from there.
 
 It keeps its stations, so that this plan is one of the next cycle's profiles, exactly.
 """
@@ -82,7 +82,7 @@ class PreviousPlan:
         )
 
     def agrees(self, projection: PathProjection, other: Polyline, tolerance: float) -> bool:
-        """Does a path run along this one from the vehicle on, as far as both go?
+        """Return True if a path runs along this one from the vehicle on, as far as both go.
 
         Args:
             projection: the vehicle on this path.
@@ -92,7 +92,7 @@ class PreviousPlan:
         ahead = self.ahead(projection)
         common = other.arc() <= ahead.arc()[-1]
         nearest, share, off = ahead.foot(Polyline(other.x[common], other.y[common]))
-        # What lies before or beyond this path says nothing.
+        # Parts before or beyond this path are ignored.
         before = (nearest == 0) & (share < 0.0)
         beyond = (nearest == len(ahead.x) - 2) & (share > 1.0)
         return bool(np.all((off <= tolerance) | before | beyond))
@@ -109,7 +109,7 @@ class PreviousPlan:
         """
         i, known = int(projection.segment[0]), self.behind.shape[1]
         first = max(known + i - behind, 0)
-        # What the vehicle has left says nothing of what is ahead.
+        # Parts behind the vehicle are ignored.
         nothing = np.broadcast_to([[np.inf], [0.0]], (2, known))
         plan = np.stack((self.plan.x, self.plan.y, *self.limits))
         rows = np.concatenate((np.concatenate((self.behind, nothing)), plan), axis=1)
@@ -123,7 +123,7 @@ class PreviousPlan:
         *,
         extended: bool,
     ) -> tuple[PathBatch, int]:
-        """As :meth:`rest`, under the limits of the path as it is offered now.
+        """As :meth:`rest`, under the limits of the path offered now.
 
         Args:
             projection: the vehicle on this path.
@@ -167,7 +167,7 @@ class PreviousPlan:
 
 @dataclass(frozen=True, slots=True)
 class OfferedPath:
-    """The path of the previous plan as it is offered in this cycle.
+    """The path of the previous plan, offered in this cycle.
 
     Attributes:
         rows: (4, n) of it from a few stations behind the vehicle on, as of :class:`PathBatch`.
@@ -183,7 +183,7 @@ class OfferedPath:
 def offered_path(
     path: PathBatch, segment: int, station: Floats, passed: float, clear: float
 ) -> OfferedPath:
-    """What a path offers.
+    """Offer of a path.
 
     Args:
         path: as it came, alone; segment: index of its station behind the vehicle.

@@ -56,7 +56,7 @@ def drivable_of(
     settings: HorizonSettings,
     max_deviation: float,
 ) -> tuple[Drivable | None, tuple[Ranked, ...]]:
-    """Candidates that can be driven, None if there is none; and the others, with reasons.
+    """Candidates that can be driven, None without any; and the others, with reasons.
 
     Args:
         paths: M candidates; clear: (M,) station up to which each is known free [m].
@@ -83,7 +83,7 @@ def drivable_of(
 
 
 def malformed(paths: PathBatch, clear: Floats, max_deviation: float) -> list[str]:
-    """Why candidates cannot be planned at all, empty for those that can."""
+    """Reasons why candidates cannot be planned at all, empty for those that can."""
     finite, moving = core.find_sound(paths.x, paths.y, paths.count)
     long, known = paths.count >= FEWEST, ~np.isnan(clear)
     reasons = [""] * len(clear)
@@ -112,7 +112,7 @@ def malformed(paths: PathBatch, clear: Floats, max_deviation: float) -> list[str
 
 
 def out_of_reach(projection: PathProjection, most: HorizonSettings) -> list[str]:
-    """Why candidates cannot be driven from where the vehicle is, empty for those that can."""
+    """Reasons why candidates cannot be driven from the vehicle on, empty for those that can."""
     near = (projection.beside <= most.beside) & (-projection.along <= most.ahead)
     drivable = near & (projection.turned <= most.turned) & (projection.remaining > _ENDS)
     reasons = [""] * len(drivable)
