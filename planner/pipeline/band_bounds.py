@@ -26,7 +26,7 @@ _SIDES = (1.0, -1.0)  # left, right
 
 
 class BandGround(NamedTuple):
-    """Ground beside candidates, and what plans on it are made with."""
+    """Ground next to candidates, and what plans on it are made with."""
 
     elevation_map: ElevationMap
     model: Model

@@ -57,7 +57,7 @@ class CandidateColumn:
     def __init__(
         self, solved: TimeOptimalBatch, j: int, fixed_prefix: Floats, first: int = 0
     ) -> None:
-        """Take candidate j out of a batch.
+        """Take candidate j from a batch.
 
         Args:
             solved: the batch.
@@ -135,7 +135,7 @@ class CandidateColumn:
 
     @property
     def obstacle(self) -> Obstacle | None:
-        """What wheels or body must not come to, where that ends the clear distance."""
+        """Obstacle of wheels or body, where that ends the clear distance."""
         if self.barrier_station >= len(self.track.station):
             return None
         j, first = self._index
@@ -144,7 +144,7 @@ class CandidateColumn:
 
     @cached_property
     def momentum(self) -> Momentum | None:
-        """What a hill takes that ends the clear distance because thrust alone cannot climb it.
+        """Requirements of a hill that ends the clear distance because thrust alone cannot climb it.
 
         None also where ground beyond it is unknown, or steeper than the model was trained on.
         """
@@ -157,7 +157,7 @@ class CandidateColumn:
         ends = np.flatnonzero(~(self.known if braking.extrapolate else drivable)[k:])
         reach = k + int(ends[0]) if len(ends) else len(self.track.station)
         found = momentum_over(self.track, max(k - 1, 0), reach, self.scalars)
-        # Where the hill goes on into the unknown nobody can tell.
+        # How the hill continues on unknown ground is not known.
         ends_there = found is not None and found.until >= self.track.station[reach - 1]
         return None if ends_there and len(ends) else found
 
@@ -248,7 +248,7 @@ class CandidateColumn:
         return core.segment_limits(self.track, speed_sq, *self._changes, self.scalars)
 
     def limiting(self, speed_sq: Floats, accel: Floats, smoothed: bool) -> Ints:
-        """What holds a profile at each station, (N,) codes of :class:`Limiting`.
+        """Bound that holds a profile at each station, (N,) codes of :class:`Limiting`.
 
         Its bound, or how fast the speed may change around it; what neither holds back is jerk.
         """

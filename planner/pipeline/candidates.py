@@ -109,7 +109,7 @@ class CandidatePlanner:
     def resampled(
         self, elevation_map: ElevationMap, paths: Sequence[CandidatePath | EvenPath]
     ) -> list[EvenPath]:
-        """Paths on even stations; those that are stay as they are.
+        """Paths on even stations; those that are stay unchanged.
 
         Raises:
             ParameterError: names the candidate and what is wrong with its path.

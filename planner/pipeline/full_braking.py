@@ -17,7 +17,7 @@ from slopewise.planner.verify.judge import Judgement
 
 
 class Judged(NamedTuple):
-    """A profile v² (N,) [m²/s²], what the judge found, and what the plan says of itself."""
+    """A profile v² (N,) [m²/s²], findings of the verifier, and status and reason of the plan."""
 
     speed_sq: Floats
     verdict: Judgement
@@ -30,7 +30,7 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Judged:
 
     Args:
         column: the candidate; its fixed prefix begins too fast.
-        status, reason: of its plan, if nothing were wrong; what ends its clear distance.
+        status, reason: those of its plan without a fault; what ends its clear distance.
     """
     station, start_sq = column.track.station, float(column.fixed_prefix[0])
     speed = np.sqrt(start_sq)
@@ -79,7 +79,7 @@ def emergency_stop(column: CandidateColumn) -> Judged:
         column.rest_at(float(onset + braking), k)
         station = column.track.station
     moving = speed_sq > 0.0
-    # It brakes already: what is left of this one stop, and its least loads.
+    # It brakes already: the remainder of this one stop, and its least loads.
     verdict = Judgement(
         np.where(moving, np.maximum(stop - station, 0.0), 0.0),
         np.where(moving, verdict.rear_load[0], verdict.rear_load),

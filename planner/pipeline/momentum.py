@@ -1,7 +1,7 @@
-"""What speed it takes to get over a hill that thrust alone cannot climb.
+"""Speed that it takes to get over a hill that thrust alone cannot climb.
 
-No plan counts on it: a vehicle that has to stop on such a hill can only go back. The speed is told,
-so that whoever plans the route, or drives, knows what is missing.
+No plan counts on it: a vehicle that has to stop on such a hill can only go back. The speed is
+reported, so that route planners and drivers know what is missing.
 
 v dv = g (min(F/W, P/(W v)) − demand) ds, taken backwards from where thrust suffices again; on the
 way there the vehicle may slow down to nothing. Validity: wheels that do not spin, and speeds that

@@ -1,7 +1,7 @@
-"""One candidate, from its time-optimal profile to its plan: smoothed, judged, explained.
+"""One candidate, from its time-optimal profile to its plan: smoothed, verified, explained.
 
-Nothing leaves without the judge's word: a plan that fails is repaired, then slowed, then replaced
-by the emergency stop, and says so.
+Every plan is verified: one that fails is repaired, then slowed, then replaced by the emergency
+stop, which its status shows.
 """
 
 from __future__ import annotations
@@ -49,16 +49,16 @@ class Unfinished:
 
 
 class PlanFinalizer:
-    """One candidate on its way through smoothing, judge, repair and labels.
+    """One candidate in smoothing, verification, repair and labels.
 
-    Its first stations may be driven already: the fixed prefix holds their v², and planning goes on
-    from the last of them.
+    Its first stations may be driven already: the fixed prefix holds their v², and planning
+    continues from the last of them.
     """
 
     def __init__(
         self, solved: TimeOptimalBatch, j: int, fixed_prefix: Floats, first: int = 0
     ) -> None:
-        """Take candidate j out of a batch; arguments are those of :class:`CandidateColumn`."""
+        """Take candidate j from a batch; arguments are those of :class:`CandidateColumn`."""
         self.column = CandidateColumn(solved, j, fixed_prefix, first)
 
     def finish(
@@ -77,7 +77,7 @@ class PlanFinalizer:
         status, reason = standing(self.column)
         wanted = smoothed and bool(speed_sq.any())
         if wanted and profile.passed and profile.reachable:
-            # What the judge passed once is judged again only if smoothing fails.
+            # What passed the verifier once is verified again only if smoothing fails.
             answer, verdict, _ = self._smooth(speed_sq, profile.start_accel)
             if answer is not None and verdict is not None:
                 return self._plan(name, Judged(answer, verdict, status, reason), smoothed=True)
@@ -111,7 +111,7 @@ class PlanFinalizer:
         return Unfinished(speed_sq, reachable, start_accel=profile.start_accel)
 
     def keep(self, name: str, speed_sq: Floats) -> SpeedPlan | None:
-        """The plan that drives a given profile (N,) [m²/s²], None if the judge objects to it."""
+        """The plan that drives a given profile (N,) [m²/s²], None if the verifier objects to it."""
         verdict = self.column.judge(speed_sq)
         if not verdict.valid:
             return None
@@ -149,7 +149,7 @@ class PlanFinalizer:
     def _smooth(
         self, speed_sq: Floats, start_accel: float | None
     ) -> tuple[Floats | None, Judgement | None, str]:
-        """A smooth profile below this one and the judge's word that it is valid, or why none is."""
+        """A smooth profile below this one and its verification, or the reason without one."""
         if speed_sq[-1] > 0.0:
             raise AssertionError("a plan must rest at the end of its path")
         column = self.column
@@ -163,7 +163,7 @@ class PlanFinalizer:
             column.model.limits.jerk,
             start_accel,
         )
-        # Where the judge objects to the answer of the one that was wanted, the usual one is asked.
+        # Where the verifier objects to the answer of the requested one, the default one is asked.
         for solver in dict.fromkeys((column.solver, _USUAL)):
             result = smooth(problem, solver)
             if result.speed_sq is None:
@@ -175,7 +175,7 @@ class PlanFinalizer:
         return None, None, "the judge found a breach"
 
     def _repair(self, speed_sq: Floats) -> tuple[Floats, Judgement, str]:
-        """Lower the bound where the judge objects; at last slow the whole plan down."""
+        """Lower the bound where the verifier objects; at last slow the whole plan down."""
         column, fixed = self.column, self.column.fixed_prefix
         verdict = column.judge(speed_sq)
         for _ in range(_REPAIRS):

@@ -1,4 +1,4 @@
-"""What a plan costs: the one ranking of `slopewise plan`, of the moving horizon and of the service.
+"""Cost of a plan: the one ranking of `slopewise plan`, of the moving horizon and of the service.
 
 All weights are those of :class:`slopewise.planner.settings.PlannerSettings`. A time-optimal profile
 has no margin yet, so a batch is ordered by

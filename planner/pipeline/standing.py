@@ -1,4 +1,4 @@
-"""Whether a plan reaches the end of its path, and what stops it before, in words."""
+"""Whether a plan reaches the end of its path, and the reason if not, as text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.plan import Status
 
 _HARDLY_SHORT = 1.0
-"""So far before the end of its path a plan may rest, beside what stops keep free [m]."""
+"""Distance from the end of its path at which a plan may rest, besides what stops keep free [m]."""
 
 
 def standing(column: CandidateColumn) -> tuple[Status, str]:
@@ -40,7 +40,7 @@ def stop_reason(
 ) -> tuple[Status, str]:
     """Status and reason of a profile: where it stops, the one number for that, and the cause.
 
-    A plan that rests well before the end of its path is not ok, whatever the cause.
+    A plan that rests well before the end of its path is not ok, for any cause.
     """
     station = column.track.station
     moving = np.flatnonzero(speed_sq > 0.0)
@@ -59,7 +59,7 @@ def stop_reason(
 
 
 def _kept_free(column: CandidateColumn, k: int) -> float:
-    """What even the slowest stop keeps free: its offset, errors of map and place [m]."""
+    """Distance that even the slowest stop keeps free: its offset, errors of map and place [m]."""
     braking = column.full_braking(k, 0.0)
     fall = GRAVITY * column.errors.height / braking if braking > 0.0 else 0.0
     return column.offset + column.errors.along_track + fall
@@ -130,7 +130,7 @@ def _untrained(what: str, slope: float, there: str, low: float, high: float) -> 
 
 
 def _by_momentum(column: CandidateColumn) -> str:
-    """What else would get over a hill that thrust alone cannot climb."""
+    """Alternatives to get over a hill that thrust alone cannot climb."""
     found = column.momentum
     if found is None:
         return ": thrust alone cannot climb it"

@@ -1,6 +1,6 @@
 """Terrain, ground, bounds and time-optimal profiles of a batch: the first half of every plan.
 
-Plans of single questions, cycles of the moving horizon and plans under changed assumptions all come
+Plans of single requests, cycles of the moving horizon and plans under changed assumptions all come
 from here; the second half is :mod:`slopewise.planner.pipeline.plan_finalizer`.
 """
 
@@ -31,7 +31,7 @@ from slopewise.planner.swept.hazards import Hazards, nothing_looked_for, swept_h
 from slopewise.planner.verify.ground import GroundView
 
 _ROUNDING = 1e-9
-"""By so much v² at the start may exceed what service braking can bring down [m²/s²]."""
+"""Excess of v² at the start over what service braking can bring down [m²/s²]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from slopewise.models.arrays import Bools, Floats
 _TOLERANCE = 1e-4
 """Absolute and relative tolerance of OSQP [scaled]: below the tightening of the constraints."""
 _ITERATIONS = 4000
-"""In which it gets there nineteen times out of twenty; that nothing is feasible takes it 250."""
+"""In which it gets there in 19 of 20 cases; that nothing is feasible takes it 250."""
 
 
 def nearest_by_osqp(

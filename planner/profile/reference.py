@@ -1,4 +1,4 @@
-"""Offline optimum by CasADi and IPOPT, to hold the fast planner against.
+"""Offline optimum by CasADi and IPOPT, to compare the fast planner with.
 
 A program over the speeds at the stations, which minimises travel time with v² linear between
 stations under the exact constraints that :mod:`slopewise.planner.profile.smoothing` replaces by
@@ -28,7 +28,7 @@ _SLOWEST_GUESS = 0.05
 FREE = np.inf
 
 _STATIONS_MORE = 32
-"""Programs that are kept are for multiples of so many stations."""
+"""Cached programs are for multiples of this number of stations."""
 
 _ONE_AT_A_TIME = Lock()
 """A solver of CasADi has one memory."""
@@ -36,7 +36,7 @@ _ONE_AT_A_TIME = Lock()
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What IPOPT found.
+    """Answer of IPOPT.
 
     Attributes:
         speed_sq: (N,) v² [m²/s²]; None if it failed, and ``reason`` says why.

@@ -39,7 +39,7 @@ class Smoothed:
 
 
 def smooth(problem: SmoothingProblem, first: Solver = "interior_point") -> Smoothed:
-    """Solve one candidate of N stations; that there is no answer is told, not raised.
+    """Solve one candidate of N stations; a missing answer is reported, not raised.
 
     Args:
         problem: of the candidate.
@@ -68,7 +68,7 @@ def smooth(problem: SmoothingProblem, first: Solver = "interior_point") -> Smoot
 
 
 def _first_stations(problem: SmoothingProblem, count: int) -> SmoothingProblem:
-    """The problem of so many stations; with stations of rest behind them where it has too few."""
+    """The problem with that number of stations, at rest behind its last where it has too few."""
     n = min(count, len(problem.speed_sq_max))
     more = max(core.MIN_STATIONS - n, 0)
     parts = [a[: n - 1] for a in (problem.ds, problem.accel_max, problem.decel_max)]

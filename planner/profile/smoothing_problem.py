@@ -1,4 +1,4 @@
-"""What smoothing is asked: a candidate, its time-optimal profile, and the jerk allowed."""
+"""Problem of smoothing: a candidate, its time-optimal profile, and the jerk allowed."""
 
 from __future__ import annotations
 

@@ -16,13 +16,13 @@ from slopewise.planner.planning_limits import PlanningLimits
 
 
 class ProfileProblem(NamedTuple):
-    """What the fastest profiles of M candidates with up to N stations are made from.
+    """Problem of the fastest profiles of M candidates with up to N stations.
 
-    Attributes, (N, M) unless said otherwise:
+    Attributes, (N, M) unless stated otherwise:
         station: [m], increasing.
         speed_sq_max: highest v² [m²/s²].
         sin_grade: sine of the grade.
-        lower_slope, lower_intercept: of the force that braking may count on [s/m], [1].
+        lower_slope, lower_intercept: force that braking may count on [s/m], [1].
         slowest: below it the force does not change with speed [m/s].
         accel_max: by comfort, thrust and front axle load [m/s²].
         demand: share of the weight that holding the speed costs.
@@ -77,7 +77,7 @@ def time_optimal_profile(problem: ProfileProblem) -> tuple[Floats, Floats]:
 
     Returns:
         v² (N, M), and (M,) the highest v² at the first station from which the bounds can still be
-        kept; below ``start_sq`` the profile begins there all the same [m²/s²].
+        kept; below ``start_sq`` the profile begins there nevertheless [m²/s²].
     """
     return core.time_optimal(problem)
 

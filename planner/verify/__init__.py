@@ -1,1 +1,1 @@
-"""The judge: every constraint of a finished plan, checked by laws of its own."""
+"""Verifier: every constraint of a finished plan, checked by separate laws."""

@@ -162,8 +162,8 @@ def first_blocked(
 
     Args:
         view: map and errors.
-        profile, ground: of the batch; only positions, stations, curvature and braking force at
-            rest are used.
+        profile, ground: those of the batch; only positions, stations, curvature and braking force
+            at rest are used.
         model: vehicle and braking.
         candidate: index in the batch.
         reach: index of the station where the vehicle stands, where nothing blocks it, and the last

@@ -3,7 +3,7 @@
 It shares no approximation with what made the plan: bounds work with tangents and chords of v² and
 with sums of sines, the verifier (`core/verify/verify.hpp`) follows every emergency stop to its
 end, on the laws of `models`. The third writing of a stop,
-:mod:`slopewise.models.stops.simulation`, is what tests hold both against.
+:mod:`slopewise.models.stops.simulation`, is what tests compare both with.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from slopewise.planner.verify.track import Track
 
 
 class Violations(NamedTuple):
-    """The worst breach of one kind: by how much, in the unit of what is breached; 0 is none.
+    """The worst breach of one kind: by how much, in the unit of what is breached; 0 without one.
 
     The last six are by how much stops end beyond ground of that kind [m].
     """
@@ -54,7 +54,7 @@ class Violations(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What the judge found.
+    """Findings of the verifier.
 
     Attributes:
         stop_distance: (N,) emergency stop from each station at its speed, with its safety offset;
@@ -73,7 +73,7 @@ class Judgement:
 
     @property
     def overrun(self) -> float:
-        """How far any stop ends beyond the clear distance, whatever ends it [m]."""
+        """Distance of any stop's end beyond the clear distance, for any cause [m]."""
         v = self.violation
         return max(
             v.overrun,
@@ -115,9 +115,9 @@ def check(
         distance_offset: safety offset of the model [m].
         motion: effects on the motion.
         model: vehicle and limits.
-        even: the candidate with the whole of the force, for the stops that are told; the same if
-            left out.
-        errors: of speed and map that every stop has to survive; none if left out.
+        even: the candidate with the whole of the force, for the stops that are reported; the
+            same if omitted.
+        errors: of speed and map that every stop has to survive; none if omitted.
         decel: planned deceleration allowed, inf for an emergency; that of the model if left out.
         barrier: bound of the ground that ends the clear distance, where the verifier itself found
             it: a stop that ends beyond counts as a violation of that.
@@ -150,14 +150,14 @@ def screen(
     """Verify M profiles of up to N stations, without the columns of a plan file.
 
     Args:
-        profile, ground, bounds: of the batch.
+        profile, ground, bounds: those of the batch.
         speed_sq: (N, M) v² [m²/s²].
         model: vehicle and limits.
         speed_limit: (N, M) limits of the paths themselves [m/s].
         rough_speed: (N, M) limits of rough ground [m/s].
 
     Returns:
-        (M, 19) worst breaches in the order of :class:`Violations`, 0 where there is none.
+        (M, 19) worst breaches in the order of :class:`Violations`, 0 without one.
     """
     limit = ground.fastest
     for own in (speed_limit, rough_speed):

@@ -40,7 +40,7 @@ class Terms(NamedTuple):
     """Numbers that plans are verified with.
 
     Attributes:
-        body, limits: of the model. motion: effects on the motion itself. errors: of speed, map,
+        body, limits: those of the model. motion: effects on the motion itself. errors: speed, map,
             place and time. steering: what it can do.
         in_time: something acts on the motion, so stops are integrated in time; those that may slide
             are anyway.

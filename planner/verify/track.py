@@ -50,7 +50,7 @@ def track_of(
     """One candidate from a batch, without its first stations.
 
     Args:
-        profile, ground: of the batch.
+        profile, ground: those of the batch.
         candidate: its index.
         speed_limit: (N, M) limits of the paths themselves [m/s].
         first: stations at the beginning that are omitted.
