@@ -1,4 +1,4 @@
-"""What can limit a plan at a station: every bound, and what is known of it beside its formula.
+"""Bounds that can limit a plan at a station, with the data of each besides its formula.
 
 To add a bound: a member and an entry here, its code in `core/bounds/limiting.hpp`, and the line
 that lowers v² by it in `core/bounds/pointwise.hpp`. Files, screens, pages and explanations take
@@ -61,7 +61,7 @@ class Lift:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """What is known of a bound beside its name.
+    """Data of a bound besides its name.
 
     Attributes:
         meaning: half a sentence for pages.

@@ -1,4 +1,4 @@
-"""Candidate paths: from a polyline as somebody drew it to even stations with a usable curvature.
+"""Candidate paths: from a given polyline to even stations with a usable curvature.
 
 A polyline may be noisy, hold duplicate points or kinks between distant vertices; differentiated
 twice it would be useless. So it is cleaned first, and a smooth curve is drawn through it. Where
@@ -67,7 +67,7 @@ class PathBatch:
     Attributes:
         names: (M,) of the candidates.
         rows: (4, N, M) x and y [m]; speed limit, inf where there is none [m/s]; distance of a
-            vehicle that follows the polyline, 0 where there is none [m].
+            vehicle that follows the polyline, 0 without one [m].
         count: (M,) stations of each candidate.
         given: (M,) the polylines, None for those whose stations are what was given; empty if all
             are.
@@ -97,7 +97,7 @@ class PathBatch:
 
     @property
     def speed_limit(self) -> Floats:
-        """(N, M) [m/s], inf where there is none."""
+        """(N, M) [m/s], inf without one."""
         row: Floats = self.rows[2]
         return row
 
@@ -132,7 +132,7 @@ def joined(paths: PathBatch, other: PathBatch) -> PathBatch:
 def resample(
     path: CandidatePath | EvenPath, spacing: float, limits: LineLimits = _ANY_LINE
 ) -> EvenPath:
-    """Even stations along a path, up to where it turns round; one that has them stays as it is.
+    """Even stations along a path, up to where it turns round; one that has them is unchanged.
 
     Args:
         path: polyline.
@@ -213,7 +213,7 @@ def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, fl
     """
     points, along, stray = without_noise(points, along)
     length = float(along[-1])
-    # A length that is a whole number of spacings but for rounding gets no station more.
+    # A length that is a whole number of spacings except for rounding gets no station more.
     count = max(int(np.ceil(length / spacing - 1e-6)) + 1, _FEWEST)
     if count > MAX_STATIONS:
         raise ParameterError(

@@ -28,7 +28,7 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """What body or wheels must not come to.
+    """Obstacle of body or wheels.
 
     Attributes:
         bound: that it counts as.
@@ -46,7 +46,7 @@ class Obstacle:
 
 @dataclass(frozen=True, slots=True)
 class Momentum:
-    """What it takes to get over a hill that thrust alone cannot climb; no plan counts on it.
+    """Requirements to get over a hill that thrust alone cannot climb; no plan counts on it.
 
     Attributes:
         station: the last one that thrust can climb [m]. speed: least one there [m/s].
@@ -68,10 +68,10 @@ class SpeedPlan:
 
     Attributes:
         candidate: name of the path.
-        status, reason: verdict in a word, and what, where, by how much in a sentence.
+        status, reason: verdict, and a sentence with what, where and by how much.
         station: metres along the ground, three-dimensional.
         x, y, z: position; z repeats the last known height where the ground is unknown.
-        grade, roll: of the ground under the wheels [rad], uphill and left side up positive.
+        grade, roll: ground under the wheels [rad], uphill and left side up positive.
         curvature: in the plan view, left positive [1/m].
         speed: v; v² is linear between stations [m/s].
         accel: holds from its station to the next [m/s²].
@@ -124,7 +124,7 @@ class SpeedPlan:
 
     @property
     def least_margin(self) -> float:
-        """What the tightest emergency stop leaves of the clear distance [m]; inf if at rest."""
+        """Clear distance that remains in the tightest emergency stop [m]; inf if at rest."""
         moving = self.speed > 0.0
         left = self.clear_distance - (self.station + self.stop_distance)
         return float(left[moving].min()) if moving.any() else float("inf")

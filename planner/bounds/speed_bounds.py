@@ -1,6 +1,6 @@
 """Speed bounds along candidates: how fast each station may be passed, and what says so.
 
-They are found in the core: what a station says by itself in `core/bounds/pointwise.hpp`, the
+They are found in the core: the bounds of a single station in `core/bounds/pointwise.hpp`, the
 stopping path, which looks ahead, in `stop_sums.hpp` and, stop by stop, in `integrated_stop.hpp`.
 
 An emergency stop is written three times, and no two share a line: here as a *bound*, the highest
@@ -11,8 +11,8 @@ both are tested against.
 The bound itself has two ways to the same answer. Where nothing but the grade acts, the energy that
 the brakes take out from onset to the target is an integral that is summed once along the path, and
 the speed follows from a quadratic. Where an effect acts on the motion itself, or a load may run
-short on the way, stops are marched along the path, and the speed is tried for. They share what they
-are asked and nothing of how they answer: the closed form sums backwards from the target, the other
+short on the path, stops are marched along the path, and the speed is tried for. They share their
+inputs and nothing of their method: the closed form sums backwards from the target, the other
 one marches forwards from the command.
 """
 
@@ -30,7 +30,7 @@ from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.swept.hazards import Hazards, nothing_looked_for
 
 HOLDING = core.HOLDING
-"""Least F_b/W + sin θ: below it the brakes hardly slow the vehicle, let alone stop it."""
+"""Least F_b/W + sin θ: below it the brakes barely slow the vehicle, let alone stop it."""
 
 STOP_GUARD = core.STOP_GUARD
 """Kept free between stopping path and clear distance, above all errors of integration [m]."""
@@ -38,7 +38,7 @@ STOP_GUARD = core.STOP_GUARD
 
 @dataclass(frozen=True, slots=True)
 class SpeedBounds:
-    """Bounds along M candidates; arrays are (N, M) unless said otherwise.
+    """Bounds along M candidates; arrays are (N, M) unless stated otherwise.
 
     Attributes:
         speed_sq_max: highest v² with which v² may be linear between stations [m²/s²].
@@ -49,7 +49,7 @@ class SpeedBounds:
         demand: thrust that holds the speed, as a share of the weight.
         clear_distance: (M,) station up to which the vehicle may stop [m].
         barrier: (M,) what ends the clear distance, as :class:`Limiting`; STOPPING_PATH if it is
-            the end of the path or of the way known free.
+            the end of the path or of the part known to be free.
         barrier_station: (M,) index of the first station that is barred, the count if none is.
         ground: braking with what crests and friction leave of the lower bound of its force.
         even_ground: with the force as it is learned; where the model says itself what crests take,

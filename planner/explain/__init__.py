@@ -1,1 +1,1 @@
-"""Why a plan is not faster, bound by bound."""
+"""Causes of a plan's speed, bound by bound."""

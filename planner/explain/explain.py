@@ -1,9 +1,9 @@
-"""Why is this plan not faster: what limits it where, what each bound costs, what to measure next.
+"""Limits of a plan's speed: what limits it where, what each bound costs, what to measure next.
 
 Costs come from planning again with one bound lifted, not from shadow prices. A shadow price is the
-slope of the cost at the bound as it is; most bounds here are steps (unknown ground, a clear
-distance, the trained range), and where two bounds lie close together the second takes over at once,
-which a slope does not see. Planning again is exact, and one candidate takes milliseconds.
+slope of the cost at the present bound; most bounds here are steps (unknown ground, a clear
+distance, the trained range), and where two bounds lie close together the second takes over, which a
+slope does not see. Planning again is exact, and one candidate takes milliseconds.
 
 Costs do not add up: where two bounds hold the plan at the same speed, lifting either one alone
 gains nothing, and each of them costs nothing.
@@ -54,7 +54,7 @@ class LimitedStretch:
 
 @dataclass(frozen=True, slots=True)
 class BoundCost:
-    """What the plan would gain without a bound.
+    """Gain of the plan without a bound.
 
     Attributes:
         limiting: the bound.
@@ -69,7 +69,7 @@ class BoundCost:
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What knowing something exactly would buy.
+    """Gain of knowing a quantity exactly.
 
     Attributes:
         name: of what is measured.
@@ -85,7 +85,7 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Why a plan is what it is.
+    """Explanation of a plan.
 
     Attributes:
         plan: what is explained.
@@ -179,7 +179,7 @@ def _gain(plan: SpeedPlan, other: SpeedPlan, settings: PlannerSettings) -> tuple
     """Seconds and metres that another plan is better by.
 
     The plan itself stays possible when a bound is lifted, so nothing can be lost; differences
-    within the tolerance of smoothing are none.
+    within the tolerance of smoothing are not listed.
     """
     seconds = travel_cost(plan, settings) - travel_cost(other, settings)
     if seconds <= _SMOOTHING * plan.travel_time:

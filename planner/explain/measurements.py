@@ -1,4 +1,4 @@
-"""What could be measured better, and what a plan would be if it were."""
+"""Quantities that could be measured better, and the plan if they were."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def _far_sides(model: Model) -> Model:
 
 
 def _any_friction(model: Model) -> Model:
-    """Ground of which nobody knows the friction, so that it bounds nothing."""
+    """Ground of unknown friction, which bounds nothing."""
     base = model.braking
     surfaces = {n: replace(t, sliding_friction=None) for n, t in base.terrain.items()}
     return replace(model, braking=replace(base, sliding_friction=None, terrain=surfaces))

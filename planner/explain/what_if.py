@@ -31,12 +31,12 @@ from slopewise.planner.settings import PlannerSettings
 from slopewise.planner.swept.hazards import swept_hazards
 
 _AT_ONCE = 50.0
-"""F_b/W of brakes that stop at once: 4 m/s within 2 cm."""
+"""F_b/W of brakes that stop immediately: 4 m/s within 2 cm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assumptions:
-    """What a candidate is planned with; the defaults change nothing.
+    """Assumptions that a candidate is planned with; the defaults change nothing.
 
     Attributes:
         model: its mean.
@@ -148,7 +148,7 @@ class WhatIf:
 
 
 def _learned_surface(model: Model, name: str) -> str:
-    """The surface that the class is for sure, else the ground that the model learned on."""
+    """The surface that the class is certain to be, else the ground that the model learned on."""
     return resolve_class(model.braking.terrain, name) or ""
 
 

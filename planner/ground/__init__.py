@@ -1,1 +1,1 @@
-"""What the vehicle drives on: the map, what lies under its wheels, and the braking force there."""
+"""Ground: the map, what lies under the wheels, and the braking force there."""

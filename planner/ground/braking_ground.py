@@ -28,7 +28,7 @@ from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 
 @dataclass(frozen=True, slots=True)
 class GroundConditions:
-    """What the planner knows of the moment, beside map and model.
+    """Conditions of the moment, besides map and model.
 
     Attributes:
         session_time: since the session began [s], for effects that change with it.
@@ -42,7 +42,7 @@ class GroundConditions:
 
 
 class StopErrors(NamedTuple):
-    """What makes a stop longer than the model says, beside its force and dead time.
+    """Lengthening of stops besides force and dead time of the model.
 
     Attributes:
         speed: the vehicle may be faster than planned by this [m/s].
@@ -61,18 +61,18 @@ class StopErrors(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class BrakingGround:
-    """Braking along M candidates of up to N stations; arrays are (N, M) unless said otherwise.
+    """Braking along M candidates of up to N stations; arrays are (N, M) unless stated otherwise.
 
     Attributes:
-        lower_slope, lower_intercept: of the lower bound of F_b/W [s/m], [1].
-        upper_slope, upper_intercept: of the upper bound of F_b/W [s/m], [1].
+        lower_slope, lower_intercept: lower bound of F_b/W [s/m], [1].
+        upper_slope, upper_intercept: upper bound of F_b/W [s/m], [1].
         dead_time: from stop command to onset [s].
         slowest: speed below which the coefficients no longer change [m/s].
         fastest: highest trained speed, on that grade where the model has a hull [m/s].
         trained: the grade lies in the trained range, or extrapolation is allowed.
         distance_offset: (M,) safety offset added to every stop [m].
         push: what motion terms take away from planned braking, <= 0, as a share of the weight;
-            None where there are none.
+            None without any.
         motion: terms that act on the motion itself; friction is in the forces already.
         closed_form: the stopping path has one: nothing acts on the motion.
         friction: least friction of the ground [1]; None where it is not known.
@@ -166,7 +166,7 @@ def stop_errors(
 def _push(
     profile: TerrainProfile, model: Model, yaw: Floats, motion: registry.MotionTerms
 ) -> Floats:
-    """What motion terms may take away from planned braking, <= 0, (N, M) [1]."""
+    """Force that motion terms may take away from planned braking, <= 0, (N, M) [1]."""
     pushes = (
         registry.motion_deceleration(speed, profile.curvature, yaw, motion) / GRAVITY
         for speed in (0.0, model.limits.speed)

@@ -1,4 +1,4 @@
-"""What effects of the ground add to the braking force around each station."""
+"""Braking force that effects of the ground add around each station."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a model knows of a map's surfaces, in the shape that the core wants.
+"""Braking of a map's surfaces by a model, in the shape that the core reads.
 
 It depends on the model, the uncertainty and the names of the map's classes only, which stay the
 same for many cycles: the last few answers are kept.
@@ -49,7 +49,7 @@ _caches: Recent[SurfaceCache] = Recent()
 def surface_cache_of(
     model: Model, class_names: tuple[str, ...], uncertainty: Uncertainty | None
 ) -> SurfaceCache:
-    """What this model, which never changes, knows of these classes."""
+    """Braking of these classes by this model, which never changes."""
     return _caches.get(
         lambda: _gather(model, class_names, uncertainty), model, class_names, uncertainty
     )

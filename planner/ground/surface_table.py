@@ -1,4 +1,4 @@
-"""What the model knows of each surface, as one table of coefficients for compiled code."""
+"""Braking of each surface by the model, as one table of coefficients for compiled code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is not known exactly, and how much of it a plan is to survive.
+"""Unknown quantities, and the share of them that a plan survives.
 
 Braking coefficients come with a covariance, stops scatter around them, maps are noisy, and what was
 learned grows old. All of it becomes a margin on the braking force, on the dead time and on the
@@ -24,12 +24,12 @@ HOUR = 3600.0
 """[s]"""
 
 QUANTILE = 0.999
-"""That plans survive unless told otherwise, offline as on the vehicle."""
+"""Default of plans, offline as on the vehicle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uncertainty:
-    """What a plan has to survive beside the model's mean."""
+    """Deviations from the model's mean that a plan survives."""
 
     quantile: float = quantity(
         "1",

@@ -1,1 +1,1 @@
-"""What body and wheels meet on their way: steps, rocks, walls, rough ground."""
+"""Hazards of body and wheels along a path: steps, rocks, walls, rough ground."""

@@ -1,4 +1,4 @@
-"""What bars a pose, as the core notes it."""
+"""Finding that blocks a pose, as the core notes it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slopewise.planner.limiting import Limiting
 
 
 class Kind(IntEnum):
-    """What was met; :data:`BARS` says as which bound it counts."""
+    """Kind of hazard; :data:`BARS` lists the bound of each."""
 
     NOTHING = 0
     UNKNOWN = 1
@@ -35,7 +35,7 @@ BARS: dict[Kind, Limiting] = {
 
 
 class Finding(NamedTuple):
-    """What bars a pose.
+    """Finding that blocks a pose.
 
     Attributes:
         kind: of :class:`Kind`.

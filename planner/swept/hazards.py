@@ -30,11 +30,11 @@ _STEERING = int(Limiting.STEERING)
 _NO_ERRORS = InputErrors()
 
 _LEAST_SPACING = 0.001
-"""Of stations [m], however short a path is: ground behind it is looked at in such steps."""
+"""Of stations [m], however short a path is: ground behind it is checked in such steps."""
 
 
 class HazardRows(NamedTuple):
-    """What the core reads of :class:`Hazards`; (N, M) each, or (0, 0) where there is nothing."""
+    """Arrays of :class:`Hazards` for the core; (N, M) each, or (0, 0) where there is nothing."""
 
     code: Ints
     rough_speed: Floats
@@ -43,7 +43,7 @@ class HazardRows(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Hazards:
-    """What M candidates of up to N stations meet.
+    """Hazards of M candidates of up to N stations.
 
     Attributes:
         rows: ``code`` (N, M) is 0 where body and wheels may be, else what bars the pose, as
@@ -80,10 +80,10 @@ def swept_hazards(
     lifted: Collection[Limiting] = (),
     departure: Departure | None = None,
 ) -> Hazards:
-    """What bars wheels and body along candidates, and how fast rough ground may be driven.
+    """Hazards of wheels and body along candidates, and how fast rough ground may be driven.
 
-    The first station is where the vehicle stands: what is under it there bars nothing. Each
-    candidate is looked at up to its first bar.
+    The first station is where the vehicle stands: what is under it there blocks nothing. Each
+    candidate is checked up to its first blocked station.
 
     Args:
         elevation_map: ground.

@@ -1,4 +1,4 @@
-"""What was met in words: what, where, how high, and against which limit."""
+"""Hazards as text: what, where, how high, and against which limit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WHAT = {
 
 
 def obstacle_of(found: Finding, pose: Pose, sizes: SweptSizes, departure: str = "") -> Obstacle:
-    """What bars a pose; something was found. ``departure``: where the vehicle comes from."""
+    """Finding that blocks a pose, as text. ``departure``: where the vehicle comes from."""
     x = pose.x + found.ahead * pose.heading_x - found.aside * pose.heading_y
     y = pose.y + found.ahead * pose.heading_y + found.aside * pose.heading_x
     kind = Kind(found.kind)
@@ -67,7 +67,7 @@ def _limit(kind: Kind, sizes: SweptSizes) -> str:
 
 
 def cannot_see(sizes: SweptSizes, resolution: float) -> str:
-    """What a map of this resolution [m] does not show, empty where it shows all."""
+    """Hazards that a map of this resolution [m] does not show, empty where it shows all."""
     if sizes.fine:
         return ""
     return (
@@ -77,7 +77,7 @@ def cannot_see(sizes: SweptSizes, resolution: float) -> str:
 
 
 def notes(vehicle: Vehicle, elevation_map: ElevationMap) -> tuple[str, ...]:
-    """What readers of plans have to know of the map and of sizes."""
+    """Warnings about the map and about sizes."""
     resolution = elevation_map.resolution
     told = (
         cannot_see(swept_sizes(vehicle, resolution), resolution),
@@ -88,7 +88,7 @@ def notes(vehicle: Vehicle, elevation_map: ElevationMap) -> tuple[str, ...]:
 
 
 def assumed_sizes(shape: Shape) -> str:
-    """Which sizes of the body the model leaves out, empty where it has all."""
+    """Which sizes of the body the model lacks, empty where it has all."""
     if not shape.assumed:
         return ""
     return (

@@ -14,25 +14,25 @@ _SHOWN = 0.9
 """Share of a step that a map shows: the cells on its edge lie in between."""
 
 _SLOPE_DOUBTED = 0.03
-"""So much of the slope around a wheel clears no climb [1]."""
+"""Share of the slope around a wheel that clears no climb [1]."""
 
 DIAGONAL = 1.42
 """Diagonal of a square over its edge, rounded up [1]: the four cells around a point are nearer."""
 
 _TREND = 2.5
-"""Length of ground before and after a step that tells its trend, in wheel radii."""
+"""Length of ground before and after a step that shows its trend, in wheel radii."""
 
 
 class SweptSizes(NamedTuple):
-    """Lengths [m] unless said otherwise; heights above or below the plane of the wheels.
+    """Lengths [m] unless stated otherwise; heights above or below the plane of the wheels.
 
     Attributes:
-        half_length, half_width: of the rectangle of the wheels.
+        half_length, half_width: rectangle of the wheels.
         front, rear, side: ends of the body from the middle of the wheelbase.
         margin: half a cell, by which the body is wider: a cell that it touches counts.
         touch: half the diagonal of a cell: one that is farther from the body is not touched by it.
         clearance: of the underside. wheel_travel: see :class:`slopewise.models.vehicle.Shape`.
-        radius, half_tyre: of a wheel: its radius, half its width.
+        radius, half_tyre: wheel radius, half the width of a wheel.
         max_step: see :class:`slopewise.models.vehicle.Shape`.
         stride: between samples of the ground under a wheel.
         chord: how far ahead the wheel's climb is looked at. steepest: the highest climb of its
@@ -69,8 +69,8 @@ def swept_sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
 
     A wheel of radius R that meets a face of height h begins to climb c = √(R² − (R − h)²) before
     it, and its centre runs on a circle around the edge. So it climbs √(R² − (c − d)²) − (R − h)
-    within the first d, whatever comes behind the edge: a step is told by how steep its climb
-    begins, and a ramp that the wheel rolls up is none.
+    within the first d, with any ground behind the edge: a step is distinguished by how steep its
+    climb begins, and a ramp that the wheel rolls up is no step.
 
     Args:
         vehicle: with its shape.
@@ -109,6 +109,6 @@ def swept_sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
 
 
 def _climb(radius: float, step: float, within: float) -> float:
-    """How high a wheel's centre climbs within so much of its way after it meets a step [m]."""
+    """Height that a wheel's centre climbs within a distance after it meets a step [m]."""
     contact = math.sqrt(radius**2 - (radius - step) ** 2)
     return math.sqrt(radius**2 - (contact - min(within, contact)) ** 2) - (radius - step)
