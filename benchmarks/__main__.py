@@ -85,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--quick", action="store_true", help="fewer repetitions")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures as JSON")
     out = "closed-loop, discrepancy: store results, from which an interrupted run resumes; "
-    out += "fleet: folder with space for the map; growth: folder for the picture"
+    out += "fleet: folder with space for the map"
     parser.add_argument("--out", type=Path, metavar="DIR", help=out)
     parser.add_argument("--sets", type=int, metavar="N", help="discrepancy: at most N logs")
     minutes = "discrepancy: start no further log after M minutes"

@@ -13,16 +13,10 @@ from numpy.typing import NDArray
 
 from slopewise.models.arrays import Floats, Ints
 
-KINDS = (
-    "as the law",
-    "force falls with speed",
-    "pads fade",
-    "rare weak states",
-    "cycling",
-    "slow hydraulics",
-    "soft ground",
-    "sessions 10 % apart",
-)
+_HYDRAULIC = ("rare weak states", "cycling", "slow hydraulics")
+_SLOW = ("soft ground", "sessions 10 % apart")
+KINDS = ("as the law", "force falls with speed", "pads fade", *_HYDRAULIC, *_SLOW)
+Random = np.random.Generator
 _G, _STEP = 9.80665, 0.005  # [m/s²], [s]
 _LEAD, _TAIL, _HZ = 0.8, 0.5, 50.0  # [s], [s], [Hz] of logs
 _LONGEST = 8.0  # [s]
@@ -69,18 +63,14 @@ class BrakeVehicle:
         return cls(kind, force, change, grade, dead_time, late, fastest, scatter, session, strength)
 
 
-def drive_log(
-    vehicle: BrakeVehicle, stops: int, sessions: int, rng: np.random.Generator
-) -> StopLog:
+def drive_log(vehicle: BrakeVehicle, stops: int, sessions: int, rng: Random) -> StopLog:
     """Stops one after the other, sessions in turns; speed noise 2 cm/s."""
     session = np.sort(np.arange(stops) % sessions)
     day = vehicle.session * rng.standard_normal(sessions)
     return _log_of(vehicle, session, day[session], rng)
 
 
-def stream_log(
-    vehicle: BrakeVehicle, stops: int, change: int, loss: float, rng: np.random.Generator
-) -> StopLog:
+def stream_log(vehicle: BrakeVehicle, stops: int, change: int, loss: float, rng: Random) -> StopLog:
     """Stops of one session; after ``change`` of them a share of the force is lost."""
     day = vehicle.session * float(rng.standard_normal())
     later = np.arange(stops) >= change
@@ -88,20 +78,18 @@ def stream_log(
     return _log_of(vehicle, np.zeros(stops, np.int64), strength, rng)
 
 
-def _log_of(
-    vehicle: BrakeVehicle, session: Ints, strength: Floats, rng: np.random.Generator
-) -> StopLog:
+def _log_of(vehicle: BrakeVehicle, session: Ints, strength: Floats, rng: Random) -> StopLog:
     """Log of stops (n,) by session and logarithm of the strength of the brakes."""
     stops = len(session)
     speed, grade = _conditions(vehicle, stops, rng)
-    trace = _integrated(vehicle, speed, grade, strength, rng)
+    trace, distance = _integrated(vehicle, speed, grade, strength, rng)
     parts: dict[str, list[NDArray[Any]]] = {}
     runs, begin, clock = [], 0, 0.0
-    fine = _STEP * np.arange(trace.speed.shape[1])
+    fine = _STEP * np.arange(trace.shape[1])
     for i in range(stops):
-        end = float(fine[np.argmax(trace.speed[i] <= 0.0)]) + _TAIL
+        end = float(fine[np.argmax(trace[i] <= 0.0)]) + _TAIL
         t = np.arange(-_LEAD + float(rng.uniform(0.0, 1.0 / _HZ)), end, 1.0 / _HZ)
-        v = np.interp(np.maximum(t, 0.0), fine, trace.speed[i])
+        v = np.interp(np.maximum(t, 0.0), fine, trace[i])
         row: dict[str, NDArray[Any]] = {
             "run": np.full(len(t), f"stop {i}"),
             "session": np.full(len(t), f"day {session[i]}"),
@@ -115,47 +103,35 @@ def _log_of(
         runs.append(slice(begin, begin + len(t)))
         begin, clock = begin + len(t), clock + end + 20.0
     columns = {name: np.concatenate(values) for name, values in parts.items()}
-    return StopLog(columns, runs, -columns["pitch"], speed, grade, trace.distance, session)
+    return StopLog(columns, runs, -columns["pitch"], speed, grade, distance, session)
 
 
-def fresh_stops(
-    vehicle: BrakeVehicle, count: int, rng: np.random.Generator
-) -> tuple[Floats, Floats, Floats]:
+def fresh_stops(vehicle: BrakeVehicle, count: int, rng: Random) -> tuple[Floats, Floats, Floats]:
     """Speed [m/s], grade [rad] and distance [m] of stops, each in another session."""
     speed, grade = _conditions(vehicle, count, rng)
     day = vehicle.session * rng.standard_normal(count)
-    return speed, grade, _integrated(vehicle, speed, grade, day, rng).distance
+    return speed, grade, _integrated(vehicle, speed, grade, day, rng)[1]
 
 
 def true_quantiles(
-    vehicle: BrakeVehicle,
-    speed: Floats,
-    grade: Floats,
-    quantiles: tuple[float, ...],
-    rng: np.random.Generator,
+    vehicle: BrakeVehicle, speed: Floats, grade: Floats, q: tuple[float, ...], rng: Random
 ) -> Floats:
     """(Q, k) quantiles of the distance at the first of the conditions [m]."""
     v, theta = (np.repeat(a[:_CONDITIONS], _REPEATS) for a in (speed, grade))
     day = vehicle.session * rng.standard_normal(len(v))
-    distances = _integrated(vehicle, v, theta, day, rng).distance.reshape(-1, _REPEATS)
-    return np.asarray(np.quantile(distances, quantiles, axis=1))
+    distances = _integrated(vehicle, v, theta, day, rng)[1].reshape(-1, _REPEATS)
+    return np.asarray(np.quantile(distances, q, axis=1))
 
 
-class _Trace(NamedTuple):
-    speed: Floats  # (n, steps) [m/s]; empty for many stops
-    distance: Floats  # (n,) [m]
-
-
-def _conditions(
-    vehicle: BrakeVehicle, count: int, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
+def _conditions(vehicle: BrakeVehicle, count: int, rng: Random) -> tuple[Floats, Floats]:
     speed = rng.uniform(0.25 * vehicle.fastest, vehicle.fastest, count)
     return speed, rng.uniform(-_GRADE, _GRADE, count)
 
 
 def _integrated(
-    vehicle: BrakeVehicle, speed: Floats, grade: Floats, day: Floats, rng: np.random.Generator
-) -> _Trace:
+    vehicle: BrakeVehicle, speed: Floats, grade: Floats, day: Floats, rng: Random
+) -> tuple[Floats, Floats]:
+    """Speed (n, steps) [m/s], empty for many stops, and distance (n,) [m]."""
     n, kind, p = len(speed), vehicle.kind, vehicle.strength
     strength = np.exp(day) * (1.0 + vehicle.scatter * np.clip(rng.standard_t(8.0, n), -8.0, 8.0))
     if kind == "pads fade":
@@ -185,4 +161,4 @@ def _integrated(
         v, t = np.maximum(slower, 0.0), t + _STEP
         if traced:
             traced.append(v.copy())
-    return _Trace(np.array(traced).T if traced else np.empty((n, 0)), distance)
+    return np.array(traced).T if traced else np.empty((n, 0)), distance

@@ -1,14 +1,14 @@
 """Promised stop distances on vehicles whose brakes the law has no form for.
 
-Logs of generated vehicles are calibrated; then fresh stops of new sessions are compared with what
-plans allow at a quantile. Compared with: a regression of ln d on ln v with sessions, Student's t,
-some twenty lines, and the true distribution's own quantile.
+Fresh stops of new sessions are compared with what plans allow after a calibration, with a simple
+regression (twenty lines), and with the true distribution's quantile.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from rich.console import Console
@@ -24,30 +24,16 @@ from ..common.campaign import BenchmarkRequest, Progress, run_jobs
 from ..common.text_tables import table_of
 from .brake_kinds import KINDS, BrakeVehicle, StopLog, drive_log, fresh_stops, true_quantiles
 
+Row = TypeVar("Row")
 QUANTILES = (0.9, 0.99, 0.999)  # promised [1]
 STOPS, SESSIONS = (8, 15, 40, 150), (1, 3, 8)  # of the logs
 _VEHICLES, _FRESH = 40, 100_000  # logs of each size, stops to compare
 _QUICK = 8, 20_000  # the same in a short run
 _FACTORS = np.concatenate((np.linspace(0.7, 1.6, 181), np.geomspace(1.61, 50.0, 100)))
-"""Factors with which the bounds of the twenty lines are tried [1]."""
-_AS_THEY_ARE = 60  # index of the factor 1
-# A rough model file, as before any calibration.
-ROUGH = Braking(
-    m_m=0.0,
-    b_m=-0.1,
-    m_b=0.0,
-    b_b=0.4,
-    dead_time=0.3,
-    speed_range=(1.0, 4.0),
-    grade_range=(-0.2, 0.2),
-)
+"""Factors with which the bounds of the twenty lines are tried [1]; the 60th is 1."""
 
-
-class Case(NamedTuple):
-    """A vehicle by its number, and fresh stops to compare its logs with."""
-
-    vehicle: int
-    fresh: int
+_BASE: dict[str, Any] = {"m_m": 0.0, "b_m": -0.1, "m_b": 0.0, "b_b": 0.4, "dead_time": 0.3}
+ROUGH = Braking(**_BASE, speed_range=(1.0, 4.0), grade_range=(-0.2, 0.2))  # before calibration
 
 
 class CaseResult(NamedTuple):
@@ -58,9 +44,8 @@ class CaseResult(NamedTuple):
     sessions: int
     beyond: Floats
     excess: Floats
-    # of the twenty lines: share beyond with each factor (Q, F), mean bound over the mean distance
-    peer_beyond: Floats
-    peer_bound: Floats
+    peer_beyond: Floats  # of the twenty lines with each factor, (Q, F)
+    peer_bound: Floats  # mean of their bounds over the mean distance
     true_excess: Floats
     refused: str
 
@@ -68,14 +53,11 @@ class CaseResult(NamedTuple):
 def run(request: BenchmarkRequest, progress: Progress) -> dict[str, Any]:
     """Calibrate, compare, pool."""
     vehicles, fresh = _QUICK if request.quick else (_VEHICLES, _FRESH)
-    cases = [Case(i, fresh) for i in range(vehicles)]
-    by_vehicle = run_jobs(check_case, cases, progress, "calibrating generated vehicles")
+    work = partial(check_case, fresh=fresh)
+    by_vehicle = run_jobs(work, range(vehicles), progress, "calibrating generated vehicles")
     results = [row for rows in by_vehicle for row in rows]
-    by_size: dict[str, list[CaseResult]] = defaultdict(list)
-    by_kind: dict[str, list[CaseResult]] = defaultdict(list)
-    for row in results:
-        by_size[f"{row.stops} stops, {row.sessions} sessions"].append(row)
-        by_kind[row.kind].append(row)
+    by_size = grouped(results, lambda row: f"{row.stops} stops, {row.sessions} sessions")
+    by_kind = grouped(results, lambda row: row.kind)
     return {
         "quantiles": list(QUANTILES),
         "vehicles": vehicles,
@@ -85,6 +67,14 @@ def run(request: BenchmarkRequest, progress: Progress) -> dict[str, Any]:
         "by_size": {name: _pooled(rows) for name, rows in by_size.items()},
         "by_kind": {name: _pooled(rows) for name, rows in by_kind.items()},
     }
+
+
+def grouped(rows: list[Row], key: Callable[[Row], str]) -> dict[str, list[Row]]:
+    """Rows by their key, in the order of first rows."""
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(key(row), []).append(row)
+    return groups
 
 
 def show(result: dict[str, Any], console: Console) -> None:
@@ -103,15 +93,13 @@ def show(result: dict[str, Any], console: Console) -> None:
         console.print(f"{len(result['refused'])} logs refused: {result['refused'][0]}")
 
 
-def check_case(case: Case) -> list[CaseResult]:
-    """Calibrate logs of all sizes, and compare fresh stops with what plans allow."""
-    vehicle = BrakeVehicle.generate(case.vehicle)
-    rng = np.random.default_rng([case.vehicle, case.fresh])
-    fresh = fresh_stops(vehicle, case.fresh, rng)
-    true = true_quantiles(vehicle, fresh[0], fresh[1], QUANTILES, rng)
-    return [
-        _check_log(case.vehicle, n, m, fresh, true) for n in STOPS for m in SESSIONS if m <= n // 2
-    ]
+def check_case(number: int, fresh: int) -> list[CaseResult]:
+    """Calibrate logs of all sizes of a vehicle, and compare fresh stops with what plans allow."""
+    vehicle, rng = BrakeVehicle.generate(number), np.random.default_rng([number, fresh])
+    stops = fresh_stops(vehicle, fresh, rng)
+    true = true_quantiles(vehicle, stops[0], stops[1], QUANTILES, rng)
+    sizes = [(n, m) for n in STOPS for m in SESSIONS if m <= n // 2]
+    return [_check_log(number, *size, stops, true) for size in sizes]
 
 
 def _check_log(
@@ -132,18 +120,11 @@ def _check_log(
     allowed = np.array([allowed_distance(braking, speed, grade, q) for q in QUANTILES])
     peer = np.array([twenty_lines(log, speed, grade, q) for q in QUANTILES])
     mean = float(actual.mean())
-    beyond = np.array([np.searchsorted(np.sort(actual / b), _FACTORS, "right") for b in peer])
-    return CaseResult(
-        vehicle.kind,
-        stops,
-        sessions,
-        np.mean(actual > allowed, axis=1),
-        np.mean(allowed - actual, axis=1) / mean,
-        1.0 - beyond / len(actual),
-        np.mean(peer, axis=1) / mean,
-        np.mean(true[:, known] - sampled, axis=1) / float(sampled.mean()),
-        "",
-    )
+    within = np.array([np.searchsorted(np.sort(actual / b), _FACTORS, "right") for b in peer])
+    beyond, excess = np.mean(actual > allowed, axis=1), np.mean(allowed - actual, axis=1) / mean
+    by_peer = (1.0 - within / len(actual), np.mean(peer, axis=1) / mean)
+    true_excess = np.mean(true[:, known] - sampled, axis=1) / float(sampled.mean())
+    return CaseResult(vehicle.kind, stops, sessions, beyond, excess, *by_peer, true_excess, "")
 
 
 def is_inside(braking: Braking, speed: Floats, grade: Floats) -> Any:
@@ -159,10 +140,7 @@ def is_inside(braking: Braking, speed: Floats, grade: Floats) -> Any:
 def allowed_distance(
     braking: Braking, speed: Floats, grade: Floats, quantile: float, weaker: float = 0.0
 ) -> Floats:
-    """Distance that plans allow on even slopes [m]; inf where no stop ends.
-
-    ``weaker``: F_b/W that is given up in addition to the promise [1].
-    """
+    """Distance that plans allow on even slopes with brakes weaker by F_b/W; inf without an end."""
     line = promised_line(braking, 0.0, quantile)
     m_m, b_m, m_b, b_b = line.coefficients
     slope = m_m * speed + b_m
@@ -207,16 +185,14 @@ def _pooled(rows: list[CaseResult]) -> dict[str, Any]:
     true = mean("true_excess")
     # One factor for all logs of the row, with which their bounds keep their promise together.
     peer = mean("peer_beyond")
-    stretch = np.array(
-        [_FACTORS[np.argmax(row <= p)] for row, p in zip(peer, promised, strict=True)]
-    )
+    stretch = _FACTORS[np.argmax(peer <= promised[:, None], axis=1)]
     stretched = stretch * mean("peer_bound") - 1.0
     return {
         "calibrations": len(accepted),
         "beyond_over_promised": (mean("beyond") / promised).tolist(),
         "excess": mean("excess").tolist(),
         "excess_over_true": (mean("excess") / true).tolist(),
-        "peer_beyond_over_promised": (peer[:, _AS_THEY_ARE] / promised).tolist(),
+        "peer_beyond_over_promised": (peer[:, 60] / promised).tolist(),
         "peer_excess_over_true": (stretched / true).tolist(),
         "kinds": sorted({row.kind for row in accepted} & set(KINDS)),
     }

@@ -1,14 +1,12 @@
 """Stops streamed to the learning of the service, from brakes that lose force after 100 of them.
 
-A generated vehicle is calibrated on a log; then it drives another session of 200 stops, sample by
-sample, and from the 101st on its brakes have 20 % less force. Before each stop the distance that
-plans allow is compared with what it takes, and with what the calibration alone allowed. The same
-streams without the loss show how often learning gives a warning for nothing.
+A generated vehicle is calibrated, then drives another session. Before each stop the distance that
+plans allow is compared with its own, and with what the calibration alone allowed. Streams without
+the loss show how often learning gives a false warning.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
@@ -26,20 +24,13 @@ from slopewise.services.settings.learning_settings import Learning
 from ..common.campaign import BenchmarkRequest, Progress, run_jobs
 from ..common.text_tables import table_of
 from .brake_kinds import BrakeVehicle, StopLog, drive_log, stream_log
-from .margins import QUANTILES, ROUGH, allowed_distance, is_inside
+from .margins import QUANTILES, ROUGH, allowed_distance, grouped, is_inside
 
 STOPS, CHANGE, LOSS = 200, 100, 0.20  # of a stream; stops before the change; force lost [1]
 _LOG = 40, 8  # stops and sessions of the log
 _FIRST = 10_000  # number of the first vehicle
 _STREAMS, _QUICK = 500, 24  # generated vehicles; the same in a short run
 _LEARNED_AFTER = 2  # stops after the change that are not counted: they are the first to show it
-
-
-class Case(NamedTuple):
-    """A vehicle by its number, and the share of its force that it loses."""
-
-    vehicle: int
-    loss: float
 
 
 class StreamResult(NamedTuple):
@@ -56,12 +47,10 @@ class StreamResult(NamedTuple):
 def run(request: BenchmarkRequest, progress: Progress) -> dict[str, Any]:
     """Stream all, with and without the loss."""
     streams = _QUICK if request.quick else _STREAMS
-    cases = [Case(_FIRST + i, loss) for loss in (LOSS, 0.0) for i in range(streams)]
+    cases = [(_FIRST + i, loss) for loss in (LOSS, 0.0) for i in range(streams)]
     results = [r for r in run_jobs(stream_stops, cases, progress, "streaming stops") if r]
     worse = [r for r in results if r.loss]
-    by_kind: dict[str, list[StreamResult]] = defaultdict(list)
-    for row in worse:
-        by_kind[row.kind].append(row)
+    by_kind = grouped(worse, lambda row: row.kind)
     after, before = slice(CHANGE + _LEARNED_AFTER, None), slice(0, CHANGE)
     clean = [r for r in results if not r.loss]
     return {
@@ -93,16 +82,16 @@ def show(result: dict[str, Any], console: Console) -> None:
     console.print(f"{warned} of {clean} streams without a loss gave a warning")
 
 
-def stream_stops(case: Case) -> StreamResult | None:
-    """One stream; None where its log was refused."""
-    vehicle = BrakeVehicle.generate(case.vehicle)
-    rng = np.random.default_rng([case.vehicle, round(100.0 * case.loss)])
+def stream_stops(case: tuple[int, float]) -> StreamResult | None:
+    """One stream, by its vehicle and the share of force lost; None where its log was refused."""
+    (number, loss), vehicle = case, BrakeVehicle.generate(case[0])
+    rng = np.random.default_rng([number, round(100.0 * loss)])
     log = drive_log(vehicle, *_LOG, rng)
     try:
         braking = learn(log.columns, log.runs, ROUGH, ground=log.ground).braking
     except ParameterError:
         return None
-    stops = stream_log(vehicle, STOPS, CHANGE, case.loss, rng)
+    stops = stream_log(vehicle, STOPS, CHANGE, loss, rng)
     forces = BrakingForces(braking, Learning())
     stream = StopStream(braking.dead_time)
     excess, offline, warned = [], [], False
@@ -118,19 +107,15 @@ def stream_stops(case: Case) -> StreamResult | None:
         warned = warned or (i < CHANGE and bool(forces.flags()))
     inside = is_inside(braking, stops.speed, stops.grade)[:, None]
     ours, alone = (np.where(inside, np.array(rows), np.nan) for rows in (excess, offline))
-    return StreamResult(vehicle.kind, case.loss, ours, alone, warned)
+    return StreamResult(vehicle.kind, loss, ours, alone, warned)
 
 
 def _excess(braking: Braking, stops: StopLog, i: int) -> list[float]:
     """(Q,) allowed minus actual distance of a stop [m]."""
-    speed, grade = stops.speed[i : i + 1], stops.grade[i : i + 1]
-    allowed = [_allowed(braking, speed, grade, q) for q in QUANTILES]
+    stop = stops.speed[i : i + 1], stops.grade[i : i + 1]
+    weaker = {q: NormalDist().inv_cdf(q) * braking.force_std for q in QUANTILES}
+    allowed = [float(allowed_distance(braking, *stop, q, weaker[q])[0]) for q in QUANTILES]
     return [distance - float(stops.distance[i]) for distance in allowed]
-
-
-def _allowed(braking: Braking, speed: Floats, grade: Floats, quantile: float) -> float:
-    width = NormalDist().inv_cdf(quantile) * braking.force_std
-    return float(allowed_distance(braking, speed, grade, quantile, weaker=width)[0])
 
 
 def _compared(rows: list[StreamResult], part: slice) -> dict[str, Any]:

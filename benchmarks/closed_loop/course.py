@@ -6,8 +6,7 @@ Events are drawn once from a seed and fixed to stations, so that every policy me
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -61,9 +60,7 @@ class Route:
         """Points of the route ahead of a station, shape (k, 2) [m]."""
         end = min(station + length, self.length)
         along = np.linspace(station, end, max(int((end - station) / spacing), 3) + 1)
-        return np.column_stack(
-            (np.interp(along, self.station, self.x), np.interp(along, self.station, self.y))
-        )
+        return np.column_stack([np.interp(along, self.station, c) for c in (self.x, self.y)])
 
 
 def draw_route(terrain: PhysicsGround, rng: np.random.Generator) -> Route | None:
@@ -71,10 +68,8 @@ def draw_route(terrain: PhysicsGround, rng: np.random.Generator) -> Route | None
     routes: list[Route] = []
     for _ in range(_MAX_DRAWS):
         route = _draw(terrain, rng)
-        inside = (
-            min(route.x.min(), route.y.min()) > _MARGIN
-            and max(route.x.max(), route.y.max()) < terrain.size - _MARGIN
-        )
+        inside = min(route.x.min(), route.y.min()) > _MARGIN
+        inside &= max(route.x.max(), route.y.max()) < terrain.size - _MARGIN
         gentle = np.abs(route.grade).max() <= MAX_GRADE and np.abs(route.roll).max() <= _MAX_ROLL
         if inside and gentle:
             routes.append(route)
@@ -97,16 +92,12 @@ def _draw(terrain: PhysicsGround, rng: np.random.Generator) -> Route:
     def height(x_body: float, y_body: float) -> Floats:
         east = x + x_body * np.cos(heading) - y_body * np.sin(heading)
         north = y + x_body * np.sin(heading) + y_body * np.cos(heading)
-        heights: Floats = map_coordinates(
-            terrain.height, [north / RESOLUTION, east / RESOLUTION], order=1, mode="nearest"
-        )
-        return heights
+        cells = [north / RESOLUTION, east / RESOLUTION]
+        return np.asarray(map_coordinates(terrain.height, cells, order=1, mode="nearest"))
 
-    wheelbase, track_width = QUAD.wheelbase, QUAD.track_width
-    half, side = 0.5 * wheelbase, 0.5 * track_width
-    corners = {(a, b): height(a * half, b * side) for a in (1, -1) for b in (1, -1)}
-    rise = (corners[1, 1] + corners[1, -1] - corners[-1, 1] - corners[-1, -1]) / (2 * wheelbase)
-    tilt = (corners[1, 1] + corners[-1, 1] - corners[1, -1] - corners[-1, -1]) / (2 * track_width)
+    fl, fr, rl, rr = (height(*place) for place in WHEEL_PLACES)
+    rise = (fl + fr - rl - rr) / (2 * QUAD.wheelbase)
+    tilt = (fl + rl - fr - rr) / (2 * QUAD.track_width)
     grade = np.arctan(rise)
     z = height(0.0, 0.0)
     steps = np.sqrt(np.diff(x) ** 2 + np.diff(y) ** 2 + np.diff(z) ** 2)
@@ -114,12 +105,10 @@ def _draw(terrain: PhysicsGround, rng: np.random.Generator) -> Route:
     return Route(x, y, heading, station, grade, np.arctan(tilt * np.cos(grade)))
 
 
-Kind = Literal["forced", "obstacle", "unknown"]
-
 UNKNOWN_RADIUS = 1.0  # Radius of a patch of unknown ground [m]
 _SPACING = (7.0, 10.0)  # [m] between events
 _MIN_REST = 10.0  # [m] of the route after the last event
-_KINDS: tuple[Kind, ...] = ("forced", "obstacle", "unknown")
+_KINDS = ("forced", "obstacle", "unknown")
 _SHARES = (0.8, 0.1, 0.1)  # of the kinds [1]
 _STRETCH = (5.0, 12.0)  # [m] over which the range of sight stays constant
 _SIGHT = (2.0, 7.0)  # [m]
@@ -132,12 +121,12 @@ class CourseEvent:
 
     # ``forced``: a wall appears at the end of the clear distance, and full braking is commanded;
     # ``obstacle``: a wall comes into view; ``unknown``: a hole in the map
-    kind: Kind
+    kind: str
     trigger: float  # station of the vehicle at which it happens [m]
     barrier: float  # station that the middle of the wheelbase must not pass [m]
     centre: float = float("nan")  # station of the middle of the hole; NaN without one [m]
     over: bool = False  # whether it has ended
-    active: bool = field(default=False)  # whether a forced wall stands
+    active: bool = False  # whether a forced wall stands
 
     @property
     def blocks(self) -> bool:
@@ -161,8 +150,7 @@ class Course:
         station = self._route.station
         end = station + np.interp(station, edges, ranges)
         # Ground once seen to be free stays known.
-        clear: Floats = np.minimum(np.maximum.accumulate(end), self._route.length)
-        return clear
+        return np.asarray(np.minimum(np.maximum.accumulate(end), self._route.length))
 
     def _draw_events(self, rng: np.random.Generator) -> list[CourseEvent]:
         events: list[CourseEvent] = []
@@ -174,13 +162,10 @@ class Course:
             elif kind == "obstacle":
                 events.append(CourseEvent("obstacle", 0.0, station))
             else:
-                edge = self._edge_of_hole(station)
-                events.append(CourseEvent("unknown", 0.0, edge, station))
+                events.append(CourseEvent("unknown", 0.0, self._edge_of_hole(station), station))
         barriers = [e.barrier for e in events if e.kind != "forced"]
-        for event in events:
-            if event.kind == "forced":
-                later = [b for b in barriers if b > event.trigger]
-                event.barrier = min([event.barrier, *later])
+        for event in (e for e in events if e.kind == "forced"):
+            event.barrier = min([event.barrier, *(b for b in barriers if b > event.trigger)])
         return events
 
     def _edge_of_hole(self, centre: float) -> float:
@@ -205,11 +190,8 @@ class Course:
 
         With foresight all obstacles to come are known from the start.
         """
-        barriers = [
-            e.barrier
-            for e in self.events
-            if e.kind != "unknown" and not e.over and (foresight or e.blocks)
-        ]
+        walls = [e for e in self.events if e.kind != "unknown" and not e.over]
+        barriers = [e.barrier for e in walls if foresight or e.blocks]
         return min([self._route.length if foresight else self.sight_end(station), *barriers])
 
     @property
@@ -225,14 +207,11 @@ class Course:
     def _holes(self) -> list[CourseEvent]:
         return [e for e in self.events if e.kind == "unknown" and not e.over]
 
-    def unknown_cells(self, terrain: PhysicsGround) -> Bools | None:
-        """Unknown cells of the map, shape (n, n); None without any."""
-        holes = self._holes()
-        if not holes:
-            return None
+    def unknown_cells(self, terrain: PhysicsGround) -> Bools:
+        """Unknown cells of the map, shape (n, n)."""
         along = RESOLUTION * np.arange(len(terrain.height))
         cells = np.zeros(terrain.height.shape, np.bool_)
-        for hole in holes:
+        for hole in self._holes():
             x, y = (self._route.at(hole.centre, c) for c in (self._route.x, self._route.y))
             cells |= np.hypot(along[None, :] - x, along[:, None] - y) < UNKNOWN_RADIUS
         return cells

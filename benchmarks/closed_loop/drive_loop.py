@@ -55,17 +55,17 @@ _LOAD_FILTER = 0.15  # [s]; faster oscillation of the loads cannot tip the vehic
 BRAKE_BUILD_UP = 0.12  # [s] after a stop command the drive releases: the brake line has pressure
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ForcedStop:
     """One emergency stop, by the truth."""
 
     speed: float  # true speed at the command [m/s]
     grade: float  # grade of the ground there [rad]
     surface: str  # name of the surface there
-    actual: float  # distance from command to rest [m]
     predicted: float  # distance predicted by the policy, offset included [m]
-    left: float  # clear distance left at rest, below 0 if exceeded [m]
     forced: bool  # whether a wall forced it, not the policy
+    actual: float = np.nan  # distance from command to rest [m]
+    left: float = np.nan  # clear distance left at rest, below 0 if exceeded [m]
 
 
 @dataclass(slots=True)
@@ -89,28 +89,6 @@ class DrivenScene:
         return self.distance / self.moving_time if self.moving_time > 0.0 else 0.0
 
 
-class _StopStart:
-    """State at the command of a stop."""
-
-    def __init__(self, loop: _Loop, forced: bool) -> None:
-        self.station, self.speed = loop.station, loop.world.speed
-        self.predicted = loop.policy.stopping_distance(loop.view())
-        self.surface = SURFACES[loop.world.surface]
-        self.forced = forced
-
-    def finish(self, loop: _Loop) -> ForcedStop:
-        """Record of the stop."""
-        return ForcedStop(
-            self.speed,
-            loop.route.at(self.station, loop.route.grade),
-            self.surface,
-            loop.station - self.station,
-            self.predicted,
-            loop.course.limit - loop.station,
-            self.forced,
-        )
-
-
 class _Loop:
     """State of one drive."""
 
@@ -127,39 +105,30 @@ class _Loop:
         self.mapped_heights = terrain.mapped_heights(None if policy.exact else rng)
         self.map = self._map()
         self.state = self.sensors.read()
-        self.index = self.seen_index = 0
-        self.station = self.seen_station = 0.0
-        self.command = DriveCommand()
-        self.commanded_at = -np.inf
-        self.stop: _StopStart | None = None
-        self.rest = 0.0
-        self.shares = np.ones(4)
-        self.beyond = False
+        self.index, self.seen_index, self.station, self.seen_station = 0, 0, 0.0, 0.0
+        self.command, self.commanded_at = DriveCommand(), -np.inf
+        self.stop: ForcedStop | None = None  # until rest
+        self.stop_from = 0.0
+        self.rest, self.beyond, self.shares = 0.0, False, np.ones(4)
         front = QUAD.cg_x / QUAD.wheelbase
         self.level = QUAD.mass * GRAVITY * np.array([front, 1.0 - front, 0.5, 0.5])
 
     def _map(self) -> ElevationMap:
-        heights = self.mapped_heights
         unknown = self.course.unknown_cells(self.terrain)
-        if unknown is not None:
-            heights = np.where(unknown, np.nan, heights)
-        return self.terrain.elevation_map(heights)
+        return self.terrain.elevation_map(np.where(unknown, np.nan, self.mapped_heights))
 
     def view(self) -> View:
         """The policy's view; sight depends on the true place of the vehicle."""
-        clear = self.course.reported_clear(self.station, self.policy.exact)
-        return View(
-            self.state,
-            self.seen_station,
-            self.route,
-            self.map,
-            clear - self.seen_station,
-            self.course.known - self.seen_station,
-        )
+        seen = self.seen_station
+        clear = self.course.reported_clear(self.station, self.policy.exact) - seen
+        return View(self.state, seen, self.route, self.map, clear, self.course.known - seen)
 
     def stop_now(self, *, forced: bool) -> None:
         """Command full braking and remember its start."""
-        self.stop = _StopStart(self, forced)
+        self.stop_from, speed = self.station, self.world.speed
+        predicted = self.policy.stopping_distance(self.view())
+        grade, surface = self.route.at(self.station, self.route.grade), self.world.surface
+        self.stop = ForcedStop(speed, grade, SURFACES[surface], predicted, forced)
         self.command = DriveCommand(max(self.state.speed, 0.0), 0.0, stop=True)
         self.commanded_at = self.world.time
 
@@ -168,11 +137,10 @@ class _Loop:
         for e in self.course.events:
             due = e.kind == "forced" and not e.over and not e.active
             if due and self.station >= e.trigger:
-                if self.world.speed < ROLLING or self.command.stop:
-                    e.over = True
-                    continue
-                e.active = True
-                self.stop_now(forced=True)
+                e.over = self.world.speed < ROLLING or self.command.stop
+                e.active = not e.over
+                if e.active:
+                    self.stop_now(forced=True)
         self.put_wall()
 
     def put_wall(self) -> None:
@@ -181,13 +149,11 @@ class _Loop:
         if not walls:
             self.world.wall(None)
             return
-        i = int(np.searchsorted(self.route.station, min(walls)))
-        i = min(i, len(self.route.station) - 1)
-        ahead = OVERHANG * np.cos(self.route.grade[i]) + 0.03
-        heading = float(self.route.heading[i])
-        x = float(self.route.x[i] + ahead * np.cos(heading))
-        y = float(self.route.y[i] + ahead * np.sin(heading))
-        self.world.wall((x, y, heading))
+        route = self.route
+        i = min(int(np.searchsorted(route.station, min(walls))), len(route.station) - 1)
+        ahead, heading = OVERHANG * np.cos(route.grade[i]) + 0.03, float(route.heading[i])
+        x, y = route.x[i] + ahead * np.cos(heading), route.y[i] + ahead * np.sin(heading)
+        self.world.wall((float(x), float(y), heading))
 
     def settle(self) -> None:
         """Finish a stop at rest, and clear the route after a pause."""
@@ -197,7 +163,9 @@ class _Loop:
         self.rest += TICK
         if self.stop is not None:
             if self.stop.speed >= ROLLING:
-                self.drive.stops.append(self.stop.finish(self))
+                self.stop.actual = self.station - self.stop_from
+                self.stop.left = self.course.limit - self.station
+                self.drive.stops.append(self.stop)
             self.stop = None
         if self.rest < _PAUSE:
             return
@@ -216,10 +184,8 @@ class _Loop:
 
     def record_limits(self) -> None:
         """Record loads and passed barriers, by the truth."""
-        drive, loads = self.drive, self.world.loads
-        axles = np.array(
-            [loads[0] + loads[1], loads[2] + loads[3], loads[0] + loads[2], loads[1] + loads[3]]
-        )
+        drive, (a, b, c, d) = self.drive, self.world.loads
+        axles = np.array([a + b, c + d, a + c, b + d])
         keep = np.exp(-TICK / _LOAD_FILTER)
         self.shares += (axles / self.level - self.shares) * (1.0 - keep)
         drive.min_load_shares = np.minimum(drive.min_load_shares, self.shares)
@@ -244,9 +210,8 @@ class _Loop:
         self.state = self.sensors.read()
         x, y, _ = self.world.pose
         self.index, self.station = self.route.locate(x, y, self.index)
-        self.seen_index, self.seen_station = self.route.locate(
-            self.state.x, self.state.y, self.seen_index
-        )
+        seen = (self.state.x, self.state.y, self.seen_index)
+        self.seen_index, self.seen_station = self.route.locate(*seen)
 
     def cycle(self) -> None:
         """Ask the policy for a command."""
@@ -255,9 +220,8 @@ class _Loop:
         command = self.policy.command(self.view())
         if command.stop and self.world.speed > _MOVING_SPEED:
             self.stop_now(forced=False)
-            return
-        self.command = command
-        self.commanded_at = self.world.time
+        else:
+            self.command, self.commanded_at = command, self.world.time
 
 
 def run_drive(

@@ -82,9 +82,8 @@ class Guarded:
         guard_scene = GuardScene(self._model, view.elevation_map, clear)
         motion = VehicleMotion(Pose2d(state.x, state.y, state.yaw), max(state.speed, 0.0))
         command = BaseCommand(speed, curvature * max(speed, state.speed))
-        return decide(
-            guard_scene, motion, command, hold_time=CYCLE, late=_COMMAND_AGE, load=_LOAD_SHARE
-        )
+        given = (guard_scene, motion, command)
+        return decide(*given, hold_time=CYCLE, late=_COMMAND_AGE, load=_LOAD_SHARE)
 
 
 def drive(number: int, model: Model, dem: Path | None) -> tuple[DrivenScene, Counter[str]]:

@@ -4,43 +4,40 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
 
 from slopewise.models.parameters import Model
 
-from ..common.campaign import BenchmarkRequest, Progress, ResultCache, digest_of_sources, run_jobs
-from ..common.text_tables import table_of
+from ..common import campaign
+from ..common.campaign import BenchmarkRequest, Progress, Result, ResultCache
+from ..common.text_tables import RELATIONS, table_of
 from .drive_loop import DrivenScene, dem_folder, run_drive, scene
 from .policies import LevelBrakes, MovingHorizon, Planned, Policy
 from .quad import LIMITS, learned_model
 
-Result = dict[str, Any]
-
 SLOPEWISE, PERFECT = "slopewise", "perfect knowledge"
-COLUMNS = (
-    ("drives", "drives", "{:.0f}"),
-    ("finished", "finished", "{:.0f}"),
-    ("forced", "forced_stops", "{:.0f}"),
-    ("collisions", "collisions", "{:.0f}"),
-    ("past clear", "past_clear", "{:.0f}"),
-    ("light", "load_violations", "{:.0f}"),
-    ("avoidable", "load_violations_avoidable", "{:.0f}"),
-    ("m/s", "mean_speed", "{:.2f}"),
-    ("covered", "covered", "{:.2%}"),
-    ("excess m", "mean_excess", "{:+.2f}"),
-    ("worst m", "worst_excess", "{:+.2f}"),
-)
-"""Title, key and form of the figures of a policy."""
+COLUMNS = {  # of the table: key and form of the figures of a policy
+    "drives": ("drives", "{:.0f}"),
+    "finished": ("finished", "{:.0f}"),
+    "forced": ("forced_stops", "{:.0f}"),
+    "collisions": ("collisions", "{:.0f}"),
+    "past clear": ("past_clear", "{:.0f}"),
+    "light": ("load_violations", "{:.0f}"),
+    "avoidable": ("load_violations_avoidable", "{:.0f}"),
+    "m/s": ("mean_speed", "{:.2f}"),
+    "covered": ("covered", "{:.2%}"),
+    "excess m": ("mean_excess", "{:+.2f}"),
+    "worst m": ("worst_excess", "{:+.2f}"),
+}
 
 _SOURCES = ("benchmarks/closed_loop", "models", "planner")
 _LIBRARIES = ("mujoco", "numpy", "scipy")
-_STOP_KEYS = ("speed", "grade", "surface", "actual", "predicted", "left", "forced")
 
 
 FULL, QUICK = (330, 45), (12, 6)  # drives by slopewise and perfect knowledge, by each other [1]
@@ -70,15 +67,13 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
         count = many if name in (SLOPEWISE, PERFECT) else few
         stored = None if request.out is None else drive_cache(request.out, name)
         work = partial(_drive, make, dem)
-        drives[name] = run_jobs(work, range(count), progress, f"driving: {name}", stored)
+        drives[name] = campaign.run_jobs(work, range(count), progress, f"driving: {name}", stored)
     results = {name: summary(of, drives[PERFECT][: len(of)]) for name, of in drives.items()}
     return {
         "ground": "public elevation models and hills" if dem else "generated hills",
         "policies": results,
         "targets": targets(results, SLOPEWISE, PERFECT),
-        "stops": [
-            {key: getattr(s, key) for key in _STOP_KEYS} for d in drives[SLOPEWISE] for s in d.stops
-        ],
+        "stops": [asdict(stop) for drive in drives[SLOPEWISE] for stop in drive.stops],
         "seconds": time.perf_counter() - start,
     }
 
@@ -98,7 +93,7 @@ def _source_digest() -> str:
     """Digest of sources, learned models, libraries and elevation models."""
     dem = dem_folder()
     files = sorted(dem.glob("*.tif")) if dem is not None else []
-    return digest_of_sources(
+    return campaign.digest_of_sources(
         _SOURCES,
         ("loop_campaign.py",),
         *(repr(learned_model(name)) for name in ("slopewise", "perfect")),
@@ -147,11 +142,9 @@ def targets(results: dict[str, Result], policy: str, perfect: str) -> list[Resul
     ]
     return [
         {
-            "what": what,
-            "relation": relation,
-            "wanted": target,
+            **{"what": what, "relation": relation, "wanted": target},
             "reached": float(reached),
-            "passed": bool(reached >= target if relation == ">=" else reached <= target),
+            "passed": bool(RELATIONS[relation](reached, target)),
         }
         for what, relation, target, reached in rows
     ]
@@ -159,10 +152,9 @@ def targets(results: dict[str, Result], policy: str, perfect: str) -> list[Resul
 
 def show(result: Result, console: Console) -> None:
     """Print the table of all policies, then the targets."""
-    titles = (title for title, _, _ in COLUMNS)
-    by_policy = table_of(f"closed loop: {result['ground']}", *titles, first="policy")
+    by_policy = table_of(f"closed loop: {result['ground']}", *COLUMNS, first="policy")
     for name, row in result["policies"].items():
-        by_policy.add_row(name, *(form.format(row[key]) for _, key, form in COLUMNS))
+        by_policy.add_row(name, *(form.format(row[key]) for key, form in COLUMNS.values()))
     console.print(by_policy)
     reached = table_of("targets and values reached", "target", "reached", "", first="what")
     for row in result["targets"]:

@@ -5,7 +5,7 @@ None is steeper than the trained grades. Three surfaces lie on it in patches.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -42,10 +42,8 @@ class PhysicsGround:
 
     def surface_at(self, x: Floats, y: Floats) -> Ints:
         """Index of the surface at points, shape (k,)."""
-        last = len(self.height) - 1
-        column = np.minimum(np.maximum(x / RESOLUTION + 0.5, 0.0), last).astype(np.int64)
-        row = np.minimum(np.maximum(y / RESOLUTION + 0.5, 0.0), last).astype(np.int64)
-        return self.surface[row, column]
+        cells = np.clip(np.array((y, x)) / RESOLUTION + 0.5, 0.0, len(self.height) - 1)
+        return np.asarray(self.surface[tuple(cells.astype(np.int64))])
 
     def mapped_heights(self, rng: np.random.Generator | None) -> Floats:
         """Heights of a robot's map: noisy, or exact without a generator [m]."""
@@ -55,13 +53,8 @@ class PhysicsGround:
 
     def elevation_map(self, heights: Floats) -> ElevationMap:
         """The planner's map with these heights."""
-        return ElevationMap(
-            elevation=heights,
-            resolution=RESOLUTION,
-            origin=(0.0, 0.0),
-            terrain_class=self.surface,
-            class_names=SURFACES,
-        )
+        plain = ElevationMap(elevation=heights, resolution=RESOLUTION, origin=(0.0, 0.0))
+        return replace(plain, terrain_class=self.surface, class_names=SURFACES)
 
 
 def hills(rng: np.random.Generator) -> PhysicsGround:
@@ -105,9 +98,7 @@ def _read(file: Path) -> Floats:
     import rasterio
 
     with rasterio.open(file) as source:
-        heights = source.read(1, masked=True).astype(np.float64)
-    filled: Floats = heights.filled(np.nan)
-    return filled
+        return np.asarray(source.read(1, masked=True).astype(np.float64).filled(np.nan))
 
 
 def _max_grade(height: Floats) -> float:

@@ -1,8 +1,4 @@
-"""Policies that decide on the speed: the planner, and the usual ways without one.
-
-A policy receives a :class:`View` ten times a second and returns a command. Another planner joins
-the loop as one more class of this shape.
-"""
+"""Policies that decide on the speed ten times a second: the planner, and rules without one."""
 
 from __future__ import annotations
 
@@ -105,10 +101,8 @@ class Planned:
 
     def _plan(self, view: View, speed: float, clear: float) -> SpeedPlan:
         path = CandidatePath("route", view.route.points(view.station, HORIZON))
-        (plan,) = self._planner.plan(
-            view.elevation_map, [path], start_speed=speed, clear=clear_of_front(clear)
-        )
-        return plan
+        clear = clear_of_front(clear)
+        return self._planner.plan(view.elevation_map, [path], start_speed=speed, clear=clear)[0]
 
 
 class LevelBrakes:
@@ -153,11 +147,8 @@ class MovingHorizon:
     def __init__(self, model: Model, budget: float = 0.05) -> None:
         """Plan with a budget for each cycle [s]; other processes share the machine."""
         self._stops = Planned(model)
-        self._horizon = Horizon(
-            model,
-            HorizonSettings(period=CYCLE, budget=budget),
-            uncertainty=Uncertainty(quantile=0.5),
-        )
+        settings = HorizonSettings(period=CYCLE, budget=budget)
+        self._horizon = Horizon(model, settings, uncertainty=Uncertainty(quantile=0.5))
 
     def command(self, view: View) -> DriveCommand:
         """Run one cycle of the horizon."""

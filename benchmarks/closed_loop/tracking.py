@@ -61,9 +61,8 @@ class Sensors:
         self._wander *= keep
         self._wander += _POSITION_NOISE * np.sqrt(1.0 - keep**2) * rng.standard_normal(2)
         pitch = world.pitch + self._mount + _PITCH_NOISE * rng.standard_normal()
-        return EstimatedState(
-            world.time, x + self._wander[0], y + self._wander[1], yaw, self._speed, pitch
-        )
+        x, y = x + self._wander[0], y + self._wander[1]
+        return EstimatedState(world.time, x, y, yaw, self._speed, pitch)
 
 
 _AHEAD, _AHEAD_TIME = 1.0, 0.35  # [m], [s] preview of the pursuit
@@ -92,18 +91,13 @@ class Tracker:
         self._windup = 0.0
 
     def actuate(
-        self,
-        state: EstimatedState,
-        station: float,
-        command: DriveCommand,
-        since: float,
-        holding: bool,
+        self, state: EstimatedState, at: float, command: DriveCommand, since: float, holding: bool
     ) -> tuple[float, float, float]:
-        """Thrust [N], brake application 0 … 1, curvature [1/m], a time since the command [s].
+        """Thrust [N], brake application 0 … 1, curvature [1/m] at a station, ``since`` a command.
 
         The speed is held while brake pressure still builds up after the command of a stop.
         """
-        curvature = self._pursue(state, station)
+        curvature = self._pursue(state, at)
         if command.stop and not holding:
             self._windup = 0.0
             return 0.0, 1.0, curvature

@@ -13,7 +13,7 @@ import math
 import mujoco
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.quantity import GRAVITY
 
 from .loop_terrain import PhysicsGround
@@ -27,21 +27,19 @@ WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 _WALL = (0.3, 1.5, 1.0)  # [m] half extents
 
 
+_TILE = """<body name="tile_{0}" mocap="true">
+      <geom name="tile_{0}" type="plane" size="1 1 1" contype="0" conaffinity="{1}"/></body>"""
+"""Plane under a wheel, which touches that wheel alone and moves with it."""
+
+_STEER = '<position name="steer_{0}" joint="steer_{0}" kp="4000" kv="120"/>'
+
+
 def scene_xml(hidden: TrueVehicle) -> str:
     """MJCF of the scene."""
-    # The plane under each wheel touches that wheel alone and moves with it.
-    tiles = "".join(
-        f'''<body name="tile_{name}" mocap="true">
-          <geom name="tile_{name}" type="plane" size="1 1 1" contype="0" conaffinity="{1 << n}"/>
-        </body>'''
-        for n, name in enumerate(WHEELS)
-    )
+    tiles = "".join(_TILE.format(name, 1 << n) for n, name in enumerate(WHEELS))
     motors = "".join(f'<motor name="drive_{name}" joint="axle_{name}"/>' for name in WHEELS)
     touch = "".join(f'<touch name="load_{name}" site="contact_{name}"/>' for name in WHEELS)
-    steer = "".join(
-        f'<position name="steer_{name}" joint="steer_{name}" kp="4000" kv="120"/>'
-        for name in WHEELS[:2]
-    )
+    steer = "".join(_STEER.format(name) for name in WHEELS[:2])
     return f"""
 <mujoco model="closed loop">
   <compiler angle="radian" autolimits="true"/>
@@ -68,9 +66,8 @@ def _chassis(hidden: TrueVehicle) -> str:
     ahead = (QUAD.cg_x - 0.5 * QUAD.wheelbase) * QUAD.mass / mass
     above = (QUAD.cg_z - QUAD.wheel_radius) * QUAD.mass / mass
     length, width, height = 1.6, 0.8, 0.5
-    inertia = [
-        mass / 12.0 * (a**2 + b**2) for a, b in ((width, height), (length, height), (length, width))
-    ]
+    sides = ((width, height), (length, height), (length, width))
+    inertia = [mass / 12.0 * (a**2 + b**2) for a, b in sides]
     wheels = "".join(_wheel(name, hidden) for name in WHEELS)
     return f"""
     <body name="chassis" pos="0 0 0">
@@ -89,9 +86,8 @@ def _wheel(name: str, hidden: TrueVehicle) -> str:
     r, m = QUAD.wheel_radius, hidden.wheel_mass
     sag = (QUAD.mass / 4.0 - m) * GRAVITY / hidden.spring
     spin = 0.6 * m * r * r
-    steer = ""
-    if name.startswith("front"):
-        steer = f'<joint name="steer_{name}" type="hinge" axis="0 0 1" armature=".2"/>'
+    joint = f'<joint name="steer_{name}" type="hinge" axis="0 0 1" armature=".2"/>'
+    steer = joint if name.startswith("front") else ""
     return f"""
       <body name="{name}" pos="{x} {y} 0">
         <joint name="spring_{name}" type="slide" axis="0 0 1" stiffness="{hidden.spring}"
@@ -116,6 +112,11 @@ _MIN_SLIP_SPEED = 0.5  # [m/s] below which the anti-lock is inactive
 _MAX_STEER = 0.6  # [rad] of the front wheels
 _DEEP = -50.0  # [m] height of the unused wall
 _WALL_HALF = 0.3  # [m]
+
+
+def _eased(share: Floats, slipping: Bools) -> Floats:
+    """Share of the torque of each wheel, less while it slips [1]."""
+    return np.clip(np.where(slipping, share * _RELEASE, share + _APPLY), 0.05, 1.0)
 
 
 class DrivenWorld:
@@ -270,27 +271,23 @@ class DrivenWorld:
             return
         slip = 1.0 - spin * QUAD.wheel_radius / speed
         locking = (slip > self._hidden.slip) & (self._pressure > 0.05 * self._full)
-        self._release = np.where(locking, self._release * _RELEASE, self._release + _APPLY)
-        self._release = np.minimum(np.maximum(self._release, 0.05), 1.0)
+        self._release = _eased(self._release, locking)
 
     def _traction(self, torque: float, spin: Floats) -> Floats:
         """Torque of each wheel, less for a spinning one [N m]."""
         spinning = spin * QUAD.wheel_radius > max(1.15 * self.speed, self.speed + 0.25)
-        self._driven = np.where(spinning, self._driven * _RELEASE, self._driven + _APPLY)
-        self._driven = np.minimum(np.maximum(self._driven, 0.05), 1.0)
+        self._driven = _eased(self._driven, spinning)
         return torque * self._driven
 
     def _steering(self, curvature: float) -> tuple[float, float]:
         """Steering angles of the front wheels (Ackermann) [rad]."""
         length, half = QUAD.wheelbase, 0.5 * QUAD.track_width
-        left = math.atan2(length * curvature, 1.0 - half * curvature)
-        right = math.atan2(length * curvature, 1.0 + half * curvature)
+        left, right = (math.atan2(length * curvature, 1.0 - s * half * curvature) for s in (1, -1))
         return min(max(left, -_MAX_STEER), _MAX_STEER), min(max(right, -_MAX_STEER), _MAX_STEER)
 
     def _surfaces(self) -> Ints:
         where = self.data.geom_xpos[self._tyres]
-        surfaces: Ints = self.terrain.surface_at(where[:, 0], where[:, 1])
-        return surfaces
+        return self.terrain.surface_at(where[:, 0], where[:, 1])
 
     @property
     def surface(self) -> int:
@@ -301,8 +298,7 @@ class DrivenWorld:
     @property
     def loads(self) -> Floats:
         """Normal loads, front left, front right, rear left, rear right, shape (4,) [N]."""
-        loads: Floats = self.data.sensordata
-        return loads
+        return np.asarray(self.data.sensordata)
 
     def update_motion(self) -> None:
         """Compute speed, pose and pitch, once per step."""

@@ -13,17 +13,19 @@ import os
 import pickle
 import signal
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 Progress = Callable[[str, int], Callable[[int], Any]]
 """Called with a title and a total; returns the function that advances the bar."""
 
 Work = Callable[[Any], Any]
+Result = dict[str, Any]
+Item = TypeVar("Item")
 
 _PROCESSES = 2  # of the machines that results are compared on
 _ROOT = Path(__file__).resolve().parents[2]
@@ -44,6 +46,14 @@ class BenchmarkRequest:
 def no_progress(_title: str, _total: int) -> Callable[[int], Any]:
     """Report progress nowhere."""
     return lambda _: None
+
+
+def tracked(progress: Progress, title: str, items: Sequence[Item]) -> Iterator[Item]:
+    """Items in their order; the bar advances behind each."""
+    advance = progress(title, len(items))
+    for item in items:
+        yield item
+        advance(1)
 
 
 @dataclass(frozen=True, slots=True)

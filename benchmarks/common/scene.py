@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -68,8 +69,14 @@ def hills(patches: int) -> ElevationMap:
     return ElevationMap(elevation=height, resolution=_RESOLUTION, origin=(0.0, 0.0))
 
 
+@cache
+def shipped(name: str) -> Model:
+    """A shipped model, always the same object."""
+    return read_model(shipped_models()[name])
+
+
 def atv() -> Model:
     """The shipped all-terrain vehicle, without width and clearance of its body."""
-    model = read_model(shipped_models()["atv"])
+    model = shipped("atv")
     vehicle = replace(model.vehicle, width=None, ground_clearance=None)
     return replace(model, vehicle=vehicle, braking=replace(model.braking, covariance=None))

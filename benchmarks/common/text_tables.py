@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
 from rich.table import Table
+
+RELATIONS = {"<=": operator.le, ">=": operator.ge}  # of values to targets
 
 
 def table_of(title: str, *columns: str, first: str = "") -> Table:
@@ -12,6 +19,20 @@ def table_of(title: str, *columns: str, first: str = "") -> Table:
     for column in columns:
         table.add_column(column, justify="right", overflow="fold")
     return table
+
+
+def print_rows(
+    console: Console, title: str, rows: Sequence[dict[str, Any]], *names: str, first: str = ""
+) -> None:
+    """Print rows of the same keys; those of ``names`` stand together in the first column."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    names = names or (columns[0],)
+    figures = [key for key in columns if key not in names]
+    table = table_of(title, *figures, first=first or ", ".join(names))
+    for row in rows:
+        label = " ".join(str(row[key]) for key in names)
+        table.add_row(label, *(str(row.get(key, "")) for key in figures))
+    console.print(table)
 
 
 def duration(seconds: float) -> str:

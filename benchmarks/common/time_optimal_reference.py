@@ -14,14 +14,8 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
-from slopewise.planner.profile.reference import (
-    FREE,
-    Reference,
-    idle_segments,
-    program_of,
-    solve_program,
-    symbols,
-)
+from slopewise.planner.profile import reference
+from slopewise.planner.profile.reference import FREE, Reference, idle_segments, symbols
 from slopewise.planner.profile.time_optimal import ProfileProblem
 
 _COLUMNS = ProfileProblem._fields.index("start_sq")
@@ -46,12 +40,7 @@ class TimeOptimalReference:
     """The time-optimal program for a number of stations."""
 
     def __init__(self, stations: int, *, max_iterations: int = 500) -> None:
-        """Build it.
-
-        Args:
-            stations: N, at least 2.
-            max_iterations: of IPOPT before it gives up.
-        """
+        """Build it for N ≥ 2 stations; IPOPT gives up after ``max_iterations``."""
         self._solver = _time_optimal_solver(stations, max_iterations)
 
     def solve(self, problem: ProfileProblem) -> Reference:
@@ -73,23 +62,13 @@ class TimeOptimalReference:
             "power": np.full(len(ds), GRAVITY * problem.specific_power),
         }
         upper = np.tile(np.where(idle, FREE, 0.0), 4)
-        return solve_program(self._solver, problem.station, bound, parameters, upper)
+        return reference.solve_program(self._solver, problem.station, bound, parameters, upper)
 
 
 def _time_optimal_solver(stations: int, max_iterations: int) -> Any:
     v = ca.SX.sym("v", stations)
-    p = symbols(
-        stations - 1,
-        "ds",
-        "moving",
-        "accel",
-        "hold",
-        "slope",
-        "intercept",
-        "slowest",
-        "decel",
-        "power",
-    )
+    names = ("ds", "moving", "accel", "hold", "slope", "intercept", "slowest", "decel", "power")
+    p = symbols(stations - 1, *names)
     before, after = v[:-1], v[1:]
     gained = (after**2 - before**2) / (2.0 * p["ds"])
     # Force that grows with speed is least at the slower end, else at the faster one.
@@ -101,4 +80,4 @@ def _time_optimal_solver(stations: int, max_iterations: int) -> Any:
     constraints = ca.vertcat(
         gained - p["accel"], gained - powered, -gained - p["decel"], -gained - GRAVITY * force
     )
-    return program_of(v, p, constraints, max_iterations)
+    return reference.program_of(v, p, constraints, max_iterations)

@@ -6,6 +6,7 @@ import gc
 import os
 import platform
 import resource
+import socket
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -102,6 +103,13 @@ def _burn(cores: set[int]) -> None:
     benchmark = parent_process()
     while benchmark is not None and benchmark.is_alive():
         np.sort(numbers)
+
+
+def free_port() -> int:
+    """Port of the loopback that nothing listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def machine() -> dict[str, Any]:

@@ -24,25 +24,12 @@ COEFFICIENTS = ("m_m", "b_m", "m_b", "b_b", "dead_time")
 _UNCALIBRATED = (0.0, 0.0, 0.0, 0.42, 0.25)  # the same before any stop [SI]
 
 _PLANT: dict[str, Any] = {
-    "mass": 500.0,
-    "wheelbase": 1.2,
-    "track_width": 1.0,
-    "cg_x": 0.6,
-    "cg_z": 0.55,
-    "wheel_radius": 0.28,
-    "drive": "skid_steer",
-    "max_wheel_speed": 7.0,
-    "max_drive_force": 2500.0,
-    "max_drive_power": 6000.0,
+    **{"mass": 500.0, "wheelbase": 1.2, "track_width": 1.0, "cg_x": 0.6, "cg_z": 0.55},
+    **{"wheel_radius": 0.28, "drive": "skid_steer", "max_wheel_speed": 7.0},
+    **{"max_drive_force": 2500.0, "max_drive_power": 6000.0},
 }  # vehicle table of the plant
-_LIMITS = {
-    "speed": 6.0,
-    "accel": 1.0,
-    "decel": 1.5,
-    "jerk": 2.0,
-    "lateral_accel": 2.0,
-    "min_load": 0.10,
-}
+_LIMITS = {"speed": 6.0, "accel": 1.0, "decel": 1.5, "jerk": 2.0}
+_LIMITS |= {"lateral_accel": 2.0, "min_load": 0.10}
 _SLIP_TRACK = 1.15  # over the track width
 
 
@@ -85,9 +72,8 @@ class BlindRun:
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="slopewise-blind-")
-        self.pool = ProcessPoolExecutor(
-            1, multiprocessing.get_context("spawn"), _prepare, (self._folder.name,)
-        )
+        spawn = multiprocessing.get_context("spawn")
+        self.pool = ProcessPoolExecutor(1, spawn, _prepare, (self._folder.name,))
 
     def __enter__(self) -> BlindRun:
         return self
@@ -172,14 +158,11 @@ def tables_of(
 ) -> dict[str, Any]:
     """Tables of the model file: coefficients of an earlier calibration, the plant's vehicle."""
     vehicle = vehicle or _PLANT
+    terrain = {"motion_resistance": 0.10, "lateral_resistance": 0.2}
     return {
         "name": "hidden",
         "vehicle": vehicle,
         "braking": {"speed_range": (0.5, 6.5), "grade_range": (-0.28, 0.30)} | dict(braking),
-        "terrain": {
-            "motion_resistance": 0.10,
-            "lateral_resistance": 0.2,
-            "slip_track": _SLIP_TRACK * vehicle["track_width"],
-        },
+        "terrain": terrain | {"slip_track": _SLIP_TRACK * vehicle["track_width"]},
         "limits": _LIMITS,
     }

@@ -85,7 +85,6 @@ class StopMoment(NamedTuple):
     yaw: float
     clock: float
     since: float
-    ambient: float
 
 
 @njit(cache=True)
@@ -101,7 +100,7 @@ def _moment(stops: Stops, i: int, onset: float, since: float, speed: float, s: f
         2.0 * math.pi * s / stops.wave_length[i] + stops.wave_phase[i]
     )
     clock = stops.clock[i] + onset + since
-    return StopMoment(speed, grade, stops.roll[i], x, y, yaw, clock, since, stops.ambient[i])
+    return StopMoment(speed, grade, stops.roll[i], x, y, yaw, clock, since)
 
 
 @njit(cache=True)
@@ -120,7 +119,7 @@ def _demanded_force(p: Physics, run: int, v_i: float, now: StopMoment) -> float:
     if run >= p.step_run:
         force = force * p.step_scale + p.step_delta
     force += p.asymmetry * max(grade, 0.0) + p.nonlinearity * grade * abs(grade)
-    force += p.cross_slope * abs(now.roll) + p.drift * now.clock + p.ambient * now.ambient
+    force += p.cross_slope * abs(now.roll) + p.drift * now.clock
     force += _patched(p.patch, p.patch_x, p.patch_y, p.patch_radius, now)
     force += _patched(p.patch_2, p.patch_2_x, p.patch_2_y, p.patch_2_radius, now)
     force += _patched(p.patch_3, p.patch_3_x, p.patch_3_y, p.patch_3_radius, now)
@@ -128,13 +127,6 @@ def _demanded_force(p: Physics, run: int, v_i: float, now: StopMoment) -> float:
     force += p.furrow * math.cos(2.0 * (yaw - p.furrow_direction))
     if p.ripple != 0.0:
         force += p.ripple * math.sin(2.0 * math.pi * now.x / p.ripple_length)
-    if p.bump != 0.0:
-        force += p.bump * math.exp(-(((grade - p.bump_grade) / p.bump_width) ** 2))
-    if p.grab != 0.0:
-        force += p.grab * math.exp(-now.speed / p.grab_speed)
-    if p.overshoot != 0.0:
-        late = (now.since - p.overshoot_time) / (0.5 * p.overshoot_time)
-        force += p.overshoot * math.exp(-late * late)
     return force
 
 

@@ -8,16 +8,14 @@ and cross slope tilt gravity.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from . import world_changes, world_logs
-from .blind_run import tables_of
 from .effect_plant import GRAVITY, DrivenStops
-from .engine_vehicle import EngineCar, build, draw_car
-from .plant_physics import Floats, Stops
+from .plant_physics import Floats, Stops, draw_ranged, ranged
 from .world_changes import Changes
 
 _STEP, _HOLD = 0.002, 2
@@ -31,6 +29,126 @@ _MAX_STEER = 0.15  # of each wheel [rad]
 _STANDSTILL = 0.01  # [m/s] at the wheels
 _SPINS = slice(7, 14, 2)
 """Degrees of freedom of the four hinges."""
+
+_SOFTEST = 0.05  # largest angle by which the body rolls or pitches on its springs [rad]
+_SIDEWAYS = 0.2  # lateral acceleration that the springs are chosen for, over gravity [1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineCar:
+    """One vehicle, SI; forces of its brakes as shares of its weight, fixed at the onset."""
+
+    mass: float
+    wheelbase: float
+    track: float
+    height: float  # of the sprung body's centre of gravity
+    radius: float
+    ahead: float  # that centre ahead of the middle, share of the wheelbase [1]
+    wheel_share: float = ranged(0.008, 0.025)  # mass of a wheel over that of the car [1]
+    frequency: float = ranged(1.0, 5.0)  # of the body on its springs [Hz]
+    damping: float = ranged(0.2, 0.5)  # of it [1]
+    m_m: float = ranged(-0.02, 0.02)
+    b_m: float = ranged(-0.1, 0.1)
+    m_b: float = ranged(-0.008, 0.008)
+    b_b: float
+    front: float = ranged(-0.04, 0.04)  # share of the brakes; the range is around the ideal one [1]
+    rolling: float = ranged(0.01, 0.05)  # resistance [1]
+    dead_time: float = ranged(0.1, 0.35)
+    build_up: float = ranged(0.005, 0.035)  # time constant [s]
+    lag_behind: float = ranged(0.0, 0.015)  # share by which the speed stays below the command [1]
+    sensor: float  # height of the speed sensor over the hinges [m]; 0 measures at the wheels
+    slow: float  # time constant of its filter [s]
+    mount: float  # pitch of the pitch sensor's mount, uphill positive [rad]
+
+    @property
+    def spin(self) -> float:
+        """Mass that turning wheels add, as a share of the mass: homogeneous discs."""
+        return 2.0 * self.wheel_share
+
+    @property
+    def force(self) -> float:
+        """Braking force over the weight on level ground, at standstill [1]."""
+        return (self.b_b + self.rolling) / (1.0 + self.spin)
+
+    @property
+    def table(self) -> dict[str, float | str]:
+        """Vehicle table of the model file."""
+        cg_x = (0.5 + self.ahead) * self.wheelbase
+        sizes = (self.wheelbase, self.track, cg_x, self.height, self.radius)
+        return world_logs.vehicle_table(self.mass, *sizes)
+
+
+def draw_car(rng: np.random.Generator) -> EngineCar:
+    """Draw a vehicle between a small robot and a utility car."""
+    large = float(rng.random())
+    wheelbase = 0.6 + 2.0 * large
+    track = wheelbase * float(rng.uniform(0.6, 0.85))
+    height = min(float(rng.uniform(0.25, 0.45)) + 0.25 * large, 0.45 * wheelbase, 0.7 * track)
+    level = float(rng.uniform(0.3, 0.5))
+    # Springs that a vehicle of this height stands on without leaning too far.
+    pitch = level * GRAVITY * height / (0.5 * wheelbase) ** 2
+    roll = _SIDEWAYS * GRAVITY * height / (0.5 * track) ** 2
+    softest = math.sqrt(max(pitch, roll) / _SOFTEST) / (2.0 * math.pi)
+    ahead = float(rng.uniform(-0.05, 0.05))
+    mass = float(np.clip(60.0 * 15.0**large * rng.uniform(0.7, 1.4), 60.0, 900.0))
+    numbers = draw_ranged(EngineCar, rng)
+    numbers["frequency"] = max(numbers["frequency"], softest)
+    numbers["front"] += 0.5 + ahead + level * height / wheelbase
+    sensor = float(rng.choice([0.0, 1.0]) * rng.uniform(0.3, 1.2) * height)
+    slow, mount = rng.uniform((0.0, -0.01), (0.02, 0.01)).tolist()
+    numbers |= {"mass": mass, "wheelbase": wheelbase, "track": track, "height": height}
+    numbers |= {"radius": 0.12 + 0.2 * large, "ahead": ahead, "b_b": level}
+    return EngineCar(**numbers, sensor=sensor, slow=slow, mount=mount)
+
+
+_WORLD = """<mujoco>
+<option timestep="{step}" integrator="implicitfast" cone="elliptic" impratio="10"/>
+<default><geom {stiff}/><joint {stiff_brakes}/></default>
+<worldbody><geom type="plane" size="0 0 1" contype="0" conaffinity="1"/><body pos="0 0 {radius}">
+<freejoint/><inertial pos="{x} 0 {z}" mass="{mass}" diaginertia="{inertia}"/>{wheels}</body>
+</worldbody></mujoco>"""
+
+_STIFF = 'solref{0}="0.005 1" solimp{0}="0.99 0.999 0.001"'
+"""Contacts and brakes that creep by millimetres a second."""
+
+_WHEEL = """<body pos="{x} {y} 0"><inertial pos="0 0 0" mass="{mass}" diaginertia="{i} {i} {i}"/>
+<joint type="slide" axis="0 0 1" stiffness="{k}" damping="{c}" springref="{preload}"/>
+<joint type="hinge" axis="0 1 0" frictionloss="0.001"/>
+<geom type="sphere" size="{radius}" contype="1" conaffinity="0"/></body>"""
+
+
+def build(car: EngineCar, step: float) -> Any:
+    """The engine's model of a car."""
+    import mujoco
+
+    mass = car.mass * (1.0 - 4.0 * car.wheel_share)
+    wheels = ""
+    for end, side in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        load = mass * (0.25 + 0.5 * end * car.ahead)
+        k = load * (2.0 * math.pi * car.frequency) ** 2
+        wheels += _WHEEL.format(
+            x=0.5 * end * car.wheelbase,
+            y=0.5 * side * car.track,
+            mass=car.wheel_share * car.mass,
+            i=0.5 * car.wheel_share * car.mass * car.radius**2,
+            k=k,
+            c=2.0 * car.damping * math.sqrt(k * load),
+            preload=-load * GRAVITY / k,
+            radius=car.radius,
+        )
+    around = (0.4 * car.track, 0.38 * car.wheelbase, 0.44 * car.wheelbase)  # radii of gyration
+    text = _WORLD.format(
+        step=step,
+        radius=car.radius,
+        x=car.ahead * car.wheelbase,
+        z=car.height - car.radius,
+        mass=mass,
+        inertia=" ".join(str(mass * r**2) for r in around),
+        wheels=wheels,
+        stiff=_STIFF.format(""),
+        stiff_brakes=_STIFF.format("friction"),
+    )
+    return mujoco.MjModel.from_xml_string(text)
 
 
 def drive(
@@ -56,15 +174,8 @@ def drive(
     rest, distance = np.array(ends).T
     still = np.zeros(len(rest))
     poses = (x, y, yaw, rate, grade + car.mount, roll)
-    return DrivenStops(
-        time,
-        world_logs.filtered(speed, car.slow),
-        station,
-        *poses,
-        rest,
-        distance,
-        deceleration=still,
-    )
+    sensed = world_logs.filtered(speed, car.slow)
+    return DrivenStops(time, sensed, station, *poses, rest, distance, deceleration=still)
 
 
 class _Stop:
@@ -189,22 +300,14 @@ class _Stop:
         """Resistance of the ground over the weight [1]."""
         changes, (_, station, x, y, yaw, rate) = self.changes, row[:6]
         force = self.car.rolling + changes.cross * abs(self.roll) + changes.turning * abs(rate)
-        if (
-            changes.patch[2]
-            and math.hypot(x - changes.patch[0], y - changes.patch[1]) < (changes.patch[2])
-        ):
-            force += changes.patch[3]
+        at_x, at_y, radius, delta = changes.patch
+        if radius and math.hypot(x - at_x, y - at_y) < radius:
+            force += delta
         if changes.furrows:
             force += changes.furrows * math.cos(2.0 * (yaw - changes.furrows_along))
         if changes.ripple:
             force += changes.ripple * math.sin(2.0 * math.pi * station / changes.ripple_length)
         return force
-
-
-def calibration_of(car: EngineCar, eager: float, rng: np.random.Generator) -> dict[str, Any]:
-    """Braking table of an earlier log of the car, without changes."""
-    stops = world_changes.calibration_stops(car.force, rng)
-    return world_logs.calibrated(drive(car, Changes(eager=eager), stops), stops, rng)
 
 
 def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
@@ -213,22 +316,8 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
     car = draw_car(rng)
     if "wheel_lockup" in label and not car.sensor:
         car = replace(car, sensor=0.5 * car.height)  # wheels that slide show no speed
-    scene: world_changes.Scene = world_changes.draw_scene(kind, label, car.force, rng)
-    motion = drive(car, scene.changes, scene.stops)
-    tables = tables_of(
-        calibration_of(car, scene.changes.eager, np.random.default_rng((54, seed))),
-        world_logs.vehicle_table(
-            car.mass,
-            car.wheelbase,
-            car.track,
-            (0.5 + car.ahead) * car.wheelbase,
-            car.height,
-            car.radius,
-        ),
-    )
-    noise = float(rng.uniform(0.01, 0.04))
-    measured = (("engine", kind, label, seed), scene.extra, scene.stops, motion, noise)
-    return world_logs.world_log(*measured, tables, rng)
+    earlier = np.random.default_rng((54, seed))
+    return world_logs.car_log(("engine", kind, label, seed), car, drive, 0.04, rng, earlier)
 
 
 def requests(seed: int = 1) -> list[tuple[str, str, int]]:

@@ -77,9 +77,8 @@ def covered(hidden: tuple[HiddenTerm, ...], finding: Finding) -> dict[str, bool]
     holds = {}
     by_name = {effect["name"]: effect["parameters"] for effect in finding.effects}
     for term in hidden:
-        estimates = by_name.get(term.name, {})
         for key, true in term.parameters.items():
-            value, std = estimates.get(key, (math.nan, math.nan))
+            value, std = by_name.get(term.name, {}).get(key, (math.nan, math.nan))
             if key == "run" or not (math.isfinite(value) and std > 0.0):
                 continue
             error = abs(value - true)

@@ -1,4 +1,4 @@
-"""Effects that may be hidden: every named one in three sizes, and effects without a name.
+"""Effects that may be hidden, each in three sizes.
 
 The size is the largest share of the braking force, or of the distance, that the effect takes:
 small about 4 %, medium about 10 %, large about 25 %.
@@ -7,7 +7,7 @@ small about 4 %, medium about 10 %, large about 25 %.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from .plant_physics import FIELD, Floats, Physics, Stops
 
 SIZES = ("small", "medium", "large")
 _SHARES = (0.04, 0.10, 0.25)  # of the braking force [1]
-
-OFF_LIBRARY = ("ambient", "ripple", "bump", "grab", "overshoot")
 
 _SCALED: dict[str, tuple[tuple[float, float, float], bool]] = {
     # parameter in each size [SI], whether either sign is possible
@@ -64,10 +62,9 @@ FIELDS: dict[str, dict[str, str]] = {
 class HiddenTerm:
     """One effect as the plant has it and as a report should state it."""
 
-    name: str  # effect, of :data:`NAMED` or :data:`OFF_LIBRARY`
+    name: str  # of :data:`NAMED`
     fields: dict[str, float]  # changed fields of :class:`Physics`
-    # the report's parameters, SI; empty for effects without a name
-    parameters: dict[str, float] = field(default_factory=dict)
+    parameters: dict[str, float]  # those of the report, SI
 
 
 def draw_hidden(
@@ -78,8 +75,6 @@ def draw_hidden(
     sign = float(rng.choice([-1.0, 1.0]))
     vary = float(rng.uniform(0.85, 1.15))
     share = _SHARES[level] * vary
-    if name in OFF_LIBRARY:
-        return HiddenTerm(name, _off_library(name, share, sign, physics, stops, rng))
     if name in _SCALED:
         sizes, signed = _SCALED[name]
         parameters = {next(iter(FIELDS[name])): sizes[level] * vary * (sign if signed else 1.0)}
@@ -119,27 +114,6 @@ def _parameters(
             return {"scale": 1.0 + sign * share, "run": run}
         case "session_drift":
             return {"k": sign * share * p.b_b / float(np.ptp(stops.clock))}
-    raise KeyError(name)
-
-
-def _off_library(
-    name: str, share: float, sign: float, p: Physics, stops: Stops, rng: np.random.Generator
-) -> dict[str, float]:
-    """Fields of an effect without a name."""
-    match name:
-        case "ambient":
-            return {"ambient": sign * share * p.b_b / 20.0}
-        case "ripple":
-            length = float(rng.uniform(300.0, 500.0))
-            return {"ripple": share * p.b_b, "ripple_length": length}
-        case "bump":
-            grade = float(np.quantile(stops.grade, rng.uniform(0.3, 0.7)))
-            return {"bump": sign * 1.5 * share * p.b_b, "bump_grade": grade, "bump_width": 0.03}
-        case "grab":
-            return {"grab": 3.0 * share * p.b_b, "grab_speed": float(rng.uniform(0.2, 0.4))}
-        case "overshoot":
-            late = float(rng.uniform(0.25, 0.4))
-            return {"overshoot": 2.0 * share * p.b_b, "overshoot_time": late}
     raise KeyError(name)
 
 

@@ -24,10 +24,6 @@ DETECTABLE_CHI2 = 30.0
 chance effect of a whole library (about 13)."""
 
 DISTINCT_CHI2 = 20.0  # Expected χ² to the nearest alternative from which the name can be given
-SHAPE_CHI2 = 40.0
-"""Expected χ² to every named effect from which a shape without a name can be detected, among half a
-dozen freedoms on each of some fifteen axes."""
-
 _BASE = {"m_m": 1e-3, "b_m": 1e-3, "m_b": 1e-4, "b_b": 1e-4, "dead_time": 1e-3}
 """Steps of the finite differences [SI]."""
 
@@ -58,11 +54,6 @@ class Identifiability:
     def has_name(self) -> bool:
         """Whether the effect can be detected and distinguished from all others."""
         return self.is_detectable and self.apart >= DISTINCT_CHI2
-
-    @property
-    def has_shape(self) -> bool:
-        """Whether it can be detected and no name fits it."""
-        return self.apart >= SHAPE_CHI2
 
 
 NOT_IDENTIFIABLE = Identifiability(0.0, "", 0.0)

@@ -9,8 +9,9 @@ air). None of the effects is a term of a braking model.
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -25,50 +26,40 @@ _GAIN = 15.0  # [1/s] of the speed controller
 _PACKAGE_GRAVITY = 9.81  # [m/s²]
 
 
-class CarPush(NamedTuple):
-    """External forces during one stop, SI; torques of all wheels together [N m]."""
+_OF_STOP = ("speed", "grade", "wave", "wave_length", "wave_phase", "roll")
+_OF_CAR = ("build_up", "front", "furrows_along", "driveline", "air", "wind", "wind_from")
+_OF_HEAT = ("fading", "hot", "cooling")
 
-    speed: float
-    grade: float
-    wave: float
-    wave_length: float
-    wave_phase: float
-    roll: float
-    onset: float
-    build_up: float
-    brake: float
-    assist: float
-    front: float
-    rolling: float
-    furrows: float
-    furrows_along: float
-    driveline: float
-    air: float
-    wind: float
-    wind_from: float
-    fading: float
-    hot: float
-    cooling: float
-    step: float
+
+def _push_type() -> Any:
+    forces = ("onset", "brake", "assist", "rolling", "furrows", "step")
+    return namedtuple("CarPush", (*_OF_STOP, *_OF_CAR, *_OF_HEAT, *forces))
+
+
+CarPush = _push_type()
+"""External forces during one stop, SI: fields of stops and :class:`CarNature`, time of the onset,
+torques of all wheels together [N m], step of the integration over the usual one."""
 
 
 @njit(cache=False)
-def _grade(push: CarPush, station: float) -> float:
+def _grade(push: Any, station: float) -> float:
     turn = 2.0 * math.pi * station / push.wave_length + push.wave_phase
-    return push.grade + push.wave * math.sin(turn)
+    grade: float = push.grade + push.wave * math.sin(turn)
+    return grade
 
 
 @njit(cache=False)
-def _brake(push: CarPush, t: float, grade: float, heat: float) -> float:
+def _brake(push: Any, t: float, grade: float, heat: float) -> float:
     """Torque of all wheels: pressure builds up by two equal lags, pads lose by heat."""
     late = (t - push.onset) / push.build_up
     pressure = 1.0 - (1.0 + late) * math.exp(-late) if late > 0.0 else 0.0
     lost = push.fading * (1.0 - math.exp(-heat / push.hot))
-    return max(push.brake + push.assist * grade, 0.0) * pressure * (1.0 - lost)
+    torque: float = max(push.brake + push.assist * grade, 0.0) * pressure * (1.0 - lost)
+    return torque
 
 
 @njit(cache=False)
-def _slopes(state: Floats, t: float, grade: float, brake: float, push: CarPush, car: Any) -> Floats:
+def _slopes(state: Floats, t: float, grade: float, brake: float, push: Any, car: Any) -> Floats:
     """The package's derivatives with external forces."""
     f = np.array(car_slopes(state, np.zeros(2), car))
     yaw = -state[4]
@@ -106,7 +97,7 @@ def _ground(areas: Floats, x: float, y: float) -> int:
 
 @njit(cache=False)
 def _stepped(
-    state: Floats, t: float, h: float, grade: float, heat: float, push: CarPush, car: Any
+    state: Floats, t: float, h: float, grade: float, heat: float, push: Any, car: Any
 ) -> Floats:
     """Advance by one Runge–Kutta step."""
     half, end = t + 0.5 * h, t + h
@@ -125,7 +116,7 @@ def stop_car(
     state: Floats,
     grounds: Any,
     areas: Floats,
-    push: CarPush,
+    push: Any,
     heat: float,
     time: Floats,
     start: float,
@@ -188,9 +179,6 @@ _SETTLE = 0.5  # [s] at speed before the log begins
 _MAX_STOP = 8.0  # [s]
 _BODY_RETURN = 0.15  # [s] time constant of the body's attitude after standstill
 _AREAS = 2  # slippery ones at most
-_OF_STOP = ("speed", "grade", "wave", "wave_length", "wave_phase", "roll")
-_OF_CAR = ("build_up", "front", "furrows_along", "driveline", "air", "wind", "wind_from")
-_OF_HEAT = ("fading", "hot", "cooling")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,16 +216,6 @@ class CarNature:
     slippery: tuple[tuple[float, float, float, float], ...] = ()
 
 
-class _Traces(NamedTuple):
-    """One stop: rows of speed, station, x, y, yaw, yaw rate, grade, pitch, roll; and its end."""
-
-    rows: Floats
-    rest: float
-    distance: float
-    deceleration: float
-    heat: float
-
-
 def drive(nature: CarNature, stops: Stops, finer: float = 1.0) -> DrivenStops:
     """Drive all stops in their order, sampled at 50 Hz from :data:`BEFORE` each command.
 
@@ -246,18 +224,16 @@ def drive(nature: CarNature, stops: Stops, finer: float = 1.0) -> DrivenStops:
     count = np.arange(-round(BEFORE / _SAMPLE), round(_MAX_STOP / _SAMPLE))
     time: Floats = np.asarray(count * _SAMPLE, np.float64)
     heat, since = 0.0, 0.0
-    traces: list[_Traces] = []
+    traces = []
     for i in range(len(stops.speed)):
         clock = float(stops.clock[i])
         heat *= math.exp(-(clock - since) / nature.cooling)
-        traces.append(_drive_stop(nature, stops, i, heat, time, finer))
-        heat, since = traces[-1].heat, clock + min(traces[-1].rest, _MAX_STOP)
-    rows = np.stack([trace.rows for trace in traces])
-    speed, station, x, y, yaw, rate, grade, pitch, roll = np.moveaxis(rows, 2, 0)
-    rest, distance, last = (
-        np.array([getattr(trace, name) for trace in traces])
-        for name in ("rest", "distance", "deceleration")
-    )
+        *trace, heat = _drive_stop(nature, stops, i, heat, time, finer)
+        traces.append(trace)
+        since = clock + min(trace[1], _MAX_STOP)
+    rows, *ends = zip(*traces, strict=True)
+    speed, station, x, y, yaw, rate, grade, pitch, roll = np.moveaxis(np.stack(rows), 2, 0)
+    rest, distance, last = np.array(ends)
     swing = np.exp(-np.maximum(time - rest[:, None], 0.0) / _BODY_RETURN)
     attitude = (grade + swing * pitch, stops.roll[:, None] + roll)
     return DrivenStops(time, speed, station, x, y, yaw, rate, *attitude, rest, distance, last)
@@ -265,7 +241,8 @@ def drive(nature: CarNature, stops: Stops, finer: float = 1.0) -> DrivenStops:
 
 def _drive_stop(
     nature: CarNature, stops: Stops, i: int, heat: float, time: Floats, finer: float
-) -> _Traces:
+) -> Any:
+    """Rows, time of rest, distance, deceleration and heat of one stop, as of :func:`stop_car`."""
     late = i >= nature.payload_run
     car = loaded(nature.payload if late else 0.0)
     areas = (*nature.slippery, *[(0.0, 0.0, -1.0, 0.0)] * _AREAS)[:_AREAS]
@@ -281,12 +258,10 @@ def _drive_stop(
     state[0] = stops.x[i] + (math.sin(heading + turn * back) - math.sin(heading)) / turn
     state[1] = -stops.y[i] + (math.cos(heading + turn * back) - math.cos(heading)) / turn
     push = _push(nature, stops, i, late, finer)
-    return _Traces(
-        *stop_car(state, grounds, np.array([a[:3] for a in areas]), push, heat, time, start, back)
-    )
+    return stop_car(state, grounds, np.array([a[:3] for a in areas]), push, heat, time, start, back)
 
 
-def _push(nature: CarNature, stops: Stops, i: int, late: bool, finer: float) -> CarPush:
+def _push(nature: CarNature, stops: Stops, i: int, late: bool, finer: float) -> Any:
     torque = CAR.m * GRAVITY * CAR.R_w
     strength = float(stops.friction[i]) * (1.0 - nature.glazing * float(stops.clock[i]))
     strength *= nature.repair if late else 1.0

@@ -15,7 +15,7 @@ from .effect_plant import speeds
 from .multibody import MAX_CURVATURE, CarNature, drive
 from .plant_physics import FIELD, Floats, Physics, Stops, draw
 from .vehicle_models import CAR
-from .world_logs import WorldLog
+from .world_logs import WorldLog, vehicle_table
 
 STOPS = 60  # of a log
 EAGER = -0.4  # assist of brakes that press harder downhill, so that grip ends only there [1/rad]
@@ -65,18 +65,10 @@ _MIN_SPEED = 0.1  # [m/s] of samples to calibrate by
 def car_table() -> dict[str, Any]:
     """Vehicle table of the model file for the car's logs."""
     base = CAR.a + CAR.b
-    return {
-        "mass": CAR.m,
-        "wheelbase": base,
-        "track_width": 0.5 * (CAR.T_f + CAR.T_r),
-        "cg_x": (CAR.m_s * CAR.b + CAR.m_uf * base) / CAR.m,
-        "cg_z": CAR.h_cg,
-        "wheel_radius": CAR.R_w,
-        "drive": "ackermann",
-        "max_wheel_speed": 7.0,
-        "max_drive_force": 5000.0,
-        "max_drive_power": 20000.0,
-    }
+    sizes = (base, 0.5 * (CAR.T_f + CAR.T_r), (CAR.m_s * CAR.b + CAR.m_uf * base) / CAR.m)
+    table = vehicle_table(CAR.m, *sizes, CAR.h_cg, CAR.R_w)
+    limits = {"max_wheel_speed": 7.0, "max_drive_force": 5000.0, "max_drive_power": 20000.0}
+    return table | limits
 
 
 def make(kind: str, label: str, seed: int) -> WorldLog:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,17 +60,8 @@ class Physics(NamedTuple):
     step_delta: float = 0.0
     step_run: float = 1e9
     drift: float = 0.0  # F_b/W += k t
-    ambient: float = 0.0  # F_b/W += k column, another column of the log
     ripple: float = 0.0  # ripple, ripple_length: F_b/W += A sin(2π x/length), x on the map
     ripple_length: float = 1.0
-    bump: float = 0.0  # bump, bump_grade, bump_width: F_b/W += A exp(−((θ − θ₀)/w)²)
-    bump_grade: float = 0.0
-    bump_width: float = 1.0
-    grab: float = 0.0  # grab, grab_speed: F_b/W += A exp(−v/v₀)
-    grab_speed: float = 1.0
-    # overshoot, overshoot_time: F_b/W += A exp(−((t − T)/(T/2))²), t since the onset
-    overshoot: float = 0.0
-    overshoot_time: float = 1.0
 
 
 class Stops(NamedTuple):
@@ -92,8 +83,6 @@ class Stops(NamedTuple):
     friction: Floats  # factor on the force of this stop [1]
     delay: Floats  # addition to the dead time [s]
 
-
-DESIGNS = ("mixed", "fast", "steep", "slow", "one-way")
 
 SPACING = 60.0  # Distance of neighbouring places [m]: no two stops cross, so each has its own slope
 FIELD = (20 * SPACING, 15 * SPACING)  # Extent of the field in x and y [m]
@@ -149,3 +138,15 @@ def draw(design: str, count: int, scatter: float, rng: np.random.Generator) -> S
         friction=np.maximum(1.0 + scatter * rng.standard_normal(count), 0.5),
         delay=0.006 * rng.standard_normal(count),
     )
+
+
+def ranged(low: float, high: float) -> Any:
+    """Field of a vehicle that :func:`draw_ranged` draws from a range."""
+    return field(metadata={"range": (low, high)})
+
+
+def draw_ranged(vehicle: Any, rng: np.random.Generator) -> dict[str, float]:
+    """Draw the fields with a range, in their order."""
+    ranges = {f.name: f.metadata["range"] for f in fields(vehicle) if f.metadata}
+    numbers = rng.uniform(*np.array(list(ranges.values())).T)
+    return dict(zip(ranges, numbers.tolist(), strict=True))

@@ -42,7 +42,9 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
     """One log: clean, drift, single, pair or outside."""
     rng = np.random.default_rng((43, seed))
     names = tuple(label.split("+")) if kind in ("single", "pair") else ()
-    hidden = _nameable_set(kind, names, seed, rng)
+    size = str(rng.choice(["medium", "large"])) if names else ""
+    spec = SetSpec("clean" if kind == "outside" else kind, names, size, seed)
+    hidden = plant_sets.nameable_set(spec, rng, _CONDITIONS)
     physics, stops = hidden.truth, hidden.stops
     if "brake_lag" not in names:
         physics = physics._replace(lag=float(rng.uniform(*_BUILD_UP)))
@@ -64,19 +66,6 @@ def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
     if label == "battery":
         del log.columns["ambient"]
     return replace(log, hidden=replace(hidden, truth=physics, stops=stops, configured=known))
-
-
-def _nameable_set(
-    kind: str, names: tuple[str, ...], seed: int, rng: np.random.Generator
-) -> plant_sets.HiddenSet:
-    """A set, drawn again a few times where its effect cannot be named."""
-    size = str(rng.choice(["medium", "large"])) if names else ""
-    spec = SetSpec("clean" if kind == "outside" else kind, names, size, seed)
-    for _ in range(6):
-        hidden = plant_sets.draw_set(spec, rng, _CONDITIONS)
-        if not names or hidden.identifiable:
-            break
-    return hidden
 
 
 def _outside(

@@ -13,11 +13,9 @@ from typing import Any
 import numpy as np
 
 from . import sensing, world_changes, world_logs
-from .blind_run import tables_of
 from .effect_plant import DrivenStops
 from .plant_physics import Floats, Stops
-from .rocking_motion import SETTLE, StopForces, stop
-from .rocking_vehicle import RockingCar, draw_car
+from .rocking_motion import SETTLE, RockingCar, StopForces, draw_car, stop
 from .world_changes import Changes
 
 _STEP = 5e-4  # [s]
@@ -59,19 +57,19 @@ def drive(
     return DrivenStops(time, speed, station, *places, yaw, rate, *attitude, *ends)
 
 
-def _forces(car: RockingCar, changes: Changes, stops: Stops, i: int, before: float) -> StopForces:
+def _forces(car: RockingCar, changes: Changes, stops: Stops, i: int, before: float) -> Any:
     target = float(stops.speed[i]) * (1.0 - car.lag_behind)
-    numbers: dict[str, Any] = {name: float(getattr(stops, name)[i]) for name in stops._fields}
-    for source in (car, changes):
-        numbers |= {name: getattr(source, name) for name in source.__slots__}
+    numbers: dict[str, Any] = {name: float(column[i]) for name, column in stops._asdict().items()}
+    numbers |= {n: getattr(source, n) for source in (car, changes) for n in source.__slots__}
+    factor = numbers.pop("factor")
     numbers |= {
         "grip": changes.grip or _GRIP,
-        "strength": float(stops.friction[i]) * (changes.factor[i] if changes.factor else 1.0),
+        "strength": float(stops.friction[i]) * (factor[i] if factor else 1.0),
         "target": target,
         "onset": car.dead_time + float(stops.delay[i]),
         "lead": target * (SETTLE + before),
     }
-    return StopForces(**{name: numbers[name] for name in StopForces._fields})
+    return StopForces(**numbers)
 
 
 def _counted(car: RockingCar, turns: Floats, v: Floats) -> Floats:
@@ -95,38 +93,17 @@ def _received(car: RockingCar, v: Floats, pitch_rate: Floats) -> Floats:
     return np.stack([np.interp(ago, count, row) for row in speed])
 
 
-def calibration_of(car: RockingCar, eager: float, rng: np.random.Generator) -> dict[str, Any]:
-    """Braking table of an earlier log of the car, without changes."""
-    stops = world_changes.calibration_stops(car.force, rng)
-    return world_logs.calibrated(drive(car, Changes(eager=eager), stops), stops, rng)
-
-
 def make(kind: str, label: str, seed: int) -> world_logs.WorldLog:
     """One log: clean, drift, single, pair or outside."""
     rng = np.random.default_rng((61, seed))
     car = draw_car(rng)
     if "wheel_lockup" in label and car.counts:
         car = replace(car, counts=0)  # wheels that slide show no speed
-    scene = world_changes.draw_scene(kind, label, car.force, rng)
-    motion = drive(car, scene.changes, scene.stops)
-    tables = tables_of(
-        calibration_of(car, scene.changes.eager, np.random.default_rng((62, seed))),
-        world_logs.vehicle_table(
-            car.mass,
-            car.wheelbase,
-            0.7 * car.wheelbase,
-            car.rear * car.wheelbase,
-            car.height,
-            car.radius,
-        ),
-    )
-    noise = float(rng.uniform(0.01, 0.03))
-    measured = (("rocking", kind, label, seed), scene.extra, scene.stops, motion, noise)
-    return world_logs.world_log(*measured, tables, rng)
+    earlier = np.random.default_rng((62, seed))
+    return world_logs.car_log(("rocking", kind, label, seed), car, drive, 0.03, rng, earlier)
 
 
 def requests(seed: int = 1) -> list[tuple[str, str, int]]:
     """Kind, label and seed of a round of logs."""
-    return world_changes.requests_of(
-        67 + 1000 * seed, 12, 4, (*world_changes.OUTSIDE, "battery", "heading")
-    )
+    outside = (*world_changes.OUTSIDE, "battery", "heading")
+    return world_changes.requests_of(67 + 1000 * seed, 12, 4, outside)

@@ -1,4 +1,4 @@
-"""Equations of a stop in the vertical plane, compiled.
+"""A vehicle of the vertical plane, and the equations of its stops, compiled.
 
 A sprung body heaves and pitches on two unsprung axles. Brush tyres wind up over a relaxation
 length, brake pressure is of second order, and the pads follow it with play.
@@ -7,13 +7,17 @@ length, brake pressure is of second order, and the pads follow it with play.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections import namedtuple
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numba import njit
 
 from .effect_plant import GRAVITY
-from .plant_physics import Floats
+from .plant_physics import Floats, Stops, draw_ranged, ranged
+from .world_changes import Changes
+from .world_logs import vehicle_table
 
 SETTLE = 0.8  # driven before the log begins [s]
 _AFTER = 1.1  # driven after standstill [s]
@@ -29,79 +33,102 @@ _AXLE, _AXLE_RATE, _WOUND, _OMEGA, _TURN = range(6, 16, 2)
 _PRESSURE, _PRESSURE_RATE, _LAGGED, _PADS, _ONSET_SPEED, _INTEGRATED, _HEAT, _SIZE = range(16, 24)
 
 
-class StopForces(NamedTuple):
-    """Numbers of one stop; fields of cars, changes and stops keep their names, SI."""
+_SOFTEST = 0.04  # largest angle by which the body pitches on its springs under brakes [rad]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RockingCar:
+    """One vehicle, SI; forces of its brakes as shares of its weight, fixed at the onset."""
 
     mass: float
     wheelbase: float
-    height: float
+    height: float  # of the centre of gravity
     radius: float
-    rear: float
-    axle_share: float
-    frequency: float
-    damping: float
-    stiffness: float
-    relaxation: float
-    m_m: float
-    b_m: float
-    m_b: float
+    rear: float  # distance from that centre to the rear axle over the wheelbase [1]
+    axle_share: float = ranged(0.02, 0.06)  # mass of each axle over that of the car [1]
+    frequency: float = ranged(1.0, 5.0)  # of the body in heave [Hz]
+    damping: float = ranged(0.2, 0.5)  # of it [1]
+    stiffness: float = ranged(9.0, 20.0)  # of a tyre's force by slip, over its load [1]
+    relaxation: float = ranged(0.3, 0.8)  # of the tyres [m]; the range is over the radius
+    m_m: float = ranged(-0.02, 0.02)
+    b_m: float = ranged(-0.1, 0.1)
+    m_b: float = ranged(-0.008, 0.008)
     b_b: float
-    front: float
-    rolling: float
-    build_up: float
-    play: float
-    air: float
-    wind: float
-    wind_from: float
-    viscous: float
-    lag: float
-    fade: float
-    cooling: float
-    asymmetry: float
-    nonlinearity: float
-    cross: float
-    turning: float
-    furrows: float
-    furrows_along: float
-    ripple: float
-    ripple_length: float
-    eager: float
-    grade: float
-    wave: float
-    wave_length: float
-    wave_phase: float
-    roll: float
-    curvature: float
-    heading: float
-    x: float
-    y: float
-    patch: tuple[float, float, float, float]
-    grip: float  # of the tyres [1]
-    strength: float  # factor on the brakes [1]
-    target: float  # speed until the onset [m/s]
-    onset: float  # since the command [s]
-    lead: float  # distance before the command [m]
+    front: float = ranged(-0.04, 0.04)  # share of the brakes; the range is around the ideal one [1]
+    rolling: float = ranged(0.01, 0.05)  # resistance over the load [1]
+    dead_time: float = ranged(0.1, 0.35)
+    build_up: float = ranged(0.005, 0.035)  # of the pressure: mean delay [s]
+    play: float = ranged(0.0, 0.04)  # hysteresis of the pads over the full force [1]
+    lag_behind: float = ranged(0.0, 0.02)  # share by which the speed stays below the command [1]
+    counts: int  # per turn of each encoder; 0 has a receiver on the roof
+    window: int  # samples that counts are averaged over [1]
+    roof: float  # height of the receiver [m]
+    late: float  # delay of the receiver [s]
+    mount: float  # pitch of the pitch sensor's mount, uphill positive [rad]
+
+    @property
+    def force(self) -> float:
+        """Braking force over the weight on level ground, at standstill [1]."""
+        return (self.b_b * (1.0 - self.play) + self.rolling) / (1.0 + self.axle_share)
+
+    @property
+    def table(self) -> dict[str, float | str]:
+        """Vehicle table of the model file."""
+        track, cg_x = 0.7 * self.wheelbase, self.rear * self.wheelbase
+        sizes = (self.wheelbase, track, cg_x, self.height, self.radius)
+        return vehicle_table(self.mass, *sizes)
+
+
+def draw_car(rng: np.random.Generator) -> RockingCar:
+    """Draw a vehicle between a small robot and a utility car."""
+    wheelbase = float(rng.uniform(0.6, 2.6))
+    height = min(float(rng.uniform(0.25, 0.7)), 0.45 * wheelbase)
+    level, rear = float(rng.uniform(0.3, 0.5)), float(rng.uniform(0.44, 0.56))
+    softest = math.sqrt(level * GRAVITY * height / _SOFTEST) / (math.pi * wheelbase)
+    radius = float(rng.uniform(0.1, 0.14)) + 0.08 * wheelbase
+    mass = float(np.clip(150.0 * wheelbase**1.6 * rng.uniform(0.6, 1.4), 60.0, 900.0))
+    numbers = draw_ranged(RockingCar, rng)
+    numbers["frequency"] = max(numbers["frequency"], softest)
+    numbers["relaxation"] *= radius
+    numbers["front"] += rear + level * height / wheelbase
+    counts, window = rng.integers(100, 401) * (rng.random() < 0.5), rng.integers(2, 5)
+    roof, late, mount = rng.uniform((0.1, 0.03, -0.01), (0.5, 0.06, 0.01)).tolist()
+    numbers |= {"mass": mass, "wheelbase": wheelbase, "height": height, "radius": radius}
+    numbers |= {"rear": rear, "b_b": level, "roof": height + roof, "late": late, "mount": mount}
+    return RockingCar(**numbers, counts=int(counts), window=int(window))
+
+
+def _forces_of_stops() -> Any:
+    names = [f.name for kind in (RockingCar, Changes) for f in fields(kind) if f.name != "factor"]
+    return namedtuple("StopForces", (*names, *Stops._fields, "strength", "target", "onset", "lead"))
+
+
+StopForces = _forces_of_stops()
+"""Numbers of one stop, SI: those of car, changes and stop, and the factor on the brakes [1], the
+speed until the onset [m/s], its time since the command [s], the distance before that [m]."""
 
 
 @njit(cache=True)
-def _slope(p: StopForces, station: float) -> float:
+def _slope(p: Any, station: float) -> float:
     along = 2.0 * math.pi * station / p.wave_length + p.wave_phase
-    return p.grade + p.wave * math.sin(along)
+    slope: float = p.grade + p.wave * math.sin(along)
+    return slope
 
 
 @njit(cache=True)
-def _drag(p: StopForces, v: float, station: float) -> float:
+def _drag(p: Any, v: float, station: float) -> float:
     """Deceleration by air [m/s²]."""
     yaw = p.heading + p.curvature * (station - p.lead)
     ahead = v + p.wind * math.cos(yaw - p.wind_from)
-    return p.air * abs(ahead) * ahead
+    drag: float = p.air * abs(ahead) * ahead
+    return drag
 
 
 @njit(cache=True)
-def _ground(p: StopForces, v: float, station: float) -> float:
+def _ground(p: Any, v: float, station: float) -> float:
     """Resistance of the ground over the weight, beyond rolling [1]."""
     gone = station - p.lead
-    force = p.cross * abs(p.roll) + p.turning * abs(p.curvature * v)
+    force: float = p.cross * abs(p.roll) + p.turning * abs(p.curvature * v)
     x, y, radius, delta = p.patch
     if radius > 0.0:
         chord = p.heading + 0.5 * p.curvature * gone
@@ -109,11 +136,12 @@ def _ground(p: StopForces, v: float, station: float) -> float:
             force += delta
     yaw = p.heading + p.curvature * gone
     force += p.furrows * math.cos(2.0 * (yaw - p.furrows_along))
-    return force + p.ripple * math.sin(2.0 * math.pi * station / p.ripple_length)
+    force += p.ripple * math.sin(2.0 * math.pi * station / p.ripple_length)
+    return force
 
 
 @njit(cache=True)
-def _pads(p: StopForces, s: Floats, braking: bool, slope: float, h: float) -> float:
+def _pads(p: Any, s: Floats, braking: bool, slope: float, h: float) -> float:
     """Force of the pads over the weight, after one step of pressure, lag and play [1]."""
     level = (p.m_m * s[_ONSET_SPEED] + p.b_m + p.eager) * slope
     level += p.m_b * s[_ONSET_SPEED] + p.b_b
@@ -131,7 +159,7 @@ def _pads(p: StopForces, s: Floats, braking: bool, slope: float, h: float) -> fl
 
 
 @njit(cache=True)
-def _tyre(p: StopForces, s: Floats, axle: int, share: float, load: float, h: float) -> float:
+def _tyre(p: Any, s: Floats, axle: int, share: float, load: float, h: float) -> float:
     """Force of an axle's brush tyres that brakes the car [N]."""
     at_axle = s[_V] - (p.height - p.radius) * s[_PITCH_RATE]
     sliding = at_axle - s[_OMEGA + axle] * p.radius
@@ -149,7 +177,7 @@ def _tyre(p: StopForces, s: Floats, axle: int, share: float, load: float, h: flo
 
 
 @njit(cache=True)
-def _bounce(p: StopForces, s: Floats, total: float, slope: float, h: float) -> None:
+def _bounce(p: Any, s: Floats, total: float, slope: float, h: float) -> None:
     """Heave, pitch and axles under this braking force [N]."""
     sprung = p.mass * (1.0 - 2.0 * p.axle_share)
     lift, moment = 0.0, p.height * total
@@ -173,7 +201,7 @@ def _bounce(p: StopForces, s: Floats, total: float, slope: float, h: float) -> N
 
 
 @njit(cache=True)
-def _advance(p: StopForces, s: Floats, t: float, h: float) -> None:
+def _advance(p: Any, s: Floats, t: float, h: float) -> None:
     """One step of all bodies, from time ``t`` since the command [s]."""
     slope, braking, v = _slope(p, s[_STATION]), t >= p.onset, s[_V]
     level, drag = _pads(p, s, braking, slope, h), _drag(p, v, s[_STATION])
@@ -205,9 +233,7 @@ def _advance(p: StopForces, s: Floats, t: float, h: float) -> None:
 
 
 @njit(cache=True)
-def stop(
-    p: StopForces, time: Floats, heat: float, step: float
-) -> tuple[Floats, Floats, float, float]:
+def stop(p: Any, time: Floats, heat: float, step: float) -> tuple[Floats, Floats, float, float]:
     """Drive one stop, sampled at ``time`` since its command [s], with this heat [J/kg].
 
     Returns:

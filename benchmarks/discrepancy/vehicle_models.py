@@ -52,12 +52,8 @@ def _compiled_car() -> Any:
         "acceleration_constraints": njit(acceleration_constraints.acceleration_constraints),
     }
     slow = _compiled(vehicle_dynamics_ks_cog.vehicle_dynamics_ks_cog, **helpers)
-    return _compiled(
-        multi_body.vehicle_dynamics_mb,
-        **helpers,
-        vehicle_dynamics_ks_cog=slow,
-        tireModel=_compiled_tyre(),
-    )
+    helpers |= {"vehicle_dynamics_ks_cog": slow, "tireModel": _compiled_tyre()}
+    return _compiled(multi_body.vehicle_dynamics_mb, **helpers)
 
 
 car_slopes = _compiled_car()
@@ -87,13 +83,8 @@ CAR = _numbers("CarParameters", setup_vehicle_parameters(_VEHICLE))
 def loaded(payload: float) -> Any:
     """Parameters of the car with a load in its body [kg]."""
     share = 1.0 + payload / CAR.m_s
-    return CAR._replace(
-        m=CAR.m + payload,
-        m_s=CAR.m_s + payload,
-        I_Phi_s=CAR.I_Phi_s * share,
-        I_y_s=CAR.I_y_s * share,
-        I_z=CAR.I_z * share,
-    )
+    inertias = {name: getattr(CAR, name) * share for name in ("I_Phi_s", "I_y_s", "I_z")}
+    return CAR._replace(m=CAR.m + payload, m_s=CAR.m_s + payload, **inertias)
 
 
 def on_ground(car: Any, friction: float) -> Any:

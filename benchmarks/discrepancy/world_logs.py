@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -9,12 +10,12 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from . import sensing
-from .blind_run import calibrated_braking
+from . import sensing, world_changes
+from .blind_run import calibrated_braking, tables_of
 from .effect_plant import GRAVITY, DrivenStops
 from .plant_physics import Floats, Stops
 from .plant_sets import HiddenSet
-from .world_changes import OUTSIDE
+from .world_changes import OUTSIDE, Changes
 
 _NOISE = (0.01, 0.04)  # of the speed in an earlier log [m/s]
 BEFORE, LONGEST = 1.2, 12.0  # sampled before and after each command [s]
@@ -22,29 +23,17 @@ BEFORE, LONGEST = 1.2, 12.0  # sampled before and after each command [s]
 
 @dataclass(frozen=True, slots=True)
 class WorldLog:
-    """One log with its truth.
+    """One log with its truth."""
 
-    Attributes:
-        family: name of the world.
-        kind: clean, drift, single, pair or outside.
-        label: name of the change; the kind if the log has no change.
-        seed: seed of everything drawn.
-        truth: alternatives of right names.
-        axes: right axes of a change without a name.
-        columns: drive log.
-        tables: model file.
-        hidden: the set, if the plant drives it: its finding can be judged on fresh stops.
-    """
-
-    family: str
-    kind: str
-    label: str
-    seed: int
-    truth: tuple[tuple[str, ...], ...]
-    axes: tuple[str, ...]
-    columns: sensing.Columns
-    tables: dict[str, Any]
-    hidden: HiddenSet | None = None
+    family: str  # name of the world
+    kind: str  # clean, drift, single, pair or outside
+    label: str  # name of the change; the kind if the log has no change
+    seed: int  # of everything drawn
+    truth: tuple[tuple[str, ...], ...]  # alternatives of right names
+    axes: tuple[str, ...]  # right axes of a change without a name
+    columns: sensing.Columns  # drive log
+    tables: dict[str, Any]  # model file
+    hidden: HiddenSet | None = None  # of the plant, which compares findings on fresh stops
 
 
 def sample_times(before: float) -> Floats:
@@ -69,9 +58,29 @@ def stick(columns: sensing.Columns, rng: np.random.Generator) -> None:
     columns["v"] = speed
 
 
-def calibrated(motion: DrivenStops, stops: Stops, rng: np.random.Generator) -> dict[str, Any]:
-    """Braking table of an earlier log of the vehicle."""
+def calibration_of(
+    drive: Callable[..., DrivenStops], car: Any, eager: float, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Braking table of an earlier log of the car, without changes."""
+    stops = world_changes.calibration_stops(car.force, rng)
+    motion = drive(car, Changes(eager=eager), stops)
     return calibrated_braking(sensing.log(motion, stops, float(rng.uniform(*_NOISE)), rng))
+
+
+def car_log(
+    request: tuple[str, str, str, int],
+    car: Any,
+    drive: Callable[..., DrivenStops],
+    max_noise: float,
+    rng: np.random.Generator,
+    earlier: np.random.Generator,
+) -> WorldLog:
+    """One log of a car with its changes; the model file is that of an earlier log without them."""
+    scene = world_changes.draw_scene(*request[1:3], car.force, rng)
+    motion = drive(car, scene.changes, scene.stops)
+    tables = tables_of(calibration_of(drive, car, scene.changes.eager, earlier), car.table)
+    noise = float(rng.uniform(_NOISE[0], max_noise))
+    return world_log(request, scene.extra, scene.stops, motion, noise, tables, rng)
 
 
 def vehicle_table(
@@ -116,6 +125,5 @@ def world_log(
     either = [((n,), (n, "aerodynamic_drag")) if n == "headwind" else ((n,),) for n in names]
     truth = tuple(tuple(n for part in parts for n in part) for parts in product(*either))
     axes = OUTSIDE.get(label, ()) if kind == "outside" else ()
-    return WorldLog(
-        family, kind, label or kind, seed, truth if names else (), axes, columns, tables
-    )
+    truth = truth if names else ()
+    return WorldLog(family, kind, label or kind, seed, truth, axes, columns, tables)

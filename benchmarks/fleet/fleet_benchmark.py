@@ -17,19 +17,16 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
 
-from ..common.campaign import BenchmarkRequest, Progress
+from ..common.campaign import BenchmarkRequest, Progress, Result
 from ..common.text_tables import table_of
 from .local_cluster import cluster, workers_of
-
-Result = dict[str, Any]
 
 _RESOLUTION = 0.5  # [m]
 _TILE = 512  # cells
@@ -40,9 +37,8 @@ _SAMPLE = 0.2  # [s] between readings of the memory
 _SEED = 20  # of map and paths
 
 
-@dataclass(frozen=True, slots=True)
-class FleetSize:
-    """Size: edge of the map in tiles, files, fans per file, files of the smaller runs."""
+class FleetSize(NamedTuple):
+    """Edge of the map in tiles, files, fans per file, files of the smaller runs."""
 
     tiles: int
     files: int
@@ -88,7 +84,7 @@ def _run_all(size: FleetSize, folder: Path, advance: Callable[[int], Any]) -> Re
     again = _run(map_file, paths, folder / "large", "--workers", "0")
     digests = {name: _digest(folder / name) for name in ("local", "one", "two", "killed")}
     return {
-        "size": {**asdict(size), "map_bytes": map_file.stat().st_size},
+        "size": {**size._asdict(), "map_bytes": map_file.stat().st_size},
         "candidates": large["candidates"],
         "seconds": large["seconds"],
         "speed_up": single["seconds"] / two["seconds"],
@@ -150,18 +146,22 @@ def _write_paths(folder: Path, size: FleetSize) -> list[Path]:
     return files
 
 
-def _command(map_file: Path, paths: list[Path], out: Path, *options: str) -> list[str]:
-    command = [sys.executable, "-m", "slopewise.services.cli", "fleet", "plan", str(map_file)]
-    return [*command, *map(str, paths), "--model", "atv", "--out", str(out), "--json", *options]
-
-
 def _run(map_file: Path, paths: list[Path], out: Path, *options: str) -> Result:
-    done = subprocess.run(
-        _command(map_file, paths, out, *options), capture_output=True, text=True, check=False
-    )
-    if done.returncode != 0:
-        raise RuntimeError(f"fleet plan ended with {done.returncode}: {done.stderr.strip()}")
-    result: Result = json.loads(done.stdout)
+    return _result_of(_started(map_file, paths, out, *options))
+
+
+def _started(map_file: Path, paths: list[Path], out: Path, *options: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "slopewise.services.cli", "fleet", "plan", str(map_file)]
+    command += [*map(str, paths), "--model", "atv", "--out", str(out), "--json", *options]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True)
+
+
+def _result_of(process: subprocess.Popen[str]) -> Result:
+    text, error = process.communicate()
+    if process.returncode != 0:
+        raise RuntimeError(f"fleet plan ended with {process.returncode}: {error.strip()}")
+    result: Result = json.loads(text)
     return result
 
 
@@ -199,12 +199,8 @@ def _memory(seen: list[tuple[float, int]]) -> Result:
     sizes = np.array([size for _, size in seen], np.float64)
     if len(sizes) < 4:
         return {"most": None, "second_quarter": None, "last_quarter": None}
-    quarters = np.array_split(sizes, 4)
-    return {
-        "most": float(sizes.max()),
-        "second_quarter": float(np.median(quarters[1])),
-        "last_quarter": float(np.median(quarters[3])),
-    }
+    _, second, _, last = (float(np.median(quarter)) for quarter in np.array_split(sizes, 4))
+    return {"most": float(sizes.max()), "second_quarter": second, "last_quarter": last}
 
 
 def _killed(map_file: Path, paths: list[Path], folder: Path) -> Result:
@@ -212,22 +208,14 @@ def _killed(map_file: Path, paths: list[Path], folder: Path) -> Result:
     out = folder / "killed"
     parts = len(list((folder / "local" / "candidates").glob("*.parquet")))
     with cluster(2) as (address, nannies):
-        command = _command(map_file, paths, out, "--scheduler", address)
-        process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        dead = 0
+        process, dead = _started(map_file, paths, out, "--scheduler", address), 0
         while process.poll() is None:
             written = len(list((out / "candidates").glob("*.parquet")))
             if not dead and 2 * written >= parts:
-                victim = workers_of(nannies)[0]
-                os.kill(victim.pid, signal.SIGKILL)
+                os.kill(workers_of(nannies)[0].pid, signal.SIGKILL)
                 dead = written
             time.sleep(0.02)
-        text, error = process.communicate()
-    if process.returncode != 0:
-        raise RuntimeError(f"fleet plan ended with {process.returncode}: {error.strip()}")
-    result = json.loads(text)
+        result = _result_of(process)
     counts = {key: result[key] for key in ("planned", "candidates")}
     return {"after_parts": dead, "parts": parts, **counts}
 
@@ -245,14 +233,16 @@ def show(result: Result, console: Console) -> None:
     """Print the table."""
     table = table_of("Fleet", "measured", first="what")
     memory, killed = result["memory"], result["killed"]
+    largest, second, last = (
+        "too short to see" if size is None else f"{size / 1e6:.0f} MB" for size in memory.values()
+    )
     rows = {
         "map": f"{result['size']['map_bytes'] / 1e9:.2f} GB",
         "candidates": f"{result['candidates']:,}",
         "all, two workers": f"{result['seconds']:.0f} s",
         "second worker": f"{result['speed_up']:.2f} x",
-        "most memory of a worker": _megabytes(memory["most"]),
-        "in the second, the last quarter": f"{_megabytes(memory['second_quarter'])} "
-        f"{_megabytes(memory['last_quarter'])}",
+        "most memory of a worker": largest,
+        "in the second, the last quarter": f"{second} {last}",
         "worker killed after": f"{killed['after_parts']} of {killed['parts']} parts",
         "planned nevertheless": f"{killed['planned']:,} of {killed['candidates']:,}",
         "its bytes are the local run's": "yes" if killed["equal"] else "NO",
@@ -262,7 +252,3 @@ def show(result: Result, console: Console) -> None:
     for name, cell in rows.items():
         table.add_row(name, cell)
     console.print(table)
-
-
-def _megabytes(size: float | None) -> str:
-    return "too short to see" if size is None else f"{size / 1e6:.0f} MB"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
+
+from ..common.timing import free_port
 
 _LIMIT = "1GiB"  # memory of a worker, below the size of the map
 _TIMEOUT = 60.0  # [s] until workers have registered, on a busy machine
@@ -17,9 +18,11 @@ _TIMEOUT = 60.0  # [s] until workers have registered, on a busy machine
 @contextmanager
 def cluster(count: int) -> Iterator[tuple[str, list[int]]]:
     """Start scheduler and workers as processes; yields its address and the workers' nannies."""
+    from distributed import Client
+
     environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment}
-    port = _free_port()
+    port = free_port()
     address = f"tcp://127.0.0.1:{port}"
     dask = [sys.executable, "-m", "dask"]
     listen = ["--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
@@ -29,7 +32,8 @@ def cluster(count: int) -> Iterator[tuple[str, list[int]]]:
         for _ in range(count):
             command = [*dask, "worker", address, "--host", "127.0.0.1", *options]
             processes.append(subprocess.Popen(command, **quiet))  # type: ignore[call-overload]
-        _wait_for(address, count)
+        with Client(address, timeout=_TIMEOUT) as client:
+            client.wait_for_workers(count, timeout=_TIMEOUT)
         yield address, [process.pid for process in processes[1:]]
     finally:
         for process in reversed(processes):
@@ -40,19 +44,6 @@ def cluster(count: int) -> Iterator[tuple[str, list[int]]]:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def _wait_for(address: str, count: int) -> None:
-    from distributed import Client
-
-    with Client(address, timeout=_TIMEOUT) as client:
-        client.wait_for_workers(count, timeout=_TIMEOUT)
 
 
 def workers_of(nannies: list[int]) -> list[Any]:

@@ -12,31 +12,22 @@ import numpy as np
 from slopewise.models.input_errors import Tracking
 from slopewise.models.parameters import Model
 from slopewise.services.guard.core import Guard
+from slopewise.services.guard.decide import VehicleMotion
 from slopewise.services.guard.guard_model import guard_model
-from slopewise.services.io.model_file import read_model, shipped_models
 
-from .hard_swerves import Swerve, draw_swerve
-from .message_feeds import STAMPS, MessageFeeds, PoseErrors, motion_of
-from .moving_base import MovingBase, random_base
-from .obstacle_world import EDGE, ObstacleWorld, draw_world
-from .relief import gentle, hills
+from ..common.scene import shipped
+from .message_feeds import STAMPS, MessageFeeds, PoseErrors
+from .moving_base import MovingBase, gentle, hills, random_base
+from .obstacle_world import EDGE, ObstacleWorld, Swerve, draw_swerve, draw_world
 
 KINDS = ("forest", "pivot", "swerve", "slope")
-VEHICLES = ("atv", "husky", "ugv", "long")
-"""Shipped models, one of which is steered, and a quad with a long tail."""
-
+VEHICLES = ("atv", "husky", "ugv", "long")  # shipped ones, the ugv is steered; with a long tail
 CONTACT = 0.1  # speed of the body from which an overlap is a collision [m/s]
 _STEP = 0.01  # of the simulation [s]
 _FRICTION = 0.6  # of locked wheels, in drives on slopes, where the model states none [1]
-_TRACKING = Tracking(
-    cross_track_std=0.08,
-    cross_track_per_curvature=0.1,
-    heading_std=0.035,
-    along_track_std=0.05,
-    latency=0.1,
-    latency_std=0.02,
-)
-"""Errors that the model states in half of the drives: those of the example in a model file."""
+# Errors that the model states in half of the drives: those of the example in a model file.
+_TRACKING = Tracking(cross_track_std=0.08, cross_track_per_curvature=0.1, heading_std=0.035)
+_TRACKING = replace(_TRACKING, along_track_std=0.05, latency=0.1, latency_std=0.02)
 
 
 @dataclass(frozen=True)
@@ -77,27 +68,22 @@ class GuardedDrive:
 
 def scenes(kind: str, count: int, first: int = 0) -> list[GuardScene]:
     """Every vehicle with every kind of stamps; half of the drives with errors of the pose."""
-    pivots = [name for name in VEHICLES if kind != "pivot" or name != "ugv"]
-    return [
-        GuardScene(
-            seed,
-            kind,
-            pivots[seed % len(pivots)],
-            STAMPS[seed // 4 % len(STAMPS)],
-            seed // 32 % 2 == 1,
-        )
-        for seed in range(first, first + count)
-    ]
+    names = [name for name in VEHICLES if kind != "pivot" or name != "ugv"]
+
+    def scene(seed: int) -> GuardScene:
+        stamps = STAMPS[seed // 4 % len(STAMPS)]
+        return GuardScene(seed, kind, names[seed % len(names)], stamps, seed // 32 % 2 == 1)
+
+    return [scene(seed) for seed in range(first, first + count)]
 
 
 @cache
 def vehicle_model(name: str, *, is_tracked: bool, has_friction: bool) -> Model:
     """Model of one vehicle; the same object for the same arguments."""
-    model = read_model(shipped_models()["atv" if name == "long" else name])
+    model = shipped("atv" if name == "long" else name)
     if name == "long":
-        vehicle = replace(model.vehicle, wheelbase=1.6, cg_x=0.9)
-        vehicle = replace(vehicle, front_overhang=0.2, rear_overhang=1.2)
-        model = replace(model, vehicle=vehicle)
+        vehicle = replace(model.vehicle, wheelbase=1.6, cg_x=0.9, front_overhang=0.2)
+        model = replace(model, vehicle=replace(vehicle, rear_overhang=1.2))
     if has_friction and model.braking.sliding_friction is None:
         model = replace(model, braking=replace(model.braking, sliding_friction=_FRICTION))
     return replace(model, tracking=_TRACKING) if is_tracked else model
@@ -146,10 +132,9 @@ class _Drive:
 
     def __init__(self, scene: GuardScene) -> None:
         rng = np.random.default_rng((18, scene.seed, KINDS.index(scene.kind)))
-        model = vehicle_model(
-            scene.vehicle, is_tracked=scene.is_tracked, has_friction=scene.kind == "slope"
-        )
-        relief = hills(rng) if scene.kind == "slope" else gentle()
+        slope = scene.kind == "slope"
+        model = vehicle_model(scene.vehicle, is_tracked=scene.is_tracked, has_friction=slope)
+        relief = hills(rng) if slope else gentle()
         self.scene = scene
         self.base = random_base(rng, model, relief, (EDGE / 3.0, 2.0 * EDGE / 3.0))
         swerve = draw_swerve(rng, self.base, model, EDGE) if scene.kind == "swerve" else None
@@ -170,7 +155,8 @@ class _Drive:
         now = self._clock[0] = k * _STEP
         if k % 2 == 0:
             pose = self._errors.measured(self.base, 2 * _STEP)
-            self.feeds.send("motion", motion_of(pose, self.base), now)
+            odometry = VehicleMotion(pose, self.base.speed, self.base.yaw_rate)
+            self.feeds.send("motion", odometry, now)
         if k % 5 == 0:
             self.feeds.send("command", self._source.command(now, self.base), now)
         if k % 5 == 2:

@@ -3,33 +3,25 @@
 from __future__ import annotations
 
 import heapq
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from slopewise.models.input_errors import Tracking
 from slopewise.services.guard.core import Guard
-from slopewise.services.guard.decide import BaseCommand, VehicleMotion
+from slopewise.services.guard.decide import BaseCommand
 from slopewise.services.guard.guard_model import GuardModel
 from slopewise.services.guard.settings import GuardSettings, GuardTiming
 from slopewise.services.guard.stop_courses import Pose2d
 from slopewise.services.wire.lateness import WallClock
 
-from .hard_swerves import Swerve
 from .moving_base import MovingBase
-from .obstacle_world import ObstacleWorld
+from .obstacle_world import ObstacleWorld, Swerve
 
-STAMPS = (
-    "prompt",
-    "late",
-    "clock ahead",
-    "clock back",
-    "duplicate",
-    "frozen message",
-    "frozen pose",
-    "none",
-)
-"""What happens to messages; a frozen message has its old stamp, a frozen pose a new one."""
+# A frozen message has its old stamp, a frozen pose a new one.
+_FAULTS = ("duplicate", "frozen message", "frozen pose")
+STAMPS = ("prompt", "late", "clock ahead", "clock back", *_FAULTS, "none")
 
 _LATENCY = 0.2  # longest delay without stamps on a shared clock, as declared [s]
 _WALL_TIME = 1.7e9  # [s]
@@ -52,11 +44,8 @@ class PoseErrors:
         self._now = share * self._now + np.sqrt(1.0 - share**2) * self._rng.standard_normal(3)
         along, across, turned = self._std * self._now
         cos, sin = np.cos(base.heading), np.sin(base.heading)
-        return Pose2d(
-            base.x + float(along * cos - across * sin),
-            base.y + float(along * sin + across * cos),
-            base.heading + float(turned),
-        )
+        x, y = float(along * cos - across * sin), float(along * sin + across * cos)
+        return Pose2d(base.x + x, base.y + y, base.heading + float(turned))
 
 
 class MessageFeeds:
@@ -125,15 +114,7 @@ class MessageFeeds:
 
     def guard(self, model: GuardModel, world: ObstacleWorld, clock: list[float]) -> Guard:
         """A guard whose settings declare these delays."""
-        timing = GuardTiming(
-            clock="shared" if self.is_shared else "unknown",
-            max_latency=_LATENCY,
-            motion=self.deadline,
-        )
+        timing = GuardTiming(max_latency=_LATENCY, motion=self.deadline)
+        timing = replace(timing, clock="shared" if self.is_shared else "unknown")
         wall = WallClock(lambda: self.wall_time(clock[0]), lambda: clock[0])
         return Guard(GuardSettings(model="", timing=timing), model, world.ground, wall)
-
-
-def motion_of(pose: Pose2d, base: MovingBase) -> VehicleMotion:
-    """Odometry of a base at a measured pose."""
-    return VehicleMotion(pose, base.speed, base.yaw_rate)

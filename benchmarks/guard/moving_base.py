@@ -1,7 +1,7 @@
 """A base that follows velocity commands and brakes with the model's force over relief.
 
-It shares no code with the guard: exact arcs, quasi-static loads. The pose is that of the middle of
-the wheelbase; slopes are those of the ground there.
+It shares no code with the guard: exact arcs, quasi-static loads. Relief is a sum of waves; pose and
+slopes are those of the middle of the wheelbase.
 """
 
 from __future__ import annotations
@@ -14,10 +14,45 @@ import numpy as np
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.vehicle import Vehicle
 
-from .relief import Relief
-
 _GRAVITY = 9.80665  # [m/s²]
 _MIN_SPEED = 1e-3  # below it a curvature is not defined [m/s]
+
+
+@dataclass(frozen=True)
+class Relief:
+    """Waves a sin(k_x x + k_y y + φ), (W,) each."""
+
+    height: np.ndarray  # a [m]
+    east: np.ndarray  # k_x, k_y [rad/m]
+    north: np.ndarray
+    phase: np.ndarray  # φ [rad]
+
+    def at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Heights at points of any shape [m]."""
+        z = np.zeros_like(x)
+        for a, p, q, phase in zip(self.height, self.east, self.north, self.phase, strict=True):
+            z += a * np.sin(p * x + q * y + phase)
+        return z
+
+    def gradient(self, x: float, y: float) -> tuple[float, float]:
+        """Rise to the east and to the north at a point [1]."""
+        slope = self.height * np.cos(self.east * x + self.north * y + self.phase)
+        return float(slope @ self.east), float(slope @ self.north)
+
+
+def gentle() -> Relief:
+    """Waves of 5 cm, with slopes below 2°."""
+    return Relief(np.full(2, 0.025), np.full(2, 0.4), np.array([0.3, -0.3]), np.zeros(2))
+
+
+def hills(rng: np.random.Generator) -> Relief:
+    """Waves 8 to 40 m long, of which the steepest ground is 3° to 15°."""
+    length, bearing = rng.uniform(8.0, 40.0, 5), rng.uniform(-np.pi, np.pi, 5)
+    k, share = 2.0 * np.pi / length, rng.uniform(0.2, 1.0, 5)
+    steepest = math.tan(math.radians(float(rng.uniform(3.0, 15.0))))
+    # Five waves with random phases are steepest together at about 0.6 of the sum of their slopes.
+    height = steepest / 0.6 * share / share.sum() / k
+    return Relief(height, k * np.cos(bearing), k * np.sin(bearing), rng.uniform(0.0, 7.0, 5))
 
 
 @dataclass
@@ -71,13 +106,9 @@ class MovingBase:
             self._brake(now - self.braking_since, seconds)
         self.deceleration = (before - abs(self.speed)) / seconds
         turn = self.yaw_rate * seconds
-        ahead = 0.0
-        if self.vehicle.drive == "ackermann":
-            ahead = 0.5 * self.vehicle.wheelbase  # of the rear axle, which moves along the heading
-        x, y = (
-            self.x - ahead * math.cos(self.heading),
-            self.y - ahead * math.sin(self.heading),
-        )
+        # The rear axle of an Ackermann vehicle moves along the heading.
+        ahead = 0.5 * self.vehicle.wheelbase if self.vehicle.drive == "ackermann" else 0.0
+        x, y = self.x - ahead * math.cos(self.heading), self.y - ahead * math.sin(self.heading)
         chord = self.speed * seconds * float(np.sinc(0.5 * turn / math.pi))
         x += chord * math.cos(self.heading + 0.5 * turn)
         y += chord * math.sin(self.heading + 0.5 * turn)
@@ -97,8 +128,7 @@ class MovingBase:
             # The steering takes the curvature of the command at any speed.
             target = rate / speed if abs(speed) > _MIN_SPEED else 0.0
             now = self._curvature() if abs(self.speed) > 0.01 else target
-            rate = self.speed * (now + share * (target - now))
-            self.yaw_rate = rate
+            self.yaw_rate = self.speed * (now + share * (target - now))
         else:
             self.yaw_rate += share * (rate - self.yaw_rate)
 
@@ -138,8 +168,7 @@ class MovingBase:
         return min(force, grip)
 
     def _held(self, since: float, curvature: float) -> float:
-        late = max(since - self.straightens_after, 0.0)
-        return curvature * math.exp(-late / self.response)
+        return curvature * math.exp(-max(since - self.straightens_after, 0.0) / self.response)
 
     def slopes(self) -> tuple[float, float]:
         """Grade along the motion and roll, left side up [rad]."""
@@ -152,8 +181,8 @@ class MovingBase:
         """Normal and lateral force over weight [1]."""
         grade, roll = self.slopes()
         half, dz = 0.5 * self.vehicle.wheelbase, []
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
         for s in (half, -half):
-            cos, sin = math.cos(self.heading), math.sin(self.heading)
             east, north = self.relief.gradient(self.x + s * cos, self.y + s * sin)
             dz.append(east * cos + north * sin)
         crest = min((dz[0] - dz[1]) / (2.0 * half), 0.0)
@@ -182,8 +211,7 @@ class MovingBase:
             return 0.0
         normal, across = self._normal_and_across()
         along = self.deceleration / _GRAVITY - math.sin(grade)
-        if self.braking_since is not None:
-            along = 0.0
+        along = along if self.braking_since is None else 0.0
         return math.hypot(along, across) / max(mu * normal, 1e-9)
 
     def overlaps(self, x: np.ndarray, y: np.ndarray, radius: np.ndarray) -> np.ndarray:
@@ -192,16 +220,14 @@ class MovingBase:
         shape = self.vehicle.shape
         dx = np.maximum(np.maximum(ahead - shape.front, -shape.rear - ahead), 0.0)
         dy = np.maximum(np.abs(left) - 0.5 * shape.width, 0.0)
-        overlapped: np.ndarray = np.hypot(dx, dy) < radius
-        return overlapped
+        return np.asarray(np.hypot(dx, dy) < radius)
 
     def wheels_in(self, x: np.ndarray, y: np.ndarray, radius: np.ndarray) -> np.ndarray:
         """In which discs the middle of a wheel stands, (D,)."""
         ahead, left = self.in_body(x, y)
         dx = np.abs(ahead) - 0.5 * self.vehicle.wheelbase
         dy = np.abs(left) - 0.5 * self.vehicle.track_width
-        inside: np.ndarray = np.hypot(dx, dy) < radius
-        return inside
+        return np.asarray(np.hypot(dx, dy) < radius)
 
     def in_body(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Points ahead of and to the left of the middle of the wheelbase [m]."""
@@ -221,17 +247,12 @@ def random_base(
 ) -> MovingBase:
     """A base that stands somewhere, as weak or as strong as its model says."""
     braking = model.braking
+    accel, slowing, response, lag, share, strength = rng.uniform(
+        (0.8, 0.5, 0.03, 0.01, 0.8, 1.0), (2.5, 3.0, 0.15, 0.2, 1.0, 1.2)
+    ).tolist()
+    follows = (accel, slowing, response, lag, braking.dead_time * share, strength)
     return MovingBase(
-        vehicle=model.vehicle,
-        braking=braking,
-        resistance=model.terrain.motion_resistance,
-        relief=relief,
-        accel=float(rng.uniform(0.8, 2.5)),
-        slowing=float(rng.uniform(0.5, 3.0)),
-        response=float(rng.uniform(0.03, 0.15)),
-        lag=float(rng.uniform(0.01, 0.2)),
-        dead_time=braking.dead_time * float(rng.uniform(0.8, 1.0)),
-        strength=float(rng.uniform(1.0, 1.2)),
+        *(model.vehicle, braking, model.terrain.motion_resistance, relief, *follows),
         coasts=bool(rng.random() < 0.5),
         straightens_after=float(rng.choice([math.inf, rng.uniform(0.0, braking.dead_time)])),
         speed_bias=braking.speed_error * float(rng.standard_normal()),

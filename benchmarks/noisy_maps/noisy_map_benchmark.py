@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -15,10 +15,10 @@ from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.services.check.external_plan import plan_of_columns
 from slopewise.services.check.plan_checker import check_plan_on_map
-from slopewise.services.io.model_file import read_model, shipped_models
 
-from ..common.campaign import BenchmarkRequest, Progress
-from ..common.text_tables import table_of
+from ..common.campaign import BenchmarkRequest, Progress, Result, tracked
+from ..common.scene import shipped
+from ..common.text_tables import print_rows
 from ..common.timing import machine
 from . import noisy_ground
 
@@ -32,8 +32,6 @@ LARGE, SMALL = 1.1, 0.9  # heights of obstacles where the noise is low, over the
 MISSTATED = (0.7, 1.3)  # stated over true standard deviation [1]
 _CHECKED, _SEED = 4, 31  # plans of a map that are checked, which takes a second each [1]
 _LARGEST = {"atv": 0.03, "husky": 0.02, "ugv": 0.03}  # noise of vehicles [m]
-
-Result = dict[str, Any]
 
 
 class Setting(NamedTuple):
@@ -50,7 +48,6 @@ class Setting(NamedTuple):
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
     """Plan over paths and obstacles on exact and noisy maps."""
     paths, obstacles = (3, 1) if request.quick else COUNTS
-    models = {name: read_model(shipped_models()[name]) for name in _LARGEST}
     cells = CELLS[1:2] if request.quick else CELLS
     noisy, low = _settings(LEVELS, cells), _settings(LOW, cells)
     exact = [s._replace(size=LARGE) for s in low if s.std == 0.0]
@@ -62,14 +59,13 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
         ("paths, error misstated", path_row, wrong, max(paths // 4, 1)),
         ("obstacles, error misstated", obstacle_row, wrong, max(obstacles // 7, 1)),
     )
-    planned: dict[str, list[Result]] = {title: [] for title, *_ in tables}
-
-    for title, row, settings, count in tables:
-        advance = progress(title, len(settings))
-        for s in settings:
-            counts = row(s, models[s.vehicle], count, np.random.default_rng(_SEED))
-            planned[title].append({**s._asdict(), **counts})
-            advance(1)
+    planned = {
+        title: [
+            s._asdict() | row(s, shipped(s.vehicle), count, np.random.default_rng(_SEED))
+            for s in tracked(progress, title, settings)
+        ]
+        for title, row, settings, count in tables
+    }
     return {"quick": request.quick, "machine": machine(), "planned": planned}
 
 
@@ -134,10 +130,7 @@ def obstacle_row(s: Setting, model: Model, count: int, rng: noisy_ground.Random)
 
 def show(result: Result, console: Console) -> None:
     """Print a table of each part; obstacles: detected of those blocked without noise."""
+    first = "vehicle, cell, noise, length [m], × stated"
     for title, rows in result["planned"].items():
-        columns = [key for key in rows[0] if key not in Setting._fields]
-        table = table_of(title, *columns, first="vehicle, cell, noise, length [m], × stated")
-        for row in rows:
-            name = " ".join(str(row[key]) for key in Setting._fields[:5])
-            table.add_row(name, *(str(row.get(key, "")) for key in columns))
-        console.print(table)
+        shown = [{k: v for k, v in row.items() if k != "size"} for row in rows]
+        print_rows(console, title, shown, *Setting._fields[:5], first=first)

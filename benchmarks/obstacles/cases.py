@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -15,16 +16,8 @@ from slopewise.models.vehicle import Vehicle
 from .true_sizes import FAR, Block, Size, Slope, height_of, size_of
 
 LENGTH = 10.0  # Length of the path in wheelbases; the obstacle is in its middle
-KINDS = (
-    "rock under a wheel",
-    "rock between the wheels",
-    "log",
-    "step up",
-    "drop",
-    "ditch",
-    "hole",
-    "wall",
-)
+_ROCKS = ("rock under a wheel", "rock between the wheels")
+KINDS = (*_ROCKS, "log", "step up", "drop", "ditch", "hole", "wall")
 RESOLUTIONS = (0.05, 0.08, 0.12, 0.16, 0.20, 0.24)  # [m]
 _SMALLEST, _LARGEST = 0.3, 3.0  # sizes over the limits of the vehicle [1]
 _NOISE = 0.01  # of the cells over the wheel radius [1]
@@ -59,16 +52,9 @@ def cases(count: int, models: Mapping[str, Model], seed: int) -> Iterator[Obstac
         resolution = float(rng.choice(fine))
         block = _draw_block(kind, rng, vehicle, resolution)
         slope = Slope(*(np.tan(rng.uniform(-_MAX_GRADE, _MAX_GRADE, 2)) * (rng.random() < 0.7)))
-        yield ObstacleCase(
-            kind,
-            name,
-            block,
-            slope,
-            resolution,
-            float(rng.uniform(-np.pi, np.pi)),
-            int(rng.integers(2**31)),
-            *_sizes(block, resolution, vehicle),
-        )
+        heading, seed = float(rng.uniform(-np.pi, np.pi)), int(rng.integers(2**31))
+        sizes = _sizes(block, resolution, vehicle)
+        yield ObstacleCase(kind, name, block, slope, resolution, heading, seed, *sizes)
 
 
 def _sizes(block: Block, resolution: float, vehicle: Vehicle) -> tuple[Size, Size]:
@@ -85,19 +71,14 @@ def map_of(case: ObstacleCase, vehicle: Vehicle) -> ElevationMap:
     inside = case.resolution * np.array([-0.4, 0.0, 0.4])
     c, s = np.cos(case.heading), np.sin(case.heading)
     heights = []
-    for dx in inside:
-        for dy in inside:
-            x, y = np.meshgrid(along + dx, along + dy)
-            level = case.slope.along * (c * dx + s * dy) + case.slope.across * (c * dy - s * dx)
-            heights.append(height_of(case.block, case.slope, c * x + s * y, c * y - s * x) - level)
-    noise = np.random.default_rng(case.seed).normal(
-        0.0, _NOISE * vehicle.wheel_radius, (cells,) * 2
-    )
-    return ElevationMap(
-        elevation=np.median(heights, axis=0) + noise,
-        resolution=case.resolution,
-        origin=(float(along[0]), float(along[0])),
-    )
+    for dx, dy in product(inside, inside):
+        x, y = np.meshgrid(along + dx, along + dy)
+        level = case.slope.along * (c * dx + s * dy) + case.slope.across * (c * dy - s * dx)
+        heights.append(height_of(case.block, case.slope, c * x + s * y, c * y - s * x) - level)
+    std, rng = _NOISE * vehicle.wheel_radius, np.random.default_rng(case.seed)
+    elevation = np.median(heights, axis=0) + rng.normal(0.0, std, (cells,) * 2)
+    origin = (float(along[0]), float(along[0]))
+    return ElevationMap(elevation=elevation, resolution=case.resolution, origin=origin)
 
 
 def path_of(case: ObstacleCase, vehicle: Vehicle) -> CandidatePath:
@@ -123,8 +104,7 @@ def _draw_block(kind: str, rng: np.random.Generator, vehicle: Vehicle, resolutio
 
     match kind:
         case "rock under a wheel":
-            side = float(rng.choice([-0.5, 0.5])) * vehicle.track_width
-            half = half_length()
+            side, half = float(rng.choice([-0.5, 0.5])) * vehicle.track_width, half_length()
             y = side + uniform(0.5) * vehicle.shape.wheel_width
             return Block(0.0, y, uniform(0.8), half, half, share() * step)
         case "rock between the wheels":
@@ -132,8 +112,8 @@ def _draw_block(kind: str, rng: np.random.Generator, vehicle: Vehicle, resolutio
             y = uniform(0.15) * vehicle.track_width
             return Block(0.0, y, uniform(0.8), half, half, share() * vehicle.shape.clearance)
         case "log":
-            half = half_length()
-            return Block(0.0, 0.0, uniform(0.6), half, FAR, share() * step)
+            half, yaw = half_length(), uniform(0.6)
+            return Block(0.0, 0.0, yaw, half, FAR, share() * step)
         case "step up" | "drop":
             yaw = uniform(0.6)
             height = (1.0 if kind == "step up" else -1.0) * share() * step
@@ -148,7 +128,6 @@ def _draw_block(kind: str, rng: np.random.Generator, vehicle: Vehicle, resolutio
             y = side + uniform(0.3) * half
             return Block(0.0, y, uniform(0.8), half, half, -share() * step)
     sign = float(rng.choice([-1.0, 1.0]))
-    near = 0.5 * vehicle.shape.width / share()
-    half = half_length()
+    near, half = 0.5 * vehicle.shape.width / share(), half_length()
     height = float(rng.uniform(1.5, 4.0)) * vehicle.shape.clearance
     return Block(0.0, sign * (near + half), 0.0, 4.0 * half, half, height)

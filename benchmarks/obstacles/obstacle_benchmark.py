@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 from rich.console import Console
 
@@ -11,30 +11,25 @@ from slopewise.models.parameters import Model
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from slopewise.planner.settings import PlannerSettings
-from slopewise.services.io.model_file import read_model, shipped_models
 
-from ..common.campaign import BenchmarkRequest, Progress
+from ..common.campaign import BenchmarkRequest, Progress, Result, tracked
+from ..common.scene import shipped
 from ..common.text_tables import table_of
 from ..common.timing import machine, timed
 from .cases import ObstacleCase, cases, map_of, path_of
 
 CASES, QUICK_CASES = 2400, 240  # of a whole and of a quick run [1]
 VEHICLES = ("atv", "husky")
-TOO_LARGE, SMALL = 1.1, 0.8
-"""Sizes from which an obstacle must be blocked, and up to which it must be passed [1]."""
-
+TOO_LARGE, SMALL = 1.1, 0.8  # sizes from which it must be blocked, up to which passed [1]
 _SEED = 23  # of the cases
-
-Result = dict[str, Any]
 
 
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
     """Plan over all cases."""
     count = QUICK_CASES if request.quick else CASES
-    advance = progress("obstacles", count)
-    models = {name: read_model(shipped_models()[name]) for name in VEHICLES}
-    drawn_cases = list(cases(count, models, _SEED))
-    seconds, planned = timed(lambda: outcomes(drawn_cases, models, advance))
+    models = {name: shipped(name) for name in VEHICLES}
+    drawn_cases = tracked(progress, "obstacles", list(cases(count, models, _SEED)))
+    seconds, planned = timed(lambda: outcomes(drawn_cases, models))
     return {
         "quick": request.quick,
         "machine": machine(),
@@ -50,9 +45,7 @@ class PlannedOutcome(NamedTuple):
     is_blocked: bool
 
 
-def outcomes(
-    cases: Iterable[ObstacleCase], models: Mapping[str, Model], advance: Callable[[int], Any]
-) -> list[PlannedOutcome]:
+def outcomes(cases: Iterable[ObstacleCase], models: Mapping[str, Model]) -> list[PlannedOutcome]:
     """Plan over all cases."""
     results = []
     for case in cases:
@@ -61,7 +54,6 @@ def outcomes(
         solved = time_optimal_batch(map_of(case, model.vehicle), path, model)
         is_blocked = solved.bounds.barrier_station[0] < solved.profile.count[0]
         results.append(PlannedOutcome(case, bool(is_blocked)))
-        advance(1)
     return results
 
 
@@ -97,14 +89,9 @@ def _row(results: list[PlannedOutcome]) -> Result:
 def show(result: Result, console: Console) -> None:
     """Print the table."""
     planned = result["planned"]
-    columns = {
-        "cases": "cases",
-        "too large": "too_large",
-        "of these passed": "passed_though_too_large",
-        "small": "small",
-        "of these blocked": "barred_though_small",
-    }
-    table = table_of(f"obstacles: {planned['all']['cases']} planned", *columns, first="kind")
+    titles = ("cases", "too large", "of these passed", "small", "of these blocked")
+    keys = ("cases", "too_large", "passed_though_too_large", "small", "barred_though_small")
+    table = table_of(f"obstacles: {planned['all']['cases']} planned", *titles, first="kind")
     for kind, row in {**planned["kinds"], "all": planned["all"]}.items():
-        table.add_row(kind, *(str(row[key]) for key in columns.values()))
+        table.add_row(kind, *(str(row[key]) for key in keys))
     console.print(table)

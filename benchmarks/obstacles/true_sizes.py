@@ -7,7 +7,7 @@ all sides, and the possible one, if it were larger.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -34,22 +34,16 @@ class Block:
 
     def grown(self, by: float) -> Block:
         """Return it wider on all sides, smaller if ``by`` is negative [m]."""
-        return Block(
-            self.x,
-            self.y,
-            self.yaw,
-            max(self.half_length + by, 0.0),
-            max(self.half_width + by, 0.0),
-            self.height,
-        )
+        length, width = max(self.half_length + by, 0.0), max(self.half_width + by, 0.0)
+        return replace(self, half_length=length, half_width=width)
 
     def contains(self, x: Floats, y: Floats) -> Bools:
         """Mask of the points inside."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         along = c * (x - self.x) + s * (y - self.y)
         across = c * (y - self.y) - s * (x - self.x)
-        inside: Bools = (np.abs(along) <= self.half_length) & (np.abs(across) <= self.half_width)
-        return inside
+        inside = (np.abs(along) <= self.half_length) & (np.abs(across) <= self.half_width)
+        return np.asarray(inside)
 
     @property
     def corners(self) -> Floats:
@@ -110,10 +104,8 @@ class Size(NamedTuple):
 def size_of(block: Block, vehicle: Vehicle) -> Size:
     """Sizes of an obstacle for a vehicle that drives along x, its middle on y = 0."""
     shape = vehicle.shape
-    if min(block.half_length, block.half_width) <= 0.0:
-        return Size(0.0, 0.0, 0.0, 0.0)
     span = block.span_between(-_EXTENT, _EXTENT)
-    if span is None:
+    if span is None or min(block.half_length, block.half_width) <= 0.0:
         return Size(0.0, 0.0, 0.0, 0.0)
     half_track, half_tyre = 0.5 * vehicle.track_width, 0.5 * shape.wheel_width
     step, graze = 0.0, _GRAZE * shape.wheel_width
@@ -156,8 +148,8 @@ def _wheel_path(block: Block, vehicle: Vehicle, side: float) -> Floats:
     x = np.arange(-_EXTENT, _EXTENT, _GRAIN)
     highest = np.full(len(x), -np.inf)
     for across in np.linspace(side - half_tyre, side + half_tyre, _ACROSS):
-        below: Floats = np.where(block.contains(x, np.full(len(x), across)), block.height, 0.0)
-        highest = np.maximum(highest, below)
+        below = block.contains(x, np.full(len(x), across))
+        highest = np.maximum(highest, np.where(below, block.height, 0.0))
     lowest = highest.copy()
     for n in range(1, int(radius / _GRAIN)):
         rim = radius - np.sqrt(radius**2 - (n * _GRAIN) ** 2)

@@ -1,11 +1,14 @@
 """Vehicles that follow given polylines at planned speeds, by separate kinematics.
 
 Nothing here is the planner's: the exact follower turns its body as a wheelbase lets it, the other
-one pursues a point ahead of it. Both take the plan's speed at the place that they have reached.
+one pursues a point ahead of it. Both take the plan's speed at the place that they have reached. An
+exact follower must touch no wall or post that is as close to a plan as it still passes.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +16,14 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
 from slopewise.models.arrays import Floats
+from slopewise.models.candidate_path import CandidatePath
+from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
+from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 
-from ..tracking.passes import poses_on
+from ..tracking.passes import Poses, poses_on, strikes
+from .given_lines import arc_of
 
 PLACE_STEP = 0.02  # [m] between places on the line
 _TOLERANCE = 0.05  # [1] of a share: curvature is sampled, by plan and follower
@@ -26,21 +33,13 @@ _GRAVITY = 9.81  # [m/s²]
 
 
 class Drive(NamedTuple):
-    """Shares of limits that a drive takes at most, 1 is the limit.
+    """Shares of limits that a drive takes at most, 1 is the limit."""
 
-    Attributes:
-        lateral: share of the model's lateral acceleration [1].
-        rollover: share of the load that may leave a side [1].
-        friction: share of the ground's friction [1].
-        stopping: share of the distance to the plan's end [1].
-        place: (x, y) where the first of them is largest [m].
-    """
-
-    lateral: float
-    rollover: float
-    friction: float
-    stopping: float
-    place: tuple[float, float]
+    lateral: float  # of the model's lateral acceleration [1]
+    rollover: float  # of the load that may leave a side [1]
+    friction: float  # of the ground's friction [1]
+    stopping: float  # of the distance to the plan's end [1]
+    place: tuple[float, float]  # (x, y) where the first of them is largest [m]
 
     def beyond(self, *, counts_lateral: bool) -> bool:
         """Return True if a limit is exceeded; a pursuer swings beyond the curvature of any line."""
@@ -49,17 +48,14 @@ class Drive(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Places on the given line up to where the plan rests, (n,) each.
+    """Places on the given line up to where the plan rests, (n,) each."""
 
-    Arc [m], position [m], heading [rad], speed [m/s] and stop of the plan there [m].
-    """
-
-    arc: Floats
-    x: Floats
+    arc: Floats  # [m]
+    x: Floats  # x, y: position [m]
     y: Floats
-    heading: Floats
-    speed: Floats
-    stop: Floats
+    heading: Floats  # [rad]
+    speed: Floats  # of the plan there [m/s]
+    stop: Floats  # stopping distance of the plan there [m]
 
 
 def places(given: Floats, plan: SpeedPlan, measured: Floats) -> Places:
@@ -101,36 +97,26 @@ def follow_exactly(
 ) -> Drive:
     """A vehicle on the line itself, which turns as the arc that fits the line under it best.
 
-    From its rear axle to its front axle a body rounds any corner; the arc is the
-    parabola of least squares, by the filter of Savitzky and Golay. No vehicle steers at noise of a
-    shorter length: along a recorded line the arc is twice as long.
-
-    Args:
-        given: (n, 2) points [m]. plan: with speeds for them. model: sizes and limits.
-        slope: gradient of the plane that is driven on, (2,) [1].
-        steers_at_noise: points are no noise.
+    From its rear axle to its front axle a body rounds any corner; the arc is the parabola of least
+    squares, by the filter of Savitzky and Golay. Noise of a shorter length is not steered at: along
+    a recorded line the arc is twice as long. ``given`` is (n, 2) [m], ``slope`` the gradient (2,)
+    of the plane [1].
     """
     # Noise makes the polyline longer than the way that is driven along it.
     smooth = given if steers_at_noise else averaged(given, model.vehicle.wheelbase)
-    line = places(given, plan, smooth)
+    line, (x, y) = places(given, plan, smooth), dense(given, smooth)
+    n = len(line.arc)
     span = (0.5 if steers_at_noise else 1.0) * model.vehicle.wheelbase
-    x, y = dense(given, smooth)
-    window = min(2 * round(span / PLACE_STEP) + 1, (len(x) - 1) // 2 * 2 + 1)
-
-    def derivative(values: Floats, order: int) -> Floats:
-        filtered: Floats = savgol_filter(values, window, 2, deriv=order, delta=PLACE_STEP)
-        return filtered[: len(line.arc)]
-
-    dx, dy, ddx, ddy = (derivative(v, order) for order in (1, 2) for v in (x, y))
+    dx, dy, ddx, ddy = (_derivative(v, span, o)[:n] for o in (1, 2) for v in (x, y))
     curvature = (dx * ddy - dy * ddx) / np.maximum(np.hypot(dx, dy), 0.1) ** 3
     sharpest = model.steering_geometry.max_curvature
     curvature = np.clip(curvature, -sharpest, sharpest)
-    along = np.interp(line.arc, _arc(smooth), _arc(given))
+    along = np.interp(line.arc, arc_of(smooth), arc_of(given))
     heading = np.arctan2(dy, dx)
     if model.vehicle.drive == "ackermann":
         # Its body, which the bank tilts, trails the direction of the line in turns.
         body = poses_on(x, y, model)
-        behind = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(body.x), np.diff(body.y)))))
+        behind = arc_of(np.stack((body.x, body.y), axis=1))
         heading = np.interp(line.arc, behind, np.unwrap(body.heading))
     line = line._replace(heading=heading, arc=along)
     return _felt(line, curvature, plan, model, slope, float(along[-1]))
@@ -138,24 +124,24 @@ def follow_exactly(
 
 def dense(given: Floats, measured: Floats) -> tuple[Floats, Floats]:
     """Places of a polyline in steps of 2 cm, by the way along another with as many points."""
-    arc = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(measured, axis=0).T))))
+    arc = arc_of(measured)
     distinct = np.concatenate(([True], np.diff(arc) > 0.0))
     at = np.arange(0.0, arc[-1], PLACE_STEP)
     x, y = (np.interp(at, arc[distinct], given[distinct, axis]) for axis in range(2))
     return x, y
 
 
-def _arc(points: Floats) -> Floats:
-    arc: Floats = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
-    return arc
+def _derivative(values: Floats, span: float, order: int) -> Floats:
+    """Derivative along a line by parabolas over a length to both sides [m]."""
+    window = min(2 * round(span / PLACE_STEP) + 1, (len(values) - 1) // 2 * 2 + 1)
+    return np.asarray(savgol_filter(values, window, 2, deriv=order, delta=PLACE_STEP))
 
 
 def averaged(points: Floats, length: float) -> Floats:
     """Points averaged over a length [m] of their usual distance."""
     step = float(np.median(np.hypot(*np.diff(points, axis=0).T)))
     size = 2 * int(0.5 * length / step) + 1
-    means: Floats = uniform_filter1d(points, size, axis=0, mode="nearest")
-    return means
+    return np.asarray(uniform_filter1d(points, size, axis=0, mode="nearest"))
 
 
 def _felt(
@@ -175,19 +161,13 @@ def _felt(
     rollover = lost / (1.0 - limits.min_load)
     friction = np.zeros_like(lateral)
     if model.braking.sliding_friction is not None:
-        braked = limits.decel
-        friction = np.hypot(felt, braked) / (model.braking.sliding_friction * _GRAVITY)
+        friction = np.hypot(felt, limits.decel) / (model.braking.sliding_friction * _GRAVITY)
     # The last place of the line that may be reached is as far behind its end as in the plan.
     left = end - line.arc + max(plan.clear_distance - plan.progress, 0.0) + _PLACE_ERROR
     stopping = np.where(line.speed > 0.05, line.stop / np.maximum(left, 1e-6), 0.0)
-    k = int(np.argmax(lateral))
-    return Drive(
-        float(lateral.max()),
-        float(rollover.max()),
-        float(friction.max()),
-        float(stopping.max()),
-        (float(line.x[k]), float(line.y[k])),
-    )
+    k, shares = int(np.argmax(lateral)), (lateral, rollover, friction, stopping)
+    place = (float(line.x[k]), float(line.y[k]))
+    return Drive._make([*(float(share.max()) for share in shares), place])
 
 
 def pursue(
@@ -201,9 +181,8 @@ def pursue(
     sharpest = sharpest if np.isfinite(sharpest) else 2.0 / base
     stopped_at = rng.uniform(0.2, 1.0) * line.arc[-1]
     x, y, speed, i = line.x[0], line.y[0], line.speed[0], 0
-    pointing = np.arctan2(
-        line.y[min(20, len(line.y) - 1)] - y, line.x[min(20, len(line.x) - 1)] - x
-    )
+    far = min(20, len(line.x) - 1)
+    pointing = np.arctan2(line.y[far] - y, line.x[far] - x)
     rows: list[tuple[int, float, float, float]] = []
     for _ in range(20_000):
         ahead = slice(i, min(i + 60, len(line.x)))
@@ -230,3 +209,81 @@ def pursue(
     at, speeds, turns, headings = (np.array(part) for part in zip(*rows, strict=True))
     driven = Places(*(part[at] for part in line))._replace(speed=speeds, heading=headings)
     return _felt(driven, turns, plan, model, slope, float(line.arc[-1]))
+
+
+_HIGH = 1.0  # [m] of obstacles
+_POST, _WALL = 0.2, 2.0  # [m] along the path, of a post and of a wall
+_FARTHER, _TRIES = 0.05, 18  # [m] from the planned body, and how often [1]
+_TOUCHES = 0.02  # [m] deep: stations sample a path, and maps are not drawn more exactly
+_ENDS = 0.15  # share of a path at its ends [1] without obstacles: it has to begin on free ground
+
+
+class Passed(NamedTuple):
+    """A plan past an obstacle: free distance from the planned body [m]; contact of the follower."""
+
+    gap: float
+    touched: bool
+
+
+def pass_obstacle(
+    given: Floats,
+    planner: CandidatePlanner,
+    ground: ElevationMap,
+    rng: np.random.Generator,
+    *,
+    steers_at_noise: bool,
+) -> Passed | None:
+    """Follow a path exactly past the closest obstacle that its plan passes; None if it passes none.
+
+    ``given`` is (n, 2) [m], ``ground`` flat and without obstacles.
+    """
+    path, model = CandidatePath("given", given), planner.model
+    free = planner.plan(ground, [path])[0]
+    k, side = _place(free, rng), float(rng.choice([-1.0, 1.0]))
+    long = float(rng.choice([_POST, _WALL]))
+    for n in range(_TRIES):
+        gap = n * _FARTHER
+        blocked = _obstacle(ground, free, k, side * (0.5 * model.vehicle.shape.width + gap), long)
+        plan = planner.plan(blocked, [path])[0]
+        if plan.progress < free.progress - 0.05:
+            continue
+        poses = _followed(given, model, steers_at_noise=steers_at_noise)
+        return Passed(gap, bool(strikes(poses, model, blocked, inset=_TOUCHES)[0]))
+    return None
+
+
+def _place(plan: SpeedPlan, rng: np.random.Generator) -> int:
+    """A station away from the ends, of every other path the one farthest from what was given."""
+    n = int(np.searchsorted(plan.station, plan.progress))
+    first, last = math.ceil(_ENDS * n), max(math.floor((1.0 - _ENDS) * n), math.ceil(_ENDS * n) + 1)
+    assert plan.path_deviation is not None
+    if rng.random() < 0.5:
+        return first + int(plan.path_deviation.distance[first:last].argmax())
+    return int(rng.integers(first, last))
+
+
+def _obstacle(
+    ground: ElevationMap, plan: SpeedPlan, k: int, lateral: float, long: float
+) -> ElevationMap:
+    """Ground with a box whose side to the path is so far to the left of station k [m]."""
+    rows, columns = ground.elevation.shape
+    y, x = np.mgrid[:rows, :columns] * ground.resolution
+    i, j = max(k - 1, 0), min(k + 1, len(plan.x) - 1)
+    heading = math.atan2(plan.y[j] - plan.y[i], plan.x[j] - plan.x[i])
+    east, north = x + ground.origin[0] - plan.x[k], y + ground.origin[1] - plan.y[k]
+    along = east * math.cos(heading) + north * math.sin(heading)
+    left = (north * math.cos(heading) - east * math.sin(heading)) * math.copysign(1.0, lateral)
+    box = (np.abs(along) <= 0.5 * long) & (left >= abs(lateral)) & (left <= abs(lateral) + _POST)
+    return replace(ground, elevation=np.where(box, _HIGH, 0.0))
+
+
+def _followed(given: Floats, model: Model, *, steers_at_noise: bool) -> Poses:
+    """Poses on the polyline itself, the body as the best arc from axle to axle lies."""
+    base = model.vehicle.wheelbase
+    smooth = given if steers_at_noise else averaged(given, base)
+    x, y = dense(smooth, smooth)
+    if model.vehicle.drive == "ackermann":
+        return poses_on(x, y, model)
+    span = (0.5 if steers_at_noise else 1.0) * base
+    dx, dy = (_derivative(v, span, 1) for v in (x, y))
+    return Poses(x, y, np.arctan2(dy, dx))

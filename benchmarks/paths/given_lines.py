@@ -13,14 +13,37 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from slopewise.models.arrays import Floats
 
 Random = np.random.Generator
 
+_SAMPLE = 0.004  # [m] between samples that distances are measured by
 _FINE = 0.02  # [m] between points of a curve before it is sampled
 _WIDE = 2.0  # [m] radius from which on a vehicle cannot round a corner within its width
 _STEPS = (0.05, 0.1, 0.25, 0.5)  # [m] between the points that are given
+
+
+def arc_of(points: Floats) -> Floats:
+    """Distance along a polyline (n, 2) at each of its points [m]."""
+    return np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+
+
+def largest_distance(first: Floats, second: Floats) -> float:
+    """Largest distance from either line to the nearest place of the other, by samples [m]."""
+    here, there = _samples(first), _samples(second)
+    away, back = cKDTree(there).query(here)[0], cKDTree(here).query(there)[0]
+    return float(max(away.max(), back.max()))
+
+
+def _samples(line: Floats) -> Floats:
+    """Places on a line (n, 2), no two in a row farther apart than 4 mm."""
+    along = arc_of(line)
+    distinct = np.concatenate(([True], np.diff(along) > 0.0))
+    at = np.unique(np.concatenate((along, np.arange(0.0, along[-1], _SAMPLE))))
+    axes = (np.interp(at, along[distinct], line[distinct, axis]) for axis in range(2))
+    return np.stack(tuple(axes), axis=1)
 
 
 class GivenLine(NamedTuple):
@@ -92,9 +115,7 @@ def _a_star(
             return back[::-1]
         for dx, dy in around:
             to = (here[0] + dx, here[1] + dy)
-            if not (0 <= to[0] < len(blocked) and 0 <= to[1] < len(blocked)):
-                continue
-            if blocked[to[1], to[0]]:
+            if min(to) < 0 or max(to) >= len(blocked) or blocked[to[1], to[0]]:
                 continue
             new = cost[here] + math.hypot(dx, dy)
             if new < cost.get(to, math.inf):
@@ -139,9 +160,8 @@ def dubins(rng: Random, radius: float) -> GivenLine:
     tight = radius * rng.uniform(1.0, 2.0)
     first, last = rng.choice([-1.0, 1.0], 2)
     arcs = rng.uniform(0.4, 3.0, 3) * tight
-    between = (
-        turn(0.0, rng.uniform(2.0, 8.0)) if rng.random() < 0.7 else turn(-first / tight, arcs[1])
-    )
+    is_straight = rng.random() < 0.7
+    between = turn(0.0, rng.uniform(2.0, 8.0)) if is_straight else turn(-first / tight, arcs[1])
     pieces = (turn(first / tight, arcs[0]), between, turn(last / tight, arcs[2]))
     return GivenLine(sampled(walked(np.concatenate(pieces)), rng.choice(_STEPS)))
 
@@ -221,5 +241,4 @@ def given_line(kind: str, seed: int, radius: float) -> GivenLine:
     points = (line.points - middle) @ turned
     if line.cusp is None:
         return GivenLine(points)
-    x, y = (np.array(line.cusp) - middle) @ turned
-    return GivenLine(points, (float(x), float(y)))
+    return GivenLine(points, tuple(((np.array(line.cusp) - middle) @ turned).tolist()))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -14,21 +13,16 @@ from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.models.parameters import Model
 from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.io.model_file import read_model, shipped_models
 
-from ..common.campaign import BenchmarkRequest, Progress
-from ..common.text_tables import table_of
+from ..common.campaign import BenchmarkRequest, Progress, Result, tracked
+from ..common.scene import shipped
+from ..common.text_tables import print_rows
 from ..common.timing import machine
-from .deviations import largest_distance
-from .followers import Drive, follow_exactly, pursue
-from .given_lines import KINDS, GivenLine, given_line
-from .obstacle_passes import Passed, pass_obstacle
-
-Result = dict[str, Any]
+from .followers import Drive, Passed, follow_exactly, pass_obstacle, pursue
+from .given_lines import KINDS, GivenLine, given_line, largest_distance
 
 VEHICLES = {"atv": 1.3, "ugv": 3.6, "husky": 0.8}
 """Vehicles, and the least radius of curves that are given to them [m]."""
@@ -65,7 +59,7 @@ def outcome(kind: str, seed: int) -> Outcome:
     vehicle = list(VEHICLES)[seed % len(VEHICLES)]
     if vehicle == "ugv" and kind in ANGULAR:
         vehicle = "atv"
-    model, line = read_vehicle(vehicle), given_line(kind, seed, VEHICLES[vehicle])
+    model, line = shipped(vehicle), given_line(kind, seed, VEHICLES[vehicle])
     rng = np.random.default_rng(seed)
     angle, steep = rng.uniform(-np.pi, np.pi), math.tan(math.radians(_SLOPES[seed // 3 % 3]))
     slope = steep * np.array([math.cos(angle), math.sin(angle)])
@@ -79,23 +73,17 @@ def outcome(kind: str, seed: int) -> Outcome:
     given = up_to_cusp(line)
     reported = deviation.largest if plan.status.value == "ok" else deviation.limit
     far = largest_distance(given, np.stack((plan.x, plan.y), axis=1))
+    steers, flat = kind != "noisy", plane(0.0, 0.0, _CELLS[0], line.points)
+    exact = follow_exactly(given, plan, model, slope, steers_at_noise=steers)
+    pursuit, near = pursue(given, plan, model, slope, rng), np.random.default_rng([seed, 1])
     return Outcome(
-        kind,
-        seed,
-        vehicle,
-        reached=reaches_end(plan, given),
+        *(kind, seed, vehicle, "", reaches_end(plan, given)),
         speed=plan.progress / max(plan.travel_time, 1e-9),
         deviation=deviation.largest,
         untold=far > reported + _EXACT or deviation.largest > deviation.limit,
-        exact=follow_exactly(given, plan, model, slope, steers_at_noise=kind != "noisy"),
-        pursuit=pursue(given, plan, model, slope, rng),
-        obstacle=pass_obstacle(
-            given,
-            planner(vehicle),
-            plane(0.0, 0.0, _CELLS[0], line.points),
-            np.random.default_rng([seed, 1]),
-            steers_at_noise=kind != "noisy",
-        ),
+        exact=exact,
+        pursuit=pursuit,
+        obstacle=pass_obstacle(given, planner(vehicle), flat, near, steers_at_noise=steers),
     )
 
 
@@ -114,15 +102,9 @@ def reaches_end(plan: SpeedPlan, given: Floats) -> bool:
 
 
 @cache
-def read_vehicle(name: str) -> Model:
-    """A shipped model."""
-    return read_model(shipped_models()[name])
-
-
-@cache
 def planner(name: str) -> CandidatePlanner:
     """Of a vehicle, with the usual caution."""
-    return CandidatePlanner(read_vehicle(name), uncertainty=Uncertainty(quantile=QUANTILE))
+    return CandidatePlanner(shipped(name), uncertainty=Uncertainty(quantile=QUANTILE))
 
 
 def plane(slope_x: float, slope_y: float, cell: float, points: Floats) -> ElevationMap:
@@ -138,11 +120,8 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
     count = _QUICK if request.quick else COUNT
     rows = []
     for kind in KINDS:
-        advance, outcomes = progress(kind, count), []
-        for seed in range(count):
-            outcomes.append(outcome(kind, seed))
-            advance(1)
-        rows.append(summary(kind, outcomes))
+        seeds = tracked(progress, kind, range(count))
+        rows.append(summary(kind, [outcome(kind, seed) for seed in seeds]))
     return {"quick": request.quick, "machine": machine(), "kinds": rows}
 
 
@@ -174,9 +153,4 @@ def summary(kind: str, outcomes: list[Outcome]) -> Result:
 
 def show(result: Result, console: Console) -> None:
     """Print a row for each kind."""
-    rows = result["kinds"]
-    columns = list(rows[0])
-    table = table_of("given paths", *columns[1:], first=columns[0])
-    for row in rows:
-        table.add_row(*(str(row[column]) for column in columns))
-    console.print(table)
+    print_rows(console, "given paths", result["kinds"])

@@ -9,7 +9,7 @@ the speed of its end.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -21,29 +21,16 @@ from slopewise.planner.ground.braking_ground import ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, solve
 from slopewise.planner.planning_limits import planning_limits
-from slopewise.planner.profile.time_optimal import (
-    profile_problem,
-    time_optimal_profile,
-    travel_cost,
-)
+from slopewise.planner.profile import time_optimal
 from slopewise.planner.swept.hazards import swept_hazards
 
+from ..common.campaign import Result
 from ..common.scene import SPACING, BenchmarkScene
 from ..common.timing import interleave, peak_memory, summary
 
-TILE = 64
-"""Candidates worked on together: a tile of rows stays in the first-level cache."""
+TILE = 64  # candidates worked on together: their rows stay in the first-level cache
 
 _compiled = njit(nogil=True, error_model="numpy", cache=True)
-
-
-class BrakingLine(NamedTuple):
-    """Coefficients of F_b/W = (m_m v + b_m) θ + m_b v + b_b."""
-
-    m_m: float
-    b_m: float
-    m_b: float
-    b_b: float
 
 
 @_compiled
@@ -54,58 +41,52 @@ def plain_pass(
     stations, candidates = speed_sq_max.shape
     gain, loss = 2.0 * ds * accel, 2.0 * ds * decel
     for first in range(0, candidates, TILE):
-        end = min(first + TILE, candidates)
-        for j in range(first, end):
+        tile = range(first, min(first + TILE, candidates))
+        for j in tile:
             speed_sq[stations - 1, j] = speed_sq_max[stations - 1, j]
         for k in range(stations - 2, -1, -1):
-            for j in range(first, end):
+            for j in tile:
                 speed_sq[k, j] = min(speed_sq_max[k, j], speed_sq[k + 1, j] + loss)
-        for j in range(first, end):
+        for j in tile:
             speed_sq[0, j] = 0.0
         for k in range(stations - 1):
-            for j in range(first, end):
+            for j in tile:
                 speed_sq[k + 1, j] = min(speed_sq[k + 1, j], speed_sq[k, j] + gain)
 
 
 @_compiled
 def braking_pass(
-    speed_sq_max: Floats,
-    station: Floats,
-    grade: Floats,
-    sin_grade: Floats,
-    b: BrakingLine,
-    accel: float,
-    decel: float,
-    speed_sq: Floats,
+    speed_sq_max: Floats, ground: Any, line: Any, accel: float, decel: float, speed_sq: Floats
 ) -> None:
-    """Apply the bounds as :func:`plain_pass` does, with F_b/W in the backward pass."""
+    """Apply the bounds as :func:`plain_pass` does, with F_b/W in the backward pass.
+
+    ``ground`` is station [m], grade [rad] and its sine, (N, M) each; ``line`` is m_m, b_m, m_b, b_b
+    of F_b/W = (m_m v + b_m) θ + m_b v + b_b.
+    """
+    station, grade, sin_grade = ground
+    m_m, b_m, m_b, b_b = line
     stations, candidates = speed_sq_max.shape
     for first in range(0, candidates, TILE):
-        end = min(first + TILE, candidates)
-        for j in range(first, end):
+        tile = range(first, min(first + TILE, candidates))
+        for j in tile:
             speed_sq[stations - 1, j] = speed_sq_max[stations - 1, j]
         for k in range(stations - 2, -1, -1):
-            for j in range(first, end):
+            for j in tile:
                 twice = 2.0 * (station[k + 1, j] - station[k, j])
                 v = np.sqrt(speed_sq[k + 1, j])
-                force = (b.m_m * v + b.b_m) * grade[k, j] + b.m_b * v + b.b_b + sin_grade[k, j]
+                force = (m_m * v + b_m) * grade[k, j] + m_b * v + b_b + sin_grade[k, j]
                 slowed = speed_sq[k + 1, j] + twice * min(decel, GRAVITY * force)
                 speed_sq[k, j] = min(speed_sq_max[k, j], slowed)
-        for j in range(first, end):
+        for j in tile:
             speed_sq[0, j] = 0.0
         for k in range(stations - 1):
-            for j in range(first, end):
+            for j in tile:
                 twice = 2.0 * (station[k + 1, j] - station[k, j])
                 speed_sq[k + 1, j] = min(speed_sq[k + 1, j], speed_sq[k, j] + twice * accel)
 
 
-_UNBOUNDED = 1e3
-"""Service deceleration that never binds, so that the brakes limit everywhere [m/s²]."""
-
-_HORIZON_PENALTY = 2.0
-"""Time charged for each metre not reached; its size does not change the time measured [s/m]."""
-
-Result = dict[str, Any]
+_UNBOUNDED = 1e3  # service deceleration that never binds: the brakes limit everywhere [m/s²]
+_PENALTY = 2.0  # for each metre not reached; changes no measured time [s/m]
 
 
 def stages(scene: BenchmarkScene, solved: TimeOptimalBatch) -> dict[str, Callable[[], object]]:
@@ -116,15 +97,15 @@ def stages(scene: BenchmarkScene, solved: TimeOptimalBatch) -> dict[str, Callabl
     candidates = scene.x.shape[1]
     clear, start = np.full(candidates, np.inf), np.zeros(candidates)
     out, b = np.empty_like(solved.speed_sq), model.braking
-    line = BrakingLine(b.m_m, b.b_m, b.m_b, b.b_b)
+    line = (b.m_m, b.b_m, b.m_b, b.b_b)
 
     def terrain() -> TerrainProfile:
-        vehicle = model.vehicle
-        return terrain_profile(scene.elevation_map, scene.x, scene.y, scene.count, vehicle)
+        paths = (scene.x, scene.y, scene.count)
+        return terrain_profile(scene.elevation_map, *paths, model.vehicle)
 
     def fastest(decel: float) -> object:
-        problem = profile_problem(profile, ground, bounds, scalars, start)
-        return time_optimal_profile(problem._replace(decel=decel))
+        problem = time_optimal.profile_problem(profile, ground, bounds, scalars, start)
+        return time_optimal.time_optimal_profile(problem._replace(decel=decel))
 
     def without_sweep() -> object:
         ahead = terrain()
@@ -136,8 +117,8 @@ def stages(scene: BenchmarkScene, solved: TimeOptimalBatch) -> dict[str, Callabl
         plain_pass(bounds.speed_sq_max, SPACING, limits.accel, limits.decel, out)
 
     def by_brakes() -> None:
-        ground_columns = (profile.station, profile.grade, profile.sin_grade)
-        braking_pass(bounds.speed_sq_max, *ground_columns, line, limits.accel, limits.decel, out)
+        columns = (profile.station, profile.grade, profile.sin_grade)
+        braking_pass(bounds.speed_sq_max, columns, line, limits.accel, limits.decel, out)
 
     return {
         "plain pass": by_bounds,
@@ -147,7 +128,7 @@ def stages(scene: BenchmarkScene, solved: TimeOptimalBatch) -> dict[str, Callabl
         "bounds": lambda: speed_bounds(profile, ground, model, clear),
         "profile": lambda: fastest(limits.decel),
         "profile, brakes decide": lambda: fastest(_UNBOUNDED),
-        "cost": lambda: travel_cost(profile.station, solved.speed_sq, _HORIZON_PENALTY),
+        "cost": lambda: time_optimal.travel_cost(profile.station, solved.speed_sq, _PENALTY),
         "swept footprint": lambda: swept_hazards(scene.elevation_map, profile, model),
         "poses to ranked plans": lambda: np.argsort(scene.plan().cost),
         "the same without the swept footprint": without_sweep,

@@ -10,13 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count
-from pathlib import Path
 from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
@@ -26,12 +24,10 @@ from slopewise.planner.path import EvenPath, side_by_side
 from slopewise.planner.pipeline.candidates import finished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 
-from ..common.campaign import BenchmarkRequest, Progress
+from ..common.campaign import BenchmarkRequest, Progress, Result, tracked
 from ..common.scene import SPACING, atv
 from ..common.text_tables import duration, table_of
 from ..common.timing import machine
-
-Result = dict[str, Any]
 
 _CELL = 0.2  # [m] finer than a wheel, so that the swept footprint is checked in full
 _EDGE, _CANDIDATES, _STATIONS = 40.0, 64, 60  # of what is not changed: map [m], paths of 15 m
@@ -40,13 +36,9 @@ _LIMIT = 1.2  # exponent up to which a cost counts as in proportion [1]: caches 
 
 
 class Case(NamedTuple):
-    """One ground with its paths, and what is timed on it.
+    """One ground with its paths, and what is timed on it."""
 
-    Attributes:
-        prepare: called untimed before each action; its result is the action's argument.
-    """
-
-    prepare: Callable[[], Any]
+    prepare: Callable[[], Any]  # called untimed before each action, of which it is the argument
     action: Callable[[Any], object]
 
 
@@ -62,46 +54,27 @@ class Cost(NamedTuple):
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
     """Time all costs; the quick run takes some ten seconds."""
     rounds = 4 if request.quick else 15
-    costs = tuple(_costs())
-    advance = progress("growth", len(costs))
     rows = []
-    for cost in costs:
+    for cost in tracked(progress, "growth", tuple(_costs())):
         values = cost.values[:-1] if request.quick else cost.values
         seconds = [_min_time(cost.case(value), rounds) for value in values]
         exponent = float(np.polyfit(np.log(values), np.log(seconds), 1)[0])
-        rows.append(
-            {
-                "name": cost.name,
-                "unit": cost.unit,
-                "values": list(values),
-                "seconds": seconds,
-                "exponent": exponent,
-            }
-        )
-        advance(1)
-    result = {"quick": request.quick, "machine": machine(), "growth": rows}
-    if request.out is not None:
-        request.out.mkdir(parents=True, exist_ok=True)
-        _draw(rows, request.out / "growth.svg")
-    return result
+        row = {"name": cost.name, "unit": cost.unit, "values": list(values)}
+        rows.append(row | {"seconds": seconds, "exponent": exponent})
+    return {"quick": request.quick, "machine": machine(), "growth": rows}
 
 
 def show(result: Result, console: Console) -> None:
     """Print the table of exponents."""
-    console.print(_table(result["growth"]))
-
-
-def _table(rows: list[Result]) -> Table:
-    table = table_of(
-        "Growth of the cost: least processor times, one thread", "from … to", "time", "exponent"
-    )
-    for row in rows:
+    title = "Growth of the cost: least processor times, one thread"
+    table = table_of(title, "from … to", "time", "exponent")
+    for row in result["growth"]:
         (first, *_, last), (begin, *_, end) = row["values"], row["seconds"]
         span = f"{first:g} … {last:g} {row['unit']}".strip()
         mark = "" if row["exponent"] <= _LIMIT else " [red]more than in proportion"
         times = f"{duration(begin)} … {duration(end)}"
         table.add_row(row["name"], span, times, f"{row['exponent']:.2f}{mark}")
-    return table
+    console.print(table)
 
 
 def _min_time(case: Case, rounds: int) -> float:
@@ -140,18 +113,16 @@ def _costs() -> Iterator[Cost]:
         names = tuple(f"ground {n}" for n in range(surface_count))
         tables = {name: SurfaceBraking(b_b=0.4 - 0.002 * n) for n, name in enumerate(names)}
         braking = replace(model.braking, terrain=tables)
-        batch = _batch(
-            replace(model, braking=braking), _patches(("", *names)), _CANDIDATES, _STATIONS
-        )
+        ground = _patches(("", *names))
+        batch = _batch(replace(model, braking=braking), ground, _CANDIDATES, _STATIONS)
         return Case(lambda: batch(), lambda _: batch())
 
     yield Cost("batch, candidates", "", (32, 64, 128, 256, 512), lambda n: known(int(n)))
-    yield Cost(
-        "batch, stations",
-        "",
-        (40, 80, 160, 320),
-        lambda n: known(stations=int(n), edge=max(_EDGE, 2.4 * SPACING * n)),
-    )
+
+    def longer(stations: float) -> Case:
+        return known(stations=int(stations), edge=max(_EDGE, 2.4 * SPACING * stations))
+
+    yield Cost("batch, stations", "", (40, 80, 160, 320), longer)
     yield Cost("one plan, stations", "", (40, 80, 160, 300), lambda n: plan(int(n)))
     yield Cost("new map, area", "m²", _AREAS, lambda n: new(n**0.5))
     yield Cost("new map of 1 cm noise, area", "m²", _AREAS, lambda n: new(n**0.5, 0.01))
@@ -190,18 +161,3 @@ def _patches(names: tuple[str, ...]) -> ElevationMap:
     square = np.arange(ground.elevation.shape[0]) // 10
     classes = (square + 3 * square[:, None]) % len(names)
     return replace(ground, terrain_class=classes, class_names=names)
-
-
-def _draw(rows: list[Result], file: Path) -> None:
-    """Times over numbers, both relative to the first, with a line in proportion."""
-    from matplotlib.figure import Figure
-
-    axes = (figure := Figure(figsize=(7.0, 4.5), layout="constrained")).add_subplot()
-    for row in rows:
-        values, seconds = (np.array(row[key]) for key in ("values", "seconds"))
-        label = f"{row['name']}: {row['exponent']:.2f}"
-        axes.loglog(values / values[0], seconds / seconds[0], "o-", label=label)
-    axes.loglog((1.0, 16.0), (1.0, 16.0), "k:", label="in proportion: 1")
-    axes.set(xlabel="times as many", ylabel="times as long")
-    axes.legend(fontsize="small")
-    figure.savefig(file)

@@ -8,9 +8,9 @@ exact constraints.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -25,7 +25,7 @@ from slopewise.planner.profile.reference import JerkLimitedReference
 from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 
-from ..common.campaign import BenchmarkRequest, Progress
+from ..common.campaign import BenchmarkRequest, Progress, Result, tracked
 from ..common.profile_quality import smooth_excess, stations_of, travel_time
 from ..common.scene import SPACING, atv, hills
 from ..common.text_tables import duration, table_of
@@ -38,15 +38,12 @@ TARGET_EXCESS, TARGET_RATIO = 0.01, 10.0
 _STATIONS = (60, 80, 100, 150)  # of a problem
 _SEED = 11  # of all problems
 
-Result = dict[str, Any]
 
+class Instance(NamedTuple):
+    """A generated problem, jerk-limited, below the time-optimal profile, and its description."""
 
-@dataclass(frozen=True, slots=True)
-class Instance:
-    """One generated problem."""
-
-    name: str  # description of the drawn problem
-    problem: SmoothingProblem  # jerk-limited, below the time-optimal profile
+    name: str
+    problem: SmoothingProblem
 
 
 def instances(count: int, seed: int = _SEED) -> Iterator[Instance]:
@@ -63,11 +60,7 @@ def instances(count: int, seed: int = _SEED) -> Iterator[Instance]:
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
     """Solve all problems by the planner and by IPOPT."""
     count = QUICK_INSTANCES if request.quick else INSTANCES
-    advance = progress("optimality", count)
-    rows = []
-    for instance in instances(count):
-        rows.append(compare(instance))
-        advance(1)
+    rows = [compare(i) for i in tracked(progress, "optimality", list(instances(count)))]
     solved = [row for row in rows if row["excess"] is not None]
     excess = np.array([row["excess"] for row in solved])
     planner, ipopt = ([row[name] for row in rows] for name in ("planner", "ipopt"))
@@ -149,29 +142,20 @@ def _draw(rng: np.random.Generator, grounds: list[ElevationMap]) -> Instance | N
 
 def _vehicle(rng: np.random.Generator) -> Model:
     model = atv()
-    limits = replace(
-        model.limits,
-        speed=rng.uniform(1.5, 4.0),
-        accel=rng.uniform(0.4, 2.0),
-        decel=rng.uniform(0.6, 2.5),
-        jerk=rng.uniform(0.8, 6.0),
-        lateral_accel=rng.uniform(0.8, 4.0),
-    )
-    braking = replace(
-        model.braking,
-        b_b=rng.uniform(0.3, 0.6),
-        b_m=rng.uniform(-0.5, 0.5),
-        dead_time=rng.uniform(0.1, 0.6),
-    )
+    names = ("speed", "accel", "decel", "jerk", "lateral_accel")
+    values = rng.uniform((1.5, 0.4, 0.6, 0.8, 0.8), (4.0, 2.0, 2.5, 6.0, 4.0)).tolist()
+    limits = replace(model.limits, **dict(zip(names, values, strict=True)))
+    b_b, b_m, dead_time = rng.uniform((0.3, -0.5, 0.1), (0.6, 0.5, 0.6)).tolist()
+    braking = replace(model.braking, b_b=b_b, b_m=b_m, dead_time=dead_time)
     return replace(model, limits=limits, braking=braking)
 
 
 def _path(rng: np.random.Generator, stations: int) -> tuple[Floats, Floats]:
     """A winding path inside the map, (N, 1) each."""
     s = SPACING * np.arange(stations)
-    curvature = rng.uniform(-0.08, 0.08) + rng.uniform(0.0, 0.15) * np.sin(
-        2.0 * np.pi * s / rng.uniform(6.0, 30.0) + rng.uniform(0.0, 6.3)
-    )
+    mean, swing = rng.uniform(-0.08, 0.08), rng.uniform(0.0, 0.15)
+    wave = np.sin(2.0 * np.pi * s / rng.uniform(6.0, 30.0) + rng.uniform(0.0, 6.3))
+    curvature = mean + swing * wave
     heading = rng.uniform(-np.pi, np.pi) + SPACING * np.cumsum(curvature)
     east, north = SPACING * np.cumsum(np.cos(heading)), SPACING * np.cumsum(np.sin(heading))
     x, y = rng.uniform(38.0, 42.0, 2)

@@ -6,21 +6,18 @@ Times belong to a machine; their ratios are the result.
 
 from __future__ import annotations
 
-from typing import Any
-
 from rich.console import Console
 from rich.table import Table
 
-from ..common.campaign import BenchmarkRequest, Progress
+from ..common.campaign import BenchmarkRequest, Progress, Result
 from ..common.scene import SPACING, fan
-from ..common.text_tables import duration, table_of
+from ..common.text_tables import RELATIONS, duration, table_of
 from ..common.timing import machine
 from .batch import in_batch, memory
 from .solver_comparison import emitted, jerk_limited, select_free, tasks_of, time_optimal
 
 STATIONS, CANDIDATES = 100, 1000  # of the batch, 25 m long
 
-Result = dict[str, Any]
 Values = tuple[float | None, float | None]  # by medians and by minimum times
 
 
@@ -82,22 +79,12 @@ def _targets(result: Result) -> list[Result]:
     ]
     return [
         {
-            "name": name,
-            "relation": relation,
-            "limit": limit,
-            "unit": unit,
-            "value": value,
-            "value_least": by_min,
-            "passed": _passes(relation, limit, value),
+            **{"name": name, "relation": relation, "limit": limit, "unit": unit},
+            **{"value": value, "value_least": by_min},
+            "passed": None if value is None else RELATIONS[relation](value, limit),
         }
         for name, relation, limit, unit, (value, by_min) in rows
     ]
-
-
-def _passes(relation: str, limit: float, value: float | None) -> bool | None:
-    if value is None:
-        return None
-    return value <= limit if relation == "<=" else value >= limit
 
 
 def show(result: Result, console: Console) -> None:
@@ -117,15 +104,12 @@ def _spread(row: Result) -> tuple[str, str]:
 
 def _batch_table(result: Result) -> Table:
     problem = result["problem"]
-    title = (
-        f"In batch: {problem['candidates']} candidates of {problem['stations']} stations, "
-        "one thread; ratios of medians (of least times)"
-    )
+    title = f"In batch: {problem['candidates']} candidates of {problem['stations']} stations, "
+    title += "one thread; ratios of medians (of least times)"
     table = table_of(title, "median", "min … max", "to plain", "to braking")
+    keys = ("to_plain", "to_braking")
     for row in result["batch"]:
-        ratios = (
-            f"{row[key]:.3g}× ({row[f'{key}_least']:.3g}×)" for key in ("to_plain", "to_braking")
-        )
+        ratios = (f"{row[key]:.3g}× ({row[f'{key}_least']:.3g}×)" for key in keys)
         table.add_row(row["name"], *_spread(row), *ratios)
     return table
 
@@ -156,10 +140,8 @@ def _target_table(rows: list[Result]) -> Table:
     table = table_of("Targets", "target", "reached", "by least times", "")
     for row in rows:
         unit = row["unit"]
-        reached = (
-            "–" if value is None else f"{value:.3g} {unit}"
-            for value in (row["value"], row["value_least"])
-        )
+        values = (row["value"], row["value_least"])
+        reached = ("–" if value is None else f"{value:.3g} {unit}" for value in values)
         verdict = {True: "[green]pass", False: "[red]miss", None: "not measured"}[row["passed"]]
         table.add_row(row["name"], f"{row['relation']} {row['limit']:g} {unit}", *reached, verdict)
     return table

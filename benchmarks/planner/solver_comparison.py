@@ -22,30 +22,21 @@ from slopewise.models.quantity import GRAVITY
 from slopewise.planner.pipeline.candidates import finished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from slopewise.planner.planning_limits import planning_limits
+from slopewise.planner.profile import time_optimal as planner_profile
 from slopewise.planner.profile.reference import JerkLimitedReference
 from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
-from slopewise.planner.profile.time_optimal import (
-    ProfileProblem,
-    profile_problem,
-    time_optimal_profile,
-)
 from slopewise.planner.verify.judge import check
 from slopewise.planner.verify.track import track_of
 
+from ..common.campaign import Result
 from ..common.profile_quality import excess, smooth_excess, stations_of, travel_time
 from ..common.scene import BenchmarkScene
-from ..common.time_optimal_reference import (
-    TimeOptimalReference,
-    problem_of_one,
-    with_columns,
-)
+from ..common.time_optimal_reference import TimeOptimalReference, problem_of_one, with_columns
 from ..common.timing import summary, timed
 
 _MIN_SPEED = 1e-3  # Lowest speed bound that all tools accept [m/s]
-_LATERAL_GRIP = 10.0
-"""Grip of the trajectory-planning-helpers across the path [m/s²]: so much that the longitudinal
-limits stay nearly whole."""
+_LATERAL_GRIP = 10.0  # of the planning helpers: large, so that longitudinal limits apply [m/s²]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +45,7 @@ class BaselineTask:
 
     accel: float  # accel, decel: service limits [m/s²]
     decel: float
-    problem: ProfileProblem  # stations, bounds, brakes and drive as the planner knows them
+    problem: planner_profile.ProfileProblem  # stations, bounds, brakes and drive
 
     @property
     def speed_max(self) -> Floats:
@@ -103,23 +94,10 @@ def planning_helpers(task: BaselineTask) -> Solver:
     grip = np.tile([task.decel, _LATERAL_GRIP], (len(speed), 1))
     machines = np.array([[0.0, task.accel], [2.0 * float(speed.max()), task.accel]])
 
-    def solve() -> Floats | None:
-        profile = calculate(
-            ax_max_machines=machines,
-            kappa=_LATERAL_GRIP / speed**2,
-            el_lengths=ds,
-            closed=False,
-            drag_coeff=0.0,
-            m_veh=1.0,
-            loc_gg=grip,
-            v_max=float(speed.max()),
-            dyn_model_exp=2.0,
-            v_start=0.1,
-            v_end=0.0,
-        )
-        return np.asarray(profile) ** 2
-
-    return solve
+    motion = {"v_max": float(speed.max()), "v_start": 0.1, "v_end": 0.0, "dyn_model_exp": 2.0}
+    body = {"drag_coeff": 0.0, "m_veh": 1.0, "loc_gg": grip, "ax_max_machines": machines}
+    path = {"kappa": _LATERAL_GRIP / speed**2, "el_lengths": ds, "closed": False}
+    return lambda: np.asarray(calculate(**path, **body, **motion)) ** 2
 
 
 def ipopt(task: BaselineTask) -> Solver:
@@ -148,9 +126,7 @@ def _submodule(package: str, name: str) -> Any:
     return importlib.import_module(f"{package}.{name}")
 
 
-Result = dict[str, Any]
 Problem = TypeVar("Problem")
-Solve = Callable[[], Floats | None]
 Quality = tuple[float, float]  # Travel time [s] and largest excess of a solution
 _FAULTS = (AttributeError, TypeError, ValueError, RuntimeError)
 """Raised by a tool whose version does not fit."""
@@ -166,9 +142,8 @@ def tasks_of(scene: BenchmarkScene, candidates: Sequence[int]) -> list[BaselineT
     """Candidates of a scene, each up to the station where it must rest."""
     solved, limits = scene.plan(), scene.model.limits
     start = np.zeros(len(solved.profile.count))
-    batch = profile_problem(
-        solved.profile, solved.ground, solved.bounds, planning_limits(scene.model), start
-    )
+    parts = (solved.profile, solved.ground, solved.bounds)
+    batch = planner_profile.profile_problem(*parts, planning_limits(scene.model), start)
     tasks = []
     for j in candidates:
         count = int(solved.profile.count[j])
@@ -194,22 +169,21 @@ def time_optimal(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: i
 def profile_stage(task: BaselineTask) -> Callable[[], Floats]:
     """The planner's profile stage on one candidate, exact in brakes and drive."""
     problem = with_columns(task.problem, lambda values: values[:, None], task.problem.start_sq)
-    return lambda: time_optimal_profile(problem)[0][:, 0]
+    return lambda: planner_profile.time_optimal_profile(problem)[0][:, 0]
 
 
 def jerk_limited(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: int) -> list[Result]:
     """The jerk-limited problem by the planner's solvers, and without its tangents by IPOPT."""
     problems = [smoothing_problem(scene, task) for task in tasks]
 
-    def reference(problem: SmoothingProblem) -> Solve:
+    def reference(problem: SmoothingProblem) -> Solver:
         program = JerkLimitedReference(len(problem.speed_sq_max))
         return lambda: program.solve(problem).speed_sq
 
     def quality(problem: SmoothingProblem, speed_sq: Floats) -> Quality:
-        time = travel_time(stations_of(problem), speed_sq)
-        return time, smooth_excess(problem, speed_sq)
+        return travel_time(stations_of(problem), speed_sq), smooth_excess(problem, speed_sq)
 
-    makers: dict[str, Callable[[SmoothingProblem], Solve]] = {
+    makers: dict[str, Callable[[SmoothingProblem], Solver]] = {
         "planner": lambda problem: lambda: smooth(problem).speed_sq,
         'planner, solver = "osqp"': lambda problem: lambda: smooth(problem, "osqp").speed_sq,
         'planner, solver = "ipopt"': lambda problem: lambda: smooth(problem, "ipopt").speed_sq,
@@ -239,15 +213,11 @@ def emitted(scene: BenchmarkScene, candidates: Sequence[int], rounds: int) -> li
     solved, model = scene.plan(), scene.model
     seconds: dict[str, list[float]] = {"judge": [], "plan smoothed, judged, explained": []}
     for j in candidates:
-        verify = partial(
-            check,
-            track_of(solved.profile, solved.ground, j),
-            np.ascontiguousarray(solved.speed_sq[:, j]),
-            float(solved.bounds.clear_distance[j]),
-            float(solved.ground.distance_offset[j]),
-            solved.ground.motion,
-            model,
-        )
+        track = track_of(solved.profile, solved.ground, j)
+        speed_sq = np.ascontiguousarray(solved.speed_sq[:, j])
+        clear, offset = solved.bounds.clear_distance[j], solved.ground.distance_offset[j]
+        stops = (float(clear), float(offset), solved.ground.motion)
+        verify = partial(check, track, speed_sq, *stops, model)
         finish = partial(finished, solved, j, "plan", smooth=True)
         actions: tuple[Callable[[], Any], ...] = (verify, finish)
         for times, action in zip(seconds.values(), actions, strict=True):
@@ -259,7 +229,7 @@ def emitted(scene: BenchmarkScene, candidates: Sequence[int], rounds: int) -> li
 def _row(
     name: str,
     problems: Sequence[Problem],
-    make: Callable[[Problem], Solve],
+    make: Callable[[Problem], Solver],
     quality: Callable[[Problem, Floats], Quality],
     rounds: int,
 ) -> Result:

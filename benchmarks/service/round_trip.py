@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import socket
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,8 @@ import msgspec
 import numpy as np
 import zenoh
 
+from ..common.timing import free_port
+
 _POINTS, _LENGTH = 100, 25.0  # of a candidate, [m]
 _FORMAT = "application/msgpack;slopewise.{}.v1"
 _WARM_UP = 20  # requests that are not timed
@@ -28,9 +29,7 @@ _WARM_UP = 20  # requests that are not timed
 
 def measure(requests: int, candidates: int) -> dict[str, Any]:
     """Start a service, send requests, stop it; times in ms."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     with tempfile.TemporaryDirectory() as folder:
         settings = Path(folder) / "service.toml"
         settings.write_text(
@@ -38,8 +37,8 @@ def measure(requests: int, candidates: int) -> dict[str, Any]:
             "[planning]\ndeadline = 5.0\n"
         )
         start = time.perf_counter()
-        module = [sys.executable, "-m", "slopewise.services.cli"]
-        command = [*module, "serve", "--config", str(settings)]
+        command = [sys.executable, "-m", "slopewise.services.cli", "serve"]
+        command += ["--config", str(settings)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         try:
             assert process.stdout is not None
@@ -63,13 +62,8 @@ def _run(endpoint: str, fan: list[np.ndarray], requests: int) -> dict[str, Any]:
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("scouting/multicast/enabled", "false")
     with zenoh.open(config) as session:
-        ground = {
-            "source": "bench",
-            "sequence": 1,
-            "elevation": _block(np.zeros((121, 241))),
-            "resolution": 0.25,
-            "origin": [-5.0, -15.0],
-        }
+        ground = {"source": "bench", "sequence": 1, "elevation": _block(np.zeros((121, 241)))}
+        ground |= {"resolution": 0.25, "origin": [-5.0, -15.0]}
         payload = msgspec.msgpack.encode(ground)
         session.put("bench/v1/map", payload, encoding=_FORMAT.format("map_update"))
         time.sleep(0.5)
@@ -104,14 +98,10 @@ def _once(querier: Any, fan: list[np.ndarray], client: str = "") -> tuple[float,
 def _figures(times: np.ndarray) -> dict[str, float]:
     trip, planner = 1e3 * times.T
     wire = trip - planner
-    return {
-        "round_trip_median": float(np.median(trip)),
-        "planner_median": float(np.median(planner)),
-        "wire_median": float(np.median(wire)),
-        "wire_p99": float(np.percentile(wire, 99)),
-        "wire_max": float(wire.max()),
-        "questions": len(wire),
-    }
+    columns = {"round_trip": trip, "planner": planner, "wire": wire}
+    medians = {f"{name}_median": float(np.median(part)) for name, part in columns.items()}
+    tail = {"wire_p99": float(np.percentile(wire, 99)), "wire_max": float(wire.max())}
+    return medians | tail | {"questions": len(wire)}
 
 
 def main() -> None:

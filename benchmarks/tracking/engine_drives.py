@@ -25,24 +25,18 @@ from slopewise.models.quantity import GRAVITY
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
-from slopewise.services.io.model_file import read_model, shipped_models
+from slopewise.services.io.model_file import shipped_models
 
-from ..common.campaign import BenchmarkRequest, Progress
+from ..common.campaign import BenchmarkRequest, Progress, Result, tracked
+from ..common.scene import shipped
 from ..common.text_tables import table_of
 from .passes import poses_on, steered
 
-Result = dict[str, Any]
 Random = np.random.Generator
 
-TRACKING = Tracking(
-    cross_track_std=0.08,
-    cross_track_per_curvature=0.1,
-    heading_std=math.radians(2.0),
-    along_track_std=0.1,
-    latency=0.1,
-    latency_std=0.05,
-)
-"""The law of the plans and of the drives."""
+TRACKING = Tracking(cross_track_std=0.08, cross_track_per_curvature=0.1)
+TRACKING = replace(TRACKING, heading_std=math.radians(2.0), along_track_std=0.1)
+TRACKING = replace(TRACKING, latency=0.1, latency_std=0.05)  # of the plans and of the drives
 
 LEVELS = (0.9, 0.99)  # quantiles of plans [1]: of 1000 drives they promise 100 and 10 contacts
 HAZARDS = ("wall", "post", "cliff", "stop")
@@ -51,15 +45,13 @@ _CELL, _HALF = 0.1, 11.0  # [m] edge of a cell, half that of a map
 _MAX_CURVATURE = 0.15  # of a path [1/m]
 _LENGTH, _PASSAGE = 16.0, 4.0  # [m] of a path; of it before and behind the obstacle
 _STEP = 0.005  # of the engine [s]
-_HOLD = 2.0 * math.pi * 3.0
-"""Circular frequency of the springs [1/s]: a turn of 2 m/s² leads 5 mm off the drawn offset."""
-
+_HOLD = 2.0 * math.pi * 3.0  # of the springs [1/s]: turns of 2 m/s² lead 5 mm off the drawn offset
 _BODY, _WHEEL = 1, 2  # bits of what obstacles touch: the body, or the middle of a wheel
 
 
 def vehicles() -> dict[str, Model]:
     """Shipped vehicles, and one of them with steered front wheels."""
-    models = {name: read_model(path) for name, path in shipped_models().items()}
+    models = {name: shipped(name) for name in shipped_models()}
     models["atv, steered"] = steered(models["atv"])
     return {name: replace(model, tracking=TRACKING) for name, model in models.items()}
 
@@ -146,24 +138,18 @@ def world_of(scene: Scene, model: Model) -> Any:
     inner = ndimage.binary_erosion(scene.marked, np.ones((3, 3)))
     rows, columns = np.nonzero(scene.marked & ~inner)
     x, y = (o + _CELL * n for o, n in zip(scene.ground.origin, (columns, rows), strict=True))
-    cells = "".join(
-        _CELL_GEOM.format(*at, edge=0.5 * _CELL, touches=scene.touched_by)
-        for at in zip(x, y, strict=True)
-    )
-    wheels = "".join(
-        _WHEEL_GEOM.format(u * vehicle.wheelbase, v * vehicle.track_width, _WHEEL)
-        for u, v in product((-0.5, 0.5), repeat=2)
-    )
-    text = _WORLD.format(
-        step=_STEP,
-        cells=cells,
-        middle=0.5 * (shape.front - shape.rear),
-        length=0.5 * (shape.front + shape.rear),
-        half=0.5 * shape.width,
-        mass=vehicle.mass,
-        body=_BODY,
-        wheels=wheels,
-    )
+    cell = {"edge": 0.5 * _CELL, "touches": scene.touched_by}
+    middle, length = 0.5 * (shape.front - shape.rear), 0.5 * (shape.front + shape.rear)
+    numbers = {"middle": middle, "length": length, "half": 0.5 * shape.width, "step": _STEP}
+    numbers |= {"mass": vehicle.mass, "body": _BODY}
+    parts = {
+        "cells": (_CELL_GEOM.format(*at, **cell) for at in zip(x, y, strict=True)),
+        "wheels": (
+            _WHEEL_GEOM.format(u * vehicle.wheelbase, v * vehicle.track_width, _WHEEL)
+            for u, v in product((-0.5, 0.5), repeat=2)
+        ),
+    }
+    text = _WORLD.format(**numbers, **{name: "".join(part) for name, part in parts.items()})
     return mujoco.MjModel.from_xml_string(text)
 
 
@@ -199,28 +185,20 @@ def touches(
 ) -> bool:
     """Drive until the obstacle is passed or touched, or the vehicle stands.
 
-    Args:
-        plan: speeds. line: places of the vehicle. model: braking. world: model of the engine.
-        errors: (4,) standard normal: cross-track, heading, along-track, latency.
-        stop_at: station at which an emergency stop is commanded [m], inf without one.
+    ``errors`` are (4,) standard normal: cross-track, heading, along-track, latency; at the station
+    ``stop_at`` [m] an emergency stop is commanded.
     """
     import mujoco
 
     data, before = mujoco.MjData(world), None
-    motion = Motion(plan, model, errors, stop_at)
-    going = True
+    motion, going = Motion(plan, model, errors, stop_at), True
     while going:
         going = motion.advance()
         x, y, heading, curvature = (np.interp(motion.at, line.arc, row) for row in line[1:])
         width = TRACKING.cross_track_std + TRACKING.cross_track_per_curvature * abs(curvature)
-        offset = width * errors[0]
-        goal = np.array(
-            [
-                x - offset * math.sin(heading),
-                y + offset * math.cos(heading),
-                heading + TRACKING.heading_std * errors[1],
-            ]
-        )
+        offset, turned = width * errors[0], heading + TRACKING.heading_std * errors[1]
+        x, y = x - offset * math.sin(heading), y + offset * math.cos(heading)
+        goal = np.array([x, y, turned])
         if before is None:
             data.qpos[:] = before = goal
         rate = (goal - before) / _STEP
@@ -248,9 +226,7 @@ def drives(hazard: str, level: float, model: Model, scenes: int, rng: Random) ->
             continue
         line, world = reference(plan, model), world_of(place, model)
         for _ in range(_DRAWS):
-            stop_at = math.inf
-            if hazard == "stop":
-                stop_at = plan.progress - rng.uniform(0.1, 2.5)
+            stop_at = plan.progress - rng.uniform(0.1, 2.5) if hazard == "stop" else math.inf
             errors = rng.standard_normal(4)
             driven += 1
             touched += touches(plan, line, model, world, errors, stop_at)
@@ -261,20 +237,11 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
     """Drive all vehicles past all hazards at all levels."""
     rng, rows = np.random.default_rng(_SEED), []
     scenes, models = 2 if request.quick else _SCENES, vehicles()
-    cases = list(product(LEVELS, models, HAZARDS))
-    advance = progress("drives", len(cases))
-    for level, vehicle, hazard in cases:
+    for case in tracked(progress, "drives", list(product(LEVELS, models, HAZARDS))):
+        level, vehicle, hazard = case
         driven, touched = drives(hazard, level, models[vehicle], scenes, rng)
-        advance(1)
-        rows.append(
-            {
-                "quantile": level,
-                "vehicle": vehicle,
-                "hazard": hazard,
-                "drives": driven,
-                "contacts": touched,
-            }
-        )
+        row = {"quantile": level, "vehicle": vehicle, "hazard": hazard}
+        rows.append(row | {"drives": driven, "contacts": touched})
     return {"quick": request.quick, "drives": rows}
 
 

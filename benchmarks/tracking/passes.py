@@ -17,11 +17,8 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 
-_SAMPLE = 0.02
-"""Distance between samples of a body [m]: a fifth of the cells of the maps here."""
-
-_STEP = 0.05
-"""Distance between poses on a line [m]: half a cell."""
+_SAMPLE = 0.02  # between samples of a body [m]: a fifth of the cells of the maps here
+_STEP = 0.05  # between poses on a line [m]: half a cell
 
 
 def steered(model: Model) -> Model:
@@ -38,11 +35,9 @@ class Poses(NamedTuple):
 
 
 def poses_on(x: Floats, y: Floats, model: Model) -> Poses:
-    """Poses of a vehicle whose mid-wheelbase follows stations exactly.
+    """Poses of a vehicle whose mid-wheelbase follows (N,) stations exactly; they begin straight.
 
-    Args:
-        x, y: (N,) stations [m]; the line begins straight.
-        model: vehicle; with steered front wheels its rear axle does not slip sideways.
+    With steered front wheels the rear axle does not slip sideways.
     """
     arc = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))))
     line = CubicSpline(arc, np.column_stack([x, y]))
@@ -54,8 +49,7 @@ def poses_on(x: Floats, y: Floats, model: Model) -> Poses:
 
         def rates(s: float, rear: Floats) -> Floats:
             ahead = (line(s) - rear) / rod
-            moved: Floats = ahead * float(ahead @ line(s, 1))
-            return moved
+            return np.asarray(ahead * float(ahead @ line(s, 1)))
 
         first = points[0] - rod * np.array([np.cos(heading[0]), np.sin(heading[0])])
         rear = solve_ivp(rates, (0.0, at[-1]), first, t_eval=at, rtol=1e-7, atol=1e-9).y.T
@@ -70,16 +64,10 @@ def strikes(
     errors: Floats | None = None,
     inset: float = 0.0,
 ) -> Bools:
-    """Draws in which the body touches a high cell somewhere along the poses.
+    """(D,) draws in which the body touches a cell higher than its clearance along the poses.
 
-    Args:
-        poses: planned poses. model: sizes of the body.
-        ground: cells higher than the clearance are obstacles; nothing else is checked.
-        errors: (D, 2) distance of the body to the left [m] and turn [rad]; one of none by default.
-        inset: depth up to which there is no contact [m].
-
-    Returns:
-        (D,) true where something is touched.
+    ``errors`` are (D, 2), distance of the body to the left [m] and turn [rad], one of 0 by default;
+    up to a depth of ``inset`` [m] there is no contact.
     """
     shape = model.vehicle.shape
     front, rear, half = shape.front - inset, shape.rear - inset, 0.5 * shape.width - inset
@@ -89,12 +77,8 @@ def strikes(
     u = np.concatenate([along, along, front * ends, -rear * ends])
     v = np.concatenate([across[0] * sides, across[-1] * sides, across, across])
     high = ground.elevation > shape.clearance
-    return np.array(
-        [
-            _is_marked(high, ground, *_moved(poses, offset, turn, u, v)).any()
-            for offset, turn in (np.zeros((1, 2)) if errors is None else errors)
-        ]
-    )
+    errors = np.zeros((1, 2)) if errors is None else errors
+    return np.array([_is_marked(high, ground, *_moved(poses, e, u, v)).any() for e in errors])
 
 
 def wheels_beyond(poses: Poses, model: Model, ground: ElevationMap, errors: Floats) -> Bools:
@@ -103,12 +87,12 @@ def wheels_beyond(poses: Poses, model: Model, ground: ElevationMap, errors: Floa
     u = half_length * np.array([1.0, 1.0, -1.0, -1.0])
     v = half_width * np.array([1.0, -1.0, 1.0, -1.0])
     low = ground.elevation < -model.vehicle.shape.max_step
-    moved = [_is_marked(low, ground, *_moved(poses, e[0], e[1], u, v)).any() for e in errors]
-    return np.array(moved)
+    return np.array([_is_marked(low, ground, *_moved(poses, e, u, v)).any() for e in errors])
 
 
-def _moved(poses: Poses, offset: float, turn: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
+def _moved(poses: Poses, error: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats]:
     """Points of a body with errors, (n, points) each [m]."""
+    offset, turn = error
     normal_x, normal_y = -np.sin(poses.heading), np.cos(poses.heading)
     c, s = np.cos(poses.heading + turn)[:, None], np.sin(poses.heading + turn)[:, None]
     x = (poses.x + offset * normal_x)[:, None] + c * u - s * v
@@ -119,5 +103,4 @@ def _is_marked(cells: Bools, ground: ElevationMap, x: Floats, y: Floats) -> Bool
     column = np.rint((x - ground.origin[0]) / ground.resolution).astype(int)
     row = np.rint((y - ground.origin[1]) / ground.resolution).astype(int)
     rows, columns = cells.shape
-    touched: Bools = cells[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
-    return touched
+    return np.asarray(cells[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)])

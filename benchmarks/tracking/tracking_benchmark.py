@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from itertools import product
 
 import numpy as np
 from rich.console import Console
@@ -18,17 +18,14 @@ from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
-from slopewise.planner.plan import SpeedPlan
-from slopewise.services.io.model_file import read_model, shipped_models
 
-from ..common.campaign import BenchmarkRequest, Progress
-from ..common.scene import fan
-from ..common.text_tables import duration, table_of
+from ..common.campaign import BenchmarkRequest, Progress, Result
+from ..common.scene import fan, shipped
+from ..common.text_tables import duration, print_rows
 from ..common.timing import Action, interleave, machine
 from ..noisy_maps import noisy_ground
 from .passes import Poses, poses_on, steered, strikes, wheels_beyond
 
-Result = dict[str, Any]
 Random = np.random.Generator
 
 TRACKING = Tracking(cross_track_std=0.08, heading_std=math.radians(2.0))
@@ -45,7 +42,7 @@ _SQUARE = 0.71 * _CELL  # by which the square of a cell is nearer than its middl
 
 def run(request: BenchmarkRequest, progress: Progress) -> Result:
     """Drive planned lines past walls, posts, cliffs and through gaps."""
-    atv = read_model(shipped_models()["atv"])
+    atv = shipped("atv")
     arcs, scenes, draws = (22, 6, 60) if request.quick else (_ARCS, _SCENES, _DRAWS)
     rng, advance = np.random.default_rng(_SEED), progress("tracking", 3 + len(LEVELS))
     result: Result = {"quick": request.quick, "machine": machine()}
@@ -67,7 +64,6 @@ def arc_rows(model: Model, count: int, rng: Random) -> list[Result]:
     """Arcs of 3 … 8 m along a wall: driven and struck; circles of 0.5 and 1 m: status."""
     planner = CandidatePlanner(model, uncertainty=Uncertainty(quantile=QUANTILE))
     driven = struck = 0
-    fastest = 0.0
     for _ in range(count):
         path, ground = arc_scene(model, rng)
         plan = planner.plan(ground, [path])[0]
@@ -75,11 +71,10 @@ def arc_rows(model: Model, count: int, rng: Random) -> list[Result]:
         if plan.progress < 1.0:
             continue
         driven += 1
-        if strikes(poses_on(plan.x[:stop], plan.y[:stop], model), model, ground).any():
-            struck, fastest = struck + 1, max(fastest, float(plan.speed.max()))
-    rows: list[Result] = [
-        {"case": "arcs of 3 … 8 m", "planned": count, "driven": driven, "struck": struck}
-    ]
+        poses = poses_on(plan.x[:stop], plan.y[:stop], model)
+        struck += int(strikes(poses, model, ground).any())
+    first = {"case": "arcs of 3 … 8 m", "planned": count, "driven": driven, "struck": struck}
+    rows: list[Result] = [first]
     for radius in (0.5, 1.0):
         path, flat = circle(radius), _map(np.zeros((120, 120)), (-6.0, -6.0))
         plan = planner.plan(flat, [path])[0]
@@ -134,26 +129,15 @@ def pass_row(
         wide, wide_driven = wide + fits, wide_driven + (fits and passed)
         if not passed:
             continue
-        pass_errors = rng.standard_normal((draws, 2)) * [
-            TRACKING.cross_track_std,
-            TRACKING.heading_std,
-        ]
+        std = [TRACKING.cross_track_std, TRACKING.heading_std]
+        pass_errors = rng.standard_normal((draws, 2)) * std
         poses = _near(poses_on(plan.x, plan.y, model))
         contact = wheels_beyond if kind == "cliff" else strikes
-        driven, touched = (
-            driven + draws,
-            touched + int(contact(poses, model, ground, pass_errors).sum()),
-        )
-    return {
-        "obstacle": kind,
-        "quantile": quantile,
-        "passes": driven,
-        "touched": touched,
-        "share": round(touched / max(driven, 1), 5),
-        "promised": round(1.0 - quantile, 4),
-        "wide enough": wide,
-        "of these driven": wide_driven,
-    }
+        driven += draws
+        touched += int(contact(poses, model, ground, pass_errors).sum())
+    shares = {"share": round(touched / max(driven, 1), 5), "promised": round(1.0 - quantile, 4)}
+    row = {"obstacle": kind, "quantile": quantile, "passes": driven, "touched": touched}
+    return row | shares | {"wide enough": wide, "of these driven": wide_driven}
 
 
 def _near(poses: Poses) -> Poses:
@@ -173,17 +157,11 @@ def pass_scene(
     y, x = np.mgrid[-11.0:11.0:_CELL, -11.0:11.0:_CELL] + shift[:, None, None]
     c, s = math.cos(heading), math.sin(heading)
     u, v = c * x + s * y, c * y - s * x
-    near = np.abs(u) < 1.5
-    high = {
-        "wall": near & (v > half + spare) & (v < half + spare + 0.5),
-        "gap": near & (np.abs(v) > half + spare) & (np.abs(v) < half + spare + 0.5),
-        "post": (np.abs(u) < 0.1) & (v > half + spare) & (v < half + spare + 0.2),
-        "cliff": near & (v > half + spare) & (v < half + spare + 3.0),
-    }[kind]
+    left, start = np.abs(v) if kind == "gap" else v, half + spare
+    high = (left > start) & (left < start + {"post": 0.2, "cliff": 3.0}.get(kind, 0.5))
+    high &= np.abs(u) < (0.1 if kind == "post" else 1.5)
     height = np.where(high, -_WALL if kind == "cliff" else _WALL, 0.0)
-    ground = ElevationMap(
-        elevation=height, resolution=_CELL, origin=(-11.0 + shift[1], -11.0 + shift[0])
-    )
+    ground = _map(height, (-11.0 + shift[1], -11.0 + shift[0]))
     along = np.linspace(-0.5 * _LENGTH, 0.5 * _LENGTH, 33)
     return CandidatePath(kind, np.column_stack([c * along, s * along])), ground
 
@@ -195,22 +173,18 @@ def open_row(kind: str, model: Model, count: int, rng: Random) -> Result:
     late = replace(TRACKING, along_track_std=0.05, latency=0.1, latency_std=0.02)
     row: Result = {"ground": kind, "paths": count}
     for name, tracking in (("exact", None), ("band", TRACKING), ("band and delay", late)):
-        planner = CandidatePlanner(
-            replace(model, tracking=tracking), uncertainty=Uncertainty(quantile=QUANTILE)
-        )
+        uncertainty = Uncertainty(quantile=QUANTILE)
+        planner = CandidatePlanner(replace(model, tracking=tracking), uncertainty=uncertainty)
         plans = planner.plan(ground, paths)
-        row[name] = round(_mean_speed(plans), 3)
+        seconds = sum(max(plan.travel_time, 1e-9) for plan in plans)
+        row[name] = round(sum(plan.progress for plan in plans) / seconds, 3)
         row[f"{name}, ok"] = sum(plan.status.value == "ok" for plan in plans)
     return row
 
 
-def _mean_speed(plans: list[SpeedPlan]) -> float:
-    return sum(p.progress for p in plans) / sum(max(p.travel_time, 1e-9) for p in plans)
-
-
 def batch_rows(model: Model, repetitions: int) -> list[Result]:
     """Times of a batch of 64 x 100 with and without the band, in turn, and their ratio."""
-    scene, seconds = fan(*_BATCH), {}
+    scene = fan(*_BATCH)
     names = tuple(str(j) for j in range(len(scene.count)))
     paths = PathBatch.of_stations(names, scene.x, scene.y, scene.count)
     uncertainty = Uncertainty(quantile=QUANTILE)
@@ -226,35 +200,20 @@ def batch_rows(model: Model, repetitions: int) -> list[Result]:
 
     rough = scene.elevation_map
     heights = ndimage.gaussian_filter(np.nan_to_num(rough.elevation), 2.0)
-    smooth = replace(rough, elevation=heights)
-    for map_name, terrain, is_new in (
-        ("1 cm of noise, same map", rough, False),
-        ("1 cm of noise, new map", rough, True),
-        ("smooth, same map", smooth, False),
-        ("smooth, new map", smooth, True),
-    ):
-        actions = {
-            name: action(tracking, terrain, is_new=is_new)
-            for name, tracking in (("exact", None), ("band", TRACKING))
-        }
+    rows = []
+    grounds = {"1 cm of noise": rough, "smooth": replace(rough, elevation=heights)}
+    for (ground, terrain), is_new in product(grounds.items(), (False, True)):
+        trackings = {"exact": None, "band": TRACKING}
+        actions = {name: action(t, terrain, is_new=is_new) for name, t in trackings.items()}
         times = interleave(actions, repetitions)
-        seconds[map_name] = {name: float(np.median(part)) for name, part in times.items()}
-    return [
-        {
-            "batch": f"{_BATCH[1]} x {_BATCH[0]}, {map_name}",
-            **{name: duration(part) for name, part in parts.items()},
-            "ratio": round(parts["band"] / parts["exact"], 2),
-        }
-        for map_name, parts in seconds.items()
-    ]
+        exact, band = (float(np.median(times[name])) for name in trackings)
+        name = f"{_BATCH[1]} x {_BATCH[0]}, {ground}, {'new' if is_new else 'same'} map"
+        row = {"batch": name, "exact": duration(exact), "band": duration(band)}
+        rows.append(row | {"ratio": round(band / exact, 2)})
+    return rows
 
 
 def show(result: Result, console: Console) -> None:
     """Print a table of each part."""
     for title in ("arcs", "passes", "open ground", "batch"):
-        rows = result[title]
-        columns = list(dict.fromkeys(key for row in rows for key in row))
-        table = table_of(title, *columns[1:], first=columns[0])
-        for row in rows:
-            table.add_row(*(str(row.get(key, "")) for key in columns))
-        console.print(table)
+        print_rows(console, title, result[title])

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.discrepancy.effect_plant import DrivenStops
-from benchmarks.discrepancy.plant_physics import Floats, Stops
+from benchmarks.discrepancy import plant_sets, sensing
+from benchmarks.discrepancy.effect_plant import DrivenStops, drive
+from benchmarks.discrepancy.plant_physics import Floats, Physics, Stops
 
 G = 9.80665
 
@@ -20,6 +21,14 @@ def stops(count: int = 1, **changed: float | list[float]) -> Stops:
     values |= {"speed": 4.0, "wave_length": 10.0, "friction": 1.0} | changed
     arrays = {name: np.resize(value, count) for name, value in values.items()}
     return Stops(**(arrays | {"clock": 60.0 * (1.0 + np.arange(count))}))
+
+
+def measured(
+    truth: Physics, scene: Stops, noise: float, rng: np.random.Generator
+) -> sensing.Columns:
+    """Drive log of stops of the plant, with this noise of the speed [m/s]."""
+    late = plant_sets.sampled_late(scene, rng)
+    return sensing.log(drive(truth, late, sensing.sample_times(11.0)), late, noise, rng)
 
 
 def decelerations(

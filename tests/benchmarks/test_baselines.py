@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.discrepancy import gls_base, gls_scan, plant_sets
+from benchmarks.discrepancy import gls_base, gls_scan
 from benchmarks.discrepancy.plant_physics import Physics, draw
 from benchmarks.discrepancy.sensing import Columns
+from tests.benchmarks.driven_stops import measured
 
 BASE = Physics(m_m=0.0, b_m=-0.2, m_b=0.005, b_b=0.45, dead_time=0.25)
 CONFIGURED = {"m_m": 0.001, "b_m": -0.21, "m_b": 0.004, "b_b": 0.46, "dead_time": 0.24}
@@ -16,9 +17,7 @@ CONFIGURED = {"m_m": 0.001, "b_m": -0.21, "m_b": 0.004, "b_b": 0.46, "dead_time"
 def logged(truth: Physics, count: int = 50, seed: int = 3) -> Columns:
     """Stops of a plant, measured with 1 cm/s of noise."""
     stops = draw("mixed", count, 0.01, np.random.default_rng(seed))
-    spec = plant_sets.SetSpec("single", (), "", seed)
-    hidden = plant_sets.HiddenSet(spec, "mixed", 0.01, 0.01, {}, {}, truth, (), stops)
-    return plant_sets.measure(hidden, np.random.default_rng(seed)).columns
+    return measured(truth, stops, 0.01, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ QUAD = MODELS["atv"].vehicle
 
 @pytest.fixture(scope="module")
 def planned() -> list[PlannedOutcome]:
-    return outcomes(cases(CASES, MODELS, seed=5), MODELS, lambda _: None)
+    return outcomes(cases(CASES, MODELS, seed=5), MODELS)
 
 
 def test_no_large_obstacle_is_passed_and_few_small_ones_are_blocked(
@@ -47,7 +47,7 @@ def test_oblique_ditch_that_lifts_single_wheels_is_blocked() -> None:
     case = ObstacleCase(
         "ditch", "husky", ditch, Slope(0.0, 0.0), 0.05, 2.20885169, 2014385351, size, size
     )
-    (planned,) = outcomes([case], {"husky": replace(model, vehicle=longer)}, lambda _: None)
+    (planned,) = outcomes([case], {"husky": replace(model, vehicle=longer)})
     assert planned.is_blocked
 
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.paths.deviations import largest_distance
+from benchmarks.common.scene import shipped
 from benchmarks.paths.followers import follow_exactly, pursue
-from benchmarks.paths.given_lines import KINDS
-from benchmarks.paths.paths_benchmark import outcome, plane, planner, read_vehicle, summary
+from benchmarks.paths.given_lines import KINDS, largest_distance
+from benchmarks.paths.paths_benchmark import outcome, plane, planner, summary
 from slopewise.models.candidate_path import CandidatePath
 
 BETWEEN_POINTS = {"dubins": (33,), "u-turn": (72,), "spiral": (64,)}
@@ -33,7 +33,7 @@ def test_paths_of_all_kinds_are_planned_reported_and_driven_within_limits(
 def test_followers_feel_a_circle_that_is_driven_too_fast() -> None:
     angle = np.arange(0.0, 3.0, 0.01)
     circle = 5.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
-    model = read_vehicle("atv")
+    model = shipped("atv")
     plan = planner("atv").plan(plane(0.0, 0.0, 0.5, circle), [CandidatePath("c", circle)])[0]
     slope = np.zeros(2)
     assert follow_exactly(circle, plan, model, slope).lateral == pytest.approx(1.0, abs=0.03)

@@ -10,13 +10,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
-from benchmarks.discrepancy import (
-    effect_plant,
-    engine_car,
-    engine_vehicle,
-    rocking_car,
-    rocking_vehicle,
-)
+from benchmarks.discrepancy import effect_plant, engine_car, rocking_car, world_logs
 from benchmarks.discrepancy.blind_run import COEFFICIENTS
 from benchmarks.discrepancy.naming_benchmark import compared
 from benchmarks.discrepancy.plant_physics import Physics, Stops
@@ -29,8 +23,8 @@ PLAIN = {"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "b_b": 0.4, "rolling": 0.03, "mount
 
 def plain_cars() -> list[tuple[ModuleType, object, float]]:
     """Worlds, their cars with 0.4 of brakes and the share of mass that their wheels add."""
-    engine = engine_vehicle.draw_car(np.random.default_rng(3))
-    rocking = rocking_vehicle.draw_car(np.random.default_rng(3))
+    engine = engine_car.draw_car(np.random.default_rng(3))
+    rocking = rocking_car.draw_car(np.random.default_rng(3))
     rocking = replace(rocking, **PLAIN, counts=0, play=0.0, roof=rocking.height)
     engine = replace(engine, **PLAIN, sensor=0.0)
     return [(engine_car, engine, engine.spin), (rocking_car, rocking, rocking.axle_share)]
@@ -68,7 +62,7 @@ def test_cars_and_effects_keep_the_laws_of_free_bodies(
 def test_calibrated_base_law_holds_on_other_stops(
     world: ModuleType, car: object, spin: float
 ) -> None:
-    base = world.calibration_of(car, 0.0, np.random.default_rng(7))
+    base = world_logs.calibration_of(world.drive, car, 0.0, np.random.default_rng(7))
     scene: Stops = draw_stops(4, 0.43, 0.0, np.random.default_rng(8))
     still = np.zeros_like(scene.speed)
     scene = scene._replace(delay=still, wave=still, roll=still)
