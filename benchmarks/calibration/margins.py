@@ -6,9 +6,8 @@ regression (twenty lines), and with the true distribution's quantile.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -21,10 +20,9 @@ from slopewise.models.parameters import Braking
 from slopewise.models.stop_promise import promised_line
 
 from ..common.campaign import BenchmarkRequest, Progress, run_jobs
-from ..common.text_tables import table_of
+from ..common.text_tables import grouped, table_of
 from .brake_kinds import KINDS, BrakeVehicle, StopLog, drive_log, fresh_stops, true_quantiles
 
-Row = TypeVar("Row")
 QUANTILES = (0.9, 0.99, 0.999)  # promised [1]
 STOPS, SESSIONS = (8, 15, 40, 150), (1, 3, 8)  # of the logs
 _VEHICLES, _FRESH = 40, 100_000  # logs of each size, stops to compare
@@ -67,14 +65,6 @@ def run(request: BenchmarkRequest, progress: Progress) -> dict[str, Any]:
         "by_size": {name: _pooled(rows) for name, rows in by_size.items()},
         "by_kind": {name: _pooled(rows) for name, rows in by_kind.items()},
     }
-
-
-def grouped(rows: list[Row], key: Callable[[Row], str]) -> dict[str, list[Row]]:
-    """Rows by their key, in the order of first rows."""
-    groups: dict[str, list[Row]] = {}
-    for row in rows:
-        groups.setdefault(key(row), []).append(row)
-    return groups
 
 
 def show(result: dict[str, Any], console: Console) -> None:

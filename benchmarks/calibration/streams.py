@@ -22,9 +22,9 @@ from slopewise.services.parameters.braking_forces import BrakingForces
 from slopewise.services.settings.learning_settings import Learning
 
 from ..common.campaign import BenchmarkRequest, Progress, run_jobs
-from ..common.text_tables import table_of
+from ..common.text_tables import grouped, table_of
 from .brake_kinds import BrakeVehicle, StopLog, drive_log, stream_log
-from .margins import QUANTILES, ROUGH, allowed_distance, grouped, is_inside
+from .margins import QUANTILES, ROUGH, allowed_distance, is_inside
 
 STOPS, CHANGE, LOSS = 200, 100, 0.20  # of a stream; stops before the change; force lost [1]
 _LOG = 40, 8  # stops and sessions of the log

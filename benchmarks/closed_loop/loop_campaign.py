@@ -141,11 +141,8 @@ def targets(results: dict[str, Result], policy: str, perfect: str) -> list[Resul
         ("mean excess of the prediction [m]", "<=", 0.25, r["mean_excess"]),
     ]
     return [
-        {
-            **{"what": what, "relation": relation, "wanted": target},
-            "reached": float(reached),
-            "passed": bool(RELATIONS[relation](reached, target)),
-        }
+        {"what": what, "relation": relation, "wanted": target, "reached": float(reached)}
+        | {"passed": bool(RELATIONS[relation](reached, target))}
         for what, relation, target, reached in rows
     ]
 

@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any, TypeVar
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
+Row = TypeVar("Row")
+Key = TypeVar("Key", bound=Hashable)
 RELATIONS = {"<=": operator.le, ">=": operator.ge}  # of values to targets
+
+
+def grouped(rows: Sequence[Row], key: Callable[[Row], Key]) -> dict[Key, list[Row]]:
+    """Rows by their key, in the order of first rows."""
+    groups: dict[Key, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(key(row), []).append(row)
+    return groups
 
 
 def table_of(title: str, *columns: str, first: str = "") -> Table:
     """Return a table of named rows: names to the left, figures to the right."""
     table = Table(title=title, title_justify="left")
-    table.add_column(first, overflow="fold")
+    table.add_column(escape(first), overflow="fold")
     for column in columns:
-        table.add_column(column, justify="right", overflow="fold")
+        table.add_column(escape(column), justify="right", overflow="fold")
     return table
 
 

@@ -23,11 +23,10 @@ from .sensing import Columns
 COEFFICIENTS = ("m_m", "b_m", "m_b", "b_b", "dead_time")
 _UNCALIBRATED = (0.0, 0.0, 0.0, 0.42, 0.25)  # the same before any stop [SI]
 
-_PLANT: dict[str, Any] = {
-    **{"mass": 500.0, "wheelbase": 1.2, "track_width": 1.0, "cg_x": 0.6, "cg_z": 0.55},
-    **{"wheel_radius": 0.28, "drive": "skid_steer", "max_wheel_speed": 7.0},
-    **{"max_drive_force": 2500.0, "max_drive_power": 6000.0},
-}  # vehicle table of the plant
+# Vehicle table of the plant.
+_PLANT: dict[str, Any] = {"mass": 500.0, "wheelbase": 1.2, "track_width": 1.0}
+_PLANT |= {"cg_x": 0.6, "cg_z": 0.55, "wheel_radius": 0.28, "drive": "skid_steer"}
+_PLANT |= {"max_wheel_speed": 7.0, "max_drive_force": 2500.0, "max_drive_power": 6000.0}
 _LIMITS = {"speed": 6.0, "accel": 1.0, "decel": 1.5, "jerk": 2.0}
 _LIMITS |= {"lateral_accel": 2.0, "min_load": 0.10}
 _SLIP_TRACK = 1.15  # over the track width

@@ -18,8 +18,7 @@ from .effect_plant import GRAVITY, DrivenStops
 from .plant_physics import Floats, Stops, draw_ranged, ranged
 from .world_changes import Changes
 
-_STEP, _HOLD = 0.002, 2
-"""Step of the engine [s], and steps for which forces hold."""
+_STEP, _HOLD = 0.002, 2  # step of the engine [s], and steps for which forces hold
 _SETTLE = 0.5  # driven before the log begins, so that the body rests on its springs [s]
 _AFTER = 1.1  # driven after standstill [s]
 _GRIP = 1.2  # of wheels on the plane, beyond any brake [1]
@@ -27,8 +26,7 @@ _GAIN = 8.0  # of the speed controller [1/s]
 _INTEGRAL = 6.0  # of the speed controller [1/s²]
 _MAX_STEER = 0.15  # of each wheel [rad]
 _STANDSTILL = 0.01  # [m/s] at the wheels
-_SPINS = slice(7, 14, 2)
-"""Degrees of freedom of the four hinges."""
+_SPINS = slice(7, 14, 2)  # degrees of freedom of the four hinges
 
 _SOFTEST = 0.05  # largest angle by which the body rolls or pitches on its springs [rad]
 _SIDEWAYS = 0.2  # lateral acceleration that the springs are chosen for, over gravity [1]

@@ -17,7 +17,7 @@ from .blind_run import COEFFICIENTS, Finding
 from .effect_plant import drive, speeds
 from .hidden_effects import FIELDS, HiddenTerm
 from .plant_physics import Physics, draw
-from .plant_sets import HiddenSet, sampled_late
+from .plant_world import HiddenSet, sampled_late
 from .sensing import RATE
 
 MIN_GAP = 1.5  # gap, over the floor, from which a closed share is meaningful [1]

@@ -63,8 +63,7 @@ class Traces(NamedTuple):
 
     def binned(self, values: Floats) -> Floats:
         """Mean of (n, m) samples in each bin, shape (n, BINS); 0 in an empty one."""
-        means: Floats = np.einsum("nbm,nm->nb", self.bin_weights, values)
-        return means
+        return np.asarray(np.einsum("nbm,nm->nb", self.bin_weights, values))
 
 
 def traces_of(columns: Columns, dead_time: float) -> Traces:
@@ -181,8 +180,7 @@ def fit_base(columns: Columns, configured: dict[str, float]) -> BaseFit:
         delayed = -hard * t.binned((t.since > 0.0).astype(float))
         base = np.stack([*(t.speed_lost(term) for term in terms), delayed], axis=2)
         shape = np.stack((t.speed_lost(force), delayed), axis=2)
-        fit = BaseFit(t, lost, base, force, shape, scatter, np.inf)
-        fit = fit._replace(**fit_scatter(fit, base)._asdict())
+        fit = fit_scatter(BaseFit(t, lost, base, force, shape, scatter, np.inf), base)
         scatter = fit.scatter
         rows, target = whitened(fit, base, scatter)
         best = np.linalg.lstsq(rows, target, rcond=None)[0]
@@ -191,30 +189,22 @@ def fit_base(columns: Columns, configured: dict[str, float]) -> BaseFit:
     return fit
 
 
-class ScatterFit(NamedTuple):
-    """The most likely scatter, and −2 log likelihood with it."""
-
-    scatter: StopScatter
-    fit: float
-
-
-def fit_scatter(stops: BaseFit, columns: Floats, max_tries: int = 120) -> ScatterFit:
-    """Fit the scatter of the stops together with these columns, shape (n, BINS, k)."""
+def fit_scatter(stops: BaseFit, columns: Floats, max_tries: int = 120) -> BaseFit:
+    """The fit with the most likely scatter of the stops with these columns, (n, BINS, k)."""
 
     def unlikely(logs: Floats) -> float:
         scatter = StopScatter(*np.exp(np.clip(logs, -9.0, 1.0)))
         rows, target = whitened(stops, columns, scatter)
         best = np.linalg.lstsq(rows, target, rcond=None)[0]
         left = target - rows @ best
-        return float(left @ left) + _log_determinant(stops, scatter)
+        return float(left @ left + np.sum(np.linalg.slogdet(_covariance(stops, scatter))[1]))
 
     start = np.log(np.array(stops.scatter))
     corners = np.vstack((start, start + 0.4 * np.eye(3)))
     options = {"maxfev": max_tries, "initial_simplex": corners, "xatol": 0.01, "fatol": 0.02}
     result = minimize(unlikely, start, method="Nelder-Mead", options=options)
-    return ScatterFit(
-        StopScatter(*np.exp(np.clip(result.x, -9.0, 1.0)).tolist()), float(result.fun)
-    )
+    scatter = StopScatter(*np.exp(np.clip(result.x, -9.0, 1.0)).tolist())
+    return stops._replace(scatter=scatter, fit=float(result.fun))
 
 
 def whitened(stops: BaseFit, columns: Floats, scatter: StopScatter) -> tuple[Floats, Floats]:
@@ -236,9 +226,4 @@ def _covariance(stops: BaseFit, scatter: StopScatter) -> Floats:
     total = diagonal[:, :, None] * np.eye(BINS)
     for shape, std in ((friction, scatter.friction), (delayed, scatter.delay)):
         total = total + std**2 * shape[:, :, None] * shape[:, None, :]
-    covariance: Floats = total + sample * level[:, :, None] * level[:, None, :]
-    return covariance
-
-
-def _log_determinant(stops: BaseFit, scatter: StopScatter) -> float:
-    return float(np.sum(np.linalg.slogdet(_covariance(stops, scatter))[1]))
+    return np.asarray(total + sample * level[:, :, None] * level[:, None, :])

@@ -1,14 +1,10 @@
 """The baseline: a scan of the library by generalised least squares.
 
-The base, its dead time and the scatter of the stops (friction, dead time, noise) are fitted by
-maximum likelihood; each effect is then one column more. Its gain is twice the log likelihood, less
-log(stops) for each chosen number (Schwarz, 1978), with the scatter refitted. The best effect is
-added if it gains more than a threshold, set by clean logs, and so on. An effect that changes stops
-by less than a practical size stays in the model and is not named.
-
-A column is the speed that a stop loses by one unit of an effect, in bins since the onset, written
-again from its formula. Inner numbers that enter nonlinearly (time constants, circles, runs) lie on
-a grid, one column each.
+Base, dead time and scatter of the stops are fitted by maximum likelihood; each effect is then one
+column more: the speed that a stop loses by one unit, in bins since the onset. Its gain is twice the
+log likelihood, less log(stops) for each chosen number (Schwarz, 1978). The best effect is added if
+it gains more than a threshold, set by clean logs, and so on. Numbers that enter nonlinearly lie on
+a grid. An effect that changes stops by less than a practical size is not named.
 """
 
 from __future__ import annotations
@@ -165,7 +161,7 @@ def scan(fit: BaseFit, threshold: float = THRESHOLD) -> list[FittedEffect]:
         effects = [*effects, best]
         for i, effect in enumerate(effects[:-1]):
             effects[i] = _moved(fit, library, effect, effects)
-        fit = fit._replace(**fit_scatter(fit, _columns(fit, effects))._asdict())
+        fit = fit_scatter(fit, _columns(fit, effects))
         effects = [e for e in effects if e is best or _loss(fit, e, effects) >= threshold]
     return effects
 

@@ -28,17 +28,6 @@ _SCALED: dict[str, tuple[tuple[float, float, float], bool]] = {
 }
 """Effects of one parameter, with values that take the shares at 3 m/s and grades of 10°."""
 
-NAMED = (
-    *_SCALED,
-    "headwind",
-    "brake_fade",
-    "wheel_lockup",
-    "surface_patch",
-    "directional_surface",
-    "step_change",
-    "session_drift",
-)
-
 FIELDS: dict[str, dict[str, str]] = {
     "aerodynamic_drag": {"c": "drag"},
     "viscous_resistance": {"c": "viscous"},
@@ -62,7 +51,7 @@ FIELDS: dict[str, dict[str, str]] = {
 class HiddenTerm:
     """One effect as the plant has it and as a report should state it."""
 
-    name: str  # of :data:`NAMED`
+    name: str  # of :data:`FIELDS`
     fields: dict[str, float]  # changed fields of :class:`Physics`
     parameters: dict[str, float]  # those of the report, SI
 

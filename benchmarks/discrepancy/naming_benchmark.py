@@ -8,7 +8,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import import_module
@@ -16,21 +16,19 @@ from importlib.util import find_spec
 from itertools import pairwise
 from multiprocessing import util
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 from scipy.stats import binomtest
 
-from ..common.campaign import BenchmarkRequest, Progress, ResultCache, digest_of_sources, run_jobs
-from ..common.text_tables import table_of
+from ..common import campaign
+from ..common.campaign import BenchmarkRequest, Progress, Result, ResultCache
+from ..common.text_tables import grouped, table_of
 from .blind_run import BlindRun, SealedLog
 from .fresh_stops import Closing, closing, covered
 from .gls_scan import name_effects
 from .world_logs import WorldLog
-
-Result = dict[str, Any]
 
 WORLDS = {
     "plant": ("plant_world", None),
@@ -57,29 +55,21 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """One answer next to the truth.
-
-    Attributes:
-        right, false: exactly the true names, or the right word; a name that is not there.
-        scan_right, scan_false: the same of the least-squares scan.
-        gap: of stops held out, by the model as configured, the refitted base, the model with what
-            was found, and a perfect one [m].
-        closed: closed share of the gap on fresh stops that the plant drives, None elsewhere [1].
-        covered: whether the 95 % intervals of parameters hold the truth; of the plant.
-    """
+    """One answer next to the truth."""
 
     request: Request
     verdict: str
     names: tuple[str, ...]
     confidence: float
     axis: str
-    right: bool
-    false: bool
-    scan_right: bool
+    right: bool  # exactly the true names, or the right word
+    false: bool  # a name that is not there
+    scan_right: bool  # scan_right, scan_false: those of the least-squares scan
     scan_false: bool
+    # of stops held out, by the configured model, the refitted base, the finding, a perfect one [m]
     gap: tuple[float, float, float, float]
-    closed: float | None
-    covered: dict[str, bool]
+    closed: float | None  # share of the gap on fresh stops that the plant drives, else None [1]
+    covered: dict[str, bool]  # whether the 95 % intervals of the plant's parameters hold the truth
     seconds: float
     text: str
 
@@ -97,13 +87,20 @@ def run_logs(jobs: Sequence[Request], request: BenchmarkRequest, progress: Progr
     """Answers to these logs and their sums; what is stored in the folder is not asked again."""
     until = time.monotonic() + 60.0 * request.minutes
     with tempfile.TemporaryDirectory(prefix="slopewise-bench-") as temporary:
-        folder = (request.out or Path(temporary)) / f"logs-{digest_of_sources(_SOURCES, ())}"
+        folder = (
+            request.out or Path(temporary)
+        ) / f"logs-{campaign.digest_of_sources(_SOURCES, ())}"
         stored = ResultCache(folder)
-        answers: list[Scored] = run_jobs(answer, jobs, progress, "discrepancy", stored, until)
+        answers: list[Scored] = campaign.run_jobs(
+            answer, jobs, progress, "discrepancy", stored, until
+        )
+    worlds = list(WORLDS)
+    ordered = sorted(answers, key=lambda a: (worlds.index(a.request.world), a.request.kind))
+    groups = grouped(ordered, lambda a: (a.request.world, a.request.kind))
     return {
         "logs": len(answers),
         "planned": len(jobs),
-        "rows": [_row(*key, group) for key, group in _groups(answers).items()],
+        "rows": [_row(*key, group) for key, group in groups.items()],
         "stated": _stated(answers),
         "gaps": [gap for world in WORLDS if (gap := _gaps(world, answers))],
         "answers": [asdict(a) for a in answers],
@@ -191,20 +188,9 @@ def compared(log: WorldLog, verdict: str, names: Sequence[str], axis: str) -> tu
             return given in allowed, false
 
 
-def _groups(answers: Iterable[Scored]) -> dict[tuple[str, str], list[Scored]]:
-    groups: dict[tuple[str, str], list[Scored]] = {}
-    for a in sorted(answers, key=lambda a: (list(WORLDS).index(a.request.world), a.request.kind)):
-        groups.setdefault((a.request.world, a.request.kind), []).append(a)
-    return groups
-
-
 def _row(world: str, kind: str, group: Sequence[Scored]) -> Result:
-    right, false, scan_right, scan_false = (
-        sum(flags)
-        for flags in zip(
-            *((a.right, a.false, a.scan_right, a.scan_false) for a in group), strict=True
-        )
-    )
+    flags = [(a.right, a.false, a.scan_right, a.scan_false) for a in group]
+    right, false, scan_right, scan_false = (sum(column) for column in zip(*flags, strict=True))
     interval = binomtest(right, len(group)).proportion_ci(method="wilson")
     seconds = sorted(a.seconds for a in group)
     return {

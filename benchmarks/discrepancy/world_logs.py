@@ -14,7 +14,6 @@ from . import sensing, world_changes
 from .blind_run import calibrated_braking, tables_of
 from .effect_plant import GRAVITY, DrivenStops
 from .plant_physics import Floats, Stops
-from .plant_sets import HiddenSet
 from .world_changes import OUTSIDE, Changes
 
 _NOISE = (0.01, 0.04)  # of the speed in an earlier log [m/s]
@@ -33,7 +32,7 @@ class WorldLog:
     axes: tuple[str, ...]  # right axes of a change without a name
     columns: sensing.Columns  # drive log
     tables: dict[str, Any]  # model file
-    hidden: HiddenSet | None = None  # of the plant, which compares findings on fresh stops
+    hidden: Any = None  # set of the plant, which compares findings on fresh stops
 
 
 def sample_times(before: float) -> Floats:

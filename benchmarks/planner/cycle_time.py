@@ -137,14 +137,11 @@ class TimingTally:
         cycles = len(self.seconds)
         p50, p99 = np.percentile(self.seconds, (50, 99)).tolist()
         processor_p50, processor_p99 = np.percentile(self.processor, (50, 99)).tolist()
-        return {
-            "name": name,
-            **{"cycles": cycles, "p50": p50, "p99": p99, "max": max(self.seconds)},
-            **{"processor_p50": processor_p50, "processor_p99": processor_p99},
-            "fewer_smoothed": self.fewer / cycles,
-            "stages": {stage: total / cycles for stage, total in self.stages.items()},
-            **{"statuses": dict(self.statuses), "metres": metres},
-        }
+        row = {"name": name, "cycles": cycles, "p50": p50, "p99": p99, "max": max(self.seconds)}
+        row |= {"processor_p50": processor_p50, "processor_p99": processor_p99}
+        row |= {"fewer_smoothed": self.fewer / cycles, "statuses": dict(self.statuses)}
+        stages = {stage: total / cycles for stage, total in self.stages.items()}
+        return row | {"stages": stages, "metres": metres}
 
 
 def run(request: BenchmarkRequest, progress: Progress) -> Result:

@@ -78,11 +78,9 @@ def _targets(result: Result) -> list[Result]:
         ("smoothed plan, faster than IPOPT", ">=", 5.0, "×", faster(ipopt, smooth)),
     ]
     return [
-        {
-            **{"name": name, "relation": relation, "limit": limit, "unit": unit},
-            **{"value": value, "value_least": by_min},
-            "passed": None if value is None else RELATIONS[relation](value, limit),
-        }
+        {"name": name, "relation": relation, "limit": limit, "unit": unit}
+        | {"value": value, "value_least": by_min}
+        | {"passed": None if value is None else RELATIONS[relation](value, limit)}
         for name, relation, limit, unit, (value, by_min) in rows
     ]
 

@@ -23,7 +23,7 @@ from ..common.campaign import BenchmarkRequest, Progress, Result
 from ..common.scene import fan, shipped
 from ..common.text_tables import duration, print_rows
 from ..common.timing import Action, interleave, machine
-from ..noisy_maps import noisy_ground
+from ..noisy_maps import noisy_map_benchmark as noisy_maps
 from .passes import Poses, poses_on, steered, strikes, wheels_beyond
 
 Random = np.random.Generator
@@ -53,7 +53,7 @@ def run(request: BenchmarkRequest, progress: Progress) -> Result:
         result["passes"] += [pass_row(k, quantile, atv, scenes, draws, rng) for k in KINDS]
         advance(1)
     count = 4 if request.quick else 15
-    result["open ground"] = [open_row(g, atv, count, rng) for g in noisy_ground.GROUNDS]
+    result["open ground"] = [open_row(g, atv, count, rng) for g in noisy_maps.GROUNDS]
     advance(1)
     result["batch"] = batch_rows(atv, 5 if request.quick else 31)
     advance(1)
@@ -168,8 +168,8 @@ def pass_scene(
 
 def open_row(kind: str, model: Model, count: int, rng: Random) -> Result:
     """Mean speeds on ground without obstacles, with and without the errors of tracking."""
-    ground = noisy_ground.long_ground(kind, _CELL, rng)
-    paths = [noisy_ground.long_path(n, rng) for n in range(count)]
+    ground = noisy_maps.long_ground(kind, _CELL, rng)
+    paths = [noisy_maps.long_path(n, rng) for n in range(count)]
     late = replace(TRACKING, along_track_std=0.05, latency=0.1, latency_std=0.02)
     row: Result = {"ground": kind, "paths": count}
     for name, tracking in (("exact", None), ("band", TRACKING), ("band and delay", late)):

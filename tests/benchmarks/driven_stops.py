@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.discrepancy import plant_sets, sensing
+from benchmarks.discrepancy import plant_world, sensing
 from benchmarks.discrepancy.effect_plant import DrivenStops, drive
 from benchmarks.discrepancy.plant_physics import Floats, Physics, Stops
 
@@ -27,7 +27,7 @@ def measured(
     truth: Physics, scene: Stops, noise: float, rng: np.random.Generator
 ) -> sensing.Columns:
     """Drive log of stops of the plant, with this noise of the speed [m/s]."""
-    late = plant_sets.sampled_late(scene, rng)
+    late = plant_world.sampled_late(scene, rng)
     return sensing.log(drive(truth, late, sensing.sample_times(11.0)), late, noise, rng)
 
 

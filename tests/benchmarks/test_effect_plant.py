@@ -84,7 +84,7 @@ def test_log_has_noise_steps_and_a_body_that_rocks_back() -> None:
     assert -0.06 < float(quiet["v"].min()) < -0.01
 
 
-@pytest.mark.parametrize("name", hidden_effects.NAMED)
+@pytest.mark.parametrize("name", hidden_effects.FIELDS)
 def test_larger_sizes_change_more(name: str) -> None:
     changes = []
     for size in hidden_effects.SIZES:

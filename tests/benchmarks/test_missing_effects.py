@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.discrepancy import plant_sets
+from benchmarks.discrepancy import plant_world
 from benchmarks.discrepancy.blind_run import BlindRun, Finding, SealedLog, tables_of
 from benchmarks.discrepancy.fresh_stops import closing, covered
 from benchmarks.discrepancy.hidden_effects import FIELDS
 from benchmarks.discrepancy.plant_physics import Stops
-from benchmarks.discrepancy.plant_sets import HiddenSet, SetConditions, SetSpec
+from benchmarks.discrepancy.plant_world import HiddenSet, SetConditions, SetSpec
 from tests.benchmarks.driven_stops import measured
 
 ABSORBED: dict[str, Callable[[Stops], tuple[dict[str, float], Stops]]] = {
@@ -50,7 +50,7 @@ def set_of(
 ) -> tuple[HiddenSet, dict[str, Any], np.random.Generator]:
     rng = np.random.default_rng(seed)
     spec = SetSpec(kind, tuple(names.split("+")) if names else (), size, seed)
-    hidden = plant_sets.nameable_set(spec, rng, EASY)
+    hidden = plant_world.nameable_set(spec, rng, EASY)
     return hidden, measured(hidden.truth, hidden.stops, hidden.noise, rng), rng
 
 
@@ -127,7 +127,7 @@ def test_process_and_log_hold_no_truth(process: BlindRun) -> None:
     assert process.pool.submit(os.getppid).result() == os.getpid()
     assert process.pool.submit(os.listdir).result() == []
     modules = process.pool.submit(eval, "sorted(__import__('sys').modules)").result()
-    for name in ("plant_sets", "hidden_effects", "naming_benchmark", "fresh_stops"):
+    for name in ("plant_world", "hidden_effects", "naming_benchmark", "fresh_stops"):
         assert f"benchmarks.discrepancy.{name}" not in modules
     assert [f.name for f in fields(SealedLog)] == ["columns", "model"]
     hidden, logged, _ = set_of("single", "aerodynamic_drag", "large", 11)
@@ -140,7 +140,7 @@ def test_process_and_log_hold_no_truth(process: BlindRun) -> None:
 @pytest.mark.parametrize("name", sorted(FIELDS))
 def test_truth_closes_the_gap_and_silence_nothing(name: str) -> None:
     rng = np.random.default_rng(4)
-    hidden = plant_sets.draw_set(SetSpec("single", (name,), "large", 4), rng, EASY)
+    hidden = plant_world.draw_set(SetSpec("single", (name,), "large", 4), rng, EASY)
     effects = tuple(
         {
             "name": h.name,

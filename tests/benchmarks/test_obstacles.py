@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.obstacles import obstacle_benchmark
-from benchmarks.obstacles.cases import ObstacleCase, cases, map_of, path_of
+from benchmarks.obstacles.cases import Block, ObstacleCase, Slope, cases, map_of, path_of, size_of
 from benchmarks.obstacles.obstacle_benchmark import PlannedOutcome, must_block, must_pass, outcomes
-from benchmarks.obstacles.true_sizes import Block, Slope, size_of
 from slopewise.services.io.model_file import read_model, shipped_models
 
 MODELS = {name: read_model(shipped_models()[name]) for name in ("atv", "husky")}
