@@ -24,7 +24,7 @@ from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs.measure import Measured
 
 _FORCE = ("force_ratio", "force_std")
-_FEWEST = 6
+_MIN_STOPS = 6
 """Minimum number of partial stops for a fit [1]."""
 
 _PART = 0.98  # [1] application from which a stop is at full brakes, unless saturated earlier
@@ -32,8 +32,8 @@ _SPREAD = 0.1  # [1] minimum range of the applications: below it the slope is un
 _SCATTER = 0.02  # [1] of F_b/W, added to the measurement noise
 _RESISTANCE_STD = 0.03  # [1] prior of the rolling resistance
 _LINE_STD = 0.5  # [1] weak prior of dead band and saturation
-_LEAST_SHARE = 0.03  # [1] lowest share that a force is divided by
-_MOST_BAND, _LEAST_WIDTH = 0.6, 0.15
+_MIN_SHARE = 0.03  # [1] lowest share that a force is divided by
+_MAX_BAND, _MIN_WIDTH = 0.6, 0.15
 """Largest dead band and smallest width from band to full braking, shares of the brake command [1]:
 beyond them a log has too few levels to identify both."""
 
@@ -70,7 +70,7 @@ def tells_levels(measured: Measured) -> bool:
     """Whether number and range of partial stops suffice for a fit."""
     level = _levels(measured)
     return (
-        int((level < _PART).sum()) >= _FEWEST and float(np.ptp(level)) >= _SPREAD - 1e-9
+        int((level < _PART).sum()) >= _MIN_STOPS and float(np.ptp(level)) >= _SPREAD - 1e-9
     )  # 0.6 - 0.5 < 0.1
 
 
@@ -85,23 +85,23 @@ def at_full_level(
     if not tells_levels(measured):
         return measured, None
     level = _levels(measured)
-    found = _fit(measured, level, known, resistance)
-    share = np.maximum(found.share(level), _LEAST_SHARE)
+    curve = _fit(measured, level, known, resistance)
+    share = np.maximum(curve.share(level), _MIN_SHARE)
     force, noise = (np.array([getattr(r, n) for r in measured.records]) for n in _FORCE)
-    full = found.resistance + (force - found.resistance) / share
-    off, width = full - found.resistance, found.saturation - found.dead_band
-    band, saturation, rolling = found.std
-    line = np.hypot(band * (1.0 - share) / width, saturation * share / width) * off / share
+    full = curve.resistance + (force - curve.resistance) / share
+    missing, width = full - curve.resistance, curve.saturation - curve.dead_band
+    band, saturation, rolling = curve.std
+    line = np.hypot(band * (1.0 - share) / width, saturation * share / width) * missing / share
     line = np.where(share < 1.0, line, 0.0)
     noise = np.sqrt((noise / share) ** 2 + line**2 + (rolling * (1.0 / share - 1.0)) ** 2)
-    taught = level > found.dead_band + 1e-9
-    full = np.where(taught, full, [known.level_force(r.onset_speed) for r in measured.records])
-    columns = (full.tolist(), np.where(taught, noise, 1.0).tolist(), share.tolist())
+    braked = level > curve.dead_band + 1e-9
+    full = np.where(braked, full, [known.level_force(r.onset_speed) for r in measured.records])
+    columns = (full.tolist(), np.where(braked, noise, 1.0).tolist(), share.tolist())
     records = tuple(
-        dataclasses.replace(r, force_ratio=f, force_std=s, applied=g, resistance=found.resistance)
+        dataclasses.replace(r, force_ratio=f, force_std=s, applied=g, resistance=curve.resistance)
         for r, f, s, g in zip(measured.records, *columns, strict=True)
     )
-    return dataclasses.replace(measured, records=records), found
+    return dataclasses.replace(measured, records=records), curve
 
 
 def _fit(measured: Measured, level: Floats, known: Braking, resistance: float) -> BrakeLevels:
@@ -115,26 +115,26 @@ def _fit(measured: Measured, level: Floats, known: Braking, resistance: float) -
     std = np.array([*WEAK_PRIOR, _LINE_STD, _LINE_STD, _RESISTANCE_STD])
 
     def residual(p: Floats) -> Floats:
-        share = _share(level, p[4], max(p[5], p[4] + _LEAST_WIDTH))
+        share = _share(level, p[4], max(p[5], p[4] + _MIN_WIDTH))
         return np.concatenate(
             ((force - p[6] - share * (x @ p[:4] - p[6])) / width, (p - prior) / std)
         )
 
-    low = [-np.inf] * 4 + [0.0, _LEAST_WIDTH, 0.0]
-    high = [np.inf] * 4 + [_MOST_BAND, 1.0, 0.3]
+    low = [-np.inf] * 4 + [0.0, _MIN_WIDTH, 0.0]
+    high = [np.inf] * 4 + [_MAX_BAND, 1.0, 0.3]
     best = None
     for band, full in ((0.02, 0.98), (0.1, 0.8), (0.25, 0.6)):
         start = np.concatenate((prior[:4], (band, full, np.clip(resistance, 1e-3, 0.29))))
-        found = least_squares(residual, start, bounds=(low, high), loss="soft_l1", x_scale=std)
-        if best is None or found.cost < best.cost:
-            best = found
+        solution = least_squares(residual, start, bounds=(low, high), loss="soft_l1", x_scale=std)
+        if best is None or solution.cost < best.cost:
+            best = solution
     assert best is not None
     covariance = np.linalg.pinv(best.jac.T @ best.jac)
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))[4:]
     band, full, rolling = (float(v) for v in best.x[4:])
     return BrakeLevels(
         band,
-        max(full, band + _LEAST_WIDTH),
+        max(full, band + _MIN_WIDTH),
         rolling,
         (float(spread[0]), float(spread[1]), float(spread[2])),
         int((level < _PART).sum()),

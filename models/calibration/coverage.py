@@ -32,7 +32,7 @@ from slopewise.models.stop_promise import promised_braking
 _LEVEL_STEP = 0.1
 """To which brake levels are rounded down [1]: promises are computed once for each."""
 _CHANCE = 0.05
-"""That so many stops are beyond by chance, below which a model does not cover them."""
+"""Probability of that many stops beyond by chance, below which a model does not cover them."""
 MIN_STOPS = 8
 """Stops below which a log does not show whether a model covers it [1]: with seven, even one that
 covers nine stops of ten has all of them within by chance in half of the logs."""
@@ -40,12 +40,12 @@ covers nine stops of ten has all of them within by chance in half of the logs.""
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """Stops of a log beside what plans allow for them, n measured stops.
+    """Stops of a log compared with what plans allow for them, n measured stops.
 
     Attributes:
         records: the stops. allowed: (n,) distance that plans allow for [m], inf where they let no
             such speed. session: (n,) number of the session. windows: all stops that were found.
-        quantile: of the plans.
+        quantile: one-sided probability of the plans.
     """
 
     records: tuple[StopRecord, ...]
@@ -95,11 +95,11 @@ def covered(
     ground: Floats | None = None,
     quantile: float = 0.999,
 ) -> Coverage:
-    """Hold a model against the stops of a log.
+    """Compare a model with the stops of a log.
 
     Args:
         columns: channels of a drive log, (n,). runs: samples of each run. model: to judge.
-        ground: (n,) grade of the ground from a map [rad]. quantile: of the plans.
+        ground: (n,) grade of the ground from a map [rad]. quantile: one-sided, of plans.
 
     Raises:
         ParameterError: no usable stop; says how many were found and what was wrong with them.
@@ -147,16 +147,16 @@ def allowed_distance(
     worst = 0.0
     for state in (name, *braking.states_of(name)):
         on = _promised(braking.on(state), record, quantile, rolling)
-        own = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
+        coefficients = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
         margin = np.zeros((4, 4)) if on.covariance is None else np.array(on.covariance)
-        margin = margin + on.force_scatter**2 * np.outer(own, own)
+        margin = margin + on.force_scatter**2 * np.outer(coefficients, coefficients)
         margin[3, 3] += on.force_std**2
         held = record.samples.window.held_speed
         more = extra_force(on, max(held, on.speed_range[0]), record.path[1])
         distance = stopping_distance(
             held,
             on.dead_time + width * on.dead_time_std,
-            record.at_level(own),
+            record.at_level(coefficients),
             *record.path,
             (record.applied * width) ** 2 * margin,
             None if more is None else record.applied * more,

@@ -122,7 +122,7 @@ class DistanceModel:
     """The posterior: g points of the grid with their weights and Gaussians.
 
     Attributes:
-        weight: (g,). grid: of the points.
+        weight: (g,). grid: points.
         mean: (g, p) of the columns. covariance: (g, p, p).
         residual: (n,) of the stops beyond the mean curve.
         scale: how features become columns.
@@ -152,8 +152,8 @@ class DistanceModel:
         normal = np.sqrt(variance + grid.session_std**2)
         scale = grid.sigma * np.sqrt(1.0 + (grid.short / at.distance[:, None]) ** 2)
         result = np.empty((len(quantiles), len(columns)))
-        for i, one in enumerate(zip(middle, normal, scale, strict=True)):
-            result[:, i] = self._quantiles(*one, quantiles)
+        for i, component in enumerate(zip(middle, normal, scale, strict=True)):
+            result[:, i] = self._quantiles(*component, quantiles)
         worst = float(self.residual.max()) + columns @ (self.weight @ self.mean)
         beyond = quantiles >= len(self.residual) / (len(self.residual) + 1.0)
         result[beyond] = np.maximum(result[beyond], worst)
@@ -309,12 +309,12 @@ def _fit(
     offsets: Floats = mean
     for _ in range(steps):
         w = (nu + 1.0) / (nu + (residual / scale) ** 2) / scale**2  # (g, n)
-        own, cross, schur = _normal_equations(data, w, by_session, prior)
+        diagonal, cross, schur = _normal_equations(data, w, by_session, prior)
         wy = w * data.y
         of_sessions = wy @ data.belongs
-        right = wy @ data.x - ((of_sessions / own)[:, None, :] @ cross)[:, 0]
+        right = wy @ data.x - ((of_sessions / diagonal)[:, None, :] @ cross)[:, 0]
         mean = np.asarray(np.linalg.solve(schur, right[:, :, None])[:, :, 0], np.float64)
-        offsets = (of_sessions - (cross @ mean[:, :, None])[:, :, 0]) / own
+        offsets = (of_sessions - (cross @ mean[:, :, None])[:, :, 0]) / diagonal
         residual = data.y - mean @ data.x.T - offsets @ data.belongs.T
     z2 = (residual / scale) ** 2
     log_t = gammaln(0.5 * (nu + 1.0)) - gammaln(0.5 * nu) - 0.5 * np.log(np.pi * nu)
@@ -323,8 +323,8 @@ def _fit(
     density += -0.5 * np.sum(by_session * offsets**2 - np.log(by_session), axis=1)
     # Curvature of the t density at the mode: it may be flat at outliers, never negative here.
     curve = (nu + 1.0) * np.maximum(nu - z2, 0.0) / (nu + z2) ** 2 / scale**2
-    own, _, schur = _normal_equations(data, curve, by_session, prior)
-    density += -0.5 * np.linalg.slogdet(schur)[1] - 0.5 * np.sum(np.log(own), axis=1)
+    diagonal, _, schur = _normal_equations(data, curve, by_session, prior)
+    density += -0.5 * np.linalg.slogdet(schur)[1] - 0.5 * np.sum(np.log(diagonal), axis=1)
     return density + grid.log_density, mean, schur, residual
 
 
@@ -336,7 +336,7 @@ def _normal_equations(
     w: (g, n) weights. by_session: (g, 1), prior: (g, p) precisions.
     """
     g, p = prior.shape
-    own = w @ data.belongs + by_session
+    diagonal = w @ data.belongs + by_session
     cross = (w @ data.columns).reshape(g, -1, p)
     square = (w @ data.pairs).reshape(g, p, p) + prior[:, :, None] * np.eye(p)
-    return own, cross, square - cross.transpose(0, 2, 1) @ (cross / own[:, :, None])
+    return diagonal, cross, square - cross.transpose(0, 2, 1) @ (cross / diagonal[:, :, None])

@@ -69,7 +69,7 @@ class Stops(NamedTuple):
     """Stops of a surface, (n,) each.
 
     Attributes:
-        speed: at the command [m/s]. grade: mean over the stop [rad]. level: of the brakes [1].
+        speed: at the command [m/s]. grade: mean over the stop [rad]. level: brake application [1].
         actual, predicted: distances [m], the latter by the law with all effects. session: names.
     """
 
@@ -87,7 +87,7 @@ class LearnedDistance:
 
     Attributes:
         at: features of its n stops. log_ratio: (n,) ln(actual / predicted).
-        session: (n,) index of the session of each, 0 … m − 1. table: for the model file.
+        session: (n,) index of the session of each, 0 … m − 1. table: key of the model file.
     """
 
     at: StopFeatures
@@ -102,7 +102,7 @@ def learn_distance(
     """The distribution of the stops of a surface.
 
     Args:
-        stops: measured; one whose prediction does not end is ignored. law_of: of the surface.
+        stops: measured; one whose prediction does not end is ignored. law_of: law by surface.
         ranges: speeds [m/s] and grades [rad] that the model file will hold for.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Stops of a model with named effects: what the four coefficients have to explain beside them.
+"""Stops of a model with named effects: what the four coefficients have to explain besides them.
 
 The fit of a stop knows a force and an onset only, so that drag looks like more force, and a lag
 like a later onset and less force. What a named effect explains already must not be learned a second
@@ -7,7 +7,7 @@ the measured ones were, and force and dead time are moved until both fits agree 
 Gouriéroux et al. 1993). An effect that hides the force, such as a friction that caps it, leaves the
 stop without a word on the coefficients.
 
-Validity: effects as they are in the model, with the values that it states. Omits: heat that came
+Validity: effects of the model, with the values that it states. Omits: heat that came
 from before the log.
 """
 
@@ -33,16 +33,16 @@ from slopewise.models.stops.simulation import GroundTrack, SimulatedStop, simula
 
 _PASSES = 4
 """Fits with effects in force before the last one [1]; each costs some 30 ms per stop."""
-_AFTER = 0.2  # [s] that a simulated stop goes on standing
+_AFTER = 0.2  # [s] of standstill at the end of a simulated stop
 _CLEAR = 0.02  # [1] by which the force is moved to see whether the stop shows it
-_HIDDEN = 0.3  # share of a change of force that a stop shows, from which it tells nothing
-_NO_WORD = 1.0  # [1] standard deviation of a force that is hidden
+_HIDDEN = 0.3  # share of a change of force that a stop shows; below it a stop is ignored
+_HIDDEN_STD = 1.0  # [1] standard deviation of a force that is hidden
 _LARGEST_STEP = 0.2  # [1]
-_LEAST = 0.01  # [1] of a force
-_LEAST_STEP = 1e-3  # [1] of a force, from which two tries tell the steepness
+_MIN_FORCE = 0.01  # [1] of a force
+_MIN_STEP = 1e-3  # [1] of a force, from which two tries show the steepness
 _STEEPNESS = 0.25, 1.25
 """Range of the secant's slope [1]: a step is at most four times the change that the fit shows."""
-_LEAST_VAR = 1e-8  # [s²] of an onset
+_MIN_VAR = 1e-8  # [s²] of an onset
 
 
 def tells_turns(model: Model, columns: Mapping[str, NDArray[Any]]) -> bool:
@@ -56,7 +56,7 @@ def tells_turns(model: Model, columns: Mapping[str, NDArray[Any]]) -> bool:
 def measured_beside(
     measured: Measured, model: Model, columns: Mapping[str, NDArray[Any]]
 ) -> Measured:
-    """The stops with what is left of them for the coefficients once all effects are in force.
+    """The stops with the remainder for the coefficients once all effects are in force.
 
     Args:
         measured: as without effects. model: with effects; its slope coefficients matter where the
@@ -72,26 +72,26 @@ def measured_beside(
     dead = common.value
     # The dead time is the mean that :mod:`slopewise.models.stop_logs.dead_time` takes.
     onset_variance = [r.noise**2 * float(r.knee.covariance[1, 1]) for r in measured.records]
-    weight = 1.0 / (np.array(onset_variance) + common.between_stops**2 + _LEAST_VAR)
+    weight = 1.0 / (np.array(onset_variance) + common.between_stops**2 + _MIN_VAR)
     for _ in range(_PASSES):
-        for one, _, knee, _ in _simulated_in_order(model, stops, dead):
+        for simulated, _, knee, _ in _simulated_in_order(model, stops, dead):
             if knee is not None:
-                one.follow(knee, dead, common.value)
+                simulated.follow(knee, dead, common.value)
         dead = max(common.value - float(np.average([s.shift for s in stops], weights=weight)), 0.0)
     records = []
-    for one, stop, knee, heat in _simulated_in_order(model, stops, dead):
+    for simulated, stop, knee, heat in _simulated_in_order(model, stops, dead):
         extra = share = 0.0
         if knee is not None:
-            one.shift = knee.onset_time - dead
-            extra = _by_effects(model, one.record, one.force, dead, stop)
-            more = _simulated(model, one, one.force + _CLEAR, dead, heat)[1]
+            simulated.shift = knee.onset_time - dead
+            extra = _by_effects(model, simulated.record, simulated.force, dead, stop)
+            more = _simulated(model, simulated, simulated.force + _CLEAR, dead, heat)[1]
             share = 0.0 if more is None else (more.force_ratio - knee.force_ratio) / _CLEAR
         records.append(
             dataclasses.replace(
-                one.record,
-                force_ratio=one.force,
+                simulated.record,
+                force_ratio=simulated.force,
                 by_effects=extra,
-                force_std=one.record.force_std / share if share > _HIDDEN else _NO_WORD,
+                force_std=simulated.record.force_std / share if share > _HIDDEN else _HIDDEN_STD,
             )
         )
     # Forces of stops cut short hold what the effects add, and are no bounds without it.
@@ -120,9 +120,9 @@ class _Stop:
         self.shift = knee.onset_time - dead
         # Each force was measured with its onset pulled towards the common one.
         self.seen.append((self.force, knee.force_ratio + self.pull * (common - knee.onset_time)))
-        wanted = (self.record.force_ratio - self.seen[-1][1]) / _steepness(self.seen)
-        step = float(np.clip(wanted, -_LARGEST_STEP, _LARGEST_STEP))
-        self.force = max(self.force + step, _LEAST)
+        needed = (self.record.force_ratio - self.seen[-1][1]) / _steepness(self.seen)
+        step = float(np.clip(needed, -_LARGEST_STEP, _LARGEST_STEP))
+        self.force = max(self.force + step, _MIN_FORCE)
 
 
 def _simulated_in_order(
@@ -131,29 +131,29 @@ def _simulated_in_order(
     """Each stop simulated, with its fit, and the heat that it began with [J/kg]."""
     tau = registry.motion(model.effect).fade_tau
     heat, since = 0.0, -math.inf
-    for one in stops:
-        clock = one.record.samples.clock
+    for simulated in stops:
+        clock = simulated.record.samples.clock
         warm = heat * math.exp(-max(clock - since, 0.0) / tau)
-        stop, knee = _simulated(model, one, one.force, dead, warm)
+        stop, knee = _simulated(model, simulated, simulated.force, dead, warm)
         heat, since = stop.heat, clock + float(stop.time[-1])
-        yield one, stop, knee, warm
+        yield simulated, stop, knee, warm
 
 
 def _steepness(seen: list[tuple[float, float]]) -> float:
-    """What a stop shows of a change of its force [1], by the last two that were tried.
+    """Share of a change of its force that a stop shows [1], by the last two that were tried.
 
     A short stop ends before brakes that build up slowly have done so: it shows a part only.
     """
     if len(seen) < 2:
         return 1.0
     (before, shown_before), (now, shown_now) = seen[-2:]
-    if abs(now - before) < _LEAST_STEP:
+    if abs(now - before) < _MIN_STEP:
         return 1.0
     return float(np.clip((shown_now - shown_before) / (now - before), *_STEEPNESS))
 
 
 def _track(record: StopRecord, columns: Mapping[str, NDArray[Any]]) -> GroundTrack:
-    """The ground from the stop command on; zero where the log does not tell."""
+    """The ground from the stop command on; zero where the log does not show it."""
     station, grade = record.path
     window = record.samples.window
     part = slice(window.command, window.command + len(station))
@@ -165,16 +165,16 @@ def _track(record: StopRecord, columns: Mapping[str, NDArray[Any]]) -> GroundTra
 
     speed = np.maximum(record.samples.speed[record.samples.at_command :][: len(station)], 0.3)
     turning = channel("yaw_rate") / speed[keep]
-    bend = channel("vertical_curvature") if "vertical_curvature" in columns else None
+    vertical_curvature = channel("vertical_curvature") if "vertical_curvature" in columns else None
     roll, yaw, x, y = map(channel, ("roll", "yaw", "x", "y"))
-    return GroundTrack(station[keep], grade[keep], roll, yaw, turning, x, y, bend)
+    return GroundTrack(station[keep], grade[keep], roll, yaw, turning, x, y, vertical_curvature)
 
 
 def _simulated(
-    model: Model, one: _Stop, force: float, dead: float, heat: float
+    model: Model, simulated: _Stop, force: float, dead: float, heat: float
 ) -> tuple[SimulatedStop, Knee | None]:
     """A stop with this force and dead time, and the fit of its speeds."""
-    record, track = one.record, one.track
+    record, track = simulated.record, simulated.track
     b_m, b_b = _line(model, record, force)
     on = dataclasses.replace(
         model.braking,
@@ -199,9 +199,9 @@ def _simulated(
         return stop, None
     end = float(stop.time[-1])
     # Sampled as the stop was: what a knee makes of a gradual beginning depends on that.
-    own = record.samples.time
-    step = float(np.median(np.diff(own)))
-    time = np.arange(float(own[0]), end + _AFTER, step)
+    sample_times = record.samples.time
+    step = float(np.median(np.diff(sample_times)))
+    time = np.arange(float(sample_times[0]), end + _AFTER, step)
     speed = np.where(time < 0.0, held, stop.speed_at(np.maximum(time, 0.0)))
     along = np.interp(np.maximum(time, 0.0), stop.time, stop.station)
     grade = np.interp(along, track.station, track.grade)
@@ -215,7 +215,7 @@ def _line(model: Model, record: StopRecord, force: float) -> tuple[float, float]
     The form that the coefficients take does not matter: only one speed is simulated.
     """
     slope = model.braking.m_m * record.onset_speed + model.braking.b_m
-    return slope, max(force - slope * record.grade, _LEAST)
+    return slope, max(force - slope * record.grade, _MIN_FORCE)
 
 
 def _by_effects(
@@ -223,7 +223,7 @@ def _by_effects(
 ) -> float:
     """By how much the effects make the stop longer, at the same coefficients [m]."""
     slope, intercept = _line(model, record, force)
-    own = np.array([0.0, slope, 0.0, intercept])
-    plain = stopping_distance(record.samples.window.held_speed, dead, own, *record.path)
+    level_law = np.array([0.0, slope, 0.0, intercept])
+    plain = stopping_distance(record.samples.window.held_speed, dead, level_law, *record.path)
     longer = stop.distance - plain
     return longer if math.isfinite(longer) else 0.0

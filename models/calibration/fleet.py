@@ -1,9 +1,9 @@
 """Braking models of a whole fleet: each vehicle's own, pooled where its stops say little.
 
 Surface by surface the stops of all vehicles make one hierarchy (:mod:`.hierarchy`). Dead times are
-pooled likewise. The distances of all stops, each beyond the prediction by the law of its own
-vehicle, are one distribution with vehicles as its sessions (:mod:`.distance_model`); what the law
-of a vehicle leaves open is scatter of its force.
+pooled likewise. The distances of all stops beyond the prediction by their vehicle's law are one
+distribution with vehicles as its sessions (:mod:`.distance_model`); the residual of a vehicle's law
+is scatter of its force.
 
 Validity: vehicles of one kind, speeds and grades inside those of the fleet's stops.
 Source: Braking (8), (11), (12); pooling is not in the paper.
@@ -40,10 +40,10 @@ from slopewise.models.stop_logs.measured_log import MeasuredLog
 from slopewise.models.surface_braking import SurfaceBraking
 
 FEWEST = 2
-"""Stops of its own without which a vehicle gets the fleet's mean."""
+"""Stops of a vehicle below which it gets the fleet's mean."""
 
 _NO_STOPS = 2.0  # standard deviations by which the dead time of a vehicle without stops is longer
-_LEAST_STD = 1e-4  # [s] of a dead time
+_MIN_STD = 1e-4  # [s] of a dead time
 _MEASURED = (
     *("onset_speed", "grade", "force_ratio", "force_std"),
     *("held_speed", "distance", "standstill_time"),
@@ -52,7 +52,7 @@ _MEASURED = (
 
 @dataclass(frozen=True, slots=True)
 class FleetStop:
-    """What is left of a stop once it is measured; SI, see :class:`.stop_record.StopRecord`."""
+    """A measured stop without its samples; SI, see :class:`.stop_record.StopRecord`."""
 
     surface: str
     held_speed: float
@@ -72,10 +72,10 @@ class VehicleStops:
     """The stops of one vehicle.
 
     Attributes:
-        name: of the vehicle. stops: measured. dead_time: of its brakes, None without stops.
-        common_std: of F_b/W, what its dead time leaves open in all its stops alike.
-        mount_std: of its pitch sensor's mount [rad], 0 where the ground is from a map.
-        note: why there are none, empty if there are.
+        name: vehicle. stops: measured. dead_time: dead time of the brakes, None without stops.
+        common_std: F_b/W by the error of its dead time, the same in all its stops [1].
+        mount_std: pitch sensor's mount [rad], 0 where the ground is from a map.
+        note: reason without any, empty with stops.
     """
 
     name: str
@@ -88,12 +88,12 @@ class VehicleStops:
 
 @dataclass(frozen=True, slots=True)
 class FleetCalibration:
-    """What a fleet's stops told.
+    """Braking of a fleet.
 
     Attributes:
         braking: by vehicle, ready for its model file.
         surfaces: hierarchy of each surface, "" for the base.
-        dead_time: of the fleet [s]; its scatter is the difference from vehicle to vehicle.
+        dead_time: fleet's mean [s]; its scatter is the difference from vehicle to vehicle.
     """
 
     braking: dict[str, Braking]
@@ -131,34 +131,34 @@ def learn_fleet(
 
     Args:
         vehicles: some may have no stops; at least two have some.
-        known: what no stop tells is kept of it. settings: coverage, stops that a surface needs.
+        known: used where no stop was. settings: coverage, stops that a surface needs.
 
     Raises:
         ParameterError: too few stops in the whole fleet.
     """
-    wanted = settings or CalibrationSettings()
+    chosen = settings or CalibrationSettings()
     fleet_dead, dead = _dead_times(vehicles)
     names = sorted({s.surface for v in vehicles for s in v.stops} - {""})
-    own = [n for n in names if _enough(vehicles, [n], wanted)]
-    rest = ["", *(n for n in names if n not in own)]
+    enough = [n for n in names if _enough(vehicles, [n], chosen)]
+    rest = ["", *(n for n in names if n not in enough)]
     fits: dict[str, tuple[Hierarchy, list[dict[str, Any]]]] = {
-        n: _surface(vehicles, [n], dead, wanted) for n in own
+        n: _surface(vehicles, [n], dead, chosen) for n in enough
     }
-    if not own or _enough(vehicles, rest, wanted):
-        base = _surface(vehicles, rest, dead, wanted)
+    if not enough or _enough(vehicles, rest, chosen):
+        base = _surface(vehicles, rest, dead, chosen)
     else:  # ground without a name brakes like the weakest that has one
-        base = min((fits[n] for n in own), key=lambda f: float(f[0].mean @ (0.0, 0.0, 1.0, 1.0)))
+        base = min((fits[n] for n in enough), key=lambda f: float(f[0].mean @ (0.0, 0.0, 1.0, 1.0)))
     braking = {}
     for i, vehicle in enumerate(vehicles):
         tables = dict(known.terrain)
-        for name in own:
+        for name in enough:
             values = fits[name][1][i]
             before = tables.get(name, SurfaceBraking())
             tables[name] = dataclasses.replace(before, **values)
         braking[vehicle.name] = dataclasses.replace(
             known, uphill=None, dead_time=float(dead[i]), terrain=tables, **base[1][i]
         )
-    return FleetCalibration(braking, {"": base[0], **{n: fits[n][0] for n in own}}, fleet_dead)
+    return FleetCalibration(braking, {"": base[0], **{n: fits[n][0] for n in enough}}, fleet_dead)
 
 
 def _enough(
@@ -170,11 +170,11 @@ def _enough(
 
 def _dead_times(vehicles: Sequence[VehicleStops]) -> tuple[DeadTime, Floats]:
     """Of the fleet, and (m,) of each vehicle: its own and the fleet's, weighed."""
-    told = [v.dead_time for v in vehicles if v.dead_time is not None]
-    if not told:
+    dead_times = [v.dead_time for v in vehicles if v.dead_time is not None]
+    if not dead_times:
         raise ParameterError("stops", "vehicles with stops, got none")
-    value = np.array([d.value for d in told])
-    std = np.maximum([d.std for d in told], _LEAST_STD)
+    value = np.array([d.value for d in dead_times])
+    std = np.maximum([d.std for d in dead_times], _MIN_STD)
     fit = random_effects.fit(
         np.ones((len(value), 1)), value, std, np.array([float(np.median(value))]), np.eye(1)
     )
@@ -218,8 +218,8 @@ def _surface(
     }
     middle = design(np.array([np.mean(ranges[0])]), np.array([np.mean(ranges[1])]))[0]
     keys: list[dict[str, Any]] = []
-    for vehicle, coefficients, own in zip(vehicles, fit.coefficients, fit.covariance, strict=True):
-        covariance = own + np.diag([0.0, 0.0, 0.0, vehicle.common_std**2])
+    for vehicle, coefficients, cov in zip(vehicles, fit.coefficients, fit.covariance, strict=True):
+        covariance = cov + np.diag([0.0, 0.0, 0.0, vehicle.common_std**2])
         covariance = covariance + by_mount(coefficients, vehicle.mount_std)
         doubt = {
             "force_std": float(np.sqrt(middle @ covariance @ middle)),

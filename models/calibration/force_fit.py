@@ -21,9 +21,9 @@ NAMES = ("m_m", "b_m", "m_b", "b_b")
 """Order of coefficients and covariance."""
 
 WEAK_PRIOR = (0.2, 0.7, 0.1, 1.0)
-"""Standard deviations around the coefficients known before [s/m, 1, s/m, 1]. Wide beside what a few
-dozen stops tell; where they tell nothing, such as the slope coefficients on level ground, the known
-coefficient stays."""
+"""Standard deviations around the coefficients known before [s/m, 1, s/m, 1]. Wide compared
+with the information of a few dozen stops; without any, as on slope coefficients on level ground,
+the known coefficient stays."""
 
 MIRRORED_SLOPE = -1.0
 """Slope coefficient c below which grades have the wrong sign [1]: by such grades the deceleration
@@ -104,7 +104,7 @@ def fit_force(
 def by_mount(coefficients: Floats, mount_std: float) -> Floats:
     """(4, 4) covariance that coefficients (4,) have because all their grades may be off alike.
 
-    Grades that are e too low make F_b/W come out (1 + m) e too high, wherever the vehicle brakes.
+    Grades that are e too low make F_b/W come out (1 + m) e too high at any grade.
     ``mount_std``: of the offset of the pitch sensor [rad].
     """
     m_m, b_m = coefficients[:2]

@@ -1,4 +1,4 @@
-"""Coefficients of many vehicles at once: each its own, pooled as far as its own stops say little.
+"""Coefficients of many vehicles together: each its own, pooled as far as its own stops say little.
 
 y = x β_i + e for the stops of vehicle i, β_i normal around the fleet's mean with a covariance that
 is the vehicles' difference from each other, e the measurement's noise and a scatter from stop to
@@ -29,14 +29,14 @@ USUAL_SPREAD = (0.02, 0.1, 0.01, 0.04)
 :data:`slopewise.models.calibration.force_fit.NAMES`: those of the imagined vehicle [s/m, 1, s/m,
 1]."""
 
-_FEWEST = 2
+_MIN_STOPS = 2
 """Vehicles from which differences between vehicles can be estimated [1]."""
 _REJECT = 4.0  # standard deviations: one good observation in 16,000 is lost
-_MOST_PASSES = 6
+_MAX_PASSES = 6
 """Alternations of outlier weights and variances at most [1]."""
-_MOST_STEPS = 2000
+_MAX_STEPS = 2000
 """Steps of the variance estimate at most [1]; it ends by its tolerance."""
-_STILL = 1e-5  # relative change of the differences in a step of the search that is none
+_STILL = 1e-5  # relative change of the differences below which the search ends
 _WIDE = 1e3  # prior standard deviations, in usual ones, of the fit that looks for gross errors
 
 
@@ -72,7 +72,7 @@ class _State(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """What the likelihood needs of the stops: XᵀWX (m, p, p), XᵀWy (m, p), yᵀWy and log det W⁻¹."""
+    """Sums over the stops in the likelihood: XᵀWX (m, p, p), XᵀWy (m, p), yᵀWy and log det W⁻¹."""
 
     info: Floats
     score: Floats
@@ -85,9 +85,9 @@ class _Sums(NamedTuple):
         conditional = np.linalg.solve(grown, np.broadcast_to(spread, self.info.shape))
         turned = np.swapaxes(grown, -1, -2)  # I + A T
         weight = np.linalg.solve(turned, self.info)
-        told = np.linalg.solve(turned, self.score[..., None])[..., 0]
+        solved = np.linalg.solve(turned, self.score[..., None])[..., 0]
         mean_covariance: Floats = np.asarray(np.linalg.inv(weight.sum(axis=0)), np.float64)
-        mean: Floats = mean_covariance @ told.sum(axis=0)
+        mean: Floats = mean_covariance @ solved.sum(axis=0)
         left = self.score - self.info @ mean
         effects = (conditional @ left[..., None])[..., 0]
         quadratic = self.square - mean @ (2.0 * self.score - self.info @ mean).sum(axis=0)
@@ -99,7 +99,7 @@ class _Sums(NamedTuple):
     def spread(self, spread: Floats, usual: Floats, imagined: float) -> Floats:
         """Expectation-maximisation at a given scatter."""
         vehicles = len(self.info)
-        for _ in range(_MOST_STEPS):
+        for _ in range(_MAX_STEPS):
             state = self.solve(spread)
             known = state.conditional @ self.info
             second = np.einsum("mi,mj->ij", state.effects, state.effects)
@@ -157,8 +157,8 @@ class _Stops(NamedTuple):
         x = self.design
         coefficients = (state.mean + state.effects)[self.vehicle]
         residual = self.observed - np.einsum("np,np->n", x, coefficients)
-        doubt = np.einsum("ni,nij,nj->n", x, state.conditional[self.vehicle], x)
-        limit = _REJECT * np.sqrt(self.noise**2 + scatter**2 + doubt)
+        uncertainty = np.einsum("ni,nij,nj->n", x, state.conditional[self.vehicle], x)
+        limit = _REJECT * np.sqrt(self.noise**2 + scatter**2 + uncertainty)
         return np.asarray(np.abs(residual) <= limit)
 
 
@@ -175,7 +175,7 @@ def fit(
     """Fit a fleet.
 
     Args:
-        design: (n, p) a row a stop. observed: (n,). noise: (n,) its measurement noise.
+        design: (n, p), one row per stop. observed: (n,). noise: (n,) its measurement noise.
         vehicle: (n,) index of the vehicle, below ``vehicles``; one may have few stops or none.
         usual_spread: (p,) standard deviations of the imagined vehicle; where the search begins.
         imagined: vehicles counted in; 0 gives plain restricted maximum likelihood.
@@ -188,13 +188,13 @@ def fit(
         raise ParameterError("stops", "finite numbers")
     if n <= p:
         raise ParameterError("stops", f"more than {p} of the whole fleet, got {n}")
-    if (some := len(np.unique(vehicle))) < _FEWEST:
-        raise ParameterError("stops", f"stops of at least {_FEWEST} vehicles, got {some}")
+    if (some := len(np.unique(vehicle))) < _MIN_STOPS:
+        raise ParameterError("stops", f"stops of at least {_MIN_STOPS} vehicles, got {some}")
     stops = _Stops(design, observed, noise, vehicle, vehicles)
     usual = np.diag(np.square(usual_spread))
     start = random_effects.fit(design, observed, noise, np.zeros(p), _WIDE**2 * usual)
     kept, spread, scatter = start.kept, usual, max(start.scatter, 1e-9)
-    for _ in range(_MOST_PASSES):
+    for _ in range(_MAX_PASSES):
         for _ in range(3):
             spread = stops.sums(kept, scatter).spread(spread, usual, imagined)
             scatter = stops.scatter(kept, spread, scatter)

@@ -1,4 +1,4 @@
-"""What was driven: which corners of the trained rectangle no stop was near, and the hull of stops.
+"""Trained range: which corners of the trained rectangle no stop was near, and the hull of stops.
 
 Stops fill a region of speeds and grades, often a slanted one: slow downhill, fast on the level. The
 model file states a rectangle around it. Its corners outside the hull of what was driven are named.
@@ -19,7 +19,7 @@ from slopewise.models.quantity import Matrix
 
 _NEAR = 0.25  # of both ranges: so far beyond the hull still counts as driven
 _COUNTS = 0.1  # of both ranges: so far around a stop counts as driven
-_MOST = 8  # corners of the hull that are written
+_MAX_CORNERS = 8  # corners of the hull that are written
 
 
 class Corner(NamedTuple):
@@ -43,14 +43,14 @@ def extrapolated_corners(speed: Floats, grade: Floats, fit: ForceFit) -> tuple[C
         faces = ConvexHull(np.column_stack((v, theta))).equations
     except (QhullError, ValueError):
         faces = None
-    found = []
+    missing = []
     for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
         beyond = 1.0 if faces is None else float(np.max(faces[:, :2] @ (i, j) + faces[:, 2]))
         if beyond > _NEAR:
             here = np.array([low[i]]), np.array([span[j]])
             force, std = float(fit.force_ratio(*here)[0]), float(fit.force_std(*here)[0])
-            found.append(Corner(low[i], span[j], force, std))
-    return tuple(found)
+            missing.append(Corner(low[i], span[j], force, std))
+    return tuple(missing)
 
 
 def speed_by_grade(
@@ -63,11 +63,11 @@ def speed_by_grade(
     """Highest speeds driven, by grade: corners (grade [rad], speed [m/s]), concave.
 
     A stop counts for a tenth of both ranges around it. Of the hull's corners those that matter
-    least are left out, which makes it smaller.
+    least are omitted, which makes it smaller.
 
     Args:
-        speed, grade: (n,) of stops [m/s], [rad]. speed_range, grade_range: of the model file.
-        corners: of the rectangle that no stop was near.
+        speed, grade: (n,) of stops [m/s], [rad]. speed_range, grade_range: those trained.
+        corners: those of the rectangle that no stop was near.
 
     Returns:
         None where every fast corner was driven.
@@ -80,9 +80,9 @@ def speed_by_grade(
     ends = np.concatenate((grade - reach, grade + reach))
     points = np.column_stack((np.clip(ends, *grade_range), np.concatenate((fast, fast))))
     chain = _upper_chain(points)
-    # The ends of the ranges are the ends of the hull, so that nothing is left open between them.
+    # The ends of the ranges are the ends of the hull, so that there is no gap between them.
     chain[0], chain[-1] = (grade_range[0], chain[0][1]), (grade_range[1], chain[-1][1])
-    while len(chain) > _MOST:
+    while len(chain) > _MAX_CORNERS:
         lost = [abs(_turn(*chain[i : i + 3])) for i in range(len(chain) - 2)]  # twice the area
         del chain[1 + int(np.argmin(lost))]
     return tuple((float(theta), float(v)) for theta, v in _upper_chain(np.array(chain)))

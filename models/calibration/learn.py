@@ -1,7 +1,7 @@
 """From a drive log to the braking part of a model file.
 
 Stops are found, measured on their ground and fitted jointly; what their distances leave is one
-distribution; surfaces with stops enough get coefficients of their own.
+distribution; surfaces with stops enough get separate coefficients.
 
 Source: Braking Sec. 2, 4.1 and 4.2.
 """
@@ -46,17 +46,17 @@ from slopewise.models.surface_braking import SurfaceBraking, UphillBraking
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Everything that a drive log told about the brakes.
+    """Braking learned from a drive log.
 
     Attributes:
         braking: ready for a model file.
-        surfaces: the base first, then each named surface that was told apart.
-        windows: every stop of the log, usable or not. suspects: stretches left out.
+        surfaces: the base first, then each named surface that was distinguished.
+        windows: every stop of the log, usable or not. suspects: stretches excluded.
         dead_time, dive, mount: what all stops share.
-        speed_error: how well speeds are driven; None where the log does not tell.
+        speed_error: how well speeds are driven; None where the log does not show it.
         warnings: what a user has to know before trusting it, in sentences.
-        objections: why it is of no use, in sentences; none where it is.
-        levels: how the force grows with the application; None where the log does not tell.
+        objections: reasons to reject the log, as sentences; empty without any.
+        levels: how the force grows with the application; None where the log does not show it.
     """
 
     braking: Braking
@@ -91,38 +91,38 @@ def learn(
     Args:
         columns: channels of a drive log, (n,): ``t``, ``v``, ``v_cmd``, ``pitch`` and what else it
             has. runs: samples of each run.
-        known: braking model so far; it decides only what the log says nothing about.
+        known: braking model so far; it decides only what the log does not show.
         ground: (n,) grade of the ground from a map [rad], NaN where unknown; without it the grade
-            comes from the body's pitch, with dive and mount taken out as far as the log tells.
-        settings: coverage and what counts as a stop.
+            comes from the body's pitch, with dive and mount removed as far as the log shows them.
+        settings: coverage and criteria of a stop.
         beside: model whose named effects stay in force; what they explain is not learned again. One
             that knows what turning costs makes stops in curves usable, if yaw rate is logged.
 
     Raises:
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
     """
-    wanted = _with_curves(settings or CalibrationSettings(), beside, columns)
-    log = measure_log(columns, runs, known, ground=ground, settings=wanted)
+    chosen = _with_curves(settings or CalibrationSettings(), beside, columns)
+    log = measure_log(columns, runs, known, ground=ground, settings=chosen)
     measured, mount = log.measured, log.mount
     if not tells_levels(measured) and any(
-        r.samples.window.level < wanted.stops.full_brake for r in measured.records
+        r.samples.window.level < chosen.stops.full_brake for r in measured.records
     ):
-        stops = dataclasses.replace(wanted.stops, partial=False)
-        whole = dataclasses.replace(wanted, stops=stops)
-        return learn(columns, runs, known, ground=ground, settings=whole, beside=beside)
+        stops = dataclasses.replace(chosen.stops, partial=False)
+        without_partial = dataclasses.replace(chosen, stops=stops)
+        return learn(columns, runs, known, ground=ground, settings=without_partial, beside=beside)
     if beside is not None:
         measured = measured_beside(measured, beside, columns)
     rolling = 0.0 if beside is None else beside.terrain.rolling_while_braking
     measured, levels = at_full_level(measured, known, rolling)
-    surfaces, warnings = fit_surfaces(measured, known, mount, wanted, levels)
+    surfaces, warnings = fit_surfaces(measured, known, mount, chosen, levels)
     uneven = None if levels is not None else clear_asymmetry(surfaces[0], beside)
     if uneven is not None:
         measured = beside_uphill(measured, uneven.value, known)
-        surfaces, warnings = fit_surfaces(measured, known, mount, wanted, levels)
+        surfaces, warnings = fit_surfaces(measured, known, mount, chosen, levels)
     warnings += notes(surfaces[0], mount, known, uneven)
     warnings += (*sinking_commands(columns, log.windows), *log.notes)
-    good = usable(len(columns["t"]), log.suspects, ["v", "v_cmd"])
-    driven = speed_error(columns, runs, good)
+    usable_samples = usable(len(columns["t"]), log.suspects, ["v", "v_cmd"])
+    driven = speed_error(columns, runs, usable_samples)
     braking = _braking(known, surfaces, measured.dead_time, uneven)
     if driven is not None:
         braking = dataclasses.replace(braking, speed_error=driven.value)
@@ -131,7 +131,7 @@ def learn(
             braking, dead_band=levels.dead_band, saturation=levels.saturation
         )
     resistance = rolling if levels is None else levels.resistance
-    allowed = tuple(_with_bounds(s, braking, resistance, wanted.coverage) for s in surfaces)
+    allowed = tuple(_with_bounds(s, braking, resistance, chosen.coverage) for s in surfaces)
     return Calibration(
         braking,
         allowed,
@@ -196,8 +196,8 @@ def measure_log(
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
     """
 
-    def believed(first: Measured, mount: Mount) -> tuple[Mount, Slope]:
-        """The mount as the log tells it, and the slope coefficient of the stops themselves."""
+    def plausible_mount(first: Measured, mount: Mount) -> tuple[Mount, Slope]:
+        """The mount that the log shows, and the slope coefficient of the stops themselves."""
         m_m, b_m = (float(c) for c in fit_records(first.records, first, known).coefficients[:2])
         return mount, lambda v: m_m * v + b_m
 
@@ -206,7 +206,7 @@ def measure_log(
         columns,
         runs,
         lambda v: known.m_m * v + known.b_m,
-        believed,
+        plausible_mount,
         ground=ground,
         settings=stops,
         min_count=fewest,
@@ -216,13 +216,13 @@ def measure_log(
 def _braking(
     known: Braking, surfaces: Sequence[SurfaceFit], dead: DeadTime, uneven: Asymmetry | None
 ) -> Braking:
-    base, *own = (_values(s, uneven) for s in surfaces)
+    base, *on_surfaces = (_values(s, uneven) for s in surfaces)
     speed_low, speed_high = base["speed_range"]
     base["speed_range"] = (speed_low, max(speed_high, speed_low + 1e-3))
     tables = dict(known.terrain)
     for name in [n for n, table in tables.items() if table.state_of is not None]:
         del tables[name]  # what the stops of this log show takes their place
-    for surface, values in zip(surfaces[1:], own, strict=True):
+    for surface, values in zip(surfaces[1:], on_surfaces, strict=True):
         before = tables.get(surface.name)
         tables[surface.name] = (
             SurfaceBraking(**values) if before is None else dataclasses.replace(before, **values)

@@ -61,8 +61,8 @@ class LearnedForce:
     def __post_init__(self) -> None:
         for name, values in (("estimate", self.estimate), ("published", self.published)):
             if len(values) != 4 or not all(abs(v) <= _LARGEST for v in values):
-                words = f"four finite numbers of at most {_LARGEST:g}, got {values}"
-                raise ParameterError(name, words)
+                expected = f"four finite numbers of at most {_LARGEST:g}, got {values}"
+                raise ParameterError(name, expected)
         matrix = np.array(self.covariance, np.float64)
         if matrix.shape != (4, 4) or not np.all(np.abs(matrix) <= _LARGEST**2):
             raise ParameterError("covariance", "4 x 4 finite numbers")
@@ -103,7 +103,7 @@ def braking_in_use(
         more = 0.0 if older is None else older.get(name, 0.0)
         if known.distance is not None:
             # The offset of a session includes the error of the force, stop by stop.
-            more = math.hypot(more, _more_doubt(known, one) / (1.0 + len(one.session)))
+            more = math.hypot(more, _added_std(known, one) / (1.0 + len(one.session)))
         changes = {**_coefficients(known, one), "force_std": math.hypot(known.force_std, more)}
         if one.distance is not None:
             changes["distance"] = one.distance
@@ -120,7 +120,7 @@ def braking_in_use(
     return dataclasses.replace(prior, terrain=tables, **base)  # type: ignore[arg-type]
 
 
-def _more_doubt(known: Braking, one: LearnedForce) -> float:
+def _added_std(known: Braking, one: LearnedForce) -> float:
     """Standard deviation of F_b/W beyond that of the prior, which the promise contains [1]."""
     speed, grade = 0.5 * sum(known.speed_range), 0.5 * sum(known.grade_range)
     phi = design(np.array([speed]), np.array([grade]))[0]
@@ -148,9 +148,9 @@ def _coefficients(known: Braking, one: LearnedForce) -> dict[str, object]:
 def _pin(prior: Braking, tables: dict[str, SurfaceBraking], base: Mapping[str, object]) -> None:
     """Surfaces of the file keep the file's base where they omit a key, not the new one."""
     for name, table in tables.items():
-        kept = {
+        reused = {
             key: getattr(prior, key)
             for key in base
             if getattr(table, key) is None and getattr(prior, key) is not None
         }
-        tables[name] = dataclasses.replace(table, **kept)
+        tables[name] = dataclasses.replace(table, **reused)

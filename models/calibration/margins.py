@@ -53,7 +53,7 @@ def normal_bound(coverage: float, shortfall: Floats) -> float:
     if n <= _EXACT:
         k = float(stats.nct.ppf(_CONFIDENCE, n - 1, z * math.sqrt(n))) / math.sqrt(n)
     else:  # the noncentral t underflows; Natrella's approximation is good to a percent from here on
-        sure = float(stats.norm.ppf(_CONFIDENCE)) ** 2
-        a, b = 1.0 - sure / (2.0 * (n - 1)), z * z - sure / n
+        z_sq = float(stats.norm.ppf(_CONFIDENCE)) ** 2
+        a, b = 1.0 - z_sq / (2.0 * (n - 1)), z * z - z_sq / n
         k = (z + math.sqrt(z * z - a * b)) / a
     return float(np.mean(shortfall)) + k * float(np.std(shortfall, ddof=1))

@@ -1,4 +1,4 @@
-"""What a user has to know before trusting a calibration, in sentences.
+"""Warnings about a calibration, as sentences.
 
 Notes say what it rests on; objections, that no brakes have such numbers: then a log was misread.
 """
@@ -16,7 +16,7 @@ from slopewise.models.stop_logs.drive_quality import SuspectKind
 from slopewise.models.stop_logs.measured_log import MeasuredLog
 from slopewise.models.stop_logs.mount_offset import Mount
 
-_MOST_FORCE = 1.2  # [1] of the weight; tyres on dry tarmac reach one
+_MAX_FORCE = 1.2  # [1] of the weight; tyres on dry tarmac reach one
 _LATEST = 1.5  # [s] no brakes of vehicles that plan take longer
 _SIGNIFICANCE = 3.0  # [1] standard deviations by which a slope coefficient shows a wrong sign
 _TOO_LONG = 3.0
@@ -27,74 +27,74 @@ def notes(base: SurfaceFit, mount: Mount, known: Braking, uneven: Asymmetry | No
     """Sentences on the base.
 
     Args:
-        base: its fit. mount: of the pitch sensor. known: braking so far. uneven: the change of the
+        base: its fit. mount: pitch sensor's. known: braking so far. uneven: the change of the
             slope coefficient uphill, if it was fitted.
     """
-    said = []
+    texts = []
     if not mount.known and base.records[0].samples.grade is None:
         shift = float(np.deg2rad(1.0) * (1.0 + base.fit.coefficients[1]))
-        said.append(
+        texts.append(
             "mount offset of the pitch sensor cannot be told from this log (it takes a map, "
             f"heights, or ground driven both ways): each degree would shift b_b by {shift:.4f}; "
             "the covariance allows for half a degree as a standard deviation"
         )
     if known.uphill is not None and uneven is None:
-        said.append(
+        texts.append(
             "coefficients of their own for uphill were dropped: one slope is fitted for both ways"
         )
     if uneven is not None:
-        said.append(
+        texts.append(
             f"uphill the slope coefficient differs by {uneven.value:+.2f} ± {uneven.std:.2f}: it "
             "has coefficients of its own, with which nothing is learned while driving"
         )
     weak = [n for n, share in zip(NAMES, base.fit.learned, strict=True) if share < 0.5]
     if weak:
-        said.append(f"the stops say little about {', '.join(weak)}: kept near the model so far")
-    said += _corners(base)
+        texts.append(f"the stops say little about {', '.join(weak)}: kept near the model so far")
+    texts += _corners(base)
     out = [r for r in base.records if not r.kept]
     if out:
         worst = max(r.samples.distance - r.predicted_distance for r in out)
-        said.append(
+        texts.append(
             f"{len(out)} of {len(base.records)} stops fit no other: the coefficients do not rest "
             f"on them, the promised distances do; the longest was {worst:+.2f} m beyond its "
             "prediction"
         )
     if not any(r.samples.session for r in base.records):
-        said.append(
+        texts.append(
             "the log has no column session: each run counts as one; name days, or other "
             "conditions, in it"
         )
-    return said
+    return texts
 
 
 def _corners(base: SurfaceFit) -> list[str]:
-    """Corners of the trained rectangle that the stops do not reach, in a sentence."""
-    told = ", ".join(
+    """Corners of the trained rectangle that the stops do not reach, as a sentence."""
+    listed = ", ".join(
         f"{c.speed:.1f} m/s at {np.rad2deg(c.grade):+.0f}° (force {c.force:.2f} ± {c.std:.2f})"
         for c in base.corners
     )
     held = "" if base.speed_by_grade is None else ", and plans are no faster than what was driven"
-    return [f"no stop was near {told}: there the model extrapolates{held}"] if told else []
+    return [f"no stop was near {listed}: there the model extrapolates{held}"] if listed else []
 
 
 def objections(surfaces: tuple[SurfaceFit, ...], dead_time: DeadTime) -> tuple[str, ...]:
-    """What is wrong with a calibration, in sentences; none where nothing is."""
-    said = []
+    """Faults of a calibration, as sentences; empty without any."""
+    texts = []
     if dead_time.value > _LATEST:
-        said.append(
+        texts.append(
             f"a dead time of {dead_time.value:.2f} s, where {_LATEST:g} s is the longest that "
             "brakes have: is v_cmd the command that the vehicle followed?"
         )
     for surface in surfaces:
         on = f" on {surface.name}" if surface.name else ""
         force = float(np.median([r.force_ratio for r in surface.records]))
-        if force > _MOST_FORCE:
-            said.append(
-                f"braking forces of {force:.2f} of the weight{on}, where {_MOST_FORCE:g} is a lot"
+        if force > _MAX_FORCE:
+            texts.append(
+                f"braking forces of {force:.2f} of the weight{on}, where {_MAX_FORCE:g} is a lot"
             )
         slope, std = surface.slope_at_middle
         if slope + _SIGNIFICANCE * std < MIRRORED_SLOPE:
-            said.append(
+            texts.append(
                 f"the grade of the log has the wrong sign{on}: by it the vehicle decelerates less "
                 f"the steeper it drives uphill (slope coefficient {slope:.2f} ± {std:.2f}, where "
                 f"the weight alone gives more than {MIRRORED_SLOPE:g}): pitch counts nose down as "
@@ -104,8 +104,8 @@ def objections(surfaces: tuple[SurfaceFit, ...], dead_time: DeadTime) -> tuple[s
         bound = np.array([r.bound_distance for r in surface.records])
         longer = float(np.median(bound / np.maximum(actual, 1e-6)))
         if longer > _TOO_LONG:
-            said.append(f"plans allow {longer:.1f} times the length of the stops{on}")
-    return tuple(said)
+            texts.append(f"plans allow {longer:.1f} times the length of the stops{on}")
+    return tuple(texts)
 
 
 def lost_samples(log: MeasuredLog) -> tuple[str, ...]:

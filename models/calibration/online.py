@@ -54,13 +54,13 @@ class _Surface:
         self.pristine = False
         self.last.append(outcome is Acceptance.GATED)
         self.low.take(stop.onset_speed, stop.grade, stop.force_ratio, stop.force_std)
-        kept = self.low.share(self.estimate.coefficients, scatter)
-        if outcome is not Acceptance.GATED or kept < 1.0:
-            self.published.follow(kept * self.estimate.coefficients)
+        weight = self.low.share(self.estimate.coefficients, scatter)
+        if outcome is not Acceptance.GATED or weight < 1.0:
+            self.published.follow(weight * self.estimate.coefficients)
         share = sum(self.last) / window
         self.published.judge(self.estimate.covariance, self.estimate.accepted, share)
         # What holds for some of the stops only is nothing to trust, nor are grades of wrong sign.
-        if kept < 1.0 or self.has_mirrored_grade:
+        if weight < 1.0 or self.has_mirrored_grade:
             self.published.fall_back()
         return outcome
 

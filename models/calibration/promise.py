@@ -1,8 +1,8 @@
-"""What n stops of m sessions can promise: what is counted, and what rests on an assumption.
+"""Promise that n stops of m sessions support: counted, or resting on an assumption.
 
 Without any law the next stop of these sessions is within the longest of n with probability
 n/(n+1), and a stop of a new session within that of m sessions with m/(m+1). Beyond that a promise
-rests on the tails of the distribution. Whole sessions left out tell how it fares on days that it
+rests on the tails of the distribution. Held-out sessions show how it fares on days that it
 has not seen.
 
 Source: order statistics (Wilks 1941); interval of Clopper and Pearson (1934) at the effective
@@ -25,21 +25,21 @@ from slopewise.models.calibration.distance_model import StopFeatures, fit_distan
 from slopewise.models.calibration.distance_table import LearnedDistance
 
 _FOLDS = 8
-"""Groups in which sessions are left out, where there are more of them [1]."""
+"""Groups in which sessions are held out, where there are more of them [1]."""
 _MIN_REST = 6
 """Stops without which the others predict nothing [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """What the stops of a surface support.
+    """Promise that the stops of a surface support.
 
     Attributes:
         share: promised. stops, sessions: n, m.
         counted_here, counted_new: n/(n+1) for these sessions, m/(m+1) for new ones.
         held_out, held_out_beyond: stops of sessions predicted by the others, and those beyond.
         interval: 95 % of the share beyond, exact at the effective number of stops; None where no
-            session could be left out.
+            session could be held out.
         excess: mean of allowed minus actual distance of these [m].
     """
 
@@ -72,30 +72,30 @@ class Promise:
         return max(math.ceil(self.share / (1.0 - self.share) - 1e-9) - self.sessions, 0)
 
     def sentence(self) -> str:
-        """All of it in words."""
-        said = (
+        """The promise as text."""
+        sentence = (
             f"{self.stops} stops of {self.sessions} session{'s' if self.sessions > 1 else ''}: "
             f"{self.counted_here:.1%} is counted for these sessions and {self.counted_new:.1%} for "
             f"new ones"
         )
         if self.more_stops or self.more_sessions:
-            said += f"; up to {self.share:.4g} rests on the shape of the tails"
+            sentence += f"; up to {self.share:.4g} rests on the shape of the tails"
         if self.interval is not None:
             low, high = self.interval
-            said += (
+            sentence += (
                 f"; of held-out sessions {self.held_out_beyond} of {self.held_out} stops were "
                 f"beyond ({low:.1%} … {high:.1%})"
             )
         if self.sessions < 3:
-            said += "; drive on other days: one session says little of the next"
+            sentence += "; drive on other days: one session says little of the next"
         elif self.more_stops:
-            said += f"; drive {self.more_stops} more stops to count {self.share:.4g} in these"
-        return said
+            sentence += f"; drive {self.more_stops} more stops to count {self.share:.4g} in these"
+        return sentence
 
 
 @lru_cache(maxsize=32)
 def promise_of(learned: LearnedDistance, share: float) -> Promise:
-    """What the stops of a surface support at a promised share; a second for 100 stops."""
+    """Promise that the stops of a surface support at a share; a second for 100 stops."""
     excess = _held_out(learned, share)
     count, beyond = len(excess), int(np.sum(excess < 0.0))
     interval = None
@@ -123,9 +123,9 @@ def _held_out(learned: LearnedDistance, share: float) -> Floats:
             continue
         rest = StopFeatures(*(column[~out] for column in learned.at))
         model = fit_distance(rest, learned.log_ratio[~out], learned.session[~out])
-        own = StopFeatures(*(column[out] for column in learned.at))
-        ratio = model.log_ratio(own, np.array([share]))[0]
-        excess.append(np.exp(ratio) * own.distance - actual[out])
+        held_out = StopFeatures(*(column[out] for column in learned.at))
+        ratio = model.log_ratio(held_out, np.array([share]))[0]
+        excess.append(np.exp(ratio) * held_out.distance - actual[out])
     return np.concatenate(excess)
 
 

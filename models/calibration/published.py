@@ -8,7 +8,7 @@ the same holds, since the model is linear in each variable.
 Weak stops that alternate with others are never two in a row, as after a change, and each alone may
 be an error: an estimate of the mean follows the others. Of the last stops all but one may therefore
 be no weaker than what is planned with, beyond their scatter; else that falls to the second weakest
-at once. Source: none; an order statistic of a moving window.
+immediately. Source: none; an order statistic of a moving window.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ WINDOW = 24
 """Length of the window of last stops [1]: weak stops count until they leave it."""
 
 _GATE = 4.0  # standard deviations below which a stop is weak
-_LEAST = 0.02  # [1] of a force
+_MIN_FORCE = 0.02  # [1] of a force
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,14 +106,14 @@ class PublishedForce:
 
     def follow(self, coefficients: Floats) -> None:
         """Follow an estimate (4,): immediately where it is lower, by a step where it is higher."""
-        wanted = self._estimate = self._bounded(self._corners @ coefficients)
+        target = self._estimate = self._bounded(self._corners @ coefficients)
         risen = np.minimum(
             self._force + self.settings.rise,
             np.maximum(self._force, self.settings.most_share * self._default),
         )
         if self.settings.only_valid and not self.valid:
             risen = np.minimum(risen, np.maximum(self._force, self._default))
-        self._force = np.minimum(wanted, risen)
+        self._force = np.minimum(target, risen)
 
     def fall_back(self, below: Floats | None = None) -> None:
         """Be nowhere above the default, or above other coefficients (4,), and valid no longer."""
@@ -180,7 +180,7 @@ class LowStops:
         """
         shares = []
         for x, force, std in self._last:
-            expected = max(float(x @ coefficients), _LEAST)
+            expected = max(float(x @ coefficients), _MIN_FORCE)
             if force < expected - _GATE * float(np.hypot(std, scatter)):
-                shares.append(max(force, _LEAST) / expected)
+                shares.append(max(force, _MIN_FORCE) / expected)
         return 1.0 if len(shares) < 2 else sorted(shares)[1]

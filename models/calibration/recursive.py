@@ -81,7 +81,7 @@ class RecursiveForce:
         self._steady = np.diag(np.square(self.settings.steady))
         self.doubted = False
         self.row = 0
-        self._leaning = 0.0
+        self._signed_sum = 0.0
 
     def update(self, speed: float, grade: float, force_ratio: float, std: float) -> Acceptance:
         """Update with one stop.
@@ -110,11 +110,11 @@ class RecursiveForce:
             expected = float(x @ seen) + noise
             outcome = Acceptance.CHANGED
         self.row = 0
-        self._leaning *= _FADING
+        self._signed_sum *= _FADING
         self.accepted += 1
         self.coefficients = self.coefficients + seen * (innovation / expected)
-        kept = self._steady @ x
-        again = np.outer(kept, kept) / (float(x @ kept) + noise)
+        gain_row = self._steady @ x
+        again = np.outer(gain_row, gain_row) / (float(x @ gain_row) + noise)
         self.covariance = self.covariance - np.outer(seen, seen) / expected + again
         return outcome
 
@@ -126,13 +126,13 @@ class RecursiveForce:
         """
         side = math.copysign(1.0, innovation * grade) if abs(grade) > _SLOPE else 0.0
         if side:
-            self._leaning = self._leaning + side if self._leaning * side > 0.0 else side
-        leans = abs(self._leaning) >= self.settings.stronger
+            self._signed_sum = self._signed_sum + side if self._signed_sum * side > 0.0 else side
+        has_drifted = abs(self._signed_sum) >= self.settings.stronger
         if innovation < 0.0:
             self.row = min(self.row, 0) - 1
-            return -self.row >= self.settings.weaker or leans
+            return -self.row >= self.settings.weaker or has_drifted
         self.row = max(self.row, 0) + 1
-        return self.row >= self.settings.stronger or leans
+        return self.row >= self.settings.stronger or has_drifted
 
     def doubt(self) -> None:
         """Inflate the covariance before the next stop, as after a change; restart the counts."""
@@ -143,7 +143,7 @@ class RecursiveForce:
         """Inflate the covariance for a change of brakes or surface."""
         self.covariance = self.covariance + self._first_covariance
         self.covariance[3, 3] += self.settings.change**2
-        self.doubted, self._leaning = False, 0.0
+        self.doubted, self._signed_sum = False, 0.0
 
     def age(self, seconds: float, time_constant: float) -> None:
         """Grow the covariance towards the first one with the age of the estimate [s]."""

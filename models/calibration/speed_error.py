@@ -25,16 +25,16 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.stop_logs.random_effects import PER_MAD
 
 SETTLING = 2.0  # [s] of one command before speeds count
-_LEAST_SPEED = 0.3  # [m/s]
+_MIN_SPEED = 0.3  # [m/s]
 _SAME = (0.01, 0.02)  # [m/s], and share of the command, by which one command may vary
 _BLOCK = 0.5  # [s]
-_FEWEST_STRETCHES = 5
+_MIN_STRETCHES = 5
 """Stretches at constant command that a speed error needs [1]; fewer are one manoeuvre."""
-_FEWEST_SECONDS = 20.0
+_MIN_SECONDS = 20.0
 """Driving at constant command that a speed error needs, all stretches together [s]."""
 _ONE_STD = 0.8413
 """Quantile of a normal law one standard deviation above its mean [1]."""
-_MOST = 0.3  # share of the command; above it, the vehicle did not follow that command
+_MAX_SHARE = 0.3  # share of the command; above it, the vehicle did not follow that command
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class SpeedError:
 
 
 def speed_error(
-    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], good: Bools
+    columns: Mapping[str, NDArray[Any]], runs: Sequence[slice], usable_samples: Bools
 ) -> SpeedError | None:
     """Speed tracking error; None where the log has too little settled driving.
 
@@ -62,25 +62,25 @@ def speed_error(
         columns: channels by name, (n,): ``t`` [s], ``v`` and ``v_cmd`` [m/s].
         runs: samples of each run. good: (n,) samples that may be used.
     """
-    errors = [one for run in runs for one in _of_run(columns, run, good)]
+    errors = [value for run in runs for value in _of_run(columns, run, usable_samples)]
     seconds = _BLOCK * sum(len(error) for error, _ in errors)
-    if len(errors) < _FEWEST_STRETCHES or seconds < _FEWEST_SECONDS:
+    if len(errors) < _MIN_STRETCHES or seconds < _MIN_SECONDS:
         return None
     every = np.concatenate([error for error, _ in errors])
     within = np.concatenate([error - np.median(error) for error, _ in errors])
     scatter = PER_MAD * float(np.median(np.abs(within)))
     value = max(scatter, float(np.quantile(every, _ONE_STD)))
-    if value > _MOST * float(np.median([command for _, command in errors])):
+    if value > _MAX_SHARE * float(np.median([command for _, command in errors])):
         return None
     return SpeedError(value, float(np.median(every)), len(errors), seconds)
 
 
 def _of_run(
-    columns: Mapping[str, NDArray[Any]], run: slice, good: Bools
+    columns: Mapping[str, NDArray[Any]], run: slice, usable_samples: Bools
 ) -> Iterator[tuple[Floats, float]]:
     """Mean error of each half second of each stretch [m/s], and its command [m/s]."""
     t, v, v_cmd = (np.asarray(columns[name][run], np.float64) for name in ("t", "v", "v_cmd"))
-    usable = good[run] & (v_cmd > _LEAST_SPEED) & np.isfinite(v)
+    usable = usable_samples[run] & (v_cmd > _MIN_SPEED) & np.isfinite(v)
     jumps = np.abs(np.diff(v_cmd)) > np.maximum(_SAME[0], _SAME[1] * np.abs(v_cmd[:-1]))
     edges = np.flatnonzero(jumps | (np.diff(usable) != 0)) + 1
     for begin, end in zip([0, *edges], [*edges, len(t)], strict=True):

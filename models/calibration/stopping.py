@@ -37,12 +37,12 @@ def stopping_distance(
         speed: at the stop command, held during the dead time [m/s].
         dead_time: [s]. coefficients: (4,) m_m, b_m, m_b, b_b.
         station: (n,) from the stop command on, not decreasing [m]; grade: (n,) there [rad]. Beyond
-            the last station its grade goes on.
+            the last station its grade continues.
         extra: (n,) F_b/W at the stations that the coefficients do not have.
         margin: (4, 4) matrix S; the force is lower by √(φᵀ S φ), φ = (v θ, θ, v, 1).
     """
     held = speed * dead_time
-    wanted = 0.5 * speed * speed
+    energy = 0.5 * speed * speed
     reach = max(float(station[-1]) * 1.5, held + 1.0)
     while True:
         s = np.linspace(held, reach, max(round((reach - held) / _STEP), 20) + 1)
@@ -55,12 +55,12 @@ def stopping_distance(
             force = force - np.sqrt(np.einsum("ni,ij,nj->n", phi, margin, phi))
         pull = GRAVITY * (force + np.sin(theta))
         work = np.concatenate(([0.0], np.cumsum(0.5 * (pull[1:] + pull[:-1]) * np.diff(s))))
-        done = np.flatnonzero(work >= wanted)
+        done = np.flatnonzero(work >= energy)
         if len(done):
             k = int(done[0])
             if k == 0:
                 return held
-            share = (wanted - work[k - 1]) / (work[k] - work[k - 1])
+            share = (energy - work[k - 1]) / (work[k] - work[k - 1])
             return float(s[k - 1] + share * (s[k] - s[k - 1]))
         if reach > _FARTHEST:
             return math.inf

@@ -1,7 +1,7 @@
-"""Coefficients and stop distances of each surface, out of its measured stops.
+"""Coefficients and stop distances of each surface, from its measured stops.
 
 The coefficients are a joint fit of the forces; the distance that stops take beyond them is one
-distribution (:mod:`.distance_model`). A surface with too few stops of its own is part of the base;
+distribution (:mod:`.distance_model`). A surface with too few stops is part of the base;
 a base without stops is the weakest surface. Source: Braking Sec. 4.1, 4.2.
 """
 
@@ -50,8 +50,8 @@ class CalibrationSettings:
 
     Attributes:
         coverage: quantile of the stops that margins have to cover; that of plans.
-        fewest_per_surface: stops that a named surface needs to be told from the base.
-        stops: what counts as a stop.
+        fewest_per_surface: stops that a named surface needs to be distinguished from the base.
+        stops: criteria of a stop.
     """
 
     coverage: float = 0.999
@@ -65,15 +65,15 @@ class CalibrationSettings:
 
 @dataclass(frozen=True, slots=True)
 class SurfaceFit:
-    """What was learned on one surface.
+    """Braking learned on one surface.
 
     Attributes:
-        name: of the surface, "" for the base.
+        name: surface, "" for the base.
         fit: coefficients with covariance. records: its stops with predictions by fits without them.
         distance: what stops take beyond the prediction. share: of stops, promised.
         mount_std: error of the grade that all stops share, which their distances do not show [rad].
-        time_offset: margin of the stopping time for the wanted coverage [s].
-        speed_range, grade_range: of the stops that the fit rests on [m/s], [rad].
+        time_offset: margin of the stopping time for the required coverage [s].
+        speed_range, grade_range: ranges of the stops that the fit rests on [m/s], [rad].
         two_stages: (4,) the paper's own estimator, None where it cannot be formed.
     """
 
@@ -90,7 +90,7 @@ class SurfaceFit:
 
     @property
     def promise(self) -> Promise:
-        """What the stops support."""
+        """Promise that the stops support."""
         return promise_of(self.distance, self.share)
 
     @property
@@ -111,12 +111,12 @@ class SurfaceFit:
         return speed_by_grade(*self._driven(), self.speed_range, self.grade_range, self.corners)
 
     def _driven(self) -> tuple[Floats, Floats]:
-        kept = [r for r in self.records if r.kept]
-        return np.array([r.onset_speed for r in kept]), np.array([r.grade for r in kept])
+        inliers = [r for r in self.records if r.kept]
+        return np.array([r.onset_speed for r in inliers]), np.array([r.grade for r in inliers])
 
 
 def fit_records(records: Sequence[StopRecord], measured: Measured, known: Braking) -> ForceFit:
-    """Joint fit of some of the measured stops, near ``known`` where they say nothing."""
+    """Joint fit of some of the measured stops, near ``known`` where they carry no information."""
     index = {id(r): i for i, r in enumerate(measured.records)}
     rows = [index[id(r)] for r in records]
     return fit_force(
@@ -154,20 +154,20 @@ def fit_surfaces(
     enough = {n: g for n, g in groups.items() if len(g) >= settings.fewest_per_surface}
     rest = [r for r in measured.records if r.samples.terrain not in enough]
     warnings = []
-    own = [_surface(n, g, measured, known, mount, settings, levels) for n, g in enough.items()]
+    fits = [_surface(n, g, measured, known, mount, settings, levels) for n, g in enough.items()]
     if len(enough) == 1 and not rest:
-        base, own = dataclasses.replace(own[0], name=""), []
-    elif len(rest) >= settings.fewest_per_surface or not own:
+        base, fits = dataclasses.replace(fits[0], name=""), []
+    elif len(rest) >= settings.fewest_per_surface or not fits:
         base = _surface("", rest, measured, known, mount, settings, levels)
     else:
         # On level ground, from a speed in the middle.
-        weakest = min(own, key=lambda s: float(s.fit.force_ratio(0.5 * sum(s.speed_range), 0.0)))
+        weakest = min(fits, key=lambda s: float(s.fit.force_ratio(0.5 * sum(s.speed_range), 0.0)))
         base = dataclasses.replace(weakest, name="")
         warnings.append(
             f"too few stops on ground without a name: it is taken to brake like {weakest.name}, "
             "the weakest surface of the log"
         )
-    return [base, *own], warnings
+    return [base, *fits], warnings
 
 
 def _surface(
@@ -184,8 +184,8 @@ def _surface(
     fit = fit_records(records, measured, on)
     law = SurfaceLaw(fit.coefficients, measured.dead_time.value, levels)
     seen = _predicted(records, fit, law)
-    kept = [r for r in seen if r.kept]
-    speeds, grades = (np.array([getattr(r, n) for r in kept]) for n in ("onset_speed", "grade"))
+    inliers = [r for r in seen if r.kept]
+    speeds, grades = (np.array([getattr(r, n) for r in inliers]) for n in ("onset_speed", "grade"))
     ranges = trained_ranges(speeds, grades)
     stops = Stops(
         np.array([r.samples.window.held_speed for r in seen]),
@@ -206,7 +206,7 @@ def _surface(
         mount_std,
         offset_for(settings.coverage, time[np.isfinite(time)]),
         *ranges,
-        fit_two_stages(speeds, grades, np.array([r.force_ratio for r in kept])),
+        fit_two_stages(speeds, grades, np.array([r.force_ratio for r in inliers])),
     )
 
 

@@ -28,10 +28,10 @@ from slopewise.models.stop_logs import random_effects
 from slopewise.models.stop_logs.measure import Measured
 from slopewise.models.stop_logs.stop_record import StopRecord
 
-_FEWEST = 8  # minimum number of stops uphill and downhill
+_MIN_STOPS = 8  # minimum number of stops uphill and downhill
 _STEEP = 0.035  # [rad] lowest grade that is uphill or downhill
 _PRIOR = 1.0  # [1/rad] much wider than any asymmetry of real brakes
-_SURE = 3.5  # standard deviations
+_SIGNIFICANT = 3.5  # standard deviations
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Asymmetry:
     @property
     def clear(self) -> bool:
         """Whether the change is significant."""
-        return abs(self.value) > _SURE * self.std
+        return abs(self.value) > _SIGNIFICANT * self.std
 
 
 def clear_asymmetry(base: SurfaceFit, beside: Model | None) -> Asymmetry | None:
@@ -52,10 +52,10 @@ def clear_asymmetry(base: SurfaceFit, beside: Model | None) -> Asymmetry | None:
     laws = () if beside is None else [registry.LAWS[effect.name] for effect in beside.effect]
     if any(law.kinks_at_level and law.axis == "grade" for law in laws):
         return None
-    kept = [r for r in base.records if r.kept]
+    inliers = [r for r in base.records if r.kept]
     names = ("onset_speed", "grade", "force_ratio", "force_std")
-    found = asymmetry(*(np.array([getattr(r, n) for r in kept]) for n in names))
-    return found if found is not None and found.clear else None
+    uphill = asymmetry(*(np.array([getattr(r, n) for r in inliers]) for n in names))
+    return uphill if uphill is not None and uphill.clear else None
 
 
 def asymmetry(speed: Floats, grade: Floats, force_ratio: Floats, noise: Floats) -> Asymmetry | None:
@@ -65,7 +65,7 @@ def asymmetry(speed: Floats, grade: Floats, force_ratio: Floats, noise: Floats) 
         speed: (n,) onset speeds [m/s]. grade: (n,) mean θ while braking [rad].
         force_ratio: (n,) gravity-free F_b/W. noise: (n,) its measurement noise.
     """
-    if min(int((grade > _STEEP).sum()), int((grade < -_STEEP).sum())) < _FEWEST:
+    if min(int((grade > _STEEP).sum()), int((grade < -_STEEP).sum())) < _MIN_STOPS:
         return None
     x = np.column_stack((design(speed, grade), np.maximum(grade, 0.0)))
     fit = random_effects.fit(
@@ -92,11 +92,11 @@ def _without(record: StopRecord, change: float, dead: float, known: Braking) -> 
     if not (grade > 0.0).any():
         return dataclasses.replace(record, force_ratio=force)
     slope = known.m_m * record.onset_speed + known.b_m
-    own = np.array([0.0, slope, 0.0, force - slope * record.grade])
+    level_law = np.array([0.0, slope, 0.0, force - slope * record.grade])
     held = record.samples.window.held_speed
-    plain = stopping_distance(held, dead, own, station, grade)
+    plain = stopping_distance(held, dead, level_law, station, grade)
     uphill = stopping_distance(
-        held, dead, own, station, grade, extra=change * np.maximum(grade, 0.0)
+        held, dead, level_law, station, grade, extra=change * np.maximum(grade, 0.0)
     )
     longer = uphill - plain
     return dataclasses.replace(
