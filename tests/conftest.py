@@ -26,7 +26,7 @@ settings.register_profile("nightly", max_examples=2000, print_blob=True, **_CALM
 
 
 TESTS = Path(__file__).parent
-COMPILING = {"test_extending", "test_from_cpp", "test_sanitizers"}
+COMPILING = {"test_from_cpp", "test_sanitizers"}
 """Their single tests take so long that the last worker would work on them alone."""
 
 

@@ -70,9 +70,11 @@ def python_items(file: Path, source: str) -> Iterator[tuple[str, int, int, str]]
             end = node.end_lineno or node.lineno
             for i, line in enumerate(node.value.split("\n")):
                 yield "prose", min(node.lineno + i, end), end, line
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            yield "prose", token.start[0], token.start[0], token.string
+    # Tokens take longest: only where what follows a # in some line would match.
+    if any(ANY["prose"].search(line) for line in re.findall("#.*", source)):
+        for token in tokenize.generate_tokens(io.StringIO(source).readline):
+            if token.type == tokenize.COMMENT:
+                yield "prose", token.start[0], token.start[0], token.string
     yield from (("names", line, line, name) for name, line in names.items())
 
 

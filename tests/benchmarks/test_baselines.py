@@ -23,12 +23,12 @@ def logged(truth: Physics, count: int = 50, seed: int = 3) -> Columns:
 @pytest.mark.parametrize(
     ("fields", "names"),
     [
-        ({"drag": 0.05}, ("aerodynamic_drag",)),
         ({"step_scale": 0.8, "step_run": 24.0}, ("step_change",)),
         *(
             pytest.param(*case, marks=pytest.mark.nightly)
             for case in (
                 ({}, ()),
+                ({"drag": 0.05}, ("aerodynamic_drag",)),
                 ({"lag": 0.15}, ("brake_lag",)),
                 ({"furrow": 0.05, "furrow_direction": 0.7}, ("directional_surface",)),
                 ({"cross_slope": 0.5}, ("cross_slope",)),

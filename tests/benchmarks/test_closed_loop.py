@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
+from benchmarks.closed_loop import drive_loop
 from benchmarks.closed_loop.course import MAX_GRADE
 from benchmarks.closed_loop.drive_loop import run_drive, scene
 from benchmarks.closed_loop.loop_campaign import summary
@@ -145,10 +146,16 @@ def test_courses_repeat_and_never_report_more_than_is_free(number: int) -> None:
             assert course.reported_clear(0.0, foresight=True) <= event.barrier
 
 
-def test_example_controller_keeps_the_stopping_path() -> None:
+@pytest.mark.parametrize(
+    ("seconds", "metres"), [(20.0, 14.0), pytest.param(600.0, 20.0, marks=pytest.mark.nightly)]
+)
+def test_example_controller_keeps_the_stopping_path(
+    seconds: float, metres: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from examples.tracking_mpc import drive
 
+    monkeypatch.setattr(drive_loop, "_MAX_TIME", seconds)
     outcome = drive(0)
     assert outcome.past_clear == outcome.collisions == 0
-    assert outcome.distance > 20.0
+    assert outcome.distance > metres
     assert outcome.mean_speed > 0.8

@@ -50,8 +50,6 @@ def test_oblique_ditch_that_lifts_single_wheels_is_blocked() -> None:
     assert planned.is_blocked
 
 
-# ------------------------------------------------------------------------------ the truth
-
 LIMIT, CLEAR = QUAD.shape.max_step, QUAD.shape.clearance
 
 

@@ -45,7 +45,8 @@ def test_cycles_are_driven_and_those_that_smooth_fewer_are_counted() -> None:
     assert (result["p50"], result["max"], result["cycles"]) == (2.5, 4.0, 4)
 
 
-def test_drive_and_memory_are_measured() -> None:
+def test_drive_and_memory_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cycle_time, "_WARM_UP", 10)
     result = cycle_time.timed_drive("short", 20, lambda _: None)
     assert 0.0 < result["p50"] <= result["p99"] <= result["max"]
     memory = cycle_time.memory(20, lambda _: None)

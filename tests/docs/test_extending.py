@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from hatch_build import compiler
 from tests.world.compilers import compiler_with
 
 ROOT = Path(__file__).parents[2]
@@ -48,27 +49,59 @@ def run(tree: Path, *command: str, text: str = "") -> subprocess.CompletedProces
     )
 
 
-@pytest.mark.parametrize("title", sections())
+def of_kind(title: str, kind: str) -> list[str]:
+    return [text for box, text in sections()[title] if box == kind]
+
+
+def changed_by(title: str) -> list[str]:
+    diffs = "".join(of_kind(title, "diff"))
+    return sorted(set(re.findall(r"^\+\+\+ b/(.+)$", diffs, re.MULTILINE)))
+
+
+def apply_diffs(title: str, tree: Path) -> None:
+    assert 1 <= len(changed_by(title)) <= MAX_FILES
+    for diff in of_kind(title, "diff"):
+        done = run(tree, "git", "apply", "--whitespace=error", "-", text=diff)
+        assert done.returncode == 0, done.stderr
+
+
+OF_THE_CORE = [
+    title
+    for title in sections()
+    if any(file.startswith("planner/core/") for file in changed_by(title))
+]
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        pytest.param(title, marks=[pytest.mark.nightly] if title in OF_THE_CORE else [])
+        for title in sections()
+    ],
+)
 def test_a_diff_applies_and_its_check_passes(title: str, tree: Path) -> None:
-    boxes = sections()[title]
-    diffs = [text for kind, text in boxes if kind == "diff"]
-    checks = [text for kind, text in boxes if kind == "python"]
+    checks = of_kind(title, "python")
     assert checks, f"{title}: no check follows the diff"
     before = run(tree, sys.executable, "-P", "-c", checks[0])
     assert before.returncode != 0, f"{title}: the check passes without the diff"
-    changed = {
-        file for text in diffs for file in re.findall(r"^\+\+\+ b/(.+)$", text, re.MULTILINE)
-    }
-    assert 1 <= len(changed) <= MAX_FILES
-    for diff in diffs:
-        done = run(tree, "git", "apply", "--whitespace=error", "-", text=diff)
-        assert done.returncode == 0, done.stderr
-    if any(file.startswith("planner/core/") for file in changed):
+    apply_diffs(title, tree)
+    if title in OF_THE_CORE:
         done = run(tree, sys.executable, "hatch_build.py")
         assert done.returncode == 0, done.stderr
     for check in checks:
         done = run(tree, sys.executable, "-P", "-c", check)
         assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(compiler() is None, reason="there is no C++ compiler on this machine")
+@pytest.mark.parametrize("title", OF_THE_CORE)
+def test_by_day_headers_that_a_diff_changes_compile(title: str, tree: Path) -> None:
+    apply_diffs(title, tree)
+    headers = [file for file in changed_by(title) if file.endswith(".hpp")]
+    options = ["-std=c++20", "-fsyntax-only", "-Wall", "-Werror", "-Iplanner/core", "-xc++"]
+    text = "".join(f'#include "{header}"\n' for header in headers)
+    done = run(tree, str(compiler()), *options, "-I.", "-", text=text)
+    assert done.returncode == 0, done.stderr
 
 
 def test_there_is_something_to_extend() -> None:

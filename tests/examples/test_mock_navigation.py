@@ -28,13 +28,15 @@ from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.service_process import free_port, running
 
 
-def test_it_stays_on_the_map_for_a_lap_and_obeys(tmp_path: Path) -> None:
+@pytest.mark.parametrize("laps", [0.25, pytest.param(1.0, marks=pytest.mark.nightly)])
+def test_it_stays_on_the_map_for_a_lap_and_obeys(laps: float) -> None:
     """As fast as answers come; speeds are compared with the limits of the model."""
     endpoint, period = (f"tcp/127.0.0.1:{free_port()}",), 0.1
     listening = ZenohSettings(listen=endpoint)
     patient = Planning(budget=10.0)  # plans are smoothed however busy the machine is
     config = ServiceConfig(model="atv", namespace="test/lap", zenoh=listening, planning=patient)
     robot = Robot(hills(), Loop.ellipse())
+    end = laps * robot.loop.length
     with (
         Service(config),
         zenoh.open(zenoh_config(ZenohSettings(mode="client", connect=endpoint))) as session,
@@ -44,9 +46,9 @@ def test_it_stays_on_the_map_for_a_lap_and_obeys(tmp_path: Path) -> None:
             done = drive_around(robot, client, period, 150, paced=False)
             assert done.stops <= 5
             check_track(np.array(done.track), period)
-            if robot.driven > robot.loop.length:
+            if robot.driven > end:
                 break
-    assert robot.driven > robot.loop.length
+    assert robot.driven > end
 
 
 @pytest.mark.nightly

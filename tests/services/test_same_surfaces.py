@@ -78,7 +78,9 @@ def guarded(model_file: Path, name: str) -> set[str]:
     return {model.surfaces[kind] for kind in courses.possible}
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize(
+    "seed", [*range(10), *(pytest.param(n, marks=pytest.mark.nightly) for n in range(10, 100))]
+)
 def test_each_class_is_the_same_surface_to_all(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
     model, file = drawn_model(rng), tmp_path / "model.toml"

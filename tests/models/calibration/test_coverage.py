@@ -24,9 +24,6 @@ from tests.models.calibration.plant import Plant, drive
 from tests.models.driven_hull import highest_speed
 from tests.world.vehicles import BASE
 
-# -------------------------------------------------------------------------------- coverage
-
-
 VEHICLE = Plant(scatter=0.012)
 
 
@@ -88,9 +85,6 @@ def test_a_log_that_loses_samples_in_more_than_half_of_the_stops_is_rejected() -
     assert any("falls of v" in text for text in learn(short, parts, BASE.braking).objections)
 
 
-# -------------------------------------------------------------------------------- stopping
-
-
 G = 9.80665
 TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])
 
@@ -128,9 +122,6 @@ def test_brakes_too_weak_for_the_slope_never_stop() -> None:
     weak = np.array([0.0, 0.0, 0.0, 0.1])
     ends = np.array([0.0, 1.0])
     assert stopping_distance(2.0, 0.3, weak, ends, np.full(2, -0.2)) == math.inf
-
-
-# ------------------------------------------------------------------------------------ hull
 
 
 KNOWN = np.array([0.0, -0.2, 0.0, 0.4])
@@ -208,9 +199,6 @@ def test_a_hull_of_few_corners_is_inside_of_that_of_all() -> None:
     )
     assert np.all(highest_speed(hull, at) <= around + reach[0] + 1e-3)
     assert np.all(highest_speed(hull, at) >= limit - 0.15)
-
-
-# ----------------------------------------------------------------------------- speed error
 
 
 HZ = 50.0

@@ -21,9 +21,6 @@ from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from tests.models.calibration.plant import Plant, Truth, allowed, drive, predicted
 
-# ----------------------------------------------------------------------------------- fleet
-
-
 KNOWN = Braking(
     m_m=0.0,
     b_m=0.0,
@@ -154,9 +151,6 @@ def test_fifty_vehicles_with_two_hundred_stops() -> None:
         alone += (coefficients.force_ratio(v, theta) - true).tolist()
     assert np.std(pooled) < 0.7 * np.std(alone)
     assert np.sqrt(np.mean(np.square(pooled))) < 0.7 * np.sqrt(np.mean(np.square(alone)))
-
-
-# ------------------------------------------------------------------------------- hierarchy
 
 
 MEAN = np.array([-0.03, -0.35, 0.015, 0.40])

@@ -14,9 +14,6 @@ from slopewise.models.calibration.force_fit import (
 from slopewise.models.calibration.margins import normal_bound, offset_for
 from slopewise.models.calibration.uphill import Asymmetry, asymmetry
 
-# ------------------------------------------------------------------------------- force fit
-
-
 TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])
 
 
@@ -90,9 +87,6 @@ def test_two_stages_need_two_grades_and_speeds() -> None:
     assert fit_two_stages(v[:6], theta[:6], force[:6]) is None
 
 
-# ------------------------------------------------------------------------------- asymmetry
-
-
 def stops(k: float, n: int = 80, seed: int = 0, low: float = -0.25) -> Asymmetry | None:
     rng = np.random.default_rng(seed)
     v, theta = rng.uniform(1.0, 4.0, n), rng.uniform(low, 0.25, n)
@@ -120,9 +114,6 @@ def test_symmetric_brakes_are_not_suspected() -> None:
 def test_one_side_says_nothing() -> None:
     assert stops(0.3, low=0.0) is None
     assert stops(0.3, n=12) is None
-
-
-# --------------------------------------------------------------------------------- margins
 
 
 @pytest.mark.parametrize("n", [12, 40, 150])

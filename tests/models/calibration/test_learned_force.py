@@ -18,9 +18,6 @@ from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs.stop_stream import StreamedStop
 from slopewise.models.surface_braking import SurfaceBraking
 
-# --------------------------------------------------------------------------- learned force
-
-
 TIGHT = ((1e-4, 0.0, 0.0, 0.0), (0.0, 9e-4, 0.0, 0.0), (0.0, 0.0, 4e-6, 0.0), (0.0, 0.0, 0.0, 4e-5))
 PRIOR = Braking(
     m_m=-0.03,
@@ -201,9 +198,6 @@ def test_what_cannot_have_been_learned_is_refused(changes: dict, field: str) -> 
     with pytest.raises(ParameterError) as caught:
         LearnedForce(**usable | changes)  # type: ignore[arg-type]
     assert caught.value.field == field
-
-
-# ------------------------------------------------------------------------------- published
 
 
 TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])

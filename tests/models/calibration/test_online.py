@@ -18,9 +18,6 @@ from slopewise.models.stop_logs.stop_stream import StopStream, StreamedStop
 from tests.models.calibration.plant import Plant, drive
 from tests.world.vehicles import BASE
 
-# ---------------------------------------------------------------------------------- online
-
-
 KNOWN = replace(BASE.braking, b_b=0.37, covariance=None)
 
 
@@ -153,9 +150,6 @@ def test_false_stops_never_publish_more_than_the_share() -> None:
         force = 0.4 if rng.random() < 0.2 else float(rng.choice([0.05, 0.4, 0.8, 1.2, 3.0]))
         online.take(streamed(force, float(k), rng))
         assert level_force(online) <= 1.5 * 0.4 + 1e-9
-
-
-# ------------------------------------------------------------------------------- recursive
 
 
 TRUTH = np.array([-0.03, -0.35, 0.015, 0.40])

@@ -129,9 +129,6 @@ def test_any_stops_leave_a_valid_table(
     assert np.all(factors(session) >= aged)
 
 
-# ---------------------------------------------------------------------------- in the estimator
-
-
 def known(distance: StopDistance | None) -> Braking:
     return Braking(
         m_m=0.0,

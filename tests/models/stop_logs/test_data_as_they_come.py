@@ -37,9 +37,6 @@ def windows(columns: dict[str, np.ndarray], runs: list[slice]) -> list[StopWindo
     return [w for run in runs for w in find_stops(columns, run, usable)]
 
 
-# ------------------------------------------------------------------------------- slow sensors
-
-
 def repeated(columns: dict[str, np.ndarray], times: int) -> dict[str, np.ndarray]:
     """The log with every row `times` over, on a clock as much finer, the speed held."""
     step = 0.05 / times
@@ -80,9 +77,6 @@ def test_quantised_and_noisy_speeds_are_not_slow() -> None:
     for speed in (np.round(v, 2), noisy):
         assert held_period({"t": t, "v": speed}, [slice(0, len(t))]) == 0.0
         assert fresh_samples({"t": t, "v": speed}, [slice(0, len(t))]).all()
-
-
-# --------------------------------------------------------------------------- stops cut short
 
 
 def test_stops_cut_short_are_marked_and_keep_their_distance(stops: Log) -> None:
@@ -128,9 +122,6 @@ def test_bounds_count_where_the_fit_contradicts_them_only() -> None:
     assert plain.coefficients[0] + 0.001 < raised.coefficients[0] < 0.44
     assert len(raised.residuals) == 20
     assert raised.gain.shape == (1, 20)
-
-
-# -------------------------------------------------------------------- directions and commands
 
 
 def backwards(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -224,9 +215,6 @@ def test_mean_grades_and_sparse_stops_are_among_the_distances() -> None:
         assert grade == pytest.approx(truth.grade[k], abs=0.02)
 
 
-# ------------------------------------------------------------------------------- body oscillation
-
-
 @pytest.mark.parametrize("gyro", [False, True])
 def test_the_swing_of_a_soft_body_is_taken_out(gyro: bool) -> None:
     columns, runs = sprung_plant.drive(Sprung(), 30, 3, gyro=gyro)
@@ -252,9 +240,6 @@ def test_the_swing_of_a_soft_body_is_taken_out(gyro: bool) -> None:
 def test_brakes_that_build_up_are_no_swing(lag: float) -> None:
     plant = dataclasses.replace(Sprung(), height=0.0, lag=lag)
     assert measured(*sprung_plant.drive(plant, 20, 5)).measured.oscillation is None
-
-
-# ------------------------------------------------------------------------------------- units
 
 
 def joint(**factors: float) -> dict[str, np.ndarray]:

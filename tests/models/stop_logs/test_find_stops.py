@@ -13,9 +13,6 @@ from tests.models.calibration.plant import Plant, drive
 from tests.world.logs import log
 from tests.world.vehicles import BASE
 
-# ------------------------------------------------------------------------------ find stops
-
-
 HZ = 50.0
 T = np.arange(-2.0, 5.0, 1.0 / HZ)
 AT = int(np.argmin(np.abs(T)))  # sample of the stop command
@@ -157,9 +154,6 @@ def test_standstill_is_timed_by_the_noise_that_the_log_has_at_rest() -> None:
     assert t[stop.standstill] == pytest.approx(2.8, abs=0.3)
 
 
-# ----------------------------------------------------------------------------- stop stream
-
-
 def stream(plant: Plant, stops: int = 60, seed: int = 0) -> tuple[list[StreamedStop], np.ndarray]:
     log, _, truth = drive(plant, stops, seed)
     feed = StopStream(plant.dead_time, mount=plant.mount, dive=plant.dive)
@@ -217,9 +211,6 @@ def test_bad_samples_are_ignored_or_end_the_stop() -> None:
     assert count(broken) == 0
     no_pitch = [(t, v, c, float("nan")) for t, v, c, _ in valid_rows]
     assert count(no_pitch) == 0
-
-
-# ------------------------------------------------------------------------ sinking commands
 
 
 def sunk_to(share: float, seconds: float = 0.4) -> tuple[dict[str, np.ndarray], list[slice]]:

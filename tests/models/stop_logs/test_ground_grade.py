@@ -14,9 +14,6 @@ from slopewise.models.stop_logs.ground_grade import (
     shrunk,
 )
 
-# ---------------------------------------------------------------------------- ground grade
-
-
 PER = np.deg2rad(0.3)  # [rad s²/m]
 
 
@@ -71,9 +68,6 @@ def test_grades_are_used_as_far_as_they_exceed_their_noise() -> None:
     level = 0.01 + 0.002 * rng.standard_normal(50)
     np.testing.assert_allclose(shrunk(level, np.full(50, 0.002)), np.mean(level), atol=5e-4)
     np.testing.assert_allclose(shrunk(level, np.zeros(50)), level, rtol=1e-9)
-
-
-# ---------------------------------------------------------------------------- mount offset
 
 
 MOUNT = np.deg2rad(1.0)

@@ -10,9 +10,6 @@ from slopewise.models.stop_logs import random_effects
 from slopewise.models.stop_logs.dead_time import dead_time, held_weights, sharpen
 from slopewise.models.stop_logs.onset import HELD, Knee, fit_knee
 
-# ----------------------------------------------------------------------------------- onset
-
-
 G = 9.80665
 
 
@@ -87,9 +84,6 @@ def test_what_shows_no_fall_has_no_knee() -> None:
     assert fit_knee(t, late, grade, 0.01) is None
 
 
-# ----------------------------------------------------------------------------------- creep
-
-
 NOISE = 0.04
 
 
@@ -160,9 +154,6 @@ def test_it_sharpens_the_force_without_bias() -> None:
     assert 0.85 < np.std(errors[1] / claimed) < 1.2
 
 
-# ------------------------------------------------------------------------------- dead time
-
-
 def knees(seed: int, dead_time_std: float = 0.0, stops: int = 60, noise: float = 0.05) -> list:
     rng = np.random.default_rng(seed)
     fits = []
@@ -204,9 +195,6 @@ def test_an_onset_of_its_own_is_left_alone() -> None:
     common = dead_time([*some, odd], np.full(61, 0.05))
     assert common.value == pytest.approx(0.25, abs=0.01)
     assert sharpen([*some, odd], np.full(61, 0.05), common).force_ratio[-1] == odd.force_ratio
-
-
-# -------------------------------------------------------------------------- random effects
 
 
 WIDE = np.diag([1e4, 1e4])

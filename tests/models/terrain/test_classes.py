@@ -26,9 +26,6 @@ from tests.models.terrain.paper import MEANS, OBSERVATIONS, STDS
 from tests.models.terrain.vehicles import MODEL, observation_of
 from tests.world.vehicles import BASE
 
-# --------------------------------------------------------------------------------- classes
-
-
 NAN = math.nan
 HUSKY = read_terrains(find_terrains("husky")).classes
 
@@ -83,9 +80,6 @@ def test_draws_from_table_2_by_rules():
 def test_classes_that_make_no_sense(make, message):
     with pytest.raises(ParameterError, match=message):
         make()
-
-
-# ------------------------------------------------------------------------------- agreement
 
 
 def window_of(*features):
@@ -163,9 +157,6 @@ def test_thresholds_lie_midway_in_the_widest_gap():
     assert settings.slippery_below == pytest.approx(math.sqrt(0.2 * 0.62))
     close = thresholds_of(classes_of("x", runs[:2]), 1.0, ThresholdSettings())
     assert close.soft_above is None
-
-
-# -------------------------------------------------------------------------------- surfaces
 
 
 def test_unknown_ground_that_rolls_easily_still_weakens_partial_brakes():

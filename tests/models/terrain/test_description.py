@@ -27,9 +27,6 @@ from tests.models.terrain.vehicles import (
 )
 from tests.world.ground import ground_map, straight
 
-# ----------------------------------------------------------------------------- description
-
-
 HUSKY = read_terrains(find_terrains("husky"))
 THRESHOLDS = ThresholdSettings(soft_above=0.15, slippery_below=0.3)
 NAN = math.nan
@@ -107,9 +104,6 @@ def test_a_change_is_a_description_turned_around():
     # to undecided ground is no change, and what was before is remembered
     _, changes = described(*rows[:4], *repeated(4, 8.0, f_r=0.15), *repeated(3, 16.0, f_r=0.3))
     assert [(c.before, c.now) for c in changes] == [("hard", "soft")]
-
-
-# --------------------------------------------------------- no description makes a plan faster
 
 
 SURFACES = {

@@ -14,9 +14,6 @@ from slopewise.models.terrain.phases import Phase
 from tests.models.terrain import plant
 from tests.models.terrain.vehicles import estimator_of, observe, samples_of, vehicle_of
 
-# ------------------------------------------------------------------------------- estimator
-
-
 LATE = DriveSample(0.0, 9.0, -9.0, 9.0, 9.0, 9.0, 0.0, 0.0)
 
 GROUNDS = [plant.ASPHALT, plant.DIRT, plant.PLOWED, plant.SAND]
@@ -223,9 +220,6 @@ def test_a_vehicle_without_motor_constants_is_refused():
         vehicle = dataclasses.replace(vehicle_of(), **{name: None})
         with pytest.raises(ParameterError, match=f"vehicle.{name}: expected a number"):
             TerrainEstimator(vehicle, slip_track=1.1, motion_resistance=TerrainEstimate(0.1, 0.1))
-
-
-# ------------------------------------------------------------------------------- gyro bias
 
 
 def test_first_samples_give_their_mean():

@@ -29,9 +29,6 @@ from tests.models.terrain.vehicles import (
 HUSKY = read_terrains(find_terrains("husky"))
 
 
-# --------------------------------------------------------------------------------- monitor
-
-
 def events(log, monitor=None):
     if monitor is None:
         monitor = TerrainMonitor(MODEL, HUSKY.classes, HUSKY.thresholds, QUIET)
@@ -117,9 +114,6 @@ def test_stuck_is_not_described():
     assert all(e.rules == "" for e in stuck)
 
 
-# ---------------------------------------------------------------------------- vehicle check
-
-
 def message_of(ground, pitches=(0.0,), **changes):
     """Message on drives over slopes, with a vehicle file that is wrong by some keys."""
     vehicle = dataclasses.replace(vehicle_of(), **changes)
@@ -157,9 +151,6 @@ def test_a_vehicle_file_that_cannot_be_right_is_reported(changes, pitches, fact)
     assert "the vehicle file cannot be right" in message
     assert fact in message
     assert "motor_torque_constant" in message
-
-
-# ------------------------------------------------------------------------------ log checks
 
 
 def log_of(**changes):

@@ -26,9 +26,6 @@ from slopewise.models.terrain.settings import MotionSettings, ResistanceSettings
 from slopewise.services.io.terrain_file import find_terrains, read_terrains
 from tests.models.terrain.vehicles import vehicle_of
 
-# ---------------------------------------------------------------------------------- phases
-
-
 B = 0.6
 
 
@@ -107,9 +104,6 @@ def test_thresholds_that_cross_are_refused():
         MotionSettings(turn_begin=0.02)
 
 
-# -------------------------------------------------------------------------------- contacts
-
-
 HUSKY = read_terrains(find_terrains("husky")).classes
 
 
@@ -135,9 +129,6 @@ def test_deciding_needs_a_rule() -> None:
     assert sand is not None
     with pytest.raises(ParameterError, match="a rule as well"):
         dataclasses.replace(sand, rule=None)
-
-
-# ----------------------------------------------------------------------------- resistances
 
 
 NO_SCATTER = {"motion_scatter": 0.0, "turning_scatter": 0.0, "lateral_scatter": 0.0}

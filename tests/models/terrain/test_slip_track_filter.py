@@ -13,9 +13,6 @@ from scipy.linalg import solve_discrete_are
 from slopewise.models.terrain.settings import FilterSettings
 from slopewise.models.terrain.slip_track_filter import SlipTrackFilter, steady_state_variance
 
-# ----------------------------------------------------------------------- slip track filter
-
-
 PRINT = FilterSettings()
 
 

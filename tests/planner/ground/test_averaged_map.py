@@ -38,7 +38,9 @@ def relief(rng: np.random.Generator, rows: int, columns: int) -> Floats:
     return z
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize(
+    "seed", [*range(12), *(pytest.param(n, marks=pytest.mark.nightly) for n in range(12, 100))]
+)
 def test_checker_has_the_same_heights(seed: int) -> None:
     rng = np.random.default_rng(seed)
     z = relief(rng, *(rng.integers(2, 7, 2) if seed % 3 == 0 else rng.integers(20, 50, 2)))

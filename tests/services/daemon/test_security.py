@@ -126,9 +126,6 @@ def test_tls_alone_shows_the_service_s_certificate(folder: Path, tmp_path: Path)
             client_session(started.endpoint.replace("tls/", "tcp/"))
 
 
-# ---------------------------------------------------------------------- parameters
-
-
 def ask(session: zenoh.Session, key: str, message: object = None) -> list[object]:
     """OK replies to a query, decoded; empty where no service may answer."""
     written: dict[str, object] = {}

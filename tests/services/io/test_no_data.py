@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from affine import Affine
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -114,9 +114,9 @@ def test_ground_loses_no_cell(name: str) -> None:
     above=st.floats(-9000.0, 8000.0, width=32),
     marker=st.sampled_from(MARKERS),
 )
-@settings(max_examples=200, deadline=None)
+@pytest.mark.parametrize("_", ["by day", pytest.param("by night", marks=pytest.mark.nightly)])
 def test_whatever_the_ground_a_marker_far_from_it_is_never_ground(
-    ground: np.ndarray, above: float, marker: float
+    ground: np.ndarray, above: float, marker: float, _: str
 ) -> None:
     heights = ground + above
     heights[3:7, 3:7] = marker

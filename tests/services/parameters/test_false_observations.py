@@ -165,9 +165,6 @@ def test_slope_coefficients_recover_as_quickly_as_they_are_distorted() -> None:
         assert abs(slope() - before) < 0.5 * abs(distortion)
 
 
-# ---------------------------------------------------------------------- surfaces
-
-
 def test_a_new_surface_ignores_surfaces_with_few_stops() -> None:
     reports = FalseReports()
     file = reports.force()
@@ -188,7 +185,7 @@ def test_the_force_of_many_stops_limits_new_surfaces() -> None:
 
 def test_invented_names_take_no_slots_of_real_ones() -> None:
     reports = FalseReports(names=("", "mud", "snow"))
-    for n in range(100):
+    for n in range(40):
         reports.stop(0.4, f"invented{n}", after=8.0)
     learned = reports.learner.active()[0].braking.terrain
     assert len([name for name in learned if name.startswith("invented")]) == 32
@@ -201,7 +198,7 @@ def test_weak_terrain_is_not_evicted_for_invented_names() -> None:
     reports = FalseReports()
     for _ in range(3):
         reports.stop(0.1, "ice", after=8.0)
-    for n in range(100):
+    for n in range(40):
         reports.stop(0.4, f"invented{n}", after=8.0)
     assert reports.force("ice") < 0.11
     weak = FalseReports()

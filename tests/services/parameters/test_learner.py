@@ -163,9 +163,6 @@ def test_learned_force_above_another_calibration_is_not_restored() -> None:
     assert level_force(same) == pytest.approx(level_force(robot), rel=1e-6)
 
 
-# ---------------------------------------------------------------------- ground and limits
-
-
 def driven(robot: Learner, columns: dict[str, Any], begin: float = 0.0) -> list[str]:
     """Outcomes of a drive, part by part."""
     shifted = {name: values + (begin if name == "t" else 0.0) for name, values in columns.items()}
@@ -317,8 +314,6 @@ def test_a_vehicle_file_that_cannot_be_right_is_flagged() -> None:
     (flag,) = robot.ground.flags()
     assert "the vehicle file cannot be right" in flag
 
-
-# ---------------------------------------------------------------------- faster by stops only
 
 EVENTS = st.one_of(
     st.tuples(st.just("stop"), st.sampled_from(["", "sand", "ice"]), st.floats(0.03, 1.1)),

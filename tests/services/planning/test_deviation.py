@@ -102,9 +102,6 @@ def test_the_limit_is_a_quarter_of_the_width_if_the_model_names_none(
     assert model.max_path_deviation == pytest.approx(limit)
 
 
-# ------------------------------------------------------------------------------- command line
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("deviation")

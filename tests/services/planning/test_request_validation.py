@@ -145,9 +145,6 @@ def test_without_ground_or_candidate_it_brakes() -> None:
         assert reply.command.stop
 
 
-# ---------------------------------------------------------------------- deadlines
-
-
 def test_a_request_with_more_work_than_time_is_rejected() -> None:
     costs = CostEstimator()
     costs.record(100, 0.5, named=False)
@@ -177,9 +174,6 @@ def test_the_quickest_recent_time_is_used() -> None:
         assert costs.expected(100, named=False) == pytest.approx(0.07)
     costs.record(100, 10.0, named=False)
     assert costs.expected(100, named=False) == pytest.approx(7.0)
-
-
-# ---------------------------------------------------------------------- planning once
 
 
 def test_candidates_with_different_clear_distances_are_one_batch(
