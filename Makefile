@@ -75,8 +75,12 @@ $(VENV)/.installed: $(VENV)/.tools pyproject.toml $(CORE)
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@
 
+# Packages are unpacked on two cores, half of them on each: what fails there pip installs again.
 $(VENV)/.installed-dev: $(VENV)/.tools pyproject.toml $(CORE)
-	$(BIN)/python hatch_build.py & $(PIP) install -r constraints.txt; wait
+	for part in 0 1; do \
+		awk "NR % 2 == $$part" constraints.txt > $(VENV)/part-$$part.txt; \
+		$(PIP) install --no-deps -r $(VENV)/part-$$part.txt & \
+	done; $(BIN)/python hatch_build.py; wait
 	$(PIP) install -e ".[dev]" -c constraints.txt --no-build-isolation
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@ $(VENV)/.installed
