@@ -145,9 +145,6 @@ def test_real_maps_lose_no_cell(data: Path) -> None:
     assert detected == ()
 
 
-# What the user says
-
-
 def test_what_the_user_declares_is_unknown_and_not_reported() -> None:
     heights = ROUGH.astype(np.float32).astype(np.float64)
     heights[:5] = np.float32(421.37)
@@ -172,9 +169,6 @@ def test_values_of_the_option() -> None:
     assert nodata_of("-9999") == -9999.0
     with pytest.raises(InputError, match=r"--nodata: expected a height \[m\] or none, got rocks"):
         nodata_of("rocks")
-
-
-# Files
 
 
 @pytest.mark.parametrize(
@@ -261,9 +255,6 @@ def test_a_grid_map_in_a_recording(tmp_path: Path) -> None:
     assert np.isfinite(read_map(path, nodata="none").elevation).all()
 
 
-# Maps that are sent
-
-
 def update(heights: np.ndarray, sequence: int, **more: Any) -> MapUpdate:
     return MapUpdate(
         source="mapper",
@@ -294,9 +285,6 @@ def test_a_patch_of_ground_is_taken() -> None:
     store.apply(update(np.full((6, 6), 421.0), 2, patch=True), "map")
     assert np.all(store.snapshot.elevation_map.elevation[:6, :6] == 421.0)
     assert store.snapshot.warnings.active() == []
-
-
-# Commands
 
 
 def planned(tmp_path: Path, *options: str, marker: float = -9999.0) -> Any:
