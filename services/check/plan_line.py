@@ -16,8 +16,11 @@ from slopewise.services.check.external_plan import ExternalPlan
 _MIN_SAMPLES, _MAX_SAMPLES = 4, 40  # of each segment: a fifth of a wheel, or bounded memory
 _SPACING = 0.08  # [m] between samples within those bounds: a fifth of a wheel on the ground
 _MAX_NOISE = 0.02  # [1/m] noise that remains in the curvature: half its tolerance of columns
+_ROUNDED = 0.02  # [m] noise of rows that were rounded or measured; what is more, is driven
 _CHORD = 0.15  # of the body's width: as much as a clear gap beside the vehicle is judged by
 _MIN_ROWS = 12  # fifth differences of fewer do not separate noise from turns
+_EVEN = 0.02  # share of the step between rows: rounding in files
+CURVATURE, CURVATURE_SHARE = 0.02, 0.1  # [1/m], [1] by which a reported curvature may be off
 
 _NEVER_OFF, _NO_ERRORS = SteeringGeometry(), InputErrors()
 
@@ -57,7 +60,7 @@ def line_of(
     steps = np.hypot(np.diff(x), np.diff(y))
     along = np.concatenate(([0.0], np.cumsum(steps)))
     parts = int(np.clip(np.ceil(np.median(steps) / _SPACING), _MIN_SAMPLES, _MAX_SAMPLES))
-    heading, curvature = _turning(x, y, along, steps)
+    heading, curvature = _turning(plan, along, steps)
     count = len(x)
     row = np.repeat(np.arange(count - 1), parts)
     share = np.tile(np.arange(parts) / parts, count - 1)
@@ -79,21 +82,38 @@ def line_of(
     return Line(row, share, np.arange(count) * parts, *place, len(row) - extra)
 
 
-def _turning(x: Floats, y: Floats, along: Floats, steps: Floats) -> tuple[Floats, Floats]:
-    """Heading [rad] and curvature [1/m] at the rows, from chords long enough to see past noise."""
+def _turning(plan: ExternalPlan, along: Floats, steps: Floats) -> tuple[Floats, Floats]:
+    """Heading [rad] and curvature [1/m] at the rows, from chords long enough to see past noise.
+
+    Rows whose reported curvature is that of their neighbours are exact: a zigzag is driven.
+    """
+    x, y = plan.x, plan.y
     if len(x) == 2:
         return np.full(2, np.arctan2(y[1] - y[0], x[1] - x[0])), np.zeros(2)
     length, reach = float(along[-1]), _reach(x, y)
-    if reach > float(np.median(steps)):
-        reach = min(reach, 0.5 * length)
-        centre = np.clip(along, reach, length - reach)
-        behind, ahead = centre - reach, centre + reach
-    else:  # the neighbours of each row; at both ends those of the row before
-        inner = np.clip(np.arange(len(x)), 1, len(x) - 2)
-        behind, centre, ahead = along[inner - 1], along[inner], along[inner + 1]
+    # The neighbours of each row; at both ends those of the row before.
+    inner = np.clip(np.arange(len(x)), 1, len(x) - 2)
+    heading, curvature = _chords(plan, along, *(along[inner + k] for k in (-1, 0, 1)))
+    if reach <= float(np.median(steps)):
+        return heading, curvature
+    if plan.curvature is not None:
+        differs = np.abs(plan.curvature - curvature) > CURVATURE + CURVATURE_SHARE * np.abs(
+            curvature
+        )
+        if not differs[evenly_between(steps)].any():
+            return heading, curvature
+    reach = min(reach, 0.5 * length)
+    centre = np.clip(along, reach, length - reach)
+    return _chords(plan, along, centre - reach, centre, centre + reach)
+
+
+def _chords(
+    plan: ExternalPlan, along: Floats, behind: Floats, centre: Floats, ahead: Floats
+) -> tuple[Floats, Floats]:
+    """Heading [rad] and curvature [1/m] by the chords between three places near each row [m]."""
 
     def at(s: Floats) -> tuple[Floats, Floats]:
-        return np.interp(s, along, x), np.interp(s, along, y)
+        return np.interp(s, along, plan.x), np.interp(s, along, plan.y)
 
     (x0, y0), (x1, y1), (x2, y2) = at(behind), at(centre), at(ahead)
     first, second = np.hypot(x1 - x0, y1 - y0), np.hypot(x2 - x1, y2 - y1)
@@ -105,6 +125,22 @@ def _turning(x: Floats, y: Floats, along: Floats, steps: Floats) -> tuple[Floats
     return heading + curvature * (along - centre), curvature
 
 
+def even_steps(steps: Floats) -> Bools:
+    """(N − 1,) steps between rows that are as long as the others."""
+    even: Bools = np.abs(steps / np.median(steps) - 1.0) < _EVEN
+    return even
+
+
+def evenly_between(steps: Floats) -> Bools:
+    """(N,) rows with even steps around: neither an end, nor put between two others to rest there.
+
+    Such a row lies on the chord of its neighbours, with the mean of their slopes.
+    """
+    around = np.concatenate(([True, False], even_steps(steps), [False, True]))
+    is_even: Bools = around[:-3] & around[1:-2] & around[2:-1] & around[3:]
+    return is_even
+
+
 def _reach(x: Floats, y: Floats) -> float:
     """Length of a chord that shows curvature to within :data:`_MAX_NOISE` [m].
 
@@ -114,7 +150,7 @@ def _reach(x: Floats, y: Floats) -> float:
         return 0.0
     fifth = np.abs(np.diff(np.stack((x, y)), n=5, axis=1))
     noise = 1.4826 * float(np.median(fifth)) / np.sqrt(252.0)
-    return float(np.sqrt(2.5 * noise / _MAX_NOISE))
+    return float(np.sqrt(2.5 * noise / _MAX_NOISE)) if noise <= _ROUNDED else 0.0
 
 
 class Motion(NamedTuple):

@@ -10,13 +10,17 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.services.check.check_report import ViolationLog
 from slopewise.services.check.checked_drive import CheckedDrive
 from slopewise.services.check.external_plan import COLUMNS, STANDSTILL_SPEED, TEXT, ExternalPlan
-from slopewise.services.check.plan_line import Line
+from slopewise.services.check.plan_line import (
+    CURVATURE,
+    CURVATURE_SHARE,
+    even_steps,
+    evenly_between,
+)
 from slopewise.services.check.speed_claims import MOTION
 from slopewise.services.check.stop_ends import CheckedStops
 
 _NOTED = 0.1  # [m] longer reported stops are worth a note: ten times the tolerance of stations
 _UNEVEN = 0.025  # share of a stop that grades between rows change, most where brakes are weak
-_EVEN = 0.02  # share of the step between rows: rounding in files
 _STATION, _STATION_SHARE = 0.01, 0.002  # [m], [1] of stations: heights between rows
 _TURNED = np.deg2rad(2.0)  # [rad] of slopes where a body trails: its first heading is assumed
 _MORE, _MORE_DISTANCE, _MORE_LOAD = 1.0, 0.5, 0.3  # [1], [m], [1] margins beyond the worst stop
@@ -32,7 +36,8 @@ def check_columns(log: ViolationLog, drive: CheckedDrive) -> None:
     """
     plan, line, ground = drive.plan, drive.line, drive.ground
     rows = line.at_row
-    station, known, even = ground.station[rows], ground.known[rows], _evenly_between(line)
+    steps = np.diff(line.flat[rows])
+    station, known, even = ground.station[rows], ground.known[rows], evenly_between(steps)
 
     def compare(
         name: str,
@@ -53,7 +58,7 @@ def check_columns(log: ViolationLog, drive: CheckedDrive) -> None:
         log.add("columns", excess, sentence, given, expected, where=where, at=at)
 
     # A row put between two others takes its height from the map, not from their chord.
-    chord = 0.0 if _even_steps(line).all() else 0.03
+    chord = 0.0 if even_steps(steps).all() else 0.03
     allowed = _STATION + _STATION_SHARE * (station - station[0])
     compare("station", plan.station, station, allowed + chord)
     compare("z", plan.z, ground.z[rows], 0.02, known)
@@ -61,7 +66,8 @@ def check_columns(log: ViolationLog, drive: CheckedDrive) -> None:
     compare("grade", plan.grade, ground.grade[rows], slopes, known & even)
     compare("roll", plan.roll, ground.roll[rows], slopes, known & even)
     curvature = line.curvature[rows]
-    compare("curvature", plan.curvature, curvature, 0.02 + 0.1 * np.abs(curvature), even)
+    allowed = CURVATURE + CURVATURE_SHARE * np.abs(curvature)
+    compare("curvature", plan.curvature, curvature, allowed, even)
     step = np.diff(station)
     accel = 0.5 * np.diff(plan.speed**2) / step
     compare("accel", plan.accel, accel, 0.03 + 0.03 * np.abs(accel))
@@ -70,22 +76,6 @@ def check_columns(log: ViolationLog, drive: CheckedDrive) -> None:
     duration = np.divide(2.0 * step, speed_sum, out=np.zeros_like(step), where=moves)
     reported = None if plan.time is None else np.diff(plan.time)
     compare("time", reported, duration, 0.02 + 0.005 * duration, moves, "time to the next")
-
-
-def _evenly_between(line: Line) -> Bools:
-    """(N,) rows with even steps around: neither an end, nor put between two others to rest there.
-
-    Such a row lies on the chord of its neighbours, with the mean of their slopes.
-    """
-    around = np.concatenate(([True, False], _even_steps(line), [False, True]))
-    is_even: Bools = around[:-3] & around[1:-2] & around[2:-1] & around[3:]
-    return is_even
-
-
-def _even_steps(line: Line) -> Bools:
-    steps = np.diff(line.flat[line.at_row])
-    even: Bools = np.abs(steps / np.median(steps) - 1.0) < _EVEN
-    return even
 
 
 def check_reported_stops(

@@ -82,6 +82,21 @@ def test_curvature_sees_past_noise(noise: float) -> None:
     np.testing.assert_allclose(line.heading[line.at_row], s / 5.0, atol=1e-2 + 6.0 * noise)
 
 
+@pytest.mark.parametrize(("wide", "reported"), [(0.01, True), (0.1, False), (0.1, True)])
+def test_zigzag_is_driven_and_no_noise(wide: float, reported: bool) -> None:
+    """Its curvature was that of a chord through all of it, 0 at any speed."""
+    ahead, left = 0.1 * np.arange(60.0), wide * np.random.default_rng(1).choice([-0.5, 0.5], 60)
+    x, y = ahead - left, ahead + left
+    steps = np.hypot(np.diff(x), np.diff(y))
+    turn = np.diff(np.arctan2(np.diff(y), np.diff(x)))
+    curvature = np.pad(2.0 * turn / (steps[1:] + steps[:-1]), 1, mode="edge")
+    plan = ExternalPlan(
+        name="zigzag", x=x, y=y, speed=np.zeros(60), curvature=curvature if reported else None
+    )
+    line = line_of(plan, 0.0)
+    np.testing.assert_allclose(line.curvature[line.at_row], curvature, atol=1e-9)
+
+
 def test_two_rows_are_a_straight_line() -> None:
     line = line_of(ExternalPlan(name="two", x=[0.0, 3.0], y=[0.0, 4.0], speed=[1.0, 0.0]), 0.0)
     np.testing.assert_allclose(line.heading, np.arctan2(4.0, 3.0))
