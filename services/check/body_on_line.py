@@ -17,7 +17,7 @@ from slopewise.models.input_errors import InputErrors
 from slopewise.models.steering import SteeringGeometry
 
 _SUBSTEP = 0.5  # of e: so short a step of the integrator is exact to 0.1 %
-_ON_LINE = 0.01  # [m] from a line, within which a vehicle is on it: maps are not more exact
+ON_LINE = 0.01  # [m] from a line, within which a vehicle is on it: maps are not more exact
 
 
 class Body(NamedTuple):
@@ -49,7 +49,7 @@ class Body(NamedTuple):
         first = np.searchsorted(flat, flat - 0.5 * wheelbase)
         end = np.searchsorted(flat, flat + 0.5 * wheelbase, "right")
         largest = np.array([deviation[i:k].max() for i, k in zip(first, end, strict=True)])
-        return self._replace(across=self.across + np.where(largest > _ON_LINE, largest, 0.0))
+        return self._replace(across=self.across + np.where(largest > ON_LINE, largest, 0.0))
 
     @property
     def pose(self) -> tuple[Floats, Floats, Floats, Floats]:

@@ -8,8 +8,10 @@ that rests are not verified.
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.services.check.body_on_line import ON_LINE
 from slopewise.services.check.check_report import ViolationLog
 from slopewise.services.check.checked_drive import CheckedDrive
 from slopewise.services.check.driving_checks import DrivingChecks
@@ -72,16 +74,26 @@ def held_at_rows(drive: CheckedDrive, speed: Floats) -> Motion:
     return Motion(tried, still, still, (tried > 0.0) & drive.ground.known)
 
 
-def breaches(drive: CheckedDrive, motion: Motion, stops: StopEnds) -> list[set[str]]:
-    """(N,) kinds of rules that a motion of :func:`held_at_rows` breaks."""
-    log = ViolationLog(drive.plan.name, drive.line.row, drive.ground.station)
-    checks = DrivingChecks(log, drive, motion, motion.moving)
+def breaches(
+    drive: CheckedDrive, motion: Motion, stops: StopEnds, *, bound: bool = False
+) -> list[set[str]]:
+    """(N,) kinds of rules that a motion of :func:`held_at_rows` breaks.
+
+    Not by loads in the turns that a stop from a ``bound`` comes to: what is allowed there is less,
+    and a higher speed, from which the brakes take hold behind a turn, may be allowed again.
+    """
+    here, on_stops = (
+        ViolationLog(drive.plan.name, drive.line.row, drive.ground.station) for _ in range(2)
+    )
+    checks = DrivingChecks(here, drive, motion, motion.moving)
     checks.speeds()
     checks.traction(motion.accel)
     checks.loads(motion.accel)
     checks.friction(motion.accel)
-    check_stops(log, drive, motion, stops)
-    return log.kinds(len(drive.plan.x))
+    check_stops(on_stops, drive, motion, stops)
+    ahead = {"rollover", "crest"} if bound else set()
+    kinds = (log.kinds(len(drive.plan.x)) for log in (here, on_stops))
+    return [mine | (theirs - ahead) for mine, theirs in zip(*kinds, strict=True)]
 
 
 def check_speed_bound(log: ViolationLog, drive: CheckedDrive, broken: list[set[str]]) -> None:
@@ -118,16 +130,19 @@ def check_limiting(
     names = np.array(plan.limiting)
     moves = motion.moving[rows] & drive.ground.known[rows]
     slower, faster, steady = _against_motion(drive, motion)
+    # A line that rounds the corners of its path may slow down for who follows the path itself.
+    leaves = plan.path_deviation is not None and plan.path_deviation.max() > ON_LINE
+    own_limit = leaves and plan.speed_limit is None
     for name in sorted(set(plan.limiting)):
         here = moves & (names == name)
         sentence = f"limiting is {name}, which still allows {{0:.2f}} m/s; another rule holds"
-        if name in RULES and name not in MOTION:
+        if name in RULES and name not in MOTION and not (own_limit and name == "speed_limit"):
             named = RULES[name]
             slack = np.array(
                 [bool(n - named) and not f & named for n, f in zip(near, far, strict=True)]
             )
             _false(log, here & slack, sentence, _FAR * speed + _FAR_SPEED, rows)
-        elif name not in (*MOTION, *UNTRIED):
+        elif name not in (*RULES, *MOTION, *UNTRIED):
             _false(log, names == name, f"limiting is {name!r}, which is no rule", speed, rows)
         _against_bound(log, drive, name, here)
         if name in MOTION:
@@ -144,8 +159,11 @@ def _against_bound(log: ViolationLog, drive: CheckedDrive, name: str, here: Bool
         return
     energy, max_energy = plan.speed**2, plan.speed_bound**2
     short = (max_energy - energy) / np.maximum(max_energy, 0.05)
+    # A bound that is lower at the row before or behind holds on the way there as well.
+    near = minimum_filter1d(max_energy, 3)
+    far_below = (near - energy) / np.maximum(near, 0.05) > _BELOW_BOUND
     sentence = f"limiting is {name} at {{0:.3f}} m/s, where speed_bound is {{1:.3f}} m/s"
-    lower = (short > _BELOW_BOUND) & (plan.status not in ("degraded", "infeasible"))
+    lower = far_below & (plan.status not in ("degraded", "infeasible"))
     wrong = here & (short < _AT_BOUND if name in MOTION else lower)
     _false(log, wrong, sentence, plan.speed, drive.line.at_row, plan.speed_bound)
 

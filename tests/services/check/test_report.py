@@ -141,3 +141,28 @@ def test_a_plan_at_rest_is_valid() -> None:
     assert check_plan_on_map(crawls, model_with(), ground()).valid
     with pytest.raises(ParameterError, match="different places"):
         ExternalPlan(name="jumps", x=x, y=y, speed=np.array([6e-3, 0.0]))
+
+
+def test_bound_before_a_turn_is_not_that_of_the_turn() -> None:
+    """A stop from it comes to the turn faster than is allowed there: no fault of the bound."""
+    s, v = trapezoid(0.8, length=8.0, stop_at=7.0)
+    heading = np.clip((s[:-1] - 2.0) / 2.0, 0.0, 1.5)
+    x, y = (np.append(0.0, np.cumsum(0.1 * part)) for part in (np.cos(heading), np.sin(heading)))
+    model = model_with(limits={"min_load": 0.35, "lateral_accel": 9.0})
+    for straight_on, kinds in ((s < 1.5, set()), (s < 3.0, {"speed_bound"})):
+        plan = ExternalPlan(
+            name="turn", x=x, y=y, speed=v, speed_bound=np.where(straight_on, 4.0, v)
+        )
+        report = check_plan_on_map(plan, model, ground())
+        assert {violation.kind for violation in report.violations} == kinds
+
+
+def test_speed_limit_of_a_sharper_path_is_not_known() -> None:
+    s, v = trapezoid(2.78, length=12.0, stop_at=11.5)
+    limiting = tuple("accel" if slower else "speed_limit" for slower in v < 2.78)
+    model = model_with(limits={"speed": 9.0}, braking={"speed_range": (1.0, 9.0)})
+    for deviation, refused in ((0.0, True), (0.05, False)):
+        away = np.full_like(s, deviation)
+        plan = round_turn(s, v, 4.0, path_deviation=away, limiting=limiting)
+        kinds = {x.sentence[:24] for x in check_plan_on_map(plan, model, ground()).violations}
+        assert ("limiting is speed_limit," in kinds) is refused
