@@ -64,8 +64,8 @@ class DrivingChecks(NamedTuple):
         line, accel = self.drive.line, self.motion.accel
         full = np.minimum(self.drive.model.limits.decel, self.braking_deceleration())
         hard = np.minimum.accumulate((-accel >= _HARD * full)[line.at_row])
-        # Within the row's step it reaches the speed from which service braking suffices.
-        hard[1:] |= hard[:-1]
+        # Within that row's step it reaches the speed from which service braking suffices.
+        hard = np.append(True, hard[:-1])
         down: Bools = hard[line.row] & ((accel < 0.0) | (line.share == 0.0))
         return down
 

@@ -122,6 +122,8 @@ def _check_rules(log: ViolationLog, heights: ElevationMap, drive: CheckedDrive) 
     blocked = np.any([there for _, there, _ in blocking_ground(drive)], axis=0)
     obstacles = obstacles_along(heights, drive.line.body, ground, model.vehicle)
     for kind, excess, sentence, value in (*obstacles, too_tight(drive.turning, model)):
+        if excess[0] > TOLERANCES[kind].value:  # It is in that already.
+            excess[drive.line.row == 0] = -np.inf
         log.add(kind, excess, sentence, value, where=driven.moving)
         blocked |= excess > TOLERANCES[kind].value
     if not shows_steps(heights, model.vehicle):

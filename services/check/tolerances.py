@@ -48,10 +48,10 @@ TOLERANCES: dict[str, Tolerance] = {
     ),
     "dip": Tolerance(0.10, "share", "vertical acceleration of the body in a dip", "as of crest"),
     "lateral": Tolerance(
-        0.03,
+        0.05,
         "share",
         "lateral acceleration in a turn, its bank counted in",
-        "curvature of rows that are rounded",
+        "curvature of rows that are rounded, and banks between rows",
     ),
     "wheel_speed": Tolerance(0.01, "share", "the outer wheels turn too fast", "as of lateral"),
     "accel": Tolerance(0.02, "m/s²", "speeds up more than the limit", "rounding of speeds"),
@@ -59,7 +59,7 @@ TOLERANCES: dict[str, Tolerance] = {
         0.05, "m/s²", "speeds up, or climbs, more than the drive can", "slopes between rows"
     ),
     "decel": Tolerance(
-        0.03, "m/s²", "slows down more than the limit or the brakes allow", "slopes between rows"
+        0.05, "m/s²", "slows down more than the limit or the brakes allow", "slopes between rows"
     ),
     "friction": Tolerance(
         0.02,

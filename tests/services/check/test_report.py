@@ -10,7 +10,7 @@ import pytest
 from slopewise.models.errors import ParameterError
 from slopewise.services.check.external_plan import ExternalPlan, plan_of_columns
 from slopewise.services.check.plan_checker import check_plan_on_map
-from tests.services.check.drives import ground, model_with, round_turn, straight, trapezoid
+from tests.services.check.drives import at, ground, model_with, round_turn, straight, trapezoid
 from tests.services.check.test_check import furthest, level_stop, rear_share
 
 
@@ -65,6 +65,26 @@ def test_degraded_plans_may_brake_hard_from_a_start_that_is_too_fast() -> None:
         "speed_limit",
     }
     assert check_plan_on_map(straight(s, v, status="degraded"), model, ground()).valid
+
+
+def test_a_degraded_plan_may_reach_what_is_allowed_within_its_first_row() -> None:
+    """It was refused for braking less than it can, which would be too slow at the second one."""
+    s, v = trapezoid(2.9, begin=2.9)
+    v[0] = 2.92
+    model = model_with(limits={"speed": 2.9})
+    plan = straight(s, v, status="degraded", reason="starts too fast")
+    assert check_plan_on_map(plan, model, ground()).valid
+    assert not check_plan_on_map(replace(plan, status="ok", reason=""), model, ground()).valid
+    v[1] = 2.92
+    assert not check_plan_on_map(replace(plan, speed=v), model, ground()).valid
+
+
+def test_obstacle_around_the_start_is_ignored_before_the_second_row() -> None:
+    s, v = trapezoid(1.0, spacing=0.25)
+    for place, is_valid in ((-0.8, True), (-0.6, False), (1.5, False)):
+        stone = at(lambda x, y, r=place: (np.abs(x - r) < 0.09) & (np.abs(y) < 0.12), 0.4)
+        report = check_plan_on_map(straight(s, v), model_with(), ground(stone, resolution=0.05))
+        assert report.valid is is_valid, (place, report.violations[:3])
 
 
 def test_a_status_switches_no_rule_off() -> None:
