@@ -41,6 +41,12 @@ class Body(NamedTuple):
         x, y, heading, across, start_error = (values[samples] for values in self[:5])
         return Body(x, y, heading, across, start_error, self.turned, self.ahead)
 
+    def at_side(self, side: float) -> Body:
+        """The same at an end of the band: its left (1) or right (−1)."""
+        left = side * self.across
+        x, y = self.x - left * np.sin(self.heading), self.y + left * np.cos(self.heading)
+        return self._replace(x=x, y=y, across=np.zeros_like(left), turned=0.0)
+
     def following(self, deviation: Floats, flat: Floats, wheelbase: float) -> Body:
         """The same where the vehicle follows a path within distances (M,) of the line [m].
 

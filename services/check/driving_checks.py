@@ -35,7 +35,26 @@ LOADS = {
 
 
 def check_driving(log: ViolationLog, drive: CheckedDrive, motion: Motion) -> None:
-    """Note what the driven motion breaks.
+    """Note what the driven motion breaks."""
+    checks = _checks_of(log, drive, motion)
+    checks.speeds()
+    for accel in (motion.accel, motion.accel_before):
+        checks.traction(accel)
+        checks.brakes_at(accel)
+        checks.loads(accel)
+        checks.friction(accel)
+
+
+def check_speeds_at_side(log: ViolationLog, edge: CheckedDrive, motion: Motion) -> None:
+    """Note what held speeds break on ground at an end of the band."""
+    checks, held = _checks_of(log, edge, motion), np.zeros_like(motion.accel)
+    checks.speeds()
+    checks.loads(held)
+    checks.friction(held)
+
+
+def _checks_of(log: ViolationLog, drive: CheckedDrive, motion: Motion) -> DrivingChecks:
+    """Checks of a motion.
 
     A plan that says that it starts too fast may break limits of comfort, not of safety, for as long
     as it brakes as hard as it can.
@@ -43,12 +62,7 @@ def check_driving(log: ViolationLog, drive: CheckedDrive, motion: Motion) -> Non
     checks = DrivingChecks(log, drive, motion, motion.moving)
     if drive.plan.status == "degraded":
         checks = checks._replace(free=motion.moving & ~checks.braking_down())
-    checks.speeds()
-    for accel in (motion.accel, motion.accel_before):
-        checks.traction(accel)
-        checks.brakes_at(accel)
-        checks.loads(accel)
-        checks.friction(accel)
+    return checks
 
 
 class DrivingChecks(NamedTuple):

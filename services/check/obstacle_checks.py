@@ -25,6 +25,7 @@ from slopewise.services.physics.heights import height_of
 _NOTHING = -np.inf
 _FINEST = 0.05  # [m] between points below the body
 _PARTS = 4  # of the length over which a step rises
+_HALF, _QUARTER = _PARTS // 2, 0.25  # of these, and of a rise: an edge is as sharp as cells
 _CLIMB = 1.5  # of the distance over which a tyre climbs a step [1]: places are sampled
 
 
@@ -97,7 +98,7 @@ def _steps_of(
     band = body.band(wheel[0])
     stride = max(heights.resolution, 0.5 * vehicle.shape.wheel_width)
     count = math.ceil(float(band.max()) / stride)
-    highest = _edges(heights, body, wheel, vehicle) if count else np.zeros(len(band))
+    highest = _edges(heights, body, wheel, vehicle)
     for share in np.linspace(-1.0, 1.0, 2 * count + 1) if count else (0.0,):
         line = points_of(body.pose, wheel[0], wheel[1] + share * band)
         np.maximum(highest, _steps(heights, *line, body.heading, vehicle), out=highest)
@@ -116,11 +117,16 @@ def _edges(
     count = _PARTS * math.ceil(float(band.max()) / window + 1.5)
     across = window / _PARTS * np.linspace(-count, count, 2 * count + 1)[:, None]
     place = points_of(body.pose, wheel[0], wheel[1] + across)
-    rise = _rises(height_of(heights, *place))
+    z = height_of(heights, *place)
+    rise = _rises(z)
     middle = across[_PARTS : _PARTS + len(rise)] + 0.5 * window
     outward = rise * np.sign(middle)
     within = band - np.where(outward > 0.0, 0.5 * window, 0.0)
-    highest: Floats = np.where(np.abs(middle) <= within, np.abs(rise), 0.0).max(axis=0)
+    # Without a band its middle is under that of the wheel where both halves hold some of it.
+    halves = np.abs(z[_HALF:] - z[:-_HALF])[_PARTS:-_PARTS]
+    is_under = np.minimum(halves[:-_HALF], halves[_HALF:]) >= _QUARTER * np.abs(rise)
+    counts = (np.abs(middle) <= within) & (is_under | (band > 0.0))
+    highest: Floats = np.where(counts, np.abs(rise), 0.0).max(axis=0)
     return highest
 
 

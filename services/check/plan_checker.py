@@ -8,18 +8,19 @@ from scipy.special import ndtri
 from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.models.input_errors import input_errors
+from slopewise.models.input_errors import InputErrors, input_errors
 from slopewise.models.parameters import Model
 from slopewise.models.stop_promise import promised
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.check.averaged_heights import averaged
+from slopewise.services.check.body_on_line import Body
 from slopewise.services.check.check_report import CheckReport, ViolationLog
 from slopewise.services.check.checked_drive import CheckedDrive, too_tight, turning_along
-from slopewise.services.check.driving_checks import check_driving
+from slopewise.services.check.driving_checks import check_driving, check_speeds_at_side
 from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.obstacle_checks import obstacles_along, shows_steps
 from slopewise.services.check.path_force import path_force_along
-from slopewise.services.check.path_ground import ground_under
+from slopewise.services.check.path_ground import LineGround, ground_under
 from slopewise.services.check.plan_line import Line, line_of, motion_along, widest_spacing
 from slopewise.services.check.reported_columns import (
     check_clear_distance,
@@ -85,18 +86,19 @@ def check_plan_on_map(
     heights = averaged(heights, model.vehicle.wheel_radius)
     errors = input_errors(model.tracking, quantile if quantile > 0.5 else None)
     beyond, ends = _tail_and_ends(plan, max(clear - model.front, 0.0))
-    line = line_of(plan, beyond, model.steering_geometry, errors)
-    if plan.path_deviation is not None:
-        deviation = line.between(plan.path_deviation)
-        body = line.body.following(deviation, line.flat, model.vehicle.wheelbase)
-        line = line._replace(body=body)
-    ground = ground_under(heights, line, model.vehicle)
-    first = 0.0 if plan.station is None else float(plan.station[0])
-    ground = ground._replace(station=ground.station + first)
+    line, sides = _line_and_sides(plan, beyond, model, errors)
     if quantile > 0.5:
         model = promised(model, quantile)
-    brakes = path_force_along(model, ground, line, heights.class_names, float(ndtri(quantile)))
-    field = StopDynamics.along(model, line, ground, brakes, errors)
+    first = 0.0 if plan.station is None else float(plan.station[0])
+
+    def below(body: Body) -> tuple[LineGround, StopDynamics]:
+        """Ground under a body on the line, and stops there."""
+        ground = ground_under(heights, line._replace(body=body), model.vehicle)
+        ground = ground._replace(station=ground.station + first)
+        brakes = path_force_along(model, ground, line, heights.class_names, float(ndtri(quantile)))
+        return ground, StopDynamics.along(model, line, ground, brakes, errors)
+
+    ground, field = below(line.body)
     clear_at = np.minimum(line.between(ends) + 0.0, ground.station[-1])
     log = ViolationLog(plan.name, line.row, ground.station)
     log.notes.append(_UNCHECKED)
@@ -104,11 +106,26 @@ def check_plan_on_map(
     turning = turning_along(line, model.steering_geometry)
     drive = CheckedDrive(plan, line, ground, field, turning, clear_at)
     stops = _check_rules(log, heights, drive)
-    columns = ground.station[line.at_row], stops.nominal[0], stops.nominal[1]
+    for ground, field in map(below, sides):
+        _check_side(log, drive._replace(ground=ground, field=field))
+    columns = drive.ground.station[line.at_row], stops.nominal[0], stops.nominal[1]
     texts = log.violations(), tuple(log.notes)
     return CheckReport(
         plan.name, plan.status, *texts, *columns, stops.lanes, *verified_columns(plan)
     )
+
+
+def _line_and_sides(
+    plan: ExternalPlan, beyond: float, model: Model, errors: InputErrors
+) -> tuple[Line, list[Body]]:
+    """The line with its band, and the body at both ends of what tracking errors make of it."""
+    line = line_of(plan, beyond, model.steering_geometry, errors)
+    body = line.body
+    sides = [body.at_side(side) for side in (-1.0, 1.0) if body.across.any()]
+    if plan.path_deviation is not None:
+        deviation = line.between(plan.path_deviation)
+        body = body.following(deviation, line.flat, model.vehicle.wheelbase)
+    return line._replace(body=body), sides
 
 
 def _check_rules(log: ViolationLog, heights: ElevationMap, drive: CheckedDrive) -> CheckedStops:
@@ -144,6 +161,14 @@ def _check_rules(log: ViolationLog, heights: ElevationMap, drive: CheckedDrive) 
     check_speed_bound(log, drive, below)
     check_limiting(log, drive, motion, near, far)
     return stops
+
+
+def _check_side(log: ViolationLog, edge: CheckedDrive) -> None:
+    """Note what speeds and stops break on ground at an end of the band."""
+    motion = motion_along(edge.line, edge.ground.station, edge.plan.speed)
+    check_places(log, edge, motion)
+    check_speeds_at_side(log, edge, motion._replace(moving=motion.moving & edge.ground.known))
+    check_stops(log, edge, motion, *worst_stops(edge, (motion,)))
 
 
 def _at_rest(plan: ExternalPlan) -> CheckReport:

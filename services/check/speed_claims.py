@@ -82,7 +82,7 @@ def breaches(
     Not by loads in the turns that a stop from a ``bound`` comes to: what is allowed there is less,
     and a higher speed, from which the brakes take hold behind a turn, may be allowed again.
     """
-    here, on_stops = (
+    here, ahead = (
         ViolationLog(drive.plan.name, drive.line.row, drive.ground.station) for _ in range(2)
     )
     checks = DrivingChecks(here, drive, motion, motion.moving)
@@ -90,10 +90,10 @@ def breaches(
     checks.traction(motion.accel)
     checks.loads(motion.accel)
     checks.friction(motion.accel)
-    check_stops(on_stops, drive, motion, stops)
-    ahead = {"rollover", "crest"} if bound else set()
-    kinds = (log.kinds(len(drive.plan.x)) for log in (here, on_stops))
-    return [mine | (theirs - ahead) for mine, theirs in zip(*kinds, strict=True)]
+    check_stops(ahead, drive, motion, stops)
+    ignored = {"rollover", "crest"} if bound else set()
+    kinds = (log.kinds(len(drive.plan.x)) for log in (here, ahead))
+    return [mine | (on_stop - ignored) for mine, on_stop in zip(*kinds, strict=True)]
 
 
 def check_speed_bound(log: ViolationLog, drive: CheckedDrive, broken: list[set[str]]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,13 @@ def corner(spacing: float) -> Base:
     return Base(columns, model_with(), ground(size=30.0))
 
 
+def bank_in_band(slope: float) -> Base:
+    """Level ground under the wheels, and a bank that they reach within the band alone."""
+    base = straight(1.0, lambda x, y: slope * np.maximum(y - 0.62, 0.0) + 0.0 * x, resolution=0.05)
+    tracking, braking = {"cross_track_std": 0.1}, {"roll_range": (-0.05, 0.05)}
+    return replace(base, model=model_with(tracking=tracking, braking=braking))
+
+
 def wall(height: float) -> Any:
     return at(lambda x, _: np.abs(x - 6.0) < 0.3, height)
 
@@ -49,6 +57,13 @@ FORBIDDEN: dict[str, Callable[[], Base]] = {
         at(lambda x, y: (np.abs(x - 6.0) < 0.4) & (np.abs(y - 0.5) < 0.2), -0.3),
         resolution=0.05,
     ),
+    "its wheels along a drop": lambda: straight(
+        1.0, at(lambda x, y: y > 0.52, -0.15), resolution=0.05, y=np.full(121, 0.025)
+    ),
+    "its wheels off a drop over metres": lambda: straight(
+        1.0, at(lambda x, y: y < 0.02 * (x - 6.0) - 0.5, -0.15), resolution=0.05
+    ),
+    "side slopes next to the line": lambda: bank_in_band(0.5),
     "a rock below": lambda: straight(
         1.0, at(lambda x, y: np.hypot(x - 6.0, y) < 0.25, 0.4), resolution=0.05
     ),

@@ -10,7 +10,7 @@ from slopewise.services.check.check_report import CheckReport
 from slopewise.services.check.external_plan import plan_of_columns
 from slopewise.services.check.plan_checker import check_plan_on_map
 from tests.services.check.false_plans import FALSE, UNSAFE, of_another
-from tests.services.check.forbidden_drives import FORBIDDEN
+from tests.services.check.forbidden_drives import FORBIDDEN, bank_in_band
 from tests.services.check.sound_plans import Base, bases, clean_plans
 
 ANOTHER = ("of another map", "of another vehicle", "speeds of another", "places of another")
@@ -52,6 +52,10 @@ def test_mutants_of_real_plans_are_refused(kind: str) -> None:
 @pytest.mark.parametrize("kind", FORBIDDEN)
 def test_forbidden_drives_are_refused(kind: str) -> None:
     assert is_refused(FORBIDDEN[kind]())
+
+
+def test_gentle_ground_within_the_band_is_driven() -> None:
+    assert report_of(bank_in_band(0.1)).valid
 
 
 @pytest.mark.parametrize("kind", ANOTHER)
