@@ -214,7 +214,7 @@ def _planes(
     right = np.einsum("at,ct->ca", basis, np.where(known, rise, 0.0))
     enough = (count >= _SLOPE_SHARE * len(i)) & (count >= 4.0)
     area = normal[:, 1, 1] * normal[:, 2, 2] - normal[:, 1, 2] ** 2
-    enough &= np.linalg.det(normal) >= 1e-6 * count * area
+    enough &= np.linalg.det(normal) > 1e-6 * count * area  # 0 > 0 where all are in one row
     normal[~enough] = np.eye(3)
     fit = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
     left = np.where(known, rise**2, 0.0).sum(axis=1) - (fit * right).sum(axis=1)

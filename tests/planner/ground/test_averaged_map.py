@@ -52,6 +52,16 @@ def test_checker_has_the_same_heights(seed: int) -> None:
     np.testing.assert_allclose(averaged(given, RADIUS).elevation, heights, rtol=0.0, atol=1e-6)
 
 
+def test_rows_of_known_cells_have_no_plane() -> None:
+    """The checker ended with a singular matrix."""
+    z = np.full((30, 30), np.nan)
+    z[15] = np.random.default_rng(8).normal(0.0, 0.02, 30)
+    for elevation in (z, z.T):
+        given = map_of(elevation)
+        heights = averaged_map(given, RADIUS).elevation
+        np.testing.assert_allclose(averaged(given, RADIUS).elevation, heights, atol=1e-6)
+
+
 @pytest.mark.parametrize("cell", [0.05, 0.1, 0.25])
 @pytest.mark.parametrize("slope", [0.3, 1.0])
 def test_plane_stays_a_plane_to_its_corners(cell: float, slope: float) -> None:
