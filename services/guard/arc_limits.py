@@ -39,3 +39,10 @@ def arc_limits(
 def rim_speed(model: GuardModel, speed: float, yaw_rate: float) -> float:
     """Speed of the fastest wheel [m/s]."""
     return abs(speed) + 0.5 * abs(yaw_rate) * model.vehicle.track_width
+
+
+def point_speed(model: GuardModel, speed: float, yaw_rate: float) -> float:
+    """Speed of the fastest point of the body, at most [m/s]."""
+    shape = model.shape
+    farthest = max(shape.front, shape.rear) + abs(model.turn_axis)
+    return abs(speed) + abs(yaw_rate) * math.hypot(farthest, 0.5 * shape.width)

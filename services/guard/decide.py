@@ -18,35 +18,20 @@ import numpy as np
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
-from slopewise.models.quantity import GRAVITY
 from slopewise.models.recent import Recent
-from slopewise.services.guard.arc_limits import TOO_FAST, arc_limits, rim_speed
+from slopewise.services.guard.arc_limits import TOO_FAST, arc_limits, point_speed, rim_speed
 from slopewise.services.guard.guard_model import GuardModel, GuardScene, guard_model
 from slopewise.services.guard.settings import GuardJudgement, GuardTiming  # words: ok, key
-from slopewise.services.guard.stop_courses import Course, Pose2d, StopCourses, courses_ahead
-from slopewise.services.guard.stop_distances import stops_along
-
-_SPEEDS = 10
-"""Speeds that are tried up to the highest: a limited command is within a tenth of the best [1]."""
-
-_STANDSTILL = 0.05
-"""Speed below which a vehicle stands [m/s], and yaw rate below which it does not turn [rad/s]."""
-
-_CREEP = 0.3
-"""Speed of the fastest wheel next to obstacles closer than a cell of the map [m/s]: a stop from it
-takes a few centimetres more than the dead time."""
+from slopewise.services.guard.speed_search import (
+    CREEP,
+    STANDSTILL,
+    TOLERANCE,
+    SpeedVerdict,
+    try_speeds,
+)
+from slopewise.services.guard.stop_courses import Course, Pose2d
 
 _MAX_SPEED = 1e3  # beyond that of any vehicle [m/s]
-_MAX_LENGTH = 80.0  # of the longest course: more than the stop of any vehicle at 15 m/s [m]
-
-_LEVEL_SHARES, _MIN_SLOW = (0.9, 0.5), 0.05
-"""Shares of the weakest level force that slopes mostly and at worst leave, and the lowest, for the
-length of courses [1]."""
-
-_PAST_STOP, _PAST_CLEAR = 0.5, 1.0
-"""Length of a course beyond the stop, and beyond the clear distance [m]."""
-
-_TOLERANCE = 1e-9  # speed by which a command may exceed the allowed one: rounding [m/s]
 
 
 class VehicleMotion(NamedTuple):
@@ -76,17 +61,6 @@ class GuardDecision(NamedTuple):
 
 
 STILL = BaseCommand(0.0, 0.0)  # command of a stopped base [m/s, rad/s]
-
-
-class _Verdict(NamedTuple):
-    """Outcome for one command."""
-
-    allowed: float  # share of the command that is allowed, 1 and more for all of it [1]
-    brakes: bool  # the vehicle could not stop from its own speed any more
-    reason: str
-    where: tuple[float, float] | None
-    # share of the yaw rate at which axles and sides keep their load at the vehicle's speed [1]
-    turn: float = math.inf
 
 
 def stop(reason: str, where: tuple[float, float] | None = None) -> GuardDecision:
@@ -121,18 +95,22 @@ def decide(
     share, yaw_share, reason = arc_limits(scene.model, command, abs(fastest), turning)
     command = BaseCommand(share * command.speed, yaw_share * command.yaw_rate)
     requested, moving = abs(command.speed), abs(fastest)
-    is_still = moving < _STANDSTILL
-    if is_still and max(requested, abs(command.yaw_rate)) < _STANDSTILL:
+    is_still = moving < STANDSTILL
+    if is_still and max(requested, abs(command.yaw_rate)) < STANDSTILL:
         return GuardDecision("pass", STILL, True, "")
     forward = command.speed >= 0.0 if is_still else fastest >= 0.0
     # Driving the other way is decided once the vehicle stands.
-    reverses = min(moving, requested) >= _STANDSTILL and (command.speed >= 0.0) != forward
+    reverses = min(moving, requested) >= STANDSTILL and (command.speed >= 0.0) != forward
     courses = _courses(scene.model, moving, command, before, forward=forward, reverses=reverses)
     late += scene.model.errors.latency
     held = hold_time + late
-    verdict = _Verdict(math.inf, False, "", None)
+    verdict = SpeedVerdict(math.inf, False, "", None)
+    creep = CREEP / max(point_speed(scene.model, *command), TOLERANCE)
     for course in courses:
-        checked = _checked(scene, motion.pose, course, held, late, load)
+        # What another course does not allow need not be tried on this one.
+        checked = try_speeds(scene, motion.pose, course, held, late, load, verdict.allowed)
+        if checked.touches:
+            checked = checked._replace(allowed=min(checked.allowed, creep))
         turn = min(verdict.turn, checked.turn)
         verdict = min(verdict, checked, key=lambda of: (not of.brakes, of.allowed))
         verdict = verdict._replace(turn=turn)
@@ -142,7 +120,7 @@ def decide(
         return stop(verdict.reason, verdict.where)
     if reverses:
         return GuardDecision("slow", STILL, False, "it has to stand before it drives back")
-    if reason and min(verdict.allowed, verdict.turn) >= 1.0 - _TOLERANCE:
+    if reason and min(verdict.allowed, verdict.turn) >= 1.0 - TOLERANCE:
         return GuardDecision("slow", command, False, reason)
     return _limited(scene.model, motion, command, verdict)
 
@@ -159,11 +137,11 @@ def _courses(
     """Motions that a command may lead to: on its arc; of a slow base, turning before it drives."""
     requested = 0.0 if reverses else abs(command.speed)
     top = max(moving, requested)
-    if top < _STANDSTILL:
+    if top < STANDSTILL:
         return [_on_the_spot(model, command, before)]
     courses = [_on_an_arc(model, moving, requested, command, before, forward=forward)]
     rim = rim_speed(model, 0.0, command.yaw_rate)
-    if model.vehicle.drive == "skid_steer" and max(moving, _STANDSTILL) < min(rim, requested):
+    if model.vehicle.drive == "skid_steer" and max(moving, STANDSTILL) < min(rim, requested):
         # The base may turn at the commanded rate before it has the commanded speed.
         courses.append(_on_the_spot(model, command, ()))
     return courses
@@ -173,7 +151,7 @@ def _on_the_spot(
     model: GuardModel, command: BaseCommand, before: tuple[BaseCommand, ...]
 ) -> Course:
     radius = 0.5 * model.vehicle.track_width
-    rates = [c.yaw_rate for c in before if abs(c.yaw_rate) >= _STANDSTILL]
+    rates = [c.yaw_rate for c in before if abs(c.yaw_rate) >= STANDSTILL]
     moving = radius * max(map(abs, rates), default=0.0)
     turns = [math.copysign(1.0 / radius, rate) for rate in (command.yaw_rate, *rates)]
     requested = radius * abs(command.yaw_rate)
@@ -197,7 +175,7 @@ def _on_an_arc(
     rates = [command.yaw_rate, *(c.yaw_rate for c in before)]
     slower = [min(moving, requested), *(max(moving, abs(c.speed)) for c in before)]
     other_turns = [
-        min(max(rate / max(speed, _STANDSTILL), -tightest), tightest)
+        min(max(rate / max(speed, STANDSTILL), -tightest), tightest)
         for rate, speed in zip(rates, slower, strict=True)
     ]
     factor = max(1.0, 0.5 * model.vehicle.track_width * max(map(abs, (turn, *other_turns))))
@@ -206,82 +184,15 @@ def _on_an_arc(
     return Course(1.0 / factor, *turns, forward, factor * requested, factor * moving)
 
 
-def _checked(
-    scene: GuardScene, pose: Pose2d, course: Course, held: float, late: float, load: float
-) -> _Verdict:
-    """Try speeds up to the highest; the last one is that of the vehicle, on its way already."""
-    model, share, top = scene.model, course.share, max(course.requested, course.moving)
-    clear = scene.clear / share if share else math.inf
-    speeds = np.append(top * np.arange(1, _SPEEDS) / _SPEEDS, (top, course.moving))
-    times = np.append(np.full(_SPEEDS, held), late)
-    min_load = load * model.promised.limits.min_load
-    lengths = [_course_length(model, top, held, clear, left) for left in _LEVEL_SHARES]
-    for length, ways in zip(lengths, courses_ahead(scene, pose, course, lengths), strict=True):
-        stops = stops_along(model, ways, speeds, times, min_load)
-        if ways.end.reason or length > clear or stops.distance.max() <= length:
-            break
-    # Nothing is known of what lies beyond.
-    free = max(ways.end.sample - 1, 0) * ways.step
-    inside = stops.distance <= min(free, clear)
-    fine = (inside & stops.loaded)[:-1]
-    failed = _SPEEDS if fine.all() else int(np.argmin(fine))
-    turn = math.inf
-    if share and not stops.loaded[:-1].all():
-        # Lateral acceleration is speed times yaw rate, also of a vehicle that still slows down.
-        steady = float(np.append(0.0, speeds)[np.argmin(stops.loaded[:-1])])
-        turn = steady * steady / (top * max(course.moving, _TOLERANCE))
-    cap = _CREEP if ways.end.touches else math.inf
-    if share:
-        fastest = model.tables[0].fastest[ways.possible].min()
-        cap = min(cap, float(min(model.speed, fastest)) / share)
-    allowed = min(float(speeds[failed - 1]) if failed else 0.0, cap)
-    brakes = course.moving >= _STANDSTILL and not inside[-1]
-    k = _SPEEDS if brakes else failed
-    reason, where = "", None
-    if brakes or not fine.all():
-        reason, where = _reason(ways, bool(inside[k]), free, clear)
-    elif ways.end.touches:
-        reason = "next to an obstacle it creeps"
-    return _Verdict(allowed / max(course.requested, _TOLERANCE), brakes, reason, where, turn)
-
-
-def _reason(
-    ways: StopCourses, inside: bool, free: float, clear: float
-) -> tuple[str, tuple[float, float] | None]:
-    """Reason why a speed is too high, and the place of it."""
-    if inside:
-        return "an axle or a side would lose its load", None
-    if not ways.end.reason and free < clear:
-        return "brakes do not stop the vehicle on this slope", None
-    if clear <= free:
-        return f"the clear distance ends {ways.share * clear:.2f} m ahead", None
-    if ways.share > 0.0:
-        return f"{ways.end.reason} {ways.share * free:.2f} m ahead", ways.end.where
-    angle = math.degrees(free * abs(float(ways.turn[0, 0, 0])))
-    return f"{ways.end.reason} {angle:.0f}° ahead in the turn", ways.end.where
-
-
-def _course_length(
-    model: GuardModel, speed: float, held: float, clear: float, level_share: float
-) -> float:
-    """Distance in which a stop from a speed ends with a share of the weakest level force [m]."""
-    table = model.tables[0]
-    weakest = float(np.min(table.level * (table.b_b + np.minimum(table.m_b, 0.0) * speed)))
-    decel = GRAVITY * max(level_share * weakest, _MIN_SLOW)
-    dead, offset = float(table.dead_time.max()), float(table.offset.max())
-    reach = speed * (held + dead) + speed * speed / (2.0 * decel) + offset + _PAST_STOP
-    return float(min(reach, clear + _PAST_CLEAR, _MAX_LENGTH))
-
-
 def _limited(
-    model: GuardModel, motion: VehicleMotion, command: BaseCommand, verdict: _Verdict
+    model: GuardModel, motion: VehicleMotion, command: BaseCommand, verdict: SpeedVerdict
 ) -> GuardDecision:
     """Command on the same arc, at the allowed speed and yaw rate at most."""
     share, where = min(verdict.allowed, 1.0), verdict.where
-    if min(share, verdict.turn) >= 1.0 - _TOLERANCE:
+    if min(share, verdict.turn) >= 1.0 - TOLERANCE:
         return GuardDecision("pass", command, False, "")
     reason = verdict.reason or TOO_FAST
-    if share * rim_speed(model, *command) < _STANDSTILL and abs(motion.speed) < _STANDSTILL:
+    if share * rim_speed(model, *command) < STANDSTILL and abs(motion.speed) < STANDSTILL:
         return stop(reason, where)
     limited = BaseCommand(share * command.speed, min(share, verdict.turn) * command.yaw_rate)
     return GuardDecision("slow", limited, False, reason, where=where)

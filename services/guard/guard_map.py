@@ -37,9 +37,9 @@ SPACING = 0.1
 """Distance between the points of swept bodies [m]: an obstacle, two facets wide, is never between
 them, because smaller cells are joined to blocks of that edge."""
 
-TILE = 0.6
-"""Edge of the tiles of a body that are looked up as a whole [m]: six cover that of a quad. Where
-ground may strike one, its quarters are looked up, and then the points of these."""
+TILE = 0.5
+"""Edge of the tiles of a body that are looked up as a whole [m]: 12 cover that of a quad. Where
+ground may strike one, its points are looked up."""
 
 HALF_DIAGONAL = 0.5 * math.sqrt(2.0) * TILE  # distance of a tile's corners from its middle [m]
 
@@ -150,8 +150,7 @@ class ObstacleLayers:
         self._edges = _framed(_of_corners(edges), 0.0)
         blocked = np.isnan(self._facets) | (self._edges > 0.0)
         highest = np.where(blocked, np.float32(np.inf), self._facets + np.float32(_ROUNDING))
-        radius = HALF_DIAGONAL / self.cell
-        self._near, self._nearest = _spread(highest, radius), _spread(highest, 0.5 * radius)
+        self._near = _spread(highest, HALF_DIAGONAL / self.cell)
 
     def heights(self, x: Floats, y: Floats, *, exact: bool) -> Floats:
         """Highest ground at points [cells from :attr:`origin`], above :attr:`datum` [m]; NaN.
@@ -160,12 +159,12 @@ class ObstacleLayers:
         """
         return _at(self._cells, x + 0.5, y + 0.5) if exact else _at(self._facets, x, y)
 
-    def highest_near(self, x: Floats, y: Floats, *, half: bool = False) -> Floats:
+    def highest_near(self, x: Floats, y: Floats) -> Floats:
         """Highest ground within :data:`HALF_DIAGONAL` of points [cells], above the datum [m].
 
-        ``half``: within half of it. Infinite near unknown ground and near steps at wheels.
+        Infinite near unknown ground and near steps at wheels.
         """
-        return _at(self._nearest if half else self._near, x, y)
+        return _at(self._near, x, y)
 
     def edges(self, x: Floats, y: Floats) -> Bools:
         """Return True at points [cells from :attr:`origin`] where a wheel would meet a step."""

@@ -9,7 +9,6 @@ on the spot is a course like any other.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,9 +24,9 @@ _HEADINGS = 0.2
 """Angle between neighbouring courses where they end [rad]: their bodies overlap by far, and at the
 corner of a body 1.2 m wide the nearest is 6 cm from each course between them."""
 
-_NEAR, _BLOCK = 16, 40
-"""Samples of the first block, and of those after it [1]: behind the first contact none is needed,
-and most contacts are close."""
+_NEAR = 16
+"""Samples of the first block [1]: behind the first contact none is needed, and most contacts are
+close. The rest is one block, because a block costs as much as thirty samples."""
 
 _MAX_COURSES = 24  # more than turns of half a revolution need [1]
 
@@ -81,45 +80,40 @@ class StopCourses(NamedTuple):
     end: Contact  # what is first in the way of all courses
 
 
-def courses_ahead(
-    scene: GuardScene, pose: Pose2d, course: Course, lengths: Sequence[float]
-) -> Iterator[StopCourses]:
-    """Sample the ground along all courses for each of the lengths of the fastest wheel in turn [m].
+def courses_ahead(scene: GuardScene, pose: Pose2d, course: Course, length: float) -> StopCourses:
+    """Sample the ground along all courses for a length of the fastest wheel [m].
 
-    They are as dense as they have to be where they end after the last and longest. What lies behind
-    the first contact is not sampled.
+    What lies behind the first contact is not sampled.
     """
     model, share = scene.model, course.share
-    turn, errors = _turns(course, lengths[-1] * (course.high - course.low), model.errors.heading)
+    turn, errors = _turns(course, length * (course.high - course.low), model.errors.heading)
     shape, axis = model.shape, -model.turn_axis if course.forward else model.turn_axis
     corner = math.hypot(max(shape.front, shape.rear) + abs(axis), 0.5 * shape.width)
     step = SPACING / (share + corner * float(np.abs(turn).max()))
-    counts = [math.ceil(length / step) + 1 for length in lengths]
-    station = step * np.arange(counts[-1], dtype=np.float64)
+    count = math.ceil(length / step) + 1
+    station = step * np.arange(count, dtype=np.float64)
     placed, planes = np.empty((5, len(turn), len(station))), np.empty((3, len(turn), len(station)))
     x, y, yaw, cos, sin = placed
     poses = BodyPoses(x, y, cos, sin, planes, turn, share, axis)
     reach = (shape.front, shape.rear) if course.forward else (shape.rear, shape.front)
     ground, body = _WheelPlanes(scene, poses, step), SweptBody(scene, poses, reach)
     known, size, posed, end = 0, _NEAR, 0, Contact(0, "", None)
-    for count in counts:
-        while known < count and not end.reason:
-            block = slice(known, min(known + size, count))
-            new = slice(posed, max(posed, block.stop))
-            placed[..., new] = _poses(pose, course, axis, turn, station[new], errors)
-            posed, size = new.stop, _BLOCK
-            known = ground.sample(block, is_last=block.stop == count)
-            if known == 0:
-                size = count  # what is known farther ahead is continued back
-                continue
-            block = slice(block.start, known)
-            end = body.first_contact(block)
-            k = ground.first_steep(block)
-            if k < end.sample:
-                end = end._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
-        end = end if end.reason else end._replace(sample=count)
-        # What lies behind the end does not matter to stops before it.
-        yield _outermost(model, poses, yaw[:, : min(end.sample + 1, count)], ground, step, end)
+    while known < count and not end.reason:
+        block = slice(known, min(known + size, count))
+        new = slice(posed, block.stop)
+        placed[..., new] = _poses(pose, course, axis, turn, station[new], errors)
+        # Where ground is unknown at the start, what is known farther ahead is continued back.
+        posed, size = new.stop, count
+        known = ground.sample(block, is_last=block.stop == count)
+        if known == 0:
+            continue
+        block = slice(block.start, known)
+        end = body.first_contact(block)
+        k = ground.first_steep(block)
+        if k < end.sample:
+            end = end._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
+    # What lies behind the end does not matter to stops before it.
+    return _outermost(model, poses, yaw[:, : min(end.sample + 1, count)], ground, step, end)
 
 
 def _outermost(

@@ -74,7 +74,7 @@ def guarded(model_file: Path, name: str) -> set[str]:
     classes = np.ones(SHAPE, np.int64)
     ground = ElevationMap(**FLAT, terrain_class=classes, class_names=("", name))  # type: ignore[arg-type]
     straight, pose = Course(1.0, 0.0, 0.0, 0.0, forward=True), Pose2d(5.0, 0.0, 0.0)
-    courses = next(courses_ahead(GuardScene(model, ground, np.inf), pose, straight, (6.0,)))
+    courses = courses_ahead(GuardScene(model, ground, np.inf), pose, straight, 6.0)
     return {model.surfaces[kind] for kind in courses.possible}
 
 

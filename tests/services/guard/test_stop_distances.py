@@ -39,7 +39,7 @@ def arc_on(
 ) -> StopCourses:
     """The one course of a turn that is held, left positive."""
     course = Course(1.0, curvature, curvature, curvature, forward=forward)
-    return next(courses_ahead(GuardScene(model, ground, np.inf), pose, course, (15.0,)))
+    return courses_ahead(GuardScene(model, ground, np.inf), pose, course, 15.0)
 
 
 def stops(
