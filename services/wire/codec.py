@@ -189,9 +189,9 @@ def _list_head(data: bytes, at: int) -> tuple[int, int]:
     return int.from_bytes(data[at + 1 : end], "big"), end
 
 
-def _as_block(value: Any) -> dict[str, Any]:
+def _as_block(value: Any) -> Any:
     array = _array(value)
-    return {"shape": array.shape, "data": array.tobytes()}
+    return {"shape": array.shape, "data": array.tobytes()} if array.ndim else array.item()
 
 
 def _as_lists(value: Any) -> Any:
@@ -200,9 +200,12 @@ def _as_lists(value: Any) -> Any:
 
 
 def _array(value: Any) -> np.ndarray:
-    if not isinstance(value, np.ndarray):
+    """Numbers as float64; numpy's integers and booleans as those of Python, without axes."""
+    if isinstance(value, np.integer | np.bool_):
+        return np.array(value.item(), object)
+    if not isinstance(value, np.ndarray | np.floating):
         raise NotImplementedError(f"no wire form of {type(value)}")
-    return np.ascontiguousarray(value, "<f8")
+    return np.asarray(value, "<f8", order="C")
 
 
 def _check_numbers(value: Any, source: str, where: str) -> None:

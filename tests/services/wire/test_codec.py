@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 import numpy as np
 import pytest
@@ -45,6 +47,14 @@ def test_blocks_are_little_endian_float64_as_anybody_reads_them() -> None:
     big_endian = request(paths=[Path(name="a", points=np.arange(6.0).reshape(3, 2).astype(">f8"))])
     got = read(codec.encode(big_endian, Format.MESSAGEPACK))
     np.testing.assert_array_equal(got.paths[0].points, np.arange(6.0).reshape(3, 2))
+
+
+@pytest.mark.parametrize("written", Format)
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.longdouble, np.array])
+def test_numbers_of_numpy_are_numbers(written: Format, kind: Any) -> None:
+    sent = request(speed=kind(1.5), pose=(kind(1.0), kind(2.5), 0.0), sequence=np.int64(7))
+    plain = request(speed=1.5, pose=(1.0, 2.5, 0.0), sequence=7)
+    assert codec.encode(sent, written) == codec.encode(plain, written)
 
 
 def test_unknown_ground_is_null_for_people() -> None:
