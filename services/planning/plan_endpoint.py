@@ -26,7 +26,7 @@ from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.planning.request_validation import validate_request
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec, plan_messages
-from slopewise.services.wire.endpoint import Endpoint
+from slopewise.services.wire.endpoint import Endpoint, ReceivedQuery
 from slopewise.services.wire.fair_queue import FULL, FairQueue, Waiting
 from slopewise.services.wire.message_header import read_deadline, read_header
 from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
@@ -43,8 +43,8 @@ _MAX_DRIVING_CANDIDATES = 200
 
 _MAX_HEADER_BYTES = 200_000  # payload whose header is read [bytes]: takes zenoh's thread 0.1 ms
 
-PlanQueue = FairQueue[zenoh.Query]
-PlanEntry = Waiting[zenoh.Query]
+PlanQueue = FairQueue[ReceivedQuery]
+PlanEntry = Waiting[ReceivedQuery]
 
 
 class PlanEndpoint:
@@ -105,9 +105,10 @@ class PlanEndpoint:
         """Called by zenoh's threads."""
         planning = self._config.planning
         self._counters["queries"] += 1
-        payload = query.payload or b""
-        header = read_header(payload, str(query.encoding or ""), _MAX_HEADER_BYTES)
-        entry = PlanEntry(query, header.client, len(payload), outranks=outranks)
+        received = ReceivedQuery(query, query.payload, str(query.encoding or ""))
+        payload = received.payload or b""
+        header = read_header(payload, received.encoding, _MAX_HEADER_BYTES)
+        entry = PlanEntry(received, header.client, len(payload), outranks=outranks)
         is_short = 0 < len(header.paths) <= _MAX_DRIVING_CANDIDATES
         entry.is_driving = is_short and (outranks or self._queue.shares.is_driving(header.client))
         try:
@@ -148,20 +149,15 @@ class PlanEndpoint:
         except InputError as error:
             self._counters["refused"] += 1
             self._give_up(entry, plan_messages.ERROR, str(error))
-        except Exception as error:  # noqa: BLE001 - logged and counted; the process has to live
-            if entry.is_claimed and isinstance(error, zenoh.ZError):
-                return  # Closed by the "busy" that was sent while it was decoded.
+        except Exception:  # noqa: BLE001 - logged and counted; the process has to live
             self._counters["faults"] += 1
             _log.exception("plan request rejected: internal error")
             self._give_up(entry, plan_messages.ERROR, "fault of the service")
 
     def _answer(self, entry: PlanEntry, meter: UsageMeter) -> None:
         started = time.monotonic()
-        query = entry.item
-        encoding = str(query.encoding or "")
-        written = codec.format_of(encoding)
         check = partial(validate_request, sizes=self._config.sizes, key=self._key)
-        request = self._endpoint.decode(PlanRequest, query, self._key, check=check)
+        request = self._endpoint.decode(PlanRequest, entry.item, self._key, check=check)
         entry.sender = request.client
         decoded = time.monotonic()
         try:
@@ -173,7 +169,7 @@ class PlanEndpoint:
                 remaining=entry.due - decoded,
             )
             reply.seconds.update(queued=started - entry.arrived, decode=decoded - started)
-            payload = codec.payload_of(reply, written)
+            payload = codec.payload_of(reply, codec.format_of(entry.item.encoding))
         except DeadlineError:
             self._plans.forget(request.client)
             raise
@@ -183,9 +179,7 @@ class PlanEndpoint:
             # Its client received "busy", and will not drive this plan.
             self._plans.forget(request.client)
             return
-        with query:
-            is_sent = self._endpoint.send(query, str(query.key_expr), payload)
-        if not is_sent:
+        if not self._send(entry, payload):
             self._plans.forget(request.client)
             return
         self._queue.shares.note_answer(request.client)
@@ -207,9 +201,11 @@ class PlanEndpoint:
 
     def _reply_without_plans(self, entry: PlanEntry, status: str, reason: str) -> None:
         """Reply to a claimed request."""
-        query = entry.item
         self._counters["busy"] += status == plan_messages.BUSY
-        written = codec.format_of(str(query.encoding or ""))
         reply = PlanReply(status=status, reason=reason, service=self._config.id)
-        with query:
-            self._endpoint.send(query, str(query.key_expr), codec.payload_of(reply, written))
+        self._send(entry, codec.payload_of(reply, codec.format_of(entry.item.encoding)))
+
+    def _send(self, entry: PlanEntry, payload: dict[str, Any]) -> bool:
+        """Reply to a claimed request and close its query; False if that failed."""
+        with entry.item.query as query:
+            return self._endpoint.send(query, str(query.key_expr), payload)

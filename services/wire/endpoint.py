@@ -40,6 +40,19 @@ class Handler(Generic[Request, Reply]):
     describe: Callable[[Request], str] | None = None  # identifies the request in a fault
 
 
+@dataclass(frozen=True, slots=True)
+class ReceivedQuery:
+    """A query and its contents, read once when it arrived.
+
+    Zenoh closes a query without Python's lock; a thread that reads it meanwhile gets a
+    RuntimeError. So only the thread that replies may use ``query``.
+    """
+
+    query: zenoh.Query
+    payload: zenoh.ZBytes | None
+    encoding: str
+
+
 def log_fault(what: str) -> str:
     """Log the exception that a request raised; returns the reason for its sender."""
     _log.exception("%s could not be answered: internal error", what)
@@ -81,7 +94,7 @@ class Endpoint:
     def decode(
         self,
         kind: type[Request],
-        item: zenoh.Query | zenoh.Sample,
+        item: zenoh.Query | zenoh.Sample | ReceivedQuery,
         key: str,
         default: Request | None = None,
         **check: Callable[[Request], None],
