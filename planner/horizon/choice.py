@@ -35,6 +35,8 @@ def best_first(
         previous: name of its path. gain: by how much another has to be better than it [s].
     """
     state = planner.state
+    # Want of smoothing is no reason to stand.
+    is_standing = continued is not None and not continued.plan.speed.any()
 
     def key(one: PreviousPlan) -> tuple[bool, bool, float]:
         is_previous = one.plan.candidate == previous
@@ -45,7 +47,7 @@ def best_first(
             # It begins behind the vehicle.
             projection = one.locate((state.x, state.y), state.heading)
             cost -= one.time_at(projection) + gain
-        return False, one.plan.status is Status.DEGRADED, cost
+        return False, one.plan.status is Status.DEGRADED and not is_standing, cost
 
     plans = sorted(plans, key=key)
     if continued is not None and continued.plan.status is Status.OK:

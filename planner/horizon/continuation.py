@@ -74,6 +74,12 @@ class Continuation:
         return bool(self.previous.plan.speed[self._segment + 1] <= 0.0)
 
     @property
+    def is_running_out(self) -> bool:
+        """The plan brakes or stands, and is never faster again."""
+        speed = self.previous.plan.speed[self._segment :]
+        return bool((speed[1] < speed[0] or speed[1] <= 0.0) and speed.max() <= speed[0])
+
+    @property
     def lingers(self) -> bool:
         """The plan rests before the next station, or takes long to it."""
         plan, i = self.previous.plan, self._segment
@@ -124,7 +130,10 @@ class Continuation:
         kept = finalizer.keep(plan.candidate, speed_sq)
         if kept is not None:
             if plan.status is Status.DEGRADED:
-                kept = replace(kept, status=plan.status, reason=plan.reason)
+                # Where it stops is stated by present knowledge.
+                fallback, _, _ = plan.reason.partition("; ")
+                reason = "; ".join(filter(None, (fallback, kept.reason)))
+                kept = replace(kept, status=plan.status, reason=reason)
             return PreviousPlan.on(ahead.path, ahead.first, kept), None
         if plan.status is Status.DEGRADED:
             return None, None

@@ -25,6 +25,10 @@ from slopewise.planner.path import PathBatch, joined
 from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from slopewise.planner.plan import Status
 
+_FARTHER = 1.0
+"""Distance between the ends of a plan without smoothing and of the smooth one that it replaces [m]:
+smoothing itself may cost less, and a plan that is ok may rest that far before its path's end."""
+
 
 class Cycle:
     """One cycle: made, run once, discarded."""
@@ -172,9 +176,26 @@ class Cycle:
         if new is not None and new.plan.status in SAFE:
             return new, None, False
         old, deficit = continuation.keep()
-        if old is not None:
+        if old is not None and (new is None or not self._is_farther(new, old)):
             return old, None, True
         return new or self._begin(batch, index), deficit, False
+
+    def _is_farther(self, fallback: PreviousPlan, old: PreviousPlan) -> bool:
+        """A fallback, such as a plan without smoothing, leads on where the previous one runs out.
+
+        Of two fallbacks the cheaper one is driven, by :mod:`slopewise.planner.pipeline.ranking`.
+        """
+        if fallback.plan.status is not Status.DEGRADED:
+            return False
+        at, heading = (self._state.x, self._state.y), self._state.heading
+        (time, distance), (old_time, old_distance) = (
+            one.left(at, heading) for one in (fallback, old)
+        )
+        farther = distance - old_distance
+        if old.plan.status is Status.DEGRADED:
+            return time - old_time < self._planner.planning.horizon_penalty * farther
+        assert self._continuation is not None
+        return self._continuation.is_running_out and farther > _FARTHER
 
     # ------------------------------------------------------------------ plans
 

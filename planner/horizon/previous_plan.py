@@ -73,6 +73,12 @@ class PreviousPlan:
         gone = self._share(projection) * float(plan.station[i + 1] - plan.station[i])
         return float(plan.time[i]) + (gone / mean if mean > 0.0 else 0.0)
 
+    def left(self, at: tuple[float, float], heading: float) -> tuple[float, float]:
+        """Time [s] and distance [m] to the plan's rest from a position [m] and heading [rad]."""
+        projection = self.locate(at, heading)
+        time = self.plan.travel_time - self.time_at(projection)
+        return time, self.plan.progress - self.station_at(projection)
+
     def ahead(self, projection: PathProjection) -> Polyline:
         """The vehicle's projection and the stations after it."""
         i = int(projection.segment[0])

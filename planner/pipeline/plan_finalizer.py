@@ -6,7 +6,7 @@ stop, which its status shows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,8 +89,11 @@ class PlanFinalizer:
                 # Not even slower plans pass, and a vehicle that moves cannot just stand.
                 speed_sq, verdict, status, reason = emergency_stop(self.column)
                 wanted = False
-            if unsmoothed and speed_sq.any():
-                status, reason = Status.DEGRADED, unsmoothed
+            # A worse fallback keeps its own label.
+            if unsmoothed and speed_sq.any() and status in (Status.OK, Status.BLOCKED):
+                plan = self._plan(name, Judged(speed_sq, verdict, status, reason), smoothed=False)
+                reason = "; ".join(filter(None, (unsmoothed, plan.reason)))
+                return replace(plan, status=Status.DEGRADED, reason=reason)
             if wanted and verdict.valid:
                 answer, judged, why = self._smooth(speed_sq, profile.start_accel)
                 if answer is not None and judged is not None:

@@ -266,6 +266,59 @@ def test_a_plan_made_without_time_is_driven_safely() -> None:
     assert 14.0 < np.hypot(drive.x, drive.y) < 15.0
 
 
+LATE = HorizonSettings(budget=1e-6)
+
+
+def test_a_planner_that_is_always_late_drives_on_as_the_way_is_seen() -> None:
+    drive = Drive(tables_with(), plane(), batch([straight(40.0)], 0.25), settings=LATE)
+    for _ in range(200):
+        drive.clear = drive.x + 6.0
+        answer = drive.cycle()
+        assert not answer.command.stop
+        assert drive.speed > 0.0 or drive.x > 38.5, answer.reason
+    assert drive.x > 38.5
+    assert any("; stops at" in a.reason for a in drive.answers if a.status is Status.DEGRADED)
+
+
+@pytest.mark.parametrize("cycles", [12, 80])
+def test_a_smooth_plan_that_runs_out_is_replaced_by_one_that_is_late(cycles: int) -> None:
+    """While it brakes before the end of what was free, and at rest there."""
+    drive = Drive(tables_with(), plane(), batch([straight(40.0)], 0.25), clear=7.0)
+    for _ in range(cycles):
+        drive.cycle()
+    speed = drive.speed
+    assert (speed > 0.0) == (cycles < 80)
+    drive.horizon.settings, drive.clear = LATE, 40.0
+    answers = [drive.cycle() for _ in range(60)]
+    assert not any(a.command.stop for a in answers)
+    assert answers[0].kept == (speed > 0.0), "a smooth plan is not left as long as it speeds up"
+    assert drive.x > 12.0
+    assert min(drive.speed, *(a.command.speed for a in answers)) >= 0.5 * speed
+
+
+def test_a_smooth_plan_is_driven_on_where_one_without_smoothing_leads_no_farther() -> None:
+    drive = Drive(tables_with(), plane(), batch([straight(40.0)], 0.25), clear=7.0)
+    for _ in range(5):
+        drive.cycle()
+    drive.horizon.settings = LATE
+    while drive.speed > 0.0:
+        answer = drive.cycle()
+        assert (answer.status, answer.kept) == (Status.BLOCKED, True)
+
+
+def test_another_path_without_smoothing_is_better_than_standing() -> None:
+    fan = [straight(30.0), arc(30.0, 0.02, name="left")]
+    drive = Drive(tables_with(), plane(), batch(fan, 0.25), clear=np.array([5.0, 0.0]))
+    for _ in range(60):
+        drive.cycle()
+    assert drive.speed == 0.0
+    drive.horizon.settings = LATE
+    drive.clear = np.array([5.0, 29.0])
+    answer = drive.cycle()
+    assert answer.chosen.candidate == "left"
+    assert answer.command.speed > 0.0
+
+
 @cache
 def at_full_speed() -> Drive:
     drive = Drive(tables_with(), plane(), batch([straight(40.0)], 0.25))
