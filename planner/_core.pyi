@@ -79,7 +79,6 @@ class BroadPhase:
         body: BodyRows,
         profile: TerrainProfile,
         spacing: float,
-        trails: bool,
         across: Floats | None,
         code_of_kind: Ints,
         code: Ints,

@@ -110,11 +110,10 @@ class Sweeper:
             poses: of them, nothing noted yet. added_band: to that of tracking errors, (N, M) [m].
         """
         stations, ground = len(poses.code), self.elevation_map
-        geometry = self.model.steering_geometry
         tube = tube_of(
             self.errors,
             profile.curvature[:stations],
-            geometry.body_offset,
+            self.model.steering_geometry.body_offset,
             ground.resolution,
             added_band,
         )
@@ -124,7 +123,6 @@ class Sweeper:
             body,
             profile,
             self.spacing,
-            geometry.centre_offset > 0.0 or added_band is not None,
             across,
             self.bars,
             poses.code,

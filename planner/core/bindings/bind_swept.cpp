@@ -80,7 +80,7 @@ const T* beginning_of(const nb::handle& profile, const char* name, Index station
 
 // Of `BodyRows` along a `TerrainProfile`.
 Index sweep_paths(const MapBroadPhase& self, const nb::handle& body, const nb::handle& profile,
-                  double spacing, bool trails, const std::optional<Input2>& across,
+                  double spacing, const std::optional<Input2>& across,
                   const Counts1& code_of_kind, const Codes2& code, const Output2& found) {
   const auto n = static_cast<Index>(code.shape(0)), m = static_cast<Index>(code.shape(1));
   const auto rows = [&](const char* name) { return member_rows<double>(body, name, n, m).at(0); };
@@ -95,7 +95,7 @@ Index sweep_paths(const MapBroadPhase& self, const nb::handle& body, const nb::h
                          member_line<std::int64_t>(profile, "count", m),
                          beginning_of<bool>(profile, "known", n, m),
                          beginning_of<float>(profile, "twist", n, m),
-                         spacing, trails, across ? across->data() : nullptr};
+                         spacing, across ? across->data() : nullptr};
   double* memory =
       Workspace::of_thread().reserve(NarrowPhase::memory_size(self.grid, spacing));
   const nb::gil_scoped_release release;
@@ -160,8 +160,8 @@ void bind_swept(nb::module_& m) {
       .def("__init__", &make_broad_phase, "elevation"_a.noconvert(), "origin_x"_a, "origin_y"_a,
            "resolution"_a, "sizes"_a, "band"_a.none(), "x"_a, "y"_a, "beside"_a)
       .def("covers", &covers, "x"_a, "y"_a)
-      .def("sweep", &sweep_paths, "body"_a, "profile"_a, "spacing"_a, "trails"_a,
-           "across"_a.none(), "code_of_kind"_a, "code"_a.noconvert(), "found"_a.noconvert())
+      .def("sweep", &sweep_paths, "body"_a, "profile"_a, "spacing"_a, "across"_a.none(),
+           "code_of_kind"_a, "code"_a.noconvert(), "found"_a.noconvert())
       .def_prop_ro("screened", &screened)
       .def_prop_ro("first_column",
                    [](const MapBroadPhase& self) { return self.grid.window().columns.first; })

@@ -19,7 +19,6 @@ struct SweptPaths {
   const bool* known;                            // the ground under path and wheels is
   const float* twist;                           // of the ground under the wheels [m]
   double spacing;                               // largest distance between two poses [m]
-  bool trails;           // the rear wheels do not roll where the front ones did
   const double* across;  // by how far the reference point may be off the line [m]; null: by nothing
 };
 
@@ -190,10 +189,30 @@ class NarrowPhase {
 
 namespace detail {
 
-// The checks that up to `wide` poses of station k require. The rear wheels roll where the front ones
-// did, but for the first of the way of each candidate.
+// Across, within which a rear wheel meets the ground that the front one met [m].
+constexpr double same_track = 0.01;
+
+// Stations at which the front wheels of up to `wide` candidates were where their rear ones are.
+using FrontStations = std::array<Index, wide>;
+
+// Do the rear wheels of a pose roll where the front ones did at an earlier one? Not at the first of
+// the way, and not in a turn whose centre is beside one of the axles. Axles are told apart across
+// the mean of both headings, along which they move on an arc.
+inline bool follows_front(const SweptPaths& paths, Index at, Index before,
+                          const VehicleEnvelope& sizes) noexcept {
+  const double half = sizes.half_length;
+  const double along_x = paths.heading_x[at] + paths.heading_x[before];
+  const double along_y = paths.heading_y[at] + paths.heading_y[before];
+  const double dx = paths.x[at] - paths.x[before] - half * along_x;
+  const double dy = paths.y[at] - paths.y[before] - half * along_y;
+  const double across = 0.5 * (along_x * dy - along_y * dx);
+  const double wider = paths.across != nullptr ? paths.across[at] - paths.across[before] : 0.0;
+  return max_of(std::abs(across), wider) <= same_track;
+}
+
+// The checks that up to `wide` poses of station k require.
 inline void require_checks(const BroadPhase& grid, const SweptPaths& paths, Index k, Index first,
-                           Checks& open, Checks& required) noexcept {
+                           FrontStations& front, Checks& open, Checks& required) noexcept {
   const Index at = k * paths.candidates + first;
   const PoseRow row{std::min<Index>(wide, paths.candidates - first),
                     paths.x + at,
@@ -204,11 +223,18 @@ inline void require_checks(const BroadPhase& grid, const SweptPaths& paths, Inde
                     paths.across != nullptr ? paths.across + at : nullptr};
   require_body(row, grid, paths.known + at, open, required);
   if (!grid.sizes().fine) return;
-  const double rolled = 2.5 * grid.vehicle().half_length;
+  const VehicleEnvelope& vehicle = grid.vehicle();
   Checks rear{};
   for (Index j = 0; j < row.lanes; ++j) {
     const auto n = static_cast<std::size_t>(j);
-    rear[n] = paths.trails || paths.station[at + j] < rolled ? open[n] : 0;
+    const double* station = paths.station + first + j;
+    const double rolled = station[k * paths.candidates] - 2.0 * vehicle.half_length;
+    while (front[n] + 1 < k && station[(front[n] + 1) * paths.candidates] <= rolled) ++front[n];
+    const Index before = front[n] * paths.candidates + first + j;
+    const bool follows = paths.station[before] + 0.5 * vehicle.half_length >= rolled &&
+                         rolled >= 0.5 * vehicle.half_length &&
+                         follows_front(paths, at + j, before, vehicle);
+    rear[n] = follows ? 0 : open[n];
   }
   require_wheels(row, grid, rear, open, required);
 }
@@ -242,8 +268,9 @@ inline Index sweep(const BroadPhase& grid, const SweptPaths& paths, const Hazard
     const Index lanes = std::min<Index>(wide, paths.candidates - first);
     Checks required, open;
     open.fill(255);
+    detail::FrontStations front{};
     for (Index k = 1; k < paths.stations; ++k) {
-      detail::require_checks(grid, paths, k, first, open, required);
+      detail::require_checks(grid, paths, k, first, front, open, required);
       for (Index lane = 0; lane < lanes; ++lane) {
         const auto n = static_cast<std::size_t>(lane);
         const Index j = first + lane;
