@@ -19,7 +19,7 @@ from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import Gaps, distance_floor
 from slopewise.models.discrepancy.decide.no_harm import held_to_account
 from slopewise.models.discrepancy.decide.revised import revised
-from slopewise.models.discrepancy.decide.verdict import WILD_SCATTER, decide
+from slopewise.models.discrepancy.decide.verdict import WILD_SCATTER, Decision, decide
 from slopewise.models.discrepancy.findings import Findings
 from slopewise.models.discrepancy.likelihood.answer import answered
 from slopewise.models.discrepancy.likelihood.refit import refitted
@@ -75,12 +75,15 @@ def investigate(
         base = refitted(answer.calm)
         located = residual_axes(answer.calm.fit.trace, base)
         seen = resolvable(answer.calm.fit, answer.calm.at, weights.book)
-        decision = decide(table, base, answer, located, seen, settings)
+
+        def decided(contradicted: Sequence[frozenset[str]]) -> Decision:
+            given = answered(weights, contradicted) if contradicted else answer
+            return decide(table, base, given, located, seen, settings)
+
+        decision = decided(())
         progress.reach(Stage.LEFT)
         noise = decision.explanation.whitener
-        decision, gaps = held_to_account(
-            table, base, decision, seen, settings, lambda names: answered(weights, names).is_calm
-        )
+        decision, gaps = held_to_account(table, base, decision, located, seen, settings, decided)
         better, added = revised(table, decision, gaps.held_out, source)
         progress.reach(Stage.GAPS)
         above = gaps.refit_square - gaps.speed.noise_floor**2

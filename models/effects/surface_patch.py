@@ -19,6 +19,7 @@ from slopewise.models.effects.effect_law import (
 from slopewise.models.effects.stops_seen import MIN_STOP_COUNT, StopsSeen
 
 _LATTICE = 9  # centres that the search tries along the longer side of the field
+_HELD = 0.5  # share of a stop from which it counts: an edge that clips one explains only noise [1]
 _RADII = (0.07, 0.14, 0.25)  # of the field
 
 
@@ -46,9 +47,9 @@ def share_inside(x: Floats, y: Floats, centre_x: float, centre_y: float, radius:
 
 
 def holds_stops(inside: Floats) -> bool:
-    """Whether a circle holds enough stops to be seen, and not all of all stops."""
-    touched = int((inside > 0.0).any(axis=1).sum())
-    return touched >= MIN_STOP_COUNT and bool((inside < 1.0).any())
+    """Whether a circle holds half or more of enough stops to be seen, and not all of all stops."""
+    held = int((inside.mean(axis=1) >= _HELD).sum())
+    return held >= MIN_STOP_COUNT and bool((inside < 1.0).any())
 
 
 def _along(place: Place, delta: float, x: float, y: float, radius: float) -> Floats:

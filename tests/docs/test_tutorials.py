@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from pathlib import Path
@@ -15,8 +16,9 @@ from tests.services.warm_process import WarmProcess
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 BOX = re.compile(r"^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 NEEDS = {"recordings": ("rosbags", "foxglove", "rerun")}
-BOXES_BY_DAY = {"hidden-effect": 1}
-"""The search in ninety stops is left to the night; calibrate.md searches a log by day."""
+BOXES_BY_DAY = {"hidden-effect": 2}
+"""Plans with what was found are left to the night."""
+FINDINGS = {"hidden-effect": "out/hidden/found/discrepancy.json"}
 
 
 def script_of(page: str, boxes: int | None) -> str:
@@ -63,6 +65,12 @@ def test_a_tutorial_does_what_it_says(tutorial: Path, boxes: int | None, tmp_pat
         program = [sys.executable, "tutorial.py"]
         done = WarmProcess(program, outside, folder=tmp_path, hidden=missing).finished(600.0)
     assert done.returncode == 0, done.stdout + done.stderr
+    if tutorial.stem in FINDINGS:
+        findings = json.loads((tmp_path / FINDINGS[tutorial.stem]).read_text())
+        assert f"\n{findings['verdict']} – " in page
+        assert findings["effects"]
+        for effect in findings["effects"]:
+            assert f"\n  {effect['name']} " in page
 
 
 def test_there_are_tutorials_whose_commands_stand_in_boxes() -> None:

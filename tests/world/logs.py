@@ -14,7 +14,7 @@ from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.findings import Findings
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.onset import Onset
-from slopewise.models.discrepancy.likelihood.refit import Refit, improved
+from slopewise.models.discrepancy.likelihood.refit import Known, Refit, improved
 from slopewise.models.discrepancy.likelihood.trace import trace_of
 from slopewise.models.discrepancy.likelihood.whitener import Whitener
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
@@ -78,7 +78,6 @@ def table(name: str, stops: int = 48, seed: int = 3) -> StopTable:
 
 STOPS = {"places": 90, "lag_and_drag": 90, "noisy": 24}
 """Stops of logs that need more than the others, or fewer."""
-KNOWN_LITTLE = np.diag([5.0, 1.0, 10.0, 1.0])  # of shifts of coefficients: as good as unknown
 AT_NIGHT = (
     *("places", "lag_and_drag", "pair", "build_up", "waves", "crests", "lockup"),
     *("drag", "fade", "slow_drag"),
@@ -114,9 +113,17 @@ def whitener_of(stops: StopTable, *, build_up: float = 0.01, lagging: bool = Fal
     return Whitener.of(trace, onset, prior.NOISE, lagging=lagging)
 
 
+def known_little(hypothesis: Hypothesis) -> Known:
+    """Shifts of coefficients and the dead time are as good as unknown, all else is unknown."""
+    count = len(hypothesis.free)
+    root, expected = np.eye(5, count) * [[5.0], [1.0], [10.0], [1.0], [1.0]], np.zeros(count)
+    expected[4] = hypothesis.model.braking.dead_time
+    return Known(root, expected)
+
+
 def refit_of(stops: StopTable, *effects: Effect) -> Refit:
     """Stops explained by effects that are known to be there."""
     hypothesis = replace(Hypothesis.configured(BASE), added=effects)
-    fit = improved(stops, hypothesis, whitener_of(stops), KNOWN_LITTLE)
+    fit = improved(stops, hypothesis, whitener_of(stops), known_little(hypothesis))
     names = tuple(sorted(effect.name for effect in effects))
     return replace(fit, extents=({},) * len(effects), names=names)

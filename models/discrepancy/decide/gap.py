@@ -20,7 +20,7 @@ from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import simulate
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 
-_LARGER = 1.02  # errors of distances after a finding over those before that contradict it [1]
+LARGER = 1.02  # errors of distances after a finding over those before that contradict it [1]
 _CLAIM_ABOVE = 1.5  # floors that a gap needs for a percentage of it to mean something [1]
 _SPAN = 2.0  # times a measured stop within which a simulated one has to end [1]
 _NODES = 241  # grid times of a simulated stop: one in 10 ms or so
@@ -74,7 +74,7 @@ class Gaps:
     @property
     def harmful(self) -> bool:
         """The finding predicts stops worse than new coefficients do, or than those configured."""
-        larger = self.distance.after > _LARGER * self.distance.before
+        larger = self.distance.after > LARGER * self.distance.before
         return larger or max(self.speed.worse, self.distance.worse) > 1.0
 
 

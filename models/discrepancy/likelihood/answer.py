@@ -50,9 +50,9 @@ class Answer:
         return self.verdict in (Verdict.NONE, Verdict.PARAMETER_DRIFT)
 
 
-def answered(weights: Weights, without: frozenset[str] = frozenset()) -> Answer:
-    """The answer that the weights give, of explanations with none of these names."""
-    every = [e for e in weights.explanations if not e.names & without]
+def answered(weights: Weights, without: Sequence[frozenset[str]] = ()) -> Answer:
+    """The answer that the weights give, of explanations that hold none of these sets of names."""
+    every = [e for e in weights.explanations if not any(e.names >= names for names in without)]
     calm = next(e for e in every if not e.names and not e.axes)
     if calm.fit.noise[WAVE] > _WILD:
         return Answer(Verdict.UNKNOWN, calm, calm, "", 1.0, {})
@@ -78,6 +78,9 @@ def answered(weights: Weights, without: frozenset[str] = frozenset()) -> Answer:
         leader = _with([e for kind, e, _ in each if kind == _NAMED], first, of_names)
         return Answer(Verdict.MISSING_EFFECT, leader, calm, axis, of_names[first], of_names)
     named = [e for e in every if e.names and not e.axes]
+    near = every[0].log_weight + np.log(_RULED_OUT)
+    if axis and (not named or named[0].log_weight < near):
+        return Answer(Verdict.UNKNOWN, every[0], calm, axis, along, of_names)
     leader = named[0] if named else every[0]
     near = leader.log_weight + np.log(_RULED_OUT)
     near_ones = [e for e in named[1:] if not e.names >= leader.names and e.log_weight > near]

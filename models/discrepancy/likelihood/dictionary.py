@@ -72,6 +72,14 @@ class Dictionary:
         new = [i for i, name in enumerate(names) if i == 0 or name != names[i - 1]]
         return [slice(a, b) for a, b in pairwise([*new, len(names)])]
 
+    def plus(self, table: StopTable, candidate: Candidate, share: Floats) -> Dictionary:
+        """With one more candidate of a name that is in it, and (S, M, 1) its column by brakes."""
+        group = next(g for g in self.groups if self.candidates[g.start].name == candidate.name)
+        added = replace(candidate, first=self.columns.shares.shape[2])
+        every = (*self.candidates[: group.stop], added, *self.candidates[group.stop :])
+        column = Integrated.of(table, share, np.ones(1, np.bool_))
+        return Dictionary(every, self.columns.joined(column))
+
 
 def spikes_of(table: StopTable, model: Model) -> tuple[Floats, Floats]:
     """(S, M, Q) shares of one smooth form of every effect, and (Q,) whether brakes bring them."""

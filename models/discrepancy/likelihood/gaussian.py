@@ -69,49 +69,6 @@ class Grams:
 
 
 @dataclass(frozen=True, slots=True)
-class Precision:
-    """V⁻¹ of all stops, for columns of which not every product with one another is wanted.
-
-    Attributes:
-        own: (S, K, R) own effects. weight: (S, K, 1) D⁻¹/σ², 0 of unused bins.
-        inverse: (S, R, R) A⁻¹.
-    """
-
-    own: Floats
-    weight: Floats
-    inverse: Floats
-
-    @classmethod
-    def of(cls, own: Floats, spread: Floats, noise: float, variance: Floats) -> Precision:
-        """Of own effects (S, K, R), (S, K) variances without σ², σ [m/s] and Λ (R,)."""
-        used = spread > 0.0
-        weight = np.where(used, 1.0 / np.where(used, spread, 1.0), 0.0)[:, :, None] / noise**2
-        inner = np.swapaxes(own * weight, 1, 2) @ own + np.diag(1.0 / variance)
-        return cls(own, weight, np.asarray(np.linalg.inv(inner), np.float64))
-
-    def times(self, columns: Floats) -> Floats:
-        """(S, K, P) V⁻¹ columns."""
-        weighed = self.weight * columns
-        solutions = self.inverse @ (np.swapaxes(self.own, 1, 2) @ weighed)
-        result: Floats = weighed - self.weight * (self.own @ solutions)
-        return result
-
-    def squares(self, columns: Floats) -> Floats:
-        """(P,) diagonal of columnsᵀ V⁻¹ columns."""
-        weighed = self.weight * columns
-        mine = np.swapaxes(self.own, 1, 2) @ weighed
-        taken = np.einsum("srp,srp->p", mine, self.inverse @ mine)
-        result: Floats = np.einsum("skp,skp->p", weighed, columns) - taken
-        return result
-
-
-def products(columns: Floats, others: Floats) -> Floats:
-    """(P, Q) of columns (S, K, P) with others (S, K, Q), summed over all bins."""
-    result: Floats = columns.reshape(-1, columns.shape[2]).T @ others.reshape(-1, others.shape[2])
-    return result
-
-
-@dataclass(frozen=True, slots=True)
 class Solved:
     """Columns that are always there, solved; and what they leave to others.
 

@@ -151,6 +151,13 @@ class Integrated:
             self.shares[:, :, i], self.integral[:, :, i], self.mean[:, :, i], self.through[i]
         )
 
+    def joined(self, other: Integrated) -> Integrated:
+        """These columns and those of another one."""
+        each = ((self.shares, other.shares), (self.integral, other.integral))
+        shares, integral = (np.concatenate(both, axis=2) for both in each)
+        mean = np.concatenate((self.mean, other.mean), axis=2)
+        return Integrated(shares, integral, mean, np.append(self.through, other.through))
+
     def fallen(self, table: StopTable, onset: Onset, moment: Moment) -> Floats:
         """(S, K, Q) what they take from the speed by each bin [m/s].
 

@@ -8,12 +8,17 @@ the standard deviation of a normal distribution with the same 95 %.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
+from scipy.optimize import differential_evolution
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import Candidate, circles
-from slopewise.models.discrepancy.likelihood.gaussian import Grams, Precision, products
+from slopewise.models.discrepancy.likelihood.fit import Fit
+from slopewise.models.discrepancy.likelihood.gaussian import Grams
 from slopewise.models.discrepancy.likelihood.marginal import solved_both
 from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment
 from slopewise.models.discrepancy.likelihood.posterior import Explanation
@@ -27,9 +32,13 @@ from slopewise.models.effects.surface_patch import holds_stops, share_inside
 Extent = dict[str, float]
 """Standard deviations of such numbers, by name."""
 
-_TRIED = 48  # patches around one of them in a round: enough for three numbers
-_REACHES = (0.5, 0.3, 0.3, 0.2, 0.2, 0.1, 0.1, 0.07, 0.05, 0.03, 0.02)
-"""How far the best patch is moved in each round, coarse to fine, share of its radius [1]."""
+_NUMBERS = ("x", "y", "radius")
+_POPULATION, _GENERATIONS = 32, 12  # of circles: enough for three numbers from any seed
+_MUTATION, _RECOMBINATION = (0.3, 0.6), 0.9  # of differential evolution [1]
+_PAD = 0.1  # of the smallest circle, by which it may leave those that it begins with [1]
+_FINEST = 0.01  # share of the field, or of the radii, that a place is known to at best [1]
+_HELD_NONE = -1e3  # gain of a circle that cannot be seen
+_TRIED = 48  # circles in each round that follows their extent
 _ROUNDS = 18  # in which the extent is followed: three to each side of each number
 _FARTHER = (0.1, 0.3, 0.05, 0.2)  # how far they reach in turn, share of the radius [1]
 _COMPARED = 64  # likely patches that the exact law chooses from
@@ -54,78 +63,146 @@ def settled(
 
 
 class _Gains:
-    """Evidence that shares of the weight add to the rest of an explanation."""
+    """Evidence that shares of the weight add to all effects but one of a fit, at some noise."""
 
-    def __init__(self, explanation: Explanation, candidate: Candidate) -> None:
-        fit = explanation.fit
-        self.trace, self.onset = fit.trace, fit.onsets[explanation.at]
-        rest = [c for c in fit.chosen if c.name != candidate.name]
-        usable = [c.name != candidate.name for c in fit.chosen for _ in range(c.count)]
+    def __init__(self, fit: Fit, at: int, name: str, noise: Floats) -> None:
+        self.trace, self.onset, self.noise = fit.trace, fit.onsets[at], noise
+        rest = [c for c in fit.chosen if c.name != name]
+        usable = [c.name != name for c in fit.chosen for _ in range(c.count)]
         columns = fit.extra.take(np.flatnonzero(usable).tolist())
-        every, own, std = columns_at(self.trace, self.onset, columns)
+        self.every, self.own, std = columns_at(self.trace, self.onset, columns)
         centre = np.concatenate([np.zeros(len(std)), *(np.full(c.count, c.centre) for c in rest)])
         std = np.concatenate([std, *(c.std for c in rest)])
-        spread = self.trace.table.spread
-        grams = Grams.of(every, own, spread)
-        solutions = solved_both(grams, std, fit.noise, self.trace.calibrated, centre)
+        grams = Grams.of(self.every, self.own, self.trace.table.spread)
+        solutions = solved_both(grams, std, noise, self.trace.calibrated, centre)
         self.best = max(solutions, key=lambda s: s.evidence)
-        variance = prior.own_variance(fit.noise, own.shape[2])
-        self.precision = Precision.of(own, spread, fit.noise[0], variance)
-        self.weighed = self.precision.times(every)
         self.moment = Moment.of(self.trace.samples, self.onset, self.trace.quicker)
 
     def of(self, shares: Floats) -> Floats:
         """(Q,) tempered gains of shares (S, M, Q) that brakes bring."""
-        trace, table = self.trace, self.trace.table
-        columns = Integrated.of(table, shares, np.ones(shares.shape[2], bool))
+        trace, table, count = self.trace, self.trace.table, shares.shape[2]
+        columns = Integrated.of(table, shares, np.ones(count, bool))
         added = -columns.fallen(table, self.onset, self.moment)
-        cross = products(added, self.weighed)
+        grams = Grams.of(np.concatenate([added, self.every], axis=2), self.own, table.spread)
+        variance = prior.own_variance(self.noise, self.own.shape[2])
+        weighed = grams.whitened(self.noise[0], variance)[0]
+        cross = weighed[:count, count:]
         shared, pull = cross[:, :-1], cross[:, -1] - cross[:, :-1] @ self.best.mean
         taken = np.einsum("qp,qp->q", shared @ self.best.covariance, shared)
         middle = np.einsum("smq,sm->q", shares, trace.used) / trace.used.sum()
         precision = np.square(size_of(shares - middle, trace.used) / (prior.SLAB * trace.force))
-        inner = self.precision.squares(added) - taken + np.maximum(precision, 1e-12)
+        inner = np.diag(weighed)[:count] - taken + np.maximum(precision, 1e-12)
         gain: Floats = pull**2 / inner - np.log(inner / np.maximum(precision, 1e-12))
         return 0.5 * prior.TEMPER * gain
 
+    def of_circles(self, circles: Floats) -> Floats:
+        """(N,) of circles (N, 3): x, y and radius [m]; a loss where they hold too few stops."""
+        table = self.trace.table
+        shares = [share_inside(table.x, table.y, *circle) for circle in circles]
+        held = np.array([holds_stops(inside) for inside in shares])
+        gain = np.full(len(circles), _HELD_NONE)
+        if held.any():
+            inside = [share for share, usable in zip(shares, held, strict=True) if usable]
+            gain[held] = self.of(np.stack(inside, axis=2))
+        return gain
+
+
+def _climbed(gains: _Gains, circles: Floats) -> tuple[Floats, Floats]:
+    """(N, 3) circles, those in addition that differential evolution of the best ones comes to.
+
+    Also (N,) their gains. The likelihood of a place is flat, with jumps, and has many maxima.
+    """
+    gain = [gains.of_circles(circles)]
+    tried = [circles]
+    first = circles[np.argsort(-gain[0])[:_POPULATION]] * [1.0, 1.0, 0.0]
+    first[:, 2] = np.log(circles[np.argsort(-gain[0])[:_POPULATION], 2])
+
+    def loss(moved: Floats) -> Floats:
+        tried.append(np.column_stack((moved[:2].T, np.exp(moved[2]))))
+        gain.append(gains.of_circles(tried[-1]))
+        return -gain[-1]
+
+    low, high = first.min(axis=0), first.max(axis=0)
+    pad = 0.5 * (high - low) + _PAD * np.array([*[np.exp(low[2])] * 2, 1.0])
+    differential_evolution(
+        loss,
+        np.column_stack((low - pad, high + pad)),
+        init=first,
+        maxiter=_GENERATIONS,
+        mutation=_MUTATION,
+        recombination=_RECOMBINATION,
+        tol=0.0,
+        rng=0,
+        polish=False,
+        updating="deferred",
+        vectorized=True,
+    )
+    return np.concatenate(tried), np.concatenate(gain)
+
+
+def placed(
+    fit: Fit, at: int, noise: Floats, group: Sequence[Candidate]
+) -> tuple[Candidate, Floats]:
+    """The likeliest place between those of a grid, and (S, M, 1) its share.
+
+    Its prior is that of the part of the field and of the radii where it is as likely.
+
+    Args:
+        fit, at: the explanation to which it is added, without an earlier place of the same name.
+        noise: (6,) at which it is likeliest: a patch that is missing is taken for scatter.
+        group: the grid.
+    """
+    gains = _Gains(fit, at, group[0].name, noise)
+    grid = np.array([[c.inner[n] for n in _NUMBERS] for c in group])
+    tried, gain = _climbed(gains, grid)
+    best = int(np.argmax(gain))
+    near = tried[gain > gain[best] - _CHANGE_95]
+    near[:, 2], grid[:, 2] = np.log(near[:, 2]), np.log(grid[:, 2])
+    std = np.abs(near - [*tried[best, :2], np.log(tried[best, 2])]).max(axis=0) / _NORMAL_95
+    volume = np.log(np.sqrt(2.0 * np.pi) * std / np.ptp(grid, axis=0) + _FINEST).sum()
+    table, trace = fit.trace.table, fit.trace
+    share = share_inside(table.x, table.y, *tried[best])[:, :, None]
+    middle = np.einsum("smq,sm->q", share, trace.used) / trace.used.sum()
+    size = size_of(share - middle, trace.used)
+    candidate = replace(
+        group[0],
+        std=prior.SLAB * trace.force / size,
+        inner=dict(zip(_NUMBERS, tried[best].tolist(), strict=True)),
+        log_prior=group[0].log_prior + min(float(volume) + np.log(len(group)), 0.0),
+    )
+    return candidate, share
+
 
 def _patch(explanation: Explanation, candidate: Candidate) -> tuple[list[dict[str, float]], Extent]:
-    gains = _Gains(explanation, candidate)
-    table, rng = gains.trace.table, np.random.default_rng(0)
-    names = ("x", "y", "radius")
-    tried = np.array([[at[name] for name in names] for at, _ in circles(table)])
-    tried = np.concatenate((tried, [[candidate.inner[name] for name in names]]))
-    gain = gains.of(np.stack([share_inside(table.x, table.y, *c) for c in tried], axis=2))
-    for turn in range(len(_REACHES) + _ROUNDS):
-        if turn < len(_REACHES):
-            start, reach = tried[np.argmax(gain)], _REACHES[turn]
-        else:  # from where the region reaches farthest, to each side in turn
-            likely = tried[gain > gain.max() - _JUMP_95]
-            along, side = likely[:, turn % 3], 1.0 if turn % 2 else -1.0
-            start, reach = likely[np.argmax(side * along)], _FARTHER[turn % len(_FARTHER)]
+    fit = explanation.fit
+    gains = _Gains(fit, explanation.at, candidate.name, fit.noise)
+    table, rng = fit.trace.table, np.random.default_rng(0)
+    start = [[candidate.inner[name] for name in _NUMBERS]]
+    grid = [[at[name] for name in _NUMBERS] for at, _ in circles(table)]
+    tried, gain = _climbed(gains, np.array(start + grid))
+    for turn in range(_ROUNDS):
+        # From where the region reaches farthest, to each side in turn.
+        likely = tried[gain > gain.max() - _JUMP_95]
+        along, side = likely[:, turn % 3], 1.0 if turn % 2 else -1.0
+        start, reach = likely[np.argmax(side * along)], _FARTHER[turn % len(_FARTHER)]
         steps = reach * rng.standard_normal((_TRIED, 3))
         near = start + steps * start[2]
         near[:, 2] = start[2] * np.exp(steps[:, 2])
-        each = [share_inside(table.x, table.y, *c) for c in near]
-        held = [holds_stops(inside) for inside in each]
-        if any(held):
-            shares = np.stack(
-                [inside for inside, usable in zip(each, held, strict=True) if usable], 2
-            )
-            tried = np.concatenate((tried, near[held]))
-            gain = np.append(gain, gains.of(shares))
+        tried = np.concatenate((tried, near))
+        gain = np.append(gain, gains.of_circles(near))
     order = np.argsort(-gain)
     likely = tried[order[gain[order] > gain.max() - _JUMP_95]]
     off = np.abs(likely - likely[0]).max(axis=0)
-    extent = {name: float(std) for name, std in zip(names, off / _NORMAL_95, strict=True)}
+    extent = {name: float(std) for name, std in zip(_NUMBERS, off / _NORMAL_95, strict=True)}
     spaced = likely[:: max(len(likely) // _COMPARED, 1)]
-    return [dict(zip(names, circle.tolist(), strict=True)) for circle in spaced], extent
+    return [dict(zip(_NUMBERS, circle.tolist(), strict=True)) for circle in spaced], extent
 
 
 def _change(
     explanation: Explanation, candidate: Candidate
 ) -> tuple[list[dict[str, float]], Extent]:
-    gains, search = _Gains(explanation, candidate), LAWS[candidate.name].search
+    fit, search = explanation.fit, LAWS[candidate.name].search
+    gains = _Gains(fit, explanation.at, candidate.name, fit.noise)
     assert search is not None
     seen = stops_seen(gains.trace.table, Hypothesis.configured(gains.trace.model))
     runs = [(inner, share) for inner, share in search.columns(seen)]

@@ -7,6 +7,7 @@ least squares of whitened speeds, so that noise and nuisances are those of the l
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -25,7 +26,15 @@ from slopewise.models.parameters import Effect
 
 _STEP = 1e-3  # of derivatives, of a number's scale: rounding is a thousandth of it [1]
 _EVALUATIONS = 12  # steps of a fit: it begins where the likelihood ended
+_BUILD_UP_SPREAD = 0.1  # of the build-up of brakes that have no lag, share of it [1]
 _MOST_WIDER = 2.0  # by which scattering stops widen an interval: more are no fault of noise [1]
+
+
+class Known(NamedTuple):
+    """Root of an information matrix (R, P) of free numbers, and (P,) their expected values."""
+
+    root: Floats
+    expected: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +44,7 @@ class Refit:
     Attributes:
         hypothesis: with its numbers. covariance: (P, P) of them, in the order of its `free`.
         whitener: covariance of the fit.
-        information: (4, 4) root of what is known of the shifts of the coefficients without the log.
+        known: prior of its numbers.
         extents: per added effect, deviations of numbers that have no derivative, by name.
         names: its effects in order of the alphabet, without the build-up of all brakes.
     """
@@ -43,7 +52,7 @@ class Refit:
     hypothesis: Hypothesis
     covariance: Floats
     whitener: Whitener
-    information: Floats
+    known: Known
     extents: tuple[Extent, ...] = ()
     names: tuple[str, ...] = ()
 
@@ -57,7 +66,7 @@ def refitted(explanation: Explanation) -> Refit:
     builds_up = builds_up or LAG in explanation.names
     whitener = Whitener.of(fit.trace, fit.onsets[at], fit.noise, lagging=builds_up)
     hypothesis, likely, extents = _linear(explanation, builds_up=builds_up)
-    known = _information(explanation)
+    known = _known(explanation, hypothesis)
     best = improved(fit.trace.table, hypothesis, whitener, known)
     for i, inners in enumerate(likely):
         if len(inners) > 1:
@@ -66,8 +75,8 @@ def refitted(explanation: Explanation) -> Refit:
     return replace(best, extents=extents, names=tuple(sorted(explanation.names)))
 
 
-def _information(explanation: Explanation) -> Floats:
-    """(4, 4) as :attr:`Refit.information`: coefficients as calibrated or changed, as is likelier.
+def _known(explanation: Explanation, start: Hypothesis) -> Known:
+    """Prior of coefficients as calibrated or changed, as is likelier, and of an unnamed build-up.
 
     A refit that knew less than the weights would be farther off on stops held out than they say.
     """
@@ -77,8 +86,16 @@ def _information(explanation: Explanation) -> Floats:
     std = prior.changed(trace.force) if is_changed else trace.calibrated
     # Level force and slope at the mean speed, and with it, of the shifts of m_m, b_m, m_b, b_b.
     of_shifts = np.array([[0, 0, held, 1], [held, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0]], np.float64)
-    root: Floats = of_shifts / std[:, None]
-    return root
+    count = len(start.free)
+    root, expected = np.zeros((BASE + 1, count)), np.zeros(count)
+    root[: BASE - 1, : BASE - 1] = of_shifts / std[:, None]
+    root[BASE - 1, BASE - 1] = 1.0  # [1/s] of the dead time: as good as unknown
+    expected[BASE - 1] = start.model.braking.dead_time
+    if LAG in start.names and LAG not in explanation.names:
+        # Slip and dive at the onset, which a refit does not have, would pass for a build-up.
+        expected[BASE] = fit.onsets[explanation.at].build_up
+        root[BASE, BASE] = 1.0 / (_BUILD_UP_SPREAD * expected[BASE])
+    return Known(root, expected)
 
 
 def _linear(
@@ -160,27 +177,23 @@ def jacobian(table: StopTable, hypothesis: Hypothesis) -> Floats:
     return table.average @ (np.stack(moved, axis=2) / steps)
 
 
-def improved(table: StopTable, start: Hypothesis, whitener: Whitener, information: Floats) -> Refit:
+def improved(table: StopTable, start: Hypothesis, whitener: Whitener, known: Known) -> Refit:
     """Least squares within the bounds of all numbers, the coefficients drawn to those configured.
 
     Args:
         table: stops. start: from which to begin. whitener: of the same stops.
-        information: (4, 4) as :attr:`Refit.information`.
+        known: prior of the numbers.
     """
     scales = start.scales
     low, high = (bound / scales for bound in start.bounds)
-    root, centre = np.zeros((BASE, len(scales))), np.zeros(len(scales))
-    root[: BASE - 1, : BASE - 1] = information
-    root[-1, BASE - 1] = 1.0  # [1/s] of the dead time: as good as unknown
-    centre[BASE - 1] = start.model.braking.dead_time
 
     def errors(x: Floats) -> Floats:
         rows = whitener.rows(residual(table, start.moved(x * scales))[:, :, None])[:, 0]
-        return np.concatenate((rows, root @ (x * scales - centre)))
+        return np.concatenate((rows, known.root @ (x * scales - known.expected)))
 
     def slopes(x: Floats) -> Floats:
         rows = whitener.rows(jacobian(table, start.moved(x * scales)))
-        return np.concatenate((rows, root)) * scales
+        return np.concatenate((rows, known.root)) * scales
 
     inside = np.clip(start.free / scales, low + 1e-6, high - 1e-6)
     best = least_squares(
@@ -196,13 +209,13 @@ def improved(table: StopTable, start: Hypothesis, whitener: Whitener, informatio
     covariance += moved @ moved.T
     scaled = scales[:, None] * covariance * scales
     covariance = 0.5 * (scaled + scaled.T)
-    return Refit(start.moved(best.x * scales), covariance, whitener, information)
+    return Refit(start.moved(best.x * scales), covariance, whitener, known)
 
 
 def without(fit: Refit, table: StopTable, stops: Bools) -> tuple[StopTable, Hypothesis]:
     """The held-out stops (S,), and the same numbers fitted to all others."""
     seen = table.take(~stops)
-    again = improved(seen, fit.hypothesis, fit.whitener.take(~stops), fit.information)
+    again = improved(seen, fit.hypothesis, fit.whitener.take(~stops), fit.known)
     return table.take(stops), again.hypothesis
 
 

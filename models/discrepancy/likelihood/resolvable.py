@@ -17,7 +17,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import Dictionary
 from slopewise.models.discrepancy.likelihood.fit import Fit
-from slopewise.models.discrepancy.likelihood.gaussian import Precision, products
+from slopewise.models.discrepancy.likelihood.gaussian import Grams
 from slopewise.models.discrepancy.likelihood.marginal import with_onset
 from slopewise.models.discrepancy.likelihood.onset import Integrated
 from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, Trace, columns_at
@@ -110,18 +110,18 @@ class _Normal:
         shares = np.concatenate([named.shares, bias.shares], axis=2)
         through = np.append(named.through, bias.through)
         every, own, std = columns_at(trace, onset, Integrated.of(table, shares, through))
-        # Gravity and brakes have the same bias.
+        # Gravity and brakes have the same bias; candidates and it end before the residuals.
         every[:, :, -3] += every[:, :, -2]
-        nuisances, candidates = every[:, :, : len(std)], every[:, :, len(std) : -2]
         # A single cause leaves the dead time as configured.
         late = onset.dead_time + onset.build_up - trace.model.braking.dead_time
-        sides = np.stack([every[:, :, -1], every[:, :, -1] + late * every[:, :, 0]], axis=2)
+        every[:, :, -2] = every[:, :, -1] + late * every[:, :, 0]
+        candidates = every[:, :, len(std) : -2]
         variance = prior.own_variance(fit.noise, own.shape[2])
-        precision = Precision.of(own, table.spread, fit.noise[0], variance)
-        weighed = precision.times(np.concatenate([nuisances, sides], axis=2))
-        self.inner, self.cross = products(nuisances, weighed), products(candidates, weighed)
-        self.sides = np.diag(products(sides, weighed[:, :, len(std) :]))
-        self.squares = precision.squares(candidates)
+        weighed = Grams.of(every, own, table.spread).whitened(fit.noise[0], variance)[0]
+        last = np.append(np.arange(len(std)), [-1, -2])
+        self.inner, self.cross = weighed[: len(std), last], weighed[len(std) : -2, last]
+        self.sides = np.diag(weighed)[[-1, -2]]
+        self.squares = np.diag(weighed)[len(std) : -2]
         self.std = with_onset(std, fit.noise)
         self.base = np.append(0, np.arange(len(std))[BASE_PLACES])
         span = (table.time[:, -1] - table.time[:, 0]) / (table.spread > 0.0).sum(axis=1)

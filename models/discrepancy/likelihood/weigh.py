@@ -6,8 +6,10 @@ again at the onset and the noise of the leader, until the leader stays.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from slopewise.models.arrays import Ints
 from slopewise.models.discrepancy.data.stop_table import StopTable
@@ -18,17 +20,20 @@ from slopewise.models.discrepancy.likelihood.dictionary import (
     spikes_of,
 )
 from slopewise.models.discrepancy.likelihood.fit import Fit, fit, quick_fit
+from slopewise.models.discrepancy.likelihood.place import placed
 from slopewise.models.discrepancy.likelihood.posterior import (
     Explanation,
     change_of_stops,
     explanations,
 )
-from slopewise.models.discrepancy.likelihood.search import searched
+from slopewise.models.discrepancy.likelihood.search import Found, searched
 from slopewise.models.discrepancy.likelihood.trace import Trace, trace_of
+from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Model
 
 _TRIED = 8  # sets that each round fits
 _ROUNDS = 4  # of the search: a fourth changed no leader
+_HIDES = 1.5  # scatter over the usual one from which effects may hide in it [1]
 _CONVERGED = 3  # sets whose onsets are fitted to the end
 
 
@@ -85,10 +90,13 @@ def weighed(
     leader = nothing
     for turn in range(_ROUNDS):
         at = known[leader].fit
-        for match in searched(trace, book, at, at.best)[:_TRIED]:
-            if match.names and match.names not in known:
-                tried = quick_fit(trace, book, match.chosen, at)
-                known[match.names] = _Weighed(tried, match.log_prior)
+        # What is missing is taken for scatter, which hides it: also searched at usual scatter.
+        quiet = replace(at, noise=np.minimum(at.noise, prior.NOISE))
+        book = _with_place(book, quiet)
+        matches = searched(trace, book, at, at.best)[:_TRIED]
+        if np.any(at.noise > _HIDES * prior.NOISE):
+            matches += searched(trace, book, quiet, at.best)[:_TRIED]
+        _try(known, matches, trace, book, at)
         before, leader = leader, max(known, key=lambda n: known[n].log_weight)
         if not known[leader].converged:
             known[leader] = _converged(trace, book, known[leader], at)
@@ -99,12 +107,57 @@ def weighed(
     ranked = sorted(known, key=lambda n: -known[n].log_weight)
     for names in {*ranked[:_CONVERGED], nothing} - {leader}:
         known[names] = _converged(trace, book, known[names], known[leader].fit)
+    _try_named(known, ranked[:_CONVERGED], trace, book)
     fits = [(w.fit, w.log_prior) for w in known.values()]
     every = explanations(fits, model.braking.dead_time, odds)
     advance(1.0)
     calm = known[nothing].fit
     solution = calm.solutions[calm.best]
     return Weights(tuple(every), change_of_stops(trace, calm), solution.changed, book)
+
+
+_Known = dict[frozenset[str], _Weighed]
+
+
+def _try(
+    known: _Known, matches: Sequence[Found], trace: Trace, book: Dictionary, near: Fit
+) -> None:
+    """Add sets that are new, or heavier in another place."""
+    for match in matches:
+        same = known.get(match.names)
+        if match.names and (same is None or _moved(match, same)):
+            tried = _Weighed(quick_fit(trace, book, match.chosen, near), match.log_prior)
+            if same is None or tried.log_weight > same.log_weight:
+                known[match.names] = tried
+
+
+def _try_named(
+    known: _Known, leaders: Sequence[frozenset[str]], trace: Trace, book: Dictionary
+) -> None:
+    """Add leaders without their causes that have no name: names next to them, and alone."""
+    for leader in [known[names] for names in leaders]:
+        chosen = leader.fit.chosen
+        named, unnamed = ([c for c in chosen if c.named is is_named] for is_named in (True, False))
+        names = frozenset(c.name for c in named)
+        if unnamed and names not in known:
+            price = sum(c.log_prior + float(np.log(prior.FURTHER)) for c in unnamed)
+            alone = quick_fit(trace, book, named, leader.fit)
+            known[names] = _Weighed(alone, leader.log_prior - price)
+
+
+def _with_place(book: Dictionary, fit: Fit) -> Dictionary:
+    """With the likeliest place of each effect that has one, next to the others of a fit."""
+    for candidates in [book.candidates[group] for group in book.groups]:
+        law = LAWS.get(candidates[0].name) if candidates[0].named else None
+        if law is not None and law.search is not None and law.search.placed:
+            book = book.plus(fit.trace.table, *placed(fit, fit.best, fit.noise, candidates))
+    return book
+
+
+def _moved(match: Found, known: _Weighed) -> bool:
+    """Whether an explanation has the same names and an effect in another place."""
+    before = {c.name: c.inner for c in known.fit.chosen}
+    return any(before[c.name] != c.inner for c in match.chosen if "radius" in c.inner)
 
 
 def _converged(trace: Trace, book: Dictionary, explanation: _Weighed, near: Fit) -> _Weighed:

@@ -19,7 +19,7 @@ from slopewise.models.discrepancy.model.prediction import predict
 from slopewise.models.discrepancy.progress import Progress, Stage
 from slopewise.models.effects.registry import validate
 from slopewise.models.parameters import Effect
-from tests.world.logs import KNOWN_LITTLE, findings_of, investigated, table, whitener_of
+from tests.world.logs import findings_of, investigated, known_little, table, whitener_of
 from tests.world.vehicles import BASE
 
 BASIS = Hypothesis.configured(BASE)
@@ -62,7 +62,7 @@ def test_intervals_of_a_lag_cover() -> None:
     white = whitener_of(stops, build_up=0.15, lagging=True)
     inside = 0
     for seed in range(20):
-        fit = improved(sampled(stops, truth, white, 100 + seed), truth, white, KNOWN_LITTLE)
+        fit = improved(sampled(stops, truth, white, 100 + seed), truth, white, known_little(truth))
         error = fit.hypothesis.free[BASE_NUMBERS] - 0.15
         inside += bool(abs(error) < 1.96 * np.sqrt(fit.covariance[BASE_NUMBERS, BASE_NUMBERS]))
     assert inside >= 16  # 95 % of 20 is 19; fewer than 16 has a chance of 1 in 300
