@@ -1,7 +1,7 @@
 """Every bound on the speed along a plan individually, for users who want to see them side by side.
 
 By the planner's own bounds, station by station; the stopping path, with the loads on it, with all
-others out of the way. Nothing is planned with them.
+others out of the path. Nothing is planned with them.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from slopewise.models.parameters import Steering, Tracking
 CELL = 0.1  # [m]
 
 
-def plan_beside_pit(radius: float, gap: float, tracking: Tracking | None) -> slopewise.SpeedPlan:
+def plan_past_pit(radius: float, gap: float, tracking: Tracking | None) -> slopewise.SpeedPlan:
     """A left turn, its reference the rear axle, whose inner wheel passes a pit at a distance."""
     model = slopewise.read_model("ugv")
     steering = Steering(kind="ackermann", reference="rear_axle", max_angle=0.6)
@@ -35,6 +35,6 @@ def plan_beside_pit(radius: float, gap: float, tracking: Tracking | None) -> slo
 @pytest.mark.parametrize("radius", [6.0, 8.0, 12.0])
 def test_a_pit_under_the_inner_rear_wheel_alone_is_met(radius: float) -> None:
     tracking = Tracking(cross_track_std=0.05, cross_track_per_curvature=0.1, heading_std=0.02)
-    assert plan_beside_pit(radius, -0.1, None).status.value == "blocked"
-    assert plan_beside_pit(radius, 0.1, tracking).status.value == "blocked"
-    assert plan_beside_pit(radius, 0.5, tracking).status.value == "ok"
+    assert plan_past_pit(radius, -0.1, None).status.value == "blocked"
+    assert plan_past_pit(radius, 0.1, tracking).status.value == "blocked"
+    assert plan_past_pit(radius, 0.5, tracking).status.value == "ok"
