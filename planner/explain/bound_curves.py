@@ -1,7 +1,7 @@
 """Every bound on the speed along a plan individually, for users who want to see them side by side.
 
 By the planner's own bounds, station by station; the stopping path, with the loads on it, with all
-others out of the path. Nothing is planned with them.
+the others lifted. Nothing is planned with them.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def bound_curves(
 def _stopping(
     profile: TerrainProfile, ground: BrakingGround, clear: Floats, model: Model
 ) -> Floats:
-    """What the stopping path and its loads allow, (N,) [m/s]."""
+    """Speeds that the stopping path and its loads allow, (N,) [m/s]."""
     vehicle, top = model.vehicle, _HEADROOM * model.limits.speed
     free = replace(
         model,
