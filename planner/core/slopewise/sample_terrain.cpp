@@ -175,7 +175,7 @@ void Planner::Candidates::sweep_body() {
                          {stations, candidates, body_x.data(), body_y.data()}, 0.0);
   const SweptPaths paths{stations, candidates, body_x.data(), body_y.data(), body_heading_x.data(),
                          body_heading_y.data(), station.data(), count.data(), known.get(),
-                         twist.data(), spacing, model.steering.centre_offset > 0.0,
+                         twist.data(), spacing,
                          banded ? across.data() : nullptr};
   std::vector<double> found(static_cast<std::size_t>(4 * candidates)),
       memory(static_cast<std::size_t>(NarrowPhase::memory_size(phase, spacing)));
