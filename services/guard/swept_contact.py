@@ -145,8 +145,7 @@ class SweptBody:
         """
         struck, poses = self._struck_beyond(), self._poses
         ahead, left, normal_ahead, normal_left = self._points.beyond[2:, struck]
-        outward = normal_ahead * (poses.share - poses.turn * left)
-        outward += normal_left * poses.turn * (ahead - poses.axis)
+        outward = _outward((ahead, left), (normal_ahead, normal_left), poses, poses.turn)
         if (outward > _OUTWARD).any():
             k = int(np.argmax(outward.max(axis=0)))
             start, cell, (x0, y0) = self._in_cells[:, -1, 0], self._layers.cell, self._layers.origin
@@ -234,11 +233,9 @@ class SweptBody:
             (along < ahead_of + cell) & (along > -behind - cell) & (np.abs(across) < half + cell)
             for ahead_of, behind, half in ((front, rear, side), points.size)
         )
-        turn, normal = poses[7, m, 0], points.normal_ahead[at]
-        outward = normal * (moved.share - turn * left) + points.normal_left[at] * turn * (
-            ahead - moved.axis
-        )
-        leading = (normal > 0.0) & (moved.share > 0.0)
+        normal = points.normal_ahead[at], points.normal_left[at]
+        outward = _outward((ahead, left), normal, moved, poses[7, m, 0])
+        leading = (normal[0] > 0.0) & (moved.share > 0.0)
         unknown[m, p] &= ~within | leading | (~close & (outward > _OUTWARD))
         struck[m, p] &= ~within | (outward > _OUTWARD)
 
@@ -251,6 +248,16 @@ def _bands(vehicle: Vehicle, poses: BodyPoses, errors: InputErrors) -> tuple[flo
     tightest = min(tightest, 2.0 / vehicle.track_width)
     curvature = _TENTH * math.ceil(tightest / _TENTH)  # few bodies, which are stored
     return lateral_band(errors, 0.0, curvature), math.sin(errors.heading), errors.along_track
+
+
+def _outward(
+    place: tuple[Floats, Floats], normal: tuple[Floats, Floats], poses: BodyPoses, turn: Floats
+) -> Floats:
+    """Speed of points of the body along their normals, over that of the fastest wheel [1]."""
+    (ahead, left), (normal_ahead, normal_left) = place, normal
+    along = normal_ahead * (poses.share - turn * left)
+    outward: Floats = along + normal_left * turn * (ahead - poses.axis)
+    return outward
 
 
 def _underside(poses: Floats, ahead: Floats, left: Floats) -> Floats:

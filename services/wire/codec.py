@@ -110,15 +110,17 @@ class _Block(msgspec.Struct, forbid_unknown_fields=True):
     data: bytes
 
 
-@cache
-def _decoder(kind: Any, written: str) -> Any:
+def _new_decoder(kind: Any, written: str) -> Any:
     return (msgspec.json if written == Format.JSON.value else msgspec.msgpack).Decoder(kind)
+
+
+_decoder = cache(_new_decoder)
 
 
 @lru_cache(maxsize=64)
 def _array_decoder(columns: int, written: str) -> Any:
     row: Any = Annotated[list[float | None], Meta(max_length=columns)]
-    return _decoder.__wrapped__(_Block | list[row | float | None], written)
+    return _new_decoder(_Block | list[row | float | None], written)
 
 
 @cache

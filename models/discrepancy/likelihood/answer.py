@@ -44,11 +44,6 @@ class Answer:
     of_names: Mapping[str, float]
     alternatives: tuple[Explanation, ...] = ()
 
-    @property
-    def is_calm(self) -> bool:
-        """Nothing is missing, apart from new coefficients."""
-        return self.verdict in (Verdict.NONE, Verdict.PARAMETER_DRIFT)
-
 
 def answered(weights: Weights, without: Sequence[frozenset[str]] = ()) -> Answer:
     """The answer that the weights give, of explanations that hold none of these sets of names."""

@@ -89,11 +89,16 @@ class _Gains:
         cross = weighed[:count, count:]
         shared, pull = cross[:, :-1], cross[:, -1] - cross[:, :-1] @ self.best.mean
         taken = np.einsum("qp,qp->q", shared @ self.best.covariance, shared)
-        middle = np.einsum("smq,sm->q", shares, trace.used) / trace.used.sum()
-        precision = np.square(size_of(shares - middle, trace.used) / (prior.SLAB * trace.force))
+        precision = np.square(self.size(shares) / (prior.SLAB * trace.force))
         inner = np.diag(weighed)[:count] - taken + np.maximum(precision, 1e-12)
         gain: Floats = pull**2 / inner - np.log(inner / np.maximum(precision, 1e-12))
         return 0.5 * prior.TEMPER * gain
+
+    def size(self, shares: Floats) -> Floats:
+        """(Q,) of shares (S, M, Q), without their mean, which the level force takes."""
+        used = self.trace.used
+        middle = np.einsum("smq,sm->q", shares, used) / used.sum()
+        return size_of(shares - middle, used)
 
     def of_circles(self, circles: Floats) -> Floats:
         """(N,) of circles (N, 3): x, y and radius [m]; a loss where they hold too few stops."""
@@ -160,13 +165,11 @@ def placed(
     near[:, 2], grid[:, 2] = np.log(near[:, 2]), np.log(grid[:, 2])
     std = np.abs(near - [*tried[best, :2], np.log(tried[best, 2])]).max(axis=0) / _NORMAL_95
     volume = np.log(np.sqrt(2.0 * np.pi) * std / np.ptp(grid, axis=0) + _FINEST).sum()
-    table, trace = fit.trace.table, fit.trace
+    table = fit.trace.table
     share = share_inside(table.x, table.y, *tried[best])[:, :, None]
-    middle = np.einsum("smq,sm->q", share, trace.used) / trace.used.sum()
-    size = size_of(share - middle, trace.used)
     candidate = replace(
         group[0],
-        std=prior.SLAB * trace.force / size,
+        std=prior.SLAB * fit.trace.force / gains.size(share),
         inner=dict(zip(_NUMBERS, tried[best].tolist(), strict=True)),
         log_prior=group[0].log_prior + min(float(volume) + np.log(len(group)), 0.0),
     )

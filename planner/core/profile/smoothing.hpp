@@ -177,14 +177,6 @@ inline int smooth(const SmoothingProblem& p, double* memory, double* speed_sq) n
   return used;
 }
 
-// Rest from the first segment on along which the vehicle would hardly move; the start is as it is.
-inline void rest_for_good(double* speed_sq, Index stations) noexcept {
-  for (Index k = 1; k < stations; ++k) {
-    if (std::max(speed_sq[k - 1], speed_sq[k]) > standstill_sq) continue;
-    std::fill(speed_sq + std::max<Index>(k - 1, 1), speed_sq + stations, 0.0);
-  }
-}
-
 // Solvers keep limits to their tolerance, and may end in creeping; the first station is given.
 inline void keep_inside(const double* speed_sq, const double* speed_sq_max, Index stations,
                         double* out) noexcept {

@@ -191,19 +191,13 @@ inline void power_up(const ProfileProblem& p, Index k, Index lanes, double speci
 }
 
 // Rest from the first segment on along which the vehicle would hardly move: to creep takes hours.
-inline void rest_for_good(const ProfileProblem& p, Index lanes) noexcept {
-  Lane moves;
-  moves.fill(1.0);
-  for (Index k = 1; k < p.stations; ++k) {
-    double* __restrict last = p.speed_sq.at(k - 1);
-    double* __restrict speed_sq = p.speed_sq.at(k);
-    SLOPEWISE_INDEPENDENT
-    for (Index j = 0; j < lanes; ++j) {
-      const auto n = static_cast<std::size_t>(j);
-      moves[n] = max_of(last[j], speed_sq[j]) <= standstill_sq ? 0.0 : moves[n];
-      last[j] *= k > 1 ? moves[n] : 1.0;
-      speed_sq[j] *= moves[n];
-    }
+// The start is as it is; `stride` from a station to the next.
+inline void rest_for_good(double* speed_sq, Index stations, Index stride = 1) noexcept {
+  for (Index k = 1; k < stations; ++k) {
+    const Index last = k - 1;
+    if (max_of(speed_sq[last * stride], speed_sq[k * stride]) > standstill_sq) continue;
+    for (Index n = std::max<Index>(last, 1); n < stations; ++n) speed_sq[n * stride] = 0.0;
+    return;
   }
 }
 
@@ -228,7 +222,9 @@ inline void solve_time_optimal(const ProfileProblem& problem, const Limits& limi
         power_up(p, k, lanes, limits.specific_power, weak);
       }
     }
-    rest_for_good(p, lanes);
+    for (Index j = 0; j < lanes; ++j) {
+      rest_for_good(p.speed_sq.data + j, p.stations, p.speed_sq.stride);
+    }
   });
 }
 
