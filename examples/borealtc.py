@@ -1,4 +1,4 @@
-"""Drive logs out of BorealTC, a public recording of a Husky A200 on asphalt, ice, loam and snow.
+"""Drive logs from BorealTC, a public recording of a Husky A200 on asphalt, ice, loam and snow.
 
     python examples/borealtc.py path/to/borealtc out/
     slopewise terrain out/*.csv --model examples/borealtc.toml --learn classes.toml
@@ -26,42 +26,44 @@ Floats = NDArray[np.float64]
 Columns = dict[str, Floats | list[str]]
 
 _LARGEST_OFFSET, _STEP = 2.0, 0.02  # [s]
-_TURNS = 0.03  # [m/s] spread of the difference of the wheels that tells the offset
+_TURNS = 0.03  # [m/s] spread of the difference of the wheels that shows the offset
 _GRAVITY_OVER = 2.0  # [s] accelerations are averaged for
 
 
 def skipped(folder: Path) -> list[tuple[str, str]]:
-    """(folder or file, why) of what gives no drive log."""
+    """Folders or files that give no drive log, each with the reason."""
     if not folder.is_dir():
         return [(str(folder), "no such folder")]
-    found = []
+    rejected = []
     for directory in sorted(path for path in folder.iterdir() if path.is_dir()):
         if directory.name not in TERRAINS:
-            found.append((directory.name, f"expected one of {', '.join(TERRAINS)}"))
+            rejected.append((directory.name, f"expected one of {', '.join(TERRAINS)}"))
             continue
         wheels = {path.name[4:] for path in directory.glob("pro_*.csv")}
         inertial = {path.name[4:] for path in directory.glob("imu_*.csv")}
         for name in sorted(wheels ^ inertial):
-            kind, other = ("pro", "imu") if name in wheels else ("imu", "pro")
-            found.append((f"{directory.name}/{kind}_{name}", f"there is no {other}_{name}"))
+            kind, counterpart = ("pro", "imu") if name in wheels else ("imu", "pro")
+            rejected.append(
+                (f"{directory.name}/{kind}_{name}", f"there is no {counterpart}_{name}")
+            )
     missing = [name for name in TERRAINS if not (folder / name).is_dir()]
-    return found + [(name, "no such folder here") for name in missing]
+    return rejected + [(name, "no such folder here") for name in missing]
 
 
 def runs(folder: Path) -> list[tuple[str, str, Path, Path]]:
     """(name, terrain, wheels, inertial) of each run that has both files."""
-    found = []
+    complete = []
     for directory, terrain in TERRAINS.items():
         for wheels in sorted((folder / directory).glob("pro_*.csv")):
             inertial = wheels.with_name(wheels.name.replace("pro_", "imu_"))
             if inertial.exists():
                 name = f"{directory.lower()}_{wheels.stem[-2:]}"
-                found.append((name, terrain, wheels, inertial))
-    return found
+                complete.append((name, terrain, wheels, inertial))
+    return complete
 
 
 def read_run(name: str, terrain: str, wheels: Path, inertial: Path) -> Columns:
-    """One run as columns of a drive log, a row an inertial sample."""
+    """One run as columns of a drive log, one row per inertial sample."""
     slow = _numbers(wheels, ("time", "curL", "curR", "velL", "velR"))
     fast = _numbers(inertial, ("time", "wx", "wy", "wz", "ax", "ay", "az"))
     t = fast["time"]
@@ -119,9 +121,9 @@ def _numbers(path: Path, names: tuple[str, ...]) -> dict[str, Floats]:
 
 
 def main(folder: str, out: str) -> None:
-    """Write a drive log for each run, and say what is left out and why."""
-    for what, why in skipped(Path(folder)):
-        print(f"skipped {what}: {why}")
+    """Write a drive log for each run, and report which runs are excluded, with the reason."""
+    for source, reason in skipped(Path(folder)):
+        print(f"skipped {source}: {reason}")
     written = 0
     Path(out).mkdir(parents=True, exist_ok=True)
     for name, terrain, wheels, inertial in runs(Path(folder)):

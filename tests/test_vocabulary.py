@@ -29,11 +29,8 @@ ANY = {
 }
 MARKER = "words: ok"
 CEILINGS: dict[str, int] = {
-    "models/calibration": 34,
     "models/discrepancy": 73,
-    "models/stop_logs": 5,
     "planner": 201,
-    "examples": 26,
 }
 """Matches in folders that are not at zero yet."""
 FOLDERS = ("models", "planner", "services", "slopewise", "benchmarks", "tests", "docs", "examples")

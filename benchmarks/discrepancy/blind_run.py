@@ -140,7 +140,7 @@ def calibrated_braking(columns: Columns) -> dict[str, Any]:
 
     uncalibrated = dict(zip(COEFFICIENTS, _UNCALIBRATED, strict=True))
     before = model_from_dict(tables_of(uncalibrated), "before")
-    learned = learn(columns, runs_of(columns), before.braking, beside=before)
+    learned = learn(columns, runs_of(columns), before.braking, effects_model=before)
     table: dict[str, Any] = model_to_dict(with_learned(before, learned))["braking"]
     return table
 

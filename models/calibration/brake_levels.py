@@ -66,7 +66,7 @@ def _levels(measured: Measured) -> Floats:
     return np.array([r.samples.window.level for r in measured.records])
 
 
-def tells_levels(measured: Measured) -> bool:
+def identifies_levels(measured: Measured) -> bool:
     """Whether number and range of partial stops suffice for a fit."""
     level = _levels(measured)
     return (
@@ -82,7 +82,7 @@ def at_full_level(
     Args:
         measured: stops. known: prior braking. resistance: prior rolling resistance [1].
     """
-    if not tells_levels(measured):
+    if not identifies_levels(measured):
         return measured, None
     level = _levels(measured)
     curve = _fit(measured, level, known, resistance)

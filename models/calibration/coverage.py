@@ -19,7 +19,7 @@ from scipy import stats
 from scipy.special import ndtri
 
 from slopewise.models.arrays import Bools, Floats
-from slopewise.models.calibration.effects_in_force import measured_beside
+from slopewise.models.calibration.effects_in_force import net_of_effects
 from slopewise.models.calibration.promise import share_interval
 from slopewise.models.calibration.stopping import stopping_distance
 from slopewise.models.calibration.uphill import extra_force
@@ -114,7 +114,7 @@ def covered(
         settings=StopSettings(partial=True),
         min_count=1,
     )
-    records = measured_beside(log.measured, model, columns).records
+    records = net_of_effects(log.measured, model, columns).records
     rolling = model.terrain.rolling_while_braking
     records = tuple(
         replace(r, applied=b.share_at(r.samples.window.level), resistance=rolling) for r in records

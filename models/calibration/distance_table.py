@@ -21,7 +21,7 @@ from slopewise.models.laws import braking as law
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_distance import MAX_FACTOR, MIN_DISTANCE, MIN_PULL, StopDistance
 
-FEWEST_STOPS = 6
+MIN_STOPS = 6
 """Stops from which a surface is learned [1]: two more than its force has coefficients."""
 QUANTILES = (0.5, 0.9, 0.99, 0.999, 0.9999, 0.999999)
 """Of the table: those that plans may ask for, and enough in between for a straight line."""
@@ -109,8 +109,8 @@ def learn_distance(
         ParameterError: too few stops whose prediction ends.
     """
     ends = np.isfinite(stops.predicted)
-    if ends.sum() < FEWEST_STOPS:
-        expected = f"at least {FEWEST_STOPS} stops that the fit can explain, got {ends.sum()}"
+    if ends.sum() < MIN_STOPS:
+        expected = f"at least {MIN_STOPS} stops that the fit can explain, got {ends.sum()}"
         raise ParameterError("stops", expected)
     speed, grade, level, actual, predicted = (column[ends] for column in stops[:5])
     level = level if law_of.levels is not None else np.ones_like(level)

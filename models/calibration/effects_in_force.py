@@ -45,7 +45,7 @@ _STEEPNESS = 0.25, 1.25
 _MIN_VAR = 1e-8  # [s²] of an onset
 
 
-def tells_turns(model: Model, columns: Mapping[str, NDArray[Any]]) -> bool:
+def identifies_turns(model: Model, columns: Mapping[str, NDArray[Any]]) -> bool:
     """Whether stops in curves can be learned from: the model knows what turning costs, the log how
     fast it turned.
     """
@@ -53,7 +53,7 @@ def tells_turns(model: Model, columns: Mapping[str, NDArray[Any]]) -> bool:
     return known and "yaw_rate" in columns
 
 
-def measured_beside(
+def net_of_effects(
     measured: Measured, model: Model, columns: Mapping[str, NDArray[Any]]
 ) -> Measured:
     """The stops with the remainder for the coefficients once all effects are in force.

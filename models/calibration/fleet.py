@@ -39,7 +39,7 @@ from slopewise.models.stop_logs.dead_time import DeadTime
 from slopewise.models.stop_logs.measured_log import MeasuredLog
 from slopewise.models.surface_braking import SurfaceBraking
 
-FEWEST = 2
+MIN_VEHICLE_STOPS = 2
 """Stops of a vehicle below which it gets the fleet's mean."""
 
 _NO_STOPS = 2.0  # standard deviations by which the dead time of a vehicle without stops is longer
@@ -165,7 +165,7 @@ def _enough(
     vehicles: Sequence[VehicleStops], surfaces: Sequence[str], settings: CalibrationSettings
 ) -> bool:
     counts = [sum(s.surface in surfaces for s in v.stops) for v in vehicles]
-    return sum(counts) >= settings.fewest_per_surface and sum(c > 0 for c in counts) > 1
+    return sum(counts) >= settings.min_stops_per_surface and sum(c > 0 for c in counts) > 1
 
 
 def _dead_times(vehicles: Sequence[VehicleStops]) -> tuple[DeadTime, Floats]:
@@ -198,7 +198,7 @@ def _surface(
         np.array([getattr(s, name) for _, s in pairs], np.float64) for name in _MEASURED
     )
     fit = hierarchy.fit(design(speed, grade), force, noise, owner, len(vehicles))
-    ranges = trained_ranges(speed[fit.kept], grade[fit.kept])
+    ranges = trained_ranges(speed[fit.inliers], grade[fit.inliers])
     predicted = np.array(
         [
             stopping_distance(s.held_speed, dead[i], fit.coefficients[i], s.station, s.ground)
@@ -221,9 +221,9 @@ def _surface(
     for vehicle, coefficients, cov in zip(vehicles, fit.coefficients, fit.covariance, strict=True):
         covariance = cov + np.diag([0.0, 0.0, 0.0, vehicle.common_std**2])
         covariance = covariance + by_mount(coefficients, vehicle.mount_std)
-        doubt = {
+        spread = {
             "force_std": float(np.sqrt(middle @ covariance @ middle)),
             "covariance": tuple(map(tuple, covariance.tolist())),
         }
-        keys.append(dict(zip(NAMES, coefficients.tolist(), strict=True)) | common | doubt)
+        keys.append(dict(zip(NAMES, coefficients.tolist(), strict=True)) | common | spread)
     return fit, keys

@@ -8,7 +8,7 @@ are the best linear unbiased prediction: own stops and fleet weighed by what the
 without stops gets the mean, with the whole difference as its uncertainty.
 
 Validity: vehicles of one kind. The difference is taken as known once it is estimated; of very few
-vehicles that would be overconfident, so one imagined vehicle of a usual difference is counted in.
+vehicles that would be overconfident, so one imagined vehicle of a typical difference is counted in.
 Source: none in the papers. Laird and Ware 1982; Patterson and Thompson 1971.
 """
 
@@ -24,7 +24,7 @@ from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.errors import ParameterError
 from slopewise.models.stop_logs import random_effects
 
-USUAL_SPREAD = (0.02, 0.1, 0.01, 0.04)
+TYPICAL_SPREAD = (0.02, 0.1, 0.01, 0.04)
 """Standard deviations between vehicles of one kind, of the coefficients in the order of
 :data:`slopewise.models.calibration.force_fit.NAMES`: those of the imagined vehicle [s/m, 1, s/m,
 1]."""
@@ -37,7 +37,7 @@ _MAX_PASSES = 6
 _MAX_STEPS = 2000
 """Steps of the variance estimate at most [1]; it ends by its tolerance."""
 _STILL = 1e-5  # relative change of the differences below which the search ends
-_WIDE = 1e3  # prior standard deviations, in usual ones, of the fit that looks for gross errors
+_WIDE = 1e3  # prior standard deviations, in typical ones, of the fit that looks for gross errors
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class Hierarchy:
         spread: (p, p) covariance from vehicle to vehicle.
         scatter: standard deviation from stop to stop beyond the measurement noise.
         coefficients: (m, p) of each vehicle. covariance: (m, p, p) of their errors.
-        kept: (n,) stops that the fit rests on.
+        inliers: (n,) stops that the fit rests on.
     """
 
     mean: Floats
@@ -58,7 +58,7 @@ class Hierarchy:
     scatter: float
     coefficients: Floats
     covariance: Floats
-    kept: Bools
+    inliers: Bools
 
 
 class _State(NamedTuple):
@@ -96,7 +96,7 @@ class _Sums(NamedTuple):
         cost = float(self.log_variance + logs + quadratic)
         return _State(mean, mean_covariance, effects, np.asarray(conditional, np.float64), cost)
 
-    def spread(self, spread: Floats, usual: Floats, imagined: float) -> Floats:
+    def spread(self, spread: Floats, typical: Floats, imagined: float) -> Floats:
         """Expectation-maximisation at a given scatter."""
         vehicles = len(self.info)
         for _ in range(_MAX_STEPS):
@@ -105,7 +105,7 @@ class _Sums(NamedTuple):
             second = np.einsum("mi,mj->ij", state.effects, state.effects)
             second = second + state.conditional.sum(axis=0)
             second += (known @ state.mean_covariance @ np.swapaxes(known, -1, -2)).sum(axis=0)
-            better = (second + imagined * usual) / (vehicles + imagined)
+            better = (second + imagined * typical) / (vehicles + imagined)
             better = 0.5 * (better + better.T)
             size = np.sqrt(np.outer(*[np.diag(better)] * 2))
             moved = float(np.max(np.abs(better - spread) / size))
@@ -123,7 +123,7 @@ class _Sums(NamedTuple):
 
 
 class _Stops(NamedTuple):
-    """Stops of a fleet, (n,) each; of them those in `kept` (n,) count."""
+    """Stops of a fleet, (n,) each; of them those in `inliers` (n,) count."""
 
     design: Floats
     observed: Floats
@@ -131,9 +131,9 @@ class _Stops(NamedTuple):
     vehicle: Ints
     vehicles: int
 
-    def sums(self, kept: Bools, scatter: float) -> _Sums:
-        x, y, i = self.design[kept], self.observed[kept], self.vehicle[kept]
-        variance = self.noise[kept] ** 2 + scatter**2
+    def sums(self, inliers: Bools, scatter: float) -> _Sums:
+        x, y, i = self.design[inliers], self.observed[inliers], self.vehicle[inliers]
+        variance = self.noise[inliers] ** 2 + scatter**2
         p = x.shape[1]
         info, score = np.zeros((self.vehicles, p, p)), np.zeros((self.vehicles, p))
         weighted = x / variance[:, None]
@@ -141,11 +141,11 @@ class _Stops(NamedTuple):
         np.add.at(score, i, weighted * y[:, None])
         return _Sums(info, score, float(y @ (y / variance)), float(np.log(variance).sum()))
 
-    def scatter(self, kept: Bools, spread: Floats, before: float) -> float:
+    def scatter(self, inliers: Bools, spread: Floats, before: float) -> float:
         """Restricted maximum likelihood of the scatter at a given spread."""
 
         def cost(log_scatter: float) -> float:
-            return self.sums(kept, float(np.exp(log_scatter))).solve(spread).cost
+            return self.sums(inliers, float(np.exp(log_scatter))).solve(spread).cost
 
         typical = max(before, 0.1 * float(np.median(self.noise)), 1e-6)
         bounds = (np.log(1e-2 * typical), np.log(10.0 * typical))
@@ -169,7 +169,7 @@ def fit(
     vehicle: Ints,
     vehicles: int,
     *,
-    usual_spread: tuple[float, ...] = USUAL_SPREAD,
+    typical_spread: tuple[float, ...] = TYPICAL_SPREAD,
     imagined: float = 1.0,
 ) -> Hierarchy:
     """Fit a fleet.
@@ -177,7 +177,7 @@ def fit(
     Args:
         design: (n, p), one row per stop. observed: (n,). noise: (n,) its measurement noise.
         vehicle: (n,) index of the vehicle, below ``vehicles``; one may have few stops or none.
-        usual_spread: (p,) standard deviations of the imagined vehicle; where the search begins.
+        typical_spread: (p,) standard deviations of the imagined vehicle; where the search begins.
         imagined: vehicles counted in; 0 gives plain restricted maximum likelihood.
 
     Raises:
@@ -191,18 +191,18 @@ def fit(
     if (some := len(np.unique(vehicle))) < _MIN_STOPS:
         raise ParameterError("stops", f"stops of at least {_MIN_STOPS} vehicles, got {some}")
     stops = _Stops(design, observed, noise, vehicle, vehicles)
-    usual = np.diag(np.square(usual_spread))
-    start = random_effects.fit(design, observed, noise, np.zeros(p), _WIDE**2 * usual)
-    kept, spread, scatter = start.kept, usual, max(start.scatter, 1e-9)
+    typical = np.diag(np.square(typical_spread))
+    start = random_effects.fit(design, observed, noise, np.zeros(p), _WIDE**2 * typical)
+    inliers, spread, scatter = start.kept, typical, max(start.scatter, 1e-9)
     for _ in range(_MAX_PASSES):
         for _ in range(3):
-            spread = stops.sums(kept, scatter).spread(spread, usual, imagined)
-            scatter = stops.scatter(kept, spread, scatter)
-        again = stops.within(stops.sums(kept, scatter).solve(spread), scatter)
-        if (again == kept).all():
+            spread = stops.sums(inliers, scatter).spread(spread, typical, imagined)
+            scatter = stops.scatter(inliers, spread, scatter)
+        again = stops.within(stops.sums(inliers, scatter).solve(spread), scatter)
+        if (again == inliers).all():
             break
-        kept = again
-    sums = stops.sums(kept, scatter)
+        inliers = again
+    sums = stops.sums(inliers, scatter)
     state = sums.solve(spread)
     return Hierarchy(
         state.mean,
@@ -211,5 +211,5 @@ def fit(
         scatter,
         state.mean + state.effects,
         sums.errors(state),
-        kept,
+        inliers,
     )

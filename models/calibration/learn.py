@@ -18,10 +18,10 @@ from typing import Any
 from numpy.typing import NDArray
 
 from slopewise.models.arrays import Floats
-from slopewise.models.calibration.brake_levels import BrakeLevels, at_full_level, tells_levels
+from slopewise.models.calibration.brake_levels import BrakeLevels, at_full_level, identifies_levels
 from slopewise.models.calibration.coverage import allowed_distance
-from slopewise.models.calibration.distance_table import FEWEST_STOPS, promise_keys
-from slopewise.models.calibration.effects_in_force import measured_beside, tells_turns
+from slopewise.models.calibration.distance_table import MIN_STOPS, promise_keys
+from slopewise.models.calibration.effects_in_force import identifies_turns, net_of_effects
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.notes import lost_samples, notes, objections
 from slopewise.models.calibration.speed_error import SpeedError, speed_error
@@ -31,7 +31,7 @@ from slopewise.models.calibration.surface_fit import (
     fit_records,
     fit_surfaces,
 )
-from slopewise.models.calibration.uphill import Asymmetry, beside_uphill, clear_asymmetry
+from slopewise.models.calibration.uphill import Asymmetry, clear_asymmetry, net_of_uphill
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.stop_logs.dead_time import DeadTime
 from slopewise.models.stop_logs.drive_quality import Suspect, usable
@@ -84,7 +84,7 @@ def learn(
     *,
     ground: Floats | None = None,
     settings: CalibrationSettings | None = None,
-    beside: Model | None = None,
+    effects_model: Model | None = None,
 ) -> Calibration:
     """Learn the braking model from a log.
 
@@ -95,29 +95,37 @@ def learn(
         ground: (n,) grade of the ground from a map [rad], NaN where unknown; without it the grade
             comes from the body's pitch, with dive and mount removed as far as the log shows them.
         settings: coverage and criteria of a stop.
-        beside: model whose named effects stay in force; what they explain is not learned again. One
-            that knows what turning costs makes stops in curves usable, if yaw rate is logged.
+        effects_model: model whose named effects stay in force; what they explain is not learned
+            again. One that knows what turning costs makes stops in curves usable, if yaw rate is
+            logged.
 
     Raises:
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
     """
-    chosen = _with_curves(settings or CalibrationSettings(), beside, columns)
+    chosen = _with_curves(settings or CalibrationSettings(), effects_model, columns)
     log = measure_log(columns, runs, known, ground=ground, settings=chosen)
     measured, mount = log.measured, log.mount
-    if not tells_levels(measured) and any(
+    if not identifies_levels(measured) and any(
         r.samples.window.level < chosen.stops.full_brake for r in measured.records
     ):
         stops = dataclasses.replace(chosen.stops, partial=False)
         without_partial = dataclasses.replace(chosen, stops=stops)
-        return learn(columns, runs, known, ground=ground, settings=without_partial, beside=beside)
-    if beside is not None:
-        measured = measured_beside(measured, beside, columns)
-    rolling = 0.0 if beside is None else beside.terrain.rolling_while_braking
+        return learn(
+            columns,
+            runs,
+            known,
+            ground=ground,
+            settings=without_partial,
+            effects_model=effects_model,
+        )
+    if effects_model is not None:
+        measured = net_of_effects(measured, effects_model, columns)
+    rolling = 0.0 if effects_model is None else effects_model.terrain.rolling_while_braking
     measured, levels = at_full_level(measured, known, rolling)
     surfaces, warnings = fit_surfaces(measured, known, mount, chosen, levels)
-    uneven = None if levels is not None else clear_asymmetry(surfaces[0], beside)
+    uneven = None if levels is not None else clear_asymmetry(surfaces[0], effects_model)
     if uneven is not None:
-        measured = beside_uphill(measured, uneven.value, known)
+        measured = net_of_uphill(measured, uneven.value, known)
         surfaces, warnings = fit_surfaces(measured, known, mount, chosen, levels)
     warnings += notes(surfaces[0], mount, known, uneven)
     warnings += (*sinking_commands(columns, log.windows), *log.notes)
@@ -148,11 +156,15 @@ def learn(
 
 
 def _with_curves(
-    settings: CalibrationSettings, beside: Model | None, columns: Mapping[str, NDArray[Any]]
+    settings: CalibrationSettings, effects_model: Model | None, columns: Mapping[str, NDArray[Any]]
 ) -> CalibrationSettings:
     """Stops in curves count where it is known what turning costs, unless a user says otherwise."""
     stops = settings.stops
-    if stops.turn_rate is not None or beside is None or not tells_turns(beside, columns):
+    if (
+        stops.turn_rate is not None
+        or effects_model is None
+        or not identifies_turns(effects_model, columns)
+    ):
         return settings
     stops = dataclasses.replace(stops, turn_rate=math.inf)
     return dataclasses.replace(settings, stops=stops)
@@ -184,13 +196,13 @@ def measure_log(
     *,
     ground: Floats | None = None,
     settings: CalibrationSettings | None = None,
-    fewest: int = FEWEST_STOPS,
+    min_stops: int = MIN_STOPS,
 ) -> MeasuredLog:
     """Find and measure the stops of a log; arguments as those of :func:`learn`.
 
     Args:
-        fewest: stops without which there is nothing to learn; those of a vehicle in a fleet may be
-            fewer than those of a vehicle alone.
+        min_stops: stops without which there is nothing to learn; those of a vehicle in a fleet
+            may be fewer than those of a vehicle alone.
 
     Raises:
         ParameterError: too few usable stops; says how many were found and what was wrong with them.
@@ -209,7 +221,7 @@ def measure_log(
         plausible_mount,
         ground=ground,
         settings=stops,
-        min_count=fewest,
+        min_count=min_stops,
     )
 
 

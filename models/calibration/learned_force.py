@@ -98,16 +98,16 @@ def braking_in_use(
     """
     tables = dict(prior.terrain)
     base: dict[str, object] = {}
-    for name, one in learned.items():
+    for name, state in learned.items():
         known = prior.on(name)
         more = 0.0 if older is None else older.get(name, 0.0)
         if known.distance is not None:
             # The offset of a session includes the error of the force, stop by stop.
-            more = math.hypot(more, _added_std(known, one) / (1.0 + len(one.session)))
-        changes = {**_coefficients(known, one), "force_std": math.hypot(known.force_std, more)}
-        if one.distance is not None:
-            changes["distance"] = one.distance
-            changes["dead_time"] = max(known.dead_time, one.dead_time)
+            more = math.hypot(more, _added_std(known, state) / (1.0 + len(state.session)))
+        changes = {**_coefficients(known, state), "force_std": math.hypot(known.force_std, more)}
+        if state.distance is not None:
+            changes["distance"] = state.distance
+            changes["dead_time"] = max(known.dead_time, state.dead_time)
         if name:
             given = tables.get(name, SurfaceBraking(class_id=_NO_CLASS + len(tables)))
             tables[name] = dataclasses.replace(given, **changes)  # type: ignore[arg-type]
@@ -120,20 +120,20 @@ def braking_in_use(
     return dataclasses.replace(prior, terrain=tables, **base)  # type: ignore[arg-type]
 
 
-def _added_std(known: Braking, one: LearnedForce) -> float:
+def _added_std(known: Braking, state: LearnedForce) -> float:
     """Standard deviation of F_b/W beyond that of the prior, which the promise contains [1]."""
     speed, grade = 0.5 * sum(known.speed_range), 0.5 * sum(known.grade_range)
     phi = design(np.array([speed]), np.array([grade]))[0]
-    variance = float(phi @ np.array(one.covariance) @ phi)
+    variance = float(phi @ np.array(state.covariance) @ phi)
     if known.covariance is not None:
         variance -= float(phi @ np.array(known.covariance) @ phi)
     return math.sqrt(max(variance, 0.0))
 
 
-def _coefficients(known: Braking, one: LearnedForce) -> dict[str, object]:
-    published = np.array(one.published)
-    covariance = np.array(one.covariance)
-    if not one.valid:
+def _coefficients(known: Braking, state: LearnedForce) -> dict[str, object]:
+    published = np.array(state.published)
+    covariance = np.array(state.covariance)
+    if not state.valid:
         corners = corner_design(known.speed_range, known.grade_range)
         default = np.array([getattr(known, name) for name in NAMES])
         lower = np.minimum(corners @ published, corners @ default)

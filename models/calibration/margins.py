@@ -21,7 +21,7 @@ from slopewise.models.arrays import Floats
 _CONFIDENCE = 0.95
 """Confidence that the tolerance bound covers the required share [1]."""
 
-FEWEST_STOPS = 5
+MIN_STOPS = 5
 """Minimum number of stops for an offset [1]."""
 
 _EXACT = 100
@@ -40,8 +40,8 @@ def offset_for(coverage: float, shortfall: Floats) -> float:
         ValueError: fewer than five stops.
     """
     n = len(shortfall)
-    if n < FEWEST_STOPS:
-        raise ValueError(f"an offset takes at least {FEWEST_STOPS} stops, got {n}")
+    if n < MIN_STOPS:
+        raise ValueError(f"an offset takes at least {MIN_STOPS} stops, got {n}")
     rank = min(math.ceil((n + 1) * coverage), n)
     return max(normal_bound(coverage, shortfall), float(np.sort(shortfall)[rank - 1]), 0.0)
 

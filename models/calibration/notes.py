@@ -34,18 +34,18 @@ def notes(base: SurfaceFit, mount: Mount, known: Braking, uneven: Asymmetry | No
     if not mount.known and base.records[0].samples.grade is None:
         shift = float(np.deg2rad(1.0) * (1.0 + base.fit.coefficients[1]))
         texts.append(
-            "mount offset of the pitch sensor cannot be told from this log (it takes a map, "
+            "mount offset of the pitch sensor cannot be identified from this log (it takes a map, "
             f"heights, or ground driven both ways): each degree would shift b_b by {shift:.4f}; "
             "the covariance allows for half a degree as a standard deviation"
         )
     if known.uphill is not None and uneven is None:
         texts.append(
-            "coefficients of their own for uphill were dropped: one slope is fitted for both ways"
+            "separate coefficients for uphill were dropped: one slope is fitted for both ways"
         )
     if uneven is not None:
         texts.append(
             f"uphill the slope coefficient differs by {uneven.value:+.2f} ± {uneven.std:.2f}: it "
-            "has coefficients of its own, with which nothing is learned while driving"
+            "has separate coefficients, with which nothing is learned while driving"
         )
     weak = [n for n, share in zip(NAMES, base.fit.learned, strict=True) if share < 0.5]
     if weak:

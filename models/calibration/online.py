@@ -58,7 +58,7 @@ class _Surface:
         if outcome is not Acceptance.GATED or weight < 1.0:
             self.published.follow(weight * self.estimate.coefficients)
         share = sum(self.last) / window
-        self.published.judge(self.estimate.covariance, self.estimate.accepted, share)
+        self.published.update_validity(self.estimate.covariance, self.estimate.accepted, share)
         # What holds for some of the stops only is nothing to trust, nor are grades of wrong sign.
         if weight < 1.0 or self.has_mirrored_grade:
             self.published.fall_back()
@@ -116,7 +116,7 @@ class OnlineBraking:
             state.session.restart(RECENT - 1)
         if outcome is not Acceptance.GATED or state.estimate.row < 0:
             state.dead_time = max(state.known_dead_time, dead_time)
-            after = max(float(state.published.corner_forces.mean()), self._publish.least)
+            after = max(float(state.published.corner_forces.mean()), self._publish.min_force)
             # The promise becomes shorter by what one stop may raise the force by, in all.
             fall = max(self._publish.rise - max(after - float(before), 0.0), 0.0) / after
             is_accepted = may_narrow and outcome is not Acceptance.GATED
@@ -169,7 +169,7 @@ class OnlineBraking:
         estimate.coefficients = np.array(learned.estimate)
         estimate.covariance = np.array(learned.covariance)
         estimate.accepted, estimate.gated = learned.accepted, learned.gated
-        estimate.doubted, estimate.row = learned.accepted == 0, learned.row
+        estimate.inflate_next, estimate.row = learned.accepted == 0, learned.row
         on.published.restore(
             np.array(learned.published), estimate.coefficients, valid=learned.valid
         )
@@ -182,7 +182,7 @@ class OnlineBraking:
         """Return a surface to the model."""
         self._surfaces.pop(surface, None)
 
-    def doubt(self, surface: str = "", below: Floats | None = None) -> None:
+    def inflate(self, surface: str = "", below: Floats | None = None) -> None:
         """The ground may be another: publish less, and follow the next stop in full.
 
         Args:
@@ -190,7 +190,7 @@ class OnlineBraking:
             below: (4,) coefficients not to exceed; the model's own if omitted.
         """
         on = self._on(surface)
-        on.estimate.doubt()
+        on.estimate.inflate()
         on.low = LowStops()
         on.published.fall_back(below)
         on.last.clear()
@@ -213,11 +213,11 @@ class OnlineBraking:
         return True
 
     def _on(self, surface: str) -> _Surface:
-        found = self._surfaces.get(surface)
-        if found is None:
+        state = self._surfaces.get(surface)
+        if state is None:
             known = self._known.on(surface)
-            found = self._surfaces[surface] = _Surface(known, self._recursive, self._publish)
-        return found
+            state = self._surfaces[surface] = _Surface(known, self._recursive, self._publish)
+        return state
 
 
 def _age(on: _Surface, seconds: float, time_constant: float) -> None:
@@ -227,7 +227,7 @@ def _age(on: _Surface, seconds: float, time_constant: float) -> None:
         on.session.age(-math.expm1(-max(seconds, 0.0) / time_constant))
     # Age makes no estimate valid.
     if on.published.valid:
-        on.published.judge(on.estimate.covariance, on.estimate.accepted, 0.0)
+        on.published.update_validity(on.estimate.covariance, on.estimate.accepted, 0.0)
 
 
 def _learned(on: _Surface) -> LearnedForce:

@@ -35,32 +35,35 @@ class PublishSettings:
     """Bounds and rates of F_b/W.
 
     Attributes:
-        least, most: bounds of F_b/W anywhere in the trained rectangle [1].
+        min_force, max_force: bounds of F_b/W anywhere in the trained rectangle [1].
         rise: highest rise of F_b/W with one stop [1].
-        most_share: highest planning force over the initial one [1].
+        max_share: highest planning force over the initial one [1].
         valid_std, invalid_std: share of F_b/W that its standard deviation has to fall below to be
             valid, and to exceed to be so no longer.
-        fewest: minimum number of accepted stops to be valid [1].
+        min_stops: minimum number of accepted stops to be valid [1].
         only_valid: no rise above the default before the estimate is valid; an invalid estimate
             falls back to the default, so that no rise is released in one step.
         window: last stops of which at most half may have been rejected [1].
     """
 
-    least: float = 0.02
-    most: float = 1.2
+    min_force: float = 0.02
+    max_force: float = 1.2
     rise: float = 0.01
-    most_share: float = 1.5
+    max_share: float = 1.5
     valid_std: float = 0.05
     invalid_std: float = 0.10
-    fewest: int = 8
+    min_stops: int = 8
     window: int = 6
     only_valid: bool = False
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.least < self.most:
-            raise ParameterError("least", f"0 < least < most, got {self.least:g}, {self.most:g}")
-        if not self.most_share >= 1.0:
-            raise ParameterError("most_share", f"a share >= 1, got {self.most_share:g}")
+        if not 0.0 < self.min_force < self.max_force:
+            raise ParameterError(
+                "min_force",
+                f"0 < min_force < max_force, got {self.min_force:g}, {self.max_force:g}",
+            )
+        if not self.max_share >= 1.0:
+            raise ParameterError("max_share", f"a share >= 1, got {self.max_share:g}")
         if not 0.0 < self.valid_std < self.invalid_std:
             raise ParameterError("valid_std", "0 < valid_std < invalid_std")
 
@@ -109,7 +112,7 @@ class PublishedForce:
         target = self._estimate = self._bounded(self._corners @ coefficients)
         risen = np.minimum(
             self._force + self.settings.rise,
-            np.maximum(self._force, self.settings.most_share * self._default),
+            np.maximum(self._force, self.settings.max_share * self._default),
         )
         if self.settings.only_valid and not self.valid:
             risen = np.minimum(risen, np.maximum(self._force, self._default))
@@ -127,7 +130,7 @@ class PublishedForce:
         self._force = self._bounded(self._corners @ coefficients)
         self.valid = valid
 
-    def judge(self, covariance: Floats, accepted: int, gated_share: float) -> bool:
+    def update_validity(self, covariance: Floats, accepted: int, gated_share: float) -> bool:
         """Set the valid flag, with hysteresis; returns it.
 
         Args:
@@ -141,7 +144,7 @@ class PublishedForce:
             self.valid = False
             if s.only_valid:
                 self.fall_back()
-        elif share < s.valid_std and accepted >= s.fewest:
+        elif share < s.valid_std and accepted >= s.min_stops:
             self.valid = True
         return self.valid
 
@@ -157,10 +160,10 @@ class PublishedForce:
         The deficit of a steep corner comes from coefficients that level stops do not determine;
         spread over the rectangle, it would be force that no stop has shown.
         """
-        least, most = self.settings.least, self.settings.most
-        raised = np.maximum(least - forces, 0.0).reshape(2, 2)
+        lowest, highest = self.settings.min_force, self.settings.max_force
+        raised = np.maximum(lowest - forces, 0.0).reshape(2, 2)
         lowered = (raised * self._other_end)[::-1].ravel()
-        return np.asarray(np.clip(forces - lowered, least, most))
+        return np.asarray(np.clip(forces - lowered, lowest, highest))
 
 
 class LowStops:

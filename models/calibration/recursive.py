@@ -37,7 +37,7 @@ class RecursiveSettings:
         weaker, stronger: consecutive rejected stops, all weaker or all stronger than expected,
             after which a change of brakes or surface is assumed [1].
         change: standard deviation that a change adds to F_b/W, on top of the first covariance.
-        least_speed: slower stops are too short to learn from [m/s].
+        min_speed: slower stops are too short to learn from [m/s].
     """
 
     scatter: float = 0.01
@@ -46,15 +46,15 @@ class RecursiveSettings:
     weaker: int = 2
     stronger: int = 4
     change: float = 0.0
-    least_speed: float = 0.5
+    min_speed: float = 0.5
 
 
 class Acceptance(Enum):
     """Outcome of the update with one stop."""
 
     ACCEPTED = "accepted"
-    GATED = "not believed: too far from what was expected"
-    CHANGED = "believed after several alike: brakes or ground have changed"
+    GATED = "rejected: too far from what was expected"
+    CHANGED = "accepted after several like it: brakes or ground have changed"
     UNINFORMATIVE = "too slow, or no number"
 
 
@@ -66,7 +66,7 @@ class RecursiveForce:
         settings: settings of the estimator.
 
     Attributes:
-        accepted, gated: number of accepted and rejected stops. doubted: inflate before the next.
+        accepted, gated: number of accepted and rejected stops. inflate_next: before the next stop.
         row: streak of rejected stops, > 0: stronger than expected, < 0: weaker.
     """
 
@@ -79,7 +79,7 @@ class RecursiveForce:
         self.accepted = self.gated = 0
         self._first_covariance = self.covariance.copy()
         self._steady = np.diag(np.square(self.settings.steady))
-        self.doubted = False
+        self.inflate_next = False
         self.row = 0
         self._signed_sum = 0.0
 
@@ -91,11 +91,11 @@ class RecursiveForce:
         """
         s = self.settings
         finite = math.isfinite(speed + grade + force_ratio + std)
-        if not finite or speed < s.least_speed or std < 0.0:
+        if not finite or speed < s.min_speed or std < 0.0:
             return Acceptance.UNINFORMATIVE
         x = np.array([speed * grade, grade, speed, 1.0])
         noise = std * std + s.scatter * s.scatter
-        if self.doubted:
+        if self.inflate_next:
             self._open()
         seen = self.covariance @ x
         innovation = force_ratio - float(x @ self.coefficients)
@@ -134,16 +134,16 @@ class RecursiveForce:
         self.row = max(self.row, 0) + 1
         return self.row >= self.settings.stronger or has_drifted
 
-    def doubt(self) -> None:
+    def inflate(self) -> None:
         """Inflate the covariance before the next stop, as after a change; restart the counts."""
-        self.doubted = True
+        self.inflate_next = True
         self.accepted = self.row = 0
 
     def _open(self) -> None:
         """Inflate the covariance for a change of brakes or surface."""
         self.covariance = self.covariance + self._first_covariance
         self.covariance[3, 3] += self.settings.change**2
-        self.doubted, self._signed_sum = False, 0.0
+        self.inflate_next, self._signed_sum = False, 0.0
 
     def age(self, seconds: float, time_constant: float) -> None:
         """Grow the covariance towards the first one with the age of the estimate [s]."""

@@ -50,12 +50,12 @@ class CalibrationSettings:
 
     Attributes:
         coverage: quantile of the stops that margins have to cover; that of plans.
-        fewest_per_surface: stops that a named surface needs to be distinguished from the base.
+        min_stops_per_surface: stops that a named surface needs to be distinguished from the base.
         stops: criteria of a stop.
     """
 
     coverage: float = 0.999
-    fewest_per_surface: int = 12
+    min_stops_per_surface: int = 12
     stops: StopSettings = field(default_factory=lambda: StopSettings(partial=True))
 
     def __post_init__(self) -> None:
@@ -151,13 +151,13 @@ def fit_surfaces(
     """The base, then every named surface with stops enough."""
     names = sorted({r.samples.terrain for r in measured.records} - {""})
     groups = {n: [r for r in measured.records if r.samples.terrain == n] for n in names}
-    enough = {n: g for n, g in groups.items() if len(g) >= settings.fewest_per_surface}
+    enough = {n: g for n, g in groups.items() if len(g) >= settings.min_stops_per_surface}
     rest = [r for r in measured.records if r.samples.terrain not in enough]
     warnings = []
     fits = [_surface(n, g, measured, known, mount, settings, levels) for n, g in enough.items()]
     if len(enough) == 1 and not rest:
         base, fits = dataclasses.replace(fits[0], name=""), []
-    elif len(rest) >= settings.fewest_per_surface or not fits:
+    elif len(rest) >= settings.min_stops_per_surface or not fits:
         base = _surface("", rest, measured, known, mount, settings, levels)
     else:
         # On level ground, from a speed in the middle.

@@ -47,9 +47,13 @@ class Asymmetry:
         return abs(self.value) > _SIGNIFICANT * self.std
 
 
-def clear_asymmetry(base: SurfaceFit, beside: Model | None) -> Asymmetry | None:
+def clear_asymmetry(base: SurfaceFit, effects_model: Model | None) -> Asymmetry | None:
     """Significant change of the slope coefficient uphill that no effect of the model explains."""
-    laws = () if beside is None else [registry.LAWS[effect.name] for effect in beside.effect]
+    laws = (
+        ()
+        if effects_model is None
+        else [registry.LAWS[effect.name] for effect in effects_model.effect]
+    )
     if any(law.kinks_at_level and law.axis == "grade" for law in laws):
         return None
     inliers = [r for r in base.records if r.kept]
@@ -74,7 +78,7 @@ def asymmetry(speed: Floats, grade: Floats, force_ratio: Floats, noise: Floats) 
     return Asymmetry(float(fit.coefficients[4]), float(np.sqrt(fit.covariance[4, 4])))
 
 
-def beside_uphill(measured: Measured, change: float, known: Braking) -> Measured:
+def net_of_uphill(measured: Measured, change: float, known: Braking) -> Measured:
     """Stops with the extra uphill force removed.
 
     Args:

@@ -50,7 +50,7 @@ Shape = Callable[[Floats], Floats] | None
 def oscillation_of(
     stops: Sequence[StopSamples], grounds: Sequence[Floats], refit: Refit
 ) -> Oscillation | None:
-    """What the stops share, None where they show none; grounds: (n,) grades [rad]."""
+    """Oscillation that the stops share, None where they show none; grounds: (n,) grades [rad]."""
     chosen = range(0, len(stops), max(len(stops) // _MAX_STOP_COUNT, 1))
     if len(chosen) < _MIN_STOP_COUNT:
         return None

@@ -45,15 +45,15 @@ class StopStream:
     """Feed samples in, get stops out.
 
     Args:
-        dead_time: current estimate [s]. least_speed: slower motion is ignored [m/s].
+        dead_time: current estimate [s]. min_speed: slower motion is ignored [m/s].
         mount: offset of the pitch sensor [rad]. dive: pitch under braking [rad s²/m].
     """
 
     def __init__(
-        self, dead_time: float, *, least_speed: float = 0.5, mount: float = 0.0, dive: float = 0.0
+        self, dead_time: float, *, min_speed: float = 0.5, mount: float = 0.0, dive: float = 0.0
     ) -> None:
         self.dead_time, self.mount, self.dive = dead_time, mount, dive
-        self._min_speed = least_speed
+        self._min_speed = min_speed
         self._time = self._changed = self._speed = math.nan
         self._held = 0.0
         self._is_stop = True

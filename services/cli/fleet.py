@@ -142,7 +142,9 @@ def _calibrate_tables(result: FleetCalibrateResult, out: Path) -> Iterator[Any]:
         for k, name in enumerate(NAMES)
     ]
     rows.append(("stop to stop", *(f"{f.scatter:.4f}" for f in fits)))
-    rows.append(("stops learned from", *(f"{int(f.kept.sum())} of {len(f.kept)}" for f in fits)))
+    rows.append(
+        ("stops learned from", *(f"{int(f.inliers.sum())} of {len(f.inliers)}" for f in fits))
+    )
     yield from table(
         ("mean ± from vehicle to vehicle", *(name or "base" for name in c.surfaces)),
         rows,

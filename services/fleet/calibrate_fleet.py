@@ -9,9 +9,9 @@ from typing import Any
 
 import msgspec
 
-from slopewise.models.calibration.effects_in_force import measured_beside
+from slopewise.models.calibration.effects_in_force import net_of_effects
 from slopewise.models.calibration.fleet import (
-    FEWEST,
+    MIN_VEHICLE_STOPS,
     FleetCalibration,
     VehicleStops,
     learn_fleet,
@@ -54,10 +54,12 @@ def measure_vehicle(task: LogTask) -> VehicleStops:
     refuse_wrong_units(log)
     ground = task.logs.grade(log, model.vehicle)
     try:
-        measured = measure_log(log.columns, log.runs, model.braking, ground=ground, fewest=FEWEST)
+        measured = measure_log(
+            log.columns, log.runs, model.braking, ground=ground, min_stops=MIN_VEHICLE_STOPS
+        )
     except ParameterError as error:
         return VehicleStops(task.vehicle, note=f"{error.field}: expected {error.expected}")
-    compensated = measured_beside(measured.measured, model, log.columns)
+    compensated = net_of_effects(measured.measured, model, log.columns)
     measured = replace(measured, measured=compensated)
     return vehicle_stops(task.vehicle, measured, is_mapped(ground))
 
@@ -99,8 +101,8 @@ class FleetCalibrateResult:
                 dict(zip(NAMES, fit.mean.tolist(), strict=True)),
                 fit.spread.tolist(),
                 fit.scatter,
-                len(fit.kept),
-                int(fit.kept.sum()),
+                len(fit.inliers),
+                int(fit.inliers.sum()),
             )
             for name, fit in c.surfaces.items()
         }

@@ -104,7 +104,7 @@ def calibrate_log(
     ParameterError: too few usable stops.
     """
     return learn(
-        log.columns, log.runs, model.braking, ground=ground, settings=settings, beside=model
+        log.columns, log.runs, model.braking, ground=ground, settings=settings, effects_model=model
     )
 
 

@@ -71,7 +71,7 @@ class BrakingForces:
             self._start,
             recursive=RecursiveSettings(change=settings.change),
             # How far plans may exceed the file is limited at planning, by the file's force.
-            publish=PublishSettings(rise=settings.rise, only_valid=True, most_share=math.inf),
+            publish=PublishSettings(rise=settings.rise, only_valid=True, max_share=math.inf),
         )
         self._updated: dict[str, float] = {}
         self._last_stop: dict[str, float] = {}  # of any outcome
@@ -146,7 +146,7 @@ class BrakingForces:
         if count >= RecursiveSettings().weaker:
             below = self._online.coefficients(surface).copy()
             below[3] -= planned - stop.force_ratio
-            self._online.doubt(surface, below)
+            self._online.inflate(surface, below)
             self._rejections.pop((surface, source))
 
     def lower_base(self, surface: str, before: str) -> bool:
@@ -173,7 +173,7 @@ class BrakingForces:
         promise = used.on(surface).distance if surface in used.terrain else None
         lowered = promise is not None and self._online.widen("", promise)
         if "" in learned or np.any(planned > corners @ below + _TOLERANCE):
-            self._online.doubt("", below)
+            self._online.inflate("", below)
             lowered = True
         if lowered:
             self._changed()
@@ -205,7 +205,7 @@ class BrakingForces:
         surfaces = [s for s in ("", *self.prior.terrain) if not self._online.knows(s)]
         for surface in surfaces:
             below = coefficients_of(self.prior.on(surface))
-            self._online.doubt(surface, _UNCERTAINTY.untrained_share * below)
+            self._online.inflate(surface, _UNCERTAINTY.untrained_share * below)
             self._updated[surface] = time.monotonic() - self._settings.oldest
         self._changed()
         return surfaces
@@ -279,7 +279,7 @@ class BrakingForces:
         if not self._is_new(surface):
             return
         self._free_slot(surface)
-        self._online.doubt(surface, self._new_surface_prior())
+        self._online.inflate(surface, self._new_surface_prior())
         self._changed()
 
     def _is_new(self, surface: str) -> bool:
@@ -314,7 +314,7 @@ class BrakingForces:
         self._online.restore(force, surface, age=age, time_constant=self._settings.grows_old)
         self._updated[surface] = self._last_stop[surface] = time.monotonic() - age
         if not confident:
-            self._online.doubt(surface)
+            self._online.inflate(surface)
         self._changed()
 
     def covariance_of(self, surface: str) -> Matrix:

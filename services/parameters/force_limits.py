@@ -26,7 +26,7 @@ _MAX_INVENTED = 32
 """Learned surfaces that neither file nor map names [1]: an invented name costs others no slot."""
 
 _MAX_SURFACES = 96  # learned surfaces in all [1], so that plans, messages and store stay small
-_MIN_STOP_COUNT = PublishSettings().fewest
+_MIN_STOP_COUNT = PublishSettings().min_stops
 _BOUND_TOLERANCE = 1e-6  # rounding of stored F_b/W at the bounds [1]
 _TOLERANCE = 1e-9  # rounding of F_b/W [1]
 
@@ -40,9 +40,9 @@ def validate_force(force: LearnedForce, prior: Braking, corners: Floats) -> None
     """Raise unless the brakes slow the vehicle at all corners (4, 4) of the trained rectangle."""
     bounds = PublishSettings()
     forces = corners @ np.array(force.published)
-    low, high = bounds.least - _BOUND_TOLERANCE, bounds.most + _BOUND_TOLERANCE
+    low, high = bounds.min_force - _BOUND_TOLERANCE, bounds.max_force + _BOUND_TOLERANCE
     if not np.all((forces >= low) & (forces <= high)):
-        expected = f"F_b/W of {bounds.least} … {bounds.most} at trained speeds and grades"
+        expected = f"F_b/W of {bounds.min_force} … {bounds.max_force} at trained speeds and grades"
         got = f"{forces.min():.3f} … {forces.max():.3f}"
         raise ParameterError(", ".join(NAMES), f"{expected}, got {got}")
     m_m, b_m, m_b, b_b = force.published

@@ -26,7 +26,7 @@ from slopewise.services.wire.observations import StopObservation
 MAX_DEAD_TIME = 3.0
 """Longest dead time of a stop [s]: twice the longest that calibration accepts of brakes."""
 
-_MAX_FORCE_RATIO = PublishSettings().most
+_MAX_FORCE_RATIO = PublishSettings().max_force
 _MIN_DECELERATION = 0.01  # below it, a stop from 1 m/s would take longer than 100 s [m/s²]
 _DISTANCE_SHARE = 0.25
 """Accepted deviation of a distance from its other numbers [1]: speed and mean deceleration are

@@ -158,7 +158,7 @@ def typed(values: dict[str, Any]) -> dict[str, tuple[type, Any]]:
 def test_parameters_are_the_settings_of_the_edge(package: ModuleType, tmp_path: Path) -> None:
     yaml = pytest.importorskip("ruamel.yaml", reason="the ros extra is not installed")
     given: dict[str, Any] = sys.modules["slopewise_ros.parameters"].EDGE
-    fixed: dict[str, Any] = sys.modules["slopewise_ros.parameters"].OWN
+    fixed: dict[str, Any] = sys.modules["slopewise_ros.parameters"].NODE
     expected = {
         f"{table}.{key}": list(value) if isinstance(value, tuple) else value
         for table, values in dataclasses.asdict(EdgeSettings()).items()

@@ -18,7 +18,7 @@ setup(
     ],
     install_requires=["setuptools"],
     zip_safe=True,
-    maintainer="Name of whoever maintains your robot",
+    maintainer="Name of the maintainer of your robot",
     maintainer_email="maintainer@example.com",
     description="Runs the ROS 2 edge of slopewise as a lifecycle node.",
     license="Apache-2.0",

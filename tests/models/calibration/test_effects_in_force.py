@@ -99,7 +99,7 @@ def with_effect(name: str, **parameters: float) -> Model:
 )
 def test_calibrating_again_changes_nothing(hidden: dict[str, float], model: Model) -> None:
     columns, runs, ground = log(24, 2, **hidden)
-    first = learn(columns, runs, model.braking, ground=ground, beside=model)
+    first = learn(columns, runs, model.braking, ground=ground, effects_model=model)
     std = np.sqrt(np.diag(first.surfaces[0].fit.covariance))
     error = (first.surfaces[0].fit.coefficients - TRUE) / std
     assert np.all(np.abs(error) < 4.0)
@@ -107,7 +107,7 @@ def test_calibrating_again_changes_nothing(hidden: dict[str, float], model: Mode
     middle = first.braking.level_force(2.5)
     assert middle == pytest.approx(0.42 + 0.015 * 2.5, rel=0.025)
     model = replace(model, braking=first.braking)
-    again = learn(columns, runs, model.braking, ground=ground, beside=model)
+    again = learn(columns, runs, model.braking, ground=ground, effects_model=model)
     moved = (again.surfaces[0].fit.coefficients - first.surfaces[0].fit.coefficients) / std
     assert np.all(np.abs(moved) < 1.0)
     ways = [np.array([r.predicted_distance for r in c.surfaces[0].records]) for c in (first, again)]
@@ -125,11 +125,11 @@ def test_calibrating_again_changes_nothing(hidden: dict[str, float], model: Mode
 def test_what_discrepancy_finds_stays_when_it_is_calibrated_again(seed: int) -> None:
     """Calibrate, discrepancy, calibrate, calibrate: a fixed point, also where brakes build up."""
     columns, runs, ground = log(48, seed, lag=0.3)
-    plain = learn(columns, runs, BASE.braking, ground=ground, beside=BASE)
+    plain = learn(columns, runs, BASE.braking, ground=ground, effects_model=BASE)
     model = investigate(columns, runs, replace(BASE, braking=plain.braking), ground=ground).model
     assert [e.name for e in model.effect] == ["brake_lag"]
     for level in (1.0, 0.1):
-        refit = learn(columns, runs, model.braking, ground=ground, beside=model)
+        refit = learn(columns, runs, model.braking, ground=ground, effects_model=model)
         before, after = (
             np.array([getattr(b, n) for n in NAMES]) for b in (model.braking, refit.braking)
         )
@@ -150,8 +150,8 @@ def test_what_discrepancy_finds_stays_when_it_is_calibrated_again(seed: int) -> 
 def test_stops_in_curves_are_learned_from_where_the_model_knows_what_turning_costs() -> None:
     columns, runs, ground = log(36, 4, turning=0.15)
     model = with_effect("turning_resistance", k=0.15)
-    straight = learn(columns, runs, BASE.braking, ground=ground, beside=BASE)
-    refit = learn(columns, runs, model.braking, ground=ground, beside=model)
+    straight = learn(columns, runs, BASE.braking, ground=ground, effects_model=BASE)
+    refit = learn(columns, runs, model.braking, ground=ground, effects_model=model)
     assert straight.verdicts["turning"] > 12
     assert len(straight.surfaces[0].records) == 36 - straight.verdicts["turning"]
     assert len(refit.surfaces[0].records) == 36
@@ -165,7 +165,7 @@ def test_stops_in_curves_are_learned_from_where_the_model_knows_what_turning_cos
         runs,
         BASE.braking,
         ground=ground,
-        beside=BASE,
+        effects_model=BASE,
         settings=CalibrationSettings(stops=StopSettings(partial=True, turn_rate=np.inf)),
     )
     assert fooled.braking.level_force(2.5) > 1.05 * refit.braking.level_force(2.5)
@@ -182,7 +182,9 @@ def ahead(model: Model, speed: float, grade: float) -> float:
 def test_a_friction_that_caps_the_force_says_nothing_of_the_coefficients() -> None:
     columns, runs, ground = log(20, 3, friction=0.44)
     model = with_effect("wheel_lockup", mu=0.44)
-    records = learn(columns, runs, model.braking, ground=ground, beside=model).surfaces[0].records
+    records = (
+        learn(columns, runs, model.braking, ground=ground, effects_model=model).surfaces[0].records
+    )
     capped = [r.force_std > 0.5 for r in records]
     assert 0 < sum(capped) < len(capped)
 
@@ -190,5 +192,5 @@ def test_a_friction_that_caps_the_force_says_nothing_of_the_coefficients() -> No
 def test_without_effects_nothing_changes() -> None:
     columns, runs, ground = log(12, 4)
     plain = learn(columns, runs, BASE.braking, ground=ground)
-    compensated = learn(columns, runs, BASE.braking, ground=ground, beside=BASE)
+    compensated = learn(columns, runs, BASE.braking, ground=ground, effects_model=BASE)
     assert plain.braking == compensated.braking

@@ -49,7 +49,7 @@ def vehicles() -> list[VehicleStops]:
     for i in range(VEHICLES):
         columns, runs, _ = drive(plant(i), 6 if i in THIN else 60, i)
         # The pitch of the plant is the ground's: mounted straight, without dive.
-        log = measure_log(columns, runs, KNOWN, ground=-columns["pitch"], fewest=2)
+        log = measure_log(columns, runs, KNOWN, ground=-columns["pitch"], min_stops=2)
         share.append(vehicle_stops(f"v{i}", log, mapped=True))
     return [*share, VehicleStops("new", note="no stops")]
 
@@ -128,7 +128,7 @@ def test_fifty_vehicles_with_two_hundred_stops() -> None:
     vehicles = []
     for i, (true, stops) in enumerate(zip(plants, count.tolist(), strict=True)):
         columns, runs, _ = drive(dataclasses.replace(true, scatter=0.012), stops, i)
-        log = measure_log(columns, runs, KNOWN, ground=-columns["pitch"], fewest=2)
+        log = measure_log(columns, runs, KNOWN, ground=-columns["pitch"], min_stops=2)
         vehicles.append(vehicle_stops(f"v{i}", log, mapped=True))
     learned = learn_fleet(vehicles, KNOWN)
     spread = np.sqrt(np.diag(learned.surfaces[""].spread))
@@ -247,10 +247,10 @@ def test_one_way_layout_is_that_of_the_analysis_of_variance() -> None:
         np.full(y.size, 1e-6),
         np.repeat(np.arange(vehicles), each),
         vehicles,
-        usual_spread=(1.0,),
+        typical_spread=(1.0,),
         imagined=0.0,
     )
-    assert estimate.kept.all()
+    assert estimate.inliers.all()
     assert estimate.scatter**2 == pytest.approx(within, rel=5e-3)
     assert estimate.spread[0, 0] == pytest.approx((between - within) / each, rel=5e-3)
     assert estimate.mean[0] == pytest.approx(y.mean(), abs=1e-9)
@@ -272,8 +272,8 @@ def test_a_vehicle_without_stops_is_the_mean_with_the_whole_spread() -> None:
 def test_gross_errors_are_left_out() -> None:
     clean, dirty = Fleet(9, vehicles=20, stops=60), Fleet(9, vehicles=20, stops=60, wild=0.03)
     estimate = dirty.fit()
-    assert not estimate.kept[dirty.wild].any()
-    assert np.mean(estimate.kept[~dirty.wild]) > 0.995
+    assert not estimate.inliers[dirty.wild].any()
+    assert np.mean(estimate.inliers[~dirty.wild]) > 0.995
     assert estimate.scatter == pytest.approx(clean.fit().scatter, rel=0.2)
 
 

@@ -103,13 +103,13 @@ def test_uncertainty_reverts_the_gain_and_nothing_more() -> None:
     online = learning()
     braked(online, [0.45] * 25)
     fast = lower_bounds(braking_in_use(PRIOR, online.learned()))
-    online.doubt()
+    online.inflate()
     inflated = lower_bounds(braking_in_use(PRIOR, online.learned()))
     assert np.all(np.array(inflated) <= fast)
     assert np.all(np.array(inflated) <= np.array(lower_bounds(PRIOR)) + 1e-9)
     assert min(inflated) > 0.5 * min(lower_bounds(PRIOR)), "it must still be able to drive"
     assert online.take(stop(0.10)) is Acceptance.ACCEPTED, "open to the first stop"
-    online.doubt("", np.array([0.0, 0.0, 0.0, 0.05]))
+    online.inflate("", np.array([0.0, 0.0, 0.0, 0.05]))
     used = braking_in_use(PRIOR, online.learned())
     assert used.b_b + 2.0 * used.m_b <= 0.05 + 1e-9
 
@@ -254,13 +254,13 @@ def test_the_valid_flag_has_hysteresis() -> None:
     def covariance(share: float) -> np.ndarray:
         return np.diag([0.0, 0.0, 0.0, (share * np.min(out.corner_forces)) ** 2])
 
-    assert not out.judge(covariance(0.03), 3, 0.0)  # too few stops
-    assert out.judge(covariance(0.03), 8, 0.0)
-    assert out.judge(covariance(0.08), 9, 0.0)  # between the thresholds it stays
-    assert not out.judge(covariance(0.12), 10, 0.0)
-    assert not out.judge(covariance(0.08), 11, 0.0)  # and so it does on the return
-    assert out.judge(covariance(0.03), 12, 0.0)
-    assert not out.judge(covariance(0.03), 13, 0.6)
+    assert not out.update_validity(covariance(0.03), 3, 0.0)  # too few stops
+    assert out.update_validity(covariance(0.03), 8, 0.0)
+    assert out.update_validity(covariance(0.08), 9, 0.0)  # between the thresholds it stays
+    assert not out.update_validity(covariance(0.12), 10, 0.0)
+    assert not out.update_validity(covariance(0.08), 11, 0.0)  # and so it does on the return
+    assert out.update_validity(covariance(0.03), 12, 0.0)
+    assert not out.update_validity(covariance(0.03), 13, 0.6)
 
 
 def test_age_returns_to_the_default_where_it_is_weaker_only() -> None:
@@ -275,8 +275,8 @@ def test_age_returns_to_the_default_where_it_is_weaker_only() -> None:
 
 
 def test_settings_that_contradict_themselves() -> None:
-    with pytest.raises(ParameterError, match="least"):
-        PublishSettings(least=1.0, most=0.5)
+    with pytest.raises(ParameterError, match="min_force"):
+        PublishSettings(min_force=1.0, max_force=0.5)
     with pytest.raises(ParameterError, match="valid_std"):
         PublishSettings(valid_std=0.2)
 
@@ -296,11 +296,11 @@ def test_invalid_values_rise_to_the_default_and_no_rise_is_immediate() -> None:
     for _ in range(9):
         out.follow(better)
     np.testing.assert_allclose(out.coefficients, TRUTH, atol=1e-9)
-    assert out.judge(np.zeros((4, 4)), 9, 0.0)
+    assert out.update_validity(np.zeros((4, 4)), 9, 0.0)
     for n in range(1, 6):
         out.follow(better)
         np.testing.assert_allclose(out.corner_forces.mean(), force(TRUTH).mean() + 0.02 * n)
-    assert not out.judge(np.eye(4), 9, 0.0)
+    assert not out.update_validity(np.eye(4), 9, 0.0)
     np.testing.assert_allclose(out.coefficients, TRUTH, atol=1e-9)
     out.follow(TRUTH - np.array([0.0, 0.0, 0.0, 0.1]))
     assert out.coefficients[3] < 0.31

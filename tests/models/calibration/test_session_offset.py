@@ -192,7 +192,7 @@ def test_a_change_of_ground_ends_the_session() -> None:
     online = OnlineBraking(known(table()))
     drive(online, [FORCE] * 40)
     tight = online.learned()[""].distance
-    online.doubt()
+    online.inflate()
     assert tight.worst(0.99) < table().worst(0.99)
     assert online.learned()[""].distance == table()
     assert online.learned()[""].session == ()

@@ -29,7 +29,7 @@ def stops() -> Log:
 
 
 def measured(columns: dict[str, np.ndarray], runs: list[slice], **settings: float) -> MeasuredLog:
-    return measure_log(columns, runs, BASE.braking, fewest=int(settings.get("fewest", 0)))
+    return measure_log(columns, runs, BASE.braking, min_stops=int(settings.get("fewest", 0)))
 
 
 def windows(columns: dict[str, np.ndarray], runs: list[slice]) -> list[StopWindow]:
@@ -143,7 +143,7 @@ def test_the_mount_offset_of_a_vehicle_that_backs_up_has_the_other_sign(stops: L
     mixed = {n: np.where(half, columns[n], v) for n, v in backwards(columns).items()}
     mixed["pitch"] = mixed["pitch"] + 0.03
     ground = np.where(half, -columns["pitch"], -columns["pitch"])
-    by_map = measure_log(mixed, runs, BASE.braking, ground=ground, fewest=8)
+    by_map = measure_log(mixed, runs, BASE.braking, ground=ground, min_stops=8)
     assert by_map.mount.offset == pytest.approx(0.03, abs=0.003)
     grounds = [r.ground - r.samples.grade for r in by_map.measured.records]
     assert max(float(np.abs(g).max()) for g in grounds) < 1e-9

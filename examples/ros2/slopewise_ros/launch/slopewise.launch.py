@@ -1,4 +1,4 @@
-"""The edge as a lifecycle node, configured and activated by itself unless autostart:=false."""
+"""The edge as a lifecycle node, configured and activated automatically unless autostart:=false."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, RegisterEventHandler

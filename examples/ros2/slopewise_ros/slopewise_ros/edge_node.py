@@ -1,9 +1,9 @@
 """A lifecycle node around `slopewise ros`.
 
 configure reads parameters and writes the settings file, activate starts the edge and waits until
-it is connected, deactivate lets it say its last stop and ends it, cleanup and shutdown remove what
-is left. If the edge ends by itself while the node is active, the node deactivates itself; the
-`twist_mux` lock of docs/nav2.md stops the robot then, because nobody says anything any more.
+it is connected, deactivate lets it send its last stop and ends it, cleanup and shutdown remove what
+is left. If the edge ends unasked while the node is active, the node deactivates itself; the
+`twist_mux` lock of docs/nav2.md stops the robot then, because no limits arrive any more.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from slopewise_ros.parameters import EDGE, OWN
+from slopewise_ros.parameters import EDGE, NODE
 from slopewise_ros.process import Edge, EdgeError
 
-_LOOK_AGAIN = 0.5  # [s]
+_CHECK_INTERVAL = 0.5  # [s]
 
 
 class EdgeNode(LifecycleNode):
@@ -26,7 +26,7 @@ class EdgeNode(LifecycleNode):
     def __init__(self) -> None:
         """Declare all parameters with their defaults."""
         super().__init__("slopewise_edge")
-        for name, default in {**OWN, **EDGE}.items():
+        for name, default in {**NODE, **EDGE}.items():
             self.declare_parameter(name, default)
         self._edge: Edge | None = None
         self._watch = None
@@ -49,7 +49,7 @@ class EdgeNode(LifecycleNode):
         except EdgeError as error:
             return self._failed(error)
         self.get_logger().info(line)
-        self._watch = self.create_timer(_LOOK_AGAIN, self._look)
+        self._watch = self.create_timer(_CHECK_INTERVAL, self._check_process)
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -74,9 +74,9 @@ class EdgeNode(LifecycleNode):
         self.forget()
         return TransitionCallbackReturn.SUCCESS
 
-    def _look(self) -> None:
+    def _check_process(self) -> None:
         if self._edge is not None and not self._edge.running():
-            self.get_logger().error("the edge ended by itself; no more speed limits")
+            self.get_logger().error("the edge ended unexpectedly; no more speed limits")
             self._end_watch()
             self.trigger_deactivate()
 

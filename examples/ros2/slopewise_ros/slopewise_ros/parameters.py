@@ -1,12 +1,12 @@
 """Parameters of the node: the keys of `slopewise ros --config`, with their defaults.
 
-An empty text stands for a key that is left out. `executable`, `start_patience` and `stop_patience`
-are the node's own.
+An empty text stands for an omitted key. `executable`, `start_patience` and `stop_patience`
+belong to the node.
 """
 
 from __future__ import annotations
 
-OWN: dict[str, object] = {
+NODE: dict[str, object] = {
     "executable": "slopewise",
     "start_patience": 30.0,
     "stop_patience": 5.0,

@@ -50,10 +50,10 @@ class Edge:
         Raises:
             EdgeError: there is no such program.
         """
-        found = shutil.which(executable)
-        if found is None:
+        program = shutil.which(executable)
+        if program is None:
             raise EdgeError(f"executable: expected a program on PATH, got {executable!r}")
-        self._program = found
+        self._program = program
         self._folder = tempfile.TemporaryDirectory(prefix="slopewise_ros_")
         self.settings = Path(self._folder.name) / "ros.toml"
         self.settings.write_text(settings_text(values), encoding="utf-8")
@@ -62,13 +62,15 @@ class Edge:
         self._last = ""
 
     def start(self, patience: float) -> str:
-        """Start it and wait until it is connected [s]; returns what it said.
+        """Start it and wait until it is connected [s]; returns its ready line.
 
         Raises:
-            EdgeError: it ended, or said nothing in time; with its last line.
+            EdgeError: it ended, or was silent too long; with its last line.
         """
-        words = [self._program, "ros", "--config", str(self.settings)]
-        process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        command = [self._program, "ros", "--config", str(self.settings)]
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         self._process, self._last = process, ""
         assert process.stdout is not None
         assert process.stderr is not None
@@ -92,11 +94,11 @@ class Edge:
                 self._say(self._last)
 
     def running(self) -> bool:
-        """Is it there?"""
+        """Return True while the process runs."""
         return self._process is not None and self._process.poll() is None
 
     def stop(self, patience: float) -> bool:
-        """Let it say its last stop, and end; killed after so long [s]. False if it had to be."""
+        """Let it send its last stop, and end; kill it after `patience` [s] and return False."""
         process, self._process = self._process, None
         if process is None:
             return True
