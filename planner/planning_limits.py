@@ -16,7 +16,7 @@ class PlanningLimits(NamedTuple):
         rear_lever: cg_z / (L − cg_x). front_lever: cg_z / cg_x. side_lever: 2 cg_z / B.
         resistance: f_r. turning_drag: μ_t L / 2 of a skid-steer vehicle, else 0 [m].
         half_slip_track: B_s / 2 of a skid-steer vehicle, else B / 2 [m].
-        ahead: cg_x / L. high: cg_z / L. brake_share: of the front axle, -1 where none locks alone.
+        ahead: cg_x / L. high: cg_z / L. brake_share: front axle's, -1 where none locks alone.
         crest_share: share of the load lost over a crest that the braking force loses as well.
         holding: share of the slope that brakes and friction must hold at rest: all of it.
         specific_force: max drive force / weight. specific_power: max drive power / weight [m/s].

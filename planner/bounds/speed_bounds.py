@@ -27,7 +27,7 @@ from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.planning_limits import planning_limits
-from slopewise.planner.swept.hazards import Hazards, nothing_looked_for
+from slopewise.planner.swept.hazards import Hazards, no_hazards
 
 HOLDING = core.HOLDING
 """Least F_b/W + sin θ: below it the brakes barely slow the vehicle, let alone stop it."""
@@ -50,10 +50,10 @@ class SpeedBounds:
         clear_distance: (M,) station up to which the vehicle may stop [m].
         barrier: (M,) what ends the clear distance, as :class:`Limiting`; STOPPING_PATH if it is
             the end of the path or of the part known to be free.
-        barrier_station: (M,) index of the first station that is barred, the count if none is.
+        barrier_station: (M,) index of the first blocked station, N without one.
         ground: braking with what crests and friction leave of the lower bound of its force.
-        even_ground: with the force as it is learned; where the model says itself what crests take,
-            the same as ``ground``.
+        even_ground: with the learned force unchanged; the same as ``ground`` where the model
+            itself states what crests take.
     """
 
     speed_sq_max: Floats
@@ -88,7 +88,7 @@ def speed_bounds(
         model: vehicle, terrain and limits.
         clear: (M,) station up to which the vehicle may come, inf if unlimited [m].
         speed_limit: (N, M) limits of the path itself [m/s].
-        hazards: what body and wheels meet; left out, nothing.
+        hazards: obstacles of body and wheels; none if omitted.
         holds_anywhere: for what-if questions: a vehicle at rest is held on any slope.
         curves: (len(Limiting), N) receives v² that each bound at a station individually allows the
             first candidate, where it says anything [m²/s²].
@@ -96,7 +96,7 @@ def speed_bounds(
     rows, codes, barrier, barrier_station, clear_distance = core.speed_bounds(
         profile,
         ground,
-        (hazards or nothing_looked_for()).rows,
+        (hazards or no_hazards()).rows,
         speed_limit,
         clear,
         planning_limits(model)._replace(holding=0.0 if holds_anywhere else 1.0),

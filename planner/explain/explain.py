@@ -33,7 +33,7 @@ from slopewise.planner.settings import PlannerSettings
 _SMOOTHING = 5e-4
 """Share of the travel time by which smoothing may differ from one plan to the next."""
 
-_HARDLY = 0.05
+_MIN_REACH = 0.05
 """A plan that gets farther by more than that gets farther [m]."""
 
 
@@ -74,7 +74,7 @@ class Measurement:
     Attributes:
         name: of what is measured.
         seconds, reach: as in :class:`BoundCost`, at most: a measurement may also find it worse.
-        sentence: for people.
+        sentence: the same as text.
     """
 
     name: str
@@ -118,9 +118,9 @@ def explain(
         elevation_map: ground.
         path: the candidate.
         settings: of planning.
-        uncertainty: what plans have to survive, None for nothing beside the mean.
+        uncertainty: what plans have to survive, None for the mean alone.
         start_speed: at the first station [m/s].
-        clear: station up to which the way is known free [m].
+        clear: station up to which the ground is known to be free [m].
 
     Raises:
         ParameterError: the path is malformed.
@@ -139,8 +139,8 @@ def explain(
     )
     plan = what_if.plan(assumptions)
 
-    def gain(other: Assumptions) -> tuple[float, float]:
-        return _gain(plan, what_if.plan(other), settings)
+    def gain(relaxed: Assumptions) -> tuple[float, float]:
+        return _gain(plan, what_if.plan(relaxed), settings)
 
     costs = [BoundCost(bound, *gain(without(bound, assumptions))) for bound in Limiting]
     measurements = []
@@ -175,17 +175,17 @@ def stretches(plan: SpeedPlan) -> tuple[LimitedStretch, ...]:
     )
 
 
-def _gain(plan: SpeedPlan, other: SpeedPlan, settings: PlannerSettings) -> tuple[float, float]:
+def _gain(plan: SpeedPlan, relaxed: SpeedPlan, settings: PlannerSettings) -> tuple[float, float]:
     """Seconds and metres that another plan is better by.
 
     The plan itself stays possible when a bound is lifted, so nothing can be lost; differences
     within the tolerance of smoothing are not listed.
     """
-    seconds = travel_cost(plan, settings) - travel_cost(other, settings)
+    seconds = travel_cost(plan, settings) - travel_cost(relaxed, settings)
     if seconds <= _SMOOTHING * plan.travel_time:
         return 0.0, 0.0
-    reach = other.progress - plan.progress
-    return seconds, reach if reach > _HARDLY else 0.0
+    reach = relaxed.progress - plan.progress
+    return seconds, reach if reach > _MIN_REACH else 0.0
 
 
 def _bought(seconds: float, reach: float) -> str:

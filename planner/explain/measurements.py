@@ -20,7 +20,7 @@ class Measurable:
     Attributes:
         name: in files.
         text: what to do, the beginning of a sentence.
-        known: the assumptions as it were if that were known exactly.
+        known: the assumptions if that were known exactly.
     """
 
     name: str
@@ -80,7 +80,7 @@ MEASURABLE = (
     Measurable("map_slopes", "exact grades and rolls in the map", _slopes_known),
     Measurable(
         "map_coverage",
-        "a look at the unknown ground, if it is level",
+        "a scan of the unknown ground, if it is level",
         lambda q: replace(q, ground_known=True),
     ),
     Measurable(

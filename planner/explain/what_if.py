@@ -40,8 +40,8 @@ class Assumptions:
 
     Attributes:
         model: its mean.
-        uncertainty: what the plan has to survive, None for nothing beside the mean.
-        clear: station up to which the way is known free [m].
+        uncertainty: what the plan has to survive, None for the mean alone.
+        clear: station up to which the ground is known to be free [m].
         relax: applied to the model after uncertainty moved it to the cautious side.
         smooth: limit jerk.
         path_limits: the speed limits of the path count.
@@ -50,7 +50,7 @@ class Assumptions:
         surfaces_known: surfaces that the model never learned count as the ground it learned on.
         ground_even: no crests and no dips.
         holds_anywhere: a vehicle at rest is held on any slope.
-        stops_at_once: emergency stops take no distance; the loads they cause stay as they are.
+        stops_at_once: emergency stops take no distance; the loads they cause are unchanged.
     """
 
     model: Model
@@ -84,7 +84,7 @@ class WhatIf:
         Args:
             elevation_map: ground.
             path: the candidate.
-            model: for its footprint, which no assumption changes.
+            model: gives the footprint, which no assumption changes.
             settings: of planning.
             start_speed: at the first station [m/s].
 

@@ -48,8 +48,8 @@ class StopErrors(NamedTuple):
         speed: the vehicle may be faster than planned by this [m/s].
         drive_cut: the drive may be cut during the dead time, so that a slope speeds the vehicle up.
         height: the stop may fall by this much further than the map says [m].
-        along_track: it may begin so much farther along than planned [m].
-        latency: it may be commanded so much later than planned, at the speed held till then [s].
+        along_track: distance by which it may begin farther along than planned [m].
+        latency: time by which it may be commanded later, at the speed held till then [s].
     """
 
     speed: float = 0.0
@@ -110,23 +110,25 @@ def ground_along(
     """Braking force along candidates.
 
     Args:
-        conditions: session time and brake heat; both zero if left out.
-        uncertainty: what to survive; left out, the model's mean counts.
+        conditions: session time and brake heat; both zero if omitted.
+        uncertainty: what to survive; the model's mean alone if omitted.
     """
     now = conditions or GroundConditions()
     braking = model.braking
     known = surface_cache_of(model, class_names, uncertainty)
     motion = known.motion._replace(heat=now.brake_heat)
-    least = most = push = drag = None
+    lowest = highest = push = drag = None
     if model.effect:
         yaw = np.arctan2(profile.heading_y, profile.heading_x)
-        least, most = _survived_terms(profile, model, uncertainty, yaw, now.session_time)
+        lowest, highest = _survived_terms(profile, model, uncertainty, yaw, now.session_time)
         if motion.moves:
             push = _push(profile, model, yaw, motion)
             if uncertainty is not None:
                 drag = uncertainty.drag_spread(model.effect, profile.curvature, model.limits.speed)
     margin = braking.extrapolation_margin if braking.extrapolate else -1.0
-    rows, trained, distance_offset = core.braking_forces(profile, known, margin, least, most, drag)
+    rows, trained, distance_offset = core.braking_forces(
+        profile, known, margin, lowest, highest, drag
+    )
     errors = stop_errors(model, uncertainty, profile.height_std, now.pose_age)
     low_slope, low, up_slope, up, dead_time, slowest, fastest = rows[:7]
     return BrakingGround(
@@ -182,9 +184,9 @@ def _survived_terms(
     yaw: Floats,
     session_time: float,
 ) -> tuple[Floats, Floats]:
-    """Least and most that effects of the ground add to the force, (N, M) [1]."""
-    least, most = ground_terms(model, profile, yaw, session_time)
+    """Lowest and highest that effects of the ground add to the force, (N, M) [1]."""
+    lowest, highest = ground_terms(model, profile, yaw, session_time)
     if uncertainty is None:
-        return least, most
+        return lowest, highest
     margin = sum(uncertainty.ground_margin(e) for e in model.effect)
-    return least - margin, most + margin
+    return lowest - margin, highest + margin

@@ -16,44 +16,44 @@ _SLOWEST, _STOP = 0.25, 15.0
 """Mean speed of the slowest plan [m/s] and its longest stop [s]: how late it is at a station."""
 
 _EDGE_STEP = 0.01
-"""Distances between stations are rounded up to this [m]: paths alike have one circle to test."""
+"""Distances between stations are rounded up to this [m]: paths alike share one circle."""
 
 
 def ground_terms(
     model: Model, profile: TerrainProfile, yaw: Floats, session_time: float
 ) -> tuple[Floats, Floats]:
-    """Least and most that the ground terms can be around each station, (N, M).
+    """Lowest and highest that the ground terms can be around each station, (N, M).
 
     Terms that bend where grade or roll change sign are zero in between. What has a sharp edge may
     lie between two stations: it counts as larger by a step of the path where that is the safe side,
     and for the neighbours as well. What changes with time counts from now until the vehicle has
-    surely come by and stopped.
+    passed and stopped, however slowly.
     """
     place = Place(profile.grade, profile.roll, profile.x, profile.y, yaw, session_time)
-    lowest, highest = np.zeros_like(profile.grade), np.zeros_like(profile.grade)
+    low, high = np.zeros_like(profile.grade), np.zeros_like(profile.grade)
     steps = np.ceil(np.max(np.diff(profile.station, axis=0), axis=0) / _EDGE_STEP) * _EDGE_STEP
     for effect in model.effect:
         law = registry.LAWS[effect.name]
-        own = registry.ground_term([effect], place)
-        least, most = own, own
+        here = registry.ground_term([effect], place)
+        lowest, highest = here, here
         if "session_time" in law.depends_on:
             late = session_time + profile.station / _SLOWEST + _STOP
             later = registry.ground_term([effect], place._replace(session_time=late))
-            least, most = np.minimum(own, later), np.maximum(own, later)
+            lowest, highest = np.minimum(here, later), np.maximum(here, later)
         if law.kinks_at_level:
             grade, roll = (level_between(slope) for slope in (profile.grade, profile.roll))
             level = registry.ground_term([effect], place._replace(grade=grade, roll=roll))
-            least, most = np.minimum(own, level), np.maximum(own, level)
+            lowest, highest = np.minimum(here, level), np.maximum(here, level)
         elif law.grown is not None:
-            near = np.empty_like(own)
+            near = np.empty_like(here)
             for step in np.unique(steps):
                 grown = [replace(effect, parameters=law.grown(effect.parameters, float(step)))]
-                alike = steps == step
-                columns = (v[:, alike] if isinstance(v, np.ndarray) else v for v in place)
-                near[:, alike] = registry.ground_term(grown, Place(*columns))
-            least, _ = spread_to_neighbours(np.minimum(own, near))
-            _, most = spread_to_neighbours(np.maximum(own, near))
-        lowest, highest = lowest + least, highest + most
+                same_step = steps == step
+                columns = (v[:, same_step] if isinstance(v, np.ndarray) else v for v in place)
+                near[:, same_step] = registry.ground_term(grown, Place(*columns))
+            lowest, _ = spread_to_neighbours(np.minimum(here, near))
+            _, highest = spread_to_neighbours(np.maximum(here, near))
+        low, high = low + lowest, high + highest
     return lowest, highest
 
 

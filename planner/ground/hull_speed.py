@@ -19,16 +19,16 @@ def hull_lines(surfaces: int, model: Model) -> Floats | None:
     if model.braking.extrapolate:
         return None
     hulls = [table.speed_by_grade for table in tables]
-    own = [np.empty((0, 2)) if hull is None else lines(hull) for hull in hulls]
-    if not any(map(len, own)):
+    by_surface = [np.empty((0, 2)) if hull is None else lines(hull) for hull in hulls]
+    if not any(map(len, by_surface)):
         return None
-    if surfaces > len(own):
-        own.append(np.concatenate(own))
-    found = np.zeros((surfaces, max(map(len, own)), 2))
-    found[:, :, 0] = np.inf
-    for row, held in zip(found, own, strict=True):
+    if surfaces > len(by_surface):
+        by_surface.append(np.concatenate(by_surface))
+    table = np.zeros((surfaces, max(map(len, by_surface)), 2))
+    table[:, :, 0] = np.inf
+    for row, held in zip(table, by_surface, strict=True):
         row[: len(held)] = held
-    return found
+    return table
 
 
 def lines(corners: Matrix) -> Floats:

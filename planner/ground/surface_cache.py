@@ -25,7 +25,7 @@ class SurfaceCache:
 
     Attributes:
         table: (S, columns) as of :mod:`slopewise.planner.ground.surface_table`.
-        class_bits: for each class of the map the bits of the surfaces that it may be.
+        class_bits: (classes,) bits of the surfaces that a class of the map may be.
         margins: (S, 4, 4) matrices of the margin of F_b/W; None where all are zero.
         hull: (S, K, 2) as of :func:`slopewise.planner.ground.hull_speed.hull_lines`, None without
             one.
@@ -59,12 +59,12 @@ def _gather(
     model: Model, class_names: tuple[str, ...], uncertainty: Uncertainty | None
 ) -> SurfaceCache:
     table, class_bits = surface_table(model, class_names, uncertainty)
-    doubt = None if uncertainty is None else _margins(len(table), model, uncertainty)
+    margins = None if uncertainty is None else _margins(len(table), model, uncertainty)
     motion = registry.motion(model.effect)._replace(friction=np.inf)
     return SurfaceCache(
         read_only(table),
         read_only(class_bits),
-        doubt if doubt is not None and doubt.any() else None,
+        margins if margins is not None and margins.any() else None,
         hull_lines(len(table), model),
         motion,
         bool(np.isfinite(table[:, FRICTION]).any()),

@@ -33,7 +33,7 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 ) = range(17)
 """Columns of the table."""
 
-MOST_SURFACES = 62
+MAX_SURFACES = 62
 """A station's surfaces are bits of one integer, one of them ground never braked on."""
 
 
@@ -45,8 +45,8 @@ def surface_table(
     With uncertainty the last row is ground that the vehicle never braked on.
     """
     names = ["", *model.braking.terrain]
-    if len(names) > MOST_SURFACES:
-        raise ParameterError("braking.terrain", f"at most {MOST_SURFACES - 1} surfaces")
+    if len(names) > MAX_SURFACES:
+        raise ParameterError("braking.terrain", f"at most {MAX_SURFACES - 1} surfaces")
     table = np.empty((len(names), COLUMNS))
     scale = registry.force_scale(model.effect)
     lockup = frictions(model, uncertainty)
@@ -88,14 +88,15 @@ def frictions(model: Model, uncertainty: Uncertainty | None) -> tuple[float, flo
 
     The least decides where the vehicle stops, the most how far the rear axle is unloaded.
     """
-    least = most = np.inf
+    lowest = highest = np.inf
     for effect in model.effect:
         law = registry.LAWS[effect.name]
         if law.enters is Enters.CAP:
             ((name, mu),) = registry.validate(effect).items()
             margin = 0.0 if uncertainty is None else uncertainty.margin_of(effect, name)
-            least, most = min(least, max(mu - margin, 0.0)), min(most, mu + margin)
-    return least, most
+            lowest = min(lowest, max(mu - margin, 0.0))
+            highest = min(highest, mu + margin)
+    return lowest, highest
 
 
 def braking_on(model: Model, surface: str) -> Braking:

@@ -1,7 +1,7 @@
 """Unknown quantities, and the share of them that a plan survives.
 
 Braking coefficients come with a covariance, stops scatter around them, maps are noisy, and what was
-learned grows old. All of it becomes a margin on the braking force, on the dead time and on the
+learned ages. All of it becomes a margin on the braking force, on the dead time and on the
 loads, at a quantile that the user chooses; nothing of it ever makes a plan faster.
 """
 
@@ -137,22 +137,22 @@ class Uncertainty:
         Where the vehicle stops the least drag decides, on how far it is unloaded the most.
 
         Args:
-            effects: of the model. curvature: [1/m], any shape. speed: that is never exceeded [m/s].
+            effects: those of the model. curvature: [1/m], any shape. speed: never exceeded [m/s].
         """
         spread = np.zeros_like(curvature)
         for effect in effects:
             law = LAWS[effect.name]
             if law.enters is not Enters.MOTION:
                 continue
-            least = validate(effect)
-            most = {
+            lightest = validate(effect)
+            heaviest = {
                 n: v + 2.0 * law.parameters[n].lighter_rear * self.margin_of(effect, n)
-                for n, v in least.items()
+                for n, v in lightest.items()
             }
-            at_least, at_most = (
-                law.law(speed, curvature, 0.0, *ends.values()) for ends in (least, most)
+            low, high = (
+                law.law(speed, curvature, 0.0, *ends.values()) for ends in (lightest, heaviest)
             )
-            spread += (at_most - at_least) / GRAVITY
+            spread += (high - low) / GRAVITY
         return spread
 
     def ground_margin(self, effect: Effect) -> float:
@@ -163,8 +163,8 @@ class Uncertainty:
         """
         margin = 0.0
         if effect.covariance is not None:
-            most = LAWS[effect.name].max_force(effect.parameters)
-            factor = np.array([most.get(name, 0.0) for name in effect.parameters])
+            highest = LAWS[effect.name].max_force(effect.parameters)
+            factor = np.array([highest.get(name, 0.0) for name in effect.parameters])
             # Each factor may have either sign where the vehicle is.
             spread = factor * np.sqrt(np.diag(np.array(effect.covariance)))
             margin = self.width * float(np.sum(spread))

@@ -27,7 +27,7 @@ from slopewise.planner.profile.time_optimal import (
 )
 from slopewise.planner.settings import PlannerSettings, Solver
 from slopewise.planner.swept.convergence import Departure
-from slopewise.planner.swept.hazards import Hazards, nothing_looked_for, swept_hazards
+from slopewise.planner.swept.hazards import Hazards, no_hazards, swept_hazards
 from slopewise.planner.verify.ground import GroundView
 
 _ROUNDING = 1e-9
@@ -178,6 +178,6 @@ def solve(
         speed_sq,
         reachable,
         cost,
-        hazards or nothing_looked_for(),
+        hazards or no_hazards(),
         settings.solver,
     )

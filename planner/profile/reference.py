@@ -105,12 +105,12 @@ def jerk_limited_of_any_length(problem: SmoothingProblem) -> Reference:
         speed_sq_max=np.pad(problem.speed_sq_max, (0, more)),
     )
     with _ONE_AT_A_TIME:
-        found = _kept_program(n + more).solve(filled)
-    return found if found.speed_sq is None else replace(found, speed_sq=found.speed_sq[:n])
+        solved = _program(n + more).solve(filled)
+    return solved if solved.speed_sq is None else replace(solved, speed_sq=solved.speed_sq[:n])
 
 
 @lru_cache(maxsize=8)
-def _kept_program(stations: int) -> JerkLimitedReference:
+def _program(stations: int) -> JerkLimitedReference:
     return JerkLimitedReference(stations)
 
 

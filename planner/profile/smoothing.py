@@ -29,7 +29,7 @@ class Smoothed:
 
     Attributes:
         speed_sq: (N,) v² [m²/s²], None if no solver found one; then ``reason`` says why.
-        iterations: of the solvers.
+        iterations: number over all solvers [1].
         reason: empty if solved.
     """
 
@@ -42,8 +42,8 @@ def smooth(problem: SmoothingProblem, first: Solver = "interior_point") -> Smoot
     """Solve one candidate of N stations; a missing answer is reported, not raised.
 
     Args:
-        problem: of the candidate.
-        first: who is asked first; where it fails, the others are, IPOPT only if it is the first.
+        problem: one candidate's.
+        first: solver to try first; where it fails, the others follow, without IPOPT.
     """
     top = problem.speed_sq_max
     last = len(top) - 1 - int((top[::-1] > core.STANDSTILL_SQ).argmax())
@@ -89,10 +89,10 @@ def _by_ipopt(problem: SmoothingProblem) -> tuple[int, Floats]:
     from slopewise.planner.profile.reference import jerk_limited_of_any_length
 
     accel, decel = (
-        np.maximum(most - core.TIGHTENING, 0.0) for most in (problem.accel_max, problem.decel_max)
+        np.maximum(limit - core.TIGHTENING, 0.0) for limit in (problem.accel_max, problem.decel_max)
     )
     jerk = problem.jerk * (1.0 - core.TIGHTENING)
     tight = replace(problem, accel_max=accel, decel_max=decel, jerk=jerk)
-    found = jerk_limited_of_any_length(tight)
-    used = max(found.iterations, 1)
-    return (-used, problem.speed_sq_max) if found.speed_sq is None else (used, found.speed_sq)
+    solved = jerk_limited_of_any_length(tight)
+    used = max(solved.iterations, 1)
+    return (-used, problem.speed_sq_max) if solved.speed_sq is None else (used, solved.speed_sq)

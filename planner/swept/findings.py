@@ -9,7 +9,7 @@ from slopewise.planner.limiting import Limiting
 
 
 class Kind(IntEnum):
-    """Kind of hazard; :data:`BARS` lists the bound of each."""
+    """Kind of hazard; :data:`LIMITING_OF_KIND` lists the bound of each."""
 
     NOTHING = 0
     UNKNOWN = 1
@@ -22,7 +22,7 @@ class Kind(IntEnum):
     SIDE = 8
 
 
-BARS: dict[Kind, Limiting] = {
+LIMITING_OF_KIND: dict[Kind, Limiting] = {
     Kind.UNKNOWN: Limiting.UNKNOWN_TERRAIN,
     Kind.RISE: Limiting.STEP,
     Kind.DROP: Limiting.STEP,

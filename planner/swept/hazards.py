@@ -17,19 +17,19 @@ from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import Obstacle
 from slopewise.planner.swept.convergence import Departure
-from slopewise.planner.swept.findings import BARS, Finding, Kind, Pose
+from slopewise.planner.swept.findings import LIMITING_OF_KIND, Finding, Kind, Pose
 from slopewise.planner.swept.roughness import rough_speeds
 from slopewise.planner.swept.sentences import cannot_see, obstacle_of, too_tight
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
 from slopewise.planner.swept.sweeper import Sweeper, SweptPoses
 
-_BAR_OF_KIND = np.array([BARS.get(kind, 0) for kind in Kind], np.int64)
+_LIMITING_OF_KIND = np.array([LIMITING_OF_KIND.get(kind, 0) for kind in Kind], np.int64)
 
 _STEERING = int(Limiting.STEERING)
 
 _NO_ERRORS = InputErrors()
 
-_LEAST_SPACING = 0.001
+_MIN_SPACING = 0.001
 """Of stations [m], however short a path is: ground behind it is checked in such steps."""
 
 
@@ -46,26 +46,26 @@ class Hazards:
     """Hazards of M candidates of up to N stations.
 
     Attributes:
-        rows: ``code`` (N, M) is 0 where body and wheels may be, else what bars the pose, as
+        rows: ``code`` (N, M) is 0 where body and wheels may be, else what blocks the pose, as
             :class:`slopewise.planner.limiting.Limiting`; it holds for all poses from the station
             before on. ``rough_speed`` (N, M) is the highest speed that the ground's roughness
             allows [m/s]. ``steering_speed`` (N, M) likewise, that the steering can follow.
         unseen: what the map is too coarse to show, a sentence; empty where it shows all.
-        obstacle: what bars station k of candidate j, None where nothing does.
-        looked: poses that the screen of the map did not clear.
+        obstacle: what blocks station k of candidate j, None where nothing does.
+        searched: poses that the screen of the map did not clear.
     """
 
     rows: HazardRows
     unseen: str
     obstacle: Callable[[int, int], Obstacle | None]
-    looked: int = 0
+    searched: int = 0
 
 
 def _nothing_there(j: int, k: int) -> None:
-    """Nothing was looked for."""
+    """Nothing was searched for."""
 
 
-def nothing_looked_for() -> Hazards:
+def no_hazards() -> Hazards:
     """Ground taken as a plane under every pose, for what-if questions and tests of other bounds."""
     none = np.empty((0, 0))
     return Hazards(HazardRows(none.astype(np.int64), none, none), "", _nothing_there)
@@ -97,9 +97,9 @@ def swept_hazards(
     sizes = swept_sizes(vehicle, elevation_map.resolution)
     # The first station may be next to the second one, where a vehicle is on its previous plan.
     steps = np.hypot(np.diff(profile.x[:3], axis=0), np.diff(profile.y[:3], axis=0))
-    spacing = np.maximum(steps.max(axis=0), _LEAST_SPACING)
-    bars = np.where(np.isin(_BAR_OF_KIND, list(lifted)), 0, _BAR_OF_KIND)
-    sweeper = Sweeper(elevation_map, model, sizes, errors, bars, float(spacing.max()))
+    spacing = np.maximum(steps.max(axis=0), _MIN_SPACING)
+    blocks = np.where(np.isin(_LIMITING_OF_KIND, list(lifted)), 0, _LIMITING_OF_KIND)
+    sweeper = Sweeper(elevation_map, model, sizes, errors, blocks, float(spacing.max()))
     swept = sweeper.sweep(profile)
     if departure is not None:
         swept = sweeper.with_convergence(swept, profile, departure)
@@ -118,7 +118,7 @@ def swept_hazards(
         HazardRows(swept.code, rough, steering_speed),
         cannot_see(sizes, elevation_map.resolution),
         _obstacles(profile, swept, sizes, steering, geometry.max_curvature),
-        swept.looked,
+        swept.searched,
     )
 
 

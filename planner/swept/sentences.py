@@ -8,7 +8,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.smallest_seen import sight_notes
 from slopewise.models.vehicle import Shape, Vehicle
 from slopewise.planner.plan import Obstacle
-from slopewise.planner.swept.findings import BARS, Finding, Kind, Pose
+from slopewise.planner.swept.findings import LIMITING_OF_KIND, Finding, Kind, Pose
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
 
 _WHAT = {
@@ -22,16 +22,16 @@ _WHAT = {
 }
 
 
-def obstacle_of(found: Finding, pose: Pose, sizes: SweptSizes, departure: str = "") -> Obstacle:
+def obstacle_of(finding: Finding, pose: Pose, sizes: SweptSizes, departure: str = "") -> Obstacle:
     """Finding that blocks a pose, as text. ``departure``: where the vehicle comes from."""
-    x = pose.x + found.ahead * pose.heading_x - found.aside * pose.heading_y
-    y = pose.y + found.ahead * pose.heading_y + found.aside * pose.heading_x
-    kind = Kind(found.kind)
-    words = _sentence(found, kind, (x, y), sizes) + departure
-    return Obstacle(BARS[kind], x, y, found.height, words)
+    x = pose.x + finding.ahead * pose.heading_x - finding.aside * pose.heading_y
+    y = pose.y + finding.ahead * pose.heading_y + finding.aside * pose.heading_x
+    kind = Kind(finding.kind)
+    text = _sentence(finding, kind, (x, y), sizes) + departure
+    return Obstacle(LIMITING_OF_KIND[kind], x, y, finding.height, text)
 
 
-def from_beside(offset: float, turned: float) -> str:
+def departure_sentence(offset: float, turned: float) -> str:
     """Sentence on the pose of a vehicle off its path: offset [m], heading [rad], left positive."""
     side = "left" if offset >= 0.0 else "right"
     return (
@@ -40,13 +40,13 @@ def from_beside(offset: float, turned: float) -> str:
     )
 
 
-def _sentence(found: Finding, kind: Kind, at: tuple[float, float], sizes: SweptSizes) -> str:
+def _sentence(finding: Finding, kind: Kind, at: tuple[float, float], sizes: SweptSizes) -> str:
     where = f"at x {at[0]:.2f} m, y {at[1]:.2f} m"
     if kind is Kind.UNKNOWN:
         return f"unknown ground under the body {where}"
-    side = "left" if found.aside > 0.0 else "right"
-    wheel = f"{'front' if found.ahead > 0.0 else 'rear'} {side}"
-    what = _WHAT[kind].format(height=found.height, wheel=wheel, side=side)
+    side = "left" if finding.aside > 0.0 else "right"
+    wheel = f"{'front' if finding.ahead > 0.0 else 'rear'} {side}"
+    what = _WHAT[kind].format(height=finding.height, wheel=wheel, side=side)
     return f"{what} {where}, {_limit(kind, sizes)}"
 
 
@@ -79,12 +79,12 @@ def cannot_see(sizes: SweptSizes, resolution: float) -> str:
 def notes(vehicle: Vehicle, elevation_map: ElevationMap) -> tuple[str, ...]:
     """Warnings about the map and about sizes."""
     resolution = elevation_map.resolution
-    told = (
+    warnings = (
         cannot_see(swept_sizes(vehicle, resolution), resolution),
         *sight_notes(elevation_map, vehicle),
         assumed_sizes(vehicle.shape),
     )
-    return tuple(note for note in told if note)
+    return tuple(note for note in warnings if note)
 
 
 def assumed_sizes(shape: Shape) -> str:

@@ -13,7 +13,7 @@ radius."""
 _SHOWN = 0.9
 """Share of a step that a map shows: the cells on its edge lie in between."""
 
-_SLOPE_DOUBTED = 0.03
+_SLOPE_SHARE = 0.03
 """Share of the slope around a wheel that clears no climb [1]."""
 
 DIAGONAL = 1.42
@@ -31,14 +31,14 @@ class SweptSizes(NamedTuple):
         front, rear, side: ends of the body from the middle of the wheelbase.
         margin: half a cell, by which the body is wider: a cell that it touches counts.
         touch: half the diagonal of a cell: one that is farther from the body is not touched by it.
-        clearance: of the underside. wheel_travel: see :class:`slopewise.models.vehicle.Shape`.
+        clearance: underside's. wheel_travel: see :class:`slopewise.models.vehicle.Shape`.
         radius, half_tyre: wheel radius, half the width of a wheel.
         max_step: see :class:`slopewise.models.vehicle.Shape`.
         stride: between samples of the ground under a wheel.
-        chord: how far ahead the wheel's climb is looked at. steepest: the highest climb of its
-            centre within that distance that is no step. cleared: a climb so high, beyond the slope
-            around it, needs no closer look.
-        trend: ground before and after a step that tells how steep it is without it.
+        chord: distance ahead over which the wheel's climb is measured. steepest: the highest
+            climb of its centre within that distance that is no step. cleared: a climb up to
+            this, beyond the slope around it, needs no exact search.
+        trend: ground before and after a step from which its slope follows.
         tyres: samples across a tyre [1].
         fine: the map shows what a wheel feels.
     """
@@ -101,7 +101,7 @@ def swept_sizes(vehicle: Vehicle, resolution: float) -> SweptSizes:
         stride=stride,
         chord=chord,
         steepest=_climb(radius, _SHOWN * step, seen),
-        cleared=_climb(radius, step, seen) - _SLOPE_DOUBTED * chord,
+        cleared=_climb(radius, step, seen) - _SLOPE_SHARE * chord,
         trend=round(_TREND * radius / stride) * stride,
         tyres=math.ceil(shape.wheel_width / resolution) + 1,
         fine=fine,

@@ -17,7 +17,7 @@ from slopewise.planner.ground.body_pose import BodyRows
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.swept.broad_phase import broad_phase_for
 from slopewise.planner.swept.convergence import Convergence, Departure, convergence
-from slopewise.planner.swept.sentences import from_beside
+from slopewise.planner.swept.sentences import departure_sentence
 from slopewise.planner.swept.sizes import SweptSizes
 from slopewise.planner.swept.tube import COARSE, tube_of
 
@@ -30,7 +30,7 @@ class SweptPoses:
         code, found: as `BroadPhase.sweep` of the core has them.
         body: (N, M) poses that were swept.
         departures: (M,) sentences on where the vehicle comes from, where that decided.
-        looked: poses that the screen of the map did not clear.
+        searched: poses that the screen of the map did not clear.
         speed: highest speeds of the turn back to the lines, (K, M) [m/s]; None on them.
     """
 
@@ -38,7 +38,7 @@ class SweptPoses:
     found: Floats
     body: BodyRows
     departures: tuple[str, ...]
-    looked: int
+    searched: int
     speed: Floats | None = None
 
 
@@ -50,7 +50,7 @@ class Sweeper:
         elevation_map, model: ground and vehicle.
         sizes: vehicle sizes on this map.
         errors: of tracking, at the quantile of the plan.
-        bars: as `BroadPhase.sweep` of the core has them.
+        blocks: as `BroadPhase.sweep` of the core has them.
         spacing: largest distance between two stations [m].
     """
 
@@ -58,7 +58,7 @@ class Sweeper:
     model: Model
     sizes: SweptSizes
     errors: InputErrors
-    bars: Ints
+    blocks: Ints
     spacing: float
 
     def sweep(self, profile: TerrainProfile, converging: Convergence | None = None) -> SweptPoses:
@@ -92,7 +92,7 @@ class Sweeper:
                 added = offset[:, lanes] if added is None else added + offset[:, lanes]
             part = self._swept(sizes, _only(profile, lanes), part, added)
             code[:, lanes], found[lanes] = part.code, part.found
-            swept = replace(swept, looked=swept.looked + part.looked)
+            swept = replace(swept, searched=swept.searched + part.searched)
         return swept
 
     def _swept(
@@ -102,7 +102,7 @@ class Sweeper:
         poses: SweptPoses,
         added_band: Floats | None,
     ) -> SweptPoses:
-        """Poses, with what bars them.
+        """Poses, with what blocks them.
 
         Args:
             sizes: vehicle sizes on this map.
@@ -119,16 +119,16 @@ class Sweeper:
         )
         across, band = (None, None) if tube is None else tube
         body = poses.body
-        looked = broad_phase_for(ground, sizes, band, body.x, body.y).sweep(
+        searched = broad_phase_for(ground, sizes, band, body.x, body.y).sweep(
             body,
             profile,
             self.spacing,
             across,
-            self.bars,
+            self.blocks,
             poses.code,
             poses.found,
         )
-        return replace(poses, looked=looked)
+        return replace(poses, searched=searched)
 
     def with_convergence(
         self, line: SweptPoses, profile: TerrainProfile, departure: Departure
@@ -149,13 +149,15 @@ class Sweeper:
             line.code[:n, j], line.found[j] = way.code[:, j], way.found[j]
             for rows, moved in zip(body, way.body, strict=True):
                 rows[:n, j] = moved[:, j]
-            departures[j] = from_beside(float(converging.offset[j]), float(converging.turned[j]))
+            departures[j] = departure_sentence(
+                float(converging.offset[j]), float(converging.turned[j])
+            )
         body_rows = BodyRows(*body)
         return replace(
             line,
             body=body_rows,
             departures=tuple(departures),
-            looked=line.looked + way.looked,
+            searched=line.searched + way.searched,
             speed=converging.speed,
         )
 

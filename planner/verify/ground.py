@@ -104,7 +104,7 @@ class GroundFinding(NamedTuple):
 
     Attributes:
         kind: of :class:`GroundKind`.
-        station: of the vehicle there [m].
+        station: where the vehicle is then [m].
         value: height, slope or lacking force [m], [rad], [1].
         x, y: position of the obstacle [m].
     """
@@ -124,7 +124,7 @@ class GroundFinding(NamedTuple):
         """Obstacle, its place and the limit that it passes."""
         shape = model.vehicle.shape
         clearance = f"the clearance is {shape.clearance:.3g} m"
-        found = {
+        obstacle = {
             GroundKind.UNKNOWN: "unknown ground",
             GroundKind.UNTRAINED: f"an untrained slope of {math.degrees(self.value):.1f}°",
             GroundKind.HOLDING: f"a slope that lacks {self.value:.3f} of the weight to be held on",
@@ -136,7 +136,7 @@ class GroundFinding(NamedTuple):
             GroundKind.BODY: f"ground {self.value:.2f} m high under the body, {clearance}",
         }[self.kind]
         where = f"at x {self.x:.2f} m, y {self.y:.2f} m"
-        return f"ahead at {self.station:.2f} m {found}, {where} (found by the verifier alone)"
+        return f"ahead at {self.station:.2f} m {obstacle}, {where} (found by the verifier alone)"
 
 
 _BOUNDS = {

@@ -118,11 +118,11 @@ def check(
         even: the candidate with the whole of the force, for the stops that are reported; the
             same if omitted.
         errors: of speed and map that every stop has to survive; none if omitted.
-        decel: planned deceleration allowed, inf for an emergency; that of the model if left out.
+        decel: planned deceleration allowed, inf for an emergency; the model's if omitted.
         barrier: bound of the ground that ends the clear distance, where the verifier itself found
             it: a stop that ends beyond counts as a violation of that.
         between: points inside each segment to try as well.
-        time_step: of the integrator [s].
+        time_step: step of the integrator [s].
 
     Nothing raises: what is not a number, or does not stop, is a breach by infinity.
     """
@@ -134,8 +134,8 @@ def check(
     (stop_distance, rear_load, side_load), worst, bad = core.verify(
         track, even or track, speed_sq, clear_distance, distance_offset, beyond, terms
     )
-    found = Violations(*worst.tolist())
-    return Judgement(stop_distance, rear_load, side_load, found, np.flatnonzero(bad))
+    violations = Violations(*worst.tolist())
+    return Judgement(stop_distance, rear_load, side_load, violations, np.flatnonzero(bad))
 
 
 def screen(
@@ -160,7 +160,7 @@ def screen(
         (M, 19) worst breaches in the order of :class:`Violations`, 0 without one.
     """
     limit = ground.fastest
-    for own in (speed_limit, rough_speed):
-        limit = limit if own is None or own.size == 0 else np.minimum(limit, own)
+    for bound in (speed_limit, rough_speed):
+        limit = limit if bound is None or bound.size == 0 else np.minimum(limit, bound)
     terms = terms_of(model, ground.motion, ground.errors, all_loads=False)
     return core.verify_batch(profile, ground, limit, speed_sq, bounds.clear_distance, terms)

@@ -45,7 +45,7 @@ class Terms(NamedTuple):
         in_time: something acts on the motion, so stops are integrated in time; those that may slide
             are anyway.
         between: points inside each segment from which a stop is tried as well.
-        time_step: of the integrator [s].
+        time_step: step of the integrator [s].
         all_loads: the loads of every stop are required, not only those that may run short.
     """
 

@@ -17,11 +17,11 @@ class Track(NamedTuple):
 
     Attributes:
         station, grade, roll, curvature, yaw: geometry; yaw without jumps.
-        lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest: as of the
-            ground.
+        lower_slope, lower_intercept, upper_slope, upper_intercept, dead_time, slowest: those of
+            the ground.
         speed_limit: of path, trained range and rough ground [m/s].
         vertical_curvature: change of the grade, negative over a crest [1/m].
-        friction: of the ground, inf where it is not known [1].
+        friction: the ground's, inf where it is not known [1].
     """
 
     station: Floats

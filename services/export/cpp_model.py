@@ -20,7 +20,7 @@ from slopewise.planner.ground.surface_cache import surface_cache_of
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.settings import PlannerSettings
-from slopewise.planner.swept.findings import BARS, Kind
+from slopewise.planner.swept.findings import LIMITING_OF_KIND, Kind
 from slopewise.planner.swept.sizes import swept_sizes
 from slopewise.planner.verify.ground import GROUND_TOLERANCE, body_sizes, ground_limits
 from slopewise.planner.verify.terms import terms_of
@@ -103,7 +103,7 @@ def _numbers(
         ("tolerance", GROUND_TOLERANCE),
         ("errors", errors),
         ("motion", known.motion),
-        ("code_of_hazard", [int(BARS.get(kind, 0)) for kind in Kind]),
+        ("code_of_hazard", [int(LIMITING_OF_KIND.get(kind, 0)) for kind in Kind]),
         ("surfaces", known.table.tolist()),
         ("surface_bits", int(known.class_bits[0])),
         ("hull", [] if known.hull is None else known.hull.reshape(-1, 2).tolist()),

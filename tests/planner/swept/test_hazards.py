@@ -72,7 +72,7 @@ FREE = {
 def test_it_blocks(name: str, slope: float) -> None:
     height, codes = CASES[name]
     hazards = met(ground(lambda x, y: height(x, y) + slope * x), straight(20.0))
-    assert hazards.bar in codes, (hazards.bar, hazards.hazards.looked)
+    assert hazards.bar in codes, (hazards.bar, hazards.hazards.searched)
     # It stops before: nothing of the vehicle is at the obstacle yet.
     assert hazards.profile.x[hazards.station - 1, 0] + 0.6 <= 9.0
     assert re.search(

@@ -123,7 +123,7 @@ def test_it_clears_no_blocked_station(
         beyond.reason
     )
     if first_blocked(screened) == first_blocked(searched):
-        assert screened.hazards.looked <= searched.hazards.looked
+        assert screened.hazards.searched <= searched.hazards.searched
 
 
 def _only_what_is_not_cleared(vehicle: Vehicle, resolution: float) -> SweptSizes:
@@ -161,7 +161,7 @@ def test_wheels_that_travel_little_hang_where_an_exact_check_says(resolution: fl
         exact = searched_everywhere(scene, bounded, model, errors, sizes)
         assert (bounded.station, bounded.reason) == (exact.station, exact.reason)
         hanging += exact.bar > 0
-        cleared += exact.hazards.looked - bounded.hazards.looked
+        cleared += exact.hazards.searched - bounded.hazards.searched
     assert hanging > 10
     assert cleared > 100
 
@@ -199,7 +199,7 @@ def first_blocked(met: Met) -> int:
 def test_smooth_ground_needs_no_exact_check() -> None:
     hills = ground(lambda x, y: 0.18 * np.sin(0.5 * x) + 0.12 * np.cos(0.6 * y))
     path = CandidatePath("straight", np.array([[0.0, 0.0], [20.0, 0.5]]))
-    assert met_by(hills, path, MODELS[0]).hazards.looked == 0
+    assert met_by(hills, path, MODELS[0]).hazards.searched == 0
 
 
 def test_a_screen_is_made_once_for_a_map_and_a_vehicle() -> None:
