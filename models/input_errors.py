@@ -12,11 +12,11 @@ from statistics import NormalDist
 from typing import NamedTuple
 
 from slopewise.models.arrays import Elementwise
-from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.quantity import Quantities, quantity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tracking:
+class Tracking(Quantities):
     """How exactly and how late the vehicle follows a plan; no table: exactly, without delay."""
 
     cross_track_std: float = quantity(
@@ -66,9 +66,6 @@ class Tracking:
         default=None,
         above=0.0,
     )
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)
 
 
 class InputErrors(NamedTuple):

@@ -15,6 +15,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.input_errors import Tracking
 from slopewise.models.quantity import (
     Matrix,
+    Quantities,
     quantity,
     validate_angles,
     validate_covariance,
@@ -203,7 +204,7 @@ class Braking:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Terrain:
+class Terrain(Quantities):
     """Wheel-terrain interaction on the ground driven now. Source: Slip, Table 2."""
 
     motion_resistance: float = quantity(
@@ -222,9 +223,6 @@ class Terrain:
         "m", "Slip track B_s, at least the track width.", (0.05, 50.0), above=0.0
     )
 
-    def __post_init__(self) -> None:
-        validate_quantities(self)
-
     @property
     def rolling_while_braking(self) -> float:
         """The f_r of Braking (6) that stays when the brakes are applied in part only [1]."""
@@ -233,7 +231,7 @@ class Terrain:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class Limits(Quantities):
     """Limits of plans on the vehicle and its load."""
 
     speed: float = quantity("m/s", "Highest planned speed.", (0.01, 40.0), above=0.0)
@@ -272,9 +270,6 @@ class Limits:
         default=None,
         above=0.0,
     )
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -124,6 +124,15 @@ def validate_quantities(instance: Any) -> None:
             object.__setattr__(instance, field.name, float(value))
 
 
+class Quantities:
+    """Base of a dataclass whose quantities have to be in range, and nothing else."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        validate_quantities(self)
+
+
 def in_range(value: object, metadata: Any) -> bool:
     """Whether a value is a number within the bounds of a quantity."""
     return (

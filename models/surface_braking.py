@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import STEEPEST, Matrix, quantity, validate_quantities
+from slopewise.models.quantity import STEEPEST, Matrix, Quantities, quantity
 from slopewise.models.stop_distance import StopDistance
 
 MAX_CORNER_COUNT = 24
@@ -20,18 +20,15 @@ _STRAIGHT = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class UphillBraking:
+class UphillBraking(Quantities):
     """Slope coefficients that replace ``m_m`` and ``b_m`` uphill. Source: Braking, Sec. 2."""
 
     m_m: float = quantity("s/m", "Change of the uphill slope coefficient with speed.", (-3.0, 3.0))
     b_m: float = quantity("1", "Uphill slope coefficient at rest.", (-5.0, 5.0))
 
-    def __post_init__(self) -> None:
-        validate_quantities(self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SurfaceBraking:
+class SurfaceBraking(Quantities):
     """Differences on one named surface; every missing key is that of ``[braking]``.
 
     Attributes:
@@ -63,9 +60,6 @@ class SurfaceBraking:
     distance: StopDistance | None = None
     class_id: int | None = None
     state_of: str | None = None
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)
 
     @property
     def given(self) -> dict[str, Any]:

@@ -61,13 +61,3 @@ def crest_speed_sq(
     spare = 0.5 * (over + np.fabs(over))
     falling = 0.5 * (np.fabs(vertical_curvature) - vertical_curvature)
     return GRAVITY * spare / (falling + _EPSILON)
-
-
-def dip_speed_sq(vertical_accel: Elementwise, vertical_curvature: Elementwise) -> Elementwise:
-    """Highest v² through a dip at a vertical acceleration v² κ_v [m²/s²]; huge without a dip.
-
-    Args:
-        vertical_accel: highest one allowed [m/s²].
-    """
-    rising = 0.5 * (np.fabs(vertical_curvature) + vertical_curvature)
-    return vertical_accel / (rising + _EPSILON)

@@ -2,8 +2,7 @@
 
 Arguments: coefficient motion_resistance f_r [1]; current I of a side's motor and idle_current with
 the wheels lifted [A]; torque_constant k_t [N m/A]; gear_ratio τ, motor turns a wheel turn [1];
-wheel_radius r [m]; side_load F_z, normal load of the side, > 0, and weight W [N]; grade θ and roll
-φ [rad].
+wheel_radius r [m]; side_load F_z, normal load of the side, > 0 [N].
 
 Validity: straight driving at constant speed; a brushed motor, torque proportional to current.
 Omits: dependence on speed, losses of the gear under load, and gravity: on a grade the motors also
@@ -34,29 +33,3 @@ def motion_resistance(
     """
     torque = gear_ratio * torque_constant * (current - idle_current)
     return torque / (wheel_radius * side_load * np.sqrt(np.sign(side_load)))
-
-
-def current_of_motion_resistance(
-    motion_resistance: Elementwise,
-    idle_current: Elementwise,
-    torque_constant: Elementwise,
-    gear_ratio: Elementwise,
-    wheel_radius: Elementwise,
-    side_load: Elementwise,
-) -> Elementwise:
-    """Motor current [A] of one side rolling straight at constant speed on level ground.
-
-    The inverse of :func:`motion_resistance`. Source: Slip (12), (13).
-    """
-    torque = motion_resistance * wheel_radius * side_load
-    return idle_current + torque / (gear_ratio * torque_constant)
-
-
-def resistance_force(
-    motion_resistance: Elementwise, weight: Elementwise, grade: Elementwise, roll: Elementwise
-) -> Elementwise:
-    """Force of motion resistance of the whole vehicle, f_r W cos θ cos φ [N].
-
-    Source: Slip (12), summed over the wheel loads (18)–(21), sign of (21) corrected.
-    """
-    return motion_resistance * weight * np.cos(grade) * np.cos(roll)

@@ -32,17 +32,6 @@ def rotation_centres(
     return (speed - v_left) / yaw_rate, (speed - v_right) / yaw_rate
 
 
-def wheel_speeds(
-    speed: Elementwise, yaw_rate: Elementwise, slip_track: Elementwise
-) -> tuple[Elementwise, Elementwise]:
-    """Rim speeds (left, right) [m/s] that move the body as commanded, v ∓ ω_z B_s/2.
-
-    Both sides are taken to slip alike, their poles of turning placed evenly. Source: Slip (3).
-    """
-    half = 0.5 * yaw_rate * slip_track
-    return speed - half, speed + half
-
-
 def outer_wheel_speed_ratio(curvature: Elementwise, slip_track: Elementwise) -> Elementwise:
     """Rim speed of the outer wheels over the speed of the body, 1 + |κ| B_s/2 [1].
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.quantity import Quantities, quantity
 from slopewise.models.terrain.classes import TerrainClasses
 from slopewise.models.terrain.evidence import EvidenceWindow, MeanEvidence
 from slopewise.models.terrain.observation import GroundObservation
@@ -27,7 +27,7 @@ GRIP = ("slippery", "gripping")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ThresholdSettings:
+class ThresholdSettings(Quantities):
     """Thresholds of the two descriptions, and how certain a statement is.
 
     Attributes:
@@ -60,9 +60,6 @@ class ThresholdSettings:
     change_seconds: float = quantity(
         "s", "Latest driving that shows a change.", default=6.0, at_least=1.0
     )
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.quantity import Quantities, quantity, validate_quantities
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FilterSettings:
+class FilterSettings(Quantities):
     """Settings of the slip track filter. Source: Slip, Sec. 2.1."""
 
     yaw_rate_std: float = quantity(
@@ -27,9 +27,6 @@ class FilterSettings:
     initial_std: float = quantity(
         "1/m", "Standard deviation of 1/B_s at the start; not in print.", default=0.3, above=0.0
     )
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +87,7 @@ class MotionSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ResistanceSettings:
+class ResistanceSettings(Quantities):
     """Errors of the resistances: sensors, and scatter from stretch to stretch on one ground.
 
     Scatters are standard deviations on BorealTC, a Husky on four grounds (decision 28).
@@ -110,9 +107,6 @@ class ResistanceSettings:
     )
     lateral_scatter: float = quantity("1", "Scatter of μ_t likewise.", default=0.35, at_least=0.0)
     slip_scatter: float = quantity("1", "Scatter of B_s likewise.", default=0.18, at_least=0.0)
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,7 +31,7 @@ _TOML_PLACE = re.compile(r" \(at (line \d+, column \d+|end of document)\)$")
 
 def fault(source: object, field: str, expected: str) -> InputError:
     """An InputError of one line, for any content of keys and cells; no field is the whole file."""
-    return InputError(*(_one_line(str(part)) for part in (source, field, expected)))
+    return InputError(*(one_line(str(part)) for part in (source, field, expected)))
 
 
 @contextlib.contextmanager
@@ -43,7 +43,8 @@ def faults_of(source: object, prefix: str = "") -> Iterator[None]:
         raise fault(source, f"{prefix}{error.field}", f"expected {error.expected}") from None
 
 
-def _one_line(text: str) -> str:
+def one_line(text: str) -> str:
+    """The text with escapes in place of what does not print."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.quantity import Quantities, quantity, validate_quantities
 from slopewise.services.io.decode import decode_table
 from slopewise.services.io.files import fault, read_toml, resolve_names
 from slopewise.services.ros.naming import full_name
@@ -45,16 +45,13 @@ class RosSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ServiceEndpoint:
+class ServiceEndpoint(Quantities):
     """The planning service."""
 
     connect: str = ""  # its endpoint, or a router's; empty: it is on the router of ROS 2
     config: str = ""  # file with zenoh's own settings; empty: none
     namespace: str = "slopewise/robot"
     timeout: float = quantity("s", "For a reply.", default=0.08, above=0.0, at_most=10.0)
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,14 +137,11 @@ class Timing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FallbackStop:
+class FallbackStop(Quantities):
     """Stop that the brakes reach with certainty, used when the service does not reply."""
 
     deceleration: float = quantity("m/s^2", "Mean.", default=1.5, above=0.0)
     dead_time: float = quantity("s", "From command to onset.", default=0.5, at_least=0.0)
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

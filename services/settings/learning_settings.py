@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.quantity import Quantities, quantity, validate_quantities
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +100,7 @@ class Learning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoreSettings:
+class StoreSettings(Quantities):
     """Where parameters are kept."""
 
     path: str = ""  # file, relative to the settings file; empty: nothing outlives the process
@@ -118,12 +118,9 @@ class StoreSettings:
         "s", "From one attempt to write to the next while that fails.", default=5.0, at_least=0.05
     )
 
-    def __post_init__(self) -> None:
-        validate_quantities(self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Investigation:
+class Investigation(Quantities):
     """When the model is compared with the stops that were driven, and what may follow.
 
     Attributes:
@@ -161,6 +158,3 @@ class Investigation:
         "s", "Time that one investigation may take.", default=600.0, at_least=1.0, at_most=86_400.0
     )
     adopt_slower: bool = False
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.quantity import Quantities, quantity, validate_quantities
 from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
 from slopewise.planner.horizon.answer import HorizonSettings
 from slopewise.planner.settings import PlannerSettings
@@ -101,7 +101,7 @@ class Planning(PlannerSettings):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SizeLimits:
+class SizeLimits(Quantities):
     """Limits of messages: larger ones are answered with an error, or counted and ignored."""
 
     request_bytes: int = quantity(
@@ -120,23 +120,17 @@ class SizeLimits:
         at_most=10_000_000,
     )
 
-    def __post_init__(self) -> None:
-        validate_quantities(self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StatusSettings:
+class StatusSettings(Quantities):
     """When the status is published, and what it flags."""
 
     period: float = quantity("s", "From one status to the next.", default=1.0, at_least=0.05)
     map_age: float = quantity("s", "A map older than that is flagged.", default=5.0, above=0.0)
 
-    def __post_init__(self) -> None:
-        validate_quantities(self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PageSettings:
+class PageSettings(Quantities):
     """A live page, health and metrics over HTTP, read-only and off by default.
 
     Attributes:
@@ -148,9 +142,6 @@ class PageSettings:
     host: str = "127.0.0.1"
     token: str = ""
     port: int = quantity("1", "Where it listens.", default=8177, at_least=1, at_most=65535)
-
-    def __post_init__(self) -> None:
-        validate_quantities(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,6 +20,7 @@ import numpy as np
 from msgspec import Meta
 
 from slopewise.models.errors import InputError
+from slopewise.services.io.files import one_line
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -99,7 +100,7 @@ def decode(
     except msgspec.ValidationError as error:
         raise _fault(source, str(error)) from None
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        got = f"expected {expected} as {written}, got: {_line(str(error))}"
+        got = f"expected {expected} as {written}, got: {one_line(str(error))}"
         raise InputError(source, "", got) from None
 
 
@@ -237,10 +238,7 @@ def _fault(source: str, text: str) -> InputError:
         (_UNKNOWN, "unknown field"),
     ):
         if named := pattern.match(what):
-            name = _line(named["name"])[:80]
+            name = one_line(named["name"])[:80]
             return InputError(source, f"{where}.{name}" if where else name, expected)
-    return InputError(source, _line(where), _line(what[:1].lower() + what[1:].replace("`", "")))
-
-
-def _line(text: str) -> str:
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    expected = what[:1].lower() + what[1:].replace("`", "")
+    return InputError(source, one_line(where), one_line(expected))

@@ -1,22 +1,16 @@
-"""Friction: ellipse, locked wheels, holding and a sideways slide.
-
-Resistance to turning.
-"""
+"""Friction: ellipse, locked wheels and holding; resistance to turning."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 from slopewise.models.laws import braking, holding, wheel_lockup
 from slopewise.models.laws import friction_ellipse as ellipse
 from slopewise.models.laws import turning_resistance as turning
-from slopewise.models.laws.sideways_slide import share_along
 from slopewise.models.laws.wheel_loads import front_load_share, rear_load_share
 from tests.world.vehicles import G
 
@@ -100,53 +94,6 @@ def test_the_slope_is_that_of_the_plane(friction: float, grade: float, roll: flo
     steepest = math.acos(math.cos(grade) * math.cos(roll))
     expected = friction * math.cos(steepest) - math.sin(steepest)
     assert holding.friction_holds(friction, grade, roll) == pytest.approx(expected, abs=1e-9)
-
-
-def sliding(v: float, grade: float, roll: float, mu: float) -> tuple[np.ndarray, np.ndarray]:
-    """Time, and speed along the path, of a block with even friction, down to 5 % of it."""
-    normal = math.cos(grade) * math.cos(roll)
-
-    def rates(_: float, state: np.ndarray) -> list[float]:
-        along, across = state
-        grip = G * mu * normal / math.hypot(along, across)
-        return [-G * math.sin(grade) - grip * along, G * math.sin(roll) - grip * across]
-
-    def slow(_: float, state: np.ndarray) -> float:
-        return float(state[0] - 0.05 * v)
-
-    slow.terminal = True  # type: ignore[attr-defined]
-    solution = solve_ivp(rates, (0.0, 60.0), [v, 0.0], events=slow, rtol=1e-9, max_step=0.01)
-    assert solution.status == 1
-    return solution.t, solution.y[0]
-
-
-def by_the_law(time: np.ndarray, v: float, grade: float, roll: float, mu: float) -> np.ndarray:
-    def rates(_: float, state: np.ndarray) -> list[float]:
-        share = float(share_along(state[0] / v, grade, roll, mu))
-        cap = mu * math.cos(grade) * math.cos(roll)
-        return [-G * (math.sin(grade) + cap * share)]
-
-    end = float(time[-1])
-    solution = solve_ivp(rates, (0.0, end), [v], t_eval=time, rtol=1e-9, max_step=0.01)
-    return np.asarray(solution.y[0])
-
-
-@pytest.mark.parametrize("mu", [0.3, 0.8])
-@pytest.mark.parametrize(("grade", "roll"), [(-0.14, 0.03), (0.0, -0.09), (0.2, -0.09)])
-def test_the_speed_is_that_of_a_block_on_a_plane(grade: float, roll: float, mu: float) -> None:
-    v = 4.0
-    time, speed = sliding(v, grade, roll, mu)
-    upright = G * (math.sin(grade) + mu * math.cos(grade) * math.cos(roll))
-    unaware = v - upright * time
-    difference = np.abs(by_the_law(time, v, grade, roll, mu) - speed)
-    # The difference is small compared with the change by the slide.
-    assert difference.max() <= 0.1 * np.abs(unaware - speed).max() + 1e-3
-
-
-def test_of_the_share_by_hand() -> None:
-    # Level ground, μ = 0.5, half of the speed: r = φ/μ ln 2 = 0.1/0.5 · 0.6931, cos φ aside.
-    solution = share_along(0.5, 0.0, 0.1, 0.5)
-    assert solution == pytest.approx(1.0 / math.sqrt(1.0 + (0.2 * math.log(2.0)) ** 2), rel=2e-4)
 
 
 @given(

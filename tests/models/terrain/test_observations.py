@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.laws.motion_resistance import current_of_motion_resistance
 from slopewise.models.laws.slip_track import rotation_centres, slip_track
 from slopewise.models.terrain.classes import by_rules
 from slopewise.models.terrain.observation import TerrainEstimate
@@ -146,8 +145,13 @@ def stretch(**columns) -> SteadyStretch:
     return SteadyStretch(**{**base, "time": np.arange(n) * 0.01})
 
 
+def rolling_current(resistance: float) -> float:
+    """Current of one side [A]: idle current, and f_r r F_z over the torque of an ampere."""
+    return 0.5 + resistance * 0.13 * (W / 2) / (78.71 * 0.044)
+
+
 def test_level_straight_is_the_law_of_motion_resistance():
-    current = current_of_motion_resistance(0.13, 0.5, 0.044, 78.71, 0.13, W / 2)
+    current = rolling_current(0.13)
     straight = stretch(v_left=0.5, v_right=0.5, current_left=current, current_right=current)
     resistance = motion_resistance_of(straight, DRIVE, EXACT, signed=True)
     assert resistance.value == pytest.approx(0.13)
@@ -157,7 +161,7 @@ def test_level_straight_is_the_law_of_motion_resistance():
 def test_inertia_is_taken_out():
     # 0.0255 of the weight for a quarter of a metre per second squared, in either direction
     for way in (1.0, -1.0):
-        current = current_of_motion_resistance(0.13 + 0.25 / G, 0.5, 0.044, 78.71, 0.13, W / 2)
+        current = rolling_current(0.13 + 0.25 / G)
         base = stretch(v_left=0.5, current_left=way * current, current_right=way * current)
         speed = way * (0.4 + 0.25 * base.time)
         straight = dataclasses.replace(base, v_left=speed, v_right=speed)
