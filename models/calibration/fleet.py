@@ -20,6 +20,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.calibration import hierarchy
+from slopewise.models.calibration.coverage import allowed_distance
 from slopewise.models.calibration.distance_table import (
     Stops,
     SurfaceLaw,
@@ -29,14 +30,21 @@ from slopewise.models.calibration.distance_table import (
 from slopewise.models.calibration.force_fit import NAMES, by_mount
 from slopewise.models.calibration.hierarchy import Hierarchy
 from slopewise.models.calibration.margins import offset_for
-from slopewise.models.calibration.stopping import stopping_distance, stopping_time
-from slopewise.models.calibration.surface_fit import CalibrationSettings, trained_ranges
+from slopewise.models.calibration.notes import SurfaceStops, lost_samples, objections
+from slopewise.models.calibration.stopping import stopping_time
+from slopewise.models.calibration.surface_fit import (
+    CalibrationSettings,
+    predicted_distance,
+    slope_at_middle,
+    trained_ranges,
+)
 from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs import random_effects
 from slopewise.models.stop_logs.dead_time import DeadTime
 from slopewise.models.stop_logs.measured_log import MeasuredLog
+from slopewise.models.stop_logs.stop_record import StopRecord
 from slopewise.models.surface_braking import SurfaceBraking
 
 MIN_VEHICLE_STOPS = 2
@@ -44,27 +52,6 @@ MIN_VEHICLE_STOPS = 2
 
 _NO_STOPS = 2.0  # standard deviations by which the dead time of a vehicle without stops is longer
 _MIN_STD = 1e-4  # [s] of a dead time
-_MEASURED = (
-    *("onset_speed", "grade", "force_ratio", "force_std"),
-    *("held_speed", "distance", "standstill_time"),
-)
-
-
-@dataclass(frozen=True, slots=True)
-class FleetStop:
-    """A measured stop without its samples; SI, see :class:`.stop_record.StopRecord`."""
-
-    surface: str
-    held_speed: float
-    onset_speed: float
-    grade: float
-    force_ratio: float
-    force_std: float
-    distance: float
-    standstill_time: float
-    station: Floats
-    ground: Floats
-    by_effects: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,18 +59,21 @@ class VehicleStops:
     """The stops of one vehicle.
 
     Attributes:
-        name: vehicle. stops: measured. dead_time: dead time of the brakes, None without stops.
+        name: vehicle. stops: measured, with the brakes applied in full.
+        dead_time: dead time of the brakes, None without stops.
         common_std: F_b/W by the error of its dead time, the same in all its stops [1].
         mount_std: pitch sensor's mount [rad], 0 where the ground is from a map.
         note: reason without any, empty with stops.
+        objections: reasons to reject the log, as sentences.
     """
 
     name: str
-    stops: tuple[FleetStop, ...] = ()
+    stops: tuple[StopRecord, ...] = ()
     dead_time: DeadTime | None = None
     common_std: float = 0.0
     mount_std: float = 0.0
     note: str = ""
+    objections: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,34 +84,23 @@ class FleetCalibration:
         braking: by vehicle, ready for its model file.
         surfaces: hierarchy of each surface, "" for the base.
         dead_time: fleet's mean [s]; its scatter is the difference from vehicle to vehicle.
+        objections: by vehicle, reasons to reject its log; none of a vehicle without any.
     """
 
     braking: dict[str, Braking]
     surfaces: dict[str, Hierarchy]
     dead_time: DeadTime
+    objections: dict[str, tuple[str, ...]]
 
 
 def vehicle_stops(name: str, log: MeasuredLog, mapped: bool) -> VehicleStops:
     """The stops of a measured log; ``mapped`` says that the ground is known from a map."""
     m = log.measured
-    stops = [
-        FleetStop(
-            r.samples.terrain,
-            r.samples.window.held_speed,
-            r.onset_speed,
-            r.grade,
-            r.force_ratio,
-            r.force_std,
-            r.samples.distance,
-            r.samples.standstill_time,
-            *r.path,
-            r.by_effects,
-        )
-        for r in m.records
-    ]
-    common = abs(float(np.mean(m.by_dead_time))) * m.dead_time.std if stops else 0.0
+    common = abs(float(np.mean(m.by_dead_time))) * m.dead_time.std if m.records else 0.0
     mount_std = 0.0 if mapped else log.mount.std
-    return VehicleStops(name, tuple(stops), m.dead_time, common, mount_std)
+    return VehicleStops(
+        name, tuple(m.records), m.dead_time, common, mount_std, objections=lost_samples(log)
+    )
 
 
 def learn_fleet(
@@ -138,7 +117,7 @@ def learn_fleet(
     """
     chosen = settings or CalibrationSettings()
     fleet_dead, dead = _dead_times(vehicles)
-    names = sorted({s.surface for v in vehicles for s in v.stops} - {""})
+    names = sorted({s.samples.terrain for v in vehicles for s in v.stops} - {""})
     enough = [n for n in names if _enough(vehicles, [n], chosen)]
     rest = ["", *(n for n in names if n not in enough)]
     fits: dict[str, tuple[Hierarchy, list[dict[str, Any]]]] = {
@@ -148,7 +127,7 @@ def learn_fleet(
         base = _surface(vehicles, rest, dead, chosen)
     else:  # ground without a name brakes like the weakest that has one
         base = min((fits[n] for n in enough), key=lambda f: float(f[0].mean @ (0.0, 0.0, 1.0, 1.0)))
-    braking = {}
+    braking, rejected = {}, {}
     for i, vehicle in enumerate(vehicles):
         tables = dict(known.terrain)
         for name in enough:
@@ -158,13 +137,37 @@ def learn_fleet(
         braking[vehicle.name] = dataclasses.replace(
             known, uphill=None, dead_time=float(dead[i]), terrain=tables, **base[1][i]
         )
-    return FleetCalibration(braking, {"": base[0], **{n: fits[n][0] for n in enough}}, fleet_dead)
+        of_surfaces = [
+            _with_bounds(vehicle, braking[vehicle.name], group, chosen.coverage)
+            for group in (rest, *([n] for n in enough))
+        ]
+        dead_time = 0.0 if vehicle.dead_time is None else vehicle.dead_time.value
+        reasons = objections(filter(None, of_surfaces), dead_time) + vehicle.objections
+        if reasons:
+            rejected[vehicle.name] = reasons
+    surfaces = {"": base[0], **{n: fits[n][0] for n in enough}}
+    return FleetCalibration(braking, surfaces, fleet_dead, rejected)
+
+
+def _with_bounds(
+    vehicle: VehicleStops, braking: Braking, surfaces: Sequence[str], quantile: float
+) -> SurfaceStops | None:
+    """Its stops on surfaces that are one, with what plans allow for each; None without any."""
+    records = [
+        dataclasses.replace(r, bound_distance=allowed_distance(braking, r, quantile))
+        for r in vehicle.stops
+        if r.samples.terrain in surfaces
+    ]
+    on = braking.on(surfaces[0])
+    coefficients = np.array([getattr(on, name) for name in NAMES])
+    slope = slope_at_middle(coefficients, np.array(on.covariance), on.speed_range)
+    return SurfaceStops(surfaces[0], records, slope) if records else None
 
 
 def _enough(
     vehicles: Sequence[VehicleStops], surfaces: Sequence[str], settings: CalibrationSettings
 ) -> bool:
-    counts = [sum(s.surface in surfaces for s in v.stops) for v in vehicles]
+    counts = [sum(s.samples.terrain in surfaces for s in v.stops) for v in vehicles]
     return sum(counts) >= settings.min_stops_per_surface and sum(c > 0 for c in counts) > 1
 
 
@@ -192,20 +195,23 @@ def _surface(
     settings: CalibrationSettings,
 ) -> tuple[Hierarchy, list[dict[str, Any]]]:
     """The hierarchy of a surface, and for each vehicle the keys of its table."""
-    pairs = [(i, s) for i, v in enumerate(vehicles) for s in v.stops if s.surface in surfaces]
+    pairs = [
+        (i, s) for i, v in enumerate(vehicles) for s in v.stops if s.samples.terrain in surfaces
+    ]
     owner = np.array([i for i, _ in pairs], np.int64)
-    speed, grade, force, noise, held, actual, time = (
-        np.array([getattr(s, name) for _, s in pairs], np.float64) for name in _MEASURED
-    )
+    speed, grade, force, noise, held, actual, time = np.array(
+        [
+            (
+                *(r.onset_speed, r.grade, r.force_ratio, r.force_std),
+                *(r.samples.window.held_speed, r.samples.distance, r.samples.standstill_time),
+            )
+            for _, r in pairs
+        ],
+        np.float64,
+    ).T
     fit = hierarchy.fit(design(speed, grade), force, noise, owner, len(vehicles))
     ranges = trained_ranges(speed[fit.inliers], grade[fit.inliers])
-    predicted = np.array(
-        [
-            stopping_distance(s.held_speed, dead[i], fit.coefficients[i], s.station, s.ground)
-            + s.by_effects
-            for i, s in pairs
-        ]
-    )
+    predicted = np.array([predicted_distance(r, fit.coefficients[i], dead[i]) for i, r in pairs])
     names = np.array([v.name for v in vehicles])[owner]
     stops = Stops(held, grade, np.ones_like(held), actual, predicted, names)
     table = learn_distance(stops, SurfaceLaw(fit.mean, float(np.mean(dead))), ranges).table

@@ -150,7 +150,7 @@ def learn(
         mount,
         driven,
         tuple(warnings),
-        (*objections(allowed, measured.dead_time), *lost_samples(log)),
+        (*objections(allowed, measured.dead_time.value), *lost_samples(log)),
         levels,
     )
 

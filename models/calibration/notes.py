@@ -5,16 +5,19 @@ Notes say what it rests on; objections, that no brakes have such numbers: then a
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
 import numpy as np
 
 from slopewise.models.calibration.force_fit import MIRRORED_SLOPE, NAMES
 from slopewise.models.calibration.surface_fit import SurfaceFit
 from slopewise.models.calibration.uphill import Asymmetry
 from slopewise.models.parameters import Braking
-from slopewise.models.stop_logs.dead_time import DeadTime
 from slopewise.models.stop_logs.drive_quality import SuspectKind
 from slopewise.models.stop_logs.measured_log import MeasuredLog
 from slopewise.models.stop_logs.mount_offset import Mount
+from slopewise.models.stop_logs.stop_record import StopRecord
 
 _MAX_FORCE = 1.2  # [1] of the weight; tyres on dry tarmac reach one
 _LATEST = 1.5  # [s] no brakes of vehicles that plan take longer
@@ -77,12 +80,20 @@ def _corners(base: SurfaceFit) -> list[str]:
     return [f"no stop was near {listed}: there the model extrapolates{held}"] if listed else []
 
 
-def objections(surfaces: tuple[SurfaceFit, ...], dead_time: DeadTime) -> tuple[str, ...]:
-    """Faults of a calibration, as sentences; empty without any."""
+class SurfaceStops(NamedTuple):
+    """Stops of one vehicle of a fleet on one surface, named as those of a :class:`.SurfaceFit`."""
+
+    name: str
+    records: Sequence[StopRecord]
+    slope_at_middle: tuple[float, float]
+
+
+def objections(surfaces: Iterable[SurfaceFit | SurfaceStops], dead_time: float) -> tuple[str, ...]:
+    """Faults of a vehicle's calibration, as sentences; empty without any. dead_time: [s]."""
     texts = []
-    if dead_time.value > _LATEST:
+    if dead_time > _LATEST:
         texts.append(
-            f"a dead time of {dead_time.value:.2f} s, where {_LATEST:g} s is the longest that "
+            f"a dead time of {dead_time:.2f} s, where {_LATEST:g} s is the longest that "
             "brakes have: is v_cmd the command that the vehicle followed?"
         )
     for surface in surfaces:

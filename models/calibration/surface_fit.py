@@ -96,9 +96,7 @@ class SurfaceFit:
     @property
     def slope_at_middle(self) -> tuple[float, float]:
         """Slope coefficient at the middle of the speeds, and its standard deviation [1]."""
-        x = np.array([0.5 * sum(self.speed_range), 1.0])
-        slope, covariance = self.fit.coefficients[:2], self.fit.covariance[:2, :2]
-        return float(x @ slope), float(np.sqrt(x @ covariance @ x))
+        return slope_at_middle(self.fit.coefficients, self.fit.covariance, self.speed_range)
 
     @property
     def corners(self) -> tuple[Corner, ...]:
@@ -192,7 +190,7 @@ def _surface(
         np.array([r.mean_grade for r in seen]),
         np.array([r.samples.window.level for r in seen]),
         np.array([r.samples.distance for r in seen]),
-        np.array([_distance(r, fit.coefficients, law.dead_time) for r in seen]),
+        np.array([predicted_distance(r, fit.coefficients, law.dead_time) for r in seen]),
         np.array([r.samples.session or r.samples.run for r in seen]),
     )
     distance = learn_distance(stops, law, ranges)
@@ -208,6 +206,14 @@ def _surface(
         *ranges,
         fit_two_stages(speeds, grades, np.array([r.force_ratio for r in inliers])),
     )
+
+
+def slope_at_middle(
+    coefficients: Floats, covariance: Floats, speed_range: tuple[float, float]
+) -> tuple[float, float]:
+    """Slope coefficient at the middle of the speeds, and its standard deviation [1]."""
+    x = np.array([0.5 * sum(speed_range), 1.0, 0.0, 0.0])
+    return float(x @ coefficients), float(np.sqrt(x @ covariance @ x))
 
 
 def trained_ranges(speed: Floats, grade: Floats) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -227,7 +233,8 @@ def _predicted(records: Sequence[StopRecord], fit: ForceFit, law: SurfaceLaw) ->
         gain = regression.gain[:, i]
         leverage = min(float(x[i] @ gain), 0.99)
         without = fit.coefficients - gain * (float(regression.residuals[i]) / (1.0 - leverage))
-        held, distance = record.samples.window.held_speed, _distance(record, without, law.dead_time)
+        held = record.samples.window.held_speed
+        distance = predicted_distance(record, without, law.dead_time)
         seen.append(
             dataclasses.replace(
                 record,
@@ -239,7 +246,7 @@ def _predicted(records: Sequence[StopRecord], fit: ForceFit, law: SurfaceLaw) ->
     return seen
 
 
-def _distance(record: StopRecord, coefficients: Floats, dead_time: float) -> float:
+def predicted_distance(record: StopRecord, coefficients: Floats, dead_time: float) -> float:
     """Predicted distance of a stop along its ground, with all effects [m]; inf if it rolls on."""
     held = record.samples.window.held_speed
     at_level = record.at_level(coefficients)

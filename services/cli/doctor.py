@@ -10,7 +10,7 @@ from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result
 from slopewise.services.cli.options import argument, option
-from slopewise.services.cli.tables import line
+from slopewise.services.cli.tables import line, notes
 
 if TYPE_CHECKING:
     from slopewise.services.doctor.robot_facts import ConfigIssue, RobotFacts
@@ -42,7 +42,7 @@ def doctor(
     [bold]Example[/]  slopewise doctor --nav2 nav2_params.yaml --model mine.toml --bag drive.mcap
     [bold]Example[/]  slopewise doctor map.npz --model mine.toml
     """
-    from slopewise.services.doctor.examine import CHECKS, examine
+    from slopewise.services.doctor.examine import CHECKS, absent, examine
     from slopewise.services.doctor.robot_facts import IssueSeverity
 
     facts = _facts(map_file, model, nav2 or [], bag, config, live)
@@ -59,8 +59,14 @@ def doctor(
         {"check": i.check, "severity": i.severity.value, "words": i.message, "remedy": i.fix}
         for i in issues
     ]
-    summary = {"looked_at": names, "checks": len(CHECKS), "findings": findings}
-    print_result(as_json, summary, _tables(names, len(CHECKS), issues))
+    missing = absent(facts)
+    summary = {
+        "looked_at": names,
+        "checks": len(CHECKS),
+        "findings": findings,
+        "absent": missing,
+    }
+    print_result(as_json, summary, _tables(names, len(CHECKS), issues, missing))
     has_errors = any(issue.severity is IssueSeverity.ERROR for issue in issues)
     return ExitStatus.NOT_ADMISSIBLE if has_errors else None
 
@@ -97,7 +103,9 @@ def _facts(
     return RobotFacts(robot, edge, read_nav2(nav2) if nav2 else Nav2Facts(), traffic, ground)
 
 
-def _tables(names: list[str], check_count: int, issues: list[ConfigIssue]) -> Iterator[Any]:
+def _tables(
+    names: list[str], check_count: int, issues: list[ConfigIssue], missing: list[str]
+) -> Iterator[Any]:
     from rich.text import Text
 
     yield line(f"examined {', '.join(names)} with {check_count} checks")
@@ -108,3 +116,4 @@ def _tables(names: list[str], check_count: int, issues: list[ConfigIssue]) -> It
         yield line(f"  → {issue.fix}")
     if not issues:
         yield line("everything that could be checked fits", "green")
+    yield from notes(missing, "absent")

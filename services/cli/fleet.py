@@ -109,11 +109,12 @@ def fleet_calibrate(
     scheduler: Scheduler = "",
     as_json: options.AsJson = False,
     json_schema: Annotated[bool, schema_of(_CALIBRATION)] = False,
-) -> None:
+) -> ExitStatus | None:
     """Fit a braking model to each vehicle of a fleet, pooled where its stops carry little.
 
     Surface by surface: how the vehicles differ, and each as far as its stops support. A vehicle
-    without stops gets the fleet's mean and a longer offset.
+    without stops gets the fleet's mean and a longer offset. Status 3: the results are written, but
+    those of a vehicle are physically implausible, with the reason.
 
     [bold]Example[/]  slopewise fleet calibrate logs/*.csv --model atv --out out/fleet
     """
@@ -130,6 +131,7 @@ def fleet_calibrate(
         scheduler=scheduler,
     )
     print_result(as_json, result.summary, _calibrate_tables(result, out))
+    return ExitStatus.NOT_ADMISSIBLE if result.calibration.objections else None
 
 
 def _calibrate_tables(result: FleetCalibrateResult, out: Path) -> Iterator[Any]:
@@ -164,6 +166,9 @@ def _calibrate_tables(result: FleetCalibrateResult, out: Path) -> Iterator[Any]:
     columns = ("vehicle", "stops", *NAMES, "dead time\ns", "offset\nm")
     yield from table(columns, vehicles, more="more; --json gives all")
     yield from notes(f"{v.name} gets the fleet's mean: {v.note}" for v in result.vehicles if v.note)
+    for name, reasons in c.objections.items():
+        for reason in reasons:
+            yield line(f"{name} rejected: {reason}", "red")
     yield line(f"wrote {len(result.vehicles)} model files to {out}")
 
 

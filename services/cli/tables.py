@@ -35,7 +35,6 @@ def table(
         grid.add_column(
             Text(column),
             justify="left" if not index or column in left else "right",
-            no_wrap=column not in left,
             overflow="fold",
         )
     all_rows = list(rows)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from slopewise.models.calibration.effects_in_force import net_of_effects
 from slopewise.models.calibration.fleet import (
@@ -25,7 +26,7 @@ from slopewise.models.parameters import Model
 from slopewise.models.stop_logs.measured_log import is_mapped
 from slopewise.services.fleet.result_folder import make_folder, vehicles_of
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
-from slopewise.services.io.log_checks import refuse_wrong_units
+from slopewise.services.io.log_checks import refuse_too_fast, refuse_unit, refuse_wrong_units
 from slopewise.services.io.model_file import (
     find_model,
     model_from_dict,
@@ -52,6 +53,7 @@ def measure_vehicle(task: LogTask) -> VehicleStops:
     model = model_from_dict(task.model, "model")
     log = task.logs.read()
     refuse_wrong_units(log)
+    refuse_too_fast(log, model)
     ground = task.logs.grade(log, model.vehicle)
     try:
         measured = measure_log(
@@ -115,6 +117,7 @@ class FleetCalibrateResult:
             v.name: {
                 "stops": len(v.stops),
                 "note": v.note,
+                "objections": c.objections.get(v.name, ()),
                 "dead_time": c.braking[v.name].dead_time,
                 "distance_offset": c.braking[v.name].distance_offset,
                 **{name: getattr(c.braking[v.name], name) for name in NAMES},
@@ -157,6 +160,9 @@ def calibrate_fleet(
     vehicles = [stops[name] for name in grouped]  # in the order given
     with input_errors("fleet"):
         calibration = learn_fleet(vehicles, model.braking, settings)
+    for v in vehicles:
+        grades = np.array([r.grade for r in v.stops])
+        refuse_unit(calibration.braking[v.name], model.braking, grades, v.name)
     for name, braking in calibration.braking.items():
         write_model(replace(model, name=name, braking=braking), out / f"{name}.toml")
     return FleetCalibrateResult(calibration, model, vehicles, time.perf_counter() - begin)

@@ -99,7 +99,7 @@ def test_surfaces_are_distinguished(vehicles: list[VehicleStops]) -> None:
         stops = tuple(
             dataclasses.replace(
                 stop,
-                surface="gravel" if j % 2 else "",
+                samples=dataclasses.replace(stop.samples, terrain="gravel" if j % 2 else ""),
                 force_ratio=stop.force_ratio - (0.1 if j % 2 else 0.0),
             )
             for j, stop in enumerate(vehicle.stops)
@@ -112,6 +112,22 @@ def test_surfaces_are_distinguished(vehicles: list[VehicleStops]) -> None:
         assert coefficients.level_force(2.5) - coefficients.on("gravel").level_force(
             2.5
         ) == pytest.approx(0.1, abs=0.03)
+
+
+def test_logs_that_no_vehicle_drives_are_rejected(learned: FleetCalibration) -> None:
+    assert learned.objections == {}  # of sound logs
+    sound, mirrored = [], []
+    for i in range(4):
+        columns, runs, _ = drive(plant(i), 40, i)
+        late = {**columns, "v_cmd": np.roll(columns["v_cmd"], -130)} if i == 1 else columns
+        for vehicles, sign in ((sound, -1.0), (mirrored, 1.0)):
+            log = measure_log(late, runs, KNOWN, ground=sign * columns["pitch"], fewest=2)
+            vehicles.append(vehicle_stops(f"v{i}", log, mapped=True))
+    assert set(learn_fleet(sound, KNOWN).objections) == {"v1"}
+    rejected = learn_fleet(mirrored, KNOWN).objections
+    assert set(rejected) == {"v0", "v1", "v2", "v3"}
+    assert all("the grade of the log has the wrong sign" in v[-1] for v in rejected.values())
+    assert "a dead time of 1." in rejected["v1"][0]
 
 
 def test_a_fleet_of_one_is_refused(vehicles: list[VehicleStops]) -> None:

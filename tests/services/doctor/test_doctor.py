@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("rosbags", reason="the ros extra is not installed")
 
 from slopewise.models.errors import InputError
-from slopewise.services.doctor.examine import examine
+from slopewise.services.doctor.examine import absent, examine
 from slopewise.services.doctor.message_collector import MessageCollector
 from slopewise.services.doctor.nav2_file import read_nav2
 from slopewise.services.doctor.robot_facts import (
@@ -270,6 +270,22 @@ def test_command_examines_a_recording(tmp_path: Path, obeys: bool, status: int) 
     result = json.loads(done.stdout)
     assert result["looked_at"] == ["model", "messages"]
     assert [f["check"] for f in result["findings"]] == ([] if obeys else ["limits are not obeyed"])
+    assert [text.split()[1] for text in result["absent"]] == [
+        "nav_msgs/msg/Path",
+        "grid_map_msgs/msg/GridMap",
+        "tf2_msgs/msg/TFMessage",
+    ]
+
+
+def test_traffic_on_other_topics_is_named_as_such() -> None:
+    traffic = with_map(seen([(t, "/r1" + name, k, m) for t, name, k, m in drive()]))
+    texts = absent(RobotFacts(MODEL, None, seen=traffic))
+    odometry = next(text for text in texts if "Odometry" in text)
+    assert odometry.endswith(
+        "on /odom, not checked: rate, frame; --config names the topic, as one of /r1/odom"
+    )
+    assert not any("GridMap" in text for text in texts)
+    assert absent(RobotFacts(MODEL)) == []  # without traffic nothing is expected of it
 
 
 def test_files_that_cannot_be_used_are_named(tmp_path: Path) -> None:
