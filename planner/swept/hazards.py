@@ -82,8 +82,8 @@ def swept_hazards(
 ) -> Hazards:
     """Hazards of wheels and body along candidates, and how fast rough ground may be driven.
 
-    The first station is where the vehicle stands: what is under it there blocks nothing. Each
-    candidate is checked up to its first blocked station.
+    The first station is where the vehicle stands: only a step up that a wheel touches blocks it there.
+    Each candidate is checked up to its first blocked station.
 
     Args:
         elevation_map: ground.

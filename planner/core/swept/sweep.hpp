@@ -72,6 +72,23 @@ class NarrowPhase {
     return found;
   }
 
+  // What bars the way from the pose in which the vehicle rests: a step that a wheel touches.
+  Hazard check_start(const Pose2d& pose, std::int32_t required, double across) noexcept {
+    ++checked_;
+    const BandLines lines(band_.any() ? band_.of_wheels(across) : 0.0, band_.stride);
+    for (int wheel = 0; wheel < wheel_count; ++wheel) {
+      if (!(required & (check_wheel << wheel))) continue;
+      const Place at = wheel_at(wheel, sizes_);
+      for (Index line = -lines.side; line <= lines.side; ++line) {
+        const Place moved = line == 0 ? at : lines.move(at, line);
+        if (is_even(pose, moved)) continue;
+        const Hazard step = way_of(pose, moved, sizes_.radius).find_touched_step();
+        if (step.any()) return step;
+      }
+    }
+    return {};
+  }
+
  private:
   Hazard check_line(const Pose2d& pose, double back, std::int32_t required,
                     double across) noexcept {
@@ -127,10 +144,17 @@ class NarrowPhase {
 
   // On the line of a wheel, unless the ground around it is cleared.
   Hazard find_step(const Pose2d& pose, Place wheel, double back) const noexcept {
-    const std::size_t block = block_under(pose, wheel, grid_);
-    if (grid_.blocks().relief[block] <= grid_.limits().cleared) return {};
-    const WheelSlopes slopes = slopes_in(block, pose, grid_);
-    return WheelWay(grid_.facets(), pose, wheel, back, sizes_, slopes, buffers_).find_step();
+    return is_even(pose, wheel) ? Hazard{} : way_of(pose, wheel, back).find_step();
+  }
+
+  // Is the ground around a wheel cleared?
+  [[nodiscard]] bool is_even(const Pose2d& pose, Place wheel) const noexcept {
+    return grid_.blocks().relief[block_under(pose, wheel, grid_)] <= grid_.limits().cleared;
+  }
+
+  [[nodiscard]] WheelWay way_of(const Pose2d& pose, Place wheel, double back) const noexcept {
+    const WheelSlopes slopes = slopes_in(block_under(pose, wheel, grid_), pose, grid_);
+    return {grid_.facets(), pose, wheel, back, sizes_, slopes, buffers_};
   }
 
   // Steps on the lines of the wheels within the band, without the planned one, and edges next to
@@ -243,14 +267,16 @@ inline void require_checks(const BroadPhase& grid, const SweptPaths& paths, Inde
 inline Hazard check_pose(NarrowPhase& narrow_phase, const SweptPaths& paths, Index k, Index j,
                          std::int32_t required) noexcept {
   const Index at = k * paths.candidates + j, before = at - paths.candidates;
-  const double dx = paths.x[at] - paths.x[before], dy = paths.y[at] - paths.y[before];
   const Pose2d pose{paths.x[at], paths.y[at], paths.heading_x[at], paths.heading_y[at]};
   const double across = paths.across != nullptr ? paths.across[at] : 0.0;
+  if (k == 0) return narrow_phase.check_start(pose, required, across);
+  const double dx = paths.x[at] - paths.x[before], dy = paths.y[at] - paths.y[before];
   return narrow_phase.check(pose, std::sqrt(dx * dx + dy * dy), required, across);
 }
 
 // The last station so far before station k [m], or the first after where the vehicle stands.
 inline Index station_before(const SweptPaths& paths, Index k, Index j, double length) noexcept {
+  if (k == 0) return 1;
   const double end = paths.station[k * paths.candidates + j] - length;
   while (k > 1 && paths.station[k * paths.candidates + j] > end) --k;
   return k;
@@ -258,7 +284,8 @@ inline Index station_before(const SweptPaths& paths, Index k, Index j, double le
 
 }  // namespace detail
 
-// Hazards of all candidates, up to the first of each; the first stations are where they stand.
+// Hazards of all candidates, up to the first of each; the first stations are where they stand: what
+// is there blocks nothing but the way into a step that a wheel touches.
 // Returns the number of exact checks.
 inline Index sweep(const BroadPhase& grid, const SweptPaths& paths, const HazardTable& out,
                    double* memory) noexcept {
@@ -269,12 +296,15 @@ inline Index sweep(const BroadPhase& grid, const SweptPaths& paths, const Hazard
     Checks required, open;
     open.fill(255);
     detail::FrontStations front{};
-    for (Index k = 1; k < paths.stations; ++k) {
-      detail::require_checks(grid, paths, k, first, front, open, required);
+    for (Index k = 0; k < paths.stations; ++k) {
+      Checks at_start = open;  // unknown ground under a standing vehicle ends no candidate
+      detail::require_checks(grid, paths, k, first, front, k == 0 ? at_start : open, required);
       for (Index lane = 0; lane < lanes; ++lane) {
         const auto n = static_cast<std::size_t>(lane);
         const Index j = first + lane;
-        if (required[n] == 0 || k >= static_cast<Index>(paths.count[j])) continue;
+        if (required[n] == 0 || std::max<Index>(k, 1) >= static_cast<Index>(paths.count[j])) {
+          continue;
+        }
         const Hazard found = detail::check_pose(narrow_phase, paths, k, j, required[n]);
         if (!narrow_phase.blocks(found.kind)) continue;
         const Index blocked = detail::station_before(paths, k, j, found.before);

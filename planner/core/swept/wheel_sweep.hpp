@@ -41,7 +41,8 @@ struct WheelBuffers {
   Index samples;
 
   static Index samples_of(const VehicleEnvelope& sizes, double spacing) noexcept {
-    return static_cast<Index>(std::ceil((sizes.wheel_look() + spacing) / sizes.stride)) + 8;
+    const double back = max_of(spacing, sizes.radius);
+    return static_cast<Index>(std::ceil((sizes.wheel_look() + back) / sizes.stride)) + 8;
   }
 };
 
@@ -83,9 +84,26 @@ class WheelWay {
     roll(rim_, end - rim_);
     for (Index n = first_; n <= last_; ++n) {
       if (const Hazard found = step_at(n); found.any()) {
-        const double ahead = line_.begin + static_cast<double>(n + chord_) * sizes_.stride;
-        return hazard_of_edge(found.kind, found.height, {ahead, wheel_.y}, sizes_);
+        return edge_of(found, n);
       }
+    }
+    return {};
+  }
+
+  // The step up that the wheel touches already where it stands, at the end of its way: it climbs as
+  // it would had it rolled there, and ahead of its axle is what lifts it. What is behind the axle
+  // does not count, and ground that is unknown there is as high as what is known before it.
+  Hazard find_touched_step() noexcept {
+    const Index end = last_ + chord_ + 2 * rim_ + far_;
+    sample(0, end + 1);
+    for (Index n = last_ - 1; n >= 0; --n) {
+      if (profile_[n] < abyss) profile_[n] = profile_[n + 1];
+    }
+    roll(rim_, end - rim_);
+    for (Index n = first_; n <= last_; ++n) {
+      const Hazard found = step_at(n);
+      if (found.kind != HazardKind::rise) continue;
+      if (path_[n + chord_] - carried_to(n + chord_) > sizes_.steepest) return edge_of(found, n);
     }
     return {};
   }
@@ -169,6 +187,23 @@ class WheelWay {
       return {HazardKind::drop, -step_height(n, downhill)};
     }
     return {};
+  }
+
+  // Where the ground up to the axle of a standing wheel alone carries it to, at a sample ahead of the
+  // axle: on along the slope around [m].
+  [[nodiscard]] double carried_to(Index sample) const noexcept {
+    double highest = profile_[last_];
+    for (Index away = 1; away <= rim_; ++away) {
+      const double drop = drop_of_rim(sizes_.radius, static_cast<double>(away) * sizes_.stride);
+      highest = max_of(highest, profile_[last_ - away] - drop);
+    }
+    const double ahead = static_cast<double>(sample - last_) * sizes_.stride;
+    return highest + certain_part(around_) * ahead;
+  }
+
+  [[nodiscard]] Hazard edge_of(const Hazard& step, Index n) const noexcept {
+    const double ahead = line_.begin + static_cast<double>(n + chord_) * sizes_.stride;
+    return hazard_of_edge(step.kind, step.height, {ahead, wheel_.y}, sizes_);
   }
 
   // All of a step that begins at sample n, up to a wheel radius on: rising or falling [m].

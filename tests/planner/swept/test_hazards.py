@@ -6,6 +6,7 @@ Rough ground slows, swells do not; on a sine the quarter car has a closed form.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -292,3 +293,36 @@ def test_a_body_at_an_angle_to_the_cells_touches_their_corners() -> None:
 
     assert bar(0.62) == UNKNOWN
     assert bar(0.80) == 0
+
+
+@pytest.mark.parametrize("axle", [0.6, -0.6], ids=["front", "rear"])
+@pytest.mark.parametrize("gap", [0.03, 0.1, 0.2, 0.25])
+@pytest.mark.parametrize("height", [1.3 * LIMIT, 0.3, 0.48, 1.0])
+def test_a_wall_that_a_wheel_touches_at_the_start_is_not_climbed(
+    axle: float, gap: float, height: float
+) -> None:
+    """A wheel of 0.28 m radius stands closer to it than that: most of its climb is behind."""
+    wall = ground(box((axle + gap, 90.0), EVERYWHERE, height), 0.05)
+    hazards = met(wall, straight(20.0))
+    assert (hazards.station, hazards.bar in {STEP, BODY}) == (1, True), hazards.reason
+    # Likewise where nothing behind the vehicle is known.
+    unseen = np.where(np.arange(wall.elevation.shape[1]) * 0.05 - 3.0 < -0.7, np.nan, 0.0)
+    half_seen = met(replace(wall, elevation=wall.elevation + unseen), straight(20.0))
+    assert half_seen.station == 1
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.2, -0.2])
+@pytest.mark.parametrize(
+    "around",
+    [
+        box((-9.0, -0.6), EVERYWHERE, -1.0),  # the rear wheels have just climbed it
+        box((-9.0, -0.91), EVERYWHERE, 1.0),
+        box((-9.0, 9.0), (0.65, 2.0), 1.0),
+        box((0.65, 0.75), EVERYWHERE, -0.5),  # a gap that the front wheels bridge
+        box((-0.55, 90.0), EVERYWHERE, 0.8 * LIMIT),
+    ],
+    ids=["edge behind", "wall behind", "wall next to it", "gap", "low step"],
+)
+def test_a_vehicle_leaves_what_is_next_to_it(around: Height, slope: float) -> None:
+    hazards = met(ground(lambda x, y: around(x, y) + slope * x, 0.05), straight(8.0))
+    assert hazards.bar == 0, hazards.reason
