@@ -12,59 +12,47 @@ from statistics import NormalDist
 from typing import NamedTuple
 
 from slopewise.models.arrays import Elementwise
-from slopewise.models.quantity import Quantities, quantity
+from slopewise.models.quantity import Quantities, non_negative, positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tracking(Quantities):
     """How exactly and how late the vehicle follows a plan; no table: exactly, without delay."""
 
-    cross_track_std: float = quantity(
+    cross_track_std: float = non_negative(
         "m",
         "Standard deviation of the distance from the planned line, on straights.",
         (0.0, 2.0),
         default=0.0,
-        at_least=0.0,
     )
-    cross_track_per_curvature: float = quantity(
-        "m²",
-        "What each 1/m of curvature adds to it.",
-        (0.0, 5.0),
-        default=0.0,
-        at_least=0.0,
+    cross_track_per_curvature: float = non_negative(
+        "m²", "What each 1/m of curvature adds to it.", (0.0, 5.0), default=0.0
     )
-    heading_std: float = quantity(
+    heading_std: float = non_negative(
         "rad",
         "Standard deviation of the heading of the body.",
         (0.0, 0.3),
         default=0.0,
-        at_least=0.0,
         at_most=0.5,
     )
-    along_track_std: float = quantity(
-        "m",
-        "Standard deviation of the measured station.",
-        (0.0, 5.0),
-        default=0.0,
-        at_least=0.0,
+    along_track_std: float = non_negative(
+        "m", "Standard deviation of the measured station.", (0.0, 5.0), default=0.0
     )
-    latency: float = quantity(
+    latency: float = non_negative(
         "s",
         "From the measured state to its use; what dead_time of the brakes does not hold.",
         (0.0, 2.0),
         default=0.0,
-        at_least=0.0,
     )
-    latency_std: float = quantity(
-        "s", "Standard deviation of the latency.", (0.0, 1.0), default=0.0, at_least=0.0
+    latency_std: float = non_negative(
+        "s", "Standard deviation of the latency.", (0.0, 1.0), default=0.0
     )
-    lookahead: float | None = quantity(
+    lookahead: float | None = positive(
         "m",
         "Distance to the point of the line at which the tracker aims; it is off the line for about "
         "four of them. Two wheelbases, or the distance driven in 1 s, by default.",
         (0.3, 20.0),
         default=None,
-        above=0.0,
     )
 
 

@@ -16,6 +16,8 @@ from slopewise.models.input_errors import Tracking
 from slopewise.models.quantity import (
     Matrix,
     Quantities,
+    non_negative,
+    positive,
     quantity,
     validate_angles,
     validate_covariance,
@@ -69,74 +71,48 @@ class Braking:
     b_b: float = quantity(
         "1", "Force on level ground at rest, as a share of the weight.", (0.02, 1.5)
     )
-    dead_time: float = quantity(
-        "s", "From stop command to onset.", (0.0, 10.0), at_least=0.0, at_most=10.0
-    )
-    distance_offset: float = quantity(
-        "m", "Safety offset s_offset.", (0.0, 20.0), default=0.0, at_least=0.0
-    )
-    time_offset: float = quantity(
-        "s",
-        "Safety offset t_offset of stopping times; bounds none.",
-        (0.0, 50.0),
-        default=0.0,
-        at_least=0.0,
+    dead_time: float = non_negative("s", "From stop command to onset.", (0.0, 10.0), at_most=10.0)
+    distance_offset: float = non_negative("m", "Safety offset s_offset.", (0.0, 20.0), default=0.0)
+    time_offset: float = non_negative(
+        "s", "Safety offset t_offset of stopping times; bounds none.", (0.0, 50.0), default=0.0
     )
     speed_range: tuple[float, float]
     grade_range: tuple[float, float]
     roll_range: tuple[float, float] | None = None
     speed_by_grade: Matrix | None = None
     covariance: Matrix | None = None
-    force_std: float = quantity(
-        "1",
-        "Scatter of F_b/W from stop to stop that the model leaves.",
-        (0.0, 1.0),
-        default=0.0,
-        at_least=0.0,
+    force_std: float = non_negative(
+        "1", "Scatter of F_b/W from stop to stop that the model leaves.", (0.0, 1.0), default=0.0
     )
-    force_scatter: float = quantity(
+    force_scatter: float = non_negative(
         "1",
         "The part of that scatter that is in proportion, as a share of F_b/W.",
         (0.0, 2.0),
         default=0.0,
-        at_least=0.0,
     )
-    dead_time_std: float = quantity(
-        "s", "Scatter of the dead time.", (0.0, 5.0), default=0.0, at_least=0.0
-    )
-    speed_error: float = quantity(
+    dead_time_std: float = non_negative("s", "Scatter of the dead time.", (0.0, 5.0), default=0.0)
+    speed_error: float = non_negative(
         "m/s",
         "Standard deviation of the driven speed around the planned one.",
         default=0.0,
-        at_least=0.0,
         at_most=5.0,
     )
     drive_in_dead_time: Literal["held", "cut", "either"] = "either"
-    sliding_friction: float | None = quantity(
-        "1", "Friction of locked wheels; caps the force.", (0.02, 2.0), default=None, above=0.0
+    sliding_friction: float | None = positive(
+        "1", "Friction of locked wheels; caps the force.", (0.02, 2.0), default=None
     )
-    level: float = quantity(
-        "1", "Share of full brake application.", default=1.0, above=0.0, at_most=1.0
+    level: float = positive("1", "Share of full brake application.", default=1.0, at_most=1.0)
+    dead_band: float = non_negative(
+        "1", "Application up to which the brakes do nothing.", default=0.0, at_most=0.9
     )
-    dead_band: float = quantity(
-        "1",
-        "Application up to which the brakes do nothing.",
-        default=0.0,
-        at_least=0.0,
-        at_most=0.9,
-    )
-    saturation: float = quantity(
-        "1", "Application from which they do all they can.", default=1.0, above=0.0, at_most=1.0
+    saturation: float = positive(
+        "1", "Application from which they do all they can.", default=1.0, at_most=1.0
     )
     uphill: UphillBraking | None = None
     distance: StopDistance | None = None
     extrapolate: bool = False
-    extrapolation_margin: float = quantity(
-        "1",
-        "Share of the force given up where it extrapolates.",
-        default=0.3,
-        at_least=0.0,
-        at_most=1.0,
+    extrapolation_margin: float = non_negative(
+        "1", "Share of the force given up where it extrapolates.", default=0.3, at_most=1.0
     )
     terrain: MappingProxyType[str, SurfaceBraking] | dict[str, SurfaceBraking] = field(
         default_factory=dict
@@ -207,21 +183,18 @@ class Braking:
 class Terrain(Quantities):
     """Wheel-terrain interaction on the ground driven now. Source: Slip, Table 2."""
 
-    motion_resistance: float = quantity(
-        "1", "Coefficient f_r that the drive has to overcome.", (0.0, 1.0), at_least=0.0
+    motion_resistance: float = non_negative(
+        "1", "Coefficient f_r that the drive has to overcome.", (0.0, 1.0)
     )
-    braking_resistance: float | None = quantity(
+    braking_resistance: float | None = non_negative(
         "1",
         "The f_r that counts as part of the braking force at a level below 1; "
         "motion_resistance by default or if higher.",
         (0.0, 1.0),
         default=None,
-        at_least=0.0,
     )
-    lateral_resistance: float = quantity("1", "Coefficient μ_t.", (0.0, 1.5), at_least=0.0)
-    slip_track: float = quantity(
-        "m", "Slip track B_s, at least the track width.", (0.05, 50.0), above=0.0
-    )
+    lateral_resistance: float = non_negative("1", "Coefficient μ_t.", (0.0, 1.5))
+    slip_track: float = positive("m", "Slip track B_s, at least the track width.", (0.05, 50.0))
 
     @property
     def rolling_while_braking(self) -> float:
@@ -234,41 +207,31 @@ class Terrain(Quantities):
 class Limits(Quantities):
     """Limits of plans on the vehicle and its load."""
 
-    speed: float = quantity("m/s", "Highest planned speed.", (0.01, 40.0), above=0.0)
-    accel: float = quantity("m/s²", "Highest planned acceleration.", (0.01, 12.0), above=0.0)
-    decel: float = quantity(
-        "m/s²", "Highest planned (service) deceleration.", (0.01, 12.0), above=0.0
+    speed: float = positive("m/s", "Highest planned speed.", (0.01, 40.0))
+    accel: float = positive("m/s²", "Highest planned acceleration.", (0.01, 12.0))
+    decel: float = positive("m/s²", "Highest planned (service) deceleration.", (0.01, 12.0))
+    jerk: float = positive("m/s³", "Highest planned change of acceleration.", (0.01, 1000.0))
+    lateral_accel: float = positive(
+        "m/s²", "Highest lateral acceleration in turns, the bank counted in.", (0.01, 15.0)
     )
-    jerk: float = quantity(
-        "m/s³", "Highest planned change of acceleration.", (0.01, 1000.0), above=0.0
-    )
-    lateral_accel: float = quantity(
-        "m/s²",
-        "Highest lateral acceleration in turns, the bank counted in.",
-        (0.01, 15.0),
-        above=0.0,
-    )
-    vertical_accel: float = quantity(
+    vertical_accel: float = positive(
         "m/s²",
         "Highest vertical acceleration of the body on rough ground and in dips.",
         (0.1, 100.0),
         default=5.0,
-        above=0.0,
     )
-    min_load: float = quantity(
+    min_load: float = positive(
         "1",
         "Share of its level static load every axle and side must keep.",
         (1e-3, 0.9),
-        above=0.0,
         at_most=0.9,
     )
-    max_path_deviation: float | None = quantity(
+    max_path_deviation: float | None = positive(
         "m",
         "Largest distance between a given path and the planned line; a quarter of the "
         "vehicle's width, 0.05 m at least, by default.",
         (1e-3, 5.0),
         default=None,
-        above=0.0,
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -81,6 +81,10 @@ def quantity(
     if default is _REQUIRED:
         return dataclasses.field(metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
+
+
+positive = partial(quantity, above=0.0)
+non_negative = partial(quantity, at_least=0.0)
 
 
 def describe_range(metadata: Any) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from slopewise.models.arrays import Elementwise
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.quantity import positive, validate_quantities
 
 Kind = Literal["skid_steer", "ackermann", "double_ackermann", "articulated"]
 
@@ -30,28 +30,25 @@ class Steering:
 
     kind: Kind
     reference: Literal["mid", "rear_axle"] = "mid"
-    max_angle: float | None = quantity(
+    max_angle: float | None = positive(
         "rad",
         "Greatest steering angle of a wheel in the middle of a steered axle; "
         "0.6 by default, where neither it nor min_radius is given.",
         (0.02, 1.4),
         default=None,
-        above=0.0,
         at_most=1.5,
     )
-    min_radius: float | None = quantity(
+    min_radius: float | None = positive(
         "m",
         "Least radius that the reference point can turn on; instead of max_angle.",
         (0.02, 100.0),
         default=None,
-        above=0.0,
     )
-    max_rate: float | None = quantity(
+    max_rate: float | None = positive(
         "rad/s",
         "Greatest rate of the steering angle; not limited by default.",
         (0.01, 50.0),
         default=None,
-        above=0.0,
     )
 
     def __post_init__(self) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import STEEPEST, Matrix, quantity, validate_quantities
+from slopewise.models.quantity import STEEPEST, Matrix, non_negative, validate_quantities
 
 MIN_PULL = 0.01
 """Deceleration as a share of gravity below which there is no finite stop [1]."""
@@ -45,12 +45,8 @@ class StopDistance:
     grades: tuple[float, ...]
     levels: tuple[float, ...]
     stop_factor: Matrix
-    session_std: float = quantity(
-        "1",
-        "Spread of ln(actual / predicted) between sessions.",
-        default=0.0,
-        at_least=0.0,
-        at_most=1.0,
+    session_std: float = non_negative(
+        "1", "Spread of ln(actual / predicted) between sessions.", default=0.0, at_most=1.0
     )
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import STEEPEST, Matrix, Quantities, quantity
+from slopewise.models.quantity import STEEPEST, Matrix, Quantities, non_negative, positive, quantity
 from slopewise.models.stop_distance import StopDistance
 
 MAX_CORNER_COUNT = 24
@@ -44,18 +44,18 @@ class SurfaceBraking(Quantities):
     b_m: float | None = quantity("1", "See [braking].", default=None)
     m_b: float | None = quantity("s/m", "See [braking].", default=None)
     b_b: float | None = quantity("1", "See [braking].", default=None)
-    dead_time: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
-    distance_offset: float | None = quantity("m", "See [braking].", default=None, at_least=0.0)
-    time_offset: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
-    force_std: float | None = quantity("1", "See [braking].", default=None, at_least=0.0)
-    force_scatter: float | None = quantity("1", "See [braking].", default=None, at_least=0.0)
-    dead_time_std: float | None = quantity("s", "See [braking].", default=None, at_least=0.0)
+    dead_time: float | None = non_negative("s", "See [braking].", default=None)
+    distance_offset: float | None = non_negative("m", "See [braking].", default=None)
+    time_offset: float | None = non_negative("s", "See [braking].", default=None)
+    force_std: float | None = non_negative("1", "See [braking].", default=None)
+    force_scatter: float | None = non_negative("1", "See [braking].", default=None)
+    dead_time_std: float | None = non_negative("s", "See [braking].", default=None)
     covariance: Matrix | None = None
     speed_range: tuple[float, float] | None = None
     grade_range: tuple[float, float] | None = None
     roll_range: tuple[float, float] | None = None
     speed_by_grade: Matrix | None = None
-    sliding_friction: float | None = quantity("1", "See [braking].", default=None, above=0.0)
+    sliding_friction: float | None = positive("1", "See [braking].", default=None)
     uphill: UphillBraking | None = None
     distance: StopDistance | None = None
     class_id: int | None = None

@@ -6,7 +6,12 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import quantity, unit_guess, validate_quantities
+from slopewise.models.quantity import (
+    non_negative,
+    positive,
+    unit_guess,
+    validate_quantities,
+)
 
 _WHEEL_WIDTH = 0.7
 """Wheel width over radius, assumed where the model file has none [1]."""
@@ -42,102 +47,74 @@ class Shape(NamedTuple):
 class Vehicle:
     """A four-wheeled vehicle with its centre of gravity in the plane of symmetry."""
 
-    mass: float = quantity("kg", "Mass with payload.", (0.2, 1e6), above=0.0)
-    wheelbase: float = quantity("m", "Distance between the axles, L.", (0.05, 20.0), above=0.0)
-    track_width: float = quantity(
-        "m", "Distance between left and right wheels, B.", (0.05, 15.0), above=0.0
-    )
-    cg_x: float = quantity(
-        "m", "Centre of gravity ahead of the rear axle.", (0.005, 15.0), above=0.0
-    )
-    cg_z: float = quantity("m", "Height of the centre of gravity.", (0.005, 8.0), above=0.0)
-    wheel_radius: float = quantity("m", "Radius of the loaded wheel.", (0.02, 2.5), above=0.0)
+    mass: float = positive("kg", "Mass with payload.", (0.2, 1e6))
+    wheelbase: float = positive("m", "Distance between the axles, L.", (0.05, 20.0))
+    track_width: float = positive("m", "Distance between left and right wheels, B.", (0.05, 15.0))
+    cg_x: float = positive("m", "Centre of gravity ahead of the rear axle.", (0.005, 15.0))
+    cg_z: float = positive("m", "Height of the centre of gravity.", (0.005, 8.0))
+    wheel_radius: float = positive("m", "Radius of the loaded wheel.", (0.02, 2.5))
     drive: Literal["skid_steer", "ackermann"]
-    max_wheel_speed: float = quantity(
-        "m/s", "Highest speed at the rim of a wheel.", (0.01, 40.0), above=0.0
+    max_wheel_speed: float = positive("m/s", "Highest speed at the rim of a wheel.", (0.01, 40.0))
+    max_drive_force: float = positive("N", "Highest thrust of all wheels together.", (0.2, 1e7))
+    max_drive_power: float = positive("W", "Highest power of all wheels together.", (0.1, 1e7))
+    motor_torque_constant: float | None = positive(
+        "N m/A", "Torque constant k_t of a drive motor.", (1e-4, 10.0), default=None
     )
-    max_drive_force: float = quantity(
-        "N", "Highest thrust of all wheels together.", (0.2, 1e7), above=0.0
+    gear_ratio: float | None = positive(
+        "1", "Gearhead ratio, motor turns a wheel turn.", (0.1, 5000.0), default=None
     )
-    max_drive_power: float = quantity(
-        "W", "Highest power of all wheels together.", (0.1, 1e7), above=0.0
-    )
-    motor_torque_constant: float | None = quantity(
-        "N m/A", "Torque constant k_t of a drive motor.", (1e-4, 10.0), default=None, above=0.0
-    )
-    gear_ratio: float | None = quantity(
-        "1", "Gearhead ratio, motor turns a wheel turn.", (0.1, 5000.0), default=None, above=0.0
-    )
-    idle_current: float | None = quantity(
-        "A", "Motor current with the wheels lifted.", (0.0, 200.0), default=None, at_least=0.0
+    idle_current: float | None = non_negative(
+        "A", "Motor current with the wheels lifted.", (0.0, 200.0), default=None
     )
 
-    width: float | None = quantity(
+    width: float | None = positive(
         "m",
         "Widest part of body and wheels; track width and wheel width by default.",
         (0.05, 15.0),
         default=None,
-        above=0.0,
     )
-    front_overhang: float | None = quantity(
-        "m",
-        "Body ahead of the front axle; the wheel radius by default.",
-        (0.0, 10.0),
-        default=None,
-        at_least=0.0,
+    front_overhang: float | None = non_negative(
+        "m", "Body ahead of the front axle; the wheel radius by default.", (0.0, 10.0), default=None
     )
-    rear_overhang: float | None = quantity(
-        "m",
-        "Body behind the rear axle; the wheel radius by default.",
-        (0.0, 10.0),
-        default=None,
-        at_least=0.0,
+    rear_overhang: float | None = non_negative(
+        "m", "Body behind the rear axle; the wheel radius by default.", (0.0, 10.0), default=None
     )
-    ground_clearance: float | None = quantity(
+    ground_clearance: float | None = non_negative(
         "m",
         "Underside of the body above level ground; 3/4 of the wheel radius by default.",
         (0.0, 3.0),
         default=None,
-        at_least=0.0,
     )
-    max_step: float | None = quantity(
+    max_step: float | None = positive(
         "m",
         "Highest step that a wheel may climb or fall; 1/3 of its radius by default.",
         (1e-3, 2.0),
         default=None,
-        above=0.0,
     )
-    wheel_width: float | None = quantity(
-        "m",
-        "Width of a tyre; 0.7 of the wheel radius by default.",
-        (2e-3, 2.0),
-        default=None,
-        above=0.0,
+    wheel_width: float | None = positive(
+        "m", "Width of a tyre; 0.7 of the wheel radius by default.", (2e-3, 2.0), default=None
     )
-    wheel_travel: float | None = quantity(
+    wheel_travel: float | None = positive(
         "m",
         "How far a wheel reaches below the plane of the other three; 1/3 of its radius by default.",
         (1e-3, 2.0),
         default=None,
-        above=0.0,
     )
-    front_brake_share: float | None = quantity(
+    front_brake_share: float | None = non_negative(
         "1",
         "Part of the braking force on the front axle; by default that of the static load, or, "
         "skid-steered, wheels of a side that turn as one.",
         default=None,
-        at_least=0.0,
         at_most=1.0,
     )
-    ride_frequency: float = quantity(
-        "Hz", "Bounce of the body on its suspension or tyres.", (0.2, 50.0), default=2.5, above=0.0
+    ride_frequency: float = positive(
+        "Hz", "Bounce of the body on its suspension or tyres.", (0.2, 50.0), default=2.5
     )
-    ride_damping: float = quantity(
+    ride_damping: float = positive(
         "1",
         "Damping of that bounce, a share of the critical one.",
         (0.01, 2.0),
         default=0.3,
-        above=0.0,
         at_most=2.0,
     )
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import quantity, validate_quantities
+from slopewise.models.quantity import positive, quantity, validate_quantities
 
 FEATURES = ("motion_resistance", "lateral_resistance", "slip_track")
 CONFIDENCE = {"low": 1.0, "medium": 2.0, "medium-high": 2.5, "high": 3.0}
@@ -30,7 +30,7 @@ class FeatureOfClass:
     """
 
     mean: float = quantity("feature", "Mean over repeated runs.")
-    std: float = quantity("feature", "Standard deviation over repeated runs.", above=0.0)
+    std: float = positive("feature", "Standard deviation over repeated runs.")
     samples: float = quantity("1", "Runs, or days, behind mean and spread.", at_least=2.0)
     rule: tuple[float, float] | None = None
     confidence: Confidence = "medium"

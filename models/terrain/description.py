@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from slopewise.models.quantity import Quantities, quantity
+from slopewise.models.quantity import Quantities, positive, quantity
 from slopewise.models.terrain.classes import TerrainClasses
 from slopewise.models.terrain.evidence import EvidenceWindow, MeanEvidence
 from slopewise.models.terrain.observation import GroundObservation
@@ -35,26 +35,26 @@ class ThresholdSettings(Quantities):
         slippery_below: turning thrust μ_t + (B/L) f_r [1]; None: neither slippery nor gripping.
     """
 
-    soft_above: float | None = quantity(
-        "1", "f_r that separates hard from soft ground.", default=None, above=0.0
+    soft_above: float | None = positive(
+        "1", "f_r that separates hard from soft ground.", default=None
     )
-    slippery_below: float | None = quantity(
-        "1", "Turning thrust that separates slippery from gripping.", default=None, above=0.0
+    slippery_below: float | None = positive(
+        "1", "Turning thrust that separates slippery from gripping.", default=None
     )
-    motion_run_std: float = quantity(
-        "1", "Scatter of ln f_r from run to run on one ground.", default=0.17, above=0.0
+    motion_run_std: float = positive(
+        "1", "Scatter of ln f_r from run to run on one ground.", default=0.17
     )
-    turning_run_std: float = quantity(
-        "1", "Scatter of the turning thrust's logarithm likewise.", default=0.13, above=0.0
+    turning_run_std: float = positive(
+        "1", "Scatter of the turning thrust's logarithm likewise.", default=0.13
     )
-    stated: float = quantity(
-        "1", "Standard deviations beyond a threshold that are stated.", default=1.0, above=0.0
+    stated: float = positive(
+        "1", "Standard deviations beyond a threshold that are stated.", default=1.0
     )
-    relied_on: float = quantity(
-        "1", "Standard deviations that plans rely on: one-sided 95 %.", default=1.64, above=0.0
+    relied_on: float = positive(
+        "1", "Standard deviations that plans rely on: one-sided 95 %.", default=1.64
     )
-    change: float = quantity(
-        "1", "Standard deviations on either side that are a change.", default=1.0, above=0.0
+    change: float = positive(
+        "1", "Standard deviations on either side that are a change.", default=1.0
     )
     seconds: float = quantity("s", "Latest driving that is described.", default=12.0, at_least=1.0)
     change_seconds: float = quantity(

@@ -11,6 +11,7 @@ from typing import Any
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
+from slopewise.planner.horizon.answer import PlanarState
 from slopewise.services.io.bag_paths import other_frame, points_of
 from slopewise.services.io.bags import GRID_MAP, ODOMETRY, PATH, Bag, attitude, opened, read_cdr
 from slopewise.services.io.files import fault
@@ -23,16 +24,11 @@ _MAX_AGE = 1.0
 """Age above which the stamp of odometry is taken to be of another clock than the recorder's [s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedPose:
-    """Odometry: position [m], heading [rad], speed [m/s], yaw rate [rad/s], age on arrival [s]."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedPose(PlanarState):
+    """Odometry: the state, its age on arrival, and the yaw rate [rad/s]."""
 
-    x: float
-    y: float
-    heading: float
-    speed: float
     yaw_rate: float
-    age: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,10 +120,10 @@ def _pose(message: Any, at: int) -> RecordedPose:
     twist, stamp = message.twist.twist, message.header.stamp
     age = 1e-9 * (at - stamp.sec * 1_000_000_000 - stamp.nanosec)
     return RecordedPose(
-        float(position.x),
-        float(position.y),
-        attitude(q.w, q.x, q.y, q.z)[2],
-        math.copysign(math.hypot(twist.linear.x, twist.linear.y), twist.linear.x),
-        float(twist.angular.z),
-        age if 0.0 <= age <= _MAX_AGE else 0.0,
+        x=position.x,
+        y=position.y,
+        heading=attitude(q.w, q.x, q.y, q.z)[2],
+        speed=math.copysign(math.hypot(twist.linear.x, twist.linear.y), twist.linear.x),
+        age=age if 0.0 <= age <= _MAX_AGE else 0.0,
+        yaw_rate=float(twist.angular.z),
     )

@@ -21,7 +21,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.ground.uncertainty import Uncertainty
-from slopewise.planner.horizon.answer import CycleAnswer, HorizonSettings, PlanarState
+from slopewise.planner.horizon.answer import CycleAnswer, HorizonSettings
 from slopewise.planner.horizon.horizon import Horizon
 from slopewise.services.io.bag_drive import (
     RecordedCommand,
@@ -157,11 +157,8 @@ class _Replay:
         """One cycle of horizon and guard on the newest messages; none may be missing."""
         ground = self._map
         assert ground is not None
-        state = PlanarState(
-            x=pose.x, y=pose.y, heading=pose.heading, speed=pose.speed, age=pose.age
-        )
         begin = time.perf_counter()
-        answer = self._step(state, ground)
+        answer = self._step(pose, ground)
         planned = time.perf_counter()
         command = self._command or RecordedCommand(pose.speed, pose.yaw_rate)
         decision = self._decide(
@@ -175,18 +172,17 @@ class _Replay:
         decided = time.perf_counter()
         return ReplayCycle(at, pose, answer, decision, planned - begin, decided - planned)
 
-    def _step(self, state: PlanarState, ground: ElevationMap) -> CycleAnswer:
+    def _step(self, state: RecordedPose, ground: ElevationMap) -> CycleAnswer:
         """A cycle of the horizon without the candidates that cannot be resampled."""
         paths = list(self._paths.values())
         while True:
             try:
                 return self._horizon.step(state, paths, ground)
             except ParameterError as error:
-                name = error.field.partition(".")[0]
-                left = [path for path in paths if path.name != name]
-                if len(left) == len(paths):
+                name, count = error.field.partition(".")[0], len(paths)
+                paths = [path for path in paths if path.name != name]
+                if len(paths) == count:
                     raise
-                paths = left
 
 
 def _add_next_speeds(result: ReplayResult) -> None:

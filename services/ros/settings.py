@@ -7,7 +7,13 @@ from pathlib import Path
 from typing import Literal
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import Quantities, quantity, validate_quantities
+from slopewise.models.quantity import (
+    Quantities,
+    non_negative,
+    positive,
+    quantity,
+    validate_quantities,
+)
 from slopewise.services.io.decode import decode_table
 from slopewise.services.io.files import fault, read_toml, resolve_names
 from slopewise.services.ros.naming import full_name
@@ -51,7 +57,7 @@ class ServiceEndpoint(Quantities):
     connect: str = ""  # its endpoint, or a router's; empty: it is on the router of ROS 2
     config: str = ""  # file with zenoh's own settings; empty: none
     namespace: str = "slopewise/robot"
-    timeout: float = quantity("s", "For a reply.", default=0.08, above=0.0, at_most=10.0)
+    timeout: float = positive("s", "For a reply.", default=0.08, at_most=10.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,42 +98,32 @@ class Timing:
     period: float = quantity(
         "s", "Longest time between limits.", default=0.1, at_least=0.01, at_most=1.0
     )
-    life: float = quantity(
-        "s",
-        "Time over which a limit is the lowest planned speed.",
-        default=0.5,
-        above=0.0,
-        at_most=5.0,
+    life: float = positive(
+        "s", "Time over which a limit is the lowest planned speed.", default=0.5, at_most=5.0
     )
-    path_age: float = quantity("s", "Oldest path that is used.", default=3.0, above=0.0)
-    odometry_age: float = quantity("s", "Oldest odometry that is used.", default=0.3, above=0.0)
+    path_age: float = positive("s", "Oldest path that is used.", default=3.0)
+    odometry_age: float = positive("s", "Oldest odometry that is used.", default=0.3)
     clock: Literal["unknown", "shared", "ignored"] = "unknown"
-    max_latency: float = quantity(
+    max_latency: float = non_negative(
         "s",
         "Longest delay from measurement to arrival; unused where stamps show it.",
         default=0.2,
-        at_least=0.0,
         at_most=2.0,
     )
-    transform_age: float = quantity(
-        "s", "Oldest transform that is used; fixed ones always are.", default=1.0, above=0.0
+    transform_age: float = positive(
+        "s", "Oldest transform that is used; fixed ones always are.", default=1.0
     )
     horizon: float = quantity(
         "m", "Length of a path ahead of the vehicle that is planned.", default=60.0, at_least=5.0
     )
-    launch: float = quantity(
+    launch: float = non_negative(
         "m/s",
         "Lowest limit of a vehicle that moves, where the bounds allow it: motors do not creep.",
         default=0.15,
-        at_least=0.0,
         at_most=1.0,
     )
-    crawl: float = quantity(
-        "m/s",
-        "Limit in place of a stop; 0 would mean no limit.",
-        default=0.01,
-        above=0.0,
-        at_most=0.1,
+    crawl: float = positive(
+        "m/s", "Limit in place of a stop; 0 would mean no limit.", default=0.01, at_most=0.1
     )
 
     def __post_init__(self) -> None:
@@ -140,8 +136,8 @@ class Timing:
 class FallbackStop(Quantities):
     """Stop that the brakes reach with certainty, used when the service does not reply."""
 
-    deceleration: float = quantity("m/s^2", "Mean.", default=1.5, above=0.0)
-    dead_time: float = quantity("s", "From command to onset.", default=0.5, at_least=0.0)
+    deceleration: float = positive("m/s^2", "Mean.", default=1.5)
+    dead_time: float = non_negative("s", "From command to onset.", default=0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +146,7 @@ class WheelJoints:
 
     left: str = ""
     right: str = ""
-    radius: float = quantity("m", "Of the loaded wheel.", default=0.165, above=0.0)
+    radius: float = positive("m", "Of the loaded wheel.", default=0.165)
 
     def __post_init__(self) -> None:
         validate_quantities(self)

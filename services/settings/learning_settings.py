@@ -8,7 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import Quantities, quantity, validate_quantities
+from slopewise.models.quantity import (
+    Quantities,
+    non_negative,
+    positive,
+    quantity,
+    validate_quantities,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,11 +29,11 @@ class Learning:
     enabled: bool = True  # False: the model file's parameters hold, observations are counted only
     terrains: str = ""
     estimators: tuple[str, ...] = ()
-    degraded_speed: float = quantity(
-        "m/s", "Highest speed while an estimator is missing.", default=1.0, above=0.0
+    degraded_speed: float = positive(
+        "m/s", "Highest speed while an estimator is missing.", default=1.0
     )
-    rise: float = quantity(
-        "1", "Highest rise of F_b/W in plans with one stop.", default=0.01, above=0.0, at_most=0.2
+    rise: float = positive(
+        "1", "Highest rise of F_b/W in plans with one stop.", default=0.01, at_most=0.2
     )
     most_above_file: float = quantity(  # words: ok, a key of the file
         "1",
@@ -43,11 +49,10 @@ class Learning:
         at_least=1,
         at_most=100_000,
     )
-    change: float = quantity(
+    change: float = positive(
         "1",
         "How far F_b/W may change with ground and load, standard deviation.",
         default=0.15,
-        above=0.0,
         at_most=1.0,
     )
     grows_old: float = quantity(
@@ -67,9 +72,7 @@ class Learning:
     mount: float = quantity(
         "rad", "Offset of the pitch sensor.", default=0.0, at_least=-0.5, at_most=0.5
     )
-    dive: float = quantity(
-        "rad s²/m", "Pitch under braking.", default=0.0, at_least=0.0, at_most=0.1
-    )
+    dive: float = non_negative("rad s²/m", "Pitch under braking.", default=0.0, at_most=0.1)
     queue: int = quantity(
         "1",
         "Observations that may wait; one more is lost and flagged.",
@@ -84,11 +87,8 @@ class Learning:
         at_least=1000,
         at_most=1_000_000_000,
     )
-    early: float = quantity(
-        "s",
-        "How far an observation's clock may run ahead of the time that passed.",
-        default=2.0,
-        above=0.0,
+    early: float = positive(
+        "s", "How far an observation's clock may run ahead of the time that passed.", default=2.0
     )
 
     def __post_init__(self) -> None:
@@ -141,11 +141,8 @@ class Investigation(Quantities):
     stops: int = quantity(
         "1", "Latest stops that are examined.", default=200, at_least=12, at_most=5000
     )
-    every: float = quantity(
-        "s",
-        "Time between scheduled investigations; 0: on request only.",
-        default=0.0,
-        at_least=0.0,
+    every: float = non_negative(
+        "s", "Time between scheduled investigations; 0: on request only.", default=0.0
     )
     fresh: int = quantity(
         "1",

@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import Literal
 
 from slopewise.models.errors import ParameterError
-from slopewise.models.quantity import Quantities, quantity, validate_quantities
+from slopewise.models.quantity import (
+    Quantities,
+    non_negative,
+    positive,
+    quantity,
+    validate_quantities,
+)
 from slopewise.planner.ground.uncertainty import QUANTILE, Uncertainty
 from slopewise.planner.horizon.answer import HorizonSettings
 from slopewise.planner.settings import PlannerSettings
@@ -45,29 +51,24 @@ class Planning(PlannerSettings):
         at_least=1,
         at_most=_MAX_QUEUE,
     )
-    deadline: float = quantity(
-        "s",
-        "From arrival to reply, unless the request states another.",
-        default=0.1,
-        above=0.0,
-        at_most=60.0,
+    deadline: float = positive(
+        "s", "From arrival to reply, unless the request states another.", default=0.1, at_most=60.0
     )
-    longest_deadline: float = quantity(
-        "s", "Longest time that a request may wait.", default=10.0, above=0.0, at_most=600.0
+    longest_deadline: float = positive(
+        "s", "Longest time that a request may wait.", default=10.0, at_most=600.0
     )
-    early: float = quantity(
-        "s", "How long before its deadline a request is answered busy.", default=0.01, at_least=0.0
+    early: float = non_negative(
+        "s", "How long before its deadline a request is answered busy.", default=0.01
     )
     clients: int = quantity(
         "1", "Clients that are remembered.", default=8, at_least=1, at_most=1000
     )
-    budget: float = quantity("s", "Time for one cycle of a client.", default=0.02, above=0.0)
-    period: float = quantity("s", "From one cycle of a client to the next.", default=0.1, above=0.0)
-    max_map_age: float = quantity(
+    budget: float = positive("s", "Time for one cycle of a client.", default=0.02)
+    period: float = positive("s", "From one cycle of a client to the next.", default=0.1)
+    max_map_age: float = positive(
         "s",
         "Age of the map up to which plans are as fast as they may; at twice of it they stop.",
         default=30.0,
-        above=0.0,
     )
     quantile: float = quantity(
         "1",
@@ -76,8 +77,8 @@ class Planning(PlannerSettings):
         at_least=0.5,
         at_most=0.999999,
     )
-    slope_std: float = quantity(
-        "rad", "Error of the map's grade and roll.", default=0.0, at_least=0.0, at_most=0.2
+    slope_std: float = non_negative(
+        "rad", "Error of the map's grade and roll.", default=0.0, at_most=0.2
     )
 
     def __post_init__(self) -> None:
@@ -126,7 +127,7 @@ class StatusSettings(Quantities):
     """When the status is published, and what it flags."""
 
     period: float = quantity("s", "From one status to the next.", default=1.0, at_least=0.05)
-    map_age: float = quantity("s", "A map older than that is flagged.", default=5.0, above=0.0)
+    map_age: float = positive("s", "A map older than that is flagged.", default=5.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
