@@ -147,7 +147,7 @@ def test_courses_repeat_and_never_report_more_than_is_free(number: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("seconds", "metres"), [(20.0, 14.0), pytest.param(600.0, 20.0, marks=pytest.mark.nightly)]
+    ("seconds", "metres"), [(12.0, 8.0), pytest.param(600.0, 20.0, marks=pytest.mark.nightly)]
 )
 def test_example_controller_keeps_the_stopping_path(
     seconds: float, metres: float, monkeypatch: pytest.MonkeyPatch

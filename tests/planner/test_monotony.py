@@ -13,7 +13,6 @@ To 1e-6 m/s, except the service deceleration. Inherent, of 100 random scenes eac
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -24,64 +23,38 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
-from tests.planner.test_properties import Drive, drives
+from tests.planner.test_properties import Drive, drives, solve, speeds
 from tests.world.generated import between, by_day_and_night
 from tests.world.vehicles import Tables, model_of
 
 STARTS = st.one_of(st.just(0.0), between(0.0, 6.0))
-SOME = by_day_and_night(40, 1000)
-
-
-def solve(
-    tables: Tables, drive: Drive, start: float, uncertainty: Uncertainty | None = None
-) -> TimeOptimalBatch:
-    _, ground, path = drive
-    model = model_of(tables)
-    return time_optimal_batch(
-        ground,
-        batch([path], 0.25),
-        model if uncertainty is None else uncertainty.cautious(model),
-        start_speed=start,
-        uncertainty=uncertainty,
-    )
+SOME = by_day_and_night(20, 1000)
 
 
 def nowhere_faster(tight: TimeOptimalBatch, loose: TimeOptimalBatch, by: float = 0.0) -> None:
-    slow, fast = (np.sqrt(solved.speed_sq[:, 0]) for solved in (tight, loose))
-    np.testing.assert_array_less(slow, (1.0 + by) * fast + 1e-6)
+    np.testing.assert_array_less(speeds(tight), (1.0 + by) * speeds(loose) + 1e-6)
 
 
-def changed(tables: Tables, table: str, **change: Callable[[float], float]) -> Tables:
+def changed(tables: Tables, table: str, **values: object) -> Tables:
     out = copy.deepcopy(tables)
-    for name, of in change.items():
-        out[table][name] = of(out[table][name])
+    out[table].update(values)
     return out
 
 
 @SOME
-@pytest.mark.parametrize("name", ["speed", "accel", "lateral_accel"])
+@pytest.mark.parametrize("name", ["speed", "accel", "lateral_accel", "min_load", "dead_time"])
 @given(drive=drives(), share=between(0.2, 1.0), start=STARTS)
-def test_a_lower_limit(name: str, drive: Drive, share: float, start: float) -> None:
-    loose = copy.deepcopy(drive[0])
-    loose["limits"]["vertical_accel"] = 100.0
-    tight = changed(loose, "limits", **{name: lambda limit: share * limit})
+def test_a_tighter_limit(name: str, drive: Drive, share: float, start: float) -> None:
+    tables, *scene = drive
+    tables = changed(tables, "limits", vertical_accel=100.0)
+    table = "braking" if name == "dead_time" else "limits"
+    value, more = tables[table][name], {"min_load": 0.3, "dead_time": 0.4}.get(name)
+    tighter = value + (1.0 - share) * more if more else share * value
+    tight = changed(tables, table, **{name: tighter})
     # What is slower in a turn loses less load over a crest there: stops from before it are shorter.
     by = 0.01 if name == "lateral_accel" else 0.0
-    nowhere_faster(solve(tight, drive, start), solve(loose, drive, start), by)
-
-
-@SOME
-@given(drive=drives(), more=between(0.0, 0.3), start=STARTS)
-def test_a_higher_load_to_keep(drive: Drive, more: float, start: float) -> None:
-    tight = changed(drive[0], "limits", min_load=lambda load: load + more)
-    nowhere_faster(solve(tight, drive, start), solve(drive[0], drive, start))
-
-
-@SOME
-@given(drive=drives(), more=between(0.0, 0.4), start=STARTS)
-def test_a_longer_dead_time(drive: Drive, more: float, start: float) -> None:
-    late = changed(drive[0], "braking", dead_time=lambda time: time + more)
-    nowhere_faster(solve(late, drive, start), solve(drive[0], drive, start))
+    slow, fast = (solve(each, *scene, start_speed=start) for each in (tight, tables))
+    nowhere_faster(slow, fast, by)
 
 
 @SOME
@@ -91,24 +64,28 @@ def test_a_lower_deceleration(drive: Drive, share: float, start: float) -> None:
 
     There it keeps more of its load and its brakes: the crest may be passed faster by that much.
     """
-    tight = changed(drive[0], "limits", decel=lambda limit: share * limit)
-    slow, fast = solve(tight, drive, start), solve(drive[0], drive, start)
-    less = drive[0]["limits"]["decel"] * (1.0 - share) * float(slow.ground.dead_time.max())
-    assert np.all(np.sqrt(slow.speed_sq) <= np.sqrt(fast.speed_sq) + less + 1e-6)
+    tables, *scene = drive
+    decel = tables["limits"]["decel"]
+    tight = changed(tables, "limits", decel=share * decel)
+    slow, fast = (solve(each, *scene, start_speed=start) for each in (tight, tables))
+    less = decel * (1.0 - share) * float(slow.ground.dead_time.max())
+    assert np.all(speeds(slow) <= speeds(fast) + less + 1e-6)
 
 
 @SOME
 @given(drive=drives(), factor=between(1.0, 9.0), start=STARTS)
 def test_more_covariance(drive: Drive, factor: float, start: float) -> None:
+    (tables, ground, path), careful = drive, Uncertainty()
     known = np.diag([1e-4, 9e-4, 4e-6, 4e-5])
-
-    def with_covariance(matrix: np.ndarray) -> Tables:
-        out = copy.deepcopy(drive[0])
-        out["braking"]["covariance"] = tuple(map(tuple, matrix.tolist()))
-        return out
-
     less, more = (
-        solve(with_covariance(c), drive, start, Uncertainty()) for c in (known, factor * known)
+        time_optimal_batch(
+            ground,
+            batch([path], 0.25),
+            careful.cautious(model_of(changed(tables, "braking", covariance=tuple(map(tuple, c))))),
+            start_speed=start,
+            uncertainty=careful,
+        )
+        for c in (known.tolist(), (factor * known).tolist())
     )
     nowhere_faster(more, less)
 
@@ -120,4 +97,5 @@ def test_fewer_known_cells(drive: Drive, seed: int, share: float, start: float) 
     heights = ground.elevation.copy()
     heights[np.random.default_rng(seed).random(heights.shape) < share] = np.nan
     less = ElevationMap(elevation=heights, resolution=ground.resolution, origin=ground.origin)
-    nowhere_faster(solve(tables, (tables, less, path), start), solve(tables, drive, start))
+    slow, fast = (solve(tables, known, path, start_speed=start) for known in (less, ground))
+    nowhere_faster(slow, fast)

@@ -45,7 +45,7 @@ def planned(model: Model, ground: ElevationMap, **settings: object) -> SpeedPlan
 
 
 @pytest.mark.parametrize("vehicle", VEHICLES)
-@pytest.mark.parametrize("std", [0.01, 0.02])
+@pytest.mark.parametrize("std", [pytest.param(0.01, marks=pytest.mark.nightly), 0.02])
 def test_noise_neither_stops_nor_slows(vehicle: str, std: float) -> None:
     model = slopewise.read_model(vehicle)
     exact = planned(model, measured(0.0))

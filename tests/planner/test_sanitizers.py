@@ -17,7 +17,7 @@ from tests.world.compilers import CORE, compiler_with
 HERE = Path(__file__).parent
 BY_DAY = ("planner_driver.cpp", "path_driver.cpp")
 DRIVERS = sorted(HERE.rglob("*_driver.cpp"))
-SECONDS = int(os.environ.get("SLOPEWISE_FUZZ_SECONDS", 2))
+SECONDS = int(os.environ.get("SLOPEWISE_FUZZ_SECONDS", 1))
 """For each program; more of a night."""
 # Reports need lines of the sources, not values of variables. What is not optimised compiles in a
 # share of the time and runs for some times as long: by day the compiler is what costs.

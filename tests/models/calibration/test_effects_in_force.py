@@ -93,7 +93,9 @@ def with_effect(name: str, **parameters: float) -> Model:
 @pytest.mark.parametrize(
     ("hidden", "model"),
     [
-        ({"drag": 0.08}, with_effect("aerodynamic_drag", c=0.08)),
+        pytest.param(
+            {"drag": 0.08}, with_effect("aerodynamic_drag", c=0.08), marks=pytest.mark.nightly
+        ),
         ({"lag": 0.3}, with_effect("brake_lag", tau=0.3)),
     ],
 )

@@ -194,7 +194,7 @@ def test_an_unobservable_mount_is_reported_and_adds_margin() -> None:
     assert np.mean(more) > 0.01
 
 
-@pytest.mark.parametrize("change", [0.25, -0.3])
+@pytest.mark.parametrize("change", [pytest.param(0.25, marks=pytest.mark.nightly), -0.3])
 def test_other_brakes_uphill_get_coefficients_of_their_own(
     change: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -180,7 +180,7 @@ def test_drag_in_slow_stops_is_ambiguous_and_an_experiment_is_proposed() -> None
     assert max(speeds) > 0.9 * np.max(columns["v_cmd"])
 
 
-@pytest.mark.parametrize("name", ["cross", "lag"])
+@pytest.mark.parametrize("name", ["cross", pytest.param("lag", marks=pytest.mark.nightly)])
 def test_a_second_run_with_the_written_model_finds_no_further_effect(name: str) -> None:
     again = investigate(*log(name), findings_of(name).model)
     assert again.verdict is Verdict.NONE

@@ -7,7 +7,7 @@ import pytest
 
 import slopewise
 
-LENGTH = 40.0  # of the square map [m]
+LENGTH = 26.0  # of the square map [m]
 
 
 def ground_with_drop(cell: float) -> tuple[slopewise.ElevationMap, float]:
@@ -19,7 +19,7 @@ def ground_with_drop(cell: float) -> tuple[slopewise.ElevationMap, float]:
     return slopewise.ElevationMap(elevation=heights, resolution=cell, origin=(0.0, 0.0)), edge
 
 
-@pytest.mark.parametrize("cell", [0.05, 0.1])
+@pytest.mark.parametrize("cell", [pytest.param(0.05, marks=pytest.mark.nightly), 0.1])
 @pytest.mark.parametrize("name", ["atv", "husky", "ugv"])
 def test_wheels_stop_before_a_drop_at_any_angle(name: str, cell: float) -> None:
     model = slopewise.read_model(name)

@@ -26,7 +26,7 @@ from slopewise.services.export.schema import model_schema
 from slopewise.services.io.model_file import find_model, model_from_dict, read_model, shipped_models
 from tests.services.command_line import here, one_line_of
 
-POINTS = 2_000
+POINTS = 400
 EXACT = 1e-9
 
 

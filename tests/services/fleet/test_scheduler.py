@@ -36,7 +36,7 @@ def test_linear_algebra_has_one_thread_here_and_there() -> None:
 
 def test_a_task_that_workers_die_of_is_given_up_and_the_others_are_done() -> None:
     tasks = [(str(i), i) for i in range(6)]
-    with dask.config.set({"distributed.scheduler.allowed-failures": 1}):
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
         done = list(each_done(doubled, tasks, Workers(1), lambda number: -number))
         assert sorted(done) == [-3, 0, 2, 4, 8, 10]
         with pytest.raises(KilledWorker):
