@@ -82,7 +82,7 @@ def swept_hazards(
 ) -> Hazards:
     """Hazards of wheels and body along candidates, and how fast rough ground may be driven.
 
-    The first station is where the vehicle stands: only a step up that a wheel touches blocks it there.
+    The first station is where the vehicle stands: only a step up that a wheel touches blocks it.
     Each candidate is checked up to its first blocked station.
 
     Args:

@@ -1,8 +1,9 @@
-"""Elevation from a GeoTIFF: band 1, metres on a square north-up grid. Nodata stays unknown.
+"""Elevation from a GeoTIFF: metres on a square north-up grid. Nodata stays unknown.
 
-Without a coordinate system the grid is taken to be in metres, as robots' own maps are. Degrees,
-feet, Web Mercator (its metres are not metres on the ground), rotated or oblong cells are refused:
-slopes from them would be wrong.
+Heights are those of the first band that is described as such, of band 1 if none is. Without a
+coordinate system the grid is taken to be in metres, as robots' own maps are. Degrees, feet,
+rotated or oblong cells are refused, and projections whose metres are not metres on the ground
+there (:mod:`slopewise.services.io.map_projection`): slopes from them would be wrong.
 
 A further band whose description speaks of a variance [m²], or of a standard deviation, an error or
 an uncertainty [m], reports the error of the heights.
@@ -22,15 +23,15 @@ from typing import Any
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.services.io import height_error, no_data
+from slopewise.services.io import height_error, map_projection, no_data
 from slopewise.services.io.files import check_file, fault
 from slopewise.services.io.map_grid import MapInfo, MapLayers
 from slopewise.services.io.no_data import NoData
 
 _SQUARE = 1e-6  # relative difference of edges, and share of shear, that is still rounding
-_METRES = ("metre", "meter", "metres", "meters", "m", "")
-_SMALLEST_CELL = 2e-3  # [m] without a coordinate system, smaller cells are degrees
 _ERRORS = re.compile(r"variance|std|stdev|sigma|standard.deviation|error|uncertainty|rmse")
+_HEIGHTS = re.compile(r"elev|height|altitude|\b(dem|dtm|dsm|dhm)\b")
+_NO_HEIGHTS = re.compile(r"slope|aspect|shade|rough|curvature|intensity|density|count|mask|class")
 _THINNED = 1024  # rows and columns of a band of errors that are read
 _SPOTS, _SPOT = 8, 256
 """Spots in a row and in a column, and cells along the edge of each, that stand for all heights of a
@@ -61,7 +62,8 @@ class GeotiffWindows:
         self._path = path
         self._nodata = nodata
         self.markers: set[float] = set()  # undeclared ones among the heights read so far
-        self.info = _checked(dataset, path)
+        self._band = _height_band(dataset, path)
+        self.info = _checked(dataset, path, self._band - 1)
 
     @property
     def georeferenced(self) -> bool:
@@ -111,11 +113,12 @@ class GeotiffWindows:
         top = self.info.rows - rows.stop if flipped else rows.start
         window = Window(columns.start, top, columns.stop - columns.start, rows.stop - rows.start)
         with _in_one_line(self._path):
-            band = dataset.read(1, window=window, masked=True, out_dtype="float64")
+            band = dataset.read(self._band, window=window, masked=True, out_dtype="float64")
         raw: Floats = np.ma.filled(band, np.nan)
-        scale, offset = dataset.scales[0], dataset.offsets[0]
+        index = self._band - 1
+        scale, offset = dataset.scales[index], dataset.offsets[index]
         if (scale, offset) != (1.0, 0.0):
-            raw, markers = no_data.known_raw(raw, self._nodata, dataset.dtypes[0])
+            raw, markers = no_data.known_raw(raw, self._nodata, dataset.dtypes[index])
             self.markers.update(markers)
         heights: Floats = raw * scale + offset
         return np.ascontiguousarray(heights[::-1] if flipped else heights)
@@ -130,9 +133,9 @@ class GeotiffWindows:
     @cached_property
     def stated_std(self) -> float | None:
         """The same where the file states it, else None."""
-        for band, description in enumerate(self._dataset.descriptions[1:], start=2):
+        for band, description in enumerate(self._dataset.descriptions, start=1):
             kind = _ERRORS.search((description or "").lower())
-            if kind is None:
+            if kind is None or band == self._band:
                 continue
             if (std := self._std_of_band(band, kind[0] == "variance")) is not None:
                 return std
@@ -187,7 +190,18 @@ def _in_one_line(path: Path) -> Iterator[None]:
         logger.setLevel(before)
 
 
-def _checked(dataset: Any, path: Path) -> MapInfo:
+def _height_band(dataset: Any, path: Path) -> int:
+    """Number of the band that holds the heights."""
+    descriptions = [(text or "").lower() for text in dataset.descriptions]
+    for band, text in enumerate(descriptions, start=1):
+        if _HEIGHTS.search(text) and not _ERRORS.search(text) and not _NO_HEIGHTS.search(text):
+            return band
+    if _ERRORS.search(descriptions[0]) or _NO_HEIGHTS.search(descriptions[0]):
+        raise fault(path, "band 1", f"expected elevation [m], got {dataset.descriptions[0]!r}")
+    return 1
+
+
+def _checked(dataset: Any, path: Path, band: int) -> MapInfo:
     from rasterio.enums import ColorInterp
 
     transform = dataset.transform
@@ -196,56 +210,18 @@ def _checked(dataset: Any, path: Path) -> MapInfo:
     edge, shear = abs(transform.a), max(abs(transform.b), abs(transform.d))
     if shear > _SQUARE * edge or transform.a <= 0.0:
         raise fault(path, "transform", "expected a grid aligned with x and y, got a rotated one")
-    _check_crs(dataset, path)
+    map_projection.check(dataset, path)
     if not abs(edge - abs(transform.e)) <= _SQUARE * edge:
         got = f"{edge:g} x {abs(transform.e):g}"
         raise fault(path, "transform", f"expected square cells [m], got {got}")
-    if dataset.colorinterp[0] in (ColorInterp.red, ColorInterp.palette):
-        raise fault(path, "band 1", "expected elevation [m], got a colour image")
-    if np.dtype(dataset.dtypes[0]).kind not in "iuf":
-        raise fault(path, "band 1", f"expected real numbers [m], got {dataset.dtypes[0]}")
-    if (dataset.units[0] or "").strip().lower() not in _METRES:
-        raise fault(path, "band 1 unit", f"expected heights in metres, got {dataset.units[0]}")
+    name = f"band {band + 1}"
+    if dataset.colorinterp[band] in (ColorInterp.red, ColorInterp.palette):
+        raise fault(path, name, "expected elevation [m], got a colour image")
+    if np.dtype(dataset.dtypes[band]).kind not in "iuf":
+        raise fault(path, name, f"expected real numbers [m], got {dataset.dtypes[band]}")
+    if (dataset.units[band] or "").strip().lower() not in map_projection.METRES:
+        raise fault(path, f"{name} unit", f"expected heights in metres, got {dataset.units[band]}")
     # The raster's own origin is a corner of its first row, which is the last one here.
     bottom = dataset.height - 0.5 if transform.e < 0.0 else 0.5
     origin = (transform.c + 0.5 * transform.a, transform.f + bottom * transform.e)
     return MapInfo(dataset.height, dataset.width, edge, origin)
-
-
-def _check_crs(dataset: Any, path: Path) -> None:
-    if not dataset.crs:
-        left, low, right, high = dataset.bounds
-        in_degrees = max(abs(left), abs(right)) <= 180.0 and max(abs(low), abs(high)) <= 90.0
-        if dataset.transform.a < _SMALLEST_CELL and in_degrees:
-            cell = f"cells of {dataset.transform.a:g} and no crs; that looks like degrees"
-            raise fault(path, "crs", f"expected a projected one in metres, got {cell}")
-        return
-    try:
-        projection = dataset.crs.to_dict(projjson=True)
-    except Exception as error:  # noqa: BLE001  what GDAL raises here is documented nowhere
-        got = type(error).__name__
-        raise fault(path, "crs", f"expected a projected one in metres, got {got}") from None
-    for part in _simple_systems(projection):
-        name, kind = part.get("name", "unknown"), part.get("type", "unknown")
-        got = "degrees" if kind.startswith("Geographic") else kind
-        if kind not in ("ProjectedCRS", "EngineeringCRS", "LocalCRS", "VerticalCRS"):
-            got = f"{name} ({got})"
-            raise fault(path, "crs", f"expected a projected one in metres, got {got}")
-        method = part.get("conversion", {}).get("method", {}).get("name", "")
-        if "Pseudo" in method:
-            got = f"{name}, whose metres are not metres on the ground"
-            raise fault(path, "crs", f"expected a projected one in metres, got {got}")
-        for axis in part.get("coordinate_system", {}).get("axis", ()):
-            unit = axis.get("unit", "metre")
-            unit = unit.get("name", "unknown") if isinstance(unit, dict) else unit
-            if unit not in _METRES:
-                raise fault(path, "crs", f"expected metres, got {unit} in {name}")
-
-
-def _simple_systems(projection: dict[str, Any]) -> list[dict[str, Any]]:
-    """Horizontal and vertical system of a compound or bound one."""
-    if projection.get("type") == "CompoundCRS":
-        return [s for part in projection["components"] for s in _simple_systems(part)]
-    if projection.get("type") == "BoundCRS":
-        return _simple_systems(projection["source_crs"])
-    return [projection]

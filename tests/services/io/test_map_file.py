@@ -32,6 +32,7 @@ HEIGHTS = RNG.normal(100.0, 5.0, (12, 17)).astype(np.float32)
 def geotiff(path: Path, heights: Any = HEIGHTS, **profile: Any) -> Path:
     heights = np.atleast_3d(np.asarray(heights).T).T  # (bands, rows, columns)
     units = profile.pop("unit", None)
+    descriptions = profile.pop("descriptions", None)
     scales = profile.pop("scale", None)
     settings = {"crs": UTM, "transform": NORTH_UP, "dtype": heights.dtype, **profile}
     bands, rows, columns = heights.shape
@@ -39,6 +40,8 @@ def geotiff(path: Path, heights: Any = HEIGHTS, **profile: Any) -> Path:
         path, "w", driver="GTiff", count=bands, height=rows, width=columns, **settings
     ) as dataset:
         dataset.write(heights)
+        if descriptions:
+            dataset.descriptions = descriptions
         if units:
             dataset.units = [units] * bands
         if scales:
@@ -237,6 +240,48 @@ def test_coordinates_that_are_not_metres(tmp_path: Path, crs: str, message: str)
     for read in (map_info, read_map):
         with fault_in(path, "crs", message):
             read(path)
+
+
+@pytest.mark.parametrize(
+    ("crs", "x", "y"),
+    [
+        pytest.param("EPSG:3395", 2.8e6, 8.36e6, id="World Mercator at 60°, scale 2"),
+        pytest.param("+proj=merc +a=6378137 +b=6378137", 2.8e6, 8.4e6, id="Web Mercator spelt out"),
+        pytest.param("EPSG:4087", 2.8e6, 6.7e6, id="Plate Carrée, north true, east doubled"),
+        pytest.param("EPSG:6933", 2.4e6, 6.3e6, id="equal area"),
+        pytest.param("EPSG:3408", 0.0, -4.4e6, id="azimuthal at 50°, 6 %"),
+        pytest.param("EPSG:27700", -1e7, 3e7, id="outside of its country"),
+    ],
+)
+def test_metres_that_are_none_on_the_ground(tmp_path: Path, crs: str, x: float, y: float) -> None:
+    path = geotiff(tmp_path / "m.tif", crs=crs, transform=Affine(0.5, 0, x, 0, -0.5, y))
+    with fault_in(path, "crs", "metres are not metres on the ground: there one is 0."):
+        read_map(path)
+
+
+@pytest.mark.parametrize(
+    ("crs", "x", "y"),
+    [
+        pytest.param("EPSG:32632", 1.384e6, 6.75e6, id="UTM 16° from its meridian, 1.3 %"),
+        pytest.param("EPSG:3035", 4.9e6, 4.1e6, id="LAEA"),
+        pytest.param("EPSG:32761", 2e6, 2e6, id="the pole is a corner"),
+        pytest.param("EPSG:2193", 1.75e6, 5.4e6, id="NZTM"),
+        pytest.param("+proj=eqc +R=3396190", 1000.0, 1000.0, id="Mars"),
+    ],
+)
+def test_metres_on_the_ground(tmp_path: Path, crs: str, x: float, y: float) -> None:
+    path = geotiff(tmp_path / "m.tif", crs=crs, transform=Affine(0.5, 0, x, 0, -0.5, y))
+    assert read_map(path).resolution == 0.5
+
+
+def test_bands_by_their_descriptions(tmp_path: Path) -> None:
+    bands = np.stack((0 * HEIGHTS, HEIGHTS))
+    for names in (("slope", "elevation"), ("height error", "DTM"), ("height error", "Height")):
+        path = geotiff(tmp_path / "m.tif", bands, descriptions=names)
+        np.testing.assert_array_equal(read_map(path).elevation, HEIGHTS[::-1])
+    path = geotiff(tmp_path / "m.tif", bands, descriptions=("slope", "roughness"))
+    with fault_in(path, "band 1", "expected elevation [m], got 'slope'"):
+        read_map(path)
 
 
 @pytest.mark.parametrize("crs", [UTM, "EPSG:26915+5703", 'LOCAL_CS["site",UNIT["metre",1]]', None])
