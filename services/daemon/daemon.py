@@ -42,6 +42,7 @@ from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.connect import error_text
+from slopewise.services.wire.endpoint import STOP_TIMEOUT
 from slopewise.services.wire.peer_status import PeerStatus, router_warnings
 from slopewise.services.wire.plan_messages import ServiceStatus
 
@@ -56,7 +57,6 @@ _LEARNING_TIMEOUT = 10.0
 """Time without a sign of the learning thread from which plans are slowed [s]."""
 
 _DISCOVERY_TIMEOUT = 0.5  # time in which another service with this id answers at the start [s]
-_STOP_TIMEOUT = 2.0  # longest wait for the status thread to end [s]
 
 
 class Service:
@@ -119,7 +119,7 @@ class Service:
             component.open()
             started.callback(component.close)
         self._reporter.start()
-        started.callback(self._reporter.join, _STOP_TIMEOUT)
+        started.callback(self._reporter.join, STOP_TIMEOUT)
         declared = [
             *self._plan_endpoint.declare(self._session),
             self._map_endpoint.declare(self._session),

@@ -20,11 +20,10 @@ from slopewise.models.errors import InputError
 from slopewise.models.parameters import Braking, Model
 from slopewise.models.stop_distance import StopDistance
 from slopewise.models.stops.simulation import GroundTrack, simulate_stop
+from slopewise.planner.ground.uncertainty import QUANTILE
 from slopewise.services.io.model_file import model_from_dict
 from slopewise.services.wire.model_proposal import StopDistanceChange
 
-_PROMISED = 0.999
-"""Quantile at which tables of stop distances are compared [1]: that of plans by default."""
 _MAX_DISTANCE = 1000.0  # distance of a stop that never ends [m]
 _ROLLS = (-0.15, 0.0, 0.15)  # Level, and the roll of rough ground to both sides [rad]
 
@@ -93,7 +92,7 @@ def _wider(a: StopDistance | None, b: StopDistance | None) -> StopDistance | Non
     """The table that allows more; a finding without one keeps that of the file."""
     if a is None or b is None:
         return a or b
-    return max(a, b, key=lambda table: table.worst(_PROMISED))
+    return max(a, b, key=lambda table: table.worst(QUANTILE))
 
 
 def model_of(tables: dict[str, Any], file: Model) -> Model:

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.services.wire.arrival import SenderTable
+from slopewise.services.wire.arrival import MAX_ROBOT_SENDERS, SenderTable
+from slopewise.services.wire.observations import MAX_SAMPLES
 
 _STOP_COMMAND = 0.01  # largest command that is a stop command [m/s]
 _STANDSTILL_SPEED = 0.02  # speed of a standing vehicle [m/s]
@@ -21,15 +22,13 @@ _BEFORE, _AFTER = 1.5, 1.0
 _MAX_GAP = 0.5  # longest gap between samples of one stop [s]
 _MAX_DURATION = 30.0  # longest stop [s]
 _MIN_SPEED = 0.3  # lowest speed of a stop [m/s]; sensor noise hides slower ones
-_MAX_SAMPLES = 20_000  # samples of one stop [1], as of one message
-_MAX_SOURCES = 8  # senders whose streams are followed [1]; a robot has one or two
 
 
 class StopExtractor:
     """Returns stops as their last samples arrive; one thread."""
 
     def __init__(self) -> None:
-        self._streams = SenderTable[str, dict[str, Floats]](dict, _MAX_SOURCES)
+        self._streams = SenderTable[str, dict[str, Floats]](dict, MAX_ROBOT_SENDERS)
 
     def add_samples(self, source: str, columns: Mapping[str, Floats]) -> list[dict[str, Floats]]:
         """Columns of the stops that are complete with these samples, (n,) by name, SI."""
@@ -40,7 +39,7 @@ class StopExtractor:
             stream = {name: np.concatenate((held[name], columns[name])) for name in held}
         stops, keep = _complete(stream)
         self._streams[source] = {name: values[keep:] for name, values in stream.items()}
-        return [stop for stop in stops if len(stop["t"]) <= _MAX_SAMPLES]
+        return [stop for stop in stops if len(stop["t"]) <= MAX_SAMPLES]
 
 
 def _complete(columns: Mapping[str, Floats]) -> tuple[list[dict[str, Floats]], int]:

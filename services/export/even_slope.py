@@ -29,8 +29,7 @@ from slopewise.models.laws.holding import brakes_hold
 from slopewise.models.laws.wheel_lockup import friction_cap, lockup_force_ratios
 from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.quantity import GRAVITY
-
-_MIN_NET_RATIO = 0.02  # F_b/W + sin θ below which plans count on no stop [1]
+from slopewise.planner.bounds.speed_bounds import HOLDING
 
 _STEPS = 32
 """Steps of time of a stop: drag counts by its least in each, 2 % of it too little at most."""
@@ -104,13 +103,13 @@ class EvenSlope:
         full = begin + GRAVITY * down * motion.lag
         retained, stops_hot = self._unfaded(force, down, full)
         net = retained + np.sin(grade) - push
-        slowing = GRAVITY * np.fmax(net, _MIN_NET_RATIO)
+        slowing = GRAVITY * np.fmax(net, HOLDING)
         if motion.lag > 0.0 or motion.moves:
             lasts = motion.lag + full / slowing
             braked = self._in_steps(begin, lasts, retained, grade, down)
         else:
             braked = begin * begin / (2.0 * slowing)
-        ends = self.trained(grade) * is_bounded * stops_hot * (net >= _MIN_NET_RATIO)
+        ends = self.trained(grade) * is_bounded * stops_hot * (net >= HOLDING)
         return choose(ends, begin * table.dead_time + braked + table.distance_offset, math.inf)
 
     def speed_bound(self, clear: Any, grade: Any, extra: Any) -> Any:
@@ -128,14 +127,12 @@ class EvenSlope:
         gained = GRAVITY * down * lag
         retained, stops_hot = self._unfaded(force, down, cap + gain + gained)
         net = retained + np.sin(grade) - push
-        slowing, dead = GRAVITY * np.fmax(net, _MIN_NET_RATIO), table.dead_time + lag
+        slowing, dead = GRAVITY * np.fmax(net, HOLDING), table.dead_time + lag
         # No brakes at all for the time of the lag, and all of them then, is a longer stop.
         far = clear + gained * (dead - 0.5 * lag)
         full = braking.speed_of_stopping_distance(far, slowing, dead, table.distance_offset)
         speed = full - gained - gain
-        stops = (
-            self.trained(grade) * is_bounded * stops_hot * (net >= _MIN_NET_RATIO) * (speed > 0.0)
-        )
+        stops = self.trained(grade) * is_bounded * stops_hot * (net >= HOLDING) * (speed > 0.0)
         stops = stops * (brakes_hold(self.force(slow, grade, extra), grade) >= 0.0)
         return choose(stops, choose(speed > cap, cap, speed), 0.0)
 

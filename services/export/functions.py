@@ -24,15 +24,12 @@ from slopewise.models.effects.effect_law import Place
 from slopewise.models.laws import braking, wheel_loads
 from slopewise.models.parameters import Model
 from slopewise.models.stop_promise import promised
+from slopewise.planner.ground.uncertainty import QUANTILE
 from slopewise.services.export.even_slope import EvenSlope, choose
 
 _SPEED, _GRADE = ("speed", "m/s"), ("grade", "rad, uphill positive")
 _ROLL = ("roll", "rad, left side up positive")
 _GROUND = ("ground_force", "1, of ground_force(); 0 without effects")
-
-
-PROMISED = 0.999
-"""Quantile at which promised stop distances are exported [1]: that of plans by default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +52,9 @@ def functions_of(model: Model) -> list[ModelFunction]:
     """All functions of a model; with several surfaces those of each, its name behind an underscore.
 
     Derivatives of each are functions called ``d_…``, a row with one entry an input. Stop distances
-    that the file promises are those at ``PROMISED``.
+    that the file promises are those at plans by default.
     """
-    model = promised(model, PROMISED, as_mean=True)
+    model = promised(model, QUANTILE, as_mean=True)
     with contextlib.suppress(AttributeError):
         ca.GlobalOptions.setNumpyMode(-1)  # symbols in, symbols out
     functions = []

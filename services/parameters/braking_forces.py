@@ -23,6 +23,7 @@ from slopewise.models.quantity import Matrix
 from slopewise.models.stop_logs.stop_stream import StreamedStop
 from slopewise.planner.ground.uncertainty import HOUR, Uncertainty
 from slopewise.services.parameters.force_limits import (
+    FORCE_ROUNDING,
     coefficients_of,
     limit_increase,
     prior_for_new_surface,
@@ -40,9 +41,8 @@ from slopewise.services.settings.learning_settings import Learning
 _MAX_REJECTING_SOURCES = 64
 """Pairs of surface and source whose rejected weak stops are counted [1]; bounds memory."""
 
-_MAX_LISTED = 5  # surfaces in one warning [1]
+MAX_LISTED = 5  # surfaces or groups in one warning [1]
 DEAD_TIME_COUNT = 5  # last stops whose median dead time is used [1]: two odd ones change nothing
-_TOLERANCE = 1e-9  # rounding of F_b/W [1]
 
 _UNCERTAINTY = Uncertainty()
 """Share of the file's force on ground without stops, and drift of the force with age."""
@@ -172,7 +172,7 @@ class BrakingForces:
         planned = corners @ coefficients_of(used)
         promise = used.on(surface).distance if surface in used.terrain else None
         lowered = promise is not None and self._online.widen("", promise)
-        if "" in learned or np.any(planned > corners @ below + _TOLERANCE):
+        if "" in learned or np.any(planned > corners @ below + FORCE_ROUNDING):
             self._online.inflate("", below)
             lowered = True
         if lowered:
@@ -223,7 +223,7 @@ class BrakingForces:
         """Warning of surfaces on which plans use more force than the model file."""
         if not self._stronger:
             return []
-        names = ", ".join(name or "base" for name in self._stronger[:_MAX_LISTED])
+        names = ", ".join(name or "base" for name in self._stronger[:MAX_LISTED])
         return [f"plans with stronger brakes than the model file: {names}"]
 
     def dead_time(self) -> float:

@@ -18,15 +18,13 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.services.parameters.parameter_group import TerrainUpdate
 from slopewise.services.settings.learning_settings import Learning
-from slopewise.services.wire.arrival import SenderTable
+from slopewise.services.wire.arrival import MAX_ROBOT_SENDERS, SenderTable
 from slopewise.services.wire.observations import TerrainLabel
 
 _NEEDED = ("yaw_rate", "v_left", "v_right", "current_left", "current_right")
 """Columns that the terrain estimator needs in addition to those of every drive."""
 
 _SAMPLED = ("t", "v_left", "v_right", "yaw_rate", "current_left", "current_right", "pitch", "roll")
-
-_MAX_SOURCES = 8  # senders with a terrain estimator each [1]; a robot has one or two
 
 
 @dataclass(slots=True)
@@ -45,7 +43,7 @@ class CurrentTerrain:
         self.unsupported_reason = ""  # why samples are not used; empty while they are used
         self._settings, make_monitor = settings, _monitor_maker(settings.terrains)
         self._label, self._label_until, self._label_probability = "", -np.inf, 0.0
-        self._runs = SenderTable[str, _Run](lambda: _Run(make_monitor(file)), _MAX_SOURCES)
+        self._runs = SenderTable[str, _Run](lambda: _Run(make_monitor(file)), MAX_ROBOT_SENDERS)
         self._newest: Any = None  # monitor with the latest samples
 
     def label(self, label: TerrainLabel, now: float) -> None:

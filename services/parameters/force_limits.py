@@ -28,7 +28,7 @@ _MAX_INVENTED = 32
 _MAX_SURFACES = 96  # learned surfaces in all [1], so that plans, messages and store stay small
 _MIN_STOP_COUNT = PublishSettings().min_stops
 _BOUND_TOLERANCE = 1e-6  # rounding of stored F_b/W at the bounds [1]
-_TOLERANCE = 1e-9  # rounding of F_b/W [1]
+FORCE_ROUNDING = 1e-9  # of F_b/W [1]
 
 
 def coefficients_of(known: Braking) -> Floats:
@@ -78,7 +78,7 @@ def _limit_surface(prior: Braking, used: Braking, share: float) -> tuple[dict[st
         # Sessions differ, and corners more than the middle: neither is reported.
         typical = (_TYPICAL_EXCESS + 3.0 * prior.distance.session_std) * file.mean()
         above = bool(excess.mean() > typical)
-    if np.all(force <= limit + _TOLERANCE):
+    if np.all(force <= limit + FORCE_ROUNDING):
         return {}, above
     lower = np.linalg.solve(corners, np.minimum(force, limit))
     return dict(zip(NAMES, lower.tolist(), strict=True)), above
@@ -122,7 +122,7 @@ def select_surface_to_evict(
     if len(invented) < _MAX_INVENTED:
         return ""
     corners, coefficients = new
-    assumed = corners @ coefficients - _TOLERANCE
+    assumed = corners @ coefficients - FORCE_ROUNDING
     forces = {name: corners @ np.array(learned[name].published) for name in invented}
     spare = [n for n in invented if not learned[n].valid and np.all(forces[n] >= assumed)]
     if not spare:

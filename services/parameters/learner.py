@@ -29,7 +29,7 @@ from slopewise.services.parameters.stop_checks import (
     stops_in,
 )
 from slopewise.services.settings.learning_settings import Learning
-from slopewise.services.wire.arrival import SenderTable
+from slopewise.services.wire.arrival import MAX_ROBOT_SENDERS, SenderTable
 from slopewise.services.wire.observations import (
     DriveSamples,
     RobotObservation,
@@ -41,7 +41,6 @@ from slopewise.services.wire.recent_warnings import RecentWarnings
 _REMEMBERED_STOPS = 200
 """Last stops that are compared with their predictions [1]; the live page shows 400."""
 
-_MAX_STREAMS = 8  # senders in whose samples stops are looked for [1]; a robot has one or two
 NOT_LEARNED = "not learned from: "
 
 
@@ -65,7 +64,7 @@ class Learner:
         self._rate = StopRateLimiter(file.vehicle, settings.stops_at_once)
         self._warnings = RecentWarnings()
         self._streams = SenderTable[str, StopStream](
-            lambda: StopStream(0.0, mount=settings.mount, dive=settings.dive), _MAX_STREAMS
+            lambda: StopStream(0.0, mount=settings.mount, dive=settings.dive), MAX_ROBOT_SENDERS
         )
         self._last_surface = ""
         self._open_surfaces: tuple[str, ...] = ()

@@ -12,6 +12,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.errors import InputError
+from slopewise.services.parameters.store import MAX_SOURCES
 from slopewise.services.wire.arrival import (
     SenderTable,
     SequenceTracker,
@@ -21,6 +22,7 @@ from slopewise.services.wire.arrival import (
 )
 from slopewise.services.wire.observations import (
     DRIVE_COLUMNS,
+    MAX_SAMPLES,
     MORE_COLUMNS,
     DriveSamples,
     RobotObservation,
@@ -28,9 +30,7 @@ from slopewise.services.wire.observations import (
 )
 from slopewise.services.wire.recent_warnings import RecentWarnings
 
-_MAX_SOURCES = 1000  # sources whose numbers and clocks are remembered [1]; bounds memory
 _INSTANCE = "\x1f"  # separates a source's name from its instance; no name contains it
-_MAX_SAMPLES = 20_000  # samples of one message [1]: 100 s at 200 Hz
 
 _BOUNDS = (
     dict.fromkeys(("v", "v_cmd", "v_left", "v_right", "yaw_rate"), 50.0)
@@ -48,8 +48,8 @@ class ObservationFilter:
     def __init__(self, early: float, seen: dict[str, int] | None = None) -> None:
         """Continue from numbers ``seen``; senders' clocks may be ``early`` by that [s]."""
         self._early = early
-        self._sequences = SenderTable[str, SequenceTracker](SequenceTracker, _MAX_SOURCES)
-        self._stamps = SenderTable[str, StampCheck](StampCheck, _MAX_SOURCES)
+        self._sequences = SenderTable[str, SequenceTracker](SequenceTracker, MAX_SOURCES)
+        self._stamps = SenderTable[str, StampCheck](StampCheck, MAX_SOURCES)
         self._last_digest: tuple[RobotObservation, int] | None = None
         self.clocks = RecentWarnings()  # about clocks that were set
         self.notices = RecentWarnings()  # about counts that restarted or go backwards
@@ -116,8 +116,8 @@ def columns_of(samples: DriveSamples, key: str) -> dict[str, Floats]:
     if values.ndim != 2 or len(values) != len(names) or not values.shape[1]:
         expected = f"expected {len(names)} rows of samples, got shape {values.shape}"
         raise InputError(key, "values", expected)
-    if values.shape[1] > _MAX_SAMPLES:
-        expected = f"expected at most {_MAX_SAMPLES} samples, got {values.shape[1]}"
+    if values.shape[1] > MAX_SAMPLES:
+        expected = f"expected at most {MAX_SAMPLES} samples, got {values.shape[1]}"
         raise InputError(key, "values", expected)
     columns = dict(zip(names, values, strict=True))
     for name, column in columns.items():

@@ -26,7 +26,7 @@ from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec, observations
 from slopewise.services.wire import parameter_messages as messages
 from slopewise.services.wire.codec import Format
-from slopewise.services.wire.endpoint import Endpoint, Handler
+from slopewise.services.wire.endpoint import STOP_TIMEOUT, Endpoint, Handler
 from slopewise.services.wire.fair_queue import FairQueue, Waiting
 from slopewise.services.wire.message_header import read_header
 
@@ -45,7 +45,6 @@ CHANGES: dict[str, type[Any]] = {
 PARAMS, DISCREPANCY = "params", "discrepancy"
 
 _TICK = 0.5  # longest time without a tick [s]: labels expire within seconds
-_STOP_TIMEOUT = 2.0  # wait for the thread at the end [s], longer than one write to a slow disk
 _FLAGGED_FOR = 60.0  # time for which lost observations are flagged [s]: many periods of the status
 _REST_RATIO, _MAX_REST = 2.0, 0.05
 """Pause after an item while others wait, as a multiple of its processor time [1] and at most that
@@ -118,7 +117,7 @@ class ParameterEndpoint:
         for declared in self._declared:
             declared.undeclare()
         unanswered = self._queue.close()
-        self._thread.join(_STOP_TIMEOUT)
+        self._thread.join(STOP_TIMEOUT)
         if not self._thread.is_alive():
             for waiting in unanswered:
                 self._reject(waiting.item, "the service is stopping")

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Iterable
 
 from slopewise.models.errors import ParameterError
+from slopewise.services.parameters.braking_forces import MAX_LISTED
 from slopewise.services.parameters.braking_groups import BASE
 from slopewise.services.parameters.effects_group import EFFECTS
 from slopewise.services.parameters.learner import Learner
@@ -23,7 +24,6 @@ _EFFECTS = {
     HELD: "no faster than by the model file until stops arrive",
     LOST: "the share of the model file that is used on unknown ground, until stops arrive",
 }
-_MAX_LISTED = 5  # groups in one warning [1]
 
 
 class ParameterRestorer:
@@ -120,5 +120,5 @@ class ParameterRestorer:
         flags = []
         for cause, effect in _EFFECTS.items():
             groups = [group for group, last in self._history.last.items() if last.cause == cause]
-            flags += [f"{', '.join(groups[:_MAX_LISTED])}: {cause}: {effect}"] if groups else []
+            flags += [f"{', '.join(groups[:MAX_LISTED])}: {cause}: {effect}"] if groups else []
         return flags

@@ -23,7 +23,7 @@ _FULL_SHARE = 0.8
 """Share of the size limit beyond which the oldest changes are deleted [1]: the rest is free for
 indices and for the change that is written meanwhile."""
 _MAX_CORRUPT_FILES = 3  # unreadable files that are quarantined [1]
-_MAX_SOURCES = 1000  # sources whose last numbers are stored [1], as many as the filter remembers
+MAX_SOURCES = 1000  # sources whose numbers are remembered and stored [1]; bounds memory
 _LOCK_TIMEOUT = 0.5  # wait for another process's lock [s]: longer than one write takes
 _NO_LIMIT = 2**62  # above all versions [1]
 
@@ -210,7 +210,7 @@ class Store:
             self._connection.execute(
                 "DELETE FROM source WHERE name NOT IN"
                 " (SELECT name FROM source ORDER BY version DESC LIMIT ?)",
-                (_MAX_SOURCES,),
+                (MAX_SOURCES,),
             )
         except sqlite3.Error as error:
             raise StoreError(f"{self.path.name} has no free space: {error}") from None

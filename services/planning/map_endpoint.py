@@ -13,6 +13,7 @@ from slopewise.models.errors import InputError
 from slopewise.services.planning.map_store import MapStore
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec
+from slopewise.services.wire.endpoint import STOP_TIMEOUT
 from slopewise.services.wire.fair_queue import FairQueue, Waiting
 from slopewise.services.wire.message_header import read_header
 from slopewise.services.wire.plan_messages import MapUpdate
@@ -20,7 +21,6 @@ from slopewise.services.wire.plan_messages import MapUpdate
 _log = logging.getLogger("slopewise")
 
 _MAX_WAITING = 16  # map updates that may wait [1]; each may have tens of megabytes
-_STOP_TIMEOUT = 2.0  # longest wait for the thread to end [s]: applying the largest map takes less
 
 
 class MapEndpoint:
@@ -44,7 +44,7 @@ class MapEndpoint:
     def close(self) -> None:
         """Stop; waiting updates are discarded."""
         self._queue.close()
-        self._thread.join(_STOP_TIMEOUT)
+        self._thread.join(STOP_TIMEOUT)
 
     def _on_map(self, sample: zenoh.Sample) -> None:
         """Called by zenoh's threads."""

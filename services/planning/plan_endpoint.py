@@ -26,7 +26,7 @@ from slopewise.services.planning.plan_service import PlanService
 from slopewise.services.planning.request_validation import validate_request
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire import codec, plan_messages
-from slopewise.services.wire.endpoint import Endpoint, ReceivedQuery
+from slopewise.services.wire.endpoint import STOP_TIMEOUT, Endpoint, ReceivedQuery
 from slopewise.services.wire.fair_queue import FULL, FairQueue, Waiting
 from slopewise.services.wire.message_header import read_deadline, read_header
 from slopewise.services.wire.plan_messages import PlanReply, PlanRequest
@@ -35,8 +35,6 @@ _log = logging.getLogger("slopewise")
 
 _REMEMBERED_COUNT = 1000
 """Answers over which the status reports the time [1]: a minute of one client."""
-
-_STOP_TIMEOUT = 2.0  # longest wait for a thread to end, and for a late worker to finish [s]
 
 _MAX_DRIVING_CANDIDATES = 200
 """Candidates up to which the reserved thread answers [1]: more take longer than a cycle."""
@@ -89,11 +87,11 @@ class PlanEndpoint:
         for entry in self._queue.close():
             self._reply_without_plans(entry, plan_messages.BUSY, "the service is stopping")
         for thread in self._threads:
-            thread.join(_STOP_TIMEOUT)
+            thread.join(STOP_TIMEOUT)
 
     def is_alive(self) -> bool:
         """Return True unless a worker is still busy with a request long after its deadline."""
-        latest = time.monotonic() - self._config.planning.longest_deadline - _STOP_TIMEOUT
+        latest = time.monotonic() - self._config.planning.longest_deadline - STOP_TIMEOUT
         return all(since > latest for since in [*self._working_since.values()])
 
     def seconds(self) -> dict[str, float]:

@@ -27,10 +27,9 @@ from slopewise.models.parameters import Braking, Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.models.stop_promise import promised
 from slopewise.models.stops.simulation import MAX_STOP_TIME, GroundTrack, force_ratio, simulate_stop
+from slopewise.planner.bounds.speed_bounds import HOLDING
 from slopewise.planner.ground.uncertainty import Uncertainty
 
-MIN_NET_DECEL_RATIO = 0.02
-"""F_b/W + sin θ below which plans do not rely on a stop [1]; equal to the planner's."""
 _HEADINGS = 16
 """Headings at which wind and directional effects are evaluated [1]: every 22.5°."""
 _MAX_GRADE, _GRADE_STEP = np.deg2rad(45.0), np.deg2rad(0.05)
@@ -189,7 +188,7 @@ class BrakeNumbers:
             lambda grade: (
                 min(self.least_force(v, sign * grade) for v in ends)
                 + math.sin(sign * grade)
-                - MIN_NET_DECEL_RATIO
+                - HOLDING
             ),
             sign,
         )
@@ -317,7 +316,7 @@ def _braked_distance(
     """
     extra = float(registry.ground_term(model.effect, Place(grade, 0.0, 0.0, 0.0, yaw, 0.0)))
     brakes = (force - extra) / registry.force_scale(model.effect)
-    if brakes <= 0.0 or force + math.sin(grade) < MIN_NET_DECEL_RATIO:
+    if brakes <= 0.0 or force + math.sin(grade) < HOLDING:
         return math.inf
     if not model.effect:
         friction = math.inf if table.sliding_friction is None else table.sliding_friction

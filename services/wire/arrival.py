@@ -31,6 +31,9 @@ _MAX_INTERLEAVED = 8  # messages of the known count between two of a restarted o
 _MAX_DELAY = 60.0  # beyond the quickest message; from here a stamp is of a clock set back [s]
 _MIN_AGREEING = 5  # consecutive stamps that agree with each other from which a clock was set [1]
 
+MAX_ROBOT_SENDERS = 8
+"""Senders of samples that are followed [1]; a robot has one or two."""
+
 K = TypeVar("K")
 V = TypeVar("V")
 

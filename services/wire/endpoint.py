@@ -26,6 +26,9 @@ Reply = TypeVar("Reply", bound=msgspec.Struct)
 
 _log = logging.getLogger("slopewise")
 
+STOP_TIMEOUT = 2.0
+"""Longest wait for a thread to end [s]: a write to a slow disk, or the largest map, takes less."""
+
 
 @dataclass(frozen=True, slots=True)
 class Handler(Generic[Request, Reply]):

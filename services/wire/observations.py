@@ -16,6 +16,7 @@ from slopewise.services.wire.plan_messages import Instance, Message, Name, Numbe
 Surface = Annotated[str, Meta(max_length=40, pattern=r"^[A-Za-z0-9_-]*$")]
 UpToTen = Annotated[float, Meta(ge=0.0, le=10.0)]
 
+MAX_SAMPLES = 20_000  # samples of one message [1]: 100 s at 200 Hz
 DRIVE_COLUMNS = ("t", "v", "v_cmd", "pitch")
 """Columns that drive samples must have, as in a drive log."""
 

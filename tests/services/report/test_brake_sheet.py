@@ -26,7 +26,6 @@ from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.report.brake_numbers import (
-    MIN_NET_DECEL_RATIO,
     BrakeNumbers,
     round_values,
 )
@@ -124,11 +123,10 @@ def test_rule_is_the_model_on_level_ground_and_short_on_descents(numbers: BrakeN
 def test_slopes_end_where_the_force_does(model: Model) -> None:
     constant = {"m_m": 0.0, "b_m": 0.0, "m_b": 0.0, "covariance": None}
     level = BrakeNumbers(changed(model, **constant), Uncertainty())
-    assert MIN_NET_DECEL_RATIO == HOLDING
     for slope, force in (
         (level.holds(1.0), 0.4),
         (level.holds(-1.0), 0.4),
-        (level.stops(-1.0), 0.4 - MIN_NET_DECEL_RATIO),
+        (level.stops(-1.0), 0.4 - HOLDING),
     ):
         assert slope.law == pytest.approx(np.arcsin(force), abs=2e-3)
         assert slope.claimed == pytest.approx(0.26)
