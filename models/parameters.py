@@ -147,6 +147,11 @@ class Braking:
                 raise ParameterError(f"terrain.{name}.state_of", expected)
 
     @property
+    def coefficients(self) -> tuple[float, float, float, float]:
+        """Coefficients m_m [s/m], b_m [1], m_b [s/m], b_b [1]."""
+        return self.m_m, self.b_m, self.m_b, self.b_b
+
+    @property
     def trained_roll(self) -> tuple[float, float]:
         """Rolls that stops were learned on [rad]; as far as the grades by default."""
         if self.roll_range is not None:

@@ -84,7 +84,7 @@ def promised_braking(
 
 def _changes(on: Braking, rolling: float, quantile: float, as_mean: bool) -> dict[str, Any]:
     line = promised_line(on, rolling, quantile)
-    mean = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
+    mean = np.array(on.coefficients)
     width = float(NormalDist().inv_cdf(quantile))
     changes: dict[str, Any] = {
         "dead_time": line.dead_time,
@@ -113,7 +113,7 @@ def promised_line(on: Braking, rolling: float, quantile: float) -> PromisedLine:
     """
     assert on.distance is not None
     law = _Law(
-        (on.m_m, on.b_m, on.m_b, on.b_b),
+        on.coefficients,
         None if on.uphill is None else (on.uphill.m_m, on.uphill.b_m),
         on.dead_time,
         on.share_at(),

@@ -111,7 +111,7 @@ def _fit(measured: Measured, level: Floats, known: Braking, resistance: float) -
     )
     x = design(speed, grade)
     width = np.hypot(noise, _SCATTER)
-    prior = np.array([known.m_m, known.b_m, known.m_b, known.b_b, 0.0, 1.0, resistance])
+    prior = np.array([*known.coefficients, 0.0, 1.0, resistance])
     std = np.array([*WEAK_PRIOR, _LINE_STD, _LINE_STD, _RESISTANCE_STD])
 
     def residual(p: Floats) -> Floats:

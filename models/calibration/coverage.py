@@ -147,7 +147,7 @@ def allowed_distance(
     worst = 0.0
     for state in (name, *braking.states_of(name)):
         on = _promised(braking.on(state), record, quantile, rolling)
-        coefficients = np.array([on.m_m, on.b_m, on.m_b, on.b_b])
+        coefficients = np.array(on.coefficients)
         margin = np.zeros((4, 4)) if on.covariance is None else np.array(on.covariance)
         margin = margin + on.force_scatter**2 * np.outer(coefficients, coefficients)
         margin[3, 3] += on.force_std**2

@@ -159,8 +159,7 @@ def _with_bounds(
         if r.samples.terrain in surfaces
     ]
     on = braking.on(surfaces[0])
-    coefficients = np.array([getattr(on, name) for name in NAMES])
-    slope = slope_at_middle(coefficients, np.array(on.covariance), on.speed_range)
+    slope = slope_at_middle(np.array(on.coefficients), np.array(on.covariance), on.speed_range)
     return SurfaceStops(surfaces[0], records, slope) if records else None
 
 

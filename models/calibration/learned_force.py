@@ -135,7 +135,7 @@ def _coefficients(known: Braking, state: LearnedForce) -> dict[str, object]:
     covariance = np.array(state.covariance)
     if not state.valid:
         corners = corner_design(known.speed_range, known.grade_range)
-        default = np.array([getattr(known, name) for name in NAMES])
+        default = np.array(known.coefficients)
         lower = np.minimum(corners @ published, corners @ default)
         published = np.linalg.solve(corners, lower)
         if known.covariance is not None:

@@ -29,7 +29,7 @@ class _Surface:
     def __init__(
         self, known: Braking, recursive: RecursiveSettings, publish: PublishSettings
     ) -> None:
-        start = np.array([known.m_m, known.b_m, known.m_b, known.b_b])
+        start = np.array(known.coefficients)
         given = known.covariance
         covariance = np.diag(np.square(WEAK_PRIOR)) if given is None else np.array(given)
         self.estimate = RecursiveForce(start, covariance, recursive)

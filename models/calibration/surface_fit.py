@@ -122,7 +122,7 @@ def fit_records(records: Sequence[StopRecord], measured: Measured, known: Brakin
         np.array([r.grade for r in records]),
         np.array([r.force_ratio for r in records]),
         np.array([r.force_std for r in records]),
-        np.array([known.m_m, known.b_m, known.m_b, known.b_b]),
+        np.array(known.coefficients),
         common=(measured.by_dead_time[rows], measured.dead_time.std),
         bounds=_bounds(measured, {r.samples.terrain for r in records}),
     )

@@ -82,7 +82,7 @@ def _stops(first: Model, second: Model) -> Iterator[StopChange]:
 
 def _distances(on: Braking, speed: Floats, grade: Floats) -> Floats:
     """Stopping distances at speeds [m/s] and grades [rad] [m]; inf where the brakes do not stop."""
-    force = braking.force_ratio(grade, speed, on.m_m, on.b_m, on.m_b, on.b_b)
+    force = braking.force_ratio(grade, speed, *on.coefficients)
     deceleration = np.asarray(braking.deceleration(force, grade))
     is_held = deceleration > 0.0
     distance = braking.stopping_distance(

@@ -24,7 +24,6 @@ from slopewise.models.stop_logs.stop_stream import StreamedStop
 from slopewise.planner.ground.uncertainty import HOUR, Uncertainty
 from slopewise.services.parameters.force_limits import (
     FORCE_ROUNDING,
-    coefficients_of,
     limit_increase,
     prior_for_new_surface,
     select_surface_to_evict,
@@ -158,18 +157,18 @@ class BrakingForces:
         learned = self.learned()
         force = learned.get(surface) if surface else None
         if force is not None and force.accepted > 0:
-            below = coefficients_of(self.planning_braking({}).on(surface))
+            below = np.array(self.planning_braking({}).on(surface).coefficients)
         elif surface in self.prior.terrain:
-            below = coefficients_of(self.prior.on(surface))
+            below = np.array(self.prior.on(surface).coefficients)
         elif surface and before:
             below = self._new_surface_prior()
         elif "" in learned:
-            below = coefficients_of(self.prior)
+            below = np.array(self.prior.coefficients)
         else:
             return False
         corners = self._corners("")
         used = self.planning_braking({})
-        planned = corners @ coefficients_of(used)
+        planned = corners @ np.array(used.coefficients)
         promise = used.on(surface).distance if surface in used.terrain else None
         lowered = promise is not None and self._online.widen("", promise)
         if "" in learned or np.any(planned > corners @ below + FORCE_ROUNDING):
@@ -204,7 +203,7 @@ class BrakingForces:
         """
         surfaces = [s for s in ("", *self.prior.terrain) if not self._online.knows(s)]
         for surface in surfaces:
-            below = coefficients_of(self.prior.on(surface))
+            below = np.array(self.prior.on(surface).coefficients)
             self._online.inflate(surface, _UNCERTAINTY.untrained_share * below)
             self._updated[surface] = time.monotonic() - self._settings.oldest
         self._changed()
@@ -236,7 +235,7 @@ class BrakingForces:
         if self._is_new(surface):
             coefficients = self._new_surface_prior()
         else:
-            coefficients = coefficients_of(self.planning_braking({}).on(surface))
+            coefficients = np.array(self.planning_braking({}).on(surface).coefficients)
         return float(design(np.array([speed]), np.array([grade]))[0] @ coefficients)
 
     def ages(self, now: float) -> dict[str, float]:

@@ -31,11 +31,6 @@ _BOUND_TOLERANCE = 1e-6  # rounding of stored F_b/W at the bounds [1]
 FORCE_ROUNDING = 1e-9  # of F_b/W [1]
 
 
-def coefficients_of(known: Braking) -> Floats:
-    """(4,) coefficients m_m [s/m], b_m [1], m_b [s/m], b_b [1]."""
-    return np.array([getattr(known, name) for name in NAMES])
-
-
 def validate_force(force: LearnedForce, prior: Braking, corners: Floats) -> None:
     """Raise unless the brakes slow the vehicle at all corners (4, 4) of the trained rectangle."""
     bounds = PublishSettings()
@@ -70,7 +65,7 @@ def limit_increase(prior: Braking, used: Braking, share: float) -> tuple[Braking
 def _limit_surface(prior: Braking, used: Braking, share: float) -> tuple[dict[str, Any], bool]:
     """Coefficients to replace, empty within the limit; True if the force exceeds the file."""
     corners = corner_design(used.speed_range, used.grade_range)
-    file, force = corners @ coefficients_of(prior), corners @ coefficients_of(used)
+    file, force = corners @ prior.coefficients, corners @ used.coefficients
     limit = file + share * np.abs(file)
     excess = np.minimum(force, limit) - file
     above = bool(np.any(excess > _REPORTED_EXCESS))
@@ -92,7 +87,7 @@ def prior_for_new_surface(
     The force of a surface with few stops is itself assumed and is ignored, and so is the one that
     a surface began with: an estimate that is not valid is used as fitted from its stops.
     """
-    forces = [coefficients_of(known) for known in (prior, *map(prior.on, prior.terrain))]
+    forces = [np.array(known.coefficients) for known in (prior, *map(prior.on, prior.terrain))]
     forces += [
         np.array(force.published if force.valid else force.estimate)
         for force in learned.values()

@@ -50,8 +50,7 @@ class LearnedStop:
 
 def predicted_distance(used: Braking, dead_time: float, stop: StreamedStop) -> float:
     """Distance of a stop by a braking model, with brakes that respond after a dead time [m]."""
-    coefficients = used.m_m, used.b_m, used.m_b, used.b_b
-    force = braking.force_ratio(stop.grade, stop.onset_speed, *coefficients)
+    force = braking.force_ratio(stop.grade, stop.onset_speed, *used.coefficients)
     deceleration = braking.deceleration(force, stop.grade)
     if not deceleration > 0.0:
         return math.inf
