@@ -177,15 +177,20 @@ class CycleAnswer:
     seconds: dict[str, float] = field(default_factory=dict)
 
 
-def command_of(plan: SpeedPlan, station: float, now: float, period: float) -> SpeedCommand:
-    """Command at a station of a plan.
+def command_of(plan: SpeedPlan, now: float, late: float, period: float) -> SpeedCommand:
+    """Command at a time of a plan, or at a later one if the plan is slower then.
 
     Args:
         plan: followed from there.
-        station: of the vehicle [m]; now: time of the plan there [s].
+        now: time of the plan at which the vehicle is, as far as it obeyed [s].
+        late: the same if it did not begin with the plan only now [s].
         period: until the next cycle [s].
     """
-    k = int(np.clip(np.searchsorted(plan.station, station, "right") - 1, 0, len(plan.station) - 2))
+    return min((_command_at(plan, time, period) for time in (now, late)), key=lambda c: c.speed)
+
+
+def _command_at(plan: SpeedPlan, now: float, period: float) -> SpeedCommand:
+    k = int(np.clip(np.searchsorted(plan.time, now, "right") - 1, 0, len(plan.time) - 2))
     later = now + period
     m = int(np.searchsorted(plan.time, later, "right")) - 1
     speed = 0.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from slopewise.planner.horizon.answer import (
     FULL_STOP,
     CycleAnswer,
@@ -61,10 +63,16 @@ def answer(
     best: PreviousPlan,
     plans: tuple[SpeedPlan, ...],
     ranking: tuple[Ranked, ...],
+    lead: float,
     deficit: Deficit | None = None,
     kept: bool = False,
 ) -> tuple[CycleAnswer, PreviousPlan | None]:
-    """The answer that drives a plan; and that plan, None if it must not be driven."""
+    """The answer that drives a plan; and that plan, None if it must not be driven.
+
+    Args:
+        best: plan to drive. plans, ranking, deficit, kept: as in the answer.
+        lead: how much later than measured, by its plan, the vehicle is by now [s].
+    """
     plan, state = best.plan, planner.state
     projection = best.locate((state.x, state.y), state.heading)
     reason = plan.reason
@@ -75,7 +83,10 @@ def answer(
     if plan.status is Status.INFEASIBLE or too_slow:
         status = Status.INFEASIBLE
         return CycleAnswer(status, reason, plan, FULL_STOP, plans, ranking, deficit), None
-    command = command_of(
-        plan, best.station_at(projection), best.time_at(projection), planner.settings.period
-    )
+    measured, tracking = best.time_at(projection), planner.model.tracking
+    # Where braking for what was just seen begins late, it has to catch up.
+    late = state.age if planned > 0.0 else lead
+    late += 0.0 if tracking is None else tracking.latency
+    command = command_of(plan, measured + lead, measured + late, planner.settings.period)
+    best = replace(best, measured=measured, lead=lead)
     return CycleAnswer(plan.status, reason, plan, command, plans, ranking, deficit, kept), best

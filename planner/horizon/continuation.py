@@ -50,13 +50,16 @@ class Continuation:
 
     Attributes:
         planner: of this cycle.
-        previous: the plan; projection: of the vehicle on it.
+        previous: the plan; projection: of the measured vehicle on it.
+        lead: how much later than there, by the plan, the vehicle is by now [s]: until then the plan
+            is driven already.
         offered: None if no candidate is that path.
     """
 
     planner: CyclePlanner
     previous: PreviousPlan
     projection: PathProjection
+    lead: float
     offered: OfferedPath | None
 
     @property
@@ -64,34 +67,60 @@ class Continuation:
         return int(self.projection.segment[0])
 
     @property
+    def _now(self) -> tuple[int, float, float]:
+        """Segment, station [m] and speed [m/s] of the previous plan where the vehicle is by now."""
+        return self.previous.after(self.projection, self.lead)
+
+    @property
     def motion(self) -> tuple[float, float]:
-        """Speed [m/s] and acceleration [m/s²] that the previous plan has here."""
+        """Speed [m/s] and acceleration [m/s²] of the previous plan where it was measured."""
         return self.previous.speed_at(self.projection)
 
     @property
     def rests(self) -> bool:
         """The plan comes to rest before the next station."""
-        return bool(self.previous.plan.speed[self._segment + 1] <= 0.0)
+        return bool(self.previous.plan.speed[self._now[0] + 1] <= 0.0)
+
+    @property
+    def brakes_hard(self) -> bool:
+        """By now the vehicle has braked harder than planned braking may."""
+        accel = self.previous.plan.accel[self._segment : self._now[0] + 1]
+        return bool(-accel.min() > self.planner.model.limits.decel + _EXACT)
+
+    def driven(self, station: Floats) -> tuple[Floats, float]:
+        """v² at stations of another candidate that are driven by now [m²/s²], and acceleration.
+
+        It begins where the vehicle was measured.
+
+        Args:
+            station: (N,) of the candidate [m].
+        """
+        plan, here = self.previous.plan, self.previous.station_at(self.projection)
+        _, now, _ = self._now
+        count = 1 + int(np.searchsorted(station[1:], now - here))
+        along = here + station[:count]
+        speed_sq = np.interp(along, plan.station, plan.speed**2)
+        count = max(int((speed_sq > 0.0).cumprod().sum()), 1)
+        k = int(np.searchsorted(plan.station[1:-1], along[count - 1], "right"))
+        return speed_sq[:count], float(plan.accel[k])
 
     @property
     def is_running_out(self) -> bool:
         """The plan brakes or stands, and is never faster again."""
-        speed = self.previous.plan.speed[self._segment :]
+        speed = self.previous.plan.speed[self._now[0] :]
         return bool((speed[1] < speed[0] or speed[1] <= 0.0) and speed.max() <= speed[0])
 
     @property
     def lingers(self) -> bool:
         """The plan rests before the next station, or takes long to it."""
-        plan, i = self.previous.plan, self._segment
-        left = float(plan.station[i + 1]) - self.previous.station_at(self.projection)
-        mean = 0.5 * (self.motion[0] + float(plan.speed[i + 1]))
-        return self.rests or left > mean * _LONG
+        plan, (k, station, speed) = self.previous.plan, self._now
+        mean = 0.5 * (speed + float(plan.speed[k + 1]))
+        return self.rests or float(plan.station[k + 1]) - station > mean * _LONG
 
     def path_ahead(self) -> PathAhead | None:
         """The path of a plan that continues this one; None if it has to begin again."""
         # What brakes harder than planned braking may has to be planned from where it is by now.
-        service = self.planner.model.limits.decel
-        if self.rests or -self.previous.plan.accel[self._segment] > service + _EXACT:
+        if self.rests or self.brakes_hard:
             return None
         return self._path_ahead(BEHIND, extended=True)
 
@@ -110,7 +139,7 @@ class Continuation:
         speed_sq, reachable = finalizer.column.fastest()
         if not reachable:
             return None
-        profile = Unfinished(speed_sq, passed=True, start_accel=float(plan.accel[i]))
+        profile = Unfinished(speed_sq, passed=True, start_accel=float(plan.accel[self._now[0]]))
         first_try = [finalizer]
         answer = self.planner.finish(
             plan.candidate,
@@ -150,9 +179,10 @@ class Continuation:
         ahead, finalizer = self._finalizer(extended=False)
         station = plan.station[i:]
         decel = self.planner.model.limits.decel
-        slowing = plan.speed[i + 1] ** 2 - 2.0 * decel * (station - station[1])
+        fixed = self._fixed_prefix
+        slowing = fixed[-1] - 2.0 * decel * (station - station[len(fixed) - 1])
         speed_sq = np.minimum(plan.speed[i:] ** 2, np.maximum(slowing, 0.0))
-        speed_sq[:2] = self._fixed_prefix
+        speed_sq[: len(fixed)] = fixed
         stop = finalizer.keep(plan.candidate, speed_sq)
         if stop is None:
             return None
@@ -180,9 +210,8 @@ class Continuation:
 
     @property
     def _fixed_prefix(self) -> Floats:
-        """v² at both ends of the vehicle's segment, (2,) [m²/s²]."""
-        i = self._segment
-        fixed_prefix: Floats = self.previous.plan.speed[i : i + 2] ** 2
+        """v² from where it was measured to the end of the vehicle's segment by now [m²/s²]."""
+        fixed_prefix: Floats = self.previous.plan.speed[self._segment : self._now[0] + 2] ** 2
         return fixed_prefix
 
     def _path_ahead(self, behind: int, *, extended: bool) -> PathAhead:

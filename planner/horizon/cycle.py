@@ -23,7 +23,8 @@ from slopewise.planner.horizon.previous_plan import (
 from slopewise.planner.horizon.refusals import Drivable, drivable_of
 from slopewise.planner.path import PathBatch, joined
 from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
-from slopewise.planner.plan import Status
+from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from slopewise.planner.plan import SpeedPlan, Status
 
 _FARTHER = 1.0
 """Distance between the ends of a plan without smoothing and of the smooth one that it replaces [m]:
@@ -43,7 +44,8 @@ class Cycle:
         if previous is not None:
             projection = vehicle_on(previous, self._state, self._settings)
             if projection is not None:
-                self._continuation = Continuation(planner, previous, projection, None)
+                lead = previous.lead_at(projection, self._state.age, self._settings.period)
+                self._continuation = Continuation(planner, previous, projection, lead, None)
 
     def run(
         self, paths: PathBatch | None, clear: Floats
@@ -106,7 +108,9 @@ class Cycle:
         kept = kept and plans[0] is continued
         plans = [self._with_deviation(one, candidates) for one in plans]
         finished = tuple(one.plan for one in plans)
-        chosen = answer(planner, plans[0], finished, (*ranking, *refused), deficit, kept)
+        chosen = answer(
+            planner, plans[0], finished, (*ranking, *refused), self._lead, deficit, kept
+        )
         self._time("choose")
         return chosen
 
@@ -208,15 +212,40 @@ class Cycle:
     def _begin(self, batch: CycleBatch, j: int) -> PreviousPlan:
         """The plan of a candidate that begins at the vehicle."""
         solved, accel = batch.solved, None
+        name, path = batch.paths.names[j], batch.paths.only(np.array([j]))
         start_sq = solved.start_sq[j : j + 1]
         if self._continuation is not None and start_sq[0] > 0.0:
             _, accel = self._continuation.motion
+            plan = self._begin_driven(solved, j, name)
+            if plan is not None:
+                return PreviousPlan.on(path, 0, plan)
         plan = self._planner.finish(
-            batch.paths.names[j],
+            name,
             lambda: PlanFinalizer(solved, j, start_sq),
             Unfinished(solved.profile_of(j), not batch.too_fast[j], batch.passed(j), accel),
         )
-        return PreviousPlan.on(batch.paths.only(np.array([j])), 0, plan)
+        return PreviousPlan.on(path, 0, plan)
+
+    def _begin_driven(self, solved: TimeOptimalBatch, j: int, name: str) -> SpeedPlan | None:
+        """The same where the vehicle has driven some of its stations by now, at known speeds.
+
+        None where that is nothing, or more than service braking and the verifier allow there: then
+        it has to brake as from where it was measured.
+        """
+        assert self._continuation is not None
+        if self._continuation.lead <= 0.0 or self._continuation.brakes_hard:
+            return None
+        count = solved.profile.count[j]
+        speed_sq, accel = self._continuation.driven(solved.profile.station[:count, j])
+        profile, is_reachable = PlanFinalizer(solved, j, speed_sq).column.fastest()
+        if len(speed_sq) == 1 or not is_reachable:
+            return None
+        plan = self._planner.finish(
+            name,
+            lambda: PlanFinalizer(solved, j, speed_sq),
+            Unfinished(profile, passed=True, start_accel=accel),
+        )
+        return None if plan.status is Status.INFEASIBLE else plan
 
     # ------------------------------------------------------------------ answers
 
@@ -231,7 +260,12 @@ class Cycle:
         stop = self._continuation.stop(why)
         if stop is None:
             return full, None
-        return answer(self._planner, stop, (stop.plan,), ranking)
+        return answer(self._planner, stop, (stop.plan,), ranking, self._lead)
+
+    @property
+    def _lead(self) -> float:
+        """How much later than measured, by its plan, the vehicle is by now [s]."""
+        return 0.0 if self._continuation is None else self._continuation.lead
 
     def _time(self, stage: str) -> None:
         now = perf_counter()

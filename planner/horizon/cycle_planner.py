@@ -40,7 +40,7 @@ class CyclePlanner:
     settings: HorizonSettings
     planning: PlannerSettings
     elevation_map: ElevationMap
-    conditions: GroundConditions | None
+    conditions: GroundConditions
     started: float
     state: PlanarState
 

@@ -7,6 +7,7 @@ driven on, so an answer that was `ok` stays `ok` (docs/decisions/0008-horizon.md
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from time import perf_counter
@@ -31,6 +32,10 @@ from slopewise.planner.horizon.previous_plan import PreviousPlan
 from slopewise.planner.path import EvenPath, PathBatch, batch, behind_the_front
 from slopewise.planner.settings import PlannerSettings
 
+_AGES = 100
+"""Cycles for which the age of a state is remembered [1]: where ages vary, stops from a plan made at
+a small one would pass the clear distance at the next large one."""
+
 
 class Horizon:
     """Plans from cycle to cycle: one object a vehicle, one thread at a time."""
@@ -47,6 +52,7 @@ class Horizon:
         self.planner = planner or PlannerSettings()
         self.uncertainty = uncertainty or Uncertainty()
         self._previous: PreviousPlan | None = None
+        self._ages: deque[float] = deque(maxlen=_AGES)
         self.learn(model)
 
     @property
@@ -95,15 +101,17 @@ class Horizon:
             offered = None
         free = _checked_clear(clear, 0 if offered is None else len(offered.names))
         felt = averaged_map(elevation_map, self.model.vehicle.wheel_radius)
-        if state.age > 0.0:
-            conditions = replace(conditions or GroundConditions(), pose_age=state.age)
+        now = conditions or GroundConditions()
+        if not state.flaw():
+            self._ages.append(state.age)
+        now = replace(now, pose_age=max(now.pose_age, *self._ages, 0.0))
         planner = CyclePlanner(
             within_sight(self.model, elevation_map, self.planner.unseen_steps),
             self.uncertainty,
             self.settings.for_track(self.model.vehicle.track_width),
             self.planner,
             felt,
-            conditions,
+            now,
             started,
             state,
         )

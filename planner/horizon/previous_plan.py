@@ -31,11 +31,15 @@ class PreviousPlan:
         limits: (2, N) speed limit of the path itself [m/s], and distance from it of a vehicle on
             what was given [m].
         behind: (2, n) positions of the path before those of the plan [m], at most `BEHIND`.
+        measured: time of the plan where the vehicle was measured when it was chosen [s].
+        lead: how much later, by the plan, the vehicle was commanded to be then [s].
     """
 
     plan: SpeedPlan
     limits: Floats
     behind: Floats
+    measured: float = 0.0
+    lead: float = 0.0
 
     @classmethod
     def on(cls, path: PathBatch, first: int, plan: SpeedPlan) -> PreviousPlan:
@@ -49,17 +53,17 @@ class PreviousPlan:
         return locate(x, y, np.array([len(x)]), at, heading)
 
     def _share(self, projection: PathProjection) -> float:
-        """How much of its segment the vehicle has driven."""
+        """How much of its segment the vehicle has driven, < 0 before the first one."""
         x, y, i = self.plan.x, self.plan.y, int(projection.segment[0])
         step = math.hypot(x[i + 1] - x[i], y[i + 1] - y[i])
         gone = math.hypot(projection.x[0] - x[i], projection.y[0] - y[i])
-        return min(gone / max(step, 1e-9), 1.0)
+        return min((gone or min(float(projection.along[0]), 0.0)) / max(step, 1e-9), 1.0)
 
     def speed_at(self, projection: PathProjection) -> tuple[float, float]:
         """Speed [m/s] and acceleration [m/s²] of the plan where the vehicle is."""
         plan, i, u = self.plan, int(projection.segment[0]), self._share(projection)
         speed_sq = (1.0 - u) * plan.speed[i] ** 2 + u * plan.speed[i + 1] ** 2
-        return math.sqrt(speed_sq), float(plan.accel[i])
+        return math.sqrt(max(speed_sq, 0.0)), float(plan.accel[i])
 
     def station_at(self, projection: PathProjection) -> float:
         """Station of the vehicle on the plan [m]."""
@@ -72,6 +76,31 @@ class PreviousPlan:
         mean = 0.5 * float(plan.speed[i] + self.speed_at(projection)[0])
         gone = self._share(projection) * float(plan.station[i + 1] - plan.station[i])
         return float(plan.time[i]) + (gone / mean if mean > 0.0 else 0.0)
+
+    def lead_at(self, projection: PathProjection, age: float, period: float) -> float:
+        """How much later than at its measured place, by the plan, the vehicle is by now [s].
+
+        Where it has obeyed, the age of the measurement; but commands go no farther than a period
+        beyond those of the last cycle, while a vehicle begins to drive.
+
+        Args:
+            projection: vehicle as measured, on this plan. age: of that [s].
+            period: from one cycle to the next [s].
+        """
+        advance = self.time_at(projection) - self.measured
+        return min(age, self.lead + max(period - advance, 0.0))
+
+    def after(self, projection: PathProjection, lead: float) -> tuple[int, float, float]:
+        """Segment, station [m] and speed [m/s] of the plan a time after the vehicle's place [s]."""
+        plan, i = self.plan, int(projection.segment[0])
+        here, (speed, _) = self.station_at(projection), self.speed_at(projection)
+        later = self.time_at(projection) + lead
+        k = int(np.searchsorted(plan.time, min(later, plan.travel_time))) - 1
+        if lead <= 0.0 or k < i:
+            return i, here, speed
+        gone = min(later, plan.travel_time) - float(plan.time[k])
+        speed = max(float(plan.speed[k] + plan.accel[k] * gone), 0.0)
+        return k, float(plan.station[k]) + 0.5 * gone * (float(plan.speed[k]) + speed), speed
 
     def left(self, at: tuple[float, float], heading: float) -> tuple[float, float]:
         """Time [s] and distance [m] to the plan's rest from a position [m] and heading [rad]."""

@@ -16,7 +16,7 @@ from slopewise.models.quantity import GRAVITY
 from slopewise.planner.compiled_core import core
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.momentum import momentum_over
-from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
+from slopewise.planner.pipeline.time_optimal_batch import ROUNDING, TimeOptimalBatch
 from slopewise.planner.plan import Momentum, Obstacle
 from slopewise.planner.profile.time_optimal import ProfileProblem, time_optimal_profile
 from slopewise.planner.verify.ground import GroundFinding, first_blocked
@@ -180,7 +180,9 @@ class CandidateColumn:
         """The fastest profile with the fixed prefix; and does service braking get it there?"""
         begin, last = len(self.fixed_prefix) - 1, float(self.fixed_prefix[-1])
         answer, reachable = self.fastest_from(begin, last)
-        fits = bool(reachable >= last - 1e-9)
+        fits = bool(reachable >= last - ROUNDING)
+        if fits:
+            answer[0] = last
         return np.concatenate((self.fixed_prefix[:-1], answer)), fits
 
     def fastest_from(self, begin: int, start_sq: float) -> tuple[Floats, float]:

@@ -30,7 +30,7 @@ from slopewise.planner.swept.convergence import Departure
 from slopewise.planner.swept.hazards import Hazards, no_hazards, swept_hazards
 from slopewise.planner.verify.ground import GroundView
 
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 """Excess of v² at the start over what service braking can bring down [m²/s²]."""
 
 
@@ -70,7 +70,7 @@ class TimeOptimalBatch:
     @property
     def reachable(self) -> Bools:
         """(M,) service braking can bring down the speed at the start."""
-        reachable: Bools = self.reachable_start_sq >= self.start_sq - _ROUNDING
+        reachable: Bools = self.reachable_start_sq >= self.start_sq - ROUNDING
         return reachable
 
     def profile_of(self, j: int) -> Floats:
@@ -165,6 +165,8 @@ def solve(
     speed_sq, reachable = time_optimal_profile(
         profile_problem(profile, ground, bounds, scalars, start_sq)
     )
+    # No plan is slowed down for a start that is too fast by rounding alone.
+    speed_sq[0] = np.where(reachable >= start_sq - ROUNDING, start_sq, speed_sq[0])
     settings = settings or PlannerSettings()
     cost = travel_cost(profile.station, speed_sq, settings.horizon_penalty)
     return TimeOptimalBatch(
