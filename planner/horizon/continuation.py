@@ -146,8 +146,9 @@ class Continuation:
             lambda: first_try.pop() if first_try else self._finalizer(extended=True)[1],
             profile,
         )
-        # A plan that cannot be repaired stands still, which is no plan for a vehicle that moves.
-        if answer.speed[0] != plan.speed[i]:
+        # A plan that cannot be repaired stands still, or stops at once: that is for one that begins
+        # here to say, since a segment of a fallback may be faster than its bounds.
+        if answer.status is Status.INFEASIBLE or answer.speed[0] != plan.speed[i]:
             return None
         return PreviousPlan.on(ahead.path, ahead.first, answer)
 

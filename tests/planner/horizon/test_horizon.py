@@ -208,6 +208,19 @@ def test_braking_harder_than_planned_continues_as_long_as_needed() -> None:
     assert drive.x < drive.clear
 
 
+def test_a_limit_that_sinks_on_the_way_is_braked_for_without_an_emergency_stop() -> None:
+    """The segment that is driven stays faster than its bound until its end, for several cycles."""
+    drive = Drive(tables_with(limits={"speed": 1.0}), plane(), batch([straight(20.0)], 0.25))
+    for _ in range(30):
+        drive.cycle()
+    limit = drive.speed - 0.05
+    drive.horizon.learn(model_of(tables_with(limits={"speed": limit})))
+    answers = [drive.cycle() for _ in range(12)]
+    assert f"above {limit:.2f} m/s (speed_limit): brakes" in answers[0].reason
+    assert not any(answer.command.stop for answer in answers)
+    assert drive.speed <= limit
+
+
 def test_an_alternative_is_selected_when_the_driven_path_is_blocked() -> None:
     fan = [straight(30.0), arc(30.0, 0.02, name="left")]
     drive = Drive(tables_with(), plane(), batch(fan, 0.25), clear=np.array([30.0, 29.0]))
