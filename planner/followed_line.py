@@ -8,6 +8,7 @@ then its speeds suit who follows the polyline itself as well.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,13 +18,13 @@ from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.compiled_core import core
 from slopewise.planner.planning_limits import planning_limits
-from slopewise.planner.raw_polyline import noise, without_noise
+from slopewise.planner.raw_polyline import is_on_grid, noise, without_noise
 
 _HALF = 0.5
 """Half width of the mean in wheelbases [1]: it is the arc that fits best from axle to axle."""
 
 _HALF_IN_NOISE = 0.8
-"""The same along noisy points [1]: no vehicle steers at noise that is shorter than itself."""
+"""The same along noisy points at most [1]: no vehicle steers at noise shorter than itself."""
 
 _NO_SIZE = 2.0  # half width without a vehicle, in distances of stations [1]
 _FELT, _LIMITING = 0.1, 0.6
@@ -33,9 +34,9 @@ compared exactly."""
 
 _COARSEST = 0.25  # of the half width [1]: noise of shorter steps is averaged
 _SHORT = 0.5  # of the half width [1]: longer steps are not averaged by the mean
-_NOISY = 0.1  # of a step [1]: noise from which on it decides where a step points
-_GRID_STEPS = 8  # different steps of a search over a grid at most [1]
-_SAME_STEP = 1e-5  # [m] steps that differ less are the same
+_NOISY, _LITTLE = 0.015, 0.05
+"""Shares of the curvature that limits the highest speed [1]: standard deviations from noise up to
+which the mean is not widened for it, and up to which a smooth curve is as good as the mean."""
 _THRUST_SHARE = 0.8  # of the drive's force for a turn [1]: the rest is for grades
 _NARROWER, _WIDER = 0.7, 1.1  # half widths that are tried in turn [1]
 _SHARPER = 1.03  # of a line's own bends [1] from which on others count
@@ -119,6 +120,9 @@ class GivenPoints:
     def __init__(self, points: Floats, along: Floats, spacing: float, limits: LineLimits) -> None:
         """Find out how far its mean has to reach: ``half`` [m], ``planned`` of that share [1].
 
+        A parabola of least squares over a length L, with a point in every step, has a curvature of
+        σ √(720 step/L⁵) from noise σ of the points: where that is felt the mean is wider.
+
         Args:
             points: (n, 2), n >= 3; along: (n,) arc of them [m].
             spacing: of stations at most [m].
@@ -126,11 +130,18 @@ class GivenPoints:
         """
         self._spacing, self._limits, self._points = spacing, limits, points
         self.half, self.planned = _HALF * limits.wheelbase or _NO_SIZE * spacing, _PLANNED
-        if limits.wheelbase > 0.0 and _wavers(points, along, self.half):
-            if _is_on_grid(points):
+        self._noise = 0.0
+        step = core.usual_step(along)
+        short = limits.wheelbase > 0.0 and step <= _SHORT * self.half
+        curvature = noise(points) * math.sqrt(720.0 * step) if short else 0.0
+        if curvature * (2.0 * self.half) ** -2.5 > _NOISY * limits.gentlest:
+            if is_on_grid(points):
                 self.planned = _PLANNED_ON_GRID
                 return
-            self.half = _HALF_IN_NOISE * limits.wheelbase
+            wide = 0.5 * (curvature / (_NOISY * limits.gentlest)) ** 0.4
+            self.half = min(wide, _HALF_IN_NOISE * limits.wheelbase)
+            curvature *= (2.0 * self.half) ** -2.5
+            self._noise = curvature if curvature <= _LITTLE * limits.gentlest else 0.0
             # Noise of steps much shorter than the mean would only make them longer.
             self._points = without_noise(points, along, _COARSEST * self.half)[0]
 
@@ -147,7 +158,7 @@ class GivenPoints:
             return np.full(len(even), np.inf)
         gentlest = self._limits.gentlest
         mean = core.FollowedLine(self._points, self.half)
-        sharper = mean.sharper_than(even, _FELT * gentlest, _LIMITING * gentlest)
+        sharper = mean.sharper_than(even, _FELT * gentlest, _LIMITING * gentlest, self._noise)
         if sharper is None:
             return None
         with np.errstate(divide="ignore"):
@@ -185,18 +196,6 @@ class GivenPoints:
 
     def _curvature(self, half: float, place: Floats) -> Floats:
         return core.FollowedLine(self._points, half).curvature(place)
-
-
-def _wavers(points: Floats, along: Floats, half: float) -> bool:
-    """Return True if steps much shorter than the mean [m] point here and there."""
-    step = core.usual_step(along)
-    return step <= _SHORT * half and noise(points) > _NOISY * step
-
-
-def _is_on_grid(points: Floats) -> bool:
-    """Return True if the steps repeat: a path over a grid alternates without any noise."""
-    steps = np.round((points[1:] - points[:-1]) / _SAME_STEP)
-    return len(np.unique(steps[:, 0] + 1j * steps[:, 1])) <= _GRID_STEPS
 
 
 def narrower(half: float) -> float:

@@ -37,6 +37,13 @@ MAX_STATIONS = 200_000
 _FEWEST = 3
 """Stations that curvature needs [1]."""
 
+_THINNED = 0.2
+"""Share of the distance of stations within which given points are averaged [1]."""
+
+_LEFT_NOISE = 1.2
+"""Distance of a smooth curve from noisy points, in their estimated noise [1]: the estimate is off
+by some percent, and a curve that follows some of the noise bends several times as much."""
+
 _ANY_LINE = LineLimits()
 
 
@@ -151,14 +158,15 @@ def resample(
         if path.given is not None and path.given.deviation > limits.deviation:
             raise _too_far_error(path.given.points, path.points, limits.deviation)
         return path
-    points, limit, ends = clean(path.points, path.speed_limit, path.yaw)
+    reach = _THINNED * spacing
+    points, limit, raw, ends = clean(path.points, path.speed_limit, path.yaw, reach)
     drawn = arc(points)
-    laid = _line_along(points, drawn, spacing, limits)
+    laid = _line_along(raw, points, drawn, spacing, limits)
     if limit is not None:
         limit = _lowest_around(laid.place, drawn / drawn[-1], limit)
     if laid.speed_limit is not None:
         limit = laid.speed_limit if limit is None else np.minimum(limit, laid.speed_limit)
-    given = GivenPolyline(points, float(laid.deviation.max()), ends)
+    given = GivenPolyline(raw, float(laid.deviation.max()), ends)
     offset = None
     if len(points) > 2:
         share = drawn / drawn[-1]
@@ -183,23 +191,26 @@ class _Laid(NamedTuple):
     speed_limit: Floats | None = None
 
 
-def _line_along(points: Floats, along: Floats, spacing: float, limits: LineLimits) -> _Laid:
+def _line_along(
+    raw: Floats, points: Floats, along: Floats, spacing: float, limits: LineLimits
+) -> _Laid:
     """Stations on the smooth curve if that suits who follows the points, else on their own line.
 
     Args:
-        points: (n, 2) of the polyline; along: (n,) arc of them [m].
+        raw: (m, 2) points that were given [m]; what is planned must be close to them.
+        points: (n, 2) those that are left of them; along: (n,) arc of them [m].
         spacing: of stations [m]; limits: to be kept.
     """
     even, length = _smoothed(points, along, spacing)
     place = np.linspace(0.0, length, len(even)) / length
     if len(points) == 2:
         return _Laid(even, place, np.zeros(len(even)))
-    given, deviation = GivenPoints(points, along, spacing, limits), _deviation(points, even)
+    given, deviation = GivenPoints(points, along, spacing, limits), _deviation(raw, even)
     if deviation.max() <= limits.deviation and first_cusp(even) == 0:
         slow = given.speed_limit_on(even)
         if slow is not None:
             return _Laid(even, place, deviation, slow if np.isfinite(slow).any() else None)
-    return _followed(given, points, limits)
+    return _followed(given, raw, limits)
 
 
 def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, float]:
@@ -222,17 +233,17 @@ def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, fl
     if len(points) == 2:
         wanted = np.linspace(0.0, length, count)
         return points[0] + (wanted / length)[:, None] * (points[1] - points[0]), length
-    return smooth(points, along, count, stray), length
+    return smooth(points, along, count, _LEFT_NOISE * stray), length
 
 
-def _followed(given: GivenPoints, points: Floats, limits: LineLimits) -> _Laid:
+def _followed(given: GivenPoints, raw: Floats, limits: LineLimits) -> _Laid:
     """Stations on the line of a vehicle that follows all points.
 
     It is as near as allowed; where the vehicle cannot turn as sharply, as wide as is allowed, and
     as slow as who follows it more closely has to be.
 
     Args:
-        given: the polyline, (n, 2) points of it [m]. limits: to be kept.
+        given: the polyline; raw: (m, 2) points that were given [m]. limits: to be kept.
 
     Raises:
         ParameterError: no such line is close enough.
@@ -240,16 +251,16 @@ def _followed(given: GivenPoints, points: Floats, limits: LineLimits) -> _Laid:
 
     def tried(half: float) -> tuple[FollowedLine, Floats]:
         line = given.line(half, MAX_STATIONS)
-        return line, _deviation(points, line.points)
+        return line, _deviation(raw, line.points)
 
     half = given.planned * given.half
     line, deviation = tried(half)
     while deviation.max() > limits.deviation:
         half = narrower(half)
         if half == 0.0:
-            raise _too_far_error(points, line.points, limits.deviation)
+            raise _too_far_error(raw, line.points, limits.deviation)
         line, deviation = tried(half)
-    near, length = half, arc(points)[-1]
+    near, length = half, arc(raw)[-1]
     while line.sharpest > limits.max_curvature and half < length:
         gentler, farther = tried(wider(half))
         if farther.max() > limits.deviation:

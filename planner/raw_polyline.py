@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.errors import ParameterError
 from slopewise.planner.compiled_core import core
 
@@ -19,6 +19,12 @@ _DUPLICATE = 1e-3  # [m] points closer than that are one
 _CUSP = math.radians(120.0)  # a sharper turn is a cusp: the vehicle turns round
 _CUSP_COSINE = -0.4  # of a turn that may be one: somewhat less than a cusp is
 STRAY = 0.25  # [m] noise up to which a polyline is still a path
+_DENSE = 2.0  # points in a group on average from which on they are averaged [1]
+_CROWD = 8  # points in a group from which on they are averaged: a vehicle stood there [1]
+_GROUP_NOISE = 3.0  # length of a group at least, in the noise of its points [1]
+_GRID_STEPS = 8  # different steps of a search over a grid at most [1]
+_SAME_STEP = 1e-5  # [m] steps that differ less are the same
+_BEFORE_TIP = 4  # groups before the tip of a cusp [1]: the tip is the point farthest from there
 _TIP = 0.25  # [m] of the way to a cusp and on that give its direction
 _TIP_NOISE, _MAX_TIP = 6.0, 0.6  # the same in the noise of the points [1]; at most [m]
 
@@ -29,55 +35,76 @@ class Cleaned(NamedTuple):
     Attributes:
         points: (n, 2), n >= 2, in a separate array [m].
         limit: (n,) speed limits at them if there are any [m/s].
+        given: (m, 2) raw points, up to where the path ends [m].
         ends: why the path goes no further, empty where it goes to its end.
     """
 
     points: Floats
     limit: Floats | None
+    given: Floats
     ends: str = ""
 
 
-def clean(points: Floats, limit: Floats | None, yaw: Floats | None) -> Cleaned:
+def clean(points: Floats, limit: Floats | None, yaw: Floats | None, reach: float = 0.0) -> Cleaned:
     """Points and speed limits without duplicates, up to where the path turns round.
+
+    Points much closer together than ``reach``, or than a few times their noise, are averaged: one
+    alone has no information on the line, and most of the work grows faster than their number.
 
     Args:
         points: (n, 2) raw points, n >= 2 [m]. limit: (n,) speed limits at them [m/s].
         yaw: (n,) headings of the vehicle at them [rad].
+        reach: along the line [m].
 
     Raises:
         ParameterError: too short, or driven backwards.
     """
+    given, first = points, _groups(points, reach)
+    if len(first) < len(given):
+        points = np.add.reduceat(given, first) / np.diff(first, append=len(given))[:, None]
+        limit = limit if limit is None else np.minimum.reduceat(limit, first)
+        yaw = yaw if yaw is None else yaw[first]
     steps = np.diff(points, axis=0)
     length = np.hypot(steps[:, 0], steps[:, 1])
     if yaw is None and length.min() >= 2.0 * _DUPLICATE and not _may_turn(points, steps, length):
-        return Cleaned(points.copy(), limit)
+        return Cleaned(points.copy(), limit, given.copy())
     keep = _distinct(points, length)
-    if limit is not None and not keep.all():
-        groups = np.cumsum(keep) - 1
-        lowest = np.full(groups[-1] + 1, np.inf)
-        np.minimum.at(lowest, groups, limit)
-        limit = lowest
+    limit = limit if limit is None else np.minimum.reduceat(limit, np.flatnonzero(keep))
     points = points[keep]
     if len(points) < 2:
         raise ParameterError("points", "at least 2 distinct points, all are the same place")
-    points, ends = _up_to_cusp(points)
-    limit = limit if limit is None else limit[: len(points)]
+    turn, ends = _first_turn(points), ""
+    if turn > 0:
+        last = _tip(points, turn, given, first[keep])
+        points, given = np.append(points[:turn], given[last : last + 1], axis=0), given[: last + 1]
+        limit = limit if limit is None else limit[: turn + 1]
+        x, y = points[-1]
+        ends = f"the path turns round at ({x:.2f}, {y:.2f}): from there it is another path"
     if yaw is not None:
         steps = np.diff(points, axis=0)
         headings = np.arctan2(steps[:, 1], steps[:, 0])
         backwards = np.cos(yaw[keep][: len(steps)] - headings) < 0.0
         if np.mean(backwards) > 0.5:
             raise ParameterError("yaw", "the direction of travel: this path is driven backwards")
-    return Cleaned(points, limit, ends)
+    return Cleaned(points, limit, given.copy(), ends)
 
 
-def _distinct(points: Floats, length: Floats) -> np.ndarray:
+def _groups(points: Floats, reach: float) -> Ints:
+    """First points of groups that are averaged, (m,); (n,) all points where they are not dense."""
+    length = _GROUP_NOISE * min(noise(points), STRAY)
+    length = reach if length <= reach or is_on_grid(points) else length
+    count, first = core.group_points(points, length)
+    dense = _DENSE * count <= len(points) or np.diff(first[:count]).max() >= _CROWD
+    return first[:count] if dense else np.arange(len(points))
+
+
+def _distinct(points: Floats, length: Floats) -> Bools:
     """(n,) true for points that are not where the one before is."""
     keep = np.ones(len(points), np.bool_)
     if length.min() < _DUPLICATE:
         last = 0
         for i in range(1, len(points)):
-            keep[i] = not np.hypot(*(points[i] - points[last])) < _DUPLICATE
+            keep[i] = not math.dist(points[i], points[last]) < _DUPLICATE
             last = i if keep[i] else last
     return keep
 
@@ -92,31 +119,45 @@ def _may_turn(points: Floats, steps: Floats, length: Floats) -> bool:
     return bool(len(turns) > 1 and length.min() < _TIP and turns.max() > 0.5)
 
 
-def _up_to_cusp(points: Floats) -> tuple[Floats, str]:
-    """Points up to where the path turns round, and a sentence about that.
+def _first_turn(points: Floats) -> int:
+    """Index of the first point at which a path turns round, 0 if it never does.
 
     Noise makes short segments point anywhere; a cusp is one that survives at vehicle scale.
     """
     if len(points) < 3:
-        return points, ""
+        return 0
     reach = min(max(_TIP_NOISE * noise(points), _TIP), _MAX_TIP)
-    i = core.first_turn(points, reach, _CUSP)
-    if i == 0:
-        return points, ""
-    x, y = points[i]
-    return points[
-        : i + 1
-    ].copy(), f"the path turns round at ({x:.2f}, {y:.2f}): from there it is another path"
+    return core.first_turn(points, reach, _CUSP)
+
+
+def _tip(points: Floats, turn: int, given: Floats, first: Ints) -> int:
+    """Index of the given point at which a path turns round.
+
+    Args:
+        points: (n, 2) [m]; turn: index of the one where they turn round, or averaged ones.
+        given: (m, 2) points [m]; first: (n,) index of the first of them that is in each of n.
+    """
+    if (given[first[turn]] == points[turn]).all():
+        return int(first[turn])
+    low, high = first[turn - 1], first[min(turn + 2, len(first) - 1)]
+    away = given[low:high] - points[max(turn - _BEFORE_TIP, 0)]
+    return int(low + np.argmax(np.hypot(away[:, 0], away[:, 1])))
 
 
 def noise(points: Floats) -> float:
-    """Noise of points (n, 2) [m], robust: third differences of a smooth path nearly vanish.
+    """Noise of points (n, 2) across their line [m]: there third differences nearly vanish without.
 
-    Fewer than 8 points have none.
+    It is robust: a median. Fewer than 8 points have none.
     """
     if len(points) < 8:
         return 0.0
     return 1.4826 * core.third_difference(points) / math.sqrt(20.0)
+
+
+def is_on_grid(points: Floats) -> bool:
+    """Return True if the steps repeat: a path over a grid alternates without any noise."""
+    steps = np.round((points[1:] - points[:-1]) / _SAME_STEP)
+    return len(np.unique(steps[:, 0] + 1j * steps[:, 1])) <= _GRID_STEPS
 
 
 def arc(points: Floats) -> Floats:

@@ -71,9 +71,13 @@ void follow() {
   mean.curvature(place.data(), count, curvature.data());
   for (const double bend : curvature) expect(bend >= 0.0 && std::isfinite(bend), "a curvature");
   auto more = memory_of(FollowedLine::memory(even.count, samples)), bends = memory_of(even.count);
-  (void)mean.agrees(even, FollowedLine(even, samples, more.data()), {0.01, 0.1}, bends.data());
-  auto room = memory_of(2 * (line.count - 3)), along = memory_of(line.count);
+  (void)mean.agrees(even, FollowedLine(even, samples, more.data()), {0.01, 0.1, uniform(0.0, 0.1)}, bends.data());
+  auto room = memory_of(line.count - 3), along = memory_of(line.count);
   if (line.count > 3) expect(third_difference(line, room.data()) >= 0.0, "a size");
+  std::vector<std::int64_t> groups(static_cast<std::size_t>(line.count));
+  const Index found = group_points(line, uniform(0.0, 3.0), groups.data());
+  expect(found >= 2 && found <= line.count, "groups of points");
+  expect(groups[static_cast<std::size_t>(found - 1)] == line.count - 1, "the end is alone");
   line.measure(along.data());
   auto steps = memory_of(line.count - 1);
   expect(usual_step(along.data(), line.count, steps.data()) > 0.0, "a step");

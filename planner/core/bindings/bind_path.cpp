@@ -45,7 +45,14 @@ Index first_turn_of(const Input2& points, double reach, double angle) {
 
 double third_difference_of(const Input2& points) {
   const Line line = line_of("points", points, 4);
-  return third_difference(line, Workspace::of_thread().reserve(2 * line.count));
+  return third_difference(line, Workspace::of_thread().reserve(line.count));
+}
+
+// First points of groups; the array is longer than their number, which comes first.
+std::tuple<Index, Made<std::int64_t>> group_points_of(const Input2& points, double reach) {
+  const Line line = line_of("points", points, 2);
+  const auto first = make_rows<std::int64_t>(line.count);
+  return {group_points(line, reach, first.data()), first};
 }
 
 double usual_step_of(const Input1& along) {
@@ -125,12 +132,12 @@ class Followed {
   }
 
   [[nodiscard]] std::optional<Made<double>> sharper_than(const Input2& even, double felt,
-                                                         double limiting) const {
+                                                         double limiting, double noise) const {
     const Line line = line_of("even", even, 3);
     const Index samples = FollowedLine::samples(length_of(line, half_), half_);
     double* memory = Workspace::of_thread().reserve(FollowedLine::memory(line.count, samples));
     const auto sharper = make_array(line.count);
-    const Bends from{felt, limiting};
+    const Bends from{felt, limiting, noise};
     if (!line_.agrees(line, {line, samples, memory}, from, sharper.data())) return std::nullopt;
     return sharper;
   }
@@ -160,6 +167,7 @@ void bind_path(nb::module_& m) {
   m.def("deviation_of_part", &deviation_of_part);
   m.def("first_turn", &first_turn_of);
   m.def("third_difference", &third_difference_of);
+  m.def("group_points", &group_points_of);
   m.def("usual_step", &usual_step_of);
   m.def("first_cusp", &first_cusp_of);
   m.def("dense_places", &dense_places);

@@ -27,11 +27,22 @@ inline constexpr double felt_bend = 1.01;
 // by less, at a corner it is several times as sharp.
 inline constexpr double spline_swing = 3.0;
 
+// A bend of noisy points that is sharper than the line's is slowed for so that on no bank more than
+// this is exceeded, unless it is steeper than the least share leaves of the lateral limit [1].
+inline constexpr double noise_excess = 0.05, least_share = 0.5;
+inline constexpr double noise_width = 4.0;  // standard deviations of a bend that may be noise [1]
+
 // Curvatures from which on bends may limit the speed of a vehicle on any ground, and on even
-// ground [1/m].
+// ground; standard deviation of those of a mean from the noise of its points [1/m].
 struct Bends {
-  double felt, limiting;
+  double felt, limiting, noise;
 };
+
+// Share of the lateral limit for who turns more sharply by a ratio than the line, along noise [1]:
+// with a bank β that leaves v² κ ≤ a − g β for the line, v² r κ + g β is a (1 + excess) at most.
+inline double share_in_noise(double ratio) noexcept {
+  return min_of(max_of(noise_excess * ratio / max_of(ratio - 1.0, 1e-9), least_share), 1.0);
+}
 
 // Weights of the mean: its middle, and each sample to either side.
 inline std::array<double, samples_per_half + 1> mean_weights() noexcept {
@@ -112,7 +123,7 @@ class FollowedLine {
 
   // Is a line of stations as curved as this mean? Its own mean is `its`, over the same half width.
   // Then `sharper` is the curvature of who follows the polyline where that is more than the line's,
-  // 0 elsewhere, (stations,) [1/m].
+  // in noise that for which the speed leaves enough, 0 elsewhere, (stations,) [1/m].
   [[nodiscard]] bool agrees(Line line, const FollowedLine& its, Bends from,
                             double* sharper) const noexcept {
     const double share = static_cast<double>(its.count_ - 1) / static_cast<double>(count_ - 1);
@@ -121,14 +132,21 @@ class FollowedLine {
       if (here <= from.felt) continue;
       const auto at = static_cast<Index>(share * static_cast<double>(i) + 0.5);
       const double most = most_within(its.curvature_, its.count_, at, samples_per_half / 2);
-      if (here > (here > from.limiting ? same_bend : like_bend) * most) return false;
+      const double like = here > from.limiting ? same_bend : like_bend;
+      if (here > like * most + noise_width * from.noise) return false;
     }
     const double scale = static_cast<double>(count_ - 1) / static_cast<double>(line.count - 1);
     for (Index k = 0; k < line.count; ++k) {
       const Index middle = std::min(std::max<Index>(k, 1), line.count - 2);
       const double bend = std::abs(menger(line[middle - 1], line[middle], line[middle + 1]));
       const auto i = static_cast<Index>(static_cast<double>(k) * scale + 0.5);
-      sharper[k] = bend * ratio_to(its, i, share);
+      const double ratio = ratio_to(its, i, share);
+      sharper[k] = bend * ratio;
+      if (from.noise > 0.0 && ratio > 0.0) {
+        // The line may be straight where noise is not.
+        const double mine = most_within(curvature_, count_, i, samples_per_half / 2);
+        sharper[k] = max_of(sharper[k], mine) / share_in_noise(ratio);
+      }
       // Where it ends a spline swings.
       if (i < samples_per_half || i + samples_per_half >= count_) continue;
       const double most = most_within(curvature_, count_, i, samples_per_half + 1);
