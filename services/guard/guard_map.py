@@ -166,6 +166,10 @@ class ObstacleLayers:
         """
         return _at(self._near, x, y)
 
+    def place(self, x: Floats | float, y: Floats | float) -> tuple[float, float]:
+        """Place on the map [m] of a point [cells from :attr:`origin`]."""
+        return float(self.origin[0] + self.cell * x), float(self.origin[1] + self.cell * y)
+
     def edges(self, x: Floats, y: Floats) -> Bools:
         """Return True at points [cells from :attr:`origin`] where a wheel would meet a step."""
         return _at(self._edges, x, y) > 0.0

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
+from slopewise.models.recent import Recent
 from slopewise.services.guard.guard_map import SPACING, classes_at, map_layers
 from slopewise.services.guard.guard_model import GuardModel, GuardScene
 from slopewise.services.guard.swept_contact import BodyPoses, Contact, SweptBody
@@ -176,6 +177,9 @@ def _poses(
     return x, y, yaw, cos, sin
 
 
+_may_be: Recent[Bools] = Recent(2)  # see :func:`possible_surfaces`
+
+
 class _WheelPlanes:
     """Planes of the wheels on N courses of S samples, written block by block."""
 
@@ -187,9 +191,8 @@ class _WheelPlanes:
         )
         self._poses, self._planes, self._step = poses, poses.planes, poses.share * step
         self._felt = map_layers(self._ground, self._vehicle).wheels
-        self.may_be = possible_surfaces(
-            scene.model.promised.braking.terrain, self._ground.class_names
-        )
+        surfaces, names = scene.model.promised.braking.terrain, self._ground.class_names
+        self.may_be = _may_be.get(lambda: possible_surfaces(surfaces, names), surfaces, names)
         # Rise and cross rise (2, C) that each class was trained on.
         low = np.array((table.grade_min, table.roll_min))[:, None]
         high = np.array((table.grade_max, table.roll_max))[:, None]

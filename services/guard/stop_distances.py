@@ -120,7 +120,7 @@ def _push(model: GuardModel, courses: StopCourses, onset: Floats) -> Floats | fl
 
 def _rest(energy: Floats, decel: Floats, onset_sq: Floats, holds: Floats, step: float) -> Floats:
     """Distance at which each stop ends; inf where it does not, (N, K) [m]."""
-    n, k = np.ogrid[: energy.shape[0], : energy.shape[1]]
+    n, k = np.arange(energy.shape[0])[:, None], np.arange(energy.shape[1])
     last = np.argmax(energy <= 0.0, axis=-1)
     before = np.where(last > 0, energy[n, k, last - 1], onset_sq[..., 0])
     before = np.minimum(np.maximum(before, 0.0), onset_sq[..., 0])
@@ -134,8 +134,8 @@ def _loads(model: GuardModel, pose: BodyAttitude, speed_sq: Floats, force: Float
     """Lowest load share of axles and sides while braking as hard as possible, (N, K, S) [1]."""
     # The trailing axle, in the direction of motion, loses the load that the brakes transfer; the
     # leading one has least before they take hold.
-    decel = GRAVITY * (np.maximum(force, 0.0) + pose.sine)
-    braked = shares_of(model.vehicle, pose, speed_sq, decel)
-    held = shares_of(model.vehicle, pose, speed_sq, np.zeros_like(speed_sq))
-    lowest: Floats = np.minimum(np.minimum(braked.rear, held.front), braked.side)
+    vehicle, decel = model.vehicle, GRAVITY * (np.maximum(force, 0.0) + pose.sine)
+    braked = shares_of(vehicle, pose, speed_sq, decel)
+    held = braked.front - vehicle.cg_z / (vehicle.cg_x * GRAVITY) * decel
+    lowest: Floats = np.minimum(np.minimum(braked.rear, held), braked.side)
     return lowest

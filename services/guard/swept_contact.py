@@ -34,9 +34,9 @@ _FACET = math.sqrt(2.0)
 _SHARES = 0.75, 0.5, 0.25, 0.0
 """Shares of the errors of the pose that are tried next to obstacles [1]."""
 
-_TOGETHER = 200
-"""Tiles that are looked up together at first [1], then twice as many, and so on: most may lie
-behind the first contact."""
+_TOGETHER, _MIN_SAMPLES = 600, 16
+"""Poses whose tiles are looked up together at first, for as many samples at least, and tiles whose
+points are [1]: most may lie behind the first contact."""
 
 
 class BodyPoses(NamedTuple):
@@ -80,21 +80,20 @@ class SweptBody:
     def first_contact(self, block: slice) -> Contact:
         """First contact at a block of samples; blocks are asked for in their order."""
         self._place(block)
-        tiles = self._near_tiles(block)
-        if block.start == 0 and self._is_touched(near=0 in tiles[0][:1]):
+        if block.start == 0 and self._is_touched():
             # What is closer than the next cell is judged by the cells alone, or nothing could
             # leave it.
             self._touches = True
             self._place(block)
             if (approached := self._approached()) is not None:
                 return approached
-            tiles = self._near_tiles(block)
-        first, together = 0, _TOGETHER
-        while first < len(tiles[0]):
-            s, n, t = (of[first : first + together] for of in tiles)
-            if (contact := self._contact(s + block.start, n, t)) is not None:
-                return contact
-            first, together = first + together, 2 * together
+        first, count = block.start, max(_TOGETHER // len(self._poses.x), _MIN_SAMPLES)
+        while first < block.stop:
+            tiles = self._near_tiles(slice(first, min(first + count, block.stop)))
+            for k in range(0, len(tiles[0]), _TOGETHER):
+                if (contact := self._contact(*(of[k : k + _TOGETHER] for of in tiles))) is not None:
+                    return contact
+            first, count = first + count, 2 * count
         return Contact(self._poses.x.shape[1], "", None, self._touches)
 
     def _place(self, block: slice) -> None:
@@ -115,19 +114,17 @@ class SweptBody:
         for row, values in zip(self._in_cells[..., block], rows, strict=True):
             row[...] = values
 
-    def _is_touched(self, *, near: bool) -> bool:
+    def _is_touched(self) -> bool:
         """Return True if an obstacle is closer to the measured pose than cells can show.
 
-        Or than errors of the pose are. ``near``: ground may strike the outline.
+        Or than errors of the pose are.
         """
         layers, points, start = self._layers, self._points, self._in_cells[:, -1, 0]
-        if near:
-            ahead, left = points.ahead.ravel(), points.left.ravel()
-            x, y = points_of(start[:4], ahead / layers.cell, left / layers.cell)
-            struck = layers.heights(x, y, exact=False) > _underside(start, ahead, left)
-            if (struck | layers.edges(x, y) & points.main.ravel()).any():
-                return True
-        return bool(self._struck_beyond().any())
+        ahead, left = points.ahead.ravel(), points.left.ravel()
+        x, y = points_of(start[:4], ahead / layers.cell, left / layers.cell)
+        struck = layers.heights(x, y, exact=False) > _underside(start, ahead, left)
+        struck |= layers.edges(x, y) & points.main.ravel()
+        return bool(struck.any() or self._struck_beyond().any())
 
     def _struck_beyond(self) -> Bools:
         """Return (P,) True where errors of the pose reach obstacles at the start."""
@@ -148,10 +145,9 @@ class SweptBody:
         outward = _outward((ahead, left), (normal_ahead, normal_left), poses, poses.turn)
         if (outward > _OUTWARD).any():
             k = int(np.argmax(outward.max(axis=0)))
-            start, cell, (x0, y0) = self._in_cells[:, -1, 0], self._layers.cell, self._layers.origin
-            place = self._points.beyond[:2, struck][:, k] / cell
-            x, y = points_of(start[:4], *place)
-            return Contact(0, OBSTACLE, (float(x0 + cell * x), float(y0 + cell * y)), True)
+            place = self._points.beyond[:2, struck][:, k] / self._layers.cell
+            x, y = points_of(self._in_cells[:4, -1, 0], *place)
+            return Contact(0, OBSTACLE, self._layers.place(x, y), True)
         for share in _SHARES:
             if not struck.any():
                 break
@@ -166,36 +162,20 @@ class SweptBody:
         x, y = points_of(some[:4], ahead / cell, left / cell)
         top = layers.heights(x, y, exact=self._touches)
         hits = np.array((np.isnan(top), top > _underside(some, ahead, left), layers.edges(x, y)))
-        unknown, struck, edge = hits
-        edge &= points.wheel[t]
-        if not hits.any():
-            return None
-        self._exempt_start(unknown, struck, some, t)
-        if edge.any():
-            edge &= ~self._standing_on_edges(s, n, t)
+        hits[2] &= points.wheel[t]
+        if hits.any():
+            self._exempt_start(hits, some, t)
         blocked = hits.any(axis=(0, 2))
         if not blocked.any():
             return None
         k = int(np.argmax(blocked))
         kind, p = divmod(int(np.argmax(hits[:, k])), x.shape[1])
-        where = float(layers.origin[0] + cell * x[k, p]), float(layers.origin[1] + cell * y[k, p])
-        return Contact(int(s[k]), (UNKNOWN, OBSTACLE, EDGE)[kind], where, self._touches)
-
-    def _standing_on_edges(self, s: Ints, n: Ints, t: Ints) -> Bools:
-        """Points (…, Q) that are still at the step at which they are at the start.
-
-        An edge on which a wheel stands already does not hold it there.
-        """
-        layers, of_all = self._layers, self._in_cells[..., : int(s[-1]) + 1]
-        still = np.zeros((len(s), self._points.ahead.shape[1]), np.bool_)
-        ahead, left = self._points.ahead / layers.cell, self._points.left / layers.cell
-        of, q = np.nonzero(layers.edges(*points_of(of_all[:4, -1, 0, None, None], ahead, left)))
-        if len(of):
-            on = layers.edges(*points_of(of_all[:4, ..., None], ahead[of, q], left[of, q]))
-            on = np.logical_and.accumulate(on, axis=1)
-            k, j = np.nonzero(t[:, None] == of)
-            still[k, q[j]] = on[n[k], s[k], j]
-        return still
+        return Contact(
+            int(s[k]),
+            (UNKNOWN, OBSTACLE, EDGE)[kind],
+            layers.place(x[k, p], y[k, p]),
+            self._touches,
+        )
 
     def _near_tiles(self, block: slice) -> tuple[Ints, Ints, Ints]:
         """Samples of a block, courses and tiles, the first samples first.
@@ -209,21 +189,28 @@ class SweptBody:
         x, y, lowest = self._points.tiles @ matrix.reshape(3, 3, -1)
         near = self._layers.highest_near(x, y) > lowest
         pose, t = np.divmod(np.flatnonzero(near.T), len(near))
-        return *np.divmod(pose, poses.shape[2]), t
+        s, n = np.divmod(pose, poses.shape[2])
+        return s + block.start, n, t
 
-    def _exempt_start(self, unknown: Bools, struck: Bools, poses: Floats, t: Ints) -> None:
+    def _exempt_start(self, hits: Bools, poses: Floats, t: Ints) -> None:
         """Clear what lies below the body or a cell from it where it stands, unless it moves there.
 
         Of unknown ground only the leading edge counts as moving there: a sensor often does not see
         the ground next to the vehicle, and what was seen to be an obstacle is one. Farther away,
-        where the vehicle may stand by the errors of its pose, unknown ground is as obstacles are.
+        where the vehicle may stand by the errors of its pose, unknown ground is as obstacles are. A
+        step on which a wheel stands does not hold it within a cell.
         """
-        points, moved, start = self._points, self._poses, self._in_cells[:, -1, 0]
-        cell, front, rear = self._layers.cell, float(points.ahead.max()), -float(points.ahead.min())
-        side = float(points.left.max())
-        m, p = np.nonzero(unknown | struck)
+        points, start, layers = self._points, self._in_cells[:, -1, 0], self._layers
+        front, rear = float(points.ahead.max()), -float(points.ahead.min())
+        side, cell, moved = float(points.left.max()), layers.cell, self._poses
+        # What lies farther from the start than two corners of the body stays.
+        beyond = 2.0 * math.hypot(max(front, rear), side) / cell + 1.0
+        near = np.hypot(poses[0] - start[0], poses[1] - start[1]) < beyond
+        m, p = np.nonzero(hits.any(axis=0) & near)
+        if len(m) == 0:
+            return
         at = t[m], p
-        ahead, left = points.ahead[at], points.left[at]
+        place = ahead, left = points.ahead[at], points.left[at]
         x, y, cos, sin = poses[:4, m, 0]
         moved_by = cell * (x - start[0]), cell * (y - start[1])
         east, north = points_of((*moved_by, cos, sin), ahead, left)
@@ -234,10 +221,13 @@ class SweptBody:
             for ahead_of, behind, half in ((front, rear, side), points.size)
         )
         normal = points.normal_ahead[at], points.normal_left[at]
-        outward = _outward((ahead, left), normal, moved, poses[7, m, 0])
+        outward = _outward(place, normal, moved, poses[7, m, 0]) > _OUTWARD
         leading = (normal[0] > 0.0) & (moved.share > 0.0)
-        unknown[m, p] &= ~within | leading | (~close & (outward > _OUTWARD))
-        struck[m, p] &= ~within | (outward > _OUTWARD)
+        on_step = layers.edges(*points_of(start[:4], ahead / cell, left / cell))
+        on_step &= np.hypot(along - ahead, across - left) < cell
+        hits[:, m, p] &= np.array(
+            (~within | leading | (~close & outward), ~within | outward, ~on_step)
+        )
 
 
 def _bands(vehicle: Vehicle, poses: BodyPoses, errors: InputErrors) -> tuple[float, float, float]:
