@@ -99,12 +99,12 @@ class Service:
         """Start all components; ``started`` ends them in reverse order."""
         config = self.config
         try:
-            self._session = zenoh.open(zenoh_config(config.zenoh, config.sizes))
+            largest = max(config.sizes.request_bytes, config.sizes.map_bytes)
+            self._session = zenoh.open(zenoh_config(config.zenoh, largest))
         except zenoh.ZError as error:
             where = ", ".join(config.zenoh.listen)
-            raise InputError(
-                "zenoh", "listen", f"expected free endpoints, {where}: {error_text(error)}"
-            ) from None
+            expected = f"expected free endpoints, {where}: {error_text(error)}"
+            raise InputError("zenoh", "listen", expected) from None
         started.callback(self._session.close)
         self._check_duplicate_id()
         for text in router_warnings(self._session, config.zenoh.mode):

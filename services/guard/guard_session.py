@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 import signal
@@ -11,13 +10,13 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from dataclasses import replace
 
 import zenoh
 
 from slopewise.models.errors import InputError
 from slopewise.services.guard.settings import GuardSettings
-from slopewise.services.settings.tls_files import settle
+from slopewise.services.settings.zenoh_session import ZenohSettings, zenoh_config
 
 _log = logging.getLogger("slopewise")
 
@@ -36,18 +35,9 @@ def request_realtime_priority() -> None:
 def open_session(settings: GuardSettings) -> zenoh.Session:
     """Connect as the settings require; an InputError if no router answers, or zenoh refuses."""
     ours = settings.zenoh
+    place = ZenohSettings(mode=ours.mode, connect=ours.connect, listen=ours.listen)
     try:
-        config = zenoh.Config.from_file(ours.config) if ours.config else zenoh.Config()
-        config.insert_json5("mode", json.dumps(ours.mode))
-        if ours.connect:
-            config.insert_json5("connect/endpoints", json.dumps(ours.connect))
-        if ours.mode == "peer":
-            config.insert_json5("listen/endpoints", json.dumps(ours.listen))
-        config.insert_json5("scouting/multicast/enabled", "false")
-        if ours.config:
-            listens = ours.listen if ours.mode == "peer" else ()
-            settle(config, Path(ours.config), (*listens, *ours.connect))
-        return zenoh.open(config)
+        return zenoh.open(zenoh_config(replace(place, config=ours.config)))
     except zenoh.ZError:
         where = ", ".join(ours.connect)
         raise InputError("zenoh", "connect", f"expected a router at {where}, got none") from None

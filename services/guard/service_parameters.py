@@ -76,17 +76,12 @@ def _learn(table: BrakeTable, k: int, group: ParameterGroup) -> None:
     promised = STOP_FACTOR in group.values
     std = group.values.get(FORCE_STD, 0.0) if promised else group.stds.get("b_b", 0.0)
     table.b_b[k] -= SPREAD * std
-    table.extra[k] = 2.0 * (SPREAD * std + _weaker_by(table, k, group))
+    corners = corner_design(
+        (table.slowest[k], table.fastest[k]), (table.grade_min[k], table.grade_max[k])
+    )
+    weaker = np.array([group.values[name] - getattr(table, name)[k] for name in _FORCE])
+    table.extra[k] = 2.0 * (SPREAD * std + max(float(np.max(corners @ weaker)), 0.0))
     if as_downhill:
         table.up_m[k], table.up_b[k] = table.m_m[k], table.b_m[k]
     late = factor * group.values.get("dead_time", 0.0)
     table.dead_time[k] = max(late, table.dead_time[k])
-
-
-def _weaker_by(table: BrakeTable, k: int, group: ParameterGroup) -> float:
-    """Largest F_b/W [1] by which the learned mean is above a row of a table."""
-    corners = corner_design(
-        (table.slowest[k], table.fastest[k]), (table.grade_min[k], table.grade_max[k])
-    )
-    difference = np.array([group.values[name] - getattr(table, name)[k] for name in _FORCE])
-    return max(float(np.max(corners @ difference)), 0.0)

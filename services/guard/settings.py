@@ -9,7 +9,7 @@ from typing import Any, Literal
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import quantity, validate_quantities
 from slopewise.services.io.decode import decode_table
-from slopewise.services.io.files import read_toml, resolve_names, shipped_files
+from slopewise.services.io.files import read_toml, resolve_names
 
 
 def _seconds(text: str, default: float, at_least: float, at_most: float) -> Any:
@@ -112,9 +112,3 @@ def read_guard_settings(path: Path) -> GuardSettings:
     data = read_toml(path)
     resolve_names(path, data, "model", "map", "zenoh.config")
     return decode_table(GuardSettings, data, str(path))
-
-
-def model_path(settings: GuardSettings) -> Path:
-    """Model file: one that exists, or that of a shipped vehicle."""
-    path = Path(settings.model)
-    return path if path.is_file() else shipped_files("vehicles").get(settings.model, path)

@@ -22,8 +22,9 @@ from slopewise.services.guard.decide import stop
 from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_model import read_guard_model
 from slopewise.services.guard.guard_session import Heartbeat, running
-from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
+from slopewise.services.guard.settings import GuardSettings, read_guard_settings
 from slopewise.services.guard.zenoh_transport import ZenohOutput
+from slopewise.services.io.model_file import find_model
 
 _log = logging.getLogger("slopewise")
 
@@ -94,7 +95,7 @@ def serve(config: Path, ready: Callable[[str, dict[str, object]], None]) -> None
     """Guard until a signal asks to end; ``ready`` is called once it runs."""
     settings = read_guard_settings(config)
     # Files that cannot be read are reported before anything moves.
-    read_guard_model(model_path(settings))
+    read_guard_model(find_model(settings.model))
     if settings.map:
         read_guard_map(Path(settings.map))
     with running(settings) as (session, ended):

@@ -28,8 +28,9 @@ from slopewise.services.guard.guard_model import read_guard_model
 from slopewise.services.guard.guard_session import Heartbeat, running
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.map_updates import MapUpdates
-from slopewise.services.guard.settings import GuardSettings, model_path, read_guard_settings
+from slopewise.services.guard.settings import GuardSettings, read_guard_settings
 from slopewise.services.guard.zenoh_transport import GuardStatus, ZenohTransport
+from slopewise.services.io.model_file import find_model
 from slopewise.services.ros.inbox import Inbox, Received
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
@@ -54,7 +55,7 @@ class Worker:
     def __init__(
         self, settings: GuardSettings, session: zenoh.Session, heartbeat: Heartbeat
     ) -> None:
-        model = read_guard_model(model_path(settings))
+        model = read_guard_model(find_model(settings.model))
         known = read_guard_map(Path(settings.map)) if settings.map else None
         self.guard = Guard(settings, model, known)
         self._settings, self._heartbeat = settings, heartbeat

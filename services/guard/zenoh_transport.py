@@ -116,17 +116,9 @@ class ZenohOutput:
     def send(self, decision: GuardDecision) -> None:
         """Send a decision to the base."""
         self._sequence += 1
-        message = GuardOutput(
-            source=self._source,
-            sequence=self._sequence,
-            of=decision.of,
-            speed=decision.command.speed,
-            yaw_rate=decision.command.yaw_rate,
-            brake=decision.brake,
-            action=decision.action,
-            reason=decision.reason,
-            where=decision.where,
-        )
+        answer = decision._asdict()
+        answer |= answer.pop("command")._asdict()
+        message = GuardOutput(source=self._source, sequence=self._sequence, **answer)
         self._publisher.put(**codec.payload_of(message, Format.JSON))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Literal
 
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import (
@@ -21,22 +20,12 @@ from slopewise.planner.settings import PlannerSettings
 from slopewise.services.io.decode import decode_table
 from slopewise.services.io.files import read_toml, resolve_names
 from slopewise.services.settings.learning_settings import Investigation, Learning, StoreSettings
+from slopewise.services.settings.zenoh_session import ZenohSettings as ZenohSettings
 
 _KEY = re.compile(r"[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*")
 _MEGABYTE = 1_000_000
 _MAX_QUEUE = 1024
 """Bytes of a megabyte, and entries of a queue at most [1]: each may hold a request of `sizes`."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ZenohSettings:
-    """How to meet others. The default listens on loopback only and scouts for no peers."""
-
-    mode: Literal["peer", "client", "router"] = "peer"
-    listen: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
-    connect: tuple[str, ...] = ()
-    multicast: bool = False
-    config: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,6 @@ import pytest
 
 from slopewise.services.settings.service_settings import (
     ServiceConfig,
-    SizeLimits,
     ZenohSettings,
     read_config,
 )
@@ -52,11 +51,11 @@ def test_by_default_it_listens_on_loopback_only() -> None:
 
 def test_a_service_uses_shared_memory_only_if_zenohs_settings_say_so(tmp_path: Path) -> None:
     key = "transport/shared_memory/enabled"
-    assert zenoh_config(ZenohSettings(), SizeLimits()).get_json(key) == "false"
+    assert zenoh_config(ZenohSettings(), 1000).get_json(key) == "false"
     file = tmp_path / "zenoh.json5"
     file.write_text("{}")
     from_file = ZenohSettings(config=str(file))
-    assert zenoh_config(from_file, SizeLimits()).get_json(key) == "true"
+    assert zenoh_config(from_file, 1000).get_json(key) == "true"
     assert zenoh_config(ZenohSettings()).get_json(key) == "true"
 
 
