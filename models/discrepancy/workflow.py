@@ -27,7 +27,6 @@ from slopewise.models.discrepancy.likelihood.residual_axes import residual_axes
 from slopewise.models.discrepancy.likelihood.resolvable import resolvable
 from slopewise.models.discrepancy.likelihood.weigh import weighed
 from slopewise.models.discrepancy.likelihood.whitener import Whitener
-from slopewise.models.discrepancy.progress import Progress, Stage
 from slopewise.models.discrepancy.report.cost import changes, cost_of
 from slopewise.models.discrepancy.report.evidence import evidence_of
 from slopewise.models.discrepancy.report.experiment import next_experiment
@@ -35,6 +34,8 @@ from slopewise.models.discrepancy.report.summary import located_axes, named_effe
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.parameters import Model
 
+HUNDREDTHS = 100  # of the typical time, when all is done
+_STOPS, _SEARCH = 6, 80  # of them, when stops are measured and explanations weighed
 _BY_CHANCE = 4.0  # distance by which one stop in ten thousand ends late by chance [std]
 
 
@@ -61,17 +62,25 @@ def investigate(
     Raises:
         ParameterError: too few usable stops.
     """
-    begin, progress = time.perf_counter(), Progress(advance)
+    begin, reported = time.perf_counter(), 0
+
+    def reach(hundredths: float) -> None:
+        nonlocal reported
+        if int(hundredths) > reported:
+            advance(int(hundredths) - reported)
+            reported = int(hundredths)
+
     # Its matrices are small: threads would wait for one another.
     with threadpool_limits(1):
         settings = settings or DiscrepancySettings()
         table, notes = prepare(columns, runs, model, ground, settings)
-        progress.reach(Stage.STOPS)
+        reach(_STOPS)
+        sessions = sessions_of(table, columns, runs)
         weights = weighed(
-            table, model, sessions_of(table, columns, runs), settings.odds, progress.search
+            *(table, model, sessions, settings.odds),
+            advance=lambda share: reach(_STOPS + share * (_SEARCH - _STOPS)),
         )
         answer = answered(weights)
-        progress.reach(Stage.SEARCH)
         base = refitted(answer.calm)
         located = residual_axes(answer.calm.fit.trace, base)
         seen = resolvable(answer.calm.fit, answer.calm.at, weights.book)
@@ -81,11 +90,9 @@ def investigate(
             return decide(table, base, given, located, seen, settings)
 
         decision = decided(())
-        progress.reach(Stage.LEFT)
         noise = decision.explanation.whitener
         decision, gaps = held_to_account(table, base, decision, located, seen, settings, decided)
         better, added = revised(table, decision, gaps.held_out, source)
-        progress.reach(Stage.GAPS)
         above = gaps.refit_square - gaps.speed.noise_floor**2
         findings = Findings(
             decision.verdict,
@@ -105,7 +112,7 @@ def investigate(
             {name: size for name, size in decision.visible.items() if np.isfinite(size)},
             evidence_of(table, base, decision, located),
         )
-        progress.reach(Stage.FINDINGS)
+        reach(HUNDREDTHS)
         return findings
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from datetime import date
 
 from slopewise.models.discrepancy.findings import Findings
-from slopewise.models.discrepancy.progress import Stage
 from slopewise.models.discrepancy.settings import DiscrepancySettings
-from slopewise.models.discrepancy.workflow import investigate
+from slopewise.models.discrepancy.workflow import HUNDREDTHS, investigate
 from slopewise.services.io.findings_file import source_of
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.jobs.log_input import LogInput
@@ -23,7 +22,7 @@ def discrepancy(
 ) -> Findings:
     model_path = find_model(model_file)
     model = read_model(model_path)
-    with progress_bar("comparing", Stage.FINDINGS + 1) as advance:
+    with progress_bar("comparing", HUNDREDTHS + 1) as advance:
         log = logs.read()
         ground = logs.grade(log, model.vehicle)
         advance(1)

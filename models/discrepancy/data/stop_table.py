@@ -23,7 +23,7 @@ _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y", "vertical_curvature")
 _MEANINGFUL = {*_CHANNELS, "run", "terrain", "t", "v", "v_cmd", "pitch", "z", "brake"}
 _MEANINGFUL |= {f"{name}_{side}" for name in ("v", "current") for side in ("left", "right")}
 """Columns that are no further explanation: their meaning is known."""
-_NODES = 121  # grid times of a stop: 10 ms or so
+NODES = 121  # grid times of a stop: 10 ms or so
 _BINS = 40  # means of speed per stop: as many as its slow waves need, and eight times that
 _HELD_BEFORE = 0.3  # held speed that belongs to a stop, for its level [s]
 _LAST_SHARE = 0.95  # of a stop: what comes after is rocking, not braking [1]
@@ -220,7 +220,7 @@ def _row(
     part = slice(s.window.begin, s.window.end)
     last = min(int(np.searchsorted(s.time, _end_of_fall(record))), s.at_standstill)
     first = int(np.searchsorted(s.time, -_HELD_BEFORE - 1e-9))
-    time = np.linspace(s.time[first], s.time[last], _NODES)
+    time = np.linspace(s.time[first], s.time[last], NODES)
 
     def at_grid(values: Floats) -> Floats:
         result: Floats = np.interp(time, s.time, _smooth(s.time, values))

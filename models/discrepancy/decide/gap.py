@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
-from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.data.stop_table import NODES, StopTable
 from slopewise.models.discrepancy.findings import Gap
 from slopewise.models.discrepancy.likelihood.refit import Refit, without
 from slopewise.models.discrepancy.likelihood.whitener import Whitener
@@ -20,10 +20,9 @@ from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import simulate
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 
-LARGER = 1.02  # errors of distances after a finding over those before that contradict it [1]
+LARGER = 1.02  # errors after a finding over those before it that contradict it [1]
 _CLAIM_ABOVE = 1.5  # floors that a gap needs for a percentage of it to mean something [1]
-_SPAN = 2.0  # times a measured stop within which a simulated one has to end [1]
-_NODES = 241  # grid times of a simulated stop: one in 10 ms or so
+_SPAN = 2  # times a measured stop within which a simulated one has to end [1]
 
 
 def speed_errors(table: StopTable, hypothesis: Hypothesis) -> Floats:
@@ -36,7 +35,7 @@ def speed_errors(table: StopTable, hypothesis: Hypothesis) -> Floats:
 def distances(table: StopTable, hypothesis: Hypothesis) -> Floats:
     """(S,) simulated stopping distance [m]; the end of the simulation if the vehicle rolls on."""
     longest = _SPAN * table.standstill_time + 0.5
-    time = np.linspace(0.0, 1.0, _NODES) * longest[:, None]
+    time = np.linspace(0.0, 1.0, _SPAN * (NODES - 1) + 1) * longest[:, None]
     _, station = simulate(table, hypothesis, table.held, time)
     return station[:, -1]
 

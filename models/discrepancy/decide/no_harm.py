@@ -14,9 +14,9 @@ from slopewise.models.discrepancy.findings import Verdict
 from slopewise.models.discrepancy.likelihood.refit import Refit
 from slopewise.models.discrepancy.likelihood.residual_axes import ResidualAxis, mainly_along
 from slopewise.models.discrepancy.likelihood.resolvable import Resolvable
+from slopewise.models.discrepancy.likelihood.weigh import LEADERS
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 
-_LEADERS = 3  # explanations that are compared on stops held out, until one is not contradicted
 _CLEARLY = 2.0  # error of the model as configured over that of a refit [1]
 
 
@@ -85,7 +85,7 @@ def _confirmed(
         fits = f"{names} fits the log, but predicts stops held out worse than the model without"
         notes = (*notes, *decision.notes, fits)
         decision = next_to(contradicted)
-        if decision.names and len(contradicted) == _LEADERS:
+        if decision.names and len(contradicted) == LEADERS:
             decision = Decision(Verdict.NONE, base, visible=decision.visible)
         gaps = compared(table, base, decision.explanation, floor, settings)
     notes = (*notes, *decision.notes)

@@ -27,7 +27,6 @@ from slopewise.models.parameters import Braking, Effect, Model
 from slopewise.models.stop_distance import StopDistance
 
 _OFFSET_COVERAGE = 0.995  # share of stops that the safety offset covers, as in calibration [1]
-_ALTERNATIVE_COVERAGE = 0.97  # share of stops in which the offset covers a alternative, too [1]
 _RANGE_PAD = 0.1  # of a range: by which a log is extrapolated with new coefficients [1]
 
 
@@ -154,7 +153,7 @@ def _wider(model: Model, table: StopTable, decision: Decision, predicted: Floats
     if decision.alternatives:
         here = distances(table, decision.explanation.hypothesis)
         longer = [distances(table, r.hypothesis) - here for r in decision.alternatives]
-        needed += max(0.0, *(float(np.quantile(more, _ALTERNATIVE_COVERAGE)) for more in longer))
+        needed += max(0.0, *(float(np.quantile(more, _OFFSET_COVERAGE)) for more in longer))
     offset = max(model.braking.distance_offset, needed)
     return replace(model, braking=replace(model.braking, distance_offset=offset))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood.onset import Integrated
-from slopewise.models.discrepancy.likelihood.trace import ONSET_WAVES
+from slopewise.models.discrepancy.likelihood.trace import WAVES
 from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
 
@@ -91,7 +91,7 @@ def under_cap(
         trace,
         quicker=quicker(found),
         expected=Integrated.of(table, expected, trace.expected.through),
-        always=passed(trace.always, but=slice(4, 4 + ONSET_WAVES)),
+        always=passed(trace.always, but=slice(4, 4 + WAVES)),
         waves=passed(trace.waves, kept=_GROUND_SCATTER),
     )
     return changed, Integrated.of(table, shares, extra.through), again

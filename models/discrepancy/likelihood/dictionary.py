@@ -14,7 +14,7 @@ from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.axes import CURVE, causes_of, unit_range
 from slopewise.models.discrepancy.likelihood.onset import Integrated
-from slopewise.models.discrepancy.likelihood.trace import base_shares, projected, size_of
+from slopewise.models.discrepancy.likelihood.trace import base_shares, projected, size_of, spread_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import stops_seen
 from slopewise.models.effects.effect_law import Enters
@@ -126,8 +126,7 @@ def _effects(
         log_prior = float(np.log(prior.NAME / len(group)))
         for inner, share in group:
             columns = share if share.ndim == 3 else share[:, :, None]
-            middle = np.einsum("smq,sm->q", columns, used) / used.sum()
-            size = np.maximum(size_of(columns - middle, used), 1e-9)
+            size = np.maximum(spread_of(columns, used), 1e-9)
             std, centre = (np.full(len(size), 0.5), 1.0)
             if not how.is_complete:
                 std, centre = prior.SLAB * force / size / np.sqrt(len(size)), 0.0

@@ -44,10 +44,12 @@ _FIRST, _AGAIN = 45, 25  # evidences that a fit of the onset takes at most
 _NOISES = 20  # the same of the noise
 _NOISIER = 3.0  # logarithm by which a fit moves the noise at most
 _SETTLING = 2  # steps of the dead time
-_LATE, _LATEST = 2, 0.06  # place of the dead time among a stop's own effects; its most [s]
-_HOPELESS = 60.0  # evidence by which a build-up is too much worse to be followed further
+_LATEST = 0.06  # by which the dead time of a stop differs at most [s]
+HOPELESS = 60.0  # evidence by which a build-up is too much worse to be followed further
 _SHORTEST = -0.05  # dead time [s]
-_DAMPING_SPREAD, _OSCILLATION_SPREAD = 0.5, 0.5  # of ln damping about 0.3, ln f about 2.5 Hz
+_TYPICAL = Onset(0.0, 1.0)
+"""Of which only the body counts."""
+_BODY_SPREAD = 0.5  # of ln of frequency and damping of the body about the typical ones
 _SCATTERS = (0.02, 0.5)  # of the force, that a fit starts from [1]
 _TURNS, _GAIN = 5, 0.5  # of a fit at most; evidence below which it has converged
 _SLIDING = 0.6  # quantile of the forces of stops that slide
@@ -125,7 +127,7 @@ class Problem:
         grams, std = self.grams(onset)
         mean = self.solve(grams, std, noise).mean
         variance = prior.own_variance(noise, grams.square.shape[1])
-        late = grams.own_means(noise[0], variance, mean)[:, _LATE]
+        late = grams.own_means(noise[0], variance, mean)[:, prior.LEVELS]
         return replace(onset, late=np.clip(late, -_LATEST, _LATEST))
 
     def onset(self, start: Onset, noise: Floats, steps: int) -> Onset:
@@ -143,9 +145,10 @@ class Problem:
 
         def loss(z: Floats) -> float:
             y = x + _SCALE * z
-            off = (y[2] - np.log(2.5)) / _OSCILLATION_SPREAD, (y[3] - np.log(0.3)) / _DAMPING_SPREAD
-            return float(0.5 * (off[0] ** 2 + off[1] ** 2) - self.at(at(y), noise).evidence)
+            off = (y[2:] - typical) / _BODY_SPREAD
+            return float(0.5 * (off @ off) - self.at(at(y), noise).evidence)
 
+        typical = np.log([_TYPICAL.oscillation, _TYPICAL.damping])
         x = np.array([start.dead_time, *np.log([start.build_up, start.oscillation, start.damping])])
         options = {"maxfun": steps, "ftol": 1e-5, "maxls": 6, "eps": _STEP}
         bounds = [(-_FARTHEST, _FARTHEST)] * 4
@@ -219,7 +222,7 @@ def _first(problem: Problem) -> tuple[Onset, Floats]:
         for tau in _STARTS
     ]
     near = [problem.at(onset, noise).evidence for onset in tried]
-    min_evidence = max(near) - _HOPELESS
+    min_evidence = max(near) - HOPELESS
     fitted = [
         problem.onset(onset, noise, _FIRST)
         for onset, evidence in zip(tried, near, strict=True)
@@ -298,7 +301,7 @@ def _followed(problem: Problem, best: Onset, noise: Floats) -> Fit:
             at = replace(near, dead_time=max(float(moved), _SHORTEST), build_up=float(taus[i]))
             found[i] = (at, problem.at(at, noise)) if i == middle else problem.settled(at, noise)
             near = found[i][0]
-            if found[i][1].evidence < found[middle][1].evidence - _HOPELESS:
+            if found[i][1].evidence < found[middle][1].evidence - HOPELESS:
                 break
     known = sorted(found)
     return Fit(

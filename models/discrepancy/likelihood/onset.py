@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.model.prediction import at_time
 from slopewise.models.quantity import GRAVITY
 
 _FINE = 0.004  # step at which the oscillation is computed [s]: a fiftieth of its shortest period
@@ -26,7 +27,8 @@ class Onset:
 
     Attributes:
         dead_time: from the command to the onset [s]. build_up: time constant of the brakes [s].
-        oscillation, damping: natural frequency [Hz] and damping [1] of the sprung body.
+        oscillation, damping: natural frequency [Hz] and damping [1] of the sprung body,
+            typical by default.
         late: (S,) by how much the onset of each stop is later, or one of all [s].
     """
 
@@ -164,14 +166,8 @@ class Integrated:
         Until the brakes are built up a share has its value at the onset: exact for those that
         change slowly compared with the build-up.
         """
-        t = table.time
-        step = t[:, 1] - t[:, 0]
-        place = np.clip((onset.each - t[:, 0]) / step, 0.0, t.shape[1] - 1.000001)
-        left = place.astype(np.int64)
-        part, rows = (place - left)[:, None], np.arange(len(t))
-        at = (1.0 - part) * self.integral[rows, left] + part * self.integral[rows, left + 1]
-        share = (1.0 - part) * self.shares[rows, left] + part * self.shares[rows, left + 1]
-        fall: Floats = self.mean - at[:, None]
+        share = at_time(self.shares, table.time, onset.each)
+        fall: Floats = self.mean - at_time(self.integral, table.time, onset.each)[:, None]
         stop, early = np.nonzero(~moment.after[:, :, 0])
         fall[stop, early] = moment.since[stop, early] * share[stop]
         fall -= moment.missing * np.where(self.through, share, 0.0)[:, None]

@@ -22,7 +22,7 @@ from slopewise.models.discrepancy.likelihood.gaussian import Grams
 from slopewise.models.discrepancy.likelihood.marginal import solved_both
 from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment
 from slopewise.models.discrepancy.likelihood.posterior import Explanation
-from slopewise.models.discrepancy.likelihood.trace import columns_at, size_of
+from slopewise.models.discrepancy.likelihood.trace import columns_at, spread_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import stops_seen
 from slopewise.models.effects.effect_law import Enters
@@ -43,7 +43,7 @@ _ROUNDS = 18  # in which the extent is followed: three to each side of each numb
 _FARTHER = (0.1, 0.3, 0.05, 0.2)  # how far they reach in turn, share of the radius [1]
 _COMPARED = 64  # likely patches that the exact law chooses from
 _NORMAL_95 = 1.96  # of a normal distribution, 95 % [std]
-_CHANGE_95 = 0.5 * 3.84  # difference of ln likelihood, 95 % of a chi square of one number
+_CHANGE_95 = 0.5 * _NORMAL_95**2  # difference of ln likelihood, 95 % of a chi square of one number
 _JUMP_95 = 0.5 * 7.35  # the same of a likelihood that has jumps (Hansen 2000)
 
 
@@ -89,16 +89,10 @@ class _Gains:
         cross = weighed[:count, count:]
         shared, pull = cross[:, :-1], cross[:, -1] - cross[:, :-1] @ self.best.mean
         taken = np.einsum("qp,qp->q", shared @ self.best.covariance, shared)
-        precision = np.square(self.size(shares) / (prior.SLAB * trace.force))
+        precision = np.square(spread_of(shares, trace.used) / (prior.SLAB * trace.force))
         inner = np.diag(weighed)[:count] - taken + np.maximum(precision, 1e-12)
         gain: Floats = pull**2 / inner - np.log(inner / np.maximum(precision, 1e-12))
         return 0.5 * prior.TEMPER * gain
-
-    def size(self, shares: Floats) -> Floats:
-        """(Q,) of shares (S, M, Q), without their mean, which the level force takes."""
-        used = self.trace.used
-        middle = np.einsum("smq,sm->q", shares, used) / used.sum()
-        return size_of(shares - middle, used)
 
     def of_circles(self, circles: Floats) -> Floats:
         """(N,) of circles (N, 3): x, y and radius [m]; a loss where they hold too few stops."""
@@ -169,7 +163,7 @@ def placed(
     share = share_inside(table.x, table.y, *tried[best])[:, :, None]
     candidate = replace(
         group[0],
-        std=prior.SLAB * fit.trace.force / gains.size(share),
+        std=prior.SLAB * fit.trace.force / spread_of(share, fit.trace.used),
         inner=dict(zip(_NUMBERS, tried[best].tolist(), strict=True)),
         log_prior=group[0].log_prior + min(float(volume) + np.log(len(group)), 0.0),
     )

@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
-from slopewise.models.discrepancy.likelihood.fit import Fit
+from slopewise.models.discrepancy.likelihood.fit import HOPELESS, Fit
 from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, Trace, base_shares
 from slopewise.models.effects.effect_law import Enters
 from slopewise.models.effects.registry import LAWS
@@ -17,8 +17,6 @@ from slopewise.models.quantity import GRAVITY
 
 LAG = next(name for name, law in LAWS.items() if law.enters is Enters.LAG)
 """Name of the effect that is an onset, not a column."""
-_TAUS = (0.004, 0.8)  # [s] of that integral
-_BEYOND = 60.0  # evidence below the last build-up that was followed
 _FINE = 120  # points of the integral over ln τ
 
 
@@ -66,9 +64,9 @@ def _over_build_up(fit: Fit, late: Floats, lag: bool) -> tuple[float, int]:
     # A calibration took the usual build-up for dead time, and a lag that came later did not.
     off = late + (np.minimum(fit.taus, prior.BUILD_UP) if lag else fit.taus)
     usual = -0.5 * (off / prior.DEAD_TIME) ** 2
-    fine = np.linspace(np.log(_TAUS[0]), np.log(_TAUS[1]), _FINE)
+    fine = np.linspace(np.log(prior.SLOW[1]), np.log(prior.LAG[1]), _FINE)
     density = prior.of_lag(fine) if lag else prior.of_build_up(fine)
-    lowest = float(evidence.min()) - _BEYOND
+    lowest = float(evidence.min()) - HOPELESS
     followed = np.interp(fine, log_tau, evidence, left=lowest, right=lowest)
     terms = prior.TEMPER * followed + np.interp(fine, log_tau, usual)
     terms = terms + np.log(np.maximum(density, 1e-300))

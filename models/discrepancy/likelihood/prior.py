@@ -19,6 +19,7 @@ SPIKE = 0.005  # force of every smooth effect, share of the force [1]
 
 LEVEL = 10.0  # speed of each stop: unknown [m/s]
 RAMP = 0.3  # acceleration before the onset [m/s²]
+LEVELS = 2  # own effects of a stop that are these two; the next is its dead time
 NOISE = np.array([0.03, 0.02, 0.012, 0.02, 0.006, 0.01])
 """Usual noise [m/s], scatter of the force [1], of the dead time [s], slow wave of the force [1],
 and residual at the onset, as time [s] and as a share of the force [1]."""
@@ -57,9 +58,14 @@ def calibrated(force: float, speed: float, covariance: Matrix | None) -> Floats:
     between_days = np.array([0.02 * force, 0.03, 0.004, 0.008])
     if covariance is None:
         return between_days
-    about = np.array([[0, 0, speed, 1], [speed, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0]], np.float64)
+    about = of_coefficients(speed)
     std: Floats = np.hypot(between_days, np.sqrt(np.diag(about @ np.array(covariance) @ about.T)))
     return std
+
+
+def of_coefficients(speed: float) -> Floats:
+    """(4, 4) level force and slope at a mean speed, and with it, by m_m, b_m, m_b and b_b."""
+    return np.array([[0, 0, speed, 1], [speed, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0]], np.float64)
 
 
 def changed(force: float) -> Floats:

@@ -84,11 +84,9 @@ def _known(explanation: Explanation, start: Hypothesis) -> Known:
     trace, held = fit.trace, fit.trace.table.held.mean()
     is_changed = fit.solutions[explanation.at].changed > 0.5
     std = prior.changed(trace.force) if is_changed else trace.calibrated
-    # Level force and slope at the mean speed, and with it, of the shifts of m_m, b_m, m_b, b_b.
-    of_shifts = np.array([[0, 0, held, 1], [held, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0]], np.float64)
     count = len(start.free)
     root, expected = np.zeros((BASE + 1, count)), np.zeros(count)
-    root[: BASE - 1, : BASE - 1] = of_shifts / std[:, None]
+    root[: BASE - 1, : BASE - 1] = prior.of_coefficients(held) / std[:, None]
     root[BASE - 1, BASE - 1] = 1.0  # [1/s] of the dead time: as good as unknown
     expected[BASE - 1] = start.model.braking.dead_time
     if LAG in start.names and LAG not in explanation.names:
@@ -104,10 +102,8 @@ def _linear(
     """Its numbers as the linear likelihood has them; per effect, likely inner ones and extents."""
     fit, onset = explanation.fit, explanation.fit.onsets[explanation.at]
     mean = fit.solutions[explanation.at].mean
-    force, slope, force_by_speed, slope_by_speed = mean[BASE_PLACES]
-    held = float(fit.trace.table.held.mean())
-    shift = [slope_by_speed, slope - held * slope_by_speed]
-    shift += [force_by_speed, force - held * force_by_speed]
+    of_shifts = prior.of_coefficients(fit.trace.table.held.mean())
+    shift = np.asarray(np.linalg.solve(of_shifts, mean[BASE_PLACES]), np.float64)
     added: list[Effect] = []
     extents: list[Extent] = []
     likely: list[list[dict[str, float]]] = []
@@ -127,7 +123,7 @@ def _linear(
             likely.append(inners)
             extents.append(extent)
         column += candidate.count
-    start = Hypothesis(fit.trace.model, np.array(shift), max(dead_time, 0.0), tuple(added))
+    start = Hypothesis(fit.trace.model, shift, max(dead_time, 0.0), tuple(added))
     return start, likely, tuple(extents)
 
 

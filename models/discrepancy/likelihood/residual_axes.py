@@ -14,10 +14,10 @@ from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment
 from slopewise.models.discrepancy.likelihood.refit import Refit, jacobian, residual
 from slopewise.models.discrepancy.likelihood.trace import Trace
 
-LOCATED = 0.05  # p-value up to which an axis is listed [1]
+LOCATED = 0.05  # p-value up to which an axis is listed, and from which a cause may be [1]
 WITHIN = ("speed", "time_since_onset", "brake_heat")
 """Axes that run through each stop; all others differ from stop to stop."""
-_LEAST_DIRECTION = 1e-4  # share of the largest direction below which one is rounding [1]
+ROUNDING = 1e-4  # share of a column, or of the largest, below which one is rounding [1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def _columns(trace: Trace, fit: Refit, shares: Floats) -> Floats:
 def _explained(left: Floats, beyond: Floats, rows: Floats) -> tuple[float, Floats]:
     """−ln p of the tempered chi square of shapes (N, p) beyond the base, and their means (p,)."""
     squared, vectors = np.linalg.eigh(beyond.T @ beyond)
-    large = squared > _LEAST_DIRECTION * float(np.einsum("np,np->p", rows, rows).max())
+    large = squared > ROUNDING * float(np.einsum("np,np->p", rows, rows).max())
     if not large.any():
         return 0.0, np.zeros(beyond.shape[1])
     directions = vectors[:, large]

@@ -20,6 +20,7 @@ from slopewise.models.discrepancy.likelihood.fit import Fit
 from slopewise.models.discrepancy.likelihood.gaussian import Grams
 from slopewise.models.discrepancy.likelihood.marginal import with_onset
 from slopewise.models.discrepancy.likelihood.onset import Integrated
+from slopewise.models.discrepancy.likelihood.residual_axes import LOCATED, ROUNDING
 from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, Trace, columns_at
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import demanded_force
@@ -28,13 +29,11 @@ from slopewise.models.effects.registry import LAWS
 GRADE_BIAS = "grade_bias"
 """A pitch sensor or a map that is off by the same angle everywhere."""
 CHANGED_STOPS = 3  # stops that an effect has to change to matter: two are outliers [1]
-_NAMED_FROM = 12.0
+NAMED_FROM = 12.0
 """Chi square from which a name outweighs none: odds of 0.08, and the width of its prior [1]."""
-_MIN_COLUMN = 1e-4  # share of a candidate beyond the base below which rounding dominates [1]
 _MAX_BIAS, _BIAS_STDS = np.deg2rad(2.5), 2.0
 """Error of all grades that is not obvious [rad], and standard deviations of it to allow for [1]."""
 _ABSORBED = 0.98  # share of a column that the base absorbs, from which it hides it [1]
-_P_ABSORBED = 0.05  # p-value from which a single cause is as good as new coefficients [1]
 _BIAS_TEST = (
     "stand still on ground of known slope, or drive the same slope both ways, and read the pitch; "
     "or coast: without brakes a wrong grade shows and brakes do not"
@@ -83,7 +82,7 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
         if share[group].min() >= _ABSORBED:
             hidden.add(name)
     stops = len(fit.trace.table)
-    limit = log.base_chi_square() + float(chi2.isf(_P_ABSORBED, 4)) * stops / max(stops - 5, 1)
+    limit = log.base_chi_square() + float(chi2.isf(LOCATED, 4)) * stops / max(stops - 5, 1)
     causes = {}
     chi_square, bias, std = log.cause_chi_square(len(named))
     if chi_square < limit and abs(bias) - _BIAS_STDS * std <= _MAX_BIAS:
@@ -140,8 +139,8 @@ class _Normal:
         taken = np.linalg.solve(inner + np.diag(1e-9 * np.diag(inner)), cross)
         left = np.maximum(own - np.sum(cross * taken, axis=0), 0.0)
         change = np.abs(self.candidates_way - self.way @ taken)
-        known = np.where(left > _MIN_COLUMN * own, left, np.nan)
-        size = np.sort(change, axis=0)[-CHANGED_STOPS] * (np.sqrt(_NAMED_FROM) + 1.0)
+        known = np.where(left > ROUNDING * own, left, np.nan)
+        size = np.sort(change, axis=0)[-CHANGED_STOPS] * (np.sqrt(NAMED_FROM) + 1.0)
         absorbed = np.asarray(1.0 - left / np.maximum(own, 1e-300), np.float64)
         return absorbed, np.nan_to_num(size / np.sqrt(known), nan=np.inf)
 

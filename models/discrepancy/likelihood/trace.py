@@ -17,23 +17,21 @@ from slopewise.models.discrepancy.likelihood.gaussian import Grams
 from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment, Onset, Samples
 from slopewise.models.discrepancy.model.brakes import brought_force, motion_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
-from slopewise.models.discrepancy.model.prediction import MIN_TURNING_SPEED, demanded_force
-from slopewise.models.effects import registry
+from slopewise.models.discrepancy.model.prediction import demanded_force, moved_share
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 
 HATS = (0.0, 0.05, 0.11, 0.19, 0.29, 0.42)
 """Middles of the hats over the onset, since it [s]: denser where the brakes take hold."""
-ONSET, ONSET_WAVES = 0.6, 5  # in which brakes and body settle [s]; waves of their force in it
+ONSET, WAVES = 0.6, 5  # in which brakes and body settle [s]; waves of their force in it
 OSCILLATION_PLACES = slice(3, 5)
 """Where the swing of the body is among the columns that are always there."""
 HAT_PLACES = slice(6, 6 + len(HATS))
 """Where the hats are."""
 BASE_PLACES = slice(HAT_PLACES.stop, HAT_PLACES.stop + 4)
 """Where the coefficients are."""
-EARLY_PLACES = slice(HAT_PLACES.stop + 4, HAT_PLACES.stop + 4 + ONSET_WAVES)
+EARLY_PLACES = slice(HAT_PLACES.stop + 4, HAT_PLACES.stop + 4 + WAVES)
 """Where the waves of the force after the onset are."""
-_SLOW_WAVES = 5  # cosines of the force along a stop: as many as its bins resolve
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +92,11 @@ def size_of(shares: Floats, used: Floats) -> Floats:
     return size
 
 
+def spread_of(shares: Floats, used: Floats) -> Floats:
+    """(Q,) the same without their mean, which the level force takes."""
+    return size_of(shares - np.einsum("smq,sm->q", shares, used) / used.sum(), used)
+
+
 def trace_of(table: StopTable, model: Model, spikes: tuple[Floats, Floats], session: Ints) -> Trace:
     """The trace of a log.
 
@@ -106,7 +109,7 @@ def trace_of(table: StopTable, model: Model, spikes: tuple[Floats, Floats], sess
     force = float(np.median(table.force))
     always, std = _always(table, used, force, spikes, session)
     along = np.clip((table.time - table.onset) / (table.time[:, -1:] - table.onset), 0.0, 1.0)
-    waves = [np.cos(np.pi * j * along) for j in range(_SLOW_WAVES + 1)]
+    waves = [np.cos(np.pi * j * along) for j in range(WAVES + 1)]
     slow = np.stack(waves, axis=2) * np.maximum(table.force, 0.05)[:, None, None]
     return Trace(
         table,
@@ -131,11 +134,7 @@ def _expected(table: StopTable, model: Model) -> Integrated:
     place, terms = table.ground, motion_of(configured)
     force = demanded_force(table, configured, place)
     given = brought_force(table, configured, force, table.speed, place, table.time).given
-    moved = np.sin(place.grade)
-    if terms.moves:
-        curvature = np.abs(place.yaw_rate) / np.maximum(table.speed, MIN_TURNING_SPEED)
-        motion = registry.motion_deceleration(table.speed, curvature, place.yaw, terms)
-        moved = moved + motion / GRAVITY
+    moved = np.sin(place.grade) + moved_share(table.speed, place, terms)
     return Integrated.of(table, np.stack([given, moved], axis=2), np.array([True, False]))
 
 
@@ -149,19 +148,18 @@ def _always(
     """Coefficients, waves of the onset (deviation 1), sessions, spikes; (P,) prior deviations."""
     base = base_shares(table)
     since = np.clip(table.time - table.onset, 0.0, ONSET) / ONSET
-    early = np.stack([np.cos(np.pi * j * since) for j in range(1, ONSET_WAVES + 1)], axis=2)
+    early = np.stack([np.cos(np.pi * j * since) for j in range(1, WAVES + 1)], axis=2)
     early = projected(early, base, used)
     early *= force / size_of(early, used)
     days = [(session == s) - np.mean(session == s) for s in np.unique(session)]
     days = days if len(days) > 1 else []
     ones = np.ones_like(table.time)
     by_day = np.stack([force * d[:, None] * ones for d in days], axis=2) if days else base[:, :, :0]
-    middle = np.einsum("smq,sm->q", spikes[0], used) / used.sum()
-    size = np.maximum(size_of(spikes[0] - middle, used), 1e-12)
+    size = np.maximum(spread_of(spikes[0], used), 1e-12)
     smooth = projected(spikes[0], base, used) / size
     shares = np.concatenate([base, early, by_day, smooth], axis=2)
     brakes = np.ones(shares.shape[2] - len(size))
-    std = [prior.changed(force), np.ones(ONSET_WAVES), np.full(len(days), prior.SESSION)]
+    std = [prior.changed(force), np.ones(WAVES), np.full(len(days), prior.SESSION)]
     std.append(np.full(len(size), prior.SPIKE * force))
     through = np.concatenate([brakes, spikes[1]]).astype(bool)
     return Integrated.of(table, shares, through), np.concatenate(std)

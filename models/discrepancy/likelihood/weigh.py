@@ -34,7 +34,7 @@ from slopewise.models.parameters import Model
 _TRIED = 8  # sets that each round fits
 _ROUNDS = 4  # of the search: a fourth changed no leader
 _HIDES = 1.5  # scatter over the usual one from which effects may hide in it [1]
-_CONVERGED = 3  # sets whose onsets are fitted to the end
+LEADERS = 3  # sets that are followed to the end: onset fitted, compared on stops held out
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,9 +105,9 @@ def weighed(
         if leader == before:
             break
     ranked = sorted(known, key=lambda n: -known[n].log_weight)
-    for names in {*ranked[:_CONVERGED], nothing} - {leader}:
+    for names in {*ranked[:LEADERS], nothing} - {leader}:
         known[names] = _converged(trace, book, known[names], known[leader].fit)
-    _try_named(known, ranked[:_CONVERGED], trace, book)
+    _try_named(known, ranked[:LEADERS], trace, book)
     fits = [(w.fit, w.log_prior) for w in known.values()]
     every = explanations(fits, model.braking.dead_time, odds)
     advance(1.0)

@@ -24,8 +24,6 @@ from slopewise.models.discrepancy.likelihood.trace import (
 )
 from slopewise.models.quantity import GRAVITY
 
-_LEVELS = 2
-"""Own effects of a stop that are its level and its ramp, which no model predicts."""
 _WAVE = 4.0 / np.pi**2
 """Change of a stop by half a cosine wave of the force, over that by a constant one: ∫∫ of both."""
 
@@ -81,7 +79,8 @@ class Whitener:
             late = np.maximum(u, 0.0) - onset.missing(u) - np.maximum(u - onset.build_up, 0.0)
             columns.append((trace.pull * trace.samples.mean(late))[:, :, None])
         nuisances = root @ np.concatenate(columns, axis=2)
-        beyond = own[:, :, _LEVELS:] ** 2 @ variance[_LEVELS:]
+        # No model predicts the level of a stop, and its ramp.
+        beyond = own[:, :, prior.LEVELS :] ** 2 @ variance[prior.LEVELS :]
         small = root @ (every[:, :, spikes] * scaled[spikes])
         basis, variance = _basis(nuisances), beyond + alone
         return cls(root, nuisances, basis, small, variance, onset, noise, trace.force)

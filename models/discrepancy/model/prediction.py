@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
+from slopewise.models.arrays import Elementwise, Floats
 from slopewise.models.discrepancy.data.stop_table import StopGround, StopTable
 from slopewise.models.discrepancy.model.brakes import brought_force, heat, motion_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
@@ -23,7 +23,7 @@ from slopewise.models.laws import braking
 from slopewise.models.parameters import Effect
 from slopewise.models.quantity import GRAVITY
 
-MIN_TURNING_SPEED = 0.3  # below which a yaw rate makes no larger curvature [m/s]
+_MIN_TURNING_SPEED = 0.3  # below which a yaw rate makes no larger curvature [m/s]
 _SWEEPS = 12  # repetitions of the integral: two more change nothing
 _SAME_SPEED = 1e-5  # change of a simulated speed that is negligible [m/s]
 
@@ -49,13 +49,19 @@ def predict(
     step = t[:, 1:2] - t[:, :1]
     brought = brought_force(table, hypothesis, demanded, v, place, t)
     rest = np.sin(place.grade) + brought.given - brought.force
-    if terms.moves:
-        curvature = np.abs(place.yaw_rate) / np.maximum(v, MIN_TURNING_SPEED)
-        rest = rest + registry.motion_deceleration(v, curvature, place.yaw, terms) / GRAVITY
+    rest = rest + moved_share(v, place, terms)
     fall = _since_onset(demanded + rest, step, t, hypothesis.dead_time)
     if terms.lag > 0.0:  # ∫f = ∫F − τ f, from τ df/dt = F − f
         fall = fall - terms.lag * brought.force
     return GRAVITY * fall
+
+
+def moved_share(speed: Floats, place: StopGround, terms: registry.MotionTerms) -> Elementwise:
+    """Deceleration by terms of motion, share of the weight."""
+    if not terms.moves:
+        return 0.0
+    curvature = np.abs(place.yaw_rate) / np.maximum(speed, _MIN_TURNING_SPEED)
+    return registry.motion_deceleration(speed, curvature, place.yaw, terms) / GRAVITY
 
 
 def demanded_force(table: StopTable, hypothesis: Hypothesis, place: StopGround) -> Floats:
@@ -116,8 +122,8 @@ def _since_onset(values: Floats, step: Floats, t: Floats, onset: float) -> Float
     return result
 
 
-def at_time(values: Floats, t: Floats, when: float) -> Floats:
-    """(S, …) values (S, M, …) on an even grid, linear in between."""
+def at_time(values: Floats, t: Floats, when: Elementwise) -> Floats:
+    """(S, …) values (S, M, …) on an even grid, at a time of all or (S,) of each."""
     step = t[:, 1] - t[:, 0]
     place = np.clip((when - t[:, 0]) / step, 0.0, t.shape[1] - 1.000001)
     left = place.astype(np.int64)

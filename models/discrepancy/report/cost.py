@@ -3,30 +3,21 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import fields
 
 import numpy as np
 
+from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.decide.gap import distances
 from slopewise.models.discrepancy.findings import PlannedStop, StopCost
 from slopewise.models.discrepancy.likelihood.refit import Refit
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis, is_placed
 from slopewise.models.discrepancy.report.experiment import sheet_of
-from slopewise.models.parameters import Braking, Model
+from slopewise.models.parameters import Model
 
 _SPEED, _GRADE = 3.0, np.deg2rad(-10.0)  # of the stop that a cost is reported for [m/s], [rad]
 _HEADINGS = 12  # of which the worst is reported
-_REPORTED = (
-    "m_m",
-    "b_m",
-    "m_b",
-    "b_b",
-    "dead_time",
-    "distance_offset",
-    "force_std",
-    "dead_time_std",
-)
+_REPORTED = (*NAMES, "dead_time", "distance_offset", "force_std", "dead_time_std")
 _UNITS = {"dead_time": " s", "dead_time_std": " s", "distance_offset": " m"}
 
 
@@ -56,8 +47,8 @@ def changes(before: Model, after: Model) -> tuple[str, ...]:
     text = [
         f"{name} {getattr(before.braking, name):.4g} → {getattr(after.braking, name):.4g}"
         f"{_UNITS.get(name, '')}"
-        for name in (f.name for f in fields(Braking))
-        if name in _REPORTED and getattr(before.braking, name) != getattr(after.braking, name)
+        for name in _REPORTED
+        if getattr(before.braking, name) != getattr(after.braking, name)
     ]
     for effect in after.effect[len(before.effect) :]:
         values = ", ".join(f"{name} = {value:.4g}" for name, value in effect.parameters.items())

@@ -22,6 +22,7 @@ from slopewise.models.discrepancy.decide.verdict import Decision
 from slopewise.models.discrepancy.findings import Experiment, PlannedStop, Verdict
 from slopewise.models.discrepancy.likelihood.refit import Refit, jacobian
 from slopewise.models.discrepancy.likelihood.residual_axes import WITHIN, ResidualAxis
+from slopewise.models.discrepancy.likelihood.resolvable import NAMED_FROM
 from slopewise.models.discrepancy.likelihood.trace import trace_of
 from slopewise.models.discrepancy.likelihood.whitener import Whitener
 from slopewise.models.discrepancy.model.hypothesis import BASE, is_placed
@@ -33,7 +34,6 @@ _MAX_REPEATS = 5  # repetitions of a design that are practical
 _STOPS = 6  # of a proposed design: half a dozen are driven in ten minutes
 _PAUSES = (5.0, 60.0, 900.0)  # before a proposed stop, warm to cold [s]
 _WARMING = 6  # stops that are driven before one after the shortest pause
-_DISTINCT = 12.0  # chi square that distinguishes explanations, as for a name
 _SHARPER = 0.9  # of its std, to which a number has to shrink for stops to be proposed [1]
 _NODES, _BINS = 61, 20  # grid times and bins of a proposed stop: smooth, without noise
 
@@ -93,7 +93,7 @@ def between(table: StopTable, best: Refit, alternatives: Sequence[Refit]) -> Exp
 
     chosen, normals = _design(starts, rows, separation)
     reached = float(separation(*(normal[None] for normal in normals))[0])
-    repeats = int(np.ceil(_DISTINCT / reached)) if reached > 0.0 else 0
+    repeats = int(np.ceil(NAMED_FROM / reached)) if reached > 0.0 else 0
     own, *further = (f.names for f in (best, *alternatives))
     names = " or ".join("+".join(each) or "new coefficients" for each in (own, *further))
     stops = tuple(plans[i] for i in chosen)

@@ -17,10 +17,9 @@ from slopewise.models.discrepancy.findings import (
 )
 from slopewise.models.discrepancy.likelihood.residual_axes import LOCATED, ResidualAxis
 from slopewise.models.discrepancy.model.hypothesis import BASE, free_parameters
+from slopewise.models.discrepancy.report.words import UNSEEN
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Effect
-
-_UNSEEN = 0.005  # change of a stop that two decimals do not show [m]
 
 
 def named_effects(decision: Decision, located: Sequence[ResidualAxis]) -> tuple[NamedEffect, ...]:
@@ -138,9 +137,9 @@ def summary(table: StopTable, decision: Decision, distance: Gap, ends: tuple[flo
 def _both_ways(shortest: float, longest: float) -> str:
     """The largest change of each sign, the dangerous one first."""
     longer, shorter = f"up to {longest:.2f} m longer", f"up to {-shortest:.2f} m shorter"
-    if shortest >= -_UNSEEN:
+    if shortest >= -UNSEEN:
         return longer
-    return shorter if longest <= _UNSEEN else f"{longer} and {shorter}"
+    return shorter if longest <= UNSEEN else f"{longer} and {shorter}"
 
 
 def _not_seen(table: StopTable, decision: Decision) -> str:

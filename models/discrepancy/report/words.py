@@ -7,6 +7,7 @@ import numpy as np
 from slopewise.models.discrepancy.findings import Findings, Gap, StopCost, Verdict
 from slopewise.models.effects.registry import LAWS
 
+UNSEEN = 0.005  # change of a stop that two decimals do not show [m]
 _MAX_CONFIDENCE = 0.99  # more is not reported: other causes are always possible [1]
 
 
@@ -29,7 +30,7 @@ def cost_words(cost: StopCost) -> str:
     slope = f"{abs(np.rad2deg(cost.grade)):.0f}° {'down' if cost.grade < 0.0 else 'up'}"
     where = f"at {cost.speed:.1f} m/s on {slope}"
     change = cost.after - cost.before
-    if abs(change) < 0.005:
+    if abs(change) < UNSEEN:
         return f"nothing {where}: {cost.after:.2f} m from the command to rest, as the model says"
     way = "more" if change > 0.0 else "less"
     return (

@@ -16,7 +16,7 @@ from slopewise.models.discrepancy.likelihood.whitener import Whitener
 from slopewise.models.discrepancy.model.hypothesis import BASE as BASE_NUMBERS
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import predict
-from slopewise.models.discrepancy.progress import Progress, Stage
+from slopewise.models.discrepancy.workflow import HUNDREDTHS
 from slopewise.models.effects.registry import validate
 from slopewise.models.parameters import Effect
 from tests.world.logs import findings_of, investigated, known_little, table, whitener_of
@@ -94,14 +94,4 @@ def test_an_axis_is_followed_only_where_it_matters() -> None:
 def test_each_hundredth_is_reported_once() -> None:
     reported = investigated("clean")[1]
     assert min(reported) > 0
-    assert sum(reported) == Stage.FINDINGS == 100
-
-
-def test_progress_of_the_search_only_grows() -> None:
-    reported: list[int] = []
-    progress = Progress(reported.append)
-    for share in (0.3, 0.6, 0.5, 1.0):
-        progress.search(share)
-    assert sum(reported) == Stage.SEARCH
-    progress.reach(Stage.BASE)
-    assert sum(reported) == Stage.SEARCH
+    assert sum(reported) == HUNDREDTHS == 100
