@@ -19,7 +19,10 @@ def force_term(place: Place, k: Elementwise) -> Elementwise:
 
 
 def _columns(stops: StopsSeen) -> Iterator[tuple[dict[str, float], Floats]]:
-    yield {}, stops.clock[:, None] * np.ones_like(stops.demanded)
+    clock = stops.clock[:, None]
+    yield {}, clock * np.ones_like(stops.demanded)
+    # Brakes that weaken lose a share of their force: the law has its mean.
+    yield {}, clock * stops.demanded / np.mean(stops.demanded)
 
 
 EFFECT = EffectLaw(

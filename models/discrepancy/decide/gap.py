@@ -73,7 +73,7 @@ class Gaps:
     @property
     def harmful(self) -> bool:
         """The finding predicts stops worse than new coefficients do, or than those configured."""
-        larger = self.distance.after > LARGER * self.distance.before
+        larger = any(g.after > LARGER * g.before for g in (self.speed, self.distance))
         return larger or max(self.speed.worse, self.distance.worse) > 1.0
 
 

@@ -76,10 +76,10 @@ def decide(
     wild = plain.whitener.scatter > WILD_SCATTER and answer.probability < _BEYOND_NOISE
     if _too_noisy(table, seen, settings) and (answer.verdict is Verdict.NONE or wild):
         return replace(nothing, verdict=Verdict.TOO_NOISY)
+    # A wind along the only heading is a change of coefficients, one across it is not.
+    is_hidden = any(c.first in seen.hidden for c in answer.leader.fit.chosen if c.named)
     match answer.verdict:
-        case Verdict.MISSING_EFFECT if answer.leader.names & seen.hidden and not _beats_drift(
-            answer
-        ):
+        case Verdict.MISSING_EFFECT if is_hidden and not _beats_drift(answer):
             return drifted(nothing, seen)
         case Verdict.MISSING_EFFECT | Verdict.AMBIGUOUS if answer.leader.names:
             return _named(table, answer, nothing, settings)

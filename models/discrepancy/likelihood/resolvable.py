@@ -59,12 +59,12 @@ class Resolvable:
 
     Attributes:
         visible: change of a stop, beyond new coefficients, from which five logs of six like this
-            one name it [m]. hidden: names of those that new coefficients absorb.
+            one name it [m]. hidden: columns of candidates that new coefficients absorb.
         absorbed: causes that explain the log as well as new coefficients do.
     """
 
     visible: Mapping[str, float]
-    hidden: frozenset[str]
+    hidden: frozenset[int]
     absorbed: tuple[Absorbed, ...]
 
 
@@ -74,13 +74,13 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
     log = _Normal(fit, at, book.columns.take([c.first for c in named]))
     share, sizes = log.seen()
     visible: dict[str, float] = {}
-    hidden = set()
+    never_seen = set()
     for name in dict.fromkeys(c.name for c in named):
         group = [i for i, c in enumerate(named) if c.name == name]
         # Place of a surface and direction of a wind are arbitrary: the middle of the grid.
         visible[name] = float(np.median(sizes[group]))
         if share[group].min() >= _ABSORBED:
-            hidden.add(name)
+            never_seen.add(name)
     stops = len(fit.trace.table)
     limit = log.base_chi_square() + float(chi2.isf(LOCATED, 4)) * stops / max(stops - 5, 1)
     causes = {}
@@ -88,12 +88,13 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
     if chi_square < limit and abs(bias) - _BIAS_STDS * std <= _MAX_BIAS:
         causes[GRADE_BIAS] = _BIAS_TEST
     for i, c in enumerate(named):
-        if c.name in hidden:
+        if c.name in never_seen:
             chi_square, strength, _ = log.cause_chi_square(i)
             able = strength > 0.0 or not c.one_sided
             if able and chi_square < limit:
                 causes.setdefault(c.name, LAWS[c.name].experiment)
-    return Resolvable(visible, frozenset(hidden), tuple(map(Absorbed, causes, causes.values())))
+    hidden = frozenset(named[i].first for i in np.flatnonzero(share >= _ABSORBED))
+    return Resolvable(visible, hidden, tuple(map(Absorbed, causes, causes.values())))
 
 
 class _Normal:

@@ -180,6 +180,17 @@ def test_its_column_is_the_slope_of_the_prediction(name: str, law: EffectLaw) ->
     assert np.max(np.abs(change - column)[moving]) < loose * np.max(np.abs(column))
 
 
+def test_a_drift_may_be_a_share_of_the_force() -> None:
+    """Brakes that lose a share with time are searched for, too; the law has their mean loss."""
+    seen, search, rate = stops_seen(table("crests"), _base()), LAWS["session_drift"].search, 1e-4
+    assert search is not None
+    even, in_share = (share for _, share in search.columns(seen))
+    loss = rate * seen.clock[:, None] * seen.demanded
+    mean = rate * np.mean(seen.demanded)
+    assert mean * in_share == pytest.approx(loss)
+    assert np.max(np.abs(mean * even - loss)) > 0.1 * np.max(np.abs(loss))
+
+
 def test_every_file_of_the_folder_is_registered() -> None:
     folder = Path(effects.__file__).parent
     helpers = {"__init__", "registry", "effect_law", "stops_seen"}

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.decide.gap import Gaps
 from slopewise.models.discrepancy.decide.no_harm import held_to_account
 from slopewise.models.discrepancy.decide.verdict import Decision
-from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.findings import Gap, Verdict
 from slopewise.models.discrepancy.likelihood.axes import Axis
 from slopewise.models.discrepancy.likelihood.refit import Known, Refit
 from slopewise.models.discrepancy.likelihood.residual_axes import ResidualAxis
@@ -61,3 +62,19 @@ def test_none_is_used_only_if_no_axis_says_otherwise(p_value: float, verdict: Ve
     assert decision.verdict is verdict
     assert (decision.axis is None) == (verdict is Verdict.NONE)
     assert "directional_surface" in decision.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("speed", "distance", "harmful"),
+    [(0.08, 0.07, False), (0.09, 0.07, True), (0.06, 0.09, True), (0.06, 0.05, False)],
+)
+def test_a_name_is_contradicted_by_speeds_and_by_distances(
+    speed: float, distance: float, harmful: bool
+) -> None:
+    """Better than bad coefficients is not enough: the model as configured may be better still."""
+    before, refit, floor = 0.08, 0.15, 0.05
+    in_speed, in_distance = (
+        Gap("", "", before, refit, after, floor, None, None, -5.0) for after in (speed, distance)
+    )
+    gaps = Gaps(in_speed, in_distance, np.empty(0), refit**2, (0.0, 0.0))
+    assert gaps.harmful is harmful
