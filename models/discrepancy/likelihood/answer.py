@@ -13,9 +13,10 @@ from slopewise.models.discrepancy.likelihood.prior import ONSET_FORCE, WAVE
 from slopewise.models.discrepancy.likelihood.weigh import Weights
 
 _ANSWERED = 0.5  # probability from which an answer is given, else `ambiguous` [1]
-_COMPANION = 0.65  # probability from which a second name stands next to the first [1]
+_COMPANION = 0.7
+"""Probability from which a second name stands next to the first, and share of the weight of causes
+without a name from which one name next to them spoils their axis [1]."""
 _RULED_OUT = 0.05  # weight relative to the leader's of what is no alternative any more [1]
-_COMPANY = 0.7  # share of the weight of causes without a name that one name next to them spoils [1]
 _UNSOLVED = 0.08  # force left at the onset from which its shape is not understood [1]
 _WILD = 0.3  # force that varies along each stop, from which speeds are no speeds [1]
 _CHANGED = (0.02, 0.05)
@@ -60,7 +61,7 @@ def answered(weights: Weights, without: Sequence[frozenset[str]] = ()) -> Answer
     axis = max(axes, key=lambda a: axes[a], default="")
     along = kinds.get(_UNKNOWN, 0.0) + kinds.get(_MIXED, 0.0)
     company = _summed((n, s) for _, e, s in each if e.axes for n in e.names)
-    spoiled = max(company.values(), default=0.0) >= _COMPANY * along
+    spoiled = max(company.values(), default=0.0) >= _COMPANION * along
     if axis and along >= _ANSWERED and not spoiled:
         leader = next(e for e in every if e.axes)
         return Answer(Verdict.UNKNOWN, leader, calm, axis, along, of_names)
