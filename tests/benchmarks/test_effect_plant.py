@@ -1,4 +1,4 @@
-"""The plant of hidden effects obeys its formulas, by closed forms and by scipy."""
+"""The plant of hidden effects, and what can be identified of them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,18 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from benchmarks.discrepancy import effect_plant, hidden_effects, plant_physics, sensing
-from tests.benchmarks.driven_stops import G, stops
+from benchmarks.discrepancy import (
+    effect_plant,
+    gls_base,
+    gls_scan,
+    hidden_effects,
+    plant_physics,
+    sensing,
+)
+from benchmarks.discrepancy.identifiability import Identifiability, WeightedStops, identifiability
+from benchmarks.discrepancy.plant_physics import Physics, Stops, draw
+from benchmarks.discrepancy.sensing import Columns
+from tests.benchmarks.driven_stops import G, measured, stops
 
 BASE = plant_physics.Physics(m_m=0.0, b_m=0.0, m_b=0.0, b_b=0.4, dead_time=0.3)
 NOW = np.zeros(1)
@@ -95,3 +105,99 @@ def test_larger_sizes_change_more(name: str) -> None:
         changed = effect_plant.speeds(BASE._replace(**term.fields), scene, time)
         changes.append(float(np.abs(changed - effect_plant.speeds(BASE, scene, time)).max()))
     assert 0.0 < changes[0] < changes[1] < changes[2]
+
+
+ABSORBING = Physics(m_m=0.0, b_m=-0.2, m_b=0.005, b_b=0.45, dead_time=0.25)
+WINDY = ABSORBING._replace(wind_drag=0.012, wind=6.0, wind_direction=0.4)
+DRAG = ABSORBING._replace(drag=0.03)
+UPHILL = ABSORBING._replace(asymmetry=0.4)
+
+
+def scene(count: int, design: str = "mixed") -> Stops:
+    return draw(design, count, 0.02, np.random.default_rng(3))
+
+
+def known(truth: Physics, stops: Stops, name: str, scatter: float = 0.02) -> Identifiability:
+    return identifiability(truth, ABSORBING, stops, 0.03, scatter, (name,) if name else ())
+
+
+def test_effects_that_the_base_absorbs_have_no_gap() -> None:
+    assert known(ABSORBING._replace(b_b=0.47, m_m=0.01, dead_time=0.28), scene(60), "").gap < 0.1
+    only_up = scene(60)._replace(grade=np.linspace(0.05, 0.2, 60))
+    assert known(UPHILL, only_up, "grade_asymmetry").gap < 1.0
+    seen = known(UPHILL, scene(60), "grade_asymmetry")
+    assert seen.is_detectable
+    assert known(UPHILL, scene(60), "grade_asymmetry", scatter=0.005).gap > 3.0 * seen.gap
+
+
+def test_gap_is_the_expected_chi_square_of_drawn_noise() -> None:
+    """With drawn noise, the truth fits better than the base by its expected χ² and by the chance
+    gain of the fitted numbers."""
+    stops = scene(40)
+    gap = known(DRAG, stops, "aerodynamic_drag").gap
+    calm = stops._replace(friction=np.ones(40), delay=np.zeros(40))
+    weighted = WeightedStops(DRAG, calm, 0.03, 0.02)
+    fitted, residual = weighted.refit(ABSORBING)
+    q = np.linalg.qr(weighted.tangents(fitted).T)[0]
+    gains = []
+    for seed in range(30):
+        noise = np.random.default_rng(seed).standard_normal(residual.size)
+        base = residual + noise
+        gains.append(base @ base - (q.T @ base) @ (q.T @ base) - noise @ noise)
+    std = 2.0 * np.sqrt(gap) / np.sqrt(30.0)
+    assert np.mean(gains) == pytest.approx(gap - q.shape[1], abs=4.0 * std)
+
+
+def test_headwind_from_one_side_is_near_viscous_resistance() -> None:
+    one_way = known(WINDY, scene(60, "one-way"), "headwind", 0.005)
+    assert one_way.nearest == "viscous_resistance"
+    assert one_way.apart < 0.5 * one_way.gap
+    assert known(WINDY, scene(60), "headwind", 0.005).has_name
+
+
+LAW = Physics(m_m=0.0, b_m=-0.2, m_b=0.005, b_b=0.45, dead_time=0.25)
+CONFIGURED = {"m_m": 0.001, "b_m": -0.21, "m_b": 0.004, "b_b": 0.46, "dead_time": 0.24}
+
+
+def logged(truth: Physics, count: int = 50, seed: int = 3) -> Columns:
+    """Stops of a plant, measured with 1 cm/s of noise."""
+    stops = draw("mixed", count, 0.01, np.random.default_rng(seed))
+    return measured(truth, stops, 0.01, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize(
+    ("fields", "names"),
+    [
+        ({"step_scale": 0.8, "step_run": 24.0}, ("step_change",)),
+        *(
+            pytest.param(*case, marks=pytest.mark.nightly)
+            for case in (
+                ({}, ()),
+                ({"drag": 0.05}, ("aerodynamic_drag",)),
+                ({"lag": 0.15}, ("brake_lag",)),
+                ({"furrow": 0.05, "furrow_direction": 0.7}, ("directional_surface",)),
+                ({"cross_slope": 0.5}, ("cross_slope",)),
+                ({"turning": 0.3}, ("turning_resistance",)),
+                ({"asymmetry": 0.5}, ("grade_asymmetry",)),
+            )
+        ),
+    ],
+)
+def test_scan_names_plain_effects(fields: dict[str, float], names: tuple[str, ...]) -> None:
+    assert gls_scan.name_effects(logged(LAW._replace(**fields)), CONFIGURED) == names
+
+
+def test_base_is_fitted_with_its_dead_time_and_scatter() -> None:
+    fit = gls_base.fit_base(logged(LAW, count=80), CONFIGURED)
+    t = fit.traces
+    level = np.abs(t.grade) < 0.02
+    force = LAW.m_b * t.v_i[:, None] + LAW.b_b + (LAW.m_m * t.v_i[:, None] + LAW.b_m) * t.grade
+    assert np.max(np.abs(fit.force - force)[level]) < 0.015
+    assert fit.scatter.sample == pytest.approx(0.01, rel=0.5)
+    assert fit.scatter.friction == pytest.approx(0.01, rel=0.6)
+
+
+def test_too_few_stops_are_refused() -> None:
+    short = {name: values[:300] for name, values in logged(LAW, count=8).items()}
+    with pytest.raises(ValueError, match="eight"):
+        gls_scan.name_effects(short, CONFIGURED)

@@ -1,7 +1,11 @@
-"""The core as C++ programs link it: the example is built, and plans as Python does."""
+"""The core as C++ programs link it, and its laws as Python has them."""
 
 from __future__ import annotations
 
+import inspect
+import os
+import runpy
+import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +16,7 @@ from typer.testing import CliRunner
 
 import slopewise
 from hatch_build import compiler, tool
+from slopewise.models.effects.registry import LAWS, MOTION_LAWS, motion, motion_deceleration
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Effect
@@ -96,3 +101,44 @@ def test_a_model_with_effects_is_refused(tmp_path: Path) -> None:
     model = replace(slopewise.read_model("atv"), effect=(lag,))
     with pytest.raises(ParameterError, match="without effects for C\\+\\+, got brake_lag"):
         write_cpp(model, tmp_path, resolution=0.1, height_std=0.0, quantile=0.999)
+
+
+CORE = Path(__file__).parents[2] / "planner" / "core"
+
+
+def test_generated_laws_are_those_of_python(tmp_path: Path) -> None:
+    generator = runpy.run_path(str(CORE / "generate_laws.py"))
+    assert (CORE / "generated" / "laws.hpp").read_text() == generator["header"](), (
+        "run `python planner/core/generate_laws.py`"
+    )
+    compiler = os.environ.get("CXX") or shutil.which("c++") or shutil.which("g++")
+    if compiler is None:
+        pytest.skip("needs a compiler on the PATH")
+    rng = np.random.default_rng(3)
+    calls, expected = [], []
+    laws = {law.__name__: law for law in generator["_LAWS"]}
+    laws |= {name: LAWS[name].law for name in MOTION_LAWS}
+    for name, law in laws.items():
+        # Falling, so that the centre of gravity lies between the axles.
+        arguments = np.sort(rng.uniform(0.1, 0.9, len(inspect.signature(law).parameters)))[::-1]
+        calls.append(f"laws::{name}({', '.join(map(repr, map(float, arguments)))})")
+        expected.append(float(law(*arguments)))
+    effects = [
+        Effect(name=name, parameters=dict.fromkeys(LAWS[name].parameters, 0.01 * (k + 2)))
+        for k, name in enumerate(MOTION_LAWS)
+    ]
+    terms = motion(effects)
+    values = ", ".join(map(repr, terms.values))
+    calls.append(f"laws::motion_deceleration(3.0, -0.2, 0.7, std::array{{{values}}}.data())")
+    expected.append(float(motion_deceleration(3.0, -0.2, 0.7, terms)))
+    program = (
+        "#include <array>\n#include <cstdio>\n#include <initializer_list>\n"
+        '#include "generated/laws.hpp"\nusing namespace slopewise;\n'
+        f"int main() {{ for (const double value : {{{', '.join(calls)}}}) "
+        'std::printf("%.17g\\n", value); }'
+    )
+    (tmp_path / "laws.cpp").write_text(program)
+    command = [compiler, "-std=c++20", f"-I{CORE}", str(tmp_path / "laws.cpp"), "-o"]
+    subprocess.run([*command, str(tmp_path / "laws")], check=True)
+    done = subprocess.run([str(tmp_path / "laws")], check=True, capture_output=True, text=True)
+    np.testing.assert_allclose([float(line) for line in done.stdout.split()], expected, rtol=1e-14)

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.path import batch
-from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.plan import SpeedPlan, Status
 from tests.world import generated
@@ -179,12 +178,3 @@ def test_turning_and_moving_the_whole_world_changes_nothing(
     here, there = solve(tables, ground, path), solve(tables, moved, away)
     # Rounding of the turned points may change a smoothed speed by as much as OSQP's tolerance.
     np.testing.assert_allclose(speeds(there), speeds(here), atol=1e-4)
-
-
-@FEW
-@given(scene=generated.scenes())
-def test_asking_twice_is_asking_once(scene: Scene) -> None:
-    planner = CandidatePlanner(model_of(scene.tables), scene.settings)
-    first, second = (planner.plan(scene.ground, [scene.path], **scene.options) for _ in range(2))
-    assert first[0].status is second[0].status
-    np.testing.assert_array_equal(first[0].speed, second[0].speed)

@@ -57,15 +57,6 @@ def test_rules_by_hand():
     assert by_rules(HUSKY, (0.195, 0.1, 0.9)) == ""
 
 
-def test_draws_from_table_2_by_rules():
-    random = np.random.default_rng(5)
-    shares = []
-    for name, mean in MEANS.items():
-        rows = random.normal(mean, STDS[name], (1000, 3))
-        shares.append(np.mean([by_rules(HUSKY, tuple(row)) == name for row in rows]))
-    assert np.mean(shares) == pytest.approx(0.82, abs=0.02)
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [

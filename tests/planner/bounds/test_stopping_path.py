@@ -1,20 +1,23 @@
-"""Stopping paths along varying ground: closed form, march, and an integrator that knows neither."""
+"""Stopping paths, and bounds of a batch as Python knows them."""
 
 from __future__ import annotations
 
+import dataclasses
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from slopewise.planner.bounds.speed_bounds import STOP_GUARD
+from slopewise.planner.bounds.speed_bounds import STOP_GUARD, speed_bounds
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
+from tests.world.compilers import CORE
 from tests.world.ground import ground_map, plane, straight
 from tests.world.stages import bounds_of
-from tests.world.vehicles import G, Tables, model_of, tables_with
+from tests.world.vehicles import BASE, G, Tables, model_of, tables_with
 
 NO_LIMITS = {"speed": 8.0, "min_load": 0.01}
 FULL_ON_CRESTS = ("crest_unloading", {"k": 0.0})
@@ -183,3 +186,23 @@ def test_the_speed_at_onset_solves_its_quadratic(
 ) -> None:
     speed = core.onset_speed(speed_part, intercept_part, slowest)
     assert speed == pytest.approx(expected, abs=1e-12)
+
+
+def test_codes_of_bounds_are_those_of_python() -> None:
+    codes = re.findall(r"Label (\w+) = (\d+);", (CORE / "bounds" / "limiting.hpp").read_text())
+    assert len(codes) > 10
+    assert {name.upper(): int(code) for name, code in codes}.items() <= {
+        label.name: label.value for label in Limiting
+    }.items()
+
+
+def test_arrays_that_do_not_fit_are_named() -> None:
+    profile, ground, _ = bounds_of(BASE, plane(0.0))
+    with pytest.raises(ValueError, match="clear: expected 1 along axis 0, got 2"):
+        speed_bounds(profile, ground, BASE, np.ones(2))
+    short = dataclasses.replace(ground, fastest=ground.fastest[:-1])
+    with pytest.raises(ValueError, match=r"fastest: expected \d+ along axis 0"):
+        speed_bounds(profile, short, BASE, np.ones(1))
+    strided = dataclasses.replace(profile, grade=np.repeat(profile.grade, 2, axis=1)[:, ::2])
+    with pytest.raises(TypeError, match="grade: expected a contiguous"):
+        speed_bounds(strided, ground, BASE, np.ones(1))

@@ -90,12 +90,6 @@ def test_a_map_to_begin_with_does_not_age_until_a_first_update() -> None:
     assert not snapshot_of(store).fixed, "further ones are expected"
 
 
-def test_the_age_is_a_setting() -> None:
-    plans = service(max_map_age=600.0)
-    assert top(ask(plans, of_age(500.0))) == top(ask(plans, of_age(0.0)))
-    assert ask(plans, of_age(1300.0)).command.stop  # type: ignore[union-attr]
-
-
 def test_a_robot_driving_on_an_ageing_map_stops_without_full_brakes() -> None:
     plans, period = service(max_map_age=2.0), 0.1
     x = speed = clock = 0.0
