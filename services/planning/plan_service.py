@@ -36,7 +36,6 @@ from slopewise.services.planning.request_validation import (
     resample_all,
     select_at_vehicle,
     validate_candidates,
-    validate_request,
 )
 from slopewise.services.settings.service_settings import ServiceConfig
 from slopewise.services.wire.plan_messages import PlanReply, PlanRequest, RankedCandidate
@@ -115,9 +114,8 @@ class PlanService:
         check_deadline: DeadlineCheck = no_deadline,
         remaining: float = np.inf,
     ) -> PlanReply:
-        """Reply to one request; errors name ``key``; ``remaining``: time to the deadline [s]."""
+        """Reply to a valid request; errors name ``key``; ``remaining``: until the deadline [s]."""
         started = time.perf_counter()
-        validate_request(request, self.config.sizes, key)
         parameters = self.parameters
         if snapshot is None:
             result = full_stop("no map has come yet: full braking")

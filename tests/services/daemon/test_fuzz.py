@@ -23,6 +23,7 @@ from slopewise.services.parameters.active_parameters import ActiveParameters
 from slopewise.services.parameters.parameter_service import ParameterService
 from slopewise.services.planning.map_store import MapSnapshot, MapStore
 from slopewise.services.planning.plan_service import PlanService
+from slopewise.services.planning.request_validation import validate_request
 from slopewise.services.settings.learning_settings import StoreSettings
 from slopewise.services.settings.service_settings import Planning, ServiceConfig, SizeLimits
 from slopewise.services.wire import codec
@@ -107,13 +108,17 @@ class Desk:
     def handle(self, key: str, payload: bytes, encoding: str) -> str:
         kind = type(messages_of[key][0])
         try:
-            message = codec.decode(kind, payload, encoding, key, _MAX_BYTES)
+            check = self._check if key == "plan" else lambda _: None
+            message = codec.decode(kind, payload, encoding, key, _MAX_BYTES, check=check)
             return str(self._do(key, message))
         except InputError as error:
             text = str(error)
         assert text.isprintable()
         assert len(text) < 2000
         return "error"
+
+    def _check(self, message: PlanRequest) -> None:
+        validate_request(message, self.plans.config.sizes, "plan")
 
     def _do(self, key: str, message: Any) -> str:
         if key == "plan":
