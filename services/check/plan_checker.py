@@ -46,7 +46,6 @@ from slopewise.services.check.stop_ends import (
     worst_stops,
 )
 from slopewise.services.check.tolerances import TOLERANCES
-from slopewise.services.physics.heights import in_cells
 
 _MIN_TAIL = 0.3  # [m] of path behind the last row where stops may still end, at least
 _STANDSTILL_NOTE = "the plan stands in one place"
@@ -79,7 +78,6 @@ def check_plan_on_map(
         raise ParameterError("clear", f"a distance >= 0 [m], got {clear:g}")
     if not 0.5 <= quantile < 1.0:
         raise ParameterError("quantile", f"a share in [0.5, 1), got {quantile:g}")
-    _check_begin(plan, heights)
     plan = plan.without_repeats()
     if len(plan.x) < 2:
         return _at_rest(plan)
@@ -193,14 +191,6 @@ def _check_spacing(
     sentence = "rows are {0:.2f} m apart: too sparse to judge, {1:.2f} m are the most here"
     log.add("spacing", steps / widest - 1.0, sentence, steps, widest, at=line.at_row[:-1])
     log.sparse.update(np.flatnonzero(steps > (1.0 + TOLERANCES["spacing"].value) * widest).tolist())
-
-
-def _check_begin(plan: ExternalPlan, heights: ElevationMap) -> None:
-    u, v = in_cells(heights, plan.x[:1], plan.y[:1])
-    rows, columns = heights.elevation.shape
-    if not (0.0 <= u[0] <= columns - 1 and 0.0 <= v[0] <= rows - 1):
-        got = f"x {plan.x[0]:.10g}, y {plan.y[0]:.10g}"
-        raise ParameterError("x, y", f"a first row on the map, got {got}")
 
 
 def _tail_and_ends(plan: ExternalPlan, clear: float) -> tuple[float, Floats]:

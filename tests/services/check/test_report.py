@@ -145,10 +145,14 @@ def test_rounded_positions_are_not_turns(decimals: int) -> None:
 
 def test_unusable_input_is_an_error() -> None:
     s, v = trapezoid(3.0)
-    with pytest.raises(ParameterError, match="a first row on the map"):
-        check_plan_on_map(straight(s + 500.0, v), model_with(), ground())
     with pytest.raises(ParameterError, match="clear: expected a distance"):
         check_plan_on_map(straight(s, v), model_with(), ground(), clear=-1.0)
+
+
+def test_a_plan_that_starts_off_the_map_drives_on_unknown_ground() -> None:
+    s, v = trapezoid(3.0)
+    report = check_plan_on_map(straight(s + 500.0, v), model_with(), ground())
+    assert "unknown_terrain" in {x.kind for x in report.violations}
 
 
 def test_a_plan_at_rest_is_valid() -> None:
