@@ -110,11 +110,11 @@ def _why_barred(column: CandidateColumn, k: int) -> str:
         case Limiting.SPEED_LIMIT:
             return f"the speed limit of the path is 0 {there}"
         case Limiting.TRACTION:
-            needed = column.demand[k] * vehicle.mass * GRAVITY
-            return (
-                f"grade {grade:.1f}° {there} needs {needed:.0f} N of thrust, "
-                f"the drive has {vehicle.max_drive_force:.0f} N{_by_momentum(column)}"
-            )
+            needed, curvature = column.demand[k] * vehicle.mass * GRAVITY, column.track.curvature[k]
+            has = f"needs {needed:.0f} N of thrust, the drive has {vehicle.max_drive_force:.0f} N"
+            if _only_turning(column, k):
+                return f"the turn of radius {1.0 / abs(curvature):.2f} m {there} {has}"
+            return f"grade {grade:.1f}° {there} {has}{_by_momentum(column)}"
         case _:
             return f"the brakes do not hold on grade {grade:.1f}° {there}"
 
@@ -127,6 +127,13 @@ def _untrained(what: str, slope: float, there: str, low: float, high: float) -> 
         f"{what} {slope:.{digits}f}° {there} is outside the trained "
         f"{low:.{digits}f}° … {high:.{digits}f}°"
     )
+
+
+def _only_turning(column: CandidateColumn, k: int) -> bool:
+    """Thrust is enough for the grade at station k, not for the turn on it."""
+    grade, scalars = float(column.track.grade[k]), column.scalars
+    straight = math.sin(grade) + scalars.resistance * math.cos(grade)
+    return straight <= scalars.specific_force
 
 
 def _by_momentum(column: CandidateColumn) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from scipy.integrate import solve_ivp
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.input_errors import Tracking
 from slopewise.models.parameters import Model
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.uncertainty import Uncertainty
@@ -194,6 +196,14 @@ def test_where_the_hill_continues_into_the_unknown_no_speed_is_reported() -> Non
     plan = plan_one(weak(), ground_map(ends), straight(30.0))
     assert plan.momentum is None
     assert plan.reason.endswith("thrust alone cannot climb it")
+
+
+def test_a_turn_that_thrust_cannot_make_on_level_ground_is_no_climb() -> None:
+    there = np.stack([np.arange(0.0, 8.0, 0.1), np.zeros(80)], axis=1)
+    hairpin = np.concatenate([there, there[::-1] + np.array([0.0, 0.3])])
+    plan = plan_one(weak(), ground_map(lambda x, y: 0.0 * x), CandidatePath("turn", hairpin))
+    assert plan.status is Status.BLOCKED
+    assert re.search(r"the turn of radius 0\.\d\d m ahead at .* the drive has 1200 N$", plan.reason)
 
 
 def test_json_holds_it() -> None:
