@@ -154,7 +154,7 @@ def verify(
     distance_offset: float,
     beyond: int,
     terms: object,
-) -> tuple[Floats, Floats, Bools]: ...
+) -> tuple[Floats, Floats, Ints]: ...
 def verify_batch(
     profile: TerrainProfile,
     ground: BrakingGround,

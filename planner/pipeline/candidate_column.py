@@ -21,7 +21,13 @@ from slopewise.planner.plan import Momentum, Obstacle
 from slopewise.planner.profile.time_optimal import ProfileProblem, time_optimal_profile
 from slopewise.planner.verify.ground import GroundFinding, first_blocked
 from slopewise.planner.verify.judge import Judgement, check
+from slopewise.planner.verify.terms import BETWEEN
 from slopewise.planner.verify.track import track_of
+
+_CHANGES = (Limiting.ACCEL, Limiting.DECEL)
+
+_TRIED = 8
+"""Speeds from that of a plan to its bound at which the verifier is asked whether they hold [1]."""
 
 
 class ChangeBounds(NamedTuple):
@@ -44,7 +50,8 @@ class CandidateColumn:
             braking force; x, y, z: positions [m].
         clear: station before which every stop ends [m]; offset: safety offset of a stop [m].
         barrier, barrier_station: what ends the clear distance, and the first station it bars.
-        speed_sq_max: highest v² as the bounds have it; bound: the same, lowered by repairs [m²/s²].
+        speed_sq_max: highest v² as the bounds have it, and repairs of them [m²/s²].
+        bound: the same, lowered by repairs of changes of speed as well [m²/s²].
         label: which bound that is, as :class:`Limiting`.
         demand: thrust that holds the speed, as a share of the weight.
         errors: of speed and map that every stop survives.
@@ -133,6 +140,38 @@ class CandidateColumn:
         self.speed_sq_max = self.bound.copy()
         return is_lower
 
+    def lower_where_broken(self, k: Ints, speed_sq: Floats, broken: Ints) -> None:
+        """Lower the bounds at stations to v² by what the verifier found broken there, and name it.
+
+        What breaks a limit of the speed itself keeps its name. Changes of speed that are too fast
+        lower what is planned, not the highest speed.
+        """
+        self.bound[k] = speed_sq
+        self.label[k] = np.where(broken == Limiting.SPEED_LIMIT, self.label[k], broken)
+        holds = ~np.isin(broken, _CHANGES)
+        self.speed_sq_max = self.speed_sq_max.copy()
+        self.speed_sq_max[k[holds]] = np.minimum(self.speed_sq_max, self.bound)[k[holds]]
+
+    def highest_verified(self, speed_sq: Floats, label: Ints) -> tuple[Floats, Ints]:
+        """Highest v² (N,) up to which the verifier passes held speeds from a profile on [m²/s²].
+
+        And the label of the profile (N,), by what is broken where nothing above it passes.
+
+        Bounds take a stop by chords and tangents, and do not know every turn that one from a higher
+        speed than planned comes to; from a still higher one it may brake behind the turn.
+        """
+        above = np.maximum(self.speed_sq_max - speed_sq, 0.0)
+        highest, label, passes = speed_sq, label.copy(), above > 0.0
+        for n in range(1, _TRIED + 1):
+            tried = speed_sq + np.where(passes, n / _TRIED, 0.0) * above
+            verdict = self.judge(tried, stations_only=True)
+            if n == 1:
+                first = passes[verdict.where] & (verdict.broken != Limiting.SPEED_LIMIT)
+                label[verdict.where[first]] = verdict.broken[first]
+            passes[verdict.where] = False
+            highest = np.where(passes, tried, highest)
+        return highest, label
+
     @property
     def obstacle(self) -> Obstacle | None:
         """Obstacle of wheels or body, where that ends the clear distance."""
@@ -161,8 +200,13 @@ class CandidateColumn:
         ends_there = found is not None and found.until >= self.track.station[reach - 1]
         return None if ends_there and len(ends) else found
 
-    def judge(self, speed_sq: Floats, *, decel: float | None = None) -> Judgement:
-        """Exact constraints of a profile (N,); see :func:`slopewise.planner.verify.judge.check`."""
+    def judge(
+        self, speed_sq: Floats, *, decel: float | None = None, stations_only: bool = False
+    ) -> Judgement:
+        """Exact constraints of a profile (N,); see :func:`slopewise.planner.verify.judge.check`.
+
+        Changes of speed and what is between stations do not count for ``stations_only``.
+        """
         return check(
             self.track,
             speed_sq,
@@ -174,6 +218,8 @@ class CandidateColumn:
             errors=self.errors,
             decel=decel,
             barrier=None if self.blocked is None else self.barrier,
+            between=0 if stations_only else BETWEEN,
+            changes=not stations_only,
         )
 
     def fastest(self) -> tuple[Floats, bool]:

@@ -86,6 +86,7 @@ def emergency_stop(column: CandidateColumn) -> Judged:
         np.where(moving, verdict.side_load[0], verdict.side_load),
         verdict.violation,
         verdict.where,
+        verdict.broken,
     )
     reason = _why_at_once(column, stop, min(verdict.rear_load[0], verdict.side_load[0]))
     return Judged(speed_sq, verdict, Status.INFEASIBLE, reason)

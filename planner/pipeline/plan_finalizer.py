@@ -124,7 +124,8 @@ class PlanFinalizer:
         column, track, speed_sq = self.column, self.column.track, judged.speed_sq
         status, reason = stop_reason(column, speed_sq, judged.status, judged.reason)
         accel, time = core.motion(track.station, speed_sq)
-        bound = np.sqrt(np.maximum(column.speed_sq_max, speed_sq))
+        label = column.limiting(speed_sq, accel, smoothed)
+        highest, label = column.highest_verified(speed_sq, label)
         return SpeedPlan(
             candidate=name,
             status=status,
@@ -139,8 +140,8 @@ class PlanFinalizer:
             speed=np.sqrt(speed_sq),
             accel=accel,
             time=time,
-            speed_bound=bound,
-            limiting=column.limiting(speed_sq, accel, smoothed),
+            speed_bound=np.sqrt(highest),
+            limiting=label,
             stop_distance=judged.verdict.stop_distance,
             clear_distance=column.clear,
             rear_load=judged.verdict.rear_load,
@@ -184,8 +185,9 @@ class PlanFinalizer:
         for _ in range(_REPAIRS):
             if verdict.valid:
                 return speed_sq, verdict, ""
-            for k in (verdict.where, np.minimum(verdict.where + 1, len(speed_sq) - 1)):
-                column.bound[k] = np.minimum(column.bound[k], speed_sq[k]) * _REPAIR_SHARE
+            for k in (verdict.where, verdict.where + 1):
+                lower = np.minimum(column.bound[k], speed_sq[k]) * _REPAIR_SHARE
+                column.lower_where_broken(k, lower, verdict.broken)
             answer, reachable = column.fastest()
             if not reachable:
                 break

@@ -62,7 +62,8 @@ class Judgement:
         rear_load: (N,) least rear axle load on that stop, as share of its level static load.
         side_load: (N,) least side load on that stop, as share of half the weight.
         violation: the worst breaches, all 0 for a valid plan.
-        where: (N − 1,) segments in or at the start of which something is breached.
+        where: segments in or at the start of which something is breached. broken: a bound that is,
+            of each, codes of :class:`Limiting`; ``SPEED_LIMIT`` for any limit of the speed itself.
     """
 
     stop_distance: Floats
@@ -70,6 +71,7 @@ class Judgement:
     side_load: Floats
     violation: Violations
     where: Ints
+    broken: Ints
 
     @property
     def overrun(self) -> float:
@@ -105,6 +107,7 @@ def check(
     barrier: Limiting | None = None,
     between: int = BETWEEN,
     time_step: float = TIME_STEP,
+    changes: bool = True,
 ) -> Judgement:
     """Judge one plan.
 
@@ -122,20 +125,22 @@ def check(
         barrier: bound of the ground that ends the clear distance, where the verifier itself found
             it: a stop that ends beyond counts as a violation of that.
         between: points inside each segment to try as well.
+        changes: verify changes of speed and steering angle as well, not only stops and held speeds.
         time_step: step of the integrator [s].
 
     Nothing raises: what is not a number, or does not stop, is a breach by infinity.
     """
     terms = terms_of(model, motion, errors or StopErrors(), all_loads=True)
-    terms = terms._replace(between=between, time_step=time_step)
+    terms = terms._replace(between=between, time_step=time_step, changes=changes)
     if decel is not None:
         terms = terms._replace(limits=terms.limits._replace(decel=decel))
     beyond = Violations._fields.index("overrun" if barrier is None else barrier.label)
-    (stop_distance, rear_load, side_load), worst, bad = core.verify(
+    (stop_distance, rear_load, side_load), worst, broken = core.verify(
         track, even or track, speed_sq, clear_distance, distance_offset, beyond, terms
     )
     violations = Violations(*worst.tolist())
-    return Judgement(stop_distance, rear_load, side_load, violations, np.flatnonzero(bad))
+    where = np.flatnonzero(broken >= 0)
+    return Judgement(stop_distance, rear_load, side_load, violations, where, broken[where])
 
 
 def screen(

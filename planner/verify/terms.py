@@ -47,6 +47,7 @@ class Terms(NamedTuple):
         between: points inside each segment from which a stop is tried as well.
         time_step: step of the integrator [s].
         all_loads: the loads of every stop are required, not only those that may run short.
+        changes: changes of speed and steering angle are judged, too.
     """
 
     body: Body
@@ -58,6 +59,7 @@ class Terms(NamedTuple):
     between: int
     time_step: float
     all_loads: bool
+    changes: bool = True
 
 
 def terms_of(model: Model, motion: MotionTerms, errors: StopErrors, *, all_loads: bool) -> Terms:

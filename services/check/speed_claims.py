@@ -74,26 +74,16 @@ def held_at_rows(drive: CheckedDrive, speed: Floats) -> Motion:
     return Motion(tried, still, still, (tried > 0.0) & drive.ground.known)
 
 
-def breaches(
-    drive: CheckedDrive, motion: Motion, stops: StopEnds, *, bound: bool = False
-) -> list[set[str]]:
-    """(N,) kinds of rules that a motion of :func:`held_at_rows` breaks.
-
-    Not by loads in the turns that a stop from a ``bound`` comes to: what is allowed there is less,
-    and a higher speed, from which the brakes take hold behind a turn, may be allowed again.
-    """
-    here, ahead = (
-        ViolationLog(drive.plan.name, drive.line.row, drive.ground.station) for _ in range(2)
-    )
-    checks = DrivingChecks(here, drive, motion, motion.moving)
+def breaches(drive: CheckedDrive, motion: Motion, stops: StopEnds) -> list[set[str]]:
+    """(N,) kinds of rules that a motion of :func:`held_at_rows` breaks."""
+    log = ViolationLog(drive.plan.name, drive.line.row, drive.ground.station)
+    checks = DrivingChecks(log, drive, motion, motion.moving)
     checks.speeds()
     checks.traction(motion.accel)
     checks.loads(motion.accel)
     checks.friction(motion.accel)
-    check_stops(ahead, drive, motion, stops)
-    ignored = {"rollover", "crest"} if bound else set()
-    kinds = (log.kinds(len(drive.plan.x)) for log in (here, ahead))
-    return [mine | (on_stop - ignored) for mine, on_stop in zip(*kinds, strict=True)]
+    check_stops(log, drive, motion, stops)
+    return log.kinds(len(drive.plan.x))
 
 
 def check_speed_bound(log: ViolationLog, drive: CheckedDrive, broken: list[set[str]]) -> None:

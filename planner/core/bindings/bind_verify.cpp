@@ -25,7 +25,8 @@ VerifyTerms terms_of(const nb::handle& terms) {
           nb::cast<bool>(terms.attr("in_time")),
           nb::cast<Index>(terms.attr("between")),
           nb::cast<double>(terms.attr("time_step")),
-          nb::cast<bool>(terms.attr("all_loads"))};
+          nb::cast<bool>(terms.attr("all_loads")),
+          nb::cast<bool>(terms.attr("changes"))};
 }
 
 Track track_of(const Columns& columns) {
@@ -66,7 +67,7 @@ Made<double> copy_track(const nb::handle& profile, const nb::handle& ground,
   return columns;
 }
 
-std::tuple<Made<double>, Made<double>, Made<bool>> verify_one(
+std::tuple<Made<double>, Made<double>, Made<Label>> verify_one(
     const Columns& track, const Columns& even, const Input1& speed_sq, double clear_distance,
     double distance_offset, Index beyond, const nb::handle& terms) {
   const Track on = track_of(track), on_even = track_of(even);
@@ -80,7 +81,8 @@ std::tuple<Made<double>, Made<double>, Made<bool>> verify_one(
   const VerifiedPlan plan{on,       on_even, speed_sq.data(), clear_distance, distance_offset,
                           static_cast<Breach>(beyond)};
   const auto told = make_array(3, n), worst = make_array(breach_count);
-  const auto bad = make_array<bool>(n - 1);
+  const auto bad = make_rows<Label>(n - 1);
+  std::fill_n(bad.data(), n - 1, limiting::none);
   double* out = told.data();
   const VerifyNotes notes{out, out + n, out + 2 * n, worst.data(), bad.data()};
   double* memory = Workspace::of_thread().reserve(verify_memory(n));

@@ -30,7 +30,7 @@ using Numbers1 = std::vector<double>;
 class Finisher {
  public:
   Finisher(const PlanningModel& model, Index stations)
-      : model_(model), n_(stations), told_(room(3)), memory_(static_cast<std::size_t>(verify::verify_memory(n_))), bad_(new bool[size()]),
+      : model_(model), n_(stations), told_(room(3)), memory_(static_cast<std::size_t>(verify::verify_memory(n_))), bad_(size()),
         terms_{model.weighed, model.limits, model.motion, model.errors, model.steering, false, points_between, time_step, true} {}
 
   // Columns of the candidate, (N,) each.
@@ -49,10 +49,10 @@ class Finisher {
   bool verified(const Numbers1& speed_sq) {
     const verify::Track on = columns_of(track), on_even = columns_of(even);
     Numbers1 worst(verify::breach_count, 0.0);
-    std::fill_n(bad_.get(), size(), false);
+    std::fill(bad_.begin(), bad_.end(), limiting::none);
     double* told = told_.data();
     verify::verify_plan({on, on_even, speed_sq.data(), clear, offset}, terms_,
-                        {told, told + n_, told + 2 * n_, worst.data(), bad_.get()},
+                        {told, told + n_, told + 2 * n_, worst.data(), bad_.data()},
                         memory_.data());
     return *std::max_element(worst.begin(), worst.end()) <= 0.0;
   }
@@ -170,8 +170,9 @@ class Finisher {
 
   void lower_where_bad(const Numbers1& speed_sq) {
     for (std::size_t k = 0; k + 1 < size(); ++k) {
-      if (!bad_[k]) continue;
+      if (bad_[k] == limiting::none) continue;
       for (const std::size_t end : {k, k + 1}) {
+        if (bad_[k] != limiting::speed_limit) label[end] = bad_[k];
         bound[end] = repair_share * min_of(bound[end], speed_sq[end]);
       }
     }
@@ -180,7 +181,7 @@ class Finisher {
   const PlanningModel& model_;
   Index n_;
   Numbers1 told_, memory_;
-  std::unique_ptr<bool[]> bad_;
+  std::vector<Label> bad_;
   verify::VerifyTerms terms_;
 };
 

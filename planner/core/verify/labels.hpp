@@ -77,7 +77,10 @@ struct Labelled {
 // What holds at each station: its bound, or how fast the speed may change around it; (N,) codes.
 inline void label_stations(const Labelled& plan, Label* out) noexcept {
   for (Index k = 0; k < plan.stations; ++k) {
-    if (plan.speed_sq[k] >= plan.bound[k] - 1e-3 * max_of(plan.bound[k], 0.05)) {
+    // What may change too fast is lowered as well: how it changes says by what.
+    const Label label = plan.bound_label[k];
+    const bool changes = label == limiting::accel || label == limiting::decel;
+    if (!changes && plan.speed_sq[k] >= plan.bound[k] - 1e-3 * max_of(plan.bound[k], 0.05)) {
       out[k] = plan.bound_label[k];
       continue;
     }

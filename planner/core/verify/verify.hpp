@@ -59,7 +59,7 @@ class Verifier {
         if (at(speed_sq, i, u) <= 0.0) continue;
         if (try_stop(k, i, u, point > 0)) mark(i);
       }
-      if (k + 1 < n_ && (speed_sq[k] > 0.0 || speed_sq[k + 1] > 0.0)) {
+      if (terms_.changes && k + 1 < n_ && (speed_sq[k] > 0.0 || speed_sq[k + 1] > 0.0)) {
         const bool changes = judge_change(k), steers = judge_steering(k);
         if (changes || steers) mark(k);
       }
@@ -72,11 +72,12 @@ class Verifier {
     if (breach <= breach_tolerance) return false;
     double& worst = notes_.worst[static_cast<std::size_t>(kind)];
     worst = max_of(worst, std::isfinite(breach) ? breach : infinite);
+    broken_ = broken_bound[static_cast<std::size_t>(kind)];
     return true;
   }
 
   void mark(Index segment) noexcept {
-    if (notes_.bad != nullptr) notes_.bad[segment] = true;
+    if (notes_.bad != nullptr) notes_.bad[segment] = broken_;
   }
 
   // Highest speed of any stop, with its errors, from up to a planned speed [m/s].
@@ -301,6 +302,7 @@ class Verifier {
   Target target_{};       // where stops have to end
   double limit_ = 0.0;    // stops that get here are not followed further [m]
   StopEnd stop_{};        // the last one: the next begins where it did, or later
+  Label broken_ = limiting::none;  // the last bound that was
 };
 
 }  // namespace detail

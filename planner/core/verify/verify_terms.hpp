@@ -1,6 +1,9 @@
 // What a finished plan is judged by, and what the verifier notes of it.
 #pragma once
 
+#include <array>
+
+#include "bounds/limiting.hpp"
 #include "verify/follow_steering.hpp"
 #include "verify/stop_in_time.hpp"
 
@@ -13,6 +16,14 @@ enum class Breach : std::size_t {
   body,
 };
 inline constexpr std::size_t breach_count = 19;
+
+// The bound that each of them breaks; of a speed that is its limit, whatever that comes from.
+inline constexpr std::array<Label, breach_count> broken_bound{
+    limiting::stopping_path, limiting::tip_over, limiting::rollover, limiting::speed_limit,
+    limiting::lateral, limiting::wheel_speed, limiting::accel, limiting::decel, limiting::crest,
+    limiting::friction, limiting::rollover, limiting::steering, limiting::steering,
+    limiting::unknown_terrain, limiting::model_validity, limiting::holding, limiting::step,
+    limiting::clearance, limiting::body};
 
 // Smallest violation [SI unit of the limit]: rounding of sums along a path.
 inline constexpr double breach_tolerance = 1e-6;
@@ -31,6 +42,7 @@ struct VerifyTerms {
   Index between;     // points inside each segment from which a stop is tried as well
   double time_step;  // of the integrator [s]
   bool all_loads;    // the loads of every stop are wanted, not only those that may run short
+  bool changes = true;  // of speed and steering angle are judged, too
 };
 
 // One plan as it is judged. A plan tells its stops with the braking force as it is learned, on even
@@ -49,8 +61,8 @@ struct VerifyNotes {
   double* rear_load;      // (N,) least rear axle load on that stop, of its level static load
   double* side_load;      // (N,) least side load on that stop, of half the weight
   double* worst;          // (breach_count,) worst breach of each kind; only raised
-  bool* bad;              // (N - 1,) segments in or at the start of which something is; only set;
-                          // nullptr where nobody asks
+  Label* bad;             // (N - 1,) a bound that is broken in or at the start of a segment; only
+                          // set; nullptr where nobody asks
 };
 
 }  // namespace slopewise::verify

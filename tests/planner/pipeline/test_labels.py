@@ -15,10 +15,10 @@ import pytest
 from scipy import ndimage
 from scipy.integrate import solve_ivp
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.input_errors import Tracking
 from slopewise.models.parameters import Model
-from slopewise.models.candidate_path import CandidatePath
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.averaged_map import averaged_map
 from slopewise.planner.ground.uncertainty import Uncertainty
@@ -34,7 +34,7 @@ from slopewise.planner.plan import Momentum, SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
 from slopewise.services.jobs.plan import PlanResult
 from slopewise.services.jobs.plan_summary import summarise
-from tests.world.ground import ground_map, plane, straight
+from tests.world.ground import arc, ground_map, plane, straight
 from tests.world.plans import plan_one
 from tests.world.vehicles import ATV, G, Tables, model_of, tables_with
 
@@ -310,3 +310,21 @@ def test_a_band_never_makes_a_plan_faster() -> None:
         assert narrow.speed == pytest.approx(exact.speed, abs=0.02)
         slower += bool(np.any(speed < exact.speed - 1e-3))
     assert slower > 0
+
+
+def test_a_repaired_plan_names_what_lowered_it() -> None:
+    """Bounds of a turn are raised and called roughness; the verifier finds its lateral limit."""
+    model = model_of(ATV)
+    solved = time_optimal_batch(plane(), batch([arc(15.0, 0.35)], 0.25), model, start_speed=0.0)
+    given = Unfinished(solved.profile_of(0))
+    sound = PlanFinalizer(solved, 0, solved.start_sq).finish("a", given, smoothed=False)
+    finalizer = PlanFinalizer(solved, 0, solved.start_sq)
+    column, turns = finalizer.column, slice(13, 18)
+    column.speed_sq_max = column.speed_sq_max.copy()
+    column.bound[turns] *= 1.3
+    column.speed_sq_max[turns], column.label[turns] = column.bound[turns], Limiting.ROUGHNESS
+    plan = finalizer.finish("a", Unfinished(column.fastest()[0]), smoothed=False)
+    assert set(sound.limiting[turns]) == {Limiting.LATERAL}
+    assert set(plan.limiting[turns]) == {Limiting.LATERAL}
+    assert np.all(plan.speed[turns] <= 1.001 * sound.speed_bound[turns])
+    assert np.all(plan.speed_bound[turns] <= 1.001 * sound.speed_bound[turns])
