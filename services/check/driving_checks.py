@@ -152,7 +152,10 @@ class DrivingChecks(NamedTuple):
     def brakes_at(self, accel: Floats) -> None:
         """Force of the brakes, and the limit of deceleration."""
         given, sentence = self.braking_deceleration(), "slows down at {0:.2f} m/s²"
-        slows = self.motion.moving & (accel < 0.0)
+        line = self.drive.line
+        # How the vehicle is turned at its first row, and so the grade up to there, is assumed.
+        assumed = (line.row == 0) & (line.share < 0.5)
+        slows = self.motion.moving & (accel < 0.0) & ~assumed
         by_brakes = f"{sentence}, the brakes give {{1:.2f}} m/s²"
         self.log.add("decel", -accel - given, by_brakes, -accel, given, where=slows)
         excess = -accel - self.drive.model.limits.decel

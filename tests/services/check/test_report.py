@@ -188,3 +188,22 @@ def test_speed_limit_of_a_sharper_path_is_not_known() -> None:
         plan = round_turn(s, v, 4.0, path_deviation=away, limiting=limiting)
         kinds = {x.sentence[:24] for x in check_plan_on_map(plan, model, ground()).violations}
         assert ("limiting is speed_limit," in kinds) is refused
+
+
+def test_brakes_are_checked_from_the_middle_of_a_first_step_in_a_turn() -> None:
+    """Rows do not say how the vehicle is turned at the first, and so how steep it is there."""
+    model = model_with(limits={"decel": 9.0, "lateral_accel": 9.0, "min_load": 0.02})
+    heading = np.minimum(0.25 * np.arange(24) + 0.3, 1.5)
+    x, y = (np.append(0.0, np.cumsum(0.1 * part)) for part in (np.cos(heading), np.sin(heading)))
+    downhill = ground(lambda east, north: -0.22 * east)
+    for braking, kinds in ((2.95, set()), (3.0, {"decel"})):
+        energy = np.append(0.64, 0.64 - 0.2 * braking - 0.2 * np.arange(24))
+        plan = ExternalPlan(
+            name="turn",
+            x=x,
+            y=y,
+            speed=np.sqrt(np.maximum(energy, 0.0)),
+            status="degraded",
+            reason="starts too fast",
+        )
+        assert {v.kind for v in check_plan_on_map(plan, model, downhill).violations} == kinds
