@@ -143,8 +143,8 @@ def _decode_list(
 ) -> tuple[Any, ...]:
     arguments = get_args(kind)
     variadic = arguments[-1] is Ellipsis
-    # A list of tables may be empty: a matrix, or a row of one, without numbers is a mistake.
-    empty = not value and not dataclasses.is_dataclass(arguments[0])
+    # A list of tables or texts may be empty: a matrix, or a row of one, without numbers may not.
+    empty = not value and arguments[0] is not str and not dataclasses.is_dataclass(arguments[0])
     if empty or (not variadic and len(value) != len(arguments)):
         raise fault(source, where, f"expected {_describe(kind)}, got {shown(value)}")
     kinds = [arguments[0]] * len(value) if variadic else arguments

@@ -208,7 +208,9 @@ class RosEdge:
         """Motion in the frame of the candidates, or the reason why nothing can be planned."""
         frames = {offer.frame for offer in self._offers.values()}
         if not frames:
-            return None, f"no path within {self.settings.timing.path_age:g} s"
+            refused = [f"{t}: {r}" for t, r in self.inbox.refused.items() if t in self._paths]
+            missing = f"no path within {self.settings.timing.path_age:g} s"
+            return None, "; ".join((missing, *refused))
         if len(frames) > 1:
             return None, f"expected paths in one frame, got {', '.join(sorted(frames))}"
         return self._state.motion(now, *frames)
