@@ -26,8 +26,8 @@ from slopewise.planner.profile import time_optimal as planner_profile
 from slopewise.planner.profile.reference import JerkLimitedReference
 from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
-from slopewise.planner.verify.judge import check
 from slopewise.planner.verify.track import track_of
+from slopewise.planner.verify.verifier import check
 
 from ..common.campaign import Result
 from ..common.profile_quality import excess, smooth_excess, stations_of, travel_time

@@ -26,7 +26,7 @@ class HorizonSettings:
     period: float = quantity("s", "From one cycle to the next.", default=0.1, above=0.0)
     switch_gain: float = quantity(
         "s",
-        "By how much, beside a station of progress, a candidate must be better than the previous "
+        "By how much, besides a station of progress, a candidate must be better than the previous "
         "plan to be chosen.",
         default=0.3,
         at_least=0.0,
@@ -70,7 +70,7 @@ class PlanarState:
 
     Attributes:
         x, y: [m]. heading: [rad]. speed: along the heading [m/s].
-        age: time since all that was measured, as far as it is known [s].
+        age: time since all that was measured, where known [s].
     """
 
     x: float
@@ -84,7 +84,7 @@ class PlanarState:
         for name in ("x", "y", "heading", "speed", "age"):
             object.__setattr__(self, name, float(getattr(self, name)))
 
-    def flaw(self) -> str:
+    def invalid_field(self) -> str:
         """Fault that makes it unusable, empty without one."""
         for name in ("x", "y", "heading", "speed", "age"):
             if not np.isfinite(getattr(self, name)):
@@ -101,7 +101,7 @@ class SpeedCommand:
     Attributes:
         speed: to be reached after one period [m/s].
         accel: now [m/s²].
-        stop: brake as hard as the brakes can, at once.
+        stop: brake as hard as the brakes can, now.
         valid_for: how long the plan may be followed without another answer; it ends at rest [s].
     """
 
@@ -122,7 +122,7 @@ class Deficit:
     Attributes:
         amount: by how much, in the unit of the bound.
         distance: from the vehicle to where that is, along the plan [m].
-        bound: what is breached, as in :class:`slopewise.planner.verify.judge.Violations`.
+        bound: what is breached, as in :class:`slopewise.planner.verify.verifier.Violations`.
     """
 
     amount: float
@@ -141,8 +141,8 @@ class Ranked:
     Attributes:
         candidate: name.
         cost: travel time and what is missed [s], inf where it was not planned.
-        valid: the judge has no objection to its time-optimal profile.
-        reason: why it was not planned, or what the judge objects to.
+        valid: the verifier has no objection to its time-optimal profile.
+        reason: why it was not planned, or what the verifier objects to.
     """
 
     candidate: str
@@ -162,7 +162,7 @@ class CycleAnswer:
         plans: those that were finished, best first; the previous one may be among them.
         ranking: all candidates, best first.
         deficit: what the previous plan lacks, None if that was not asked or is nothing.
-        kept: the previous plan is driven on as it is.
+        kept: the previous plan is continued unchanged.
         seconds: what each stage took.
     """
 

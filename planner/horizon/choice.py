@@ -32,7 +32,7 @@ def best_first(
     """Plans by what is safe, as requested, and soon there.
 
     Args:
-        planner: of this cycle. plans: that were finished.
+        planner: this cycle's. plans: the finished ones.
         continued: the one among them that continues the previous plan, if any does.
         previous: name of its path. gain: by how much another has to be better than it [s].
     """
@@ -40,21 +40,21 @@ def best_first(
     # Want of smoothing is no reason to stand.
     is_standing = continued is not None and not continued.plan.speed.any()
 
-    def key(one: PreviousPlan) -> tuple[bool, bool, float]:
-        is_previous = one.plan.candidate == previous
-        if one.plan.status is Status.INFEASIBLE:
+    def key(plan: PreviousPlan) -> tuple[bool, bool, float]:
+        is_previous = plan.plan.candidate == previous
+        if plan.plan.status is Status.INFEASIBLE:
             return True, not is_previous, 0.0
-        cost = ranking_cost(one.plan, planner.planning)
+        cost = ranking_cost(plan.plan, planner.planning)
         if is_previous:
             # It begins behind the vehicle.
-            projection = one.locate((state.x, state.y), state.heading)
-            cost -= one.time_at(projection) + gain
-        return False, one.plan.status is Status.DEGRADED and not is_standing, cost
+            projection = plan.locate((state.x, state.y), state.heading)
+            cost -= plan.time_at(projection) + gain
+        return False, plan.plan.status is Status.DEGRADED and not is_standing, cost
 
     plans = sorted(plans, key=key)
     if continued is not None and continued.plan.status is Status.OK:
         # What reaches its end is replaced only by what does so as well.
-        plans.sort(key=lambda one: one.plan.status is not Status.OK)
+        plans.sort(key=lambda plan: plan.plan.status is not Status.OK)
     return plans
 
 

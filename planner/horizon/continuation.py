@@ -20,7 +20,7 @@ from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from slopewise.planner.plan import Status
-from slopewise.planner.verify.judge import Violations
+from slopewise.planner.verify.verifier import Violations
 
 _LONG = 0.5
 """A plan that takes longer than that to the next station crawls [s]."""
@@ -34,7 +34,7 @@ class PathAhead:
     """A path to continue along, with stations behind the vehicle.
 
     Attributes:
-        path: as a batch of one. first: station of it behind which the vehicle is.
+        path: a batch of one. first: station of it behind which the vehicle is.
         clear: station up to which it is free [m]; start: speed at its first station [m/s].
     """
 
@@ -49,8 +49,8 @@ class Continuation:
     """The previous plan, where the vehicle is on it, and as what its path is offered now.
 
     Attributes:
-        planner: of this cycle.
-        previous: the plan; projection: of the measured vehicle on it.
+        planner: this cycle's.
+        previous: the plan; projection: the measured vehicle's on it.
         lead: how much later than there, by the plan, the vehicle is by now [s]: until then the plan
             is driven already.
         offered: None if no candidate is that path.
@@ -77,7 +77,7 @@ class Continuation:
         return self.previous.speed_at(self.projection)
 
     @property
-    def rests(self) -> bool:
+    def is_at_rest(self) -> bool:
         """The plan comes to rest before the next station."""
         return bool(self.previous.plan.speed[self._now[0] + 1] <= 0.0)
 
@@ -111,16 +111,16 @@ class Continuation:
         return bool((speed[1] < speed[0] or speed[1] <= 0.0) and speed.max() <= speed[0])
 
     @property
-    def lingers(self) -> bool:
+    def is_slow_to_next(self) -> bool:
         """The plan rests before the next station, or takes long to it."""
         plan, (k, station, speed) = self.previous.plan, self._now
         mean = 0.5 * (speed + float(plan.speed[k + 1]))
-        return self.rests or float(plan.station[k + 1]) - station > mean * _LONG
+        return self.is_at_rest or float(plan.station[k + 1]) - station > mean * _LONG
 
     def path_ahead(self) -> PathAhead | None:
         """The path of a plan that continues this one; None if it has to begin again."""
         # What brakes harder than planned braking may has to be planned from where it is by now.
-        if self.rests or self.brakes_hard:
+        if self.is_at_rest or self.brakes_hard:
             return None
         return self._path_ahead(BEHIND, extended=True)
 
@@ -146,7 +146,7 @@ class Continuation:
             lambda: first_try.pop() if first_try else self._finalizer(extended=True)[1],
             profile,
         )
-        # A plan that cannot be repaired stands still, or stops at once: that is for one that begins
+        # A plan that cannot be repaired stands still, or brakes fully: that is for one that begins
         # here to say, since a segment of a fallback may be faster than its bounds.
         if answer.status is Status.INFEASIBLE or answer.speed[0] != plan.speed[i]:
             return None
@@ -167,7 +167,7 @@ class Continuation:
             return PreviousPlan.on(ahead.path, ahead.first, kept), None
         if plan.status is Status.DEGRADED:
             return None, None
-        verdict = finalizer.column.judge(speed_sq)
+        verdict = finalizer.column.verify(speed_sq)
         kind = int(np.argmax(verdict.violation))
         k = int(verdict.where[0]) if len(verdict.where) else 0
         distance = float(plan.station[i + k]) - self.previous.station_at(self.projection)

@@ -53,11 +53,11 @@ class Cycle:
         """The answer, and the plan that is driven from now on.
 
         Args:
-            paths: M candidates, None if there is none.
-            clear: (M,) station up to which each of them is known free [m].
+            paths: M candidates, None without any.
+            clear: (M,) station up to which each of them is known to be free [m].
         """
-        if flaw := self._state.flaw():
-            return CycleAnswer(Status.DEGRADED, f"{flaw}: full braking", None, FULL_STOP), None
+        if invalid := self._state.invalid_field():
+            return CycleAnswer(Status.DEGRADED, f"{invalid}: full braking", None, FULL_STOP), None
         if paths is None:
             return self._stop("no candidate is offered", ())
         limit = self._planner.model.max_path_deviation
@@ -91,14 +91,14 @@ class Cycle:
             free, starts = np.append(free, self._ahead.clear), np.append(starts, self._ahead.start)
         solved = planner.solve(together, free, starts)
         self._time("plan")
-        batch = CycleBatch.judged(rest, solved)
+        batch = CycleBatch.verified(rest, solved)
         self._time("judge")
         ranking, order = batch.ranked(index, gain)
         continued, deficit, kept = self._continue(batch, index)
         plans = [] if continued is None else [continued]
         # The previous plan and the best other candidate are finished at any time.
-        others = [j for j in order if j != index]
-        for n, j in enumerate(others[: max(self._settings.smoothed - len(plans), 1)]):
+        rest_of_order = [j for j in order if j != index]
+        for n, j in enumerate(rest_of_order[: max(self._settings.smoothed - len(plans), 1)]):
             if n > 0 and planner.late():
                 break
             plans.append(self._begin(batch, j))
@@ -165,17 +165,17 @@ class Cycle:
         """The previous plan in this cycle; what it lacks; is it kept unchanged?
 
         Args:
-            batch: the candidates. index: of the one that is its path, None if none is.
+            batch: the candidates. index: the candidate that is its path, if any.
         """
         continuation = self._continuation
         if continuation is None or index is None:
             return None, None, False
         # At a crawl the next station is far away: what is free by now is not waited for.
-        lingers = continuation.lingers
-        new = self._begin(batch, index) if lingers else self._go_on(batch)
+        is_slow_to_next = continuation.is_slow_to_next
+        new = self._begin(batch, index) if is_slow_to_next else self._go_on(batch)
         was_ok = continuation.previous.plan.status is Status.OK
         enough = (Status.OK,) if was_ok else SAFE
-        if lingers and new is not None and new.plan.status not in enough:
+        if is_slow_to_next and new is not None and new.plan.status not in enough:
             new = self._go_on(batch) or new
         if new is not None and new.plan.status in SAFE:
             return new, None, False

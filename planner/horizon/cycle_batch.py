@@ -10,7 +10,7 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.planner.horizon.answer import Ranked
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
-from slopewise.planner.verify.judge import Violations, screen
+from slopewise.planner.verify.verifier import Violations, screen
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,10 +18,10 @@ class CycleBatch:
     """Time-optimal profiles of M candidates, with the verdicts of the verifier.
 
     Attributes:
-        paths: of the candidates.
-        solved: their profiles; one more may be the path on which the previous plan goes on.
+        paths: the candidates.
+        solved: their profiles; one more may be the path on which the previous plan continues.
         violation: (M, kinds) the worst breach of each kind, as in
-            :class:`slopewise.planner.verify.judge.Violations`.
+            :class:`slopewise.planner.verify.verifier.Violations`.
         too_fast: (M,) service braking cannot bring down the speed at the start.
     """
 
@@ -31,7 +31,7 @@ class CycleBatch:
     too_fast: Bools
 
     @classmethod
-    def judged(cls, paths: PathBatch, solved: TimeOptimalBatch) -> CycleBatch:
+    def verified(cls, paths: PathBatch, solved: TimeOptimalBatch) -> CycleBatch:
         """The first M candidates of a batch."""
         violation = screen(
             solved.profile,
@@ -61,9 +61,11 @@ class CycleBatch:
         cost = self.solved.cost[: len(names)]
         is_previous = np.arange(len(names)) == previous
         order: list[int] = np.lexsort((cost - gain * is_previous, invalid)).tolist()
-        costs, flawed = cost.tolist(), invalid.tolist()
+        costs, is_invalid = cost.tolist(), invalid.tolist()
         ranking = tuple(
-            Ranked(names[j], costs[j], not flawed[j], self._objection(j) if flawed[j] else "")
+            Ranked(
+                names[j], costs[j], not is_invalid[j], self._objection(j) if is_invalid[j] else ""
+            )
             for j in order
         )
         return ranking, order

@@ -28,7 +28,7 @@ class CyclePlanner:
     """Plans of one cycle.
 
     Attributes:
-        model: of the vehicle, made cautious. uncertainty: for which it was.
+        model: made cautious for the uncertainty.
         settings, planning: of cycles and of plans.
         elevation_map, conditions: those of the moment.
         started: when the cycle did, by the clock of `perf_counter` [s].
@@ -58,7 +58,7 @@ class CyclePlanner:
 
         Args:
             paths: on even stations.
-            clear: (M,) station up to which each is known free; below 0 nothing is [m].
+            clear: (M,) station up to which each is known to be free; below 0 nothing is [m].
             start: speed at the first station, one for all or (M,) [m/s].
         """
         return time_optimal_batch(
@@ -79,7 +79,7 @@ class CyclePlanner:
         """The plan of a candidate: smoothed, if there is time, and if the solver does not fail.
 
         Args:
-            name: of the candidate.
+            name: the candidate's.
             finalizer: makes it; twice, if smoothing has to be given up.
             profile: the time-optimal one.
         """

@@ -81,13 +81,13 @@ class Horizon:
         """One cycle.
 
         Args:
-            state: of the vehicle now.
+            state: the vehicle's now.
             paths: candidates, at best as stations that are even already. One that is called as
                 that of the previous plan, and runs along it, is the same path.
-            elevation_map: ground as it is known now.
-            clear: station up to which the way is known free, counted from the first point of each
-                candidate; one for all, or (M,) [m]. Below 0 nothing is free.
-            conditions: of the moment.
+            elevation_map: ground known now.
+            clear: station up to which the ground is known to be free, from the first point of
+                each candidate; one for all, or (M,) [m]. Below 0 nothing is free.
+            conditions: those of this moment.
 
         Raises:
             ParameterError: a candidate is malformed, or ``clear`` has another shape.
@@ -102,7 +102,7 @@ class Horizon:
         free = _checked_clear(clear, 0 if offered is None else len(offered.names))
         felt = averaged_map(elevation_map, self.model.vehicle.wheel_radius)
         now = conditions or GroundConditions()
-        if not state.flaw():
+        if not state.invalid_field():
             self._ages.append(state.age)
         now = replace(now, pose_age=max(now.pose_age, *self._ages, 0.0))
         planner = CyclePlanner(

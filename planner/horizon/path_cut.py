@@ -12,7 +12,7 @@ from slopewise.planner.ground.terrain_profile import stations_along
 from slopewise.planner.horizon.path_projection import PathProjection
 from slopewise.planner.path import PathBatch
 
-FEWEST = 3
+MIN_STATIONS = 3
 """Stations that a path needs, so that it has a curvature."""
 
 _HERE = 1e-4
@@ -34,13 +34,15 @@ def cut(paths: PathBatch, projection: PathProjection, at: tuple[float, float]) -
     ahead = projection.along < 0.0
     start = np.where(ahead, at[0], projection.x), np.where(ahead, at[1], projection.y)
     behind = np.where(ahead, -1, projection.segment)
-    rest, kept, near, count = core.cut_paths(paths.x, paths.y, paths.count, behind, *start, FEWEST)
-    most = int(count.max())
+    rest, kept, near, count = core.cut_paths(
+        paths.x, paths.y, paths.count, behind, *start, MIN_STATIONS
+    )
+    longest = int(count.max())
     limit, closeness = (
-        _cut_limits(row, paths.count, kept, near | ahead, most)
+        _cut_limits(row, paths.count, kept, near | ahead, longest)
         for row in (paths.rows[2], -paths.rows[3])
     )
-    return PathBatch(paths.names, np.stack((*rest[:, :most], limit, -closeness)), count)
+    return PathBatch(paths.names, np.stack((*rest[:, :longest], limit, -closeness)), count)
 
 
 def _cut_limits(limit: Floats, count: Ints, kept: Ints, own: Bools, rows: int) -> Floats:
@@ -66,7 +68,7 @@ def passed_stations(
     if np.all(np.abs(projection.along) <= _HERE):
         return np.zeros(len(paths.names))
     lanes, i = np.arange(len(paths.names)), projection.segment
-    rows = min(max(int(i.max()) + 2, FEWEST), len(paths.x))
+    rows = min(max(int(i.max()) + 2, MIN_STATIONS), len(paths.x))
     x, y = np.ascontiguousarray(paths.x[:rows]), np.ascontiguousarray(paths.y[:rows])
     station = stations_along(elevation_map, x, y, np.minimum(paths.count, rows), vehicle)
     step = np.hypot(x[i + 1, lanes] - x[i, lanes], y[i + 1, lanes] - y[i, lanes])

@@ -27,7 +27,7 @@ class PreviousPlan:
     """The plan that was chosen last, of N stations.
 
     Attributes:
-        plan: as it was answered.
+        plan: the answer.
         limits: (2, N) speed limit of the path itself [m/s], and distance from it of a vehicle on
             what was given [m].
         behind: (2, n) positions of the path before those of the plan [m], at most `BEHIND`.
@@ -84,7 +84,7 @@ class PreviousPlan:
         beyond those of the last cycle, while a vehicle begins to drive.
 
         Args:
-            projection: vehicle as measured, on this plan. age: of that [s].
+            projection: vehicle as measured, on this plan. age: time since then [s].
             period: from one cycle to the next [s].
         """
         advance = self.time_at(projection) - self.measured
@@ -126,18 +126,18 @@ class PreviousPlan:
         """
         ahead = self.ahead(projection)
         common = other.arc() <= ahead.arc()[-1]
-        nearest, share, off = ahead.foot(Polyline(other.x[common], other.y[common]))
+        nearest, share, gap = ahead.foot(Polyline(other.x[common], other.y[common]))
         # Parts before or beyond this path are ignored.
         before = (nearest == 0) & (share < 0.0)
         beyond = (nearest == len(ahead.x) - 2) & (share > 1.0)
-        return bool(np.all((off <= tolerance) | before | beyond))
+        return bool(np.all((gap <= tolerance) | before | beyond))
 
     def rest(self, projection: PathProjection, behind: int = BEHIND) -> tuple[PathBatch, int]:
         """The path around and ahead of the vehicle.
 
         Args:
             projection: the vehicle on this path.
-            behind: stations before the segment in which it is, if there are so many.
+            behind: stations before the segment in which it is, as far as there are.
 
         Returns:
             The path, and the index in it of the station behind the vehicle.
@@ -164,7 +164,7 @@ class PreviousPlan:
             projection: the vehicle on this path.
             offered: (4, n) rows of the same path.
             behind: as of :meth:`rest`.
-            extended: with the stations with which the path goes on now.
+            extended: with the stations by which the path continues now.
         """
         path, first = self.rest(projection, behind)
         line, limit = Polyline(*offered[:2]), offered[2]
@@ -184,11 +184,11 @@ class PreviousPlan:
         )
         along = offered.arc()
         along = along - along[here[0]]
-        off = np.hypot(offered.x - x[-1], offered.y - y[-1])
+        gap = np.hypot(offered.x - x[-1], offered.y - y[-1])
         near = np.abs(along - length) <= window(length)
         if not near.any():
             return len(offered.x)
-        begin = int(np.argmin(np.where(near, off, np.inf)))
+        begin = int(np.argmin(np.where(near, gap, np.inf)))
         further = (offered.x - x[-1]) * direction[0] + (offered.y - y[-1]) * direction[1]
         while begin < len(offered.x) and further[begin] < 0.5 * step:
             begin += 1
@@ -206,7 +206,7 @@ class OfferedPath:
 
     Attributes:
         rows: (4, n) of it from a few stations behind the vehicle on, as of :class:`PathBatch`.
-        far: end of the path or of the free distance, whichever is first [m].
+        far: end of the path or of the free distance, the nearer one [m].
         free: distance along the ground from the vehicle to there [m].
     """
 
@@ -235,7 +235,7 @@ def vehicle_on(
     previous: PreviousPlan, state: PlanarState, settings: HorizonSettings
 ) -> PathProjection | None:
     """The vehicle on the previous plan; None if it is not on its path, or too fast or too slow."""
-    if state.flaw():
+    if state.invalid_field():
         return None
     projection = previous.locate((state.x, state.y), state.heading)
     beside, turned, along = (
@@ -255,7 +255,7 @@ def index_of(
     """Index of the candidate that is the previous plan's path, None if none is.
 
     Args:
-        previous: the plan; projection: of the vehicle on it.
+        previous: the plan; projection: the vehicle's on it.
         rest: candidates from the vehicle on.
         tolerance: how exactly a path of the same name is the same path [m].
     """

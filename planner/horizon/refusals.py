@@ -10,7 +10,7 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.planner.compiled_core import core
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState, Ranked
-from slopewise.planner.horizon.path_cut import FEWEST
+from slopewise.planner.horizon.path_cut import MIN_STATIONS
 from slopewise.planner.horizon.path_projection import PathProjection, locate
 from slopewise.planner.path import PathBatch
 from slopewise.planner.path_deviation import PathDeviation, path_deviation
@@ -25,7 +25,7 @@ class Drivable:
 
     Attributes:
         paths: M candidates, as they came. projection: the vehicle on them.
-        clear: (M,) station up to which the way is known free [m].
+        clear: (M,) station up to which the ground is known to be free [m].
     """
 
     paths: PathBatch
@@ -59,8 +59,8 @@ def drivable_of(
     """Candidates that can be driven, None without any; and the others, with reasons.
 
     Args:
-        paths: M candidates; clear: (M,) station up to which each is known free [m].
-        state: of the vehicle.
+        paths: M candidates; clear: (M,) station up to which each is known to be free [m].
+        state: the vehicle's.
         settings: how far a path may lie from it.
         max_deviation: how far stations may be from the path that was given [m].
     """
@@ -85,11 +85,11 @@ def drivable_of(
 def malformed(paths: PathBatch, clear: Floats, max_deviation: float) -> list[str]:
     """Reasons why candidates cannot be planned at all, empty for those that can."""
     finite, moving = core.find_sound(paths.x, paths.y, paths.count)
-    long, known = paths.count >= FEWEST, ~np.isnan(clear)
+    long, known = paths.count >= MIN_STATIONS, ~np.isnan(clear)
     reasons = [""] * len(clear)
     for j in np.flatnonzero(~(finite & moving & long & known)):
         if not long[j]:
-            reasons[j] = f"the path has {paths.count[j]} stations, {FEWEST} at least"
+            reasons[j] = f"the path has {paths.count[j]} stations, {MIN_STATIONS} at least"
         elif not finite[j]:
             reasons[j] = "the path has stations that are no numbers"
         elif not moving[j]:
@@ -111,25 +111,25 @@ def malformed(paths: PathBatch, clear: Floats, max_deviation: float) -> list[str
     return reasons
 
 
-def out_of_reach(projection: PathProjection, most: HorizonSettings) -> list[str]:
+def out_of_reach(projection: PathProjection, limits: HorizonSettings) -> list[str]:
     """Reasons why candidates cannot be driven from the vehicle on, empty for those that can."""
-    near = (projection.beside <= most.beside) & (-projection.along <= most.ahead)
-    drivable = near & (projection.turned <= most.turned) & (projection.remaining > _ENDS)
+    near = (projection.beside <= limits.beside) & (-projection.along <= limits.ahead)
+    drivable = near & (projection.turned <= limits.turned) & (projection.remaining > _ENDS)
     reasons = [""] * len(drivable)
     beside, along, turned = (
         values.tolist() for values in (projection.beside, projection.along, projection.turned)
     )
     for j in np.flatnonzero(~drivable).tolist():
-        reasons[j] = _refusal(beside[j], -along[j], turned[j], most)
+        reasons[j] = _refusal(beside[j], -along[j], turned[j], limits)
     return reasons
 
 
-def _refusal(beside: float, gap: float, turned: float, most: HorizonSettings) -> str:
-    if beside > most.beside:
-        return f"the path lies {beside:.2f} m beside the vehicle, {most.beside:g} m at most"
-    if gap > most.ahead:
-        return f"the path begins {gap:.2f} m ahead of the vehicle, {most.ahead:g} m at most"
-    if turned > most.turned:
+def _refusal(beside: float, gap: float, turned: float, limits: HorizonSettings) -> str:
+    if beside > limits.beside:
+        return f"the path lies {beside:.2f} m beside the vehicle, {limits.beside:g} m at most"
+    if gap > limits.ahead:
+        return f"the path begins {gap:.2f} m ahead of the vehicle, {limits.ahead:g} m at most"
+    if turned > limits.turned:
         error = f"{math.degrees(turned):.0f}° off the heading ({turned:.3f} rad)"
-        return f"the path points {error}, {most.turned:g} rad at most"
+        return f"the path points {error}, {limits.turned:g} rad at most"
     return "the path ends here"

@@ -43,7 +43,7 @@ class BandGround(NamedTuple):
         """Lowest v² of both sides, and which bound it is, (N,) each [m²/s²].
 
         Args:
-            profile: of a batch. j: index of the candidate.
+            profile: a batch. j: index of the candidate.
             clear: station before which it stops [m].
         """
         n, sides = int(profile.count[j]), len(_SIDES)
@@ -53,7 +53,7 @@ class BandGround(NamedTuple):
 
         curvature = twice(profile.curvature)
         left = self.errors.across(curvature) * np.array(_SIDES)
-        beside = terrain_profile(
+        lateral = terrain_profile(
             self.elevation_map,
             twice(profile.x) - left * twice(profile.heading_y),
             twice(profile.y) + left * twice(profile.heading_x),
@@ -61,11 +61,11 @@ class BandGround(NamedTuple):
             self.model.vehicle,
             self.model.steering_geometry,
         )
-        beside = replace(beside, station=twice(profile.station), curvature=curvature)
+        lateral = replace(lateral, station=twice(profile.station), curvature=curvature)
         ground = ground_along(
-            beside, self.model, self.elevation_map.class_names, self.conditions, self.uncertainty
+            lateral, self.model, self.elevation_map.class_names, self.conditions, self.uncertainty
         )
-        bounds = speed_bounds(beside, ground, self.model, np.full(sides, clear))
+        bounds = speed_bounds(lateral, ground, self.model, np.full(sides, clear))
         side = bounds.speed_sq_max.argmin(axis=1)
         row = np.arange(n)
         return bounds.speed_sq_max[row, side], bounds.limiting[row, side]

@@ -20,9 +20,9 @@ from slopewise.planner.pipeline.time_optimal_batch import ROUNDING, TimeOptimalB
 from slopewise.planner.plan import Momentum, Obstacle
 from slopewise.planner.profile.time_optimal import ProfileProblem, time_optimal_profile
 from slopewise.planner.verify.ground import GroundFinding, first_blocked
-from slopewise.planner.verify.judge import Judgement, check
 from slopewise.planner.verify.terms import BETWEEN
 from slopewise.planner.verify.track import track_of
+from slopewise.planner.verify.verifier import Verification, check
 
 _CHANGES = (Limiting.ACCEL, Limiting.DECEL)
 
@@ -46,7 +46,7 @@ class CandidateColumn:
     Attributes:
         model, scalars: vehicle, braking, limits; and its numbers. solver: that smooths first.
         fixed_prefix: (h,) v² of the first h >= 1 stations, which no profile changes [m²/s²].
-        track: geometry and braking as the judge takes them; even: the same with the whole of the
+        track: geometry and braking as the verifier takes them; even: the same with the whole of the
             braking force; x, y, z: positions [m].
         clear: station before which every stop ends [m]; offset: safety offset of a stop [m].
         barrier, barrier_station: what ends the clear distance, and the first station it bars.
@@ -70,7 +70,7 @@ class CandidateColumn:
             solved: the batch.
             j: index of the candidate.
             fixed_prefix: (h,) v² of its first h >= 1 stations, from ``first`` on [m²/s²].
-            first: stations at the beginning that are left out; they only give the next one its
+            first: stations at the beginning that are omitted; they only give the next one its
                 heading.
         """
         profile, ground, bounds = solved.profile, solved.ground, solved.bounds
@@ -114,14 +114,14 @@ class CandidateColumn:
         self.at_side = self._lower(speed_sq[first:], limiting[first:])
         np.minimum(self.track.speed_limit, np.sqrt(self.bound), out=self.track.speed_limit)
 
-    def _stop_before(self, found: GroundFinding) -> None:
-        """End the clear distance where the verifier found what blocks the path.
+    def _stop_before(self, finding: GroundFinding) -> None:
+        """End the clear distance where the verifier finding what blocks the path.
 
         Bounds before it are lowered to stops with the weakest brakes of the way there.
         """
-        self.blocked, self.clear, self.barrier = found, found.station, found.bound
+        self.blocked, self.clear, self.barrier = finding, finding.station, finding.bound
         track, errors = self.track, self.errors
-        self.barrier_station = k = int(np.searchsorted(track.station, found.station))
+        self.barrier_station = k = int(np.searchsorted(track.station, finding.station))
         fastest = float(self.bound.max())
         weakest = min(self.full_braking(i, fastest) for i in range(min(k + 1, len(track.station))))
         dead_time = float(track.dead_time.max()) + errors.latency
@@ -130,7 +130,7 @@ class CandidateColumn:
         left = self.clear - self.offset - errors.along_track - ahead
         lost = max(weakest, 0.0) * dead_time
         speed = np.sqrt(lost**2 + 2.0 * max(weakest, 0.0) * np.maximum(left, 0.0)) - lost
-        self._lower(np.square(np.maximum(speed - errors.speed, 0.0)), int(found.bound))
+        self._lower(np.square(np.maximum(speed - errors.speed, 0.0)), int(finding.bound))
 
     def _lower(self, speed_sq: Floats, limiting: Ints | int) -> Bools:
         """Lower the bounds to v² (N,), and name what says so; stations where that is lower."""
@@ -164,7 +164,7 @@ class CandidateColumn:
         highest, label, passes = speed_sq, label.copy(), above > 0.0
         for n in range(1, _TRIED + 1):
             tried = speed_sq + np.where(passes, n / _TRIED, 0.0) * above
-            verdict = self.judge(tried, stations_only=True)
+            verdict = self.verify(tried, stations_only=True)
             if n == 1:
                 first = passes[verdict.where] & (verdict.broken != Limiting.SPEED_LIMIT)
                 label[verdict.where[first]] = verdict.broken[first]
@@ -200,10 +200,10 @@ class CandidateColumn:
         ends_there = found is not None and found.until >= self.track.station[reach - 1]
         return None if ends_there and len(ends) else found
 
-    def judge(
+    def verify(
         self, speed_sq: Floats, *, decel: float | None = None, stations_only: bool = False
-    ) -> Judgement:
-        """Exact constraints of a profile (N,); see :func:`slopewise.planner.verify.judge.check`.
+    ) -> Verification:
+        """Exact constraints of a profile (N,); see :func:`slopewise.planner.verify.verifier.check`.
 
         Changes of speed and what is between stations do not count for ``stations_only``.
         """

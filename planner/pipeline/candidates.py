@@ -64,9 +64,9 @@ class CandidatePlanner:
             elevation_map: ground.
             paths: M candidates; a malformed one raises, an undrivable one gets a status.
             start_speed: speed at the first station [m/s].
-            clear: station up to which the way is known free, one for all or (M,); the front of
-                the vehicle stays on it [m].
-            conditions: of the moment.
+            clear: station up to which the ground is known to be free, one for all or (M,); the
+                front of the vehicle stays on it [m].
+            conditions: those of this moment.
             departs: vehicle pose relative to paths side by side; None: it is on all of them.
             progress: called with the number of candidates done since the last call.
 

@@ -13,19 +13,19 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.standing import stop_reason
 from slopewise.planner.plan import Status
-from slopewise.planner.verify.judge import Judgement
+from slopewise.planner.verify.verifier import Verification
 
 
-class Judged(NamedTuple):
+class Verified(NamedTuple):
     """A profile v² (N,) [m²/s²], findings of the verifier, and status and reason of the plan."""
 
     speed_sq: Floats
-    verdict: Judgement
+    verdict: Verification
     status: Status
     reason: str
 
 
-def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Judged:
+def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Verified:
     """Brake fully until service braking can take over; the emergency stop where that is too late.
 
     Args:
@@ -46,7 +46,7 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Judged:
                 column.rest_at(float(station[k] + 0.5 * answer[k] / braking), k + 1)
             break
         answer[k + 1] = after
-    verdict = column.judge(answer, decel=np.inf)
+    verdict = column.verify(answer, decel=np.inf)
     breach = verdict.violation
     loads = max(breach.axle_load, breach.side_load, breach.wheel_load)
     if max(verdict.overrun, loads, breach.decel) > 0.0:
@@ -60,16 +60,16 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Judged:
     text = f"starts at {speed:.2f} m/s, above {allowed}: brakes at {hardest:.2f} m/s²"
     if status is Status.BLOCKED:
         text += f"; {stop_reason(column, answer, status, reason)[1]}"
-    return Judged(answer, verdict, Status.DEGRADED, text)
+    return Verified(answer, verdict, Status.DEGRADED, text)
 
 
-def emergency_stop(column: CandidateColumn) -> Judged:
+def emergency_stop(column: CandidateColumn) -> Verified:
     """Full braking from the start, and why even that is not enough, if it is not."""
     station, start_sq = column.track.station, float(column.fixed_prefix[0])
     speed = np.sqrt(start_sq)
     only_start = np.zeros_like(station)
     only_start[0] = start_sq
-    verdict = column.judge(only_start, decel=np.inf)
+    verdict = column.verify(only_start, decel=np.inf)
     stop = float(verdict.stop_distance[0])
     onset = speed * column.track.dead_time[0]
     braking = max(stop - column.offset - onset, 1e-6)
@@ -80,7 +80,7 @@ def emergency_stop(column: CandidateColumn) -> Judged:
         station = column.track.station
     moving = speed_sq > 0.0
     # It brakes already: the remainder of this one stop, and its least loads.
-    verdict = Judgement(
+    verdict = Verification(
         np.where(moving, np.maximum(stop - station, 0.0), 0.0),
         np.where(moving, verdict.rear_load[0], verdict.rear_load),
         np.where(moving, verdict.side_load[0], verdict.side_load),
@@ -88,11 +88,11 @@ def emergency_stop(column: CandidateColumn) -> Judged:
         verdict.where,
         verdict.broken,
     )
-    reason = _why_at_once(column, stop, min(verdict.rear_load[0], verdict.side_load[0]))
-    return Judged(speed_sq, verdict, Status.INFEASIBLE, reason)
+    reason = _reason_for_full_braking(column, stop, min(verdict.rear_load[0], verdict.side_load[0]))
+    return Verified(speed_sq, verdict, Status.INFEASIBLE, reason)
 
 
-def _why_at_once(column: CandidateColumn, stop: float, lightest: float) -> str:
+def _reason_for_full_braking(column: CandidateColumn, stop: float, lightest: float) -> str:
     speed, over = np.sqrt(float(column.fixed_prefix[0])), stop - column.clear
     if over > 0.0:
         return (
@@ -102,11 +102,11 @@ def _why_at_once(column: CandidateColumn, stop: float, lightest: float) -> str:
     if lightest < column.scalars.min_load:
         return (
             f"braking from {speed:.2f} m/s leaves an axle or side {lightest:.1%} of its load, "
-            f"{column.scalars.min_load:.0%} is wanted"
+            f"{column.scalars.min_load:.0%} is required"
         )
     if column.errors != StopErrors():
         return (
             f"full braking from {speed:.2f} m/s takes {stop:.2f} m, and with the errors of speed "
             f"and map it may pass the clear distance of {column.clear:.2f} m"
         )
-    return f"starts at {speed:.2f} m/s: only full braking at once stops in time"
+    return f"starts at {speed:.2f} m/s: only immediate full braking stops in time"

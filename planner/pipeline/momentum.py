@@ -28,15 +28,15 @@ def momentum_over(track: Track, foot: int, reach: int, limits: PlanningLimits) -
     Args:
         track: one candidate, N stations. foot: the last station that thrust can climb.
         reach: stations whose ground is known and may be driven on.
-        limits: of the model.
+        limits: the model's.
     """
     demand = _demand(track, limits)[:reach]
-    least_sq = _least_speed_sq(track.station[:reach], demand, limits)
-    if not least_sq[foot] > 0.0:
+    min_speed_sq = _min_speed_sq(track.station[:reach], demand, limits)
+    if not min_speed_sq[foot] > 0.0:
         return None
     least = np.zeros_like(track.station)
-    least[:reach] = np.sqrt(least_sq)
-    over = np.flatnonzero(least_sq[foot:] <= 0.0)
+    least[:reach] = np.sqrt(min_speed_sq)
+    over = np.flatnonzero(min_speed_sq[foot:] <= 0.0)
     allowed = np.minimum(track.speed_limit[:reach], limits.speed)
     return Momentum(
         station=float(track.station[foot]),
@@ -54,7 +54,7 @@ def _demand(track: Track, limits: PlanningLimits) -> Floats:
     return demand
 
 
-def _least_speed_sq(station: Floats, demand: Floats, limits: PlanningLimits) -> Floats:
+def _min_speed_sq(station: Floats, demand: Floats, limits: PlanningLimits) -> Floats:
     """v² from which thrust just does to the end, (N,) [m²/s²]."""
     head = np.zeros_like(station)  # v²/2g
 

@@ -13,21 +13,21 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.planner.compiled_core import core
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
-from slopewise.planner.pipeline.full_braking import Judged, brake_hard, emergency_stop
+from slopewise.planner.pipeline.full_braking import Verified, brake_hard, emergency_stop
 from slopewise.planner.pipeline.standing import standing, stop_reason
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.settings import Solver
-from slopewise.planner.verify.judge import Judgement
+from slopewise.planner.verify.verifier import Verification
 
 _REPAIRS = 12
 """Repairs before the whole plan is slowed [1]: 0.96^12 is 61 % of v², a larger fault is not
 local."""
 _REPAIR_SHARE = 0.96
 """v² kept by a repair [1]: 2 % of speed, of the order of the chord error that it repairs."""
-_USUAL: Solver = "interior_point"
+_FIRST_SOLVER: Solver = "interior_point"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Unfinished:
     Attributes:
         speed_sq: (N,) v², beginning with the fixed prefix [m²/s²].
         reachable: service braking can bring down the speed at the start.
-        passed: the judge had no objection to the profile already.
+        passed: the verifier had no objection to the profile already.
         start_accel: acceleration before the last station of the fixed prefix [m/s²], None if any
             will do.
     """
@@ -67,20 +67,20 @@ class PlanFinalizer:
         """The plan of this candidate.
 
         Args:
-            name: of the candidate.
+            name: the candidate's.
             profile: its time-optimal one.
-            smoothed: False leaves the profile as it is.
-            unsmoothed: why it is not smoothed, if that is less than what was wanted.
+            smoothed: False leaves the profile unchanged.
+            unsmoothed: why it is not smoothed, if smoothing was requested.
         """
         profile = self._within_bounds(profile)
         speed_sq, is_smooth = profile.speed_sq, False
         status, reason = standing(self.column)
-        wanted = smoothed and bool(speed_sq.any())
-        if wanted and profile.passed and profile.reachable:
+        to_smooth = smoothed and bool(speed_sq.any())
+        if to_smooth and profile.passed and profile.reachable:
             # What passed the verifier once is verified again only if smoothing fails.
             answer, verdict, _ = self._smooth(speed_sq, profile.start_accel)
             if answer is not None and verdict is not None:
-                return self._plan(name, Judged(answer, verdict, status, reason), smoothed=True)
+                return self._plan(name, Verified(answer, verdict, status, reason), smoothed=True)
         if profile.reachable:
             speed_sq, verdict, repaired = self._repair(speed_sq)
             if repaired:
@@ -88,22 +88,22 @@ class PlanFinalizer:
             if speed_sq[0] < self.column.fixed_prefix[0]:
                 # Not even slower plans pass, and a vehicle that moves cannot just stand.
                 speed_sq, verdict, status, reason = emergency_stop(self.column)
-                wanted = False
+                to_smooth = False
             # A worse fallback keeps its own label.
             if unsmoothed and speed_sq.any() and status in (Status.OK, Status.BLOCKED):
-                plan = self._plan(name, Judged(speed_sq, verdict, status, reason), smoothed=False)
+                plan = self._plan(name, Verified(speed_sq, verdict, status, reason), smoothed=False)
                 reason = "; ".join(filter(None, (unsmoothed, plan.reason)))
                 return replace(plan, status=Status.DEGRADED, reason=reason)
-            if wanted and verdict.valid:
+            if to_smooth and verdict.valid:
                 answer, judged, why = self._smooth(speed_sq, profile.start_accel)
                 if answer is not None and judged is not None:
                     speed_sq, verdict, is_smooth = answer, judged, True
                 else:
                     status = Status.DEGRADED
-                    reason = f"not smoothed, so faster changes of acceleration than wanted: {why}"
+                    reason = f"not smoothed, so faster changes of acceleration than allowed: {why}"
         else:
             speed_sq, verdict, status, reason = brake_hard(self.column, status, reason)
-        return self._plan(name, Judged(speed_sq, verdict, status, reason), smoothed=is_smooth)
+        return self._plan(name, Verified(speed_sq, verdict, status, reason), smoothed=is_smooth)
 
     def _within_bounds(self, profile: Unfinished) -> Unfinished:
         """A profile within the bounds, which may be lower than those of the batch."""
@@ -115,14 +115,14 @@ class PlanFinalizer:
 
     def keep(self, name: str, speed_sq: Floats) -> SpeedPlan | None:
         """The plan that drives a given profile (N,) [m²/s²], None if the verifier objects to it."""
-        verdict = self.column.judge(speed_sq)
+        verdict = self.column.verify(speed_sq)
         if not verdict.valid:
             return None
-        return self._plan(name, Judged(speed_sq, verdict, *standing(self.column)), smoothed=True)
+        return self._plan(name, Verified(speed_sq, verdict, *standing(self.column)), smoothed=True)
 
-    def _plan(self, name: str, judged: Judged, *, smoothed: bool) -> SpeedPlan:
-        column, track, speed_sq = self.column, self.column.track, judged.speed_sq
-        status, reason = stop_reason(column, speed_sq, judged.status, judged.reason)
+    def _plan(self, name: str, profile: Verified, *, smoothed: bool) -> SpeedPlan:
+        column, track, speed_sq = self.column, self.column.track, profile.speed_sq
+        status, reason = stop_reason(column, speed_sq, profile.status, profile.reason)
         accel, time = core.motion(track.station, speed_sq)
         label = column.limiting(speed_sq, accel, smoothed)
         highest, label = column.highest_verified(speed_sq, label)
@@ -142,17 +142,17 @@ class PlanFinalizer:
             time=time,
             speed_bound=np.sqrt(highest),
             limiting=label,
-            stop_distance=judged.verdict.stop_distance,
+            stop_distance=profile.verdict.stop_distance,
             clear_distance=column.clear,
-            rear_load=judged.verdict.rear_load,
-            side_load=judged.verdict.side_load,
+            rear_load=profile.verdict.rear_load,
+            side_load=profile.verdict.side_load,
             obstacle=column.obstacle,
             momentum=column.momentum,
         )
 
     def _smooth(
         self, speed_sq: Floats, start_accel: float | None
-    ) -> tuple[Floats | None, Judgement | None, str]:
+    ) -> tuple[Floats | None, Verification | None, str]:
         """A smooth profile below this one and its verification, or the reason without one."""
         if speed_sq[-1] > 0.0:
             raise AssertionError("a plan must rest at the end of its path")
@@ -168,20 +168,20 @@ class PlanFinalizer:
             start_accel,
         )
         # Where the verifier objects to the answer of the requested one, the default one is asked.
-        for solver in dict.fromkeys((column.solver, _USUAL)):
+        for solver in dict.fromkeys((column.solver, _FIRST_SOLVER)):
             result = smooth(problem, solver)
             if result.speed_sq is None:
                 return None, None, result.reason
             answer = np.concatenate((column.fixed_prefix[:-1], result.speed_sq))
-            verdict = column.judge(answer)
+            verdict = column.verify(answer)
             if verdict.valid:
                 return answer, verdict, ""
-        return None, None, "the judge found a breach"
+        return None, None, "the verifier found a breach"
 
-    def _repair(self, speed_sq: Floats) -> tuple[Floats, Judgement, str]:
+    def _repair(self, speed_sq: Floats) -> tuple[Floats, Verification, str]:
         """Lower the bound where the verifier objects; at last slow the whole plan down."""
         column, fixed = self.column, self.column.fixed_prefix
-        verdict = column.judge(speed_sq)
+        verdict = column.verify(speed_sq)
         for _ in range(_REPAIRS):
             if verdict.valid:
                 return speed_sq, verdict, ""
@@ -191,7 +191,7 @@ class PlanFinalizer:
             answer, reachable = column.fastest()
             if not reachable:
                 break
-            speed_sq, verdict = answer, column.judge(answer)
+            speed_sq, verdict = answer, column.verify(answer)
         if verdict.valid:
             return speed_sq, verdict, ""
         worst = max(verdict.violation)
@@ -204,8 +204,8 @@ class PlanFinalizer:
             creeps = np.flatnonzero(np.maximum(slower[:-1], slower[1:]) <= core.STANDSTILL_SQ)
             if len(creeps):
                 slower[max(int(creeps[0]), len(fixed)) :] = 0.0
-            verdict = column.judge(slower)
+            verdict = column.verify(slower)
             if verdict.valid:
                 return slower, verdict, f"slowed to {share:.0%} of v²: {name} by {worst:.3g}"
         still = np.zeros_like(speed_sq)
-        return still, column.judge(still), f"not driven: {name} by {worst:.3g} at any speed"
+        return still, column.verify(still), f"not driven: {name} by {worst:.3g} at any speed"

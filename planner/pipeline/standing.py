@@ -14,7 +14,7 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.plan import Status
 
-_HARDLY_SHORT = 1.0
+_SHORT_BY_LITTLE = 1.0
 """Distance from the end of its path at which a plan may rest, besides what stops keep free [m]."""
 
 
@@ -31,8 +31,8 @@ def standing(column: CandidateColumn) -> tuple[Status, str]:
         if column.clear <= 0.0:
             return Status.BLOCKED, "no way ahead of its front is known to be free"
         free = column.clear + column.model.front
-        return Status.BLOCKED, f"the way is known to be free for its front only up to {free:.2f} m"
-    return Status.BLOCKED, _why_barred(column, k)
+        return Status.BLOCKED, f"the ground ahead of its front is known up to {free:.2f} m only"
+    return Status.BLOCKED, _reason_blocked(column, k)
 
 
 def stop_reason(
@@ -47,7 +47,7 @@ def stop_reason(
     k = min(int(moving[-1]) + 1, len(station) - 1) if len(moving) else 0
     if status is Status.OK:
         short = float(station[-1] - station[k])
-        if short <= _kept_free(column, k) + _HARDLY_SHORT:
+        if short <= _free_ahead(column, k) + _SHORT_BY_LITTLE:
             return status, cause
         cause = Limiting(int(column.label[k])).label
         if column.at_side[k]:
@@ -58,14 +58,14 @@ def stop_reason(
     return Status.BLOCKED, f"stops at {station[k]:.1f} m of {station[-1]:.1f} m: {cause}"
 
 
-def _kept_free(column: CandidateColumn, k: int) -> float:
+def _free_ahead(column: CandidateColumn, k: int) -> float:
     """Distance that even the slowest stop keeps free: its offset, errors of map and place [m]."""
     braking = column.full_braking(k, 0.0)
     fall = GRAVITY * column.errors.height / braking if braking > 0.0 else 0.0
     return column.offset + column.errors.along_track + fall
 
 
-def _why_barred(column: CandidateColumn, k: int) -> str:
+def _reason_blocked(column: CandidateColumn, k: int) -> str:
     """Cause that bars station k, with its place as one ahead: the plan stops before it."""
     station = column.track.station[k]
     there = f"ahead at {station:.2f} m" if k > 0 else "at the start"
@@ -138,16 +138,18 @@ def _only_turning(column: CandidateColumn, k: int) -> bool:
 
 def _by_momentum(column: CandidateColumn) -> str:
     """Alternatives to get over a hill that thrust alone cannot climb."""
-    found = column.momentum
-    if found is None:
+    momentum = column.momentum
+    if momentum is None:
         return ": thrust alone cannot climb it"
     last = float(column.track.station[-1])
-    where = f"past {found.until:.2f} m" if found.until < last else "to the end of the path"
-    speed = math.ceil(100.0 * found.speed) / 100.0
-    limits = "which no plan counts on" if found.allowed else "more than the limits of speed allow"
+    where = f"past {momentum.until:.2f} m" if momentum.until < last else "to the end of the path"
+    speed = math.ceil(100.0 * momentum.speed) / 100.0
+    limits = (
+        "which no plan counts on" if momentum.allowed else "more than the limits of speed allow"
+    )
     return (
         f": thrust alone cannot climb it; as far as thrust goes it takes {speed:.2f} m/s at "
-        f"{found.station:.2f} m to get {where}, {limits}"
+        f"{momentum.station:.2f} m to get {where}, {limits}"
     )
 
 

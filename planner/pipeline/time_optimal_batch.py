@@ -49,7 +49,7 @@ class TimeOptimalBatch:
         hazards: what body and wheels meet.
         solver: that smooths what is emitted.
         view: map and errors that finished plans are verified by; None for what-if questions.
-        band: ground beside the candidates, where the vehicle may be off them; else None.
+        band: ground next to the candidates, where the vehicle may be off them; else None.
     """
 
     model: Model
@@ -99,7 +99,7 @@ def time_optimal_batch(
         start_speed: speed at the first station, one for all or (M,) [m/s].
         clear: station up to which the vehicle may come, one for all or (M,) [m].
         settings: weights of the ranking, and who smooths.
-        conditions: of the moment.
+        conditions: those of this moment.
         uncertainty: what the plans are to survive; then ``model`` is its cautious one already.
         departure: vehicle pose relative to the candidates; None: it is on all of them.
     """
@@ -146,7 +146,7 @@ def solve(
         clear: station up to which the vehicle may come, one for all or (M,) [m].
         speed_limit: (N, M) limits of the paths themselves [m/s].
         settings: weights of the ranking.
-        hazards: what body and wheels meet; left out, nothing.
+        hazards: what body and wheels meet; none if omitted.
         holds_anywhere: for what-if questions: a vehicle at rest is held on any slope.
     """
     candidates = len(profile.count)

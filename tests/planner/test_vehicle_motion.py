@@ -21,7 +21,7 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from slopewise.planner.plan import SpeedPlan
-from slopewise.planner.verify.judge import Violations, screen
+from slopewise.planner.verify.verifier import Violations, screen
 from tests.world.hazards import rough_ground
 
 ATV = slopewise.read_model("atv")

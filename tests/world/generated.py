@@ -260,5 +260,5 @@ def _could_have_stopped(scene: Scene, plan: SpeedPlan) -> list[str]:
             spare, *(x - tables["limits"]["min_load"] for x in min_loads(plan, tables, stop))
         )
     # A stop begun a little later, at less speed, may be longer where braking grows with speed.
-    tight = 0.5 if "only full braking at once" in plan.reason else 0.05  # words: ok
+    tight = 0.5 if "only immediate full braking" in plan.reason else 0.05  # words: ok
     return [f"could have stopped with {spare:.3f} to spare"] if spare > tight else []

@@ -19,8 +19,8 @@ from slopewise.planner.pipeline.candidates import finished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.plan import Status
 from slopewise.planner.verify.ground import GroundView
-from slopewise.planner.verify.judge import Violations, check, screen
 from slopewise.planner.verify.track import track_of
+from slopewise.planner.verify.verifier import Violations, check, screen
 from tests.world import generated
 from tests.world.generated import between
 from tests.world.ground import Height, arc, ground_map, plane, straight

@@ -12,8 +12,8 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
-from slopewise.planner.verify.judge import Judgement, check
 from slopewise.planner.verify.track import Track, track_of
+from slopewise.planner.verify.verifier import Verification, check
 from tests.world.formulas import DECELERATION, SAMPLES
 from tests.world.ground import arc, ground_map, hills, plane, straight
 from tests.world.plans import min_loads, plan_one, stop_on
@@ -43,7 +43,7 @@ class Case:
         self.track: Track = track_of(self.solved.profile, self.solved.ground, 0, part.speed_limit)
         self.speed_sq = self.solved.speed_sq[:, 0].copy()
 
-    def verify(self, speed_sq: np.ndarray | None = None, **options: Any) -> Judgement:
+    def verify(self, speed_sq: np.ndarray | None = None, **options: Any) -> Verification:
         bounds, ground = self.solved.bounds, self.solved.ground
         return check(
             self.track,

@@ -53,7 +53,7 @@ class Violations(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Judgement:
+class Verification:
     """Findings of the verifier.
 
     Attributes:
@@ -108,7 +108,7 @@ def check(
     between: int = BETWEEN,
     time_step: float = TIME_STEP,
     changes: bool = True,
-) -> Judgement:
+) -> Verification:
     """Judge one plan.
 
     Args:
@@ -140,7 +140,7 @@ def check(
     )
     violations = Violations(*worst.tolist())
     where = np.flatnonzero(broken >= 0)
-    return Judgement(stop_distance, rear_load, side_load, violations, where, broken[where])
+    return Verification(stop_distance, rear_load, side_load, violations, where, broken[where])
 
 
 def screen(
