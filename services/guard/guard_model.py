@@ -7,6 +7,7 @@ knows are listed in ``tests/services/guard/test_guard_model.py``.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -69,6 +70,7 @@ class GuardModel(NamedTuple):
     tables: tuple[BrakeTable, ...]  # by the model file, and as learned; the worst of them holds
     vehicle: Vehicle  # vehicle, shape: sizes
     shape: Shape
+    backward: Vehicle  # the vehicle in reverse: its rear axle leads
     motion: registry.MotionTerms
     errors: InputErrors  # of pose and time
     speed: float  # speed, lateral: limits of speed and lateral acceleration [m/s], [m/s²]
@@ -109,12 +111,20 @@ def guard_model(model: Model) -> GuardModel:
         tables=(BrakeTable(*np.array(rows).T),),
         vehicle=model.vehicle,
         shape=model.vehicle.shape,
+        backward=_backward(model.vehicle),
         motion=motion,
         errors=input_errors(model.tracking, QUANTILE),
         speed=limits.speed,
         lateral=limits.lateral_accel,
         turn_axis=geometry.centre_offset + geometry.body_offset,
     )
+
+
+def _backward(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with its rear axle as the leading one, for motion in reverse."""
+    front = vehicle.front_brake_share
+    rear = None if front is None else 1.0 - front
+    return replace(vehicle, cg_x=vehicle.wheelbase - vehicle.cg_x, front_brake_share=rear)
 
 
 def _worst_case(

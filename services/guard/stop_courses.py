@@ -15,6 +15,7 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.recent import Recent
+from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.guard_map import SPACING, classes_at, map_layers
 from slopewise.services.guard.guard_model import GuardModel, GuardScene
 from slopewise.services.guard.swept_contact import BodyPoses, Contact, SweptBody
@@ -68,6 +69,7 @@ class StopCourses(NamedTuple):
 
     step: float  # distance of samples, of the fastest wheel [m]
     share: float  # see :class:`Course`
+    vehicle: Vehicle  # its front leads, in reverse too
     turn: Floats  # (N, 1, 1) left positive [rad/m]
     grade: Floats  # grade, roll: uphill positive along the motion, left side up positive [rad]
     roll: Floats
@@ -114,7 +116,9 @@ def courses_ahead(scene: GuardScene, pose: Pose2d, course: Course, length: float
         if k < end.sample:
             end = end._replace(sample=k, reason=STEEP, where=(float(x[-1, k]), float(y[-1, k])))
     # What lies behind the end does not matter to stops before it.
-    return _outermost(model, poses, yaw[:, : min(end.sample + 1, count)], ground, step, end)
+    reached = yaw[:, : min(end.sample + 1, count)]
+    courses = _outermost(model, poses, reached, ground, step, end)
+    return courses if course.forward else courses._replace(vehicle=model.backward)
 
 
 def _outermost(
@@ -135,7 +139,8 @@ def _outermost(
     under, possible = ground.surfaces(count)
     at = turn[chosen, None], grade, roll, curvature, poses.x[some], poses.y[some], yaw[some]
     under = under[..., chosen, None, :]
-    return StopCourses(step, share, *at, under, ground.may_be, possible, end)
+    may_be, vehicle = ground.may_be, model.vehicle
+    return StopCourses(step, share, vehicle, *at, under, may_be, possible, end)
 
 
 def _turns(course: Course, span: float, heading: float) -> tuple[Floats, Floats]:

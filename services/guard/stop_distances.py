@@ -18,6 +18,7 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.effects import registry
 from slopewise.models.effects.effect_law import Place
 from slopewise.models.quantity import GRAVITY
+from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.guard_model import GuardModel
 from slopewise.services.guard.stop_courses import StopCourses
 from slopewise.services.physics.force import NO_FRICTION_LIMIT, force_line
@@ -68,7 +69,7 @@ def stops_along(
     moving = np.concatenate((np.ones_like(onset_sq, np.bool_), energy[..., :-1] > 0.0), axis=-1)
     before = np.maximum(energy, 0.0) + 2.0 * np.maximum(decel, 0.0) * step
     speed_sq = np.minimum(before, onset_sq)
-    loaded = _loads(model, pose, speed_sq, strongest) >= min_load
+    loaded = _loads(courses.vehicle, pose, speed_sq, strongest) >= min_load
     shape = model.shape
     corner = math.hypot(max(shape.front, shape.rear), 0.5 * shape.width)
     # Where the vehicle turns on the spot it is kept by the corners, which are the fastest.
@@ -98,7 +99,9 @@ def _force(
         weak = force
         if t.friction[k] < NO_FRICTION_LIMIT:
             # Turn and bank take most of it, and axles lock first, at the highest speed.
-            weak = np.minimum(force, braking_cap(model.vehicle, even, t.friction[k], onset * onset))
+            weak = np.minimum(
+                force, braking_cap(courses.vehicle, even, t.friction[k], onset * onset)
+            )
         present = courses.may_be[:, k][under].any(axis=0)
         np.minimum(weakest, weak, out=weakest, where=present)
         np.maximum(strongest, force * t.stronger[k] + t.extra[k], out=strongest, where=present)
@@ -130,11 +133,11 @@ def _rest(energy: Floats, decel: Floats, onset_sq: Floats, holds: Floats, step: 
     return distance
 
 
-def _loads(model: GuardModel, pose: BodyAttitude, speed_sq: Floats, force: Floats) -> Floats:
+def _loads(vehicle: Vehicle, pose: BodyAttitude, speed_sq: Floats, force: Floats) -> Floats:
     """Lowest load share of axles and sides while braking as hard as possible, (N, K, S) [1]."""
     # The trailing axle, in the direction of motion, loses the load that the brakes transfer; the
     # leading one has least before they take hold.
-    vehicle, decel = model.vehicle, GRAVITY * (np.maximum(force, 0.0) + pose.sine)
+    decel = GRAVITY * (np.maximum(force, 0.0) + pose.sine)
     braked = shares_of(vehicle, pose, speed_sq, decel)
     held = braked.front - vehicle.cg_z / (vehicle.cg_x * GRAVITY) * decel
     lowest: Floats = np.minimum(np.minimum(braked.rear, held), braked.side)

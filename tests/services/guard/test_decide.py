@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.services.guard.decide import BaseCommand, GuardDecision, decide, guard_decision
 from slopewise.services.guard.guard_model import GuardScene
 from slopewise.services.io.model_file import read_model
-from tests.services.guard.guard_fixtures import ATV, FLAT, MODEL, ground_with, motion
+from tests.services.guard.guard_fixtures import ATV, FLAT, MODEL, ground_with, motion, slope
 
 STILL = BaseCommand(0.0, 0.0)
 
@@ -180,3 +181,51 @@ def test_arguments_that_are_no_numbers_are_named(name: str) -> None:
 @pytest.mark.parametrize("speed", [1e300, -1e300, 1e155])
 def test_a_speed_that_no_vehicle_has_is_a_stop(speed: float) -> None:
     assert decided(speed, 1.0, 0.3).brake
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_reverse_is_decided_as_forward_by_the_turned_vehicle(seed: int) -> None:
+    """On planes with friction: the axle that trails is the one that brakes unload."""
+    rng = np.random.default_rng(seed)
+    model = read_model(ATV)
+    v, braking = model.vehicle, replace(model.braking, sliding_friction=rng.uniform(0.5, 0.9))
+    cg_x, front, rear = rng.uniform(0.35, 0.65) * v.wheelbase, 0.2, 0.5
+    share = rng.choice([None, 0.7])
+    v = replace(v, cg_x=cg_x, cg_z=0.9, front_overhang=front, rear_overhang=rear)
+    v = replace(v, front_brake_share=share)
+    turned = replace(v, cg_x=v.wheelbase - cg_x, front_overhang=rear, rear_overhang=front)
+    turned = replace(turned, front_brake_share=share and 1.0 - share)
+    north, east = 0.25 * np.mgrid[0:120, 0:120]
+    rise = rng.uniform(-0.2, 0.2, 2)
+    ground = ElevationMap(
+        elevation=rise[0] * east + rise[1] * north, resolution=0.25, origin=(-15.0, -15.0)
+    )
+    heading, speed, rate = rng.uniform(-3.0, 0.0), rng.uniform(0.0, 3.5), rng.uniform(-0.6, 0.6)
+    requested = speed + 0.5
+    forth = guard_decision(
+        replace(model, vehicle=v, braking=braking),
+        ground,
+        (0.0, 0.0, heading),
+        speed,
+        (requested, rate),
+    )
+    back = guard_decision(
+        replace(model, vehicle=turned, braking=braking),
+        ground,
+        (0.0, 0.0, heading + np.pi),
+        -speed,
+        (-requested, rate),
+    )
+    assert (back.action, back.reason) == (forth.action, forth.reason)
+    expected = -forth.command.speed, forth.command.yaw_rate
+    assert back.command == pytest.approx(expected, abs=1e-9)
+
+
+def test_front_axle_keeps_its_load_in_a_stop_in_reverse() -> None:
+    """Down 25 %: 1 − h (0.40 + 0.015 · 2 + 0.41 · 0.245) / (c cos θ) of it is negative."""
+    model, grade = read_model(ATV), np.arctan(0.25)
+    model = replace(model, vehicle=replace(model.vehicle, cg_x=0.46, cg_z=0.9))
+    ground = slope(-grade)
+    back = guard_decision(model, ground, (0.0, 0.0, np.pi), -2.0, (-2.0, 0.0))
+    assert back.reason == "an axle or a side would lose its load"
+    assert back.command.speed == 0.0
