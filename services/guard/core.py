@@ -21,10 +21,11 @@ from slopewise.services.guard.guard_map import map_layers
 from slopewise.services.guard.guard_model import GuardModel, GuardScene
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.overspeed_monitor import OverspeedMonitor
+from slopewise.services.guard.pose_jumps import PoseJumps
 from slopewise.services.guard.service_parameters import ServiceParameters
 from slopewise.services.guard.settings import GuardSettings
 from slopewise.services.guard.stop_courses import Pose2d
-from slopewise.services.wire.lateness import WallClock
+from slopewise.services.wire.lateness import ARRIVAL, WallClock
 
 _STANDSTILL = 0.05  # speed and yaw rate below which an emergency stop has ended [m/s], [rad/s]
 
@@ -101,6 +102,7 @@ class Guard:
             dead + timing.motion, _DECEL_SHARE * model.promised.limits.decel, tolerance
         )
         self._pose_age = PoseAge()
+        self._jumps = PoseJumps(model, settings.judgement.jump, timing.motion)
         self._latched = ""
         self._given: deque[tuple[float, BaseCommand]] = deque(maxlen=_SAMPLES)
         self.learn()
@@ -129,6 +131,25 @@ class Guard:
         clear = _Clear(distance, self.motions.fresh(now), self.motions.newest.bound(now))
         return self.clears.take(clear, now, sender, sequence, time)
 
+    def move(
+        self,
+        motion: VehicleMotion,
+        now: float,
+        sender: str,
+        sequence: int | None,
+        time: float | None = None,
+    ) -> bool:
+        """Record odometry, and whether the base can have moved there."""
+        is_new = self.motions.take(motion, now, sender, sequence, time)
+        if is_new:
+            newest, turning = self.motions.newest, 0.0
+            if not motion.yaw_rate:
+                since = now - newest.bound(now) - self._dead_time
+                turning = max((abs(c.yaw_rate) for c in self._given_since(since)), default=0.0)
+            margin = newest.margin if newest.stamps == ARRIVAL else 0.0
+            self._jumps.update(motion, now, newest.late, margin, turning)
+        return is_new
+
     def decision(self, now: float, fault: str = "") -> GuardDecision:
         """Decision for the base; ``fault``: of the process itself, as text."""
         command, number = self.commands.fresh(now) or (None, 0)
@@ -150,6 +171,8 @@ class Guard:
         missing = [reason for feed in feeds if (reason := feed.missing(now))]
         if fault or missing or motion is None or command is None or ground is None:
             return stop(fault or missing[0])
+        if wrong := self.motions.conflict(now) or self._jumps.fault(now):
+            return stop(wrong)
         if self._latched:
             if _moves(motion, _STANDSTILL):
                 return stop(self._latched)
@@ -237,7 +260,7 @@ class Guard:
         texts = self.learned.warnings()
         for feed in self._feeds():
             texts += feed.warnings(now)
-        texts += [self.maps.rejection] if self.maps.rejection else []
+        texts += [text for text in (self.maps.rejection, self._jumps.fault(now)) if text]
         motion = self.motions.fresh(now)
         if self._latched and motion is not None and abs(motion.speed) > _ROLLING:
             texts.append("the vehicle moves while it is commanded to stand")

@@ -34,6 +34,9 @@ class InputFeed(Generic[T]):
     rejection: str = ""  # reason why the newest message was discarded, empty if it was not
     _value: T | None = None
     _at: float = -math.inf
+    _sender: str = ""
+    _conflict: str = ""  # two senders at the same time, as text, last seen at a moment [s]
+    _conflict_at: float = -math.inf
     _senders: SenderTable[str, Lateness] = field(init=False)
     _events: dict[str, tuple[float, str]] = field(default_factory=dict)
 
@@ -74,6 +77,12 @@ class InputFeed(Generic[T]):
             return False
         if sequence is not None and last is not None and sequence > last + 1:
             self.counters[f"{self.name} lost"] += sequence - last - 1
+        if self.has_messages and sender != self._sender and is_recent:
+            senders = " and ".join(sorted((self._sender, sender)))
+            self._conflict = f"{self.name} comes from two senders, {senders}"
+            self._conflict_at = now
+            self._record("two senders", now, self._conflict)
+        self._sender = sender
         self.newest, self._value, self._at = lateness, value, now
         self.has_messages, self.rejection = True, ""
         self.counters[self.name] += 1
@@ -105,6 +114,10 @@ class InputFeed(Generic[T]):
     def drop(self, reason: str = "", at: float = -math.inf) -> None:
         """Discard the newest value, because of an unusable message that came ``at`` [s]."""
         self._value, self.rejection, self._at = None, reason, max(self._at, at)
+
+    def conflict(self, now: float) -> str:
+        """Two senders, as text, until one of them has been silent for the deadline; else ""."""
+        return self._conflict if now - self._conflict_at <= self.deadline else ""
 
     def is_arriving(self, now: float) -> bool:
         """Return True if a message came within the deadline, however late or unusable."""

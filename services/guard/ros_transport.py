@@ -65,6 +65,7 @@ class RosTransport(RosOutput):
             command: (self._kind, _command_of),
         }
         self.topics: dict[str, str] = {odometry: "motion", command: "command"}
+        self.inbox.all_of |= self.topics.keys()  # senders that alternate are seen by all messages
 
     def read(self, topic: str, item: Received) -> GuardInput:
         """Decode a message."""

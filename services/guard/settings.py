@@ -85,6 +85,9 @@ class GuardJudgement:  # words: ok, key
     reserve: float = quantity(
         "m", "Kept of the clear distance for errors of localisation.", default=0.15, at_least=0.0
     )
+    jump: float = quantity(
+        "m", "Correction of the pose between two messages.", default=0.5, above=0.0
+    )
     awaits_clear: bool = False  # stop without a clear distance
     trust_learned: bool = False  # learned brakes may make stops shorter than by the model file
     disobedience: float = quantity(  # words: ok, key

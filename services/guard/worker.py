@@ -131,7 +131,7 @@ def hand_over(
     """Read messages for the guard, a command with the newest motion; True if one is new."""
     commanded = False
     takers: dict[str, tuple[InputFeed[Any], Callable[..., bool]]] = {
-        "motion": (guard.motions, guard.motions.take),
+        "motion": (guard.motions, guard.move),
         "clear": (guard.clears, guard.clear),
         "command": (guard.commands, guard.commands.take),
     }

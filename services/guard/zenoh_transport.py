@@ -129,6 +129,7 @@ class ZenohTransport(ZenohOutput):
         super().__init__(session, namespace, "guard")
         self.inbox = inbox
         self.topics = {name: name for name in _KINDS}
+        inbox.all_of |= self.topics.keys()  # senders that alternate are seen by all messages
         self._subscribers = [
             session.declare_subscriber(f"{namespace}/v1/guard/{name}", partial(self._keep, name))
             for name in self.topics

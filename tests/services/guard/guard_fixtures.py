@@ -85,7 +85,7 @@ def feed(
     """Odometry and a command, both new."""
     sequence = number or round(1000 * now)
     # A pose that does not change in any digit is that of a localisation that fails.
-    it.motions.take(motion(speed, 1e-6 * sequence), now, "r", sequence, stamp)
+    it.move(motion(speed, 1e-6 * sequence), now, "r", sequence, stamp)
     it.commands.take((BaseCommand(requested, 0.0), sequence), now, "p", sequence, stamp)
 
 

@@ -227,7 +227,7 @@ def _send(lines: dict[str, Line], k: int, plant: Plant, wall: float, requested: 
 
 
 def _bring(it: Guard, lines: dict[str, Line], scene: Scene, now: float) -> None:
-    feeds: dict[str, Callable[..., Any]] = {"motion": it.motions.take, "command": it.commands.take}
+    feeds: dict[str, Callable[..., Any]] = {"motion": it.move, "command": it.commands.take}
     if scene.by == "clear":
         feeds["clear"] = it.clear
     for name, take in feeds.items():

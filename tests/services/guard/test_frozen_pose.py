@@ -11,7 +11,7 @@ from tests.services.guard.guard_fixtures import guard
 def decided(it: Guard, now: float, x: float, speed: float, yaw_rate: float = 0.0) -> GuardDecision:
     """Decision on 1 m/s, or on a turn on the spot, with new odometry of a moment."""
     number = round(1000 * now)
-    it.motions.take(VehicleMotion(Pose2d(x, 0.0, 0.0), speed, yaw_rate), now, "r", number)
+    it.move(VehicleMotion(Pose2d(x, 0.0, 0.0), speed, yaw_rate), now, "r", number)
     command = BaseCommand(0.0, 0.5) if yaw_rate else BaseCommand(1.0, 0.0)
     it.commands.take((command, number), now, "p", number)
     return it.decision(now)
