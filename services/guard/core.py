@@ -93,7 +93,8 @@ class Guard:
         if ground is not None:
             map_layers(ground, model.vehicle)  # here rather than in the first decision
             self.maps.take(ground, -0.0)
-        self.learned = ServiceParameters(model, settings.judgement.trust_learned)
+        strict = settings.judgement  # words: ok
+        self.learned = ServiceParameters(model, strict.trust_learned, strict.awaits_parameters)
         self.seconds: deque[float] = deque(maxlen=_SAMPLES)
         self.last = ""
         dead = self._dead_time = float(model.tables[0].dead_time.max())
@@ -169,6 +170,7 @@ class Guard:
         motion, ground = self.motions.fresh(now), self.maps.fresh(now)
         feeds: tuple[InputFeed[Any], ...] = (self.motions, self.maps, self.commands)
         missing = [reason for feed in feeds if (reason := feed.missing(now))]
+        missing += [self.learned.waits] if self.learned.waits else []
         if fault or missing or motion is None or command is None or ground is None:
             return stop(fault or missing[0])
         if wrong := self.motions.conflict(now) or self._jumps.fault(now):

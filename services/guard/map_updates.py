@@ -17,10 +17,11 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.guard_map import map_layers
+from slopewise.services.guard.parameter_request import PERIOD, ParameterMemory, ParameterRequest
 from slopewise.services.guard.zenoh_transport import format_of
 from slopewise.services.wire import codec
 from slopewise.services.wire.map_message import apply_update
-from slopewise.services.wire.parameter_messages import ParameterGroup
+from slopewise.services.wire.parameter_messages import ParameterGroup, ParameterReply
 from slopewise.services.wire.plan_messages import MapUpdate
 
 _log = logging.getLogger("slopewise")
@@ -76,9 +77,17 @@ class MapUpdates:
     """Subscriptions to maps and parameters, and their hand-over to the guard."""
 
     def __init__(
-        self, session: zenoh.Session, namespace: str, known: ElevationMap | None, vehicle: Vehicle
+        self,
+        session: zenoh.Session,
+        namespace: str,
+        known: ElevationMap | None,
+        vehicle: Vehicle,
+        memory: ParameterMemory | None = None,
     ) -> None:
-        """Subscribe; :meth:`open` begins to read."""
+        """Subscribe; :meth:`open` begins to read, ``memory`` has what the guard accepts."""
+        self._memory, self._published = memory, set[str]()
+        self._replies: deque[zenoh.Sample] = deque(maxlen=1)
+        self._request = ParameterRequest(session, namespace, self._on_reply)
         self._vehicle = vehicle
         self._known, self._key = KnownMap(known), f"{namespace}/v1/map"
         self._maps: deque[zenoh.Sample] = deque()
@@ -121,6 +130,11 @@ class MapUpdates:
             guard.learned.take(group)
         if groups:
             guard.learn()
+            if self._memory is not None:
+                self._memory.store(guard.learned.groups.values())
+        guard.learned.waits, guard.learned.silence = self._request.missing(
+            is_required=guard.learned.required
+        )
 
     def _on_map(self, sample: zenoh.Sample) -> None:
         with self._news:
@@ -138,17 +152,29 @@ class MapUpdates:
                 self._groups.popitem(last=False)
             self._news.notify_all()
 
+    def _on_reply(self, sample: zenoh.Sample) -> None:
+        with self._news:
+            self._replies.append(sample)
+            self._news.notify_all()
+
+    def _has_news(self) -> bool:
+        return bool(self._maps or self._groups or self._replies or self._closed)
+
     def _read(self) -> None:
         while True:
+            self._request.ask()  # here: it may take zenoh a moment to begin
             with self._news:
-                self._news.wait_for(lambda: self._maps or self._groups or self._closed)
+                self._news.wait_for(self._has_news, PERIOD)
                 if self._closed:
                     return
                 groups, self._groups = self._groups, OrderedDict()
                 sample = self._maps.popleft() if self._maps else None
                 lost, self._lost = self._lost, 0
+                reply = self._replies.popleft() if self._replies else None
             for key, group in groups.items():
                 self._read_group(key, group)
+            if reply is not None:
+                self._read_reply(reply)
             if sample is not None:
                 self._read_map(sample, lost)
 
@@ -160,8 +186,23 @@ class MapUpdates:
         except Exception as error:  # noqa: BLE001 - logged; maps need this thread
             _log.warning("%s: %s", key, error)
             return
+        self._published.add(group.group)
         with self._news:
             self._new_groups.append(group)
+
+    def _read_reply(self, sample: zenoh.Sample) -> None:
+        raw, key = sample.payload.to_bytes(), str(sample.key_expr)
+        try:
+            reply = codec.decode(ParameterReply, raw, str(sample.encoding), key, _MAX_BYTES)
+        except Exception as error:  # noqa: BLE001 - logged; it is requested again
+            _log.warning("%s: %s", key, error)
+            return
+        if reply.status != "ok":
+            return
+        with self._news:
+            # What was published meanwhile is newer.
+            self._new_groups += [g for g in reply.groups if g.group not in self._published]
+            self._request.is_answered = True
 
     def _read_map(self, sample: zenoh.Sample, lost: int) -> None:
         if lost:

@@ -24,7 +24,10 @@ class ServiceParameters:
     model: GuardModel  # worst case by the model file
     # learned brakes replace those of the file; else each command has to pass with both
     trusted: bool
+    required: bool = False  # the vehicle stands until the service has answered
     groups: dict[str, ParameterGroup] = field(default_factory=dict)  # by name
+    waits: str = ""  # reason to stand, "" where parameters are as complete as they will be
+    silence: str = ""  # flag of a service that does not answer
 
     def take(self, group: ParameterGroup) -> None:
         """Store a published group, unless a number of it is not finite."""
@@ -55,10 +58,12 @@ class ServiceParameters:
 
     def warnings(self) -> list[str]:
         """Parameters that the guard cannot use."""
-        group = self.groups.get(_EFFECTS)
+        group, texts = self.groups.get(_EFFECTS), [self.silence] if self.silence else []
         if group is not None and group.values:
-            return ["effects that were adopted are not known to the guard: restart it with them"]
-        return []
+            texts.append(
+                "effects that were adopted are not known to the guard: restart it with them"
+            )
+        return texts
 
 
 def _learn(table: BrakeTable, k: int, group: ParameterGroup) -> None:

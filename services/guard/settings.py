@@ -89,6 +89,7 @@ class GuardJudgement:  # words: ok, key
         "m", "Correction of the pose between two messages.", default=0.5, above=0.0
     )
     awaits_clear: bool = False  # stop without a clear distance
+    awaits_parameters: bool = False  # stop until the service has answered after the start
     trust_learned: bool = False  # learned brakes may make stops shorter than by the model file
     disobedience: float = quantity(  # words: ok, key
         "m/s", "Excess over the commanded speed that is a fault.", default=0.4, above=0.0

@@ -7,6 +7,7 @@ nothing is sent any more: then the base's own timeout on commands has to act.
 from __future__ import annotations
 
 import logging
+import os
 import socket
 import subprocess
 import sys
@@ -40,14 +41,15 @@ class Watchdog:
     def __init__(self, settings: GuardSettings, config: Path, session: zenoh.Session) -> None:
         self._settings, self._config = settings, config
         self._output = _output(settings, session)
+        self._memory = os.memfd_create("parameters")  # of the worker, for the next one
         self._start()
 
     def _start(self) -> None:
         self._begun = time.monotonic()
         self._link, theirs = socket.socketpair()
         command = [sys.executable, "-m", "slopewise.services.guard.worker", str(self._config)]
-        handle = theirs.fileno()
-        self.worker = subprocess.Popen([*command, str(handle)], pass_fds=(handle,))
+        handles = theirs.fileno(), self._memory
+        self.worker = subprocess.Popen([*command, *map(str, handles)], pass_fds=handles)
         theirs.close()
         self._heartbeat = Heartbeat(self._link, self._settings.timing.stall)
 

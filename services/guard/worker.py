@@ -2,7 +2,7 @@
 
 One thread takes inputs and answers commands immediately; another reads maps and parameters, see
 :mod:`slopewise.services.guard.map_updates`. Run as ``python -m slopewise.services.guard.worker
-SETTINGS FD``.
+SETTINGS FD FD``.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from slopewise.services.guard.guard_model import read_guard_model
 from slopewise.services.guard.guard_session import Heartbeat, running
 from slopewise.services.guard.input_feed import InputFeed
 from slopewise.services.guard.map_updates import MapUpdates
+from slopewise.services.guard.parameter_request import ParameterMemory
 from slopewise.services.guard.settings import GuardSettings, read_guard_settings
 from slopewise.services.guard.zenoh_transport import GuardStatus, ZenohTransport
 from slopewise.services.io.model_file import find_model
@@ -53,16 +54,26 @@ class Worker:
     """A running guard."""
 
     def __init__(
-        self, settings: GuardSettings, session: zenoh.Session, heartbeat: Heartbeat
+        self,
+        settings: GuardSettings,
+        session: zenoh.Session,
+        heartbeat: Heartbeat,
+        memory: ParameterMemory,
     ) -> None:
         model = read_guard_model(find_model(settings.model))
         known = read_guard_map(Path(settings.map)) if settings.map else None
         self.guard = Guard(settings, model, known)
+        groups = memory.load()
+        # Damaged: there was a service, and what it has learned is unknown.
+        self.guard.learned.required |= groups is None
+        for group in groups or ():
+            self.guard.learned.take(group)
+        self.guard.learn()
         self._settings, self._heartbeat = settings, heartbeat
         self._transport = _transport(settings, session)
         self._begun = self._reported = time.monotonic()
         space = settings.zenoh.namespace
-        self._updates = MapUpdates(session, space, known, model.vehicle)
+        self._updates = MapUpdates(session, space, known, model.vehicle, memory)
         self._status = session.declare_publisher(
             f"{space}/v1/guard/status", congestion_control=zenoh.CongestionControl.DROP
         )
@@ -161,7 +172,7 @@ def main() -> None:
     settings = read_guard_settings(Path(sys.argv[1]))
     heartbeat = Heartbeat(socket.socket(fileno=int(sys.argv[2])), settings.timing.stall)
     with running(settings) as (session, ended):
-        worker = Worker(settings, session, heartbeat)
+        worker = Worker(settings, session, heartbeat, ParameterMemory(int(sys.argv[3])))
         gc.collect()
         gc.freeze()
         gc.set_threshold(100_000, 50, 100)  # objects of a decision are freed by counting

@@ -102,16 +102,21 @@ class GuardRobot:
 class GuardProcess:
     """`slopewise guard` as processes, behind a router."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, lines: str = "") -> None:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         listening = ZenohSettings(mode="router", listen=(self.endpoint,))
         self.router = zenoh.open(zenoh_config(listening))
         file = folder / "guard.toml"
         zenoh_table = f'[zenoh]\nconnect = ["{self.endpoint}"]\nnamespace = "{SPACE}"\n'
-        file.write_text(f'model = "atv"\n{zenoh_table}')
-        command = [sys.executable, "-m", "slopewise.services.cli", "guard", "--config", str(file)]
+        file.write_text(f'model = "atv"\n{zenoh_table}{lines}')
+        self._command = [sys.executable, "-m", "slopewise.services.cli", "guard"]
+        self._command += ["--config", str(file)]
+        self.start()
+
+    def start(self) -> None:
+        """Start the processes, for the first time or again."""
         self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            self._command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
         assert self.process.stdout is not None
         self.line = self.process.stdout.readline()
