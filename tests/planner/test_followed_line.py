@@ -8,7 +8,7 @@ import pytest
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.planner.followed_line import GivenPoints, LineLimits, line_limits
 from slopewise.planner.path import MAX_STATIONS, resample
-from tests.planner.test_path import circle, line_of, planned
+from tests.planner.test_path import circle, curvature_of, line_of, planned
 from tests.world.vehicles import ATV, model_of
 
 
@@ -50,6 +50,16 @@ def test_a_corner_is_as_curved_as_the_best_parabola_and_cut_as_far(
     assert line.sharpest == pytest.approx(best, rel=0.05)
     cut = 5.0 / 16.0 * half * np.sin(0.5 * turn)
     assert np.hypot(*line.points.T).min() == pytest.approx(cut, rel=0.05)
+
+
+@pytest.mark.parametrize("spacing", [0.05, 0.1, 0.17, 0.2, 0.25])
+@pytest.mark.parametrize("radius", [2.0, 4.0])
+def test_stations_are_no_sharper_than_their_mean(radius: float, spacing: float) -> None:
+    points = circle(radius, 0.1, 2.0)
+    along = 0.1 * np.arange(len(points))
+    given = GivenPoints(points, along, spacing, LineLimits(wheelbase=2.0))
+    line = given.line(1.0, MAX_STATIONS)
+    assert curvature_of(line.points).max() <= 1.005 * line.sharpest
 
 
 @pytest.mark.parametrize("radius", [4.0, 8.0, 30.0])

@@ -103,7 +103,7 @@ class FollowedLine {
       while (i < count_ - 2 && arc_[i + 1] < wanted) ++i;
       const double piece = max_of(arc_[i + 1] - arc_[i], 1e-12);
       const double share = min_of(max_of((wanted - arc_[i]) / piece, 0.0), 1.0);
-      const Point p = Line{mean_, count_}.place(static_cast<double>(i) + share);
+      const Point p = mean_at(i, share);
       even[2 * k] = p.x;
       even[2 * k + 1] = p.y;
       place[k] = (static_cast<double>(i) + share) * step;
@@ -169,6 +169,21 @@ class FollowedLine {
     const Index end = std::min(at + around + 1, count);
     for (Index i = std::max<Index>(at - around, 0); i < end; ++i) most = max_of(most, values[i]);
     return most;
+  }
+
+  // The mean beyond a sample by a share of the way to the next, on the cubic through four (E. Catmull,
+  // R. Rom, A class of local interpolating splines, 1974). Chords bend at the samples alone: stations
+  // on them, less than two samples apart, were up to a tenth sharper than the mean.
+  [[nodiscard]] Point mean_at(Index i, double share) const noexcept {
+    const Line mean{mean_, count_};
+    const Point b = mean[i], c = mean[i + 1];
+    const Point a = i > 0 ? mean[i - 1] : Point{2.0 * b.x - c.x, 2.0 * b.y - c.y};
+    const Point d = i + 2 < count_ ? mean[i + 2] : Point{2.0 * c.x - b.x, 2.0 * c.y - b.y};
+    const auto between = [share](double p, double q, double r, double s) {
+      const double cubic = 3.0 * (q - r) + s - p, square = 2.0 * p - 5.0 * q + 4.0 * r - s;
+      return q + 0.5 * share * (r - p + share * (square + share * cubic));
+    };
+    return {between(a.x, b.x, c.x, d.x), between(a.y, b.y, c.y, d.y)};
   }
 
   void sample() noexcept {

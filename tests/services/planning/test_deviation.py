@@ -119,7 +119,7 @@ def planned(
 
 def test_json_csv_page_and_screen_show_it(folder: Path) -> None:
     begin = demo.fan()[0].points[0]
-    path = CandidatePath("slalom", begin + slalom(0.5)[:12])
+    path = CandidatePath("slalom", begin + slalom(0.55)[:12])
     files = ("--out", folder / "plan.csv", "--report", folder / "page.html")
     _, text = planned(folder, path, options=("--json", *files))
     data = json.loads(text)
