@@ -55,13 +55,14 @@ class WheelWay {
   // slope_margin, which a step itself may add to them; `back` to the pose before [m].
   WheelWay(const FacetGrid& ground, const Pose2d& pose, Place wheel, double back,
            const VehicleEnvelope& sizes, WheelSlopes slopes, WheelBuffers buffers) noexcept
-      : ground_(ground), pose_(pose), sizes_(sizes), around_(slopes.along), wheel_(wheel),
-        profile_(buffers.profile), path_(buffers.path), rim_(Rim::strides_of(sizes)),
-        far_(in_strides(sizes.trend)), chord_(in_strides(sizes.chord)), first_(rim_ + far_) {
+      : ground_(ground), pose_(pose), sizes_(sizes), around_(explaining(slopes.along)),
+        wheel_(wheel), profile_(buffers.profile), path_(buffers.path),
+        rim_(Rim::strides_of(sizes)), far_(in_strides(sizes.trend)),
+        chord_(in_strides(sizes.chord)), first_(rim_ + far_) {
     const auto behind = static_cast<Index>(std::ceil(back / sizes.stride));
     last_ = std::min(first_ + behind, buffers.samples - (chord_ + 2 * rim_ + far_) - 1);
     const double begin = wheel.x - static_cast<double>(behind + first_) * sizes.stride;
-    line_ = {begin, wheel.y, certain_part(slopes.across)};
+    line_ = {begin, wheel.y, certain_part(explaining(slopes.across))};
   }
 
   // The first step or drop on it.
@@ -111,6 +112,12 @@ class WheelWay {
  private:
   static constexpr double infinity = std::numeric_limits<double>::infinity();
   static constexpr double unknown_slope = std::numeric_limits<double>::quiet_NaN();
+
+  // What of a slope explains a climb, NaN where it is unknown: a cliff next to a step makes no ramp
+  // of both.
+  static double explaining(double slope) noexcept {
+    return slope == slope ? std::clamp(slope, -steepest_ground, steepest_ground) : slope;
+  }
 
   [[nodiscard]] Index in_strides(double length) const noexcept {
     return static_cast<Index>(length / sizes_.stride + 0.5);

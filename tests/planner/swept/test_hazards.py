@@ -326,3 +326,15 @@ def test_a_wall_that_a_wheel_touches_at_the_start_is_not_climbed(
 def test_a_vehicle_leaves_what_is_next_to_it(around: Height, slope: float) -> None:
     hazards = met(ground(lambda x, y: around(x, y) + slope * x, 0.05), straight(8.0))
     assert hazards.bar == 0, hazards.reason
+
+
+@pytest.mark.parametrize("resolution", [0.05, 0.1, 0.2])
+@pytest.mark.parametrize("beyond", [0.3, 0.5, 0.8])
+@pytest.mark.parametrize("height", [0.25, -0.25, 0.3, -0.3])
+def test_a_step_before_a_cliff_is_no_ramp(resolution: float, beyond: float, height: float) -> None:
+    """Both together make the ground around steeper than any that explains a climb."""
+    step = box((9.0, 90.0), EVERYWHERE, height)
+    cliff = box((9.0 + beyond, 90.0), EVERYWHERE, 12.0 * height)
+    hazards = met(ground(lambda x, y: step(x, y) + cliff(x, y), resolution), straight(20.0))
+    axle = hazards.profile.station[hazards.station, 0] + 0.6
+    assert (hazards.bar in {STEP, BODY}, axle < 9.0) == (True, True), hazards.reason
