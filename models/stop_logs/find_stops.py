@@ -313,6 +313,8 @@ class _Search:
         near = self._samples(self.t[i] - 0.5 * s.before, standstill + 1)
         if not self.usable[near].all():
             return Usability.SUSPECT, f"{int((~self.usable[near]).sum())} suspect samples"
+        if begin == i:
+            return Usability.SPARSE, f"no sample in the {s.before:g} s before it"
         if self.v_cmd[zero] < -STOP_COMMAND_MAX_SPEED and not s.reversals:
             return Usability.REVERSED, f"command of {self.direction * self.v_cmd[zero]:.2f} m/s"
         # A command that came down before it reached zero is no step. Commands may be off by a

@@ -14,13 +14,19 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
 
-_FACTORS = {  # unit, as the option --columns writes it -> numbers in it per m/s
+SPEED_FACTORS = {
     "knots": 1.0 / 0.514444,
-    "km/h": 3.6,
     "mph": 1.0 / 0.44704,
+    "ft/s": 1.0 / 0.3048,
+    "km/h": 3.6,
     "cm/s": 100.0,
     "mm/s": 1000.0,
 }
+"""Unit, as the option --columns writes it -> numbers in it per m/s."""
+_TIMES = {"ms": 1e3, "us": 1e6, "ns": 1e9}  # likewise, per second
+_STEPS = (5e-4, 2.0)
+"""Times between rows of a drive log [s], from which and up to which a unit explains it."""
+_LONGEST_STEP = 5.0  # [s] between rows: no stop shows in a log that is that sparse
 _RATIO_TOLERANCE = 0.04  # knots and miles per hour differ by 15 %
 _STEEP = 0.7  # [rad] 40°: no vehicle spends a twentieth of its time on that
 _NEXT_TO_DEGREES = 0.1  # [rad] a pitch of more is steep, next to a yaw in degrees more likely too
@@ -33,6 +39,7 @@ def find(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
 
     Accelerations may be called ``accel_z``, or end so (``imu_acceleration_z``).
     """
+    yield from _times(channels["t"])
     yield from _angles(channels)
     yield from _yaw_rate(channels)
     yield from _speeds(channels)
@@ -43,6 +50,15 @@ def find(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
             yield name, f"{expected}, got about 1: looks like g"
 
 
+def _times(t: Floats) -> Iterator[tuple[str, str]]:
+    step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    if step > _LONGEST_STEP:
+        low, high = _STEPS
+        units = [unit for unit, factor in _TIMES.items() if low <= step / factor <= high]
+        suffix = f", which looks like {' or '.join(units)}" if units else ""
+        yield "t", f"expected seconds, got rows that are {step:.3g} apart{suffix}"
+
+
 def _angles(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
     wraps = np.abs(np.diff(_finite(channels.get("yaw"))))
     in_degrees = bool(np.any((wraps > 350.0) & (wraps < 365.0)))
@@ -50,7 +66,7 @@ def _angles(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
         values = _finite(channels.get(name))
         high = float(np.quantile(np.abs(values), 0.95)) if len(values) else 0.0
         if high > _STEEP:
-            yield name, f"expected radians, got {high:.2f}, which looks like degrees"
+            yield name, f"expected radians, got {high:.2f}, which looks like degrees or per cent"
         elif high > _NEXT_TO_DEGREES and in_degrees:
             yield name, f"expected radians, got {high:.2f} next to a yaw that jumps by 360: degrees"
     if in_degrees:
@@ -114,7 +130,9 @@ def _speeds(channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
 
 def _unit(ratio: float) -> str | None:
     """The unit whose factor a ratio is, None if it is that of no unit."""
-    near = [u for u, factor in _FACTORS.items() if abs(ratio / factor - 1.0) < _RATIO_TOLERANCE]
+    near = [
+        u for u, factor in SPEED_FACTORS.items() if abs(ratio / factor - 1.0) < _RATIO_TOLERANCE
+    ]
     return near[0] if near else None
 
 

@@ -176,7 +176,7 @@ def _further(table: Table, name: str) -> NDArray[Any] | None:
 def _check_ranges(table: Table, columns: dict[str, NDArray[Any]]) -> None:
     for name, limit in _MAX_ANGLE.items():
         if name in columns and (above := np.flatnonzero(np.abs(columns[name]) > limit)).size:
-            got = f"{columns[name][above[0]]:g}, which looks like degrees"
+            got = f"{columns[name][above[0]]:g}, which looks like degrees or per cent"
             expected = f"expected an angle within ±{limit:.3g} rad, got {got}"
             raise table.error(int(above[0]), name, expected)
     if "brake" in columns:

@@ -20,11 +20,12 @@ from slopewise.models.stop_logs import unit_suspects
 from slopewise.services.io.drive_log import DriveLog
 from slopewise.services.io.files import fault
 
-_NEEDED = ("v", "v_cmd", "pitch")
+_NEEDED = ("t", "v", "v_cmd", "pitch")
 _FEW = 0.25  # share of the runs that may look like another unit and are only excluded [1]
-_FACTORS = {"km/h": 3.6, "miles per hour": 1.0 / 0.44704, "knots": 1.0 / 0.514444}
 _TOO_FAST = 1.5
 """Ratio to the highest wheel speed [1]: above slip downhill, below 1.9, the factor of knots."""
+_LIKELY = 0.1
+"""Share of the highest wheel speed that the fastest driving of a log is at least [1]."""
 
 _MAX_SHIFT, _MAX_RATIO = 0.2, 0.12
 """Largest deviations of b_m and of the force's factor from those of a unit [1]: knots and miles per
@@ -59,7 +60,11 @@ def refuse_too_fast(log: DriveLog, model: Model) -> None:
         speeds = speeds[np.isfinite(speeds)]
         fast = float(np.quantile(speeds, 0.95)) if len(speeds) else 0.0
         if fast > _TOO_FAST * max_speed:
-            fitting = [name for name, factor in _FACTORS.items() if fast / factor <= max_speed]
+            fitting = [
+                name
+                for name, factor in unit_suspects.SPEED_FACTORS.items()
+                if _LIKELY * max_speed <= fast / factor <= max_speed
+            ]
             units = " or ".join(fitting) or "another unit"
             expected = f"expected m/s of wheels that turn at up to {max_speed:g} m/s"
             raise fault(source, "column v", f"{expected}, got {fast:.3g}, which looks like {units}")
@@ -72,13 +77,17 @@ def refuse_unit(learned: Braking, known: Braking, grades: np.ndarray, source: st
     """
     if len(grades) < 2 or float(np.std(grades)) < _MIN_GRADE_STD:
         return
-    for unit, factor in _FACTORS.items():
-        wrong = factor * known.b_m + factor - 1.0
-        level = learned.b_b / max(known.b_b, 1e-9)
-        if abs(learned.b_m - wrong) < _MAX_SHIFT and abs(level / factor - 1.0) < _MAX_RATIO:
-            got = f"brakes {level:.2g} times as strong as known and b_m {learned.b_m:+.2f}"
-            reason = f"expected m/s, got {got}, which looks like {unit}"
-            raise InputError(source, "column v", reason)
+    level = learned.b_b / max(known.b_b, 1e-9)
+    fitting = [
+        unit
+        for unit, factor in unit_suspects.SPEED_FACTORS.items()
+        if abs(learned.b_m - (factor * known.b_m + factor - 1.0)) < _MAX_SHIFT
+        and abs(level / factor - 1.0) < _MAX_RATIO
+    ]
+    if fitting:
+        got = f"brakes {level:.2g} times as strong as known and b_m {learned.b_m:+.2f}"
+        reason = f"expected m/s, got {got}, which looks like {' or '.join(fitting)}"
+        raise InputError(source, "column v", reason)
 
 
 def unseen_channels(

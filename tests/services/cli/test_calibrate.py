@@ -194,9 +194,27 @@ def in_knots(log: Log) -> Log:
         (lambda log: log | {"brake": np.zeros(len(log["t"]))}, ("0 of 24 found", "24 coasted")),
         (lambda log: log | {"pitch": np.clip(15.0 * log["pitch"], -90, 90)}, ("degrees",)),
         (lambda log: log | {"pitch": 57.3 * log["pitch"]}, ("looks like degrees",)),
+        (lambda log: log | {"pitch": 100 * log["pitch"]}, ("column pitch", "degrees or per cent")),
+        (lambda log: log | {"t": 1e3 * log["t"]}, ("column t", "expected seconds", "like ms")),
+        (lambda log: log | {"t": 1e6 * log["t"]}, ("column t", "expected seconds", "like us")),
+        (lambda log: log | {"t": 300.0 * log["t"]}, ("0 of 24 found", "sparse", "no sample in")),
         (lambda _: in_knots(drive(Plant(), 24, 0, out_and_back=True)[0]), ("column v", "knots")),
     ],
-    ids=["missing", "nan", "unsorted", "twice", "no stop", "coasting", "deg", "degrees", "knots"],
+    ids=[
+        "missing",
+        "nan",
+        "unsorted",
+        "twice",
+        "no stop",
+        "coasting",
+        "deg",
+        "degrees",
+        "%",
+        "ms",
+        "us",
+        "rare rows",
+        "knots",
+    ],
 )
 def test_unusable_logs_are_rejected_in_one_line(
     log: Log, tmp_path: Path, spoil: Any, lines: tuple[str, ...]
