@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.calibration.brake_levels import BrakeLevels
 from slopewise.models.calibration.distance_model import DistanceModel, StopFeatures, fit_distance
 from slopewise.models.errors import ParameterError
@@ -79,6 +79,11 @@ class Stops(NamedTuple):
     actual: Floats
     predicted: Floats
     session: NDArray[np.str_]
+
+    def of(self, members: Bools) -> Stops:
+        """Those stops of which ``members`` (n,) is True."""
+        speed, grade, level, actual, predicted = (column[members] for column in self[:5])
+        return Stops(speed, grade, level, actual, predicted, self.session[members])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

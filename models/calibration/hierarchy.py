@@ -7,6 +7,11 @@ stop that all vehicles share. Differences and scatter are estimated by restricte
 are the best linear unbiased prediction: own stops and fleet weighed by what they know. A vehicle
 without stops gets the mean, with the whole difference as its uncertainty.
 
+A stop is an outlier against its own vehicle, never against the fleet: stops that agree with each
+other are how their vehicle brakes. A vehicle that brakes far less than the others keeps what its
+stops say. One that brakes far more is as likely one whose speed is misread, so its stops are
+excluded and it counts as a vehicle without stops.
+
 Validity: vehicles of one kind. The difference is taken as known once it is estimated; of very few
 vehicles that would be overconfident, so one imagined vehicle of a typical difference is counted in.
 Source: none in the papers. Laird and Ware 1982; Patterson and Thompson 1971.
@@ -23,6 +28,7 @@ from scipy.optimize import minimize_scalar
 from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.errors import ParameterError
 from slopewise.models.stop_logs import random_effects
+from slopewise.models.stop_logs.random_effects import PER_MAD
 
 TYPICAL_SPREAD = (0.02, 0.1, 0.01, 0.04)
 """Standard deviations between vehicles of one kind, of the coefficients in the order of
@@ -38,6 +44,11 @@ _MAX_STEPS = 2000
 """Steps of the variance estimate at most [1]; it ends by its tolerance."""
 _STILL = 1e-5  # relative change of the differences below which the search ends
 _WIDE = 1e3  # prior standard deviations, in typical ones, of the fit that looks for gross errors
+_ALONE = 10.0  # the same of one vehicle's fit: that of a vehicle calibrated alone
+_MIN_SLOPE_STOPS = 8
+"""Stops from which a vehicle's own slopes show; those of fewer are judged by their median [1]."""
+_CONTRADICTS = 4.0
+"""Standard deviations between vehicles by which one contradicts the others [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +61,8 @@ class Hierarchy:
         scatter: standard deviation from stop to stop beyond the measurement noise.
         coefficients: (m, p) of each vehicle. covariance: (m, p, p) of their errors.
         inliers: (n,) stops that the fit rests on.
+        contradiction: (m,) by how much the stops of a vehicle brake more than those of the others
+            where it contradicts them, else 0 [1]; those with a positive one are excluded.
     """
 
     mean: Floats
@@ -59,6 +72,7 @@ class Hierarchy:
     coefficients: Floats
     covariance: Floats
     inliers: Bools
+    contradiction: Floats
 
 
 class _State(NamedTuple):
@@ -122,6 +136,14 @@ class _Sums(NamedTuple):
         return result
 
 
+class _Fit(NamedTuple):
+    """Differences between vehicles (p, p), scatter, and what follows from them."""
+
+    spread: Floats
+    scatter: float
+    state: _State
+
+
 class _Stops(NamedTuple):
     """Stops of a fleet, (n,) each; of them those in `inliers` (n,) count."""
 
@@ -161,6 +183,65 @@ class _Stops(NamedTuple):
         limit = _REJECT * np.sqrt(self.noise**2 + scatter**2 + uncertainty)
         return np.asarray(np.abs(residual) <= limit)
 
+    def within_vehicle(self, common: Floats, typical: Floats) -> tuple[Bools, float]:
+        """(n,) stops that agree with the others of their vehicle, and their scatter.
+
+        common: (p,) coefficients of the fleet, for the slopes of vehicles with few stops.
+        """
+        residual = self.observed - self.design @ common
+        for i in range(self.vehicles):
+            mine = self.vehicle == i
+            if (count := int(mine.sum())) >= _MIN_SLOPE_STOPS:
+                x, y, noise = self.design[mine], residual[mine], self.noise[mine]
+                mean, wide = np.zeros(x.shape[1]), _ALONE**2 * typical
+                residual[mine] = random_effects.fit(x, y, noise, mean, wide).residuals
+            elif count:
+                residual[mine] -= np.median(residual[mine])
+        spread = PER_MAD * float(np.median(np.abs(residual)))
+        scatter = max(spread**2 - float(np.median(self.noise)) ** 2, 0.0) ** 0.5
+        return np.abs(residual) <= _REJECT * np.hypot(self.noise, scatter), max(scatter, 1e-9)
+
+    def contradictions(self, inliers: Bools, fit: _Fit, typical: Floats) -> Floats:
+        """(m,) difference of a vehicle's stops from the median vehicle, 0 where it is ordinary.
+
+        Medians bear less than half of the vehicles being different; a typical difference counts as
+        one more vehicle.
+        """
+        counts = np.bincount(self.vehicle[inliers], minlength=self.vehicles)
+        known, result = np.flatnonzero(counts), np.zeros(self.vehicles)
+        coefficients = (fit.state.mean + fit.state.effects)[known]
+        for i in known:
+            mine = inliers & (self.vehicle == i)
+            x = self.design[mine].mean(axis=0)
+            levels = coefficients @ x
+            median = float(np.median(levels))
+            spread = PER_MAD * float(np.median(np.abs(levels - median)))
+            between = (len(known) * spread**2 + x @ typical @ x) / (len(known) + 1)
+            error = (np.median(self.noise[mine]) ** 2 + fit.scatter**2) / counts[i]
+            shift = float(self.observed[mine].mean()) - median
+            if abs(shift) > _CONTRADICTS * np.sqrt(between + error):
+                result[i] = shift
+        return result
+
+    def settle(
+        self, inliers: Bools, members: Bools, fit: _Fit, typical: Floats, imagined: float
+    ) -> tuple[Bools, _Fit]:
+        """Inliers among stops of ``members`` (m,), and differences and scatter that go with them.
+
+        inliers: (n,) and fit: where the search begins.
+        """
+        for _ in range(_MAX_PASSES):
+            spread, scatter = fit.spread, fit.scatter
+            for _ in range(3):
+                spread = self.sums(inliers, scatter).spread(spread, typical, imagined)
+                scatter = self.scatter(inliers, spread, scatter)
+            fit = _Fit(spread, scatter, self.sums(inliers, scatter).solve(spread))
+            again = self.within(fit.state, scatter) & members[self.vehicle]
+            if (again == inliers).all():
+                break
+            inliers = again
+        return inliers, fit
+
 
 def fit(
     design: Floats,
@@ -193,23 +274,29 @@ def fit(
     stops = _Stops(design, observed, noise, vehicle, vehicles)
     typical = np.diag(np.square(typical_spread))
     start = random_effects.fit(design, observed, noise, np.zeros(p), _WIDE**2 * typical)
-    inliers, spread, scatter = start.kept, typical, max(start.scatter, 1e-9)
-    for _ in range(_MAX_PASSES):
-        for _ in range(3):
-            spread = stops.sums(inliers, scatter).spread(spread, typical, imagined)
-            scatter = stops.scatter(inliers, spread, scatter)
-        again = stops.within(stops.sums(inliers, scatter).solve(spread), scatter)
-        if (again == inliers).all():
+    inliers, scatter = stops.within_vehicle(start.coefficients, typical)
+    fitted = _Fit(typical, scatter, stops.sums(inliers, scatter).solve(typical))
+    members, stronger = np.ones(vehicles, np.bool_), np.zeros(vehicles)
+    while True:
+        inliers, fitted = stops.settle(inliers, members, fitted, typical, imagined)
+        contradiction = stops.contradictions(inliers, fitted, typical)
+        if not (contradiction > 0.0).any():
             break
-        inliers = again
-    sums = stops.sums(inliers, scatter)
-    state = sums.solve(spread)
+        members &= contradiction <= 0.0
+        stronger = np.maximum(stronger, contradiction)
+        inliers = inliers & members[vehicle]
+        if (count := int(inliers.sum())) <= p:
+            expected = f"more than {p} of vehicles that do not contradict each other, got {count}"
+            raise ParameterError("stops", expected)
+    sums = stops.sums(inliers, fitted.scatter)
+    state = sums.solve(fitted.spread)
     return Hierarchy(
         state.mean,
         state.mean_covariance,
-        spread,
-        scatter,
+        fitted.spread,
+        fitted.scatter,
         state.mean + state.effects,
         sums.errors(state),
         inliers,
+        np.where(members, contradiction, stronger),
     )

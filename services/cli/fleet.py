@@ -113,8 +113,9 @@ def fleet_calibrate(
     """Fit a braking model to each vehicle of a fleet, pooled where its stops carry little.
 
     Surface by surface: how the vehicles differ, and each as far as its stops support. A vehicle
-    without stops gets the fleet's mean and a longer offset. Status 3: the results are written, but
-    those of a vehicle are physically implausible, with the reason.
+    without stops, or far stronger than the others, gets the fleet's mean and a longer offset; one
+    far weaker is planned by its stops. Status 3: the results are written, but those of a vehicle
+    are physically implausible, with the reason.
 
     [bold]Example[/]  slopewise fleet calibrate logs/*.csv --model atv --out out/fleet
     """
@@ -166,6 +167,7 @@ def _calibrate_tables(result: FleetCalibrateResult, out: Path) -> Iterator[Any]:
     columns = ("vehicle", "stops", *NAMES, "dead time\ns", "offset\nm")
     yield from table(columns, vehicles, more="more; --json gives all")
     yield from notes(f"{v.name} gets the fleet's mean: {v.note}" for v in result.vehicles if v.note)
+    yield from notes(f"{name}: {text}" for name, texts in c.notes.items() for text in texts)
     for name, reasons in c.objections.items():
         for reason in reasons:
             yield line(f"{name} rejected: {reason}", "red")

@@ -116,7 +116,7 @@ class FleetCalibrateResult:
         vehicles = {
             v.name: {
                 "stops": len(v.stops),
-                "note": v.note,
+                "note": "; ".join(filter(None, (v.note, *c.notes.get(v.name, ())))),
                 "objections": c.objections.get(v.name, ()),
                 "dead_time": c.braking[v.name].dead_time,
                 "distance_offset": c.braking[v.name].distance_offset,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.calibration import hierarchy
+from slopewise.models.calibration.coverage import allowed_distance
 from slopewise.models.calibration.fleet import (
     FleetCalibration,
     VehicleStops,
@@ -19,6 +20,7 @@ from slopewise.models.calibration.learn import measure_log
 from slopewise.models.errors import ParameterError
 from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
+from slopewise.models.stop_logs.stop_record import StopRecord
 from tests.models.calibration.plant import Plant, Truth, allowed, drive, predicted
 
 KNOWN = Braking(
@@ -93,6 +95,49 @@ def test_few_stops_make_a_longer_margin_and_none_the_longest(learned: FleetCalib
     assert learned.braking["new"].dead_time > learned.dead_time.value
 
 
+def stops_of(name: str, true: Plant, count: int, seed: int) -> VehicleStops:
+    columns, runs, _ = drive(true, count, seed)
+    log = measure_log(columns, runs, KNOWN, ground=-columns["pitch"], min_stops=2)
+    return vehicle_stops(name, log, mapped=True)
+
+
+def test_a_vehicle_that_contradicts_the_others_is_named_and_never_planned_faster() -> None:
+    plants = {f"v{i}": Plant() for i in range(5)}
+    plants |= {"weak": Plant(b_b=0.25), "late": Plant(dead_time=0.6), "strong": Plant(b_b=0.65)}
+    counts = {"weak": 3, "late": 3}
+    fleet = [
+        stops_of(name, true, counts.get(name, 20), 40 + i)
+        for i, (name, true) in enumerate(plants.items())
+    ]
+    learned = learn_fleet(fleet, KNOWN)
+    for i, (name, true) in enumerate(plants.items()):
+        _, _, truth = drive(true, 60, 700 + i, grades=(-0.15, 0.2))
+        way = allowed(learned.braking[name], truth)
+        assert np.all(truth.distance <= way), name
+        if name != "strong":
+            assert np.median(way / truth.distance) < 1.35, name
+    assert set(learned.notes) == {"weak", "strong"}
+    assert "less braking force" in learned.notes["weak"][0]
+    assert "more braking force" in learned.notes["strong"][0]
+    strong, ordinary = learned.braking["strong"], learned.braking["v0"]
+    assert strong.level_force(2.5) < ordinary.level_force(2.5) + 0.01
+    assert allowed(strong, ONE_STOP)[0] > allowed(ordinary, ONE_STOP)[0]
+
+
+def test_a_promise_holds_for_rejected_stops_too(vehicles: list[VehicleStops]) -> None:
+    def wet(stop: StopRecord) -> StopRecord:
+        longer = dataclasses.replace(stop.samples, distance=1.7 * stop.samples.distance)
+        return dataclasses.replace(stop, samples=longer, force_ratio=0.5 * stop.force_ratio)
+
+    first, *rest = vehicles
+    stops = (*map(wet, first.stops[:2]), *first.stops[2:])
+    learned = learn_fleet([dataclasses.replace(first, stops=stops), *rest], KNOWN)
+    assert not learned.surfaces[""].inliers[:2].any()
+    for stop in stops:
+        assert stop.samples.distance <= allowed_distance(learned.braking["v0"], stop, 0.999)
+    assert f"2 of its {len(stops)} stops fit no other" in learned.notes["v0"]
+
+
 def test_surfaces_are_distinguished(vehicles: list[VehicleStops]) -> None:
     named = []
     for vehicle in vehicles:
@@ -121,7 +166,7 @@ def test_logs_that_no_vehicle_drives_are_rejected(learned: FleetCalibration) -> 
         columns, runs, _ = drive(plant(i), 40, i)
         late = {**columns, "v_cmd": np.roll(columns["v_cmd"], -130)} if i == 1 else columns
         for vehicles, sign in ((sound, -1.0), (mirrored, 1.0)):
-            log = measure_log(late, runs, KNOWN, ground=sign * columns["pitch"], fewest=2)
+            log = measure_log(late, runs, KNOWN, ground=sign * columns["pitch"], min_stops=2)
             vehicles.append(vehicle_stops(f"v{i}", log, mapped=True))
     assert set(learn_fleet(sound, KNOWN).objections) == {"v1"}
     rejected = learn_fleet(mirrored, KNOWN).objections
