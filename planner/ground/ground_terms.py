@@ -54,7 +54,7 @@ def ground_terms(
             lowest, _ = spread_to_neighbours(np.minimum(here, near))
             _, highest = spread_to_neighbours(np.maximum(here, near))
         low, high = low + lowest, high + highest
-    return lowest, highest
+    return low, high
 
 
 def level_between(slope: Floats) -> Floats:

@@ -155,7 +155,7 @@ def test_a_clear_distance_that_is_too_long_is_a_violation_of_its_kind(name: str)
     assert column.blocked is not None
     assert column.blocked.bound is scene.bound
     assert column.blocked.station >= honest.bounds.clear_distance[0]
-    violation = column.judge(blind.profile_of(0)).violation._asdict()
+    violation = column.verify(blind.profile_of(0)).violation._asdict()
     kind = scene.bound.label
     assert violation[kind] > 1.0
     assert violation["overrun"] == 0.0

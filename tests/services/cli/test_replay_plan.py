@@ -101,8 +101,8 @@ def test_late_odometry_slows_sooner(tmp_path: Path) -> None:
         replayed(recorded(tmp_path / f"{late}", drive(late=late)), "--speed-up", "inf")["slowed"][0]
         for late in (0.0, 0.5)
     ]
-    # The vehicle may be 0.9 m farther along than its pose; service braking takes a part of that.
-    assert 0.1 < slowed[0]["begin"] - slowed[1]["begin"] < 0.6
+    # The vehicle may be 0.9 m farther along than its pose, where it is commanded for as well.
+    assert 0.1 < slowed[0]["begin"] - slowed[1]["begin"] < 0.9
 
 
 def test_a_replay_keeps_the_rate_of_the_recording(tmp_path: Path) -> None:
