@@ -125,13 +125,15 @@ def test_ground_terms_are_added_where_they_act() -> None:
     tilt = plane(rise=0.1, cross=0.1)
     _, plain = braking_ground_of(model_of(tables_with()), tilt)
     roll, grade = np.arctan(0.1 / np.sqrt(1.01)), np.arctan(0.1)
-    for name, parameters, extra in (
-        ("cross_slope", {"k": -0.2}, -0.2 * roll),
-        ("grade_asymmetry", {"k": 0.3}, 0.3 * grade),
-        ("grade_nonlinearity", {"k": -2.0}, -2.0 * grade**2),
-        ("directional_surface", {"k": 0.05, "direction": 0.3}, 0.05 * np.cos(0.6)),
-    ):
-        _, ground = braking_ground_of(model_of(tables_with((name, parameters))), tilt)
+    single = (
+        ([("cross_slope", {"k": -0.2})], -0.2 * roll),
+        ([("grade_asymmetry", {"k": 0.3})], 0.3 * grade),
+        ([("grade_nonlinearity", {"k": -2.0})], -2.0 * grade**2),
+        ([("directional_surface", {"k": 0.05, "direction": 0.3})], 0.05 * np.cos(0.6)),
+    )
+    together = [e for effects, _ in single for e in effects], sum(extra for _, extra in single)
+    for effects, extra in (*single, together):
+        _, ground = braking_ground_of(model_of(tables_with(*effects)), tilt)
         np.testing.assert_allclose(ground.lower_intercept, plain.lower_intercept + extra, atol=1e-9)
         np.testing.assert_allclose(ground.upper_intercept, plain.upper_intercept + extra, atol=1e-9)
 
