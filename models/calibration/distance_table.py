@@ -117,10 +117,10 @@ def learn_distance(
     if ends.sum() < MIN_STOPS:
         expected = f"at least {MIN_STOPS} stops that the fit can explain, got {ends.sum()}"
         raise ParameterError("stops", expected)
-    speed, grade, level, actual, predicted = (column[ends] for column in stops[:5])
+    speed, grade, level, actual, predicted, names = stops.of(ends)
     level = level if law_of.levels is not None else np.ones_like(level)
     at = law_of.features(speed, grade, level, predicted)
-    session: Ints = np.unique(stops.session[ends], return_inverse=True)[1].astype(np.int64)
+    session: Ints = np.unique(names, return_inverse=True)[1].astype(np.int64)
     log_ratio = np.log(np.maximum(actual, MIN_DISTANCE) / predicted)
     model = fit_distance(at, log_ratio, session)
     table = table_of(model, law_of, (*ranges, (float(level.min()), float(level.max()))))

@@ -275,7 +275,7 @@ def _covering(table: StopDistance, stops: Stops) -> tuple[StopDistance, float]:
     ends = np.isfinite(stops.predicted)
     if not ends.any():
         return table, 1.0
-    speed, grade, _, actual, predicted = (column[ends] for column in stops[:5])
+    speed, grade, _, actual, predicted, _ = stops.of(ends)
     rows = np.array(table.stop_factor).reshape(len(table.quantiles), -1, len(table.speeds))
     raised = np.ones(len(rows))
     for k, quantile in enumerate(table.quantiles):

@@ -50,11 +50,11 @@ class MotionSettings:
     turn_end: float = positive(
         "m/s", "Difference that ends it, and still is straight.", default=0.04
     )
-    least_speed: float = quantity(  # words: ok, a key of the file
-        "m/s", "Mean rim speed that a straight needs.", default=0.08, above=0.0
+    least_speed: float = positive(  # words: ok, a key of the file
+        "m/s", "Mean rim speed that a straight needs.", default=0.08
     )
-    least_inner_speed: float = quantity(  # words: ok, a key of the file
-        "m/s", "Inner wheels slower than this stand.", default=0.03, at_least=0.0
+    least_inner_speed: float = non_negative(  # words: ok, a key of the file
+        "m/s", "Inner wheels slower than this stand.", default=0.03
     )
     smoothing: float = positive(
         "s", "Time constant that speeds and yaw rate are smoothed with.", default=0.1

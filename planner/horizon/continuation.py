@@ -7,6 +7,7 @@ possible now; if nothing got worse, the verifier can have no objection (docs/dec
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class PathAhead:
     start: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Continuation:
     """The previous plan, where the vehicle is on it, and as what its path is offered now.
 
@@ -66,7 +67,7 @@ class Continuation:
     def _segment(self) -> int:
         return int(self.projection.segment[0])
 
-    @property
+    @cached_property
     def _now(self) -> tuple[int, float, float]:
         """Segment, station [m] and speed [m/s] of the previous plan where the vehicle is by now."""
         return self.previous.after(self.projection, self.lead)

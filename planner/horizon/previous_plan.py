@@ -94,11 +94,13 @@ class PreviousPlan:
         """Segment, station [m] and speed [m/s] of the plan a time after the vehicle's place [s]."""
         plan, i = self.plan, int(projection.segment[0])
         here, (speed, _) = self.station_at(projection), self.speed_at(projection)
-        later = self.time_at(projection) + lead
-        k = int(np.searchsorted(plan.time, min(later, plan.travel_time))) - 1
-        if lead <= 0.0 or k < i:
+        if lead <= 0.0:
             return i, here, speed
-        gone = min(later, plan.travel_time) - float(plan.time[k])
+        later = min(self.time_at(projection) + lead, plan.travel_time)
+        k = int(np.searchsorted(plan.time, later)) - 1
+        if k < i:
+            return i, here, speed
+        gone = later - float(plan.time[k])
         speed = max(float(plan.speed[k] + plan.accel[k] * gone), 0.0)
         return k, float(plan.station[k]) + 0.5 * gone * (float(plan.speed[k]) + speed), speed
 

@@ -163,6 +163,8 @@ class CandidateColumn:
         above = np.maximum(self.speed_sq_max - speed_sq, 0.0)
         highest, label, passes = speed_sq, label.copy(), above > 0.0
         for n in range(1, _TRIED + 1):
+            if not passes.any():
+                break
             tried = speed_sq + np.where(passes, n / _TRIED, 0.0) * above
             verdict = self.verify(tried, stations_only=True)
             if n == 1:

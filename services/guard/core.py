@@ -93,17 +93,16 @@ class Guard:
         if ground is not None:
             map_layers(ground, model.vehicle)  # here rather than in the first decision
             self.maps.take(ground, -0.0)
-        strict = settings.judgement  # words: ok
-        self.learned = ServiceParameters(model, strict.trust_learned, strict.awaits_parameters)
+        rules = settings.judgement
+        self.learned = ServiceParameters(model, rules.trust_learned, rules.awaits_parameters)
         self.seconds: deque[float] = deque(maxlen=_SAMPLES)
         self.last = ""
         dead = self._dead_time = float(model.tables[0].dead_time.max())
-        tolerance = settings.judgement.disobedience
         self._overspeed = OverspeedMonitor(
-            dead + timing.motion, _DECEL_SHARE * model.promised.limits.decel, tolerance
+            dead + timing.motion, _DECEL_SHARE * model.promised.limits.decel, rules.disobedience
         )
         self._pose_age = PoseAge()
-        self._jumps = PoseJumps(model, settings.judgement.jump, timing.motion)
+        self._jumps = PoseJumps(model, rules.jump, timing.motion)
         self._latched = ""
         self._given: deque[tuple[float, BaseCommand]] = deque(maxlen=_SAMPLES)
         self.learn()

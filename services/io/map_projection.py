@@ -7,12 +7,12 @@ a few in a thousand.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
 from slopewise.services.io.files import fault
 
 METRES = ("metre", "meter", "metres", "meters", "m", "")
@@ -53,21 +53,20 @@ def check(dataset: Any, path: Path) -> None:
 
 
 def _check_scale(dataset: Any, projection: dict[str, Any], name: str, path: Path) -> None:
-    stretch = _stretch(dataset, _ellipsoid(projection["base_crs"]))
-    worst = stretch[np.argmax(np.abs(stretch - 1.0))] if np.isfinite(stretch).all() else np.nan
+    worst = _worst_stretch(dataset, _ellipsoid(projection["base_crs"]))
     # Pseudo-Mercator is true at the equator alone, where no map of it is meant to be measured.
     pseudo = "Pseudo" in projection["conversion"]["method"]["name"]
     if pseudo or not abs(worst - 1.0) <= _MAX_STRETCH:
         got = f"{name}, whose metres are not metres on the ground: there one is {1.0 / worst:.3g} m"
-        if np.isnan(worst):
+        if math.isnan(worst):
             got = f"{name}, which has no such place"
         raise fault(path, "crs", f"expected a projected one in metres, got {got}")
 
 
-def _stretch(dataset: Any, ellipsoid: tuple[float, float]) -> Floats:
-    """Lengths in the grid over those on the ground, most and least of any direction (10,) [1].
+def _worst_stretch(dataset: Any, ellipsoid: tuple[float, float]) -> float:
+    """Length in the grid over that on the ground, in the direction where it is farthest from 1 [1].
 
-    At the corners and in the middle, by differences.
+    At the corners and in the middle, by differences; NaN where the projection has no such place.
     """
     from rasterio.crs import CRS
     from rasterio.warp import transform
@@ -92,9 +91,10 @@ def _stretch(dataset: Any, ellipsoid: tuple[float, float]) -> Floats:
     position = (normal * up * np.array([[1.0], [1.0], [1.0 - squared]])).reshape(3, 5, 4)
     ground = (position[:, :, 0::2] - position[:, :, 1::2]).transpose(1, 0, 2) / _STEP
     if not np.isfinite(ground).all():
-        return np.full(10, np.nan)
+        return math.nan
     with np.errstate(divide="ignore"):
-        return np.asarray(1.0 / np.linalg.svd(ground, compute_uv=False).ravel())
+        stretch = 1.0 / np.linalg.svd(ground, compute_uv=False).ravel()
+    return float(stretch[np.argmax(np.abs(stretch - 1.0))])
 
 
 def _ellipsoid(geographic: dict[str, Any]) -> tuple[float, float]:
