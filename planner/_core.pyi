@@ -9,7 +9,7 @@ from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.planning_limits import PlanningLimits
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.profile.time_optimal import ProfileProblem
-from slopewise.planner.swept.hazards import HazardRows
+from slopewise.planner.swept.hazards import Hazards
 
 DIGEST: str
 STANDSTILL_SQ: float
@@ -130,7 +130,7 @@ def braking_forces(
 def speed_bounds(
     profile: TerrainProfile,
     ground: BrakingGround,
-    hazards: HazardRows,
+    hazards: Hazards,
     speed_limit: Floats | None,
     clear: Floats,
     vehicle: PlanningLimits,

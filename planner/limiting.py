@@ -186,7 +186,7 @@ BOUNDS: dict[Limiting, Bound] = {
     ),
     Limiting.ROUGHNESS: Bound(
         "vertical acceleration of the body on rough ground",
-        "slopewise.planner.swept.roughness:rough_speeds",
+        "slopewise.planner.swept.hazards:rough_speeds",
         Lift(out_of_reach=("limits.vertical_accel",)),
         "#c49a6c",
         dark_text=True,

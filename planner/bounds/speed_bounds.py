@@ -27,7 +27,7 @@ from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.planning_limits import planning_limits
-from slopewise.planner.swept.hazards import Hazards, no_hazards
+from slopewise.planner.swept.hazards import Hazards
 
 HOLDING = core.HOLDING
 """Least F_b/W + sin θ: below it the brakes barely slow the vehicle, let alone stop it."""
@@ -96,7 +96,7 @@ def speed_bounds(
     rows, codes, barrier, barrier_station, clear_distance = core.speed_bounds(
         profile,
         ground,
-        (hazards or no_hazards()).rows,
+        hazards or Hazards(),
         speed_limit,
         clear,
         planning_limits(model)._replace(holding=0.0 if holds_anywhere else 1.0),

@@ -40,7 +40,7 @@ class CycleBatch:
             solved.speed_sq,
             solved.model,
             solved.speed_limit,
-            solved.hazards.rows.rough_speed,
+            solved.hazards.rough_speed,
         )
         m = len(paths.names)
         return cls(paths, solved, violation[:m], ~solved.reachable[:m])

@@ -80,8 +80,8 @@ class CandidateColumn:
         self.even = track_of(profile, bounds.even_ground, j, solved.speed_limit, first)
         n = first + len(self.track.station)
         self._hazards, self._index = solved.hazards, (j, first)
-        if self._hazards.rows.rough_speed.size > 0:
-            rough = self._hazards.rows.rough_speed[first:n, j]
+        if self._hazards.rough_speed is not None:
+            rough = self._hazards.rough_speed[first:n, j]
             np.minimum(self.track.speed_limit, rough, out=self.track.speed_limit)
         self.x, self.y, self.z = (a[first:n, j] for a in (profile.x, profile.y, profile.z))
         self.clear = float(bounds.clear_distance[j]) - float(profile.station[first, j])

@@ -27,7 +27,7 @@ from slopewise.planner.profile.time_optimal import (
 )
 from slopewise.planner.settings import PlannerSettings, Solver
 from slopewise.planner.swept.convergence import Departure
-from slopewise.planner.swept.hazards import Hazards, no_hazards, swept_hazards
+from slopewise.planner.swept.hazards import Hazards, swept_hazards
 from slopewise.planner.verify.ground import GroundView
 
 ROUNDING = 1e-9
@@ -180,6 +180,6 @@ def solve(
         speed_sq,
         reachable,
         cost,
-        hazards or no_hazards(),
+        hazards or Hazards(),
         settings.solver,
     )

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
+from slopewise.models.height_noise import noise_of
 from slopewise.models.input_errors import InputErrors
 from slopewise.models.parameters import Model
+from slopewise.planner.compiled_core import core
+from slopewise.planner.ground.height_grid import height_grid
 from slopewise.planner.ground.steering_limits import SteeringLimits, steering_limits
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import Obstacle
 from slopewise.planner.swept.convergence import Departure
-from slopewise.planner.swept.findings import LIMITING_OF_KIND, Finding, Kind, Pose
-from slopewise.planner.swept.roughness import rough_speeds
-from slopewise.planner.swept.sentences import cannot_see, obstacle_of, too_tight
+from slopewise.planner.swept.sentences import LIMITING_OF_KIND, Kind, obstacle_of, too_tight
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
 from slopewise.planner.swept.sweeper import Sweeper, SweptPoses
 
@@ -33,42 +33,25 @@ _MIN_SPACING = 0.001
 """Of stations [m], however short a path is: ground behind it is checked in such steps."""
 
 
-class HazardRows(NamedTuple):
-    """Arrays of :class:`Hazards` for the core; (N, M) each, or (0, 0) where there is nothing."""
-
-    code: Ints
-    rough_speed: Floats
-    steering_speed: Floats
-
-
 @dataclass(frozen=True, slots=True)
 class Hazards:
-    """Hazards of M candidates of up to N stations.
+    """Hazards of M candidates of up to N stations; by default ground is a plane under every pose.
 
     Attributes:
-        rows: ``code`` (N, M) is 0 where body and wheels may be, else what blocks the pose, as
+        code: (N, M) 0 where body and wheels may be, else what blocks the pose, as
             :class:`slopewise.planner.limiting.Limiting`; it holds for all poses from the station
-            before on. ``rough_speed`` (N, M) is the highest speed that the ground's roughness
-            allows [m/s]. ``steering_speed`` (N, M) likewise, that the steering can follow.
-        unseen: what the map is too coarse to show, a sentence; empty where it shows all.
+            before on. None where nothing was searched for.
+        rough_speed: (N, M) highest speed that the ground's roughness allows [m/s].
+        steering_speed: (N, M) the same, that the steering can follow; None where it always can.
         obstacle: what blocks station k of candidate j, None where nothing does.
         searched: poses that the screen of the map did not clear.
     """
 
-    rows: HazardRows
-    unseen: str
-    obstacle: Callable[[int, int], Obstacle | None]
+    code: Ints | None = None
+    rough_speed: Floats | None = None
+    steering_speed: Floats | None = None
+    obstacle: Callable[[int, int], Obstacle | None] = lambda j, k: None
     searched: int = 0
-
-
-def _nothing_there(j: int, k: int) -> None:
-    """Nothing was searched for."""
-
-
-def no_hazards() -> Hazards:
-    """Ground taken as a plane under every pose, for what-if questions and tests of other bounds."""
-    none = np.empty((0, 0))
-    return Hazards(HazardRows(none.astype(np.int64), none, none), "", _nothing_there)
 
 
 def swept_hazards(
@@ -103,23 +86,47 @@ def swept_hazards(
     swept = sweeper.sweep(profile)
     if departure is not None:
         swept = sweeper.with_convergence(swept, profile, departure)
-    rough = rough_speeds(elevation_map, profile, model, sizes, spacing)
-    steering_speed = np.empty((0, 0))
-    steering = steering_limits(profile, geometry)
+    steering, steering_speed = steering_limits(profile, geometry), None
     if steering is not None:
         swept.code[steering.blocked & (swept.code == 0)] = _STEERING
         steering_speed = steering.speed
     if swept.speed is not None:
-        if steering_speed.size == 0:
+        if steering_speed is None:
             steering_speed = np.full(profile.x.shape, np.inf)
         part = steering_speed[: len(swept.speed)]
         np.minimum(part, swept.speed, out=part)
     return Hazards(
-        HazardRows(swept.code, rough, steering_speed),
-        cannot_see(sizes, elevation_map.resolution),
+        swept.code,
+        rough_speeds(elevation_map, profile, model, sizes, spacing),
+        steering_speed,
         _obstacles(profile, swept, sizes, steering, geometry.max_curvature),
         swept.searched,
     )
+
+
+def rough_speeds(
+    elevation_map: ElevationMap,
+    profile: TerrainProfile,
+    model: Model,
+    sizes: SweptSizes,
+    spacing: Floats,
+) -> Floats:
+    """Highest speeds that keep the vertical acceleration within its limit, (N, M) [m/s].
+
+    They are inf where roughness limits nothing. What lies behind the first station still moves the
+    body there. On cells larger than a wheel's radius, which are not averaged, kinks that noise
+    alone would make limit nothing. `planner/core/swept/roughness.hpp` and `quarter_car.hpp` have
+    the equations.
+
+    Args:
+        spacing: (M,) distance between the stations of each candidate [m].
+    """
+    vehicle, limits = model.vehicle, model.limits
+    noise = 0.0 if sizes.fine else noise_of(elevation_map)
+    bounce = vehicle.ride_frequency, vehicle.ride_damping
+    ride = *bounce, limits.vertical_accel, limits.speed, noise, elevation_map.resolution
+    grid = height_grid(elevation_map, vehicle)
+    return core.roughness_speeds(grid, profile, spacing, sizes, ride)
 
 
 def _obstacles(
@@ -139,8 +146,7 @@ def _obstacles(
             curvature = max(abs(profile.curvature[k, j]), abs(steering.curvature[k, j]))
             message = too_tight(x, y, float(curvature), max_curvature)
             return Obstacle(Limiting.STEERING, x, y, 0.0, message)
-        kind, *where = swept.found[j]
-        pose = Pose(*(float(row[k, j]) for row in swept.body))
-        return obstacle_of(Finding(int(kind), *where), pose, sizes, swept.departures[j])
+        pose = tuple(float(row[k, j]) for row in swept.body)
+        return obstacle_of(swept.found[j], pose, sizes, swept.departures[j])
 
     return obstacle

@@ -3,13 +3,42 @@
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 
+from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.smallest_seen import sight_notes
-from slopewise.models.vehicle import Shape, Vehicle
+from slopewise.models.vehicle import Vehicle
+from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import Obstacle
-from slopewise.planner.swept.findings import LIMITING_OF_KIND, Finding, Kind, Pose
-from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
+from slopewise.planner.swept.sizes import SweptSizes
+
+
+class Kind(IntEnum):
+    """Kind of hazard; :data:`LIMITING_OF_KIND` lists the bound of each."""
+
+    NOTHING = 0
+    UNKNOWN = 1
+    RISE = 2
+    DROP = 3
+    TWIST = 4
+    UNDERSIDE = 5
+    FRONT = 6
+    REAR = 7
+    SIDE = 8
+
+
+LIMITING_OF_KIND: dict[Kind, Limiting] = {
+    Kind.UNKNOWN: Limiting.UNKNOWN_TERRAIN,
+    Kind.RISE: Limiting.STEP,
+    Kind.DROP: Limiting.STEP,
+    Kind.TWIST: Limiting.STEP,
+    Kind.UNDERSIDE: Limiting.CLEARANCE,
+    Kind.FRONT: Limiting.BODY,
+    Kind.REAR: Limiting.BODY,
+    Kind.SIDE: Limiting.BODY,
+}
+
 
 _WHAT = {
     Kind.RISE: "a step of {height:.2f} m up under the {wheel} wheel",
@@ -22,13 +51,29 @@ _WHAT = {
 }
 
 
-def obstacle_of(finding: Finding, pose: Pose, sizes: SweptSizes, departure: str = "") -> Obstacle:
-    """Finding that blocks a pose, as text. ``departure``: where the vehicle comes from."""
-    x = pose.x + finding.ahead * pose.heading_x - finding.aside * pose.heading_y
-    y = pose.y + finding.ahead * pose.heading_y + finding.aside * pose.heading_x
-    kind = Kind(finding.kind)
-    text = _sentence(finding, kind, (x, y), sizes) + departure
-    return Obstacle(LIMITING_OF_KIND[kind], x, y, finding.height, text)
+def obstacle_of(
+    finding: Floats, pose: tuple[float, ...], sizes: SweptSizes, departure: str
+) -> Obstacle:
+    """Finding of the core that blocks a pose, as text.
+
+    Args:
+        finding: (4,) :class:`Kind`, height of what is met, and where, ahead and aside of the pose
+            [m].
+        pose: middle of the wheelbase [m], unit vector of travel.
+        sizes: vehicle sizes on this map.
+        departure: where the vehicle comes from, empty where that did not matter.
+    """
+    (code, height, ahead, aside), (at_x, at_y, heading_x, heading_y) = finding.tolist(), pose
+    x = at_x + ahead * heading_x - aside * heading_y
+    y = at_y + ahead * heading_y + aside * heading_x
+    kind, where = Kind(int(code)), f"at x {x:.2f} m, y {y:.2f} m"
+    text = f"unknown ground under the body {where}"
+    if kind is not Kind.UNKNOWN:
+        side = "left" if aside > 0.0 else "right"
+        wheel = f"{'front' if ahead > 0.0 else 'rear'} {side}"
+        what = _WHAT[kind].format(height=height, wheel=wheel, side=side)
+        text = f"{what} {where}, {_limit(kind, sizes)}"
+    return Obstacle(LIMITING_OF_KIND[kind], x, y, height, text + departure)
 
 
 def departure_sentence(offset: float, turned: float) -> str:
@@ -38,16 +83,6 @@ def departure_sentence(offset: float, turned: float) -> str:
         f", on the way to the path from {abs(offset):.2f} m {side} of it, "
         f"{abs(math.degrees(turned)):.0f}° off its heading"
     )
-
-
-def _sentence(finding: Finding, kind: Kind, at: tuple[float, float], sizes: SweptSizes) -> str:
-    where = f"at x {at[0]:.2f} m, y {at[1]:.2f} m"
-    if kind is Kind.UNKNOWN:
-        return f"unknown ground under the body {where}"
-    side = "left" if finding.aside > 0.0 else "right"
-    wheel = f"{'front' if finding.ahead > 0.0 else 'rear'} {side}"
-    what = _WHAT[kind].format(height=finding.height, wheel=wheel, side=side)
-    return f"{what} {where}, {_limit(kind, sizes)}"
 
 
 def too_tight(x: float, y: float, curvature: float, max_curvature: float) -> str:
@@ -66,32 +101,19 @@ def _limit(kind: Kind, sizes: SweptSizes) -> str:
     return f"the clearance is {sizes.clearance:.3g} m"
 
 
-def cannot_see(sizes: SweptSizes, resolution: float) -> str:
-    """Hazards that a map of this resolution [m] does not show, empty where it shows all."""
-    if sizes.fine:
-        return ""
-    return (
-        f"cells of {resolution:g} m do not show steps, twist and roughness: nothing smaller than "
-        f"{2.0 * resolution:g} m is judged, the wheels' radius is {sizes.radius:g} m"
-    )
-
-
 def notes(vehicle: Vehicle, elevation_map: ElevationMap) -> tuple[str, ...]:
-    """Warnings about the map and about sizes."""
-    resolution = elevation_map.resolution
-    warnings = (
-        cannot_see(swept_sizes(vehicle, resolution), resolution),
-        *sight_notes(elevation_map, vehicle),
-        assumed_sizes(vehicle.shape),
-    )
-    return tuple(note for note in warnings if note)
-
-
-def assumed_sizes(shape: Shape) -> str:
-    """Which sizes of the body the model lacks, empty where it has all."""
-    if not shape.assumed:
-        return ""
-    return (
-        f"assumed from the wheel radius: {', '.join(shape.assumed)} (clearance "
-        f"{shape.clearance:.2g} m, step {shape.max_step:.2g} m, width {shape.width:.2g} m)"
-    )
+    """Warnings about the map and about sizes that the model lacks."""
+    resolution, radius, shape = elevation_map.resolution, vehicle.wheel_radius, vehicle.shape
+    warnings = list(sight_notes(elevation_map, vehicle))
+    if resolution > radius:
+        warnings.insert(
+            0,
+            f"cells of {resolution:g} m do not show steps, twist and roughness: nothing smaller "
+            f"than {2.0 * resolution:g} m is judged, the wheels' radius is {radius:g} m",
+        )
+    if shape.assumed:
+        warnings.append(
+            f"assumed from the wheel radius: {', '.join(shape.assumed)} (clearance "
+            f"{shape.clearance:.2g} m, step {shape.max_step:.2g} m, width {shape.width:.2g} m)"
+        )
+    return tuple(warnings)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,13 +13,45 @@ from slopewise.models.arrays import Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.input_errors import InputErrors
 from slopewise.models.parameters import Model
+from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.body_pose import BodyRows
 from slopewise.planner.ground.terrain_profile import TerrainProfile
-from slopewise.planner.swept.broad_phase import broad_phase_for
 from slopewise.planner.swept.convergence import Convergence, Departure, convergence
 from slopewise.planner.swept.sentences import departure_sentence
 from slopewise.planner.swept.sizes import SweptSizes
-from slopewise.planner.swept.tube import COARSE, tube_of
+
+_CELL_SHARE = 0.5
+"""Bands of one map are rounded up to this share of a cell [1], so that its broad phase serves all
+candidates of a cycle and of the next ones."""
+
+_COARSE = 0.05
+"""Sizes that change with each pose are rounded up to that [m], for the same reason."""
+
+_CACHED = 4
+"""Broad phases that are cached [1]: one in use, the next, and those of two comparisons."""
+
+_MARGIN = 0.1
+"""Share of the extent of all candidates by which more is covered of a map that stays: later ones
+are farther along."""
+
+
+class BandWidth(NamedTuple):
+    """How far a vehicle may be off its line, for the broad phase.
+
+    Attributes:
+        widest: by how much the reference point may be off, at most [m].
+        turned: sine of the heading error.
+        body_offset: distance from the reference point ahead to mid-wheelbase [m].
+    """
+
+    widest: float
+    turned: float
+    body_offset: float
+
+
+_Key = tuple[ElevationMap, SweptSizes, BandWidth | None]
+_recent: tuple[tuple[_Key, core.BroadPhase], ...] = ()
+"""Replaced as a whole, never changed: threads need no lock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +99,7 @@ class Sweeper:
         if converging is not None:
             body, added_band = converging.body, converging.across
             # In steps, so that the broad phase serves the next poses as well.
-            longer = COARSE * math.ceil(converging.longer / COARSE)
+            longer = _COARSE * math.ceil(converging.longer / _COARSE)
             sizes = sizes._replace(front=sizes.front + longer, rear=sizes.rear + longer)
         stations, candidates = body.x.shape
         code, found = np.empty((stations, candidates), np.int64), np.zeros((candidates, 4))
@@ -109,25 +141,18 @@ class Sweeper:
             profile: M candidates of at least as many stations as poses.
             poses: of them, nothing noted yet. added_band: to that of tracking errors, (N, M) [m].
         """
-        stations, ground = len(poses.code), self.elevation_map
-        tube = tube_of(
-            self.errors,
-            profile.curvature[:stations],
-            self.model.steering_geometry.body_offset,
-            ground.resolution,
-            added_band,
-        )
-        across, band = (None, None) if tube is None else tube
-        body = poses.body
-        searched = broad_phase_for(ground, sizes, band, body.x, body.y).sweep(
-            body,
-            profile,
-            self.spacing,
-            across,
-            self.blocks,
-            poses.code,
-            poses.found,
-        )
+        across = band = None
+        if added_band is not None or self.errors.has_band:
+            across = self.errors.across(profile.curvature[: len(poses.code)])
+            step = _CELL_SHARE * self.elevation_map.resolution
+            if added_band is not None:
+                across, step = across + added_band, max(step, _COARSE)
+            widest = step * math.ceil(float(across.max()) / step)
+            ahead = self.model.steering_geometry.body_offset
+            band = BandWidth(widest, math.sin(self.errors.heading), ahead)
+        body, (code, found) = poses.body, (poses.code, poses.found)
+        grid = broad_phase_for(self.elevation_map, sizes, band, body.x, body.y)
+        searched = grid.sweep(body, profile, self.spacing, across, self.blocks, code, found)
         return replace(poses, searched=searched)
 
     def with_convergence(
@@ -180,3 +205,27 @@ def _only(profile: TerrainProfile, lanes: Ints) -> TerrainProfile:
 def _columns(rows: Iterable[Any], lanes: Ints) -> list[Any]:
     """Columns of arrays (N, M), each of them contiguous."""
     return [np.ascontiguousarray(row[:, lanes]) for row in rows]
+
+
+def broad_phase_for(
+    elevation_map: ElevationMap, sizes: SweptSizes, band: BandWidth | None, x: Floats, y: Floats
+) -> core.BroadPhase:
+    """The broad phase of the part of a map, which never changes, around positions.
+
+    Args:
+        elevation_map: ground.
+        sizes: vehicle sizes on it.
+        band: how far the vehicle may be off its line, None if it is exactly on it.
+        x, y: (N, M) middles of the wheelbase [m]; those beyond the map are taken as on its edge.
+    """
+    global _recent
+    margin = 0.0
+    for (ground, *vehicle), grid in _recent:
+        if ground is elevation_map and vehicle == [sizes, band]:
+            if grid.covers(x, y):
+                return grid
+            margin = _MARGIN
+    heights, resolution = elevation_map.elevation, elevation_map.resolution
+    grid = core.BroadPhase(heights, *elevation_map.origin, resolution, sizes, band, x, y, margin)
+    _recent = (((elevation_map, sizes, band), grid), *_recent[: _CACHED - 1])
+    return grid

@@ -166,6 +166,6 @@ def screen(
     """
     limit = ground.fastest
     for bound in (speed_limit, rough_speed):
-        limit = limit if bound is None or bound.size == 0 else np.minimum(limit, bound)
+        limit = limit if bound is None else np.minimum(limit, bound)
     terms = terms_of(model, ground.motion, ground.errors, all_loads=False)
     return core.verify_batch(profile, ground, limit, speed_sq, bounds.clear_distance, terms)

@@ -20,7 +20,7 @@ from slopewise.planner.ground.surface_cache import surface_cache_of
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.settings import PlannerSettings
-from slopewise.planner.swept.findings import LIMITING_OF_KIND, Kind
+from slopewise.planner.swept.sentences import LIMITING_OF_KIND, Kind
 from slopewise.planner.swept.sizes import swept_sizes
 from slopewise.planner.verify.ground import GROUND_TOLERANCE, body_sizes, ground_limits
 from slopewise.planner.verify.terms import terms_of

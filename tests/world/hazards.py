@@ -35,13 +35,13 @@ class Met:
     @property
     def bar(self) -> int:
         """Code of the first blocked station, 0 without one."""
-        codes = self.hazards.rows.code[:, 0]
+        codes = self.hazards.code[:, 0]
         return int(codes[np.argmax(codes > 0)])
 
     @property
     def station(self) -> int:
         """Index of that station, -1 without one."""
-        codes = self.hazards.rows.code[:, 0]
+        codes = self.hazards.code[:, 0]
         return int(np.argmax(codes > 0)) if codes.any() else -1
 
     @property
@@ -52,7 +52,7 @@ class Met:
     @property
     def slowest(self) -> float:
         """The lowest rough speed of all stations [m/s]."""
-        rough = self.hazards.rows.rough_speed
+        rough = self.hazards.rough_speed
         return float(rough.min()) if rough.size else np.inf
 
 

@@ -14,8 +14,9 @@ import pytest
 from slopewise.planner.ground.terrain_profile import terrain_profile
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.swept.hazards import swept_hazards
+from slopewise.planner.swept.sentences import notes
 from tests.world.ground import Height, arc, straight
-from tests.world.hazards import ground, met
+from tests.world.hazards import MODELS, ground, met
 from tests.world.vehicles import model_of, tables_with
 
 STEP, CLEARANCE, BODY = int(Limiting.STEP), int(Limiting.CLEARANCE), int(Limiting.BODY)
@@ -148,8 +149,10 @@ def test_a_coarse_map_says_what_it_cannot_see() -> None:
     hazards = met(coarse, straight(20.0))
     assert hazards.bar == 0
     assert np.min(hazards.slowest) > 2.0  # its kinks of 8.5° are all that it shows
-    assert "1 m" in hazards.hazards.unseen
-    assert met(ground(box((9.0, 90.0), EVERYWHERE, 0.05)), straight(20.0)).hazards.unseen == ""
+    vehicle = MODELS[0].vehicle
+    assert "cells of 1 m do not show steps" in notes(vehicle, coarse)[0]
+    fine = ground(box((9.0, 90.0), EVERYWHERE, 0.05))
+    assert not any("cells of" in note for note in notes(vehicle, fine))
     # A wall larger than a cell is a hazard.
     wall = ground(box((9.0, 10.0), (-1.0, 1.0), 3.0), 1.0, y=(-8.0, 8.0))
     assert met(wall, straight(20.0)).bar in (CLEARANCE, BODY)
@@ -192,7 +195,7 @@ def test_a_washboard_slows_as_the_closed_form_says(
     expected = allowed(5.0, 4.0, height, length, hertz, damping)
     assert expected < 4.0
     hazards = met(ground(wave(height, length), 0.05, x=(-3.0, 27.0)), straight(24.0), tables)
-    middle = hazards.hazards.rows.rough_speed[200:-60, 0]
+    middle = hazards.hazards.rough_speed[200:-60, 0]
     assert hazards.bar == 0
     # Speeds between those that are tried are on the slow side.
     assert 0.90 * expected < middle.min() <= middle.max() < 1.05 * expected
@@ -210,7 +213,7 @@ def test_it_slows_before_the_washboard_and_until_the_rear_wheels_are_over_it() -
         return 0.04 * np.sin(2.0 * np.pi * x) * ((x > 9.0) & (x < 12.0))
 
     hazards = met(ground(patch), straight(20.0))
-    x, rough = hazards.profile.x[:, 0], hazards.hazards.rows.rough_speed[:, 0]
+    x, rough = hazards.profile.x[:, 0], hazards.hazards.rough_speed[:, 0]
     slow = rough < 3.0
     assert x[slow].min() < 9.0
     assert x[slow].max() > 12.0
@@ -224,13 +227,13 @@ def test_a_resonance_blocks_the_speeds_beyond_it() -> None:
     args = (0.015, 2.0, 1.0, 0.05)
     assert quarter_car(2.0, *args) > 5.0 > quarter_car(3.6, *args)
     hazards = met(ground(wave(*args[:2]), x=(-3.0, 35.0)), straight(30.0), tables)
-    assert hazards.hazards.rows.rough_speed[200:-20, 0].max() < 2.1
+    assert hazards.hazards.rough_speed[200:-20, 0].max() < 2.1
 
 
 def test_the_start_does_not_forget_the_ground_behind() -> None:
     """On the washboard from the first station on, as a cycle of a moving vehicle begins."""
     hazards = met(ground(wave(0.04, 1.0), x=(-9.0, 25.0)), straight(20.0))
-    rough = hazards.hazards.rows.rough_speed[:, 0]
+    rough = hazards.hazards.rough_speed[:, 0]
     assert rough[:5].max() < 1.15 * rough[50:150].mean()
 
 
@@ -246,7 +249,7 @@ def test_a_short_first_step_is_no_spacing(short: float) -> None:
         y, counts = np.zeros_like(x), np.array([len(x)])
         vehicle = model.vehicle
         profile = terrain_profile(scene, x, y, counts, vehicle)
-        hazards.append(swept_hazards(scene, profile, model).rows.rough_speed[:, 0])
+        hazards.append(swept_hazards(scene, profile, model).rough_speed[:, 0])
     np.testing.assert_allclose(hazards[1][10:], hazards[0][10:], rtol=0.1)
     assert np.all(hazards[2] > 0.0)
 

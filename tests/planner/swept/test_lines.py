@@ -98,7 +98,7 @@ ONLY_STEPS = (Limiting.UNKNOWN_TERRAIN, Limiting.CLEARANCE, Limiting.BODY)
 
 def first_blocked(hazards: Hazards) -> tuple[int, str]:
     """Index of the first blocked station and its message; the count where none is."""
-    code = hazards.rows.code[:, 0]
+    code = hazards.code[:, 0]
     k = int(np.argmax(code > 0)) if code.any() else len(code)
     obstacle = hazards.obstacle(0, k) if k < len(code) else None
     return k, "" if obstacle is None else obstacle.words

@@ -91,7 +91,7 @@ def test_roughness_speeds_are_as_defined(spacing: float, candidates: int) -> Non
     scene = ElevationMap(elevation=heights, resolution=0.1, origin=(-10.0, -2.0))
     path: CandidatePath = straight(8.0)
     profile = profile_of(model, scene, *[path] * candidates, spacing=spacing)
-    computed = swept_hazards(scene, profile, model).rows.rough_speed
+    computed = swept_hazards(scene, profile, model).rough_speed
     step = float(np.hypot(*(np.diff(row[:3, 0]) for row in (profile.x, profile.y))).max())
     before = math.ceil(2.0 * model.vehicle.wheelbase / step)
     x = np.concatenate([profile.x[0, 0] - step * np.arange(before, 0, -1), profile.x[:, 0]])

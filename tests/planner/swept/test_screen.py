@@ -19,10 +19,9 @@ from slopewise.models.parameters import Model
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.compiled_core import core
 from slopewise.planner.swept import hazards, sweeper
-from slopewise.planner.swept.broad_phase import broad_phase_for
 from slopewise.planner.swept.hazards import swept_hazards
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
-from slopewise.planner.swept.tube import BandWidth
+from slopewise.planner.swept.sweeper import BandWidth, broad_phase_for
 from tests.world.hazards import MODELS, Met, ground, met_by, rough_ground
 from tests.world.stages import profile_of
 
@@ -182,10 +181,10 @@ def test_what_a_candidate_meets_does_not_depend_on_the_others(resolution: float)
         for j, path in enumerate(paths):
             line = profile_of(model, scene, path)
             alone, n = swept_hazards(scene, line, model, errors=errors), len(line.x)
-            np.testing.assert_array_equal(together.rows.code[:n, j], alone.rows.code[:, 0])
-            rough = alone.rows.rough_speed[:, 0]
-            np.testing.assert_array_equal(together.rows.rough_speed[:n, j], rough)
-            k = int(np.argmax(alone.rows.code[:, 0] > 0))
+            np.testing.assert_array_equal(together.code[:n, j], alone.code[:, 0])
+            rough = alone.rough_speed[:, 0]
+            np.testing.assert_array_equal(together.rough_speed[:n, j], rough)
+            k = int(np.argmax(alone.code[:, 0] > 0))
             assert together.obstacle(j, k) == alone.obstacle(0, k)
             blocked, slowed = blocked + (k > 0), slowed + bool(np.isfinite(rough).any())
     assert blocked > 20
