@@ -4,7 +4,7 @@ from slopewise.models.arrays import Bools, Bytes, Floats, Ints, Singles
 from slopewise.models.averaging_windows import AveragingWindows
 from slopewise.planner.ground.body_pose import BodyRows
 from slopewise.planner.ground.braking_ground import BrakingGround
-from slopewise.planner.ground.surface_cache import SurfaceCache
+from slopewise.planner.ground.surfaces import SurfaceCache
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.planning_limits import PlanningLimits
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem

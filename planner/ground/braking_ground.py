@@ -21,7 +21,7 @@ from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.ground_terms import ground_terms
-from slopewise.planner.ground.surface_cache import surface_cache_of
+from slopewise.planner.ground.surfaces import surface_cache_of
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 

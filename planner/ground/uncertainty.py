@@ -103,7 +103,7 @@ class Uncertainty:
 
         Friction is not moved here: its lower end caps the force that stops the vehicle, its upper
         end the one that unloads the rear axle
-        (:func:`slopewise.planner.ground.surface_table.frictions`).
+        (:func:`slopewise.planner.ground.surfaces.frictions`).
         """
         model = promised(model, self.quantile)
         margin = self.load_margin(model)

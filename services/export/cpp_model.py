@@ -16,7 +16,7 @@ from slopewise.models.parameters import Model
 from slopewise.planner.ground.braking_ground import stop_errors
 from slopewise.planner.ground.height_grid import tyre_footprint
 from slopewise.planner.ground.sight import within_sight
-from slopewise.planner.ground.surface_cache import surface_cache_of
+from slopewise.planner.ground.surfaces import surface_cache_of
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.settings import PlannerSettings

@@ -13,7 +13,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import InputError
 from slopewise.models.parameters import Model
 from slopewise.models.surface_braking import SurfaceBraking
-from slopewise.planner.ground.surface_table import surface_table
+from slopewise.planner.ground.surfaces import surface_table
 from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.check.path_force import path_force_along
 from slopewise.services.check.path_ground import ground_under

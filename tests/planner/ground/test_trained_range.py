@@ -17,14 +17,15 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Braking
 from slopewise.models.quantity import Matrix
 from slopewise.planner.compiled_core import core
-from slopewise.planner.ground.hull_speed import hull_lines, lines
-from slopewise.planner.ground.surface_cache import SurfaceCache
-from slopewise.planner.ground.surface_table import (
+from slopewise.planner.ground.surfaces import (
     FASTEST,
     M_M,
     STEEPEST_DOWN,
     STEEPEST_UP,
     UP_M_M,
+    SurfaceCache,
+    hull_lines,
+    lines,
     surface_table,
 )
 from slopewise.planner.limiting import Limiting
