@@ -19,7 +19,6 @@ NO_PROFILE: int
 KIND_COUNT: int
 STOP_GUARD: float
 HOLDING: float
-SPENT: float
 CHECK_UNKNOWN: int
 CHECK_BODY: int
 SLOPE_MARGIN: float
@@ -92,7 +91,13 @@ def roughness_speeds(
     sizes: object,
     limits: tuple[float, float, float, float, float, float],
 ) -> Floats: ...
-def time_optimal(problem: ProfileProblem) -> tuple[Floats, Floats]: ...
+def time_optimal(problem: ProfileProblem) -> tuple[Floats, Floats]:
+    """Fastest profile under the bounds, v² (N, M) [m²/s²].
+
+    And (M,) the highest v² at the first station from which the bounds can still be kept; below
+    ``start_sq`` the profile begins there nevertheless [m²/s²].
+    """
+
 def average_heights(
     elevation: Floats,
     windows: AveragingWindows,
@@ -100,7 +105,9 @@ def average_heights(
     significance: float,
     known_share: float,
 ) -> Floats: ...
-def travel_cost(station: Floats, speed_sq: Floats, horizon_penalty: float) -> Floats: ...
+def travel_cost(station: Floats, speed_sq: Floats, horizon_penalty: float) -> Floats:
+    """Travel time, and this charge [s/m] for each metre on which nothing moves, (M,) [s]."""
+
 def smooth(problem: SmoothingProblem) -> tuple[int, Floats]: ...
 def smoothing_program(problem: SmoothingProblem) -> tuple[Floats, Floats, Floats]: ...
 def keep_inside(speed_sq: Floats, speed_sq_max: Floats) -> Floats: ...

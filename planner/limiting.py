@@ -137,7 +137,7 @@ BOUNDS: dict[Limiting, Bound] = {
     ),
     Limiting.DECEL: Bound(
         "service braking as hard as allowed",
-        "slopewise.planner.profile.time_optimal:time_optimal_profile",
+        "slopewise.planner._core:time_optimal",
         Lift(out_of_reach=("limits.decel",)),
         "#e6a100",
         dark_text=True,

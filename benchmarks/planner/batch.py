@@ -17,11 +17,12 @@ from numba import njit
 from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.bounds.speed_bounds import speed_bounds
+from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, solve
 from slopewise.planner.planning_limits import planning_limits
-from slopewise.planner.profile import time_optimal
+from slopewise.planner.profile.time_optimal import profile_problem
 from slopewise.planner.swept.hazards import swept_hazards
 
 from ..common.campaign import Result
@@ -104,8 +105,8 @@ def stages(scene: BenchmarkScene, solved: TimeOptimalBatch) -> dict[str, Callabl
         return terrain_profile(scene.elevation_map, *paths, model.vehicle)
 
     def fastest(decel: float) -> object:
-        problem = time_optimal.profile_problem(profile, ground, bounds, scalars, start)
-        return time_optimal.time_optimal_profile(problem._replace(decel=decel))
+        problem = profile_problem(profile, ground, bounds, scalars, start)
+        return core.time_optimal(problem._replace(decel=decel))
 
     def without_sweep() -> object:
         ahead = terrain()
@@ -128,7 +129,7 @@ def stages(scene: BenchmarkScene, solved: TimeOptimalBatch) -> dict[str, Callabl
         "bounds": lambda: speed_bounds(profile, ground, model, clear),
         "profile": lambda: fastest(limits.decel),
         "profile, brakes decide": lambda: fastest(_UNBOUNDED),
-        "cost": lambda: time_optimal.travel_cost(profile.station, solved.speed_sq, _PENALTY),
+        "cost": lambda: core.travel_cost(profile.station, solved.speed_sq, _PENALTY),
         "swept footprint": lambda: swept_hazards(scene.elevation_map, profile, model),
         "poses to ranked plans": lambda: np.argsort(scene.plan().cost),
         "the same without the swept footprint": without_sweep,

@@ -19,13 +19,16 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
+from slopewise.planner.compiled_core import core
+from slopewise.planner.ground.braking_ground import StopErrors
 from slopewise.planner.pipeline.candidates import finished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from slopewise.planner.planning_limits import planning_limits
-from slopewise.planner.profile import time_optimal as planner_profile
 from slopewise.planner.profile.reference import JerkLimitedReference
 from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.profile.time_optimal import ProfileProblem, profile_problem
+from slopewise.planner.verify.terms import terms_of
 from slopewise.planner.verify.track import track_of
 from slopewise.planner.verify.verifier import check
 
@@ -45,7 +48,7 @@ class BaselineTask:
 
     accel: float  # accel, decel: service limits [m/s²]
     decel: float
-    problem: planner_profile.ProfileProblem  # stations, bounds, brakes and drive
+    problem: ProfileProblem  # stations, bounds, brakes and drive
 
     @property
     def speed_max(self) -> Floats:
@@ -143,7 +146,7 @@ def tasks_of(scene: BenchmarkScene, candidates: Sequence[int]) -> list[BaselineT
     solved, limits = scene.plan(), scene.model.limits
     start = np.zeros(len(solved.profile.count))
     parts = (solved.profile, solved.ground, solved.bounds)
-    batch = planner_profile.profile_problem(*parts, planning_limits(scene.model), start)
+    batch = profile_problem(*parts, planning_limits(scene.model), start)
     tasks = []
     for j in candidates:
         count = int(solved.profile.count[j])
@@ -169,7 +172,7 @@ def time_optimal(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: i
 def profile_stage(task: BaselineTask) -> Callable[[], Floats]:
     """The planner's profile stage on one candidate, exact in brakes and drive."""
     problem = with_columns(task.problem, lambda values: values[:, None], task.problem.start_sq)
-    return lambda: planner_profile.time_optimal_profile(problem)[0][:, 0]
+    return lambda: core.time_optimal(problem)[0][:, 0]
 
 
 def jerk_limited(scene: BenchmarkScene, tasks: Sequence[BaselineTask], rounds: int) -> list[Result]:
@@ -216,8 +219,8 @@ def emitted(scene: BenchmarkScene, candidates: Sequence[int], rounds: int) -> li
         track = track_of(solved.profile, solved.ground, j)
         speed_sq = np.ascontiguousarray(solved.speed_sq[:, j])
         clear, offset = solved.bounds.clear_distance[j], solved.ground.distance_offset[j]
-        stops = (float(clear), float(offset), solved.ground.motion)
-        verify = partial(check, track, speed_sq, *stops, model)
+        terms = terms_of(model, solved.ground.motion, StopErrors())
+        verify = partial(check, track, speed_sq, float(clear), float(offset), terms)
         finish = partial(finished, solved, j, "plan", smooth=True)
         actions: tuple[Callable[[], Any], ...] = (verify, finish)
         for times, action in zip(seconds.values(), actions, strict=True):

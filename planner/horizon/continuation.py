@@ -18,7 +18,8 @@ from slopewise.planner.horizon.path_projection import PathProjection
 from slopewise.planner.horizon.polyline import Polyline, station_of
 from slopewise.planner.horizon.previous_plan import BEHIND, OfferedPath, PreviousPlan
 from slopewise.planner.path import PathBatch
-from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
+from slopewise.planner.pipeline.candidate_column import CandidateColumn
+from slopewise.planner.pipeline.plan_finalizer import Unfinished, keep
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from slopewise.planner.plan import Status
 from slopewise.planner.verify.verifier import Violations
@@ -134,17 +135,17 @@ class Continuation:
         i, plan = self._segment, self.previous.plan
         if solved.bounds.barrier_station[-1] >= ahead.first:
             last = len(solved.cost) - 1
-            finalizer = PlanFinalizer(solved, last, self._fixed_prefix, ahead.first)
+            column = CandidateColumn(solved, last, self._fixed_prefix, ahead.first)
         else:
-            ahead, finalizer = self._finalizer(extended=True, behind=BEHIND - 1)
-        speed_sq, reachable = finalizer.column.fastest()
+            ahead, column = self._column(extended=True, behind=BEHIND - 1)
+        speed_sq, reachable = column.fastest()
         if not reachable:
             return None
         profile = Unfinished(speed_sq, passed=True, start_accel=float(plan.accel[self._now[0]]))
-        first_try = [finalizer]
+        first_try = [column]
         answer = self.planner.finish(
             plan.candidate,
-            lambda: first_try.pop() if first_try else self._finalizer(extended=True)[1],
+            lambda: first_try.pop() if first_try else self._column(extended=True)[1],
             profile,
         )
         # A plan that cannot be repaired stands still, or brakes fully: that is for one that begins
@@ -156,9 +157,9 @@ class Continuation:
     def keep(self) -> tuple[PreviousPlan | None, Deficit | None]:
         """The remainder of the plan unchanged; or its deficit by what is known now."""
         i, plan = self._segment, self.previous.plan
-        ahead, finalizer = self._finalizer(extended=False)
+        ahead, column = self._column(extended=False)
         speed_sq = plan.speed[i:] ** 2
-        kept = finalizer.keep(plan.candidate, speed_sq)
+        kept = keep(column, plan.candidate, speed_sq)
         if kept is not None:
             if plan.status is Status.DEGRADED:
                 # Where it stops is stated by present knowledge.
@@ -168,7 +169,7 @@ class Continuation:
             return PreviousPlan.on(ahead.path, ahead.first, kept), None
         if plan.status is Status.DEGRADED:
             return None, None
-        verdict = finalizer.column.verify(speed_sq)
+        verdict = column.verify(speed_sq)
         kind = int(np.argmax(verdict.violation))
         k = int(verdict.where[0]) if len(verdict.where) else 0
         distance = float(plan.station[i + k]) - self.previous.station_at(self.projection)
@@ -178,14 +179,14 @@ class Continuation:
     def stop(self, why: str) -> PreviousPlan | None:
         """Service braking on this path, None if that breaches anything."""
         i, plan = self._segment, self.previous.plan
-        ahead, finalizer = self._finalizer(extended=False)
+        ahead, column = self._column(extended=False)
         station = plan.station[i:]
         decel = self.planner.model.limits.decel
         fixed = self._fixed_prefix
         slowing = fixed[-1] - 2.0 * decel * (station - station[len(fixed) - 1])
         speed_sq = np.minimum(plan.speed[i:] ** 2, np.maximum(slowing, 0.0))
         speed_sq[: len(fixed)] = fixed
-        stop = finalizer.keep(plan.candidate, speed_sq)
+        stop = keep(column, plan.candidate, speed_sq)
         if stop is None:
             return None
         reason = f"{why}: stops on the path driven so far"
@@ -195,9 +196,7 @@ class Continuation:
         stop = replace(stop, status=Status.DEGRADED, reason=reason, path_deviation=deviation)
         return PreviousPlan.on(ahead.path, ahead.first, stop)
 
-    def _finalizer(
-        self, *, extended: bool, behind: int = BEHIND
-    ) -> tuple[PathAhead, PlanFinalizer]:
+    def _column(self, *, extended: bool, behind: int = BEHIND) -> tuple[PathAhead, CandidateColumn]:
         """The path from the vehicle's segment on, verified with the stations behind it.
 
         Ground behind the vehicle that is not known any more, or never was, blocks nothing ahead:
@@ -208,7 +207,7 @@ class Continuation:
             solved = self.planner.solve(ahead.path, np.array([ahead.clear]), ahead.start)
             if solved.bounds.barrier_station[0] >= ahead.first:
                 break
-        return ahead, PlanFinalizer(solved, 0, self._fixed_prefix, ahead.first)
+        return ahead, CandidateColumn(solved, 0, self._fixed_prefix, ahead.first)
 
     @property
     def _fixed_prefix(self) -> Floats:

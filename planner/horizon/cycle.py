@@ -22,7 +22,8 @@ from slopewise.planner.horizon.previous_plan import (
 )
 from slopewise.planner.horizon.refusals import Drivable, drivable_of
 from slopewise.planner.path import PathBatch, joined
-from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
+from slopewise.planner.pipeline.candidate_column import CandidateColumn
+from slopewise.planner.pipeline.plan_finalizer import Unfinished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from slopewise.planner.plan import SpeedPlan, Status
 
@@ -221,7 +222,7 @@ class Cycle:
                 return PreviousPlan.on(path, 0, plan)
         plan = self._planner.finish(
             name,
-            lambda: PlanFinalizer(solved, j, start_sq),
+            lambda: CandidateColumn(solved, j, start_sq),
             Unfinished(solved.profile_of(j), not batch.too_fast[j], batch.passed(j), accel),
         )
         return PreviousPlan.on(path, 0, plan)
@@ -237,12 +238,12 @@ class Cycle:
             return None
         count = solved.profile.count[j]
         speed_sq, accel = self._continuation.driven(solved.profile.station[:count, j])
-        profile, is_reachable = PlanFinalizer(solved, j, speed_sq).column.fastest()
+        profile, is_reachable = CandidateColumn(solved, j, speed_sq).fastest()
         if len(speed_sq) == 1 or not is_reachable:
             return None
         plan = self._planner.finish(
             name,
-            lambda: PlanFinalizer(solved, j, speed_sq),
+            lambda: CandidateColumn(solved, j, speed_sq),
             Unfinished(profile, passed=True, start_accel=accel),
         )
         return None if plan.status is Status.INFEASIBLE else plan

@@ -17,7 +17,8 @@ from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
 from slopewise.planner.horizon.path_projection import departure_of
 from slopewise.planner.path import PathBatch
-from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
+from slopewise.planner.pipeline.candidate_column import CandidateColumn
+from slopewise.planner.pipeline.plan_finalizer import Unfinished, finish
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
@@ -74,13 +75,13 @@ class CyclePlanner:
         )
 
     def finish(
-        self, name: str, finalizer: Callable[[], PlanFinalizer], profile: Unfinished
+        self, name: str, column: Callable[[], CandidateColumn], profile: Unfinished
     ) -> SpeedPlan:
         """The plan of a candidate: smoothed, if there is time, and if the solver does not fail.
 
         Args:
             name: the candidate's.
-            finalizer: makes it; twice, if smoothing has to be given up.
+            column: makes it alone; twice, if smoothing has to be given up.
             profile: the time-optimal one.
         """
         why = ""
@@ -88,8 +89,8 @@ class CyclePlanner:
             why = f"not smoothed within {1e3 * self.settings.budget:g} ms"
         elif self.planning.smooth:
             try:
-                return finalizer().finish(name, profile)
+                return finish(column(), name, profile)
             except Exception as error:  # noqa: BLE001
                 # Any fault of a solver: the plan does not need it, and is labelled.
                 why = f"not smoothed: {type(error).__name__}: {error}"
-        return finalizer().finish(name, profile, smoothed=False, unsmoothed=why)
+        return finish(column(), name, profile, smoothed=False, unsmoothed=why)

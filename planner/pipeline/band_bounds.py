@@ -26,24 +26,25 @@ _SIDES = (1.0, -1.0)  # left, right
 
 
 class BandGround(NamedTuple):
-    """Ground next to candidates, and what plans on it are made with."""
+    """Ground on and next to candidates, and what plans on it are made with."""
 
     elevation_map: ElevationMap
-    model: Model
     errors: InputErrors
-    conditions: GroundConditions | None
-    uncertainty: Uncertainty | None
+    conditions: GroundConditions | None = None
+    uncertainty: Uncertainty | None = None
 
     @property
     def has_band(self) -> bool:
         """The reference point may be off the line."""
         return max(self.errors.cross_track, self.errors.cross_track_per_curvature) > 0.0
 
-    def bounds(self, profile: TerrainProfile, j: int, clear: float) -> tuple[Floats, Ints]:
+    def bounds(
+        self, profile: TerrainProfile, model: Model, j: int, clear: float
+    ) -> tuple[Floats, Ints]:
         """Lowest v² of both sides, and which bound it is, (N,) each [m²/s²].
 
         Args:
-            profile: a batch. j: index of the candidate.
+            profile: a batch. model: that of its plans. j: index of the candidate.
             clear: station before which it stops [m].
         """
         n, sides = int(profile.count[j]), len(_SIDES)
@@ -58,14 +59,14 @@ class BandGround(NamedTuple):
             twice(profile.x) - left * twice(profile.heading_y),
             twice(profile.y) + left * twice(profile.heading_x),
             np.full(sides, n, np.int64),
-            self.model.vehicle,
-            self.model.steering_geometry,
+            model.vehicle,
+            model.steering_geometry,
         )
         lateral = replace(lateral, station=twice(profile.station), curvature=curvature)
         ground = ground_along(
-            lateral, self.model, self.elevation_map.class_names, self.conditions, self.uncertainty
+            lateral, model, self.elevation_map.class_names, self.conditions, self.uncertainty
         )
-        bounds = speed_bounds(lateral, ground, self.model, np.full(sides, clear))
+        bounds = speed_bounds(lateral, ground, model, np.full(sides, clear))
         side = bounds.speed_sq_max.argmin(axis=1)
         row = np.arange(n)
         return bounds.speed_sq_max[row, side], bounds.limiting[row, side]

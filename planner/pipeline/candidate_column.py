@@ -18,9 +18,9 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.momentum import momentum_over
 from slopewise.planner.pipeline.time_optimal_batch import ROUNDING, TimeOptimalBatch
 from slopewise.planner.plan import Momentum, Obstacle
-from slopewise.planner.profile.time_optimal import ProfileProblem, time_optimal_profile
+from slopewise.planner.profile.time_optimal import ProfileProblem
 from slopewise.planner.verify.ground import GroundFinding, first_blocked
-from slopewise.planner.verify.terms import BETWEEN
+from slopewise.planner.verify.terms import terms_of
 from slopewise.planner.verify.track import track_of
 from slopewise.planner.verify.verifier import Verification, check
 
@@ -96,23 +96,22 @@ class CandidateColumn:
         columns = (np.ascontiguousarray(a[first:n, j]) for a in (*rows, ground.braking_intercept))
         self._changes = ChangeBounds(*columns)
         self.demand = self._changes.demand
-        self._motion, self.errors = ground.motion, ground.errors
+        self.errors = ground.errors
+        self._terms = terms_of(self.model, ground.motion, self.errors)
         self._sine = np.sin(self.track.grade)
         self.blocked: GroundFinding | None = None
-        if solved.view is not None:
-            reach = first, float(bounds.clear_distance[j])
-            found = first_blocked(solved.view, profile, bounds.even_ground, solved.model, j, reach)
-            if found is not None:
-                self._stop_before(found._replace(station=found.station - profile.station[first, j]))
-        self.at_side = np.zeros(n - first, bool)
-        if solved.band is not None:
-            self._keep_to(*solved.band.bounds(profile, j, float(bounds.clear_distance[j])))
-
-    def _keep_to(self, speed_sq: Floats, limiting: Ints) -> None:
-        """Lower the bounds to those of ground next to the path; stations as of the batch."""
-        first = self._index[1]
-        self.at_side = self._lower(speed_sq[first:], limiting[first:])
-        np.minimum(self.track.speed_limit, np.sqrt(self.bound), out=self.track.speed_limit)
+        self.at_side, around = np.zeros(n - first, bool), solved.around
+        if around is None:
+            return
+        clear, ground = float(bounds.clear_distance[j]), bounds.even_ground
+        seen = around.elevation_map, around.errors
+        found = first_blocked(*seen, profile, ground, self.model, j, (first, clear))
+        if found is not None:
+            self._stop_before(found._replace(station=found.station - profile.station[first, j]))
+        if around.has_band:
+            speed_sq, limiting = around.bounds(profile, self.model, j, clear)
+            self.at_side = self._lower(speed_sq[first:], limiting[first:])
+            np.minimum(self.track.speed_limit, np.sqrt(self.bound), out=self.track.speed_limit)
 
     def _stop_before(self, finding: GroundFinding) -> None:
         """End the clear distance where the verifier finding what blocks the path.
@@ -209,20 +208,13 @@ class CandidateColumn:
 
         Changes of speed and what is between stations do not count for ``stations_only``.
         """
-        return check(
-            self.track,
-            speed_sq,
-            self.clear,
-            self.offset,
-            self._motion,
-            self.model,
-            even=self.even,
-            errors=self.errors,
-            decel=decel,
-            barrier=None if self.blocked is None else self.barrier,
-            between=0 if stations_only else BETWEEN,
-            changes=not stations_only,
-        )
+        terms = self._terms
+        if stations_only:
+            terms = terms._replace(between=0, changes=False)
+        if decel is not None:
+            terms = terms._replace(limits=terms.limits._replace(decel=decel))
+        barrier = None if self.blocked is None else self.barrier
+        return check(self.track, speed_sq, self.clear, self.offset, terms, self.even, barrier)
 
     def fastest(self) -> tuple[Floats, bool]:
         """The fastest profile with the fixed prefix; and does service braking get it there?"""
@@ -256,7 +248,7 @@ class CandidateColumn:
             lift,
             lift_per_speed_sq,
         )
-        answer, reachable = time_optimal_profile(problem)
+        answer, reachable = core.time_optimal(problem)
         return answer[:, 0], float(reachable[0])
 
     def full_braking(self, k: int, speed_sq: float) -> float:

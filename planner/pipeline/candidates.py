@@ -23,7 +23,8 @@ from slopewise.planner.ground.sight import within_sight
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.path import EvenPath, PathBatch, behind_the_front, resample, side_by_side
 from slopewise.planner.path_deviation import path_deviation
-from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
+from slopewise.planner.pipeline.candidate_column import CandidateColumn
+from slopewise.planner.pipeline.plan_finalizer import Unfinished, finish
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
@@ -140,6 +141,5 @@ class CandidatePlanner:
 def finished(solved: TimeOptimalBatch, j: int, name: str, *, smooth: bool) -> SpeedPlan:
     """Candidate j of a batch smoothed, judged and explained."""
     profile = Unfinished(solved.profile_of(j), reachable=bool(solved.reachable[j]))
-    return PlanFinalizer(solved, j, solved.start_sq[j : j + 1]).finish(
-        name, profile, smoothed=smooth
-    )
+    column = CandidateColumn(solved, j, solved.start_sq[j : j + 1])
+    return finish(column, name, profile, smoothed=smooth)

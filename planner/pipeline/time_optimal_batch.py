@@ -14,21 +14,17 @@ from slopewise.models.arrays import Bools, Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
+from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import BrakingGround, GroundConditions, ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.band_bounds import BandGround
 from slopewise.planner.planning_limits import PlanningLimits, planning_limits
-from slopewise.planner.profile.time_optimal import (
-    profile_problem,
-    time_optimal_profile,
-    travel_cost,
-)
+from slopewise.planner.profile.time_optimal import profile_problem
 from slopewise.planner.settings import PlannerSettings, Solver
 from slopewise.planner.swept.convergence import Departure
 from slopewise.planner.swept.hazards import Hazards, swept_hazards
-from slopewise.planner.verify.ground import GroundView
 
 ROUNDING = 1e-9
 """Excess of v² at the start over what service braking can bring down [m²/s²]."""
@@ -48,8 +44,7 @@ class TimeOptimalBatch:
         cost: (M,) travel time plus the charge for what is not reached [s].
         hazards: what body and wheels meet.
         solver: that smooths what is emitted.
-        view: map and errors that finished plans are verified by; None for what-if questions.
-        band: ground next to the candidates, where the vehicle may be off them; else None.
+        around: map and errors that finished plans are verified by; None for what-if questions.
     """
 
     model: Model
@@ -64,8 +59,7 @@ class TimeOptimalBatch:
     cost: Floats
     hazards: Hazards
     solver: Solver = "interior_point"
-    view: GroundView | None = None
-    band: BandGround | None = None
+    around: BandGround | None = None
 
     @property
     def reachable(self) -> Bools:
@@ -119,10 +113,8 @@ def time_optimal_batch(
         settings=settings,
         hazards=swept_hazards(elevation_map, profile, model, errors=errors, departure=departure),
     )
-    band = BandGround(elevation_map, model, errors, conditions, uncertainty)
-    return replace(
-        solved, view=GroundView(elevation_map, errors), band=band if band.has_band else None
-    )
+    around = BandGround(elevation_map, errors, conditions, uncertainty)
+    return replace(solved, around=around)
 
 
 def solve(
@@ -162,13 +154,12 @@ def solve(
         holds_anywhere=holds_anywhere,
     )
     ground = bounds.ground
-    speed_sq, reachable = time_optimal_profile(
-        profile_problem(profile, ground, bounds, scalars, start_sq)
-    )
+    problem = profile_problem(profile, ground, bounds, scalars, start_sq)
+    speed_sq, reachable = core.time_optimal(problem)
     # No plan is slowed down for a start that is too fast by rounding alone.
     speed_sq[0] = np.where(reachable >= start_sq - ROUNDING, start_sq, speed_sq[0])
     settings = settings or PlannerSettings()
-    cost = travel_cost(profile.station, speed_sq, settings.horizon_penalty)
+    cost = core.travel_cost(profile.station, speed_sq, settings.horizon_penalty)
     return TimeOptimalBatch(
         model,
         scalars,

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from slopewise.models.arrays import Floats
 from slopewise.planner.bounds.speed_bounds import SpeedBounds
-from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.planning_limits import PlanningLimits
@@ -70,24 +69,3 @@ def profile_problem(
         bounds.lift,
         bounds.lift_per_speed_sq,
     )
-
-
-def time_optimal_profile(problem: ProfileProblem) -> tuple[Floats, Floats]:
-    """Fastest profile under the bounds.
-
-    Returns:
-        v² (N, M), and (M,) the highest v² at the first station from which the bounds can still be
-        kept; below ``start_sq`` the profile begins there nevertheless [m²/s²].
-    """
-    return core.time_optimal(problem)
-
-
-def travel_cost(station: Floats, speed_sq: Floats, horizon_penalty: float) -> Floats:
-    """Travel time plus a charge for each metre not reached, (M,) [s].
-
-    Args:
-        station: (N, M) [m].
-        speed_sq: (N, M) v², linear between stations [m²/s²].
-        horizon_penalty: time charged for each metre on which the vehicle does not move [s/m].
-    """
-    return core.travel_cost(station, speed_sq, horizon_penalty)

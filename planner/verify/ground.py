@@ -92,13 +92,6 @@ class BodySizes(NamedTuple):
     body_offset: float
 
 
-class GroundView(NamedTuple):
-    """Input of the verifier: the map that wheels feel, and errors of tracking to survive."""
-
-    elevation_map: ElevationMap
-    errors: InputErrors
-
-
 class GroundFinding(NamedTuple):
     """The first place that blocks a candidate.
 
@@ -151,7 +144,8 @@ _BOUNDS = {
 
 
 def first_blocked(
-    view: GroundView,
+    grid: ElevationMap,
+    errors: InputErrors,
     profile: TerrainProfile,
     ground: BrakingGround,
     model: Model,
@@ -161,7 +155,7 @@ def first_blocked(
     """The first place of a candidate that the vehicle must not come to, None without one.
 
     Args:
-        view: map and errors.
+        grid: the map that wheels feel. errors: of tracking, to survive.
         profile, ground: those of the batch; only positions, stations, curvature and braking force
             at rest are used.
         model: vehicle and braking.
@@ -171,7 +165,6 @@ def first_blocked(
     """
     (first, end), j = reach, candidate
     n = int(profile.count[j])
-    grid, errors = view.elevation_map, view.errors
 
     def column(rows: Floats) -> Floats:
         return np.ascontiguousarray(rows[:n, j])

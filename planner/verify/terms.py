@@ -62,7 +62,9 @@ class Terms(NamedTuple):
     changes: bool = True
 
 
-def terms_of(model: Model, motion: MotionTerms, errors: StopErrors, *, all_loads: bool) -> Terms:
+def terms_of(
+    model: Model, motion: MotionTerms, errors: StopErrors, *, all_loads: bool = True
+) -> Terms:
     """Terms of a model with these effects on the motion and these errors."""
     v, geometry = model.vehicle, model.steering_geometry
     rim = model.terrain.slip_track if v.drive == "skid_steer" else v.track_width

@@ -14,14 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from slopewise.models.arrays import Floats, Ints
-from slopewise.models.effects.registry import MotionTerms
 from slopewise.models.parameters import Model
 from slopewise.planner.bounds.speed_bounds import SpeedBounds
 from slopewise.planner.compiled_core import core
-from slopewise.planner.ground.braking_ground import BrakingGround, StopErrors
+from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
-from slopewise.planner.verify.terms import BETWEEN, TIME_STEP, terms_of
+from slopewise.planner.verify.terms import Terms, terms_of
 from slopewise.planner.verify.track import Track
 
 
@@ -98,16 +97,9 @@ def check(
     speed_sq: Floats,
     clear_distance: float,
     distance_offset: float,
-    motion: MotionTerms,
-    model: Model,
-    *,
+    terms: Terms,
     even: Track | None = None,
-    errors: StopErrors | None = None,
-    decel: float | None = None,
     barrier: Limiting | None = None,
-    between: int = BETWEEN,
-    time_step: float = TIME_STEP,
-    changes: bool = True,
 ) -> Verification:
     """Judge one plan.
 
@@ -116,24 +108,14 @@ def check(
         speed_sq: (N,) v², linear between stations [m²/s²].
         clear_distance: station before which every stop must end [m].
         distance_offset: safety offset of the model [m].
-        motion: effects on the motion.
-        model: vehicle and limits.
+        terms: vehicle, limits and errors; their deceleration is inf for an emergency.
         even: the candidate with the whole of the force, for the stops that are reported; the
             same if omitted.
-        errors: of speed and map that every stop has to survive; none if omitted.
-        decel: planned deceleration allowed, inf for an emergency; the model's if omitted.
         barrier: bound of the ground that ends the clear distance, where the verifier itself found
             it: a stop that ends beyond counts as a violation of that.
-        between: points inside each segment to try as well.
-        changes: verify changes of speed and steering angle as well, not only stops and held speeds.
-        time_step: step of the integrator [s].
 
     Nothing raises: what is not a number, or does not stop, is a breach by infinity.
     """
-    terms = terms_of(model, motion, errors or StopErrors(), all_loads=True)
-    terms = terms._replace(between=between, time_step=time_step, changes=changes)
-    if decel is not None:
-        terms = terms._replace(limits=terms.limits._replace(decel=decel))
     beyond = Violations._fields.index("overrun" if barrier is None else barrier.label)
     (stop_distance, rear_load, side_load), worst, broken = core.verify(
         track, even or track, speed_sq, clear_distance, distance_offset, beyond, terms

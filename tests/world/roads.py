@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from slopewise.planner.compiled_core import core
 from slopewise.planner.planning_limits import PlanningLimits, planning_limits
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
-from slopewise.planner.profile.time_optimal import ProfileProblem, time_optimal_profile
+from slopewise.planner.profile.time_optimal import ProfileProblem
 from tests.world.vehicles import G, model_of, tables_with
 
 BIG = 1e9
@@ -48,7 +49,7 @@ class Road:
         problem = ProfileProblem(
             *columns, np.array([self.start**2]), limits.decel, limits.specific_power
         )
-        speed_sq, reachable = time_optimal_profile(problem._replace(**options))
+        speed_sq, reachable = core.time_optimal(problem._replace(**options))
         return speed_sq[:, 0], float(reachable[0])
 
     def braking(self, k: int, v: float) -> float:

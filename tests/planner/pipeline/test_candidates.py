@@ -20,7 +20,6 @@ from slopewise.planner.pipeline import plan_finalizer
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.profile.smoothing import Smoothed, SmoothingProblem, smooth
-from slopewise.planner.profile.time_optimal import travel_cost
 from slopewise.planner.settings import PlannerSettings
 from tests.world.ground import arc, ground_map, hills, plane, straight
 from tests.world.plans import assert_sound, at, plan_one
@@ -253,7 +252,7 @@ def test_alone_or_in_a_crowd_of_more_than_one_batch_a_candidate_is_the_same() ->
 def test_ranking_is_travel_time_plus_a_charge_for_what_is_not_reached() -> None:
     station = np.stack([np.arange(5.0)] * 2, axis=1)
     speed_sq = np.array([(4.0, 4.0), (4.0, 4.0), (4.0, 0.0), (4.0, 0.0), (4.0, 0.0)])
-    cost = travel_cost(station, speed_sq, 3.0)
+    cost = core.travel_cost(station, speed_sq, 3.0)
     np.testing.assert_allclose(cost, [4 / 2.0, 1 / 2.0 + 2.0 / 2.0 + 3.0 * 2.0])
 
 

@@ -26,8 +26,9 @@ from slopewise.planner.horizon.answer import HorizonSettings, PlanarState
 from slopewise.planner.horizon.horizon import Horizon
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.path import batch
+from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.candidates import CandidatePlanner
-from slopewise.planner.pipeline.plan_finalizer import PlanFinalizer, Unfinished
+from slopewise.planner.pipeline.plan_finalizer import Unfinished, finish
 from slopewise.planner.pipeline.ranking import rank, ranking_cost, travel_cost
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from slopewise.planner.plan import Momentum, SpeedPlan, Status
@@ -230,10 +231,8 @@ def test_an_emergency_stop_keeps_its_label_where_there_is_no_time_to_smooth() ->
         clear=np.array([1.0]),
         settings=PlannerSettings(),
     )
-    finalizer = PlanFinalizer(solved, 0, solved.start_sq)
-    plan = finalizer.finish(
-        "a", Unfinished(solved.profile_of(0)), smoothed=False, unsmoothed="late"
-    )
+    column, given = CandidateColumn(solved, 0, solved.start_sq), Unfinished(solved.profile_of(0))
+    plan = finish(column, "a", given, smoothed=False, unsmoothed="late")
     assert plan.status is Status.INFEASIBLE
     assert "full braking" in plan.reason
 
@@ -317,13 +316,12 @@ def test_a_repaired_plan_names_what_lowered_it() -> None:
     model = model_of(ATV)
     solved = time_optimal_batch(plane(), batch([arc(15.0, 0.35)], 0.25), model, start_speed=0.0)
     given = Unfinished(solved.profile_of(0))
-    sound = PlanFinalizer(solved, 0, solved.start_sq).finish("a", given, smoothed=False)
-    finalizer = PlanFinalizer(solved, 0, solved.start_sq)
-    column, turns = finalizer.column, slice(13, 18)
+    sound = finish(CandidateColumn(solved, 0, solved.start_sq), "a", given, smoothed=False)
+    column, turns = CandidateColumn(solved, 0, solved.start_sq), slice(13, 18)
     column.speed_sq_max = column.speed_sq_max.copy()
     column.bound[turns] *= 1.3
     column.speed_sq_max[turns], column.label[turns] = column.bound[turns], Limiting.ROUGHNESS
-    plan = finalizer.finish("a", Unfinished(column.fastest()[0]), smoothed=False)
+    plan = finish(column, "a", Unfinished(column.fastest()[0]), smoothed=False)
     assert set(sound.limiting[turns]) == {Limiting.LATERAL}
     assert set(plan.limiting[turns]) == {Limiting.LATERAL}
     assert np.all(plan.speed[turns] <= 1.001 * sound.speed_bound[turns])

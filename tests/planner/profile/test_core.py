@@ -14,8 +14,6 @@ from slopewise.planner.profile.smoothing import smooth
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.profile.time_optimal import (
     ProfileProblem,
-    time_optimal_profile,
-    travel_cost,
 )
 from tests.planner.profile import reference_profile as reference
 from tests.world.roads import problem_of, wavy
@@ -48,7 +46,7 @@ def test_profiles_and_costs_are_as_defined(seed: int) -> None:
     problem = problem._replace(
         lift=rng.uniform(-0.5, 2.0, shape), lift_per_speed_sq=rng.uniform(0.0, 1.0, shape)
     )
-    speed_sq, _ = time_optimal_profile(problem)
+    speed_sq, _ = core.time_optimal(problem)
     columns = *ProfileProblem._fields[:8], "lift", "lift_per_speed_sq"
     for j in range(speed_sq.shape[1]):
         rows = [
@@ -63,14 +61,14 @@ def test_profiles_and_costs_are_as_defined(seed: int) -> None:
     total = speed[1:] + speed[:-1]
     time = np.where(total > 0.0, 2.0 * ds / np.where(total > 0.0, total, 1.0), 3.0 * ds)
     np.testing.assert_allclose(
-        travel_cost(problem.station, speed_sq, 3.0), time.sum(axis=0), rtol=1e-12
+        core.travel_cost(problem.station, speed_sq, 3.0), time.sum(axis=0), rtol=1e-12
     )
 
 
 @pytest.mark.parametrize("candidates", [1, 7, 8, 9, 63, 64, 65, 100, 137])
 def test_an_answer_does_not_depend_on_the_candidates_next_to_it(candidates: int) -> None:
     problem = random_problem(2, m=candidates)
-    together, reachable = time_optimal_profile(problem)
+    together, reachable = core.time_optimal(problem)
     for j in range(candidates):
         alone = ProfileProblem(
             *(np.ascontiguousarray(a[:, j : j + 1]) for a in problem[:8]),
@@ -78,7 +76,7 @@ def test_an_answer_does_not_depend_on_the_candidates_next_to_it(candidates: int)
             problem.decel,
             problem.specific_power,
         )
-        speed_sq, first = time_optimal_profile(alone)
+        speed_sq, first = core.time_optimal(alone)
         np.testing.assert_array_equal(speed_sq[:, 0], together[:, j])
         assert first[0] == reachable[j]
 

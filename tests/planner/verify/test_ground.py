@@ -12,13 +12,15 @@ from hypothesis import strategies as st
 
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.input_errors import InputErrors
+from slopewise.planner.ground.braking_ground import StopErrors
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.path import PathBatch, batch
+from slopewise.planner.pipeline.band_bounds import BandGround
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.candidates import finished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.plan import Status
-from slopewise.planner.verify.ground import GroundView
+from slopewise.planner.verify.terms import terms_of
 from slopewise.planner.verify.track import track_of
 from slopewise.planner.verify.verifier import Violations, check, screen
 from tests.world import generated
@@ -132,7 +134,7 @@ def test_a_plan_whose_bounds_saw_nothing_stops_before_it_all_the_same(name: str)
     blind = solved_on(level, scene)
     free = finished(blind, 0, "free", smooth=True)
     assert free.status is Status.OK
-    plan = finished(replace(blind, view=GroundView(there, InputErrors())), 0, "p", smooth=True)
+    plan = finished(replace(blind, around=BandGround(there, InputErrors())), 0, "p", smooth=True)
     assert plan.status is Status.BLOCKED, plan.reason
     assert scene.message in plan.reason
     assert "found by the verifier" in plan.reason
@@ -175,7 +177,9 @@ def test_ground_that_it_can_pass_blocks_nothing(name: str) -> None:
     scene = Scene(Limiting.STEP, SMALLER[name], FACE)
     _, there = maps(scene)
     assert CandidateColumn(solved_on(there, scene), 0, np.zeros(1)).blocked is None
-    level_bounds = replace(solved_on(maps(scene)[0], scene), view=GroundView(there, InputErrors()))
+    level_bounds = replace(
+        solved_on(maps(scene)[0], scene), around=BandGround(there, InputErrors())
+    )
     assert CandidateColumn(level_bounds, 0, np.zeros(1)).blocked is None
 
 
@@ -184,7 +188,7 @@ def test_the_band_of_tracking_x_at_as_well() -> None:
     level, there = maps(scene)
     blind = solved_on(level, scene)
     findings = [
-        CandidateColumn(replace(blind, view=GroundView(there, errors)), 0, np.zeros(1)).blocked
+        CandidateColumn(replace(blind, around=BandGround(there, errors)), 0, np.zeros(1)).blocked
         for errors in (InputErrors(), InputErrors(cross_track=0.3))
     ]
     assert findings[0] is None
@@ -204,8 +208,7 @@ def verdicts(
             np.ascontiguousarray(speed_sq[: paths.count[j], j]),
             float(bounds.clear_distance[j]),
             float(ground.distance_offset[j]),
-            ground.motion,
-            model,
+            terms_of(model, ground.motion, StopErrors()),
         ).violation
         for j in range(len(paths.names))
     ]

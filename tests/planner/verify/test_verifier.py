@@ -12,6 +12,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
+from slopewise.planner.verify.terms import terms_of
 from slopewise.planner.verify.track import Track, track_of
 from slopewise.planner.verify.verifier import Verification, check
 from tests.world.formulas import DECELERATION, SAMPLES
@@ -50,11 +51,8 @@ class Case:
             self.speed_sq if speed_sq is None else speed_sq,
             options.pop("clear", float(bounds.clear_distance[0])),
             float(ground.distance_offset[0]),
-            ground.motion,
-            self.model,
-            even=track_of(self.solved.profile, bounds.even_ground, 0),
-            errors=ground.errors,
-            **options,
+            terms_of(self.model, ground.motion, ground.errors)._replace(**options),
+            track_of(self.solved.profile, bounds.even_ground, 0),
         )
 
     def kinds(self, speed_sq: np.ndarray, **options: Any) -> dict[str, float]:

@@ -29,6 +29,7 @@ from slopewise.planner.pipeline import time_optimal_batch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
+from slopewise.planner.verify.terms import terms_of
 from slopewise.planner.verify.track import track_of
 from slopewise.planner.verify.verifier import check as verify
 from slopewise.services.check.external_plan import ExternalPlan
@@ -157,11 +158,8 @@ def matters(mutant: SpeedPlan, honest: SpeedPlan, question: Question) -> bool:
         np.ascontiguousarray(mutant.speed**2),
         _reach(honest, question),
         float(ground.distance_offset[0]),
-        ground.motion,
-        model,
-        even=track_of(solved.profile, solved.bounds.even_ground, 0),
-        errors=ground.errors,
-        between=0,
+        terms_of(model, ground.motion, ground.errors)._replace(between=0),
+        track_of(solved.profile, solved.bounds.even_ground, 0),
     ).violation
     return any(amount > UNSAFE.get(kind, np.inf) for kind, amount in violation._asdict().items())
 
