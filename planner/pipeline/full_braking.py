@@ -11,7 +11,7 @@ from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import StopErrors
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
-from slopewise.planner.pipeline.standing import stop_reason
+from slopewise.planner.pipeline.standing import standing, stop_reason
 from slopewise.planner.plan import Status
 from slopewise.planner.verify.verifier import Verification
 
@@ -92,12 +92,18 @@ def emergency_stop(column: CandidateColumn) -> Verified:
     return Verified(speed_sq, verdict, Status.INFEASIBLE, reason)
 
 
+def _blocked_by(column: CandidateColumn) -> str:
+    """Cause of a clear distance that ends before the path does."""
+    status, cause = standing(column)
+    return f": {cause}" if status is Status.BLOCKED else ""
+
+
 def _reason_for_full_braking(column: CandidateColumn, stop: float, lightest: float) -> str:
     speed, over = np.sqrt(float(column.fixed_prefix[0])), stop - column.clear
     if over > 0.0:
         return (
             f"even full braking from {speed:.2f} m/s takes {stop:.2f} m, "
-            f"{over:.2f} m beyond the clear distance of {column.clear:.2f} m"
+            f"{over:.2f} m beyond the clear distance of {column.clear:.2f} m{_blocked_by(column)}"
         )
     if lightest < column.scalars.min_load:
         return (

@@ -43,7 +43,7 @@ class ForceTile {
       add_rows(row.lower_intercept, p.least_term.at(k), lanes_);
       add_rows(row.upper_intercept, p.most_term.at(k), lanes_);
     }
-    if (p.uncertainty != nullptr) widen(row, p.uncertainty, p.surfaces.size(), bits_);
+    if (p.uncertainty != nullptr) widen(row, p.uncertainty, p.surfaces, bits_);
     if (p.slides) {
       find_frictions(p.surfaces, bits_, lanes_, frictions_);
       std::copy_n(frictions_.least.begin(), lanes_, out_.friction.at(k));

@@ -35,17 +35,23 @@ inline void hold_below(const ForceRow& row, const Neighbours& grade, std::span<c
 }
 
 // Give up √(φᵀ S φ) with φ = (v θ, θ, v, 1), which is convex in the speed at onset: its chord over
-// the trained speeds is above it. Of the surfaces the least certain counts.
-inline void widen(const ForceRow& row, const double* matrices, std::size_t surfaces,
+// the trained speeds is above it. Of the surfaces the least certain counts. Beyond a hull, where
+// none was driven, the chord is that over all trained speeds.
+inline void widen(const ForceRow& row, const double* matrices, std::span<const Surface> surfaces,
                   const LaneLabels& bits) noexcept {
-  Lane at_slow{}, at_fast{};
-  for (std::size_t i = 0; i < surfaces; ++i) {
+  Lane at_slow{}, at_fast{}, top{};
+  double trained = 0.0;
+  for (const Surface& s : surfaces) trained = max_of(trained, s.fastest);
+  for (std::size_t j = 0; j < row.lanes; ++j) {
+    top[j] = row.fastest[j] > row.slowest[j] ? row.fastest[j] : trained;
+  }
+  for (std::size_t i = 0; i < surfaces.size(); ++i) {
     const double* s = matrices + 16 * i;
     const double vv_2 = s[0], vv_1 = 2.0 * s[2], vv_0 = s[10], v_2 = s[1], v_1 = s[3] + s[6],
                  v_0 = s[11], one_2 = s[5], one_1 = 2.0 * s[7], one_0 = s[15];
     SLOPEWISE_INDEPENDENT
     for (std::size_t j = 0; j < row.lanes; ++j) {
-      const double theta = row.grade[j], slow = row.slowest[j], fast = row.fastest[j];
+      const double theta = row.grade[j], slow = row.slowest[j], fast = top[j];
       const double vv = (vv_2 * theta + vv_1) * theta + vv_0;
       const double v = (v_2 * theta + v_1) * theta + v_0;
       const double one = (one_2 * theta + one_1) * theta + one_0;
@@ -57,7 +63,7 @@ inline void widen(const ForceRow& row, const double* matrices, std::size_t surfa
   SLOPEWISE_INDEPENDENT
   for (std::size_t j = 0; j < row.lanes; ++j) {
     const double slow = std::sqrt(at_slow[j]), fast = std::sqrt(at_fast[j]);
-    const double rise = (fast - slow) / max_of(row.fastest[j] - row.slowest[j], 1e-6);
+    const double rise = (fast - slow) / max_of(top[j] - row.slowest[j], 1e-6);
     const double intercept = slow - rise * row.slowest[j];
     row.lower_slope[j] -= rise;
     row.lower_intercept[j] -= intercept;

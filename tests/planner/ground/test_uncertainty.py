@@ -141,6 +141,19 @@ def test_the_margin_is_the_quantile_at_the_ends_and_never_less_between(quantile:
         assert np.all(weak <= 2.0 * expected(grade, v, z) + 1e-12)
 
 
+def test_beyond_the_hull_of_driven_speeds_the_margin_is_that_of_all_trained_ones() -> None:
+    hull = ((-0.06, 1.2), (0.0, 4.0), (0.06, 1.2))
+    plain, held = (
+        uncertain(grade_range=(-0.06, 0.06), **h) for h in ({}, {"speed_by_grade": hull})
+    )
+    for v in (1.0, 2.5):
+        grade, weak, strong = margins(held, Uncertainty(), v)
+        undriven = np.abs(grade) > 0.08
+        assert undriven.any()
+        for got, full in zip((weak, strong), margins(plain, Uncertainty(), v)[1:], strict=True):
+            assert got[undriven] == pytest.approx(full[undriven], abs=1e-12)
+
+
 def test_scatter_age_and_covariance_add_as_variances() -> None:
     model = uncertain(force_std=0.02)
     uncertainty = Uncertainty(age=9.0 * HOUR, drift=0.01)

@@ -111,7 +111,8 @@ def test_infeasible_states_the_deficit(speed: float) -> None:
     assert plan.status is Status.INFEASIBLE
     stop = speed * 0.3 + speed**2 / (2.0 * G * (0.40 + 0.015 * speed)) + 0.2
     assert f"even full braking from {speed:.2f} m/s takes {stop:.2f} m" in plan.reason
-    assert f"{stop - clear:.2f} m beyond the clear distance of {clear:.2f} m" in plan.reason
+    assert f"{stop - clear:.2f} m beyond the clear distance of {clear:.2f} m: the" in plan.reason
+    assert f"known up to {clear + 0.88:.2f} m only" in plan.reason
     assert plan.speed[0] == pytest.approx(speed)
     assert plan.stop_distance[0] == pytest.approx(stop, abs=1e-3)
     assert not plan.admissible
