@@ -1,11 +1,10 @@
 """The compiled core; `planner/core/` has its sources."""
 
-from slopewise.models.arrays import Bools, Bytes, Floats, Ints, Singles
+from slopewise.models.arrays import Bools, Floats, Ints, Singles
 from slopewise.models.averaging_windows import AveragingWindows
-from slopewise.planner.ground.body_pose import BodyRows
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.surfaces import SurfaceCache
-from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.ground.terrain_profile import BodyRows, TerrainProfile
 from slopewise.planner.planning_limits import PlanningLimits
 from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.profile.time_optimal import ProfileProblem
@@ -19,8 +18,6 @@ NO_PROFILE: int
 KIND_COUNT: int
 STOP_GUARD: float
 HOLDING: float
-CHECK_UNKNOWN: int
-CHECK_BODY: int
 SLOPE_MARGIN: float
 
 class HeightGrid:
@@ -36,13 +33,12 @@ class HeightGrid:
         radius: float,
     ) -> None: ...
     def tyre_lifts(self, heading: int) -> Floats: ...
-    def sample_terrain(
+    def sample_ground(
         self,
         x: Floats,
         y: Floats,
         count: Ints,
-        body_x: Floats | None,
-        body_y: Floats | None,
+        centre_offset: float,
         body_offset: float,
         length: float,
         width: float,
@@ -50,16 +46,6 @@ class HeightGrid:
     def stations(self, x: Floats, y: Floats, count: Ints) -> Floats: ...
 
 class BroadPhase:
-    bits: Bytes
-    relief: Singles
-    relief_beside: Singles
-    lift: Singles
-    stand: Singles
-    east: Singles
-    north: Singles
-    seen: Singles
-    screened: list[tuple[int, int, int]]
-    first_column: int
     def __init__(
         self,
         elevation: Floats,
@@ -83,6 +69,7 @@ class BroadPhase:
         code: Ints,
         found: Floats,
     ) -> int: ...
+    def suspect_all(self) -> None: ...
 
 def roughness_speeds(
     grid: HeightGrid,
@@ -113,7 +100,6 @@ def smoothing_program(problem: SmoothingProblem) -> tuple[Floats, Floats, Floats
 def keep_inside(speed_sq: Floats, speed_sq_max: Floats) -> Floats: ...
 
 # Forces and bounds along candidates.
-def trailing_heading(x: Floats, y: Floats, rod: float) -> tuple[Floats, Floats]: ...
 def surface_bits(
     classes: Ints,
     origin_x: float,
@@ -143,7 +129,6 @@ def speed_bounds(
     vehicle: PlanningLimits,
     curves: Floats | None,
 ) -> tuple[Floats, Ints, Ints, Ints, Floats]: ...
-def onset_speed(slope_sum: float, intercept_sum: float, slowest: float) -> float: ...
 
 # Verification and labels; `terms` is a `Terms`, `limits` a `PlanningLimits`, `track` a `Track`.
 def copy_track(
@@ -176,11 +161,11 @@ def first_blocked(
     origin_y: float,
     resolution: float,
     sizes: object,
-    line: tuple[Floats, Floats, Floats],
-    resting: tuple[Floats, Floats, Floats, Floats],
+    profile: TerrainProfile,
+    ground: BrakingGround,
+    candidate: int,
     limits: tuple[float, ...],
-    tolerance: tuple[float, float, float, float],
-    begin: float,
+    first: int,
     end: float,
 ) -> tuple[int, float, float, float, float]: ...
 def segment_limits(
@@ -224,8 +209,7 @@ def cut_paths(
     fewest: int,
 ) -> tuple[Floats, Ints, Bools, Ints]: ...
 def find_sound(x: Floats, y: Floats, count: Ints) -> tuple[Bools, Bools]: ...
-def deviation_along(given: Floats, line: Floats) -> Floats: ...
-def deviation_of_part(given: Floats, line: Floats, passed: float, length: float) -> Floats: ...
+def deviation(given: Floats, line: Floats, part: tuple[float, float] | None = None) -> Floats: ...
 def first_turn(points: Floats, reach: float, angle: float) -> int: ...
 def third_difference(points: Floats) -> float: ...
 def group_points(points: Floats, reach: float) -> tuple[int, Ints]: ...

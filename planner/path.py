@@ -205,7 +205,7 @@ def _line_along(
     place = np.linspace(0.0, length, len(even)) / length
     if len(points) == 2:
         return _Laid(even, place, np.zeros(len(even)))
-    given, deviation = GivenPoints(points, along, spacing, limits), _deviation(raw, even)
+    given, deviation = GivenPoints(points, along, spacing, limits), core.deviation(raw, even)
     if deviation.max() <= limits.deviation and first_cusp(even) == 0:
         slow = given.speed_limit_on(even)
         if slow is not None:
@@ -251,7 +251,7 @@ def _followed(given: GivenPoints, raw: Floats, limits: LineLimits) -> _Laid:
 
     def tried(half: float) -> tuple[FollowedLine, Floats]:
         line = given.line(half, MAX_STATIONS)
-        return line, _deviation(raw, line.points)
+        return line, core.deviation(raw, line.points)
 
     half = given.planned * given.half
     line, deviation = tried(half)
@@ -270,13 +270,8 @@ def _followed(given: GivenPoints, raw: Floats, limits: LineLimits) -> _Laid:
     return _Laid(line.points, line.place, deviation, slow)
 
 
-def _deviation(given: Floats, even: Floats) -> Floats:
-    """(N,) largest distance between a polyline and the line around each of its stations [m]."""
-    return core.deviation_along(given, even)
-
-
 def _too_far_error(given: Floats, even: Floats, max_deviation: float) -> ParameterError:
-    distance = _deviation(given, even)
+    distance = core.deviation(given, even)
     (x, y), deviation = even[np.argmax(distance)], float(distance.max())
     return ParameterError(
         f"points[{_nearest_to(x, y, given)}]",

@@ -119,11 +119,7 @@ def path_deviation(
         part: where the planned line begins on the stations of the whole path, < 0 before them, and
             the length of these [m]; then the common part of both lines is compared.
     """
-    line = np.stack((x, y), axis=1)
-    if part is None:
-        distance = core.deviation_along(given, line)
-    else:
-        distance = core.deviation_of_part(given, line, *part)
+    distance = core.deviation(given, np.stack((x, y), axis=1), part)
     return _largest_of(distance, x, y, station, limit)
 
 

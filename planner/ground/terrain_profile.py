@@ -8,6 +8,7 @@ does not tilt it. Twist (one wheel off the plane of the other three) is left to 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,11 +17,19 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.steering import SteeringGeometry
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.compiled_core import core
-from slopewise.planner.ground.body_pose import BodyRows, trailing_heading
 from slopewise.planner.ground.height_grid import height_grid
 
 _NEVER_OFF = SteeringGeometry()
 """Of a vehicle whose middle is on the path, and whose heading is that of the path."""
+
+
+class BodyRows(NamedTuple):
+    """Middle of the wheelbase [m] and unit vector of the body's heading, (N, M) each."""
+
+    x: Floats
+    y: Floats
+    heading_x: Floats
+    heading_y: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,23 +107,12 @@ def terrain_profile(
         vehicle: with the sizes of its wheels.
         steering: how body and path belong together.
     """
-    stations = len(x)
     length, width = vehicle.wheelbase, vehicle.track_width
-    body_x = body_y = body = None
-    if steering.centre_offset > 0.0:
-        body_x, body_y = trailing_heading(x, y, steering)
-        body = BodyRows(x, y, body_x, body_y)
-    rows, known, twist, front = height_grid(elevation_map, vehicle).sample_terrain(
-        x, y, count, body_x, body_y, steering.body_offset, length, width
+    rows, known, twist, front = height_grid(elevation_map, vehicle).sample_ground(
+        x, y, count, steering.centre_offset, steering.body_offset, length, width
     )
-    z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll, crests = rows
-    for j in np.flatnonzero(np.isnan(z[0])):
-        seen = np.flatnonzero(np.isfinite(z[:, j]))
-        first = int(seen[0]) if len(seen) else stations
-        z[:first, j] = z[first, j] if len(seen) else 0.0
-    if steering.body_offset > 0.0:
-        ahead = steering.body_offset
-        body = BodyRows(x + ahead * heading_x, y + ahead * heading_y, heading_x, heading_y)
+    z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll, crests = rows[:9]
+    body = BodyRows(*rows[9:]) if len(rows) > 9 else None
     surfaces: Ints = np.broadcast_to(np.int64(1), x.shape)
     if elevation_map.terrain_class is not None:
         surfaces = core.surface_bits(

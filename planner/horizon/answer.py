@@ -79,11 +79,6 @@ class PlanarState:
     speed: float
     age: float = 0.0
 
-    def __post_init__(self) -> None:
-        # Kernels are compiled for floats; an int would cause another compilation.
-        for name in ("x", "y", "heading", "speed", "age"):
-            object.__setattr__(self, name, float(getattr(self, name)))
-
     def invalid_field(self) -> str:
         """Fault that makes it unusable, empty without one."""
         for name in ("x", "y", "heading", "speed", "age"):

@@ -18,8 +18,7 @@ import numpy as np
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
-from slopewise.planner.ground.body_pose import BodyRows
-from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.ground.terrain_profile import BodyRows, TerrainProfile
 
 _ON_LINE = 0.01
 """A vehicle whose corners are all within that of where they are planned is on its line [m]: maps

@@ -14,8 +14,7 @@ from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.input_errors import InputErrors
 from slopewise.models.parameters import Model
 from slopewise.planner.compiled_core import core
-from slopewise.planner.ground.body_pose import BodyRows
-from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.ground.terrain_profile import BodyRows, TerrainProfile
 from slopewise.planner.swept.convergence import Convergence, Departure, convergence
 from slopewise.planner.swept.sentences import departure_sentence
 from slopewise.planner.swept.sizes import SweptSizes

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.input_errors import InputErrors
 from slopewise.models.parameters import Model
@@ -22,32 +21,6 @@ from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
-
-_SLOPE_TOLERANCE = math.radians(0.6)
-"""Of trained slopes [rad]: a hundredth of a wheelbase, by which contact heights may differ."""
-
-_HOLDING_TOLERANCE = 0.01
-"""Of what holds the vehicle [1]: as a share of the weight the same as of the slopes."""
-
-_HEIGHT_TOLERANCE = 0.1
-"""Share by which a step, or ground under the body, may pass its limit [1]: heights between cells
-are those of other samples than the planner's."""
-
-_TWIST_TOLERANCE = 0.25
-"""Share by which a wheel may hang lower than it travels [1]: it depends on four heights, and is
-greatest between stations."""
-
-
-class GroundTolerance(NamedTuple):
-    """By how much limits are passed before it counts: [rad], and shares [1]."""
-
-    slope: float = _SLOPE_TOLERANCE
-    holds: float = _HOLDING_TOLERANCE
-    height: float = _HEIGHT_TOLERANCE
-    twist: float = _TWIST_TOLERANCE
-
-
-GROUND_TOLERANCE = GroundTolerance()
 
 
 class GroundLimits(NamedTuple):
@@ -163,54 +136,37 @@ def first_blocked(
         reach: index of the station where the vehicle stands, where nothing blocks it, and the last
             station to check [m].
     """
-    (first, end), j = reach, candidate
-    n = int(profile.count[j])
-
-    def column(rows: Floats) -> Floats:
-        return np.ascontiguousarray(rows[:n, j])
-
-    force = column(ground.lower_intercept) + column(ground.slowest) * column(ground.lower_slope)
-    friction = np.full(n, np.inf) if ground.friction is None else column(ground.friction)
-    offset = np.zeros(n) if profile.follower_offset is None else column(profile.follower_offset)
+    first, end = reach
     kind, *where = core.first_blocked(
         grid.elevation,
         *grid.origin,
         grid.resolution,
         body_sizes(model),
-        (column(profile.x), column(profile.y), column(profile.station)),
-        (force, friction, column(profile.curvature), offset),
+        profile,
+        ground,
+        candidate,
         ground_limits(model, errors),
-        GROUND_TOLERANCE,
-        float(profile.station[min(first + 1, n - 1), j]),
+        first,
         end,
     )
     return None if kind == GroundKind.NONE else GroundFinding(GroundKind(kind), *where)
 
 
 def ground_limits(model: Model, errors: InputErrors) -> GroundLimits:
-    """Limits of a model with these errors of tracking."""
-    return GroundLimits(
-        *_trained_slopes(model),
-        errors.cross_track,
-        errors.cross_track_per_curvature,
-        math.sin(errors.heading),
+    """Slopes that any surface is trained on, unlimited if it extrapolates; errors of tracking."""
+    braking, surfaces = model.braking, model.braking.terrain.values()
+    (low, high), (roll_low, roll_high) = (
+        (-np.inf, np.inf) if braking.extrapolate else (min(lows), max(highs))
+        for lows, highs in (
+            zip(own, *filter(None, others), strict=True)
+            for own, others in (
+                (braking.grade_range, (s.grade_range for s in surfaces)),
+                (braking.trained_roll, (s.roll_range for s in surfaces)),
+            )
+        )
     )
-
-
-def _trained_slopes(model: Model) -> tuple[float, float, float, float]:
-    """Lowest and highest grade and roll of any surface [rad]; unlimited if it extrapolates."""
-    braking = model.braking
-    if braking.extrapolate:
-        return -np.inf, np.inf, -np.inf, np.inf
-    surfaces = tuple(braking.terrain.values())
-    grades = [braking.grade_range, *(s.grade_range for s in surfaces if s.grade_range is not None)]
-    rolls = [braking.trained_roll, *(s.roll_range for s in surfaces if s.roll_range is not None)]
-    return (
-        min(low for low, _ in grades),
-        max(high for _, high in grades),
-        min(low for low, _ in rolls),
-        max(high for _, high in rolls),
-    )
+    across = errors.cross_track, errors.cross_track_per_curvature
+    return GroundLimits(low, high, roll_low, roll_high, *across, math.sin(errors.heading))
 
 
 def body_sizes(model: Model) -> BodySizes:

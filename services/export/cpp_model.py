@@ -22,7 +22,7 @@ from slopewise.planner.planning_limits import planning_limits
 from slopewise.planner.settings import PlannerSettings
 from slopewise.planner.swept.sentences import LIMITING_OF_KIND, Kind
 from slopewise.planner.swept.sizes import swept_sizes
-from slopewise.planner.verify.ground import GROUND_TOLERANCE, body_sizes, ground_limits
+from slopewise.planner.verify.ground import body_sizes, ground_limits
 from slopewise.planner.verify.terms import terms_of
 from slopewise.services.io.files import write_atomic
 
@@ -100,7 +100,6 @@ def _numbers(
         ("weighed", terms.body),
         ("steering", terms.steering),
         ("ground", ground_limits(model, survived_errors(model, uncertainty))),
-        ("tolerance", GROUND_TOLERANCE),
         ("errors", errors),
         ("motion", known.motion),
         ("code_of_hazard", [int(LIMITING_OF_KIND.get(kind, 0)) for kind in Kind]),

@@ -47,10 +47,6 @@ std::tuple<Made<double>, Made<Label>, Made<Label>, Made<std::int64_t>, Made<doub
   return {rows, limiting, barrier, barrier_station, clear_distance};
 }
 
-double speed_at_onset(double slope_sum, double intercept_sum, double slowest) {
-  return onset_speed({slope_sum, intercept_sum}, slowest);
-}
-
 }  // namespace
 
 void bind_bounds(nb::module_& m) {
@@ -59,7 +55,6 @@ void bind_bounds(nb::module_& m) {
   m.attr("HOLDING") = least_slowing;
   m.def("speed_bounds", &speed_bounds, "profile"_a, "ground"_a, "hazards"_a,
         "speed_limit"_a.none(), "clear"_a, "vehicle"_a, "curves"_a.none());
-  m.def("onset_speed", &speed_at_onset);
 }
 
 }  // namespace slopewise

@@ -1,8 +1,7 @@
 // Braking force along paths, and what it is found from.
-#include <cstring>
+#include <span>
 
 #include "bindings/bind_rows.hpp"
-#include "ground/body_pose.hpp"
 #include "ground/braking_forces.hpp"
 #include "ground/surface_bits.hpp"
 
@@ -14,47 +13,37 @@ using Table3 = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::
 using Classes2 = nb::ndarray<const std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 // Bits of one integer, one of them ground that was never braked on.
-constexpr Index most_surfaces = 63;
+constexpr std::size_t most_surfaces = 63;
 
-// A `SurfaceCache`, copied: its arrays are small.
+// Of a `SurfaceCache`, which keeps its arrays.
 struct Surfaces {
-  std::array<Surface, most_surfaces> table;
-  std::array<std::int64_t, most_surfaces> class_bits;
-  std::vector<HullLine> hull;
-  std::vector<double> margins;
-  std::size_t count, classes;
+  std::span<const Surface> table;
+  std::span<const std::int64_t> class_bits;
+  std::span<const HullLine> hull;
+  const double* margins = nullptr;
 
   explicit Surfaces(const nb::handle& known) {
-    const auto rows = nb::cast<Table>(known.attr("table"));
-    const auto bits = nb::cast<Counts1>(known.attr("class_bits"));
-    count = rows.shape(0);
-    classes = bits.shape(0);
-    if (count < 1 || count > table.size()) {
+    const auto rows = member_array<Table>(known, "table");
+    const auto bits = member_array<Counts1>(known, "class_bits");
+    const auto count = static_cast<Index>(rows.shape(0));
+    class_bits = {bits.data(), bits.shape(0)};
+    if (rows.size() == 0 || rows.shape(0) > most_surfaces) {
       throw nb::value_error("table: expected 1 to 63 surfaces");
     }
-    if (classes < 1 || classes > class_bits.size()) {
+    if (class_bits.empty() || class_bits.size() > most_surfaces) {
       throw nb::value_error("class_bits: expected 1 to 63 classes");
     }
-    expect_shape("table", rows, {static_cast<Index>(count), surface_columns});
-    std::memcpy(table.data(), rows.data(), count * sizeof(Surface));
-    std::copy_n(bits.data(), classes, class_bits.begin());
-    read_hull(known.attr("hull"));
-    read_margins(known.attr("margins"));
-  }
-
- private:
-  void read_hull(const nb::handle& array) {
-    if (array.is_none()) return;
-    const auto lines = nb::cast<Table3>(array);
-    expect_shape("hull", lines, {static_cast<Index>(count), static_cast<Index>(lines.shape(1)), 2});
-    hull.resize(lines.shape(0) * lines.shape(1));
-    std::memcpy(hull.data(), lines.data(), hull.size() * sizeof(HullLine));
-  }
-  void read_margins(const nb::handle& array) {
-    if (array.is_none()) return;
-    const auto matrices = nb::cast<Table3>(array);
-    expect_shape("margins", matrices, {static_cast<Index>(count), 4, 4});
-    margins.assign(matrices.data(), matrices.data() + matrices.size());
+    expect_shape("table", rows, {count, surface_columns});
+    table = {reinterpret_cast<const Surface*>(rows.data()), rows.shape(0)};
+    if (!known.attr("hull").is_none()) {
+      const auto lines = member_array<Table3>(known, "hull");
+      expect_shape("hull", lines, {count, static_cast<Index>(lines.shape(1)), 2});
+      hull = {reinterpret_cast<const HullLine*>(lines.data()), lines.shape(0) * lines.shape(1)};
+    }
+    if (known.attr("margins").is_none()) return;
+    const auto matrices = member_array<Table3>(known, "margins");
+    expect_shape("margins", matrices, {count, 4, 4});
+    margins = matrices.data();
   }
 };
 
@@ -81,14 +70,14 @@ std::tuple<Made<double>, Made<bool>, Made<double>> braking_forces(
       numbers("sin_grade"),
       numbers("sin_roll"),
       member_rows<bool>(profile, "known", n, m),
-      known.classes > 1 ? Labels{classes.data(), m} : Labels{},
-      {known.class_bits.data(), known.classes},
-      {known.table.data(), known.count},
+      known.class_bits.size() > 1 ? Labels{classes.data(), m} : Labels{},
+      known.class_bits,
+      known.table,
       margin,
       known.hull,
       rows_of<double>("least_term", least_term, n, m),
       rows_of<double>("most_term", most_term, n, m),
-      known.margins.empty() ? nullptr : known.margins.data(),
+      known.margins,
       rows_of<double>("drag", drag, n, m),
       slides};
   const auto distance_offset = make_array(m);
@@ -118,17 +107,6 @@ Made<std::int64_t> surface_bits(const Classes2& classes, double origin_x, double
   return bits;
 }
 
-std::tuple<Made<double>, Made<double>> trailing_heading(const Input2& x, const Input2& y,
-                                                        double rod) {
-  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
-  if (n < 2) throw nb::value_error("x: expected two stations at least");
-  expect_shape("y", y, {n, m});
-  const auto heading_x = make_array(n, m), heading_y = make_array(n, m);
-  const nb::gil_scoped_release release;
-  trail({n, m, x.data(), y.data()}, rod, heading_x.data(), heading_y.data());
-  return {heading_x, heading_y};
-}
-
 }  // namespace
 
 void bind_forces(nb::module_& m) {
@@ -136,7 +114,6 @@ void bind_forces(nb::module_& m) {
   m.def("braking_forces", &braking_forces, "profile"_a, "surfaces"_a, "margin"_a,
         "least_term"_a.none(), "most_term"_a.none(), "drag"_a.none());
   m.def("surface_bits", &surface_bits);
-  m.def("trailing_heading", &trailing_heading);
 }
 
 }  // namespace slopewise

@@ -1,11 +1,10 @@
 // Ground below paths.
-#include <array>
 #include <mutex>
 
 #include "ground/averaged_heights.hpp"
 #include "bindings/bind_rows.hpp"
+#include "ground/ground_and_body.hpp"
 #include "ground/map_grid.hpp"
-#include "ground/terrain.hpp"
 
 namespace slopewise {
 namespace {
@@ -65,26 +64,23 @@ void expect_paths(const Input2& x, const Input2& y, const Counts1& count) {
   if (stations < 2) throw nb::value_error("x: expected two stations at least");
 }
 
-// Without headings of the body they are those of the path.
-std::tuple<Made<double>, Made<bool>, Made<float>, Made<float>> terrain(
-    MapGrid& map, const Input2& x, const Input2& y, const Counts1& count, const nb::handle& body_x,
-    const nb::handle& body_y, double body_offset, double length, double width) {
+// Nine rows of the ground, and four of the body where its pose is not that of the path.
+std::tuple<Made<double>, Made<bool>, Made<float>, Made<float>> ground_along(
+    MapGrid& map, const Input2& x, const Input2& y, const Counts1& count, double rod,
+    double body_offset, double length, double width) {
   expect_paths(x, y, count);
   const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
-  const Numbers ahead_x = rows_of<double>("body_x", body_x, n, m),
-                ahead_y = rows_of<double>("body_y", body_y, n, m);
-  const auto rows = make_rows(9, n, m);
+  const bool has_body = rod > 0.0 || body_offset > 0.0;
+  const auto rows = make_rows(has_body ? 13 : 9, n, m);
   const auto known = make_rows<bool>(n, m);
   const auto twist = make_rows<float>(n, m), front = make_rows<float>(n, 2, m);
-  std::array<double*, 9> row{};
-  for (std::size_t r = 0; r < row.size(); ++r) row[r] = rows.data() + static_cast<Index>(r) * n * m;
-  const TerrainTable table{n, m, x.data(), y.data(), count.data(),
-                           ahead_x.data == nullptr ? row[2] : ahead_x.data,
-                           ahead_y.data == nullptr ? row[3] : ahead_y.data, body_offset,
-                           row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8],
+  const auto row = [&](Index r) { return rows.data() + r * n * m; };
+  const TerrainTable table{n, m, x.data(), y.data(), count.data(), nullptr, nullptr, body_offset,
+                           row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7), row(8),
                            known.data(), twist.data(), front.data()};
+  const BodyTable body = has_body ? BodyTable{row(9), row(10), row(11), row(12)} : BodyTable{};
   const nb::gil_scoped_release release;
-  sample_terrain(map.grid, table, length, width);
+  sample_ground(map.grid, table, body, rod, length, width);
   return {rows, known, twist, front};
 }
 
@@ -128,8 +124,7 @@ void bind_ground(nb::module_& m) {
       })
       .def("tyre_lifts", &tyre_lifts)
       .def("stations", &stations)
-      .def("sample_terrain", &terrain, "x"_a, "y"_a, "count"_a, "body_x"_a.none(),
-           "body_y"_a.none(), "body_offset"_a, "length"_a, "width"_a);
+      .def("sample_ground", &ground_along);
 }
 
 }  // namespace slopewise

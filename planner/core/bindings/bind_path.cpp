@@ -1,4 +1,5 @@
 // Given polylines.
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 
 #include "bindings/bindings.hpp"
@@ -20,22 +21,20 @@ Line line_of(const char* name, const Input2& points, Index least) {
   return {points.data(), count};
 }
 
-Made<double> deviation_along(const Input2& given, const Input2& line) {
+// Largest distances of two lines around the points of the second; of the part that both have in
+// common where that is what was passed before it, and the length of the whole path [m].
+Made<double> deviation_of(const Input2& given, const Input2& line,
+                          const std::optional<std::array<double, 2>>& part) {
   const Line a = line_of("given", given, 2), b = line_of("line", line, 2);
   const auto distance = make_array(b.count);
-  double* memory = Workspace::of_thread().reserve(Deviation::memory(a.count, b.count));
+  double* memory = Workspace::of_thread().reserve(part ? PartDeviation::memory(a.count, b.count)
+                                                       : Deviation::memory(a.count, b.count));
   const nb::gil_scoped_release release;
-  Deviation(a, b, distance.data(), memory).compare();
-  return distance;
-}
-
-Made<double> deviation_of_part(const Input2& given, const Input2& line, double passed,
-                               double length) {
-  const Line a = line_of("given", given, 2), b = line_of("line", line, 2);
-  const auto distance = make_array(b.count);
-  double* memory = Workspace::of_thread().reserve(PartDeviation::memory(a.count, b.count));
-  const nb::gil_scoped_release release;
-  PartDeviation(a, b, passed, length, memory).compare(distance.data());
+  if (part) {
+    PartDeviation(a, b, (*part)[0], (*part)[1], memory).compare(distance.data());
+  } else {
+    Deviation(a, b, distance.data(), memory).compare();
+  }
   return distance;
 }
 
@@ -163,8 +162,8 @@ class Followed {
 }  // namespace
 
 void bind_path(nb::module_& m) {
-  m.def("deviation_along", &deviation_along);
-  m.def("deviation_of_part", &deviation_of_part);
+  using namespace nb::literals;
+  m.def("deviation", &deviation_of, "given"_a, "line"_a, "part"_a.none() = nb::none());
   m.def("first_turn", &first_turn_of);
   m.def("third_difference", &third_difference_of);
   m.def("group_points", &group_points_of);

@@ -126,35 +126,18 @@ Made<double> roughness_speeds(const MapGrid& map, const nb::handle& profile, con
   return held;
 }
 
-// Of all blocks, (rows, columns), writable: tests compare and change them.
-template <class T>
-auto blocks_of(std::vector<T> ScreenedBlocks::*part) {
-  return [part](MapBroadPhase& self) {
-    ScreenedBlocks& blocks = self.grid.blocks();
-    return nb::ndarray<nb::numpy, T, nb::ndim<2>>(
-        (blocks.*part).data(),
-        {static_cast<std::size_t>(blocks.rows), static_cast<std::size_t>(blocks.columns)},
-        nb::find(self));
-  };
-}
-
-// Row and columns [first, end) of the blocks that are screened, of each row.
-nb::list screened(const MapBroadPhase& self) {
-  nb::list out;
-  const BlockWindow& window = self.grid.window();
-  for (Index row = window.rows.first; row < window.rows.end; ++row) {
-    const BlockSpan span = window.span_of(row);
-    out.append(nb::make_tuple(row, span.first, span.end));
-  }
-  return out;
+// Every block needs every check: tests compare that with what the blocks say.
+void suspect_all(MapBroadPhase& self) {
+  ScreenedBlocks &blocks = self.grid.blocks(), all(blocks.rows, blocks.columns);
+  all.east.swap(blocks.east);
+  all.north.swap(blocks.north);
+  blocks = std::move(all);
 }
 
 }  // namespace
 
 void bind_swept(nb::module_& m) {
   using namespace nb::literals;
-  m.attr("CHECK_UNKNOWN") = check_unknown;
-  m.attr("CHECK_BODY") = check_body;
   m.attr("SLOPE_MARGIN") = slope_margin;
   nb::class_<MapBroadPhase>(m, "BroadPhase")
       .def("__init__", &make_broad_phase, "elevation"_a.noconvert(), "origin_x"_a, "origin_y"_a,
@@ -162,17 +145,7 @@ void bind_swept(nb::module_& m) {
       .def("covers", &covers, "x"_a, "y"_a)
       .def("sweep", &sweep_paths, "body"_a, "profile"_a, "spacing"_a, "across"_a.none(),
            "code_of_kind"_a, "code"_a.noconvert(), "found"_a.noconvert())
-      .def_prop_ro("screened", &screened)
-      .def_prop_ro("first_column",
-                   [](const MapBroadPhase& self) { return self.grid.window().columns.first; })
-      .def_prop_ro("bits", blocks_of(&ScreenedBlocks::bits))
-      .def_prop_ro("relief", blocks_of(&ScreenedBlocks::relief))
-      .def_prop_ro("relief_beside", blocks_of(&ScreenedBlocks::relief_beside))
-      .def_prop_ro("lift", blocks_of(&ScreenedBlocks::lift))
-      .def_prop_ro("stand", blocks_of(&ScreenedBlocks::stand))
-      .def_prop_ro("east", blocks_of(&ScreenedBlocks::east))
-      .def_prop_ro("north", blocks_of(&ScreenedBlocks::north))
-      .def_prop_ro("seen", blocks_of(&ScreenedBlocks::seen));
+      .def("suspect_all", &suspect_all);
   m.def("roughness_speeds", &roughness_speeds);
 }
 

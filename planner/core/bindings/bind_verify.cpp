@@ -1,6 +1,9 @@
 // The verifier of plans, and their labels.
 #include <nanobind/stl/array.h>
 
+#include <algorithm>
+#include <vector>
+
 #include "bindings/bind_rows.hpp"
 #include "bindings/bind_vehicle.hpp"
 #include "verify/labels.hpp"
@@ -40,14 +43,22 @@ Track track_of(const Columns& columns) {
   return track_at(n, column);
 }
 
+// Stations of a candidate, at least two.
+Index stations_of(const TerrainRows& terrain, Index candidate) {
+  if (candidate < 0 || candidate >= terrain.candidates) {
+    throw nb::value_error("candidate: expected one of the batch");
+  }
+  const auto count = static_cast<Index>(terrain.counts[candidate]);
+  if (count < 2 || count > terrain.stations) {
+    throw nb::value_error("count: expected two stations at least, and no more than rows");
+  }
+  return count;
+}
+
 TrackRows track_rows_of(const nb::handle& profile, const nb::handle& ground, const Input2& speed_limit) {
   const TerrainRows terrain = terrain_of(profile);
   const Index n = terrain.stations, m = terrain.candidates;
-  for (Index j = 0; j < m; ++j) {
-    if (terrain.counts[j] < 2 || terrain.counts[j] > n) {
-      throw nb::value_error("count: expected two stations at least, and no more than rows");
-    }
-  }
+  for (Index j = 0; j < m; ++j) stations_of(terrain, j);
   expect_shape("speed_limit", speed_limit, {n, m});
   return {terrain, forces_of(ground, n, m), {speed_limit.data(), m},
           rows_of<double>("friction", ground.attr("friction"), n, m)};
@@ -56,10 +67,7 @@ TrackRows track_rows_of(const nb::handle& profile, const nb::handle& ground, con
 Made<double> copy_track(const nb::handle& profile, const nb::handle& ground,
                         const Input2& speed_limit, Index candidate, Index first) {
   const TrackRows source = track_rows_of(profile, ground, speed_limit);
-  if (candidate < 0 || candidate >= source.terrain.candidates) {
-    throw nb::value_error("candidate: expected one of the batch");
-  }
-  const auto n = static_cast<Index>(source.terrain.counts[candidate]) - first;
+  const auto n = stations_of(source.terrain, candidate) - first;
   if (first < 0 || n < 1) throw nb::value_error("first: expected a station");
   const auto columns = make_array(track_columns, n);
   const nb::gil_scoped_release release;
@@ -106,32 +114,47 @@ Made<double> verify_all(const nb::handle& profile, const nb::handle& ground,
   return worst;
 }
 
-std::tuple<int, double, double, double, double> blocked(const Input2& elevation, double origin_x, double origin_y, double resolution,
-                 const nb::handle& sizes, const std::array<Input1, 3>& line,
-                 const std::array<Input1, 4>& resting, const std::array<double, 7>& limits,
-                 const std::array<double, 4>& tolerance, double begin, double end) {
+// Of a candidate in a batch; the vehicle stands at station `first` of it.
+std::tuple<int, double, double, double, double> blocked(
+    const Input2& elevation, double origin_x, double origin_y, double resolution,
+    const nb::handle& sizes, const nb::handle& profile, const nb::handle& ground, Index candidate,
+    const std::array<double, 7>& limits, Index first, double end) {
   const MapView map{elevation.data(), static_cast<Index>(elevation.shape(0)),
                     static_cast<Index>(elevation.shape(1)), origin_x, origin_y, resolution,
                     1.0 / resolution};
   if (map.rows < 2 || map.columns < 2) {
     throw nb::value_error("elevation: expected two rows and two columns at least");
   }
-  const auto n = static_cast<Index>(line[0].shape(0));
-  if (n < 2) throw nb::value_error("x: expected two stations at least");
-  for (const Input1& column : line) expect_shape("line", column, {n});
-  for (const Input1& column : resting) expect_shape("resting", column, {n});
+  const TerrainRows terrain = terrain_of(profile);
+  const ForceRows forces = forces_of(ground, terrain.stations, terrain.candidates);
+  const Index n = stations_of(terrain, candidate);
+  const auto column = [&](const Numbers& rows, double otherwise = 0.0) {
+    std::vector<double> out(static_cast<std::size_t>(n), otherwise);
+    for (Index k = 0; k < n && rows.data != nullptr; ++k) out[static_cast<std::size_t>(k)] = rows.at(k)[candidate];
+    return out;
+  };
+  const auto named = [&](const nb::handle& owner, const char* name) {
+    return rows_of<double>(name, owner.attr(name), terrain.stations, terrain.candidates);
+  };
+  const auto x = column(named(profile, "x")), y = column(named(profile, "y")),
+             station = column(terrain.station), curvature = column(terrain.curvature),
+             offset = column(named(profile, "follower_offset")),
+             friction = column(named(ground, "friction"), infinite),
+             slope = column(forces.lower_slope), slowest = column(forces.slowest);
+  std::vector<double> force = column(forces.lower_intercept);
+  for (std::size_t k = 0; k < force.size(); ++k) force[k] += slowest[k] * slope[k];
   const auto body = numbers_of<BodySizes>(
       sizes, {"wheelbase", "track_width", "wheel_radius", "wheel_width", "front", "rear", "width",
               "clearance", "max_step", "wheel_travel", "centre_offset", "body_offset"});
   const auto& [low, high, roll_low, roll_high, across, per_curvature, turned] = limits;
-  const PlannedLine path{n, line[0].data(), line[1].data(), line[2].data()};
+  const PlannedLine path{n, x.data(), y.data(), station.data()};
+  const double begin = station[static_cast<std::size_t>(std::clamp<Index>(first + 1, 0, n - 1))];
   const Index poses = count_poses(path, pose_step(map, body));
   double* memory = Workspace::of_thread().reserve(ground_memory(path, poses, map.columns));
   const nb::gil_scoped_release release;
   const GroundFinding found = first_blocked(
-      map, body, path, {resting[0].data(), resting[1].data(), resting[2].data(), resting[3].data()},
-      {low, high, roll_low, roll_high, across, per_curvature, turned},
-      {tolerance[0], tolerance[1], tolerance[2], tolerance[3]}, {begin, end}, memory);
+      map, body, path, {force.data(), friction.data(), curvature.data(), offset.data()},
+      {low, high, roll_low, roll_high, across, per_curvature, turned}, {}, {begin, end}, memory);
   return {static_cast<int>(found.kind), found.station, found.value, found.x, found.y};
 }
 

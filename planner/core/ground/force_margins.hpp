@@ -2,6 +2,8 @@
 // ground, uncertainty, friction, and dips between stations.
 #pragma once
 
+#include <cmath>
+
 #include "ground/surface_forces.hpp"
 
 namespace slopewise {

@@ -7,7 +7,7 @@
 
 namespace slopewise {
 
-// What the model knows of a surface; the columns of planner/ground/surface_table.py.
+// What the model knows of a surface; the columns of planner/ground/surfaces.py.
 struct Surface {
   // F_b/W = (m_m v + b_m) grade + (m_b v + b_b), v at brake onset; uphill other m_m and b_m.
   double m_m, b_m, m_b, b_b, up_m_m, up_b_m;

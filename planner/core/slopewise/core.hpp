@@ -31,7 +31,7 @@ struct PlanningModel {
   verify::Body weighed;
   verify::SteeringTerms steering;
   verify::GroundLimits ground;
-  verify::GroundTolerance tolerance;
+  verify::GroundTolerance tolerance{};
   StopErrors errors;            // at the quantile that plans survive
   MotionTerms motion;
   std::array<std::int64_t, static_cast<std::size_t>(hazard_kinds)> code_of_hazard;

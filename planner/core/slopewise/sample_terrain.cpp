@@ -1,7 +1,6 @@
 // Ground, braking force and hazards along candidates.
-#include "ground/body_pose.hpp"
 #include "ground/braking_forces.hpp"
-#include "ground/terrain.hpp"
+#include "ground/ground_and_body.hpp"
 #include "slopewise/candidates.hpp"
 #include "swept/rough_ground.hpp"
 #include "swept/sweep.hpp"
@@ -93,40 +92,20 @@ void Planner::Candidates::lay(const std::vector<EvenPath>& paths) {
 
 void Planner::Candidates::sample_ground() {
   allocate({&z, &station, &heading_x, &heading_y, &curvature, &grade, &sin_grade, &sin_roll, &bends,
-            &body_heading_x, &body_heading_y});
+            &body_x, &body_y, &body_heading_x, &body_heading_y});
   const auto cells = static_cast<std::size_t>(stations * candidates);
   known = std::make_unique<bool[]>(cells);
   twist.assign(cells, 0.0F);
   front.assign(2 * cells, 0.0F);
-  const double rod = model.steering.centre_offset, ahead = model.body.body_offset;
-  const bool trails = rod > 0.0;
-  if (trails) {
-    trail({stations, candidates, x.data(), y.data()}, rod, body_heading_x.data(),
-          body_heading_y.data());
-  }
   const TerrainTable table{
-      stations, candidates, x.data(), y.data(), count.data(),
-      trails ? body_heading_x.data() : heading_x.data(),
-      trails ? body_heading_y.data() : heading_y.data(), ahead, z.data(), station.data(),
-      heading_x.data(), heading_y.data(), curvature.data(), grade.data(), sin_grade.data(),
-      sin_roll.data(), bends.data(), known.get(), twist.data(), front.data()};
-  slopewise::sample_terrain(grid, table, 2.0 * model.envelope.half_length,
-                            2.0 * model.envelope.half_width);
-  for (Index j = 0; j < candidates; ++j) {
-    Index seen = 0;
-    while (seen < stations && !std::isfinite(z.at(seen, j))) ++seen;
-    const double height = seen < stations ? z.at(seen, j) : 0.0;
-    for (Index k = 0; k < seen; ++k) z.rows().at(k)[j] = height;
-  }
-  body_x = x;
-  body_y = y;
-  if (trails) return;
-  body_heading_x = heading_x;
-  body_heading_y = heading_y;
-  for (Index n = 0; n < stations * candidates; ++n) {
-    body_x.data()[n] += ahead * heading_x.data()[n];
-    body_y.data()[n] += ahead * heading_y.data()[n];
-  }
+      stations, candidates, x.data(), y.data(), count.data(), nullptr, nullptr,
+      model.body.body_offset, z.data(), station.data(), heading_x.data(), heading_y.data(),
+      curvature.data(), grade.data(), sin_grade.data(), sin_roll.data(), bends.data(), known.get(),
+      twist.data(), front.data()};
+  slopewise::sample_ground(
+      grid, table, {body_x.data(), body_y.data(), body_heading_x.data(), body_heading_y.data()},
+      model.steering.centre_offset, 2.0 * model.envelope.half_length,
+      2.0 * model.envelope.half_width);
 }
 
 void Planner::Candidates::find_braking_forces() {

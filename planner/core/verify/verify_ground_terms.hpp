@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <numbers>
 
 #include "verify/wheel_tracks.hpp"
 
@@ -19,12 +20,14 @@ struct GroundLimits {
   double turned;                                      // sine of the heading error [1]
 };
 
-// By how much limits are passed before it counts.
+// By how much limits are passed before it counts. Slopes: a hundredth of a wheelbase, by which contact
+// heights may differ, and the same as a share of the weight. Heights between cells are those of other
+// samples than the planner's; a twist depends on four of them, and is greatest between stations.
 struct GroundTolerance {
-  double slope;   // at stations [rad]
-  double holds;   // share of the weight, at stations [1]
-  double height;  // share of a limit of height, of steps and under the body [1]
-  double twist;   // share of a limit of height under a wheel in the air [1]
+  double slope = 0.6 * std::numbers::pi / 180.0;  // at stations [rad]
+  double holds = 0.01;   // share of the weight, at stations [1]
+  double height = 0.1;   // share of a limit of height, of steps and under the body [1]
+  double twist = 0.25;   // share of a limit of height under a wheel in the air [1]
 };
 
 // Between stations slopes count if they pass limits by so many tolerances [1]: plans take grade and

@@ -11,7 +11,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from slopewise.planner.bounds.speed_bounds import STOP_GUARD, speed_bounds
-from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
 from tests.world.compilers import CORE
@@ -166,26 +165,6 @@ def test_a_tip_over_on_the_way_limits_the_speed_before_it() -> None:
     brink = ground_map(lambda x, y: -0.2 * np.maximum(x - 15.0, 0.0))
     _, _, before = bounds_of(model_of(tables), brink, straight(30.0), spacing=0.1)
     assert before.speed_sq_max[2, 0] > bounds.speed_sq_max[k, 0]
-
-
-@pytest.mark.parametrize(
-    ("speed_part", "intercept_part", "slowest", "expected"),
-    [
-        (0.0, 0.0, 1.0, 0.0),
-        (0.0, 2.0 / G, 0.0, 2.0),
-        (0.0, -1.0, 0.0, 0.0),
-        (0.1, -5.0, 1.0, 0.0),
-        # Slower than the slowest: v² = 2 g (slowest * speed_part + intercept_part).
-        (0.05, 0.0, 1.0, np.sqrt(2.0 * G * 0.05)),
-        # Faster: v = 2 g speed_part.
-        (0.15, 0.0, 1.0, 2.0 * G * 0.15),
-    ],
-)
-def test_the_speed_at_onset_solves_its_quadratic(
-    speed_part: float, intercept_part: float, slowest: float, expected: float
-) -> None:
-    speed = core.onset_speed(speed_part, intercept_part, slowest)
-    assert speed == pytest.approx(expected, abs=1e-12)
 
 
 def test_codes_of_bounds_are_those_of_python() -> None:
