@@ -50,7 +50,7 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Verified
     breach = verdict.violation
     loads = max(breach.axle_load, breach.side_load, breach.wheel_load)
     if max(verdict.overrun, loads, breach.decel) > 0.0:
-        return emergency_stop(column)
+        return emergency_stop(column, breach.wheel_load)
     if column.bound[0] < start_sq:
         label = Limiting(int(column.label[0])).label
         allowed = f"{np.sqrt(column.bound[0]):.2f} m/s ({label})"
@@ -63,8 +63,11 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Verified
     return Verified(answer, verdict, Status.DEGRADED, text)
 
 
-def emergency_stop(column: CandidateColumn) -> Verified:
-    """Full braking from the start, and why even that is not enough, if it is not."""
+def emergency_stop(column: CandidateColumn, unloaded: float = 0.0) -> Verified:
+    """Full braking from the start, and why even that is not enough, if it is not.
+
+    ``unloaded`` is what a wheel lacks of its minimum load where the vehicle brakes immediately [1].
+    """
     station, start_sq = column.track.station, float(column.fixed_prefix[0])
     speed = np.sqrt(start_sq)
     only_start = np.zeros_like(station)
@@ -88,7 +91,9 @@ def emergency_stop(column: CandidateColumn) -> Verified:
         verdict.where,
         verdict.broken,
     )
-    reason = _reason_for_full_braking(column, stop, min(verdict.rear_load[0], verdict.side_load[0]))
+    lightest = min(verdict.rear_load[0], verdict.side_load[0])
+    unloaded = max(unloaded, verdict.violation.wheel_load)
+    reason = _reason_for_full_braking(column, stop, lightest, unloaded)
     return Verified(speed_sq, verdict, Status.INFEASIBLE, reason)
 
 
@@ -98,7 +103,9 @@ def _blocked_by(column: CandidateColumn) -> str:
     return f": {cause}" if status is Status.BLOCKED else ""
 
 
-def _reason_for_full_braking(column: CandidateColumn, stop: float, lightest: float) -> str:
+def _reason_for_full_braking(
+    column: CandidateColumn, stop: float, lightest: float, unloaded: float
+) -> str:
     speed, over = np.sqrt(float(column.fixed_prefix[0])), stop - column.clear
     if over > 0.0:
         return (
@@ -108,6 +115,12 @@ def _reason_for_full_braking(column: CandidateColumn, stop: float, lightest: flo
     if lightest < column.scalars.min_load:
         return (
             f"braking from {speed:.2f} m/s leaves an axle or side {lightest:.1%} of its load, "
+            f"{column.scalars.min_load:.0%} is required"
+        )
+    if unloaded > 0.0:
+        return (
+            f"braking immediately from {speed:.2f} m/s leaves a wheel "
+            f"{column.scalars.min_load - unloaded:.1%} of its load, "
             f"{column.scalars.min_load:.0%} is required"
         )
     if column.errors != StopErrors():

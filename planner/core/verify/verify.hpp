@@ -256,11 +256,14 @@ class Verifier {
         (min_of(limits.specific_force, limits.specific_power / max_of(fast, 1e-9)) - holding);
     const double front = survey_.front[m] - survey_.per_accel * max_of(accel, 0.0);
     bool bad = breaks(Breach::axle_load, limits.min_load - front);
-    // Drive and turn take load from the same front wheel.
+    // Drive and turn take load from the same front wheel; brakes and turn from the same rear one,
+    // from the start on, where stops still hold their speed.
     const double outward = survey_.per_lateral * fast * fast * survey_.lean[m];
     const double side = min_of(survey_.left[m] - outward, survey_.right[m] + outward);
-    const double wheel = front + side - 0.5 * (survey_.left[m] + survey_.right[m]);
-    bad |= accel > 0.0 && breaks(Breach::side_load, limits.min_load - wheel);
+    const double turned = side - 0.5 * (survey_.left[m] + survey_.right[m]);
+    bad |= accel > 0.0 && breaks(Breach::side_load, limits.min_load - (front + turned));
+    const double rear = survey_.rear[m] - survey_.per_decel * min_of(-accel, max_of(braking, 0.0));
+    bad |= accel < 0.0 && breaks(Breach::wheel_load, limits.min_load - (rear + turned));
     bad |= breaks(Breach::decel, -accel - min_of(limits.decel, braking));
     if (!(accel <= 0.0) || thrust < 0.0) {
       bad |= breaks(Breach::accel, accel - min_of(limits.accel, thrust));
