@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
+import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.util import find_spec
@@ -56,13 +58,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
             parser.error(f"{options.what} needs the package {package}, which is not installed")
     if options.out is not None and options.out.exists() and not options.out.is_dir():
         parser.error(f"--out: expected a folder, got the file {options.out}")
+    if options.json is not None and not os.access(options.json.resolve().parent, os.W_OK):
+        parser.error(f"--json: expected a file in a writable folder, got {options.json}")
     console = Console(width=max(Console().width, _WIDTH))
     request = BenchmarkRequest(options.quick, options.out, options.sets, options.minutes)
     module = benchmark(options.what)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as display:
+    bar = Console(stderr=True)
+    with Progress(
+        *columns, TimeElapsedColumn(), console=bar, disable=not bar.is_terminal
+    ) as display:
 
         def progress(title: str, total: int) -> Callable[[int], None]:
+            if display.disable:
+                print(f"{title}: {total} steps …", file=sys.stderr, flush=True)
             task = display.add_task(title, total=total)
             return lambda count: display.advance(task, count)
 

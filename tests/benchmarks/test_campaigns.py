@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
 
 pytest.importorskip("mujoco", reason="the extra sim is not installed")
 
+from benchmarks.__main__ import main
 from benchmarks.closed_loop import loop_campaign
 from benchmarks.common.campaign import (
     BenchmarkRequest,
@@ -99,3 +101,18 @@ def test_quick_closed_loop_drives_safely(tmp_path: Path) -> None:
     again = loop_campaign.run(request, no_progress)
     assert again["policies"] == first["policies"]
     assert again["seconds"] < 0.2 * first["seconds"]
+
+
+def test_a_run_says_at_once_how_much_it_is_and_where_it_cannot_write(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    module = SimpleNamespace(
+        run=lambda _, progress: [progress("drives", 7)(1), capsys.readouterr().err][1:],
+        show=lambda result, console: console.print(result),
+    )
+    monkeypatch.setattr("benchmarks.__main__.benchmark", lambda _: module)
+    main(["cycle", "--json", str(tmp_path / "figures.json")])
+    assert json.loads((tmp_path / "figures.json").read_text()) == ["drives: 7 steps …\n"]
+    with pytest.raises(SystemExit, match="2"):
+        main(["cycle", "--json", str(tmp_path / "none" / "figures.json")])
+    assert "--json: expected a file in a writable folder" in capsys.readouterr().err
