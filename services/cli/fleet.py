@@ -114,8 +114,8 @@ def fleet_calibrate(
 
     Surface by surface: how the vehicles differ, and each as far as its stops support. A vehicle
     without stops, or far stronger than the others, gets the fleet's mean and a longer offset; one
-    far weaker is planned by its stops. Status 3: the results are written, but those of a vehicle
-    are physically implausible, with the reason.
+    far weaker is planned by its stops. Status 3: the other results are written, but those of a
+    vehicle are physically implausible, or its log cannot be read, with the reason.
 
     [bold]Example[/]  slopewise fleet calibrate logs/*.csv --model atv --out out/fleet
     """
@@ -171,7 +171,7 @@ def _calibrate_tables(result: FleetCalibrateResult, out: Path) -> Iterator[Any]:
     for name, reasons in c.objections.items():
         for reason in reasons:
             yield line(f"{name} rejected: {reason}", "red")
-    yield line(f"wrote {len(result.vehicles)} model files to {out}")
+    yield line(f"wrote {plural(result.written, 'model file')} to {out}")
 
 
 def fleet_discrepancy(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -21,11 +21,13 @@ from slopewise.models.calibration.fleet import (
 from slopewise.models.calibration.force_fit import NAMES
 from slopewise.models.calibration.learn import measure_log
 from slopewise.models.calibration.surface_fit import CalibrationSettings
-from slopewise.models.errors import ParameterError
+from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
+from slopewise.models.plausibility import check_plausible
 from slopewise.models.stop_logs.measured_log import is_mapped
 from slopewise.services.fleet.result_folder import make_folder, vehicles_of
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
+from slopewise.services.io.files import fault
 from slopewise.services.io.log_checks import refuse_too_fast, refuse_unit, refuse_wrong_units
 from slopewise.services.io.model_file import (
     find_model,
@@ -48,13 +50,23 @@ class LogTask:
     model: dict[str, Any]
 
 
-def measure_vehicle(task: LogTask) -> VehicleStops:
+class UnusableLog(NamedTuple):
+    """A vehicle whose log cannot be read, and why."""
+
+    name: str
+    reason: str
+
+
+def measure_vehicle(task: LogTask) -> VehicleStops | UnusableLog:
     """Measure its stops; none, with the reason, where there are too few."""
     model = model_from_dict(task.model, "model")
-    log = task.logs.read()
-    refuse_wrong_units(log)
-    refuse_too_fast(log, model)
-    ground = task.logs.grade(log, model.vehicle)
+    try:
+        log = task.logs.read()
+        refuse_wrong_units(log)
+        refuse_too_fast(log, model)
+        ground = task.logs.grade(log, model.vehicle)
+    except InputError as error:
+        return UnusableLog(task.vehicle, str(error))
     try:
         measured = measure_log(
             log.columns, log.runs, model.braking, ground=ground, min_stops=MIN_VEHICLE_STOPS
@@ -87,11 +99,12 @@ class FleetCalibrationSummary(Summary, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class FleetCalibrateResult:
-    """The calibration, the prior, and the stops of each vehicle."""
+    """The calibration, the prior, the stops of each vehicle, and how many got a model file."""
 
     calibration: FleetCalibration
     model: Model
     vehicles: list[VehicleStops]
+    written: int
     seconds: float
 
     @property
@@ -124,6 +137,8 @@ class FleetCalibrateResult:
             }
             for v in self.vehicles
         }
+        for name in sorted(c.objections.keys() - vehicles.keys()):
+            vehicles[name] = {"stops": 0, "objections": c.objections[name]}
         return FleetCalibrationSummary(surfaces, dead_time, vehicles, self.seconds)
 
 
@@ -152,17 +167,32 @@ def calibrate_fleet(
     tasks: list[Task[LogTask]] = [
         (name, LogTask(name, logs.resolved(files), tables)) for name, files in grouped.items()
     ]
-    stops: dict[str, VehicleStops] = {}
+    stops: dict[str, VehicleStops | UnusableLog] = {}
     with progress_bar("measuring stops", len(tasks)) as advance:
         for measured in each_done(measure_vehicle, tasks, Workers(workers, scheduler)):
             stops[measured.name] = measured
             advance(1)
-    vehicles = [stops[name] for name in grouped]  # in the order given
-    with input_errors("fleet"):
+    ordered = [stops[name] for name in grouped]  # as given
+    vehicles = [v for v in ordered if isinstance(v, VehicleStops)]
+    no_file = {v.name: v.reason for v in ordered if isinstance(v, UnusableLog)}
+    try:
         calibration = learn_fleet(vehicles, model.braking, settings)
+    except ParameterError as error:
+        unusable = "".join(f"; {reason}" for reason in no_file.values())
+        raise fault("fleet", error.field, f"expected {error.expected}{unusable}") from None
     for v in vehicles:
         grades = np.array([r.grade for r in v.stops])
         refuse_unit(calibration.braking[v.name], model.braking, grades, v.name)
     for name, braking in calibration.braking.items():
-        write_model(replace(model, name=name, braking=braking), out / f"{name}.toml")
-    return FleetCalibrateResult(calibration, model, vehicles, time.perf_counter() - begin)
+        fitted = replace(model, name=name, braking=braking)
+        try:
+            check_plausible(model_to_dict(fitted))
+        except ParameterError as error:
+            no_file[name] = f"{error.field}: expected {error.expected}"
+            continue
+        write_model(fitted, out / f"{name}.toml")
+    for name, reason in no_file.items():
+        before = calibration.objections.get(name, ())
+        calibration.objections[name] = (*before, f"no model file: {reason}")
+    written = len(ordered) - len(no_file)
+    return FleetCalibrateResult(calibration, model, vehicles, written, time.perf_counter() - begin)

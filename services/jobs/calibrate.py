@@ -15,6 +15,7 @@ from slopewise.models.calibration.tracking_fit import TrackingFit, fit_tracking
 from slopewise.models.calibration.tracking_samples import tracking_samples
 from slopewise.models.errors import InputError, ParameterError
 from slopewise.models.parameters import Model
+from slopewise.models.plausibility import check_plausible
 from slopewise.models.stop_logs.drive_quality import Suspect, find_suspects, usable
 from slopewise.models.stop_logs.find_stops import StopSettings, StopWindow, find_stops
 from slopewise.models.stop_logs.held_values import fresh_samples
@@ -27,7 +28,7 @@ from slopewise.services.io.log_checks import (
     refuse_wrong_units,
     unseen_channels,
 )
-from slopewise.services.io.model_file import find_model, read_model
+from slopewise.services.io.model_file import find_model, model_to_dict, read_model
 from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
 from slopewise.services.jobs.summary import from_options
@@ -76,6 +77,7 @@ def calibrate(logs: LogInput, model_file: str, *, settings: CalibrationSettings)
             grades = np.array([r.grade for s in calibration.surfaces for r in s.records])
             refuse_unit(calibration.braking, model.braking, grades, logs.names)
             updated = with_learned(model, calibration)
+            check_plausible(model_to_dict(updated))  # as any reader of its file does
             advance(2)
         except (InputError, ParameterError) as error:
             if isinstance(error, ParameterError):

@@ -47,6 +47,10 @@ class Plant:
         return np.asarray(m * grade + b + self.uphill * np.maximum(grade, 0.0))
 
 
+FREE_ROLLING = Plant(m_m=0.0, b_m=-1.0, m_b=0.0, b_b=0.016, scatter=0.0)
+"""Brakes with less force than a model file may have; longest stops take 30 s."""
+
+
 @dataclass(frozen=True)
 class Truth:
     """True values, (stops,): speed at the command, mean grade, distance and time to rest.

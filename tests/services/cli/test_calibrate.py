@@ -23,7 +23,7 @@ from slopewise.services.jobs.coverage import coverage
 from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.provenance import calibration_digests
 from slopewise.services.jobs.simulate import simulate
-from tests.models.calibration.plant import Plant, drive
+from tests.models.calibration.plant import FREE_ROLLING, Plant, drive
 from tests.services.cli.conftest import write_log
 from tests.services.command_line import here, one_line_of
 from tests.services.faults import fault_in
@@ -198,6 +198,7 @@ def in_knots(log: Log) -> Log:
         (lambda log: log | {"t": 1e3 * log["t"]}, ("column t", "expected seconds", "like ms")),
         (lambda log: log | {"t": 1e6 * log["t"]}, ("column t", "expected seconds", "like us")),
         (lambda log: log | {"t": 300.0 * log["t"]}, ("0 of 24 found", "sparse", "no sample in")),
+        (lambda _: drive(FREE_ROLLING, 24, 0)[0], ("braking.b_b", "0.02 … 1.5")),
         (lambda _: in_knots(drive(Plant(), 24, 0, out_and_back=True)[0]), ("column v", "knots")),
     ],
     ids=[
@@ -213,6 +214,7 @@ def in_knots(log: Log) -> Log:
         "ms",
         "us",
         "rare rows",
+        "no brakes",
         "knots",
     ],
 )

@@ -12,7 +12,7 @@ from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.io.table import write_csv
 from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.summary import to_json
-from tests.models.calibration.plant import Plant, drive
+from tests.models.calibration.plant import FREE_ROLLING, Plant, drive
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +44,23 @@ def test_each_vehicle_gets_a_model_file_that_can_be_read(logs: list[Path], tmp_p
     summary = json.loads(to_json(result.summary))
     assert summary["vehicles"]["robot-1"]["stops"] == 6
     assert np.sqrt(summary["surfaces"][""]["spread"][3][3]) > 0.005
+
+
+def test_unusable_logs_and_impossible_fits_are_their_vehicles_alone(
+    logs: list[Path], tmp_path: Path
+) -> None:
+    cut, weak, out = tmp_path / "cut.csv", tmp_path / "weak.csv", tmp_path / "out"
+    cut.write_text(logs[0].read_text()[:5000].rpartition(",")[0])
+    columns, _, _ = drive(FREE_ROLLING, 30, 7, terrain="")
+    write_csv({n: c.tolist() if n in ("run", "terrain") else c for n, c in columns.items()}, weak)
+    result = run([*logs, cut, weak], out)
+    assert sorted(file.stem for file in out.iterdir()) == ["robot-0", "robot-1", "robot-2"]
+    assert result.written == 3
+    vehicles = json.loads(to_json(result.summary))["vehicles"]
+    assert vehicles["cut"]["objections"][-1].startswith(f"no model file: {cut}: row ")
+    assert "no model file: braking.b_b: expected" in vehicles["weak"]["objections"][-1]
+    with pytest.raises(InputError, match=r"2 vehicles, got 1; .*cut\.csv: row "):
+        run([logs[0], cut], out)
 
 
 @pytest.mark.nightly  # by day with plans, test_plan_fleet.py
