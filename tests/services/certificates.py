@@ -12,7 +12,7 @@ from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 
 SHIPPED = Path(__file__).parents[2] / "configs" / "zenoh"
-ROLES = ("service", "navigation", "mapping", "estimator", "operator", "stranger")
+ROLES = ("service", "navigation", "mapping", "estimator", "operator", "guard", "base", "stranger")
 
 
 def make(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,9 @@ import zenoh
 
 from slopewise.models.errors import InputError
 from slopewise.services.client import PlanClient
+from slopewise.services.guard.map_updates import MapUpdates
+from slopewise.services.guard.zenoh_transport import ZenohTransport
+from slopewise.services.ros.inbox import Inbox
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.connect import client_session
@@ -26,6 +30,7 @@ from slopewise.services.wire.parameter_messages import (
 )
 from slopewise.services.wire.plan_messages import PlanReply, ServiceStatus
 from tests.services import certificates
+from tests.services.guard.guard_fixtures import MODEL, guard
 from tests.services.service_process import Running, fan, flat, running
 
 NAMESPACE = "slopewise/robot"
@@ -297,3 +302,42 @@ def test_an_estimators_certificate_cannot_hold_the_planners_token(
             assert not [s for s in received if s.kind == zenoh.SampleKind.DELETE]
         assert service.key("alive/planner") in seen(operator)
         token.undeclare()
+
+
+def test_a_guard_receives_what_it_needs_and_the_base_only_its_output(
+    folder: Path, service: Running
+) -> None:
+    """Every other role tries all its keys; names in an inbox are those of senders."""
+    it, inbox, outputs, states = guard(known=None), Inbox(), [], []
+    names = ("guard", "base", "navigation", "mapping", "estimator", "operator", "stranger")
+    with contextlib.ExitStack() as stack:
+        by = {name: stack.enter_context(as_(folder, service, name)) for name in names}
+        updates = MapUpdates(by["guard"], NAMESPACE, None, MODEL.vehicle)
+        transport = ZenohTransport(by["guard"], NAMESPACE, inbox)
+        updates.open()
+        # A session receives its own messages without a router.
+        for name, key, to in (
+            ("base", "output", outputs),
+            ("operator", "status", states),
+            ("stranger", "*", outputs),
+        ):
+            key = service.key(f"guard/{key}")
+            by[name].declare_subscriber(key, to.append, allowed_origin=zenoh.Locality.REMOTE)
+        time.sleep(_SETTLED)
+        send_map(by["mapping"], service)
+        for name, session in by.items():
+            for key in ("output", "status", "command", "motion", "clear"):
+                session.put(service.key(f"guard/{key}"), name)
+        time.sleep(_SETTLED)
+        updates.take(it)
+        received = inbox.take(tuple(transport.topics), time.monotonic())
+        updates.close()
+        transport.close()
+    senders = {
+        kind: {item.raw.decode() for item in items} - {"guard"} for kind, items in received.items()
+    }
+    assert senders == {"command": {"navigation"}, "motion": {"estimator"}, "clear": {"mapping"}}
+    assert [sample.payload.to_string() for sample in outputs + states] == ["guard", "guard"]
+    assert it.learned.waits == it.learned.silence == ""
+    assert {"braking", "limits"} <= it.learned.groups.keys()
+    assert it.maps.fresh(time.monotonic()) is not None
