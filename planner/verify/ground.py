@@ -158,8 +158,8 @@ def ground_limits(model: Model, errors: InputErrors) -> GroundLimits:
     (low, high), (roll_low, roll_high) = (
         (-np.inf, np.inf) if braking.extrapolate else (min(lows), max(highs))
         for lows, highs in (
-            zip(own, *filter(None, others), strict=True)
-            for own, others in (
+            zip(base, *filter(None, ranges), strict=True)
+            for base, ranges in (
                 (braking.grade_range, (s.grade_range for s in surfaces)),
                 (braking.trained_roll, (s.roll_range for s in surfaces)),
             )
