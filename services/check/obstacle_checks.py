@@ -111,7 +111,8 @@ def _edges(
     """(M,) highest edge along the path within the band of a wheel [m].
 
     Ground that rises counts where all of it is within the band, ground that falls where its middle
-    is: with its own middle beyond an edge a wheel no longer stands on it.
+    is: with its own middle beyond an edge a wheel no longer stands on it. A gap along
+    the way that a tyre bridges has no edges.
     """
     window, band = _window(heights, vehicle), body.band(wheel[0])
     count = _PARTS * math.ceil(float(band.max()) / window + 1.5)
@@ -126,8 +127,29 @@ def _edges(
     halves = np.abs(z[_HALF:] - z[:-_HALF])[_PARTS:-_PARTS]
     is_under = np.minimum(halves[:-_HALF], halves[_HALF:]) >= _QUARTER * np.abs(rise)
     counts = (np.abs(middle) <= within) & (is_under | (band > 0.0))
-    highest: Floats = np.where(counts, np.abs(rise), 0.0).max(axis=0)
+    edges = np.where(counts, np.abs(rise), 0.0)
+    steep = np.flatnonzero(edges.max(axis=0) > vehicle.shape.max_step)
+    if len(steep):
+        climb = _climb_across(heights, body.only(steep), wheel, vehicle, across)
+        edges[:, steep] = np.minimum(edges[:, steep], climb[_PARTS : _PARTS + len(edges)])
+    highest: Floats = edges.max(axis=0)
     return highest
+
+
+def _climb_across(
+    heights: ElevationMap, body: Body, wheel: tuple[float, float], vehicle: Vehicle, across: Floats
+) -> Floats:
+    """(K, M) largest climbs of a tyre that is off its line by distances (K, 1) to the left [m]."""
+    window = _window(heights, vehicle)
+    more = 2 * _climb_parts(window, vehicle)
+    step = window / _PARTS
+    beyond = step * np.arange(1, more + 1)[:, None]
+    wider = np.concatenate((across[0] - beyond[::-1], across, across[-1] + beyond))
+    x, y = points_of(body.pose, wheel[0], wheel[1] + wider)
+    heading = np.broadcast_to(body.heading, x.shape)
+    at_rest = contact_height(heights, x.ravel(), y.ravel(), heading.ravel(), vehicle)
+    highest = [_largest_climb(z, window, vehicle) for z in at_rest.reshape(x.shape).T]
+    return np.array(highest).T[more:-more]
 
 
 def _window(heights: ElevationMap, vehicle: Vehicle) -> float:
@@ -180,9 +202,7 @@ def _largest_climb(at_rest: Floats, window: float, vehicle: Vehicle) -> Floats:
 
     Its centre climbs a step over √(R² − (R − h)²); where too little is known there is no limit.
     """
-    radius, limit = vehicle.wheel_radius, vehicle.shape.max_step
-    contact = math.sqrt(radius**2 - max(radius - limit, 0.0) ** 2)
-    length = _PARTS + math.ceil(_CLIMB * contact / window * _PARTS)
+    length = _climb_parts(window, vehicle)
     rise = at_rest[length:] - at_rest[:-length]
     sign, count = np.sign(rise), len(rise)
     if count <= 0:
@@ -198,3 +218,10 @@ def _largest_climb(at_rest: Floats, window: float, vehicle: Vehicle) -> Floats:
     ends = np.full(length, np.inf)
     largest = maximum_filter1d(np.concatenate((beyond, ends)), 2 * length + 1, mode="nearest")
     return np.asarray(largest)
+
+
+def _climb_parts(window: float, vehicle: Vehicle) -> int:
+    """Parts of a window over which a tyre climbs the highest step, and that step rises."""
+    radius, limit = vehicle.wheel_radius, vehicle.shape.max_step
+    contact = math.sqrt(radius**2 - max(radius - limit, 0.0) ** 2)
+    return _PARTS + math.ceil(_CLIMB * contact / window * _PARTS)

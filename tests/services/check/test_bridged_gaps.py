@@ -14,8 +14,17 @@ from slopewise.models.arrays import Floats
 CASES = [("atv", 0.1), ("atv", 0.25), ("husky", 0.1), ("ugv", 0.1), ("ugv", 0.25)]
 
 
-def refused(vehicle: str, cell: float, heights: Callable[[Floats], Floats], turn: float) -> bool:
-    """The checker refuses a slow plan over heights by the distance from their middle [m]."""
+def refused(
+    vehicle: str,
+    cell: float,
+    heights: Callable[[Floats], Floats],
+    turn: float,
+    crossing: float = 0.0,
+) -> bool:
+    """The checker refuses a slow plan over heights by the distance from their middle [m].
+
+    ``crossing`` is the angle of the path to the direction in which the heights change [rad].
+    """
     along = np.arange(0.0, 14.0, cell)
     east, north = np.meshgrid(along, along)
     ahead = (east - 7.0) * math.cos(turn) + (north - 7.0) * math.sin(turn)
@@ -25,8 +34,8 @@ def refused(vehicle: str, cell: float, heights: Callable[[Floats], Floats], turn
     s = np.linspace(-4.0, 4.0, 81)
     plan = slopewise.GivenPlan(
         name="over",
-        x=7.0 + s * math.cos(turn),
-        y=7.0 + s * math.sin(turn),
+        x=7.0 + s * math.cos(turn + crossing),
+        y=7.0 + s * math.sin(turn + crossing),
         speed=np.where(s < s[-1], 0.3, 0.0),
     )
     report = slopewise.check_plan(plan, slopewise.read_model(vehicle), ground, quantile=0.5)
@@ -48,6 +57,23 @@ def test_gaps_are_as_deep_as_a_wheel_sinks(vehicle: str, cell: float) -> None:
             assert not refused(vehicle, cell, gap, 0.0), cells
         elif wide > 3.0 * radius:
             assert refused(vehicle, cell, gap, 0.0), cells
+
+
+@pytest.mark.parametrize(("vehicle", "cell"), [("atv", 0.05), ("husky", 0.025), ("ugv", 0.05)])
+def test_gaps_and_edges_oblique_to_the_path(vehicle: str, cell: float) -> None:
+    """A wheel bridges a gap that it crosses obliquely, and falls off an edge there."""
+    limit = slopewise.read_model(vehicle).vehicle.shape.max_step
+
+    def gap(ahead: Floats) -> Floats:
+        return np.where(np.abs(ahead) < 1.2 * cell, -2.5 * limit, 0.0)
+
+    def edge(ahead: Floats) -> Floats:
+        return np.where(ahead > 0.0, -2.5 * limit, 0.0)
+
+    for crossing in (-0.7, 0.5, 0.9):
+        assert not refused(vehicle, cell, gap, 0.0, crossing), crossing
+        assert refused(vehicle, cell, edge, 0.0, crossing), crossing
+    assert refused(vehicle, cell, edge, 0.0, 1.3)
 
 
 @pytest.mark.parametrize(("vehicle", "cell"), CASES)
