@@ -108,7 +108,7 @@ class MessageFeeds:
         while self._waiting and self._waiting[0][0] <= now:
             at, _, number, name, value, stamp = heapq.heappop(self._waiting)
             if name == "motion":
-                guard.motions.take(value, at, "r", number, stamp)
+                guard.move(value, at, "r", number, stamp)
             else:
                 guard.commands.take((BaseCommand(*value), number), at, "p", number, stamp)
 

@@ -47,6 +47,10 @@ class _Clear(NamedTuple):
     motion: VehicleMotion | None  # the newest on its arrival, and its age [s]
     age: float
 
+    def __hash__(self) -> int:
+        """Content of the message alone: a repeated one comes with another motion."""
+        return hash(self.distance)
+
 
 class PoseAge:
     """Follows the poses of one base; a localisation that fails may repeat one with new stamps."""
@@ -172,7 +176,7 @@ class Guard:
         missing += [self.learned.waits] if self.learned.waits else []
         if fault or missing or motion is None or command is None or ground is None:
             return stop(fault or missing[0])
-        if wrong := self.motions.conflict(now) or self._jumps.fault(now):
+        if wrong := self.motions.conflict(now) or self._jumps.fault:
             return stop(wrong)
         if self._latched:
             if _moves(motion, _STANDSTILL):
@@ -261,7 +265,7 @@ class Guard:
         texts = self.learned.warnings()
         for feed in self._feeds():
             texts += feed.warnings(now)
-        texts += [text for text in (self.maps.rejection, self._jumps.fault(now)) if text]
+        texts += [text for text in (self.maps.rejection, self._jumps.fault) if text]
         motion = self.motions.fresh(now)
         if self._latched and motion is not None and abs(motion.speed) > _ROLLING:
             texts.append("the vehicle moves while it is commanded to stand")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, OrderedDict
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.wire.arrival import SenderTable
@@ -13,8 +13,25 @@ from slopewise.services.wire.lateness import ARRIVAL, RECOVERY, Lateness, WallCl
 
 T = TypeVar("T")
 
+
+class _Sender(NamedTuple):
+    """One sender: its lateness, and its newest messages by their numbers, with hashed content."""
+
+    lateness: Lateness
+    recent: OrderedDict[int, int]
+
+    def is_another(self, sequence: int, content: int) -> bool:
+        """Return True for an old number that this sender did not send, or not with that content."""
+        last = self.lateness.number or 0
+        return self.recent.get(sequence, content) != content or sequence < last - _REMEMBERED
+
+
 _MAX_SENDERS = 16
 """Senders of one input whose clocks are followed; beyond, the one silent for longest goes [1]."""
+
+_REMEMBERED = 50
+"""Messages of a sender in which a repeated one is recognised, and behind which none can have been
+overtaken: a second of odometry [1]."""
 
 _LATE = 0.5  # share of the deadline from which a message that arrives late is reported [1]
 
@@ -37,13 +54,15 @@ class InputFeed(Generic[T]):
     _sender: str = ""
     _conflict: str = ""  # two senders at the same time, as text, last seen at a moment [s]
     _conflict_at: float = -math.inf
-    _senders: SenderTable[str, Lateness] = field(init=False)
+    _senders: SenderTable[str, _Sender] = field(init=False)
     _events: dict[str, tuple[float, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.newest = self._new_sender()
         # An unknown sender is taken to be as late as the newest one.
-        self._senders = SenderTable(lambda: self._new_sender(self.newest.late), _MAX_SENDERS)
+        self._senders = SenderTable(
+            lambda: _Sender(self._new_sender(self.newest.late), OrderedDict()), _MAX_SENDERS
+        )
 
     def _new_sender(self, late: float = 0.0) -> Lateness:
         return Lateness(self.max_latency, self.wall, uses_stamps=self.uses_stamps, late=late)
@@ -59,15 +78,24 @@ class InputFeed(Generic[T]):
         """Record a message; False where its number or its stamp shows that it is not new.
 
         A sender whose number goes back has to be silent for the deadline before it is accepted
-        again: it may have been restarted, or a message of the past is repeated.
+        again: it may have been restarted, or a message of the past is repeated. One that cannot be
+        its own is of another sender of the same name.
 
         ``now``: arrival, monotonic [s]; ``time``: stamp on the sender's clock [s].
         """
-        lateness = self._senders.of(sender)
+        lateness, recent = known = self._senders.of(sender)
         last = lateness.number
+        content = 0 if sequence is None else hash((value, time))
         is_old = sequence is not None and last is not None and sequence <= last
         is_recent = now - self._at <= self.deadline
         try:
+            if (
+                is_old
+                and is_recent
+                and sequence is not None
+                and known.is_another(sequence, content)
+            ):
+                self._conflicts(sender, now)
             if (is_old and is_recent) or not lateness.take(time, now, sequence):
                 self.counters[f"{self.name} repeated or late"] += 1
                 return False
@@ -78,16 +106,23 @@ class InputFeed(Generic[T]):
         if sequence is not None and last is not None and sequence > last + 1:
             self.counters[f"{self.name} lost"] += sequence - last - 1
         if self.has_messages and sender != self._sender and is_recent:
-            senders = " and ".join(sorted((self._sender, sender)))
-            self._conflict = f"{self.name} comes from two senders, {senders}"
-            self._conflict_at = now
-            self._record("two senders", now, self._conflict)
+            self._conflicts(sender, now)
+        if sequence is not None:
+            recent[sequence] = content
+            if len(recent) > _REMEMBERED:
+                recent.popitem(last=False)
         self._sender = sender
         self.newest, self._value, self._at = lateness, value, now
         self.has_messages, self.rejection = True, ""
         self.counters[self.name] += 1
         self._check_clocks(lateness, now)
         return True
+
+    def _conflicts(self, sender: str, now: float) -> None:
+        senders = " and ".join(sorted((self._sender, sender)))
+        self._conflict = f"{self.name} comes from two senders, {senders}"
+        self._conflict_at = now
+        self._record("two senders", now, self._conflict)
 
     def _check_clocks(self, lateness: Lateness, now: float) -> None:
         if lateness.repeated:

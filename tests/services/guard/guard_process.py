@@ -163,3 +163,4 @@ def driving(guard: GuardProcess) -> Iterator[GuardRobot]:
         robot.speed = 1.0
         yield robot
         robot.close()
+        time.sleep(0.3)  # the next one bears the same name and counts from 1
