@@ -7,9 +7,8 @@ without limit.
 from __future__ import annotations
 
 import time
-from collections import deque
-from dataclasses import dataclass
-from threading import Lock
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from slopewise.services.parameters.stop_checks import LearnedStop
 from slopewise.services.wire.model_proposal import ModelProposal
@@ -31,56 +30,40 @@ class ProposalEntry:
     command: str = ""
 
 
+@dataclass(slots=True)
 class LiveState:
-    """Written by planning and learning, read by the page; any thread."""
+    """Written by planning and by learning, a thread each, and read by the page.
 
-    def __init__(self) -> None:
-        self.changes = 0  # grows with everything but plans, so that a page reloads only what is new
-        # last request with its reply, and the monotonic clock [s]
-        self.plan: tuple[PlanRequest, PlanReply, float] | None = None
-        # name and probability of the terrain, and the wall clock [s]
-        self.ground: tuple[str, float, float] | None = None
-        self.proposal: ProposalEntry | None = None  # newest finding
-        self._lock = Lock()
-        self._stops: deque[tuple[LearnedStop, int, float]] = deque(maxlen=MAX_ENTRIES)
-        self._groups: dict[str, deque[HistoryEntry]] = {}
+    Every value is replaced whole, so that no thread takes a lock.
+    """
+
+    changes: int = 0  # grows with everything but plans, so that a page reloads only what is new
+    # last request with its reply, and the monotonic clock [s]
+    plan: tuple[PlanRequest, PlanReply, float] | None = None
+    # name and probability of the terrain, and the wall clock [s]
+    ground: tuple[str, float, float] | None = None
+    proposal: ProposalEntry | None = None  # newest finding
+    # with the version of the parameters that predicted it, and the wall clock [s]; oldest first
+    stops: tuple[tuple[LearnedStop, int, float], ...] = ()
+    groups: Mapping[str, tuple[HistoryEntry, ...]] = field(default_factory=dict)  # oldest first
 
     def set_plan(self, request: PlanRequest, reply: PlanReply) -> None:
-        """Replace the last plan; a single assignment, so that planning takes no lock."""
         self.plan = request, reply, time.monotonic()
 
     def set_ground(self, name: str, probability: float) -> None:
         self.ground = name, probability, time.time()
-        self._count()
+        self.changes += 1
 
     def set_proposal(self, proposal: ProposalEntry | None) -> None:
         self.proposal = proposal
-        self._count()
+        self.changes += 1
 
     def add_stop(self, stop: LearnedStop, version: int) -> None:
-        """Add a stop; ``version``: of the parameters that predicted it."""
-        with self._lock:
-            self._stops.append((stop, version, time.time()))
-        self._count()
+        self.stops = (*self.stops, (stop, version, time.time()))[-MAX_ENTRIES:]
+        self.changes += 1
 
     def add_change(self, change: HistoryEntry) -> None:
-        with self._lock:
-            if change.group not in self._groups and len(self._groups) >= _MAX_GROUPS:
-                return
-            changes = self._groups.setdefault(change.group, deque(maxlen=MAX_ENTRIES))
-            changes.append(change)
-        self._count()
-
-    def _count(self) -> None:
-        with self._lock:
+        known = self.groups.get(change.group, ())
+        if known or len(self.groups) < _MAX_GROUPS:
+            self.groups = {**self.groups, change.group: (*known, change)[-MAX_ENTRIES:]}
             self.changes += 1
-
-    def stops(self) -> list[tuple[LearnedStop, int, float]]:
-        """Stops with version and wall clock [s], oldest first."""
-        with self._lock:
-            return list(self._stops)
-
-    def groups(self) -> list[list[HistoryEntry]]:
-        """Changes of each group, oldest first."""
-        with self._lock:
-            return [list(changes) for changes in self._groups.values()]

@@ -85,25 +85,27 @@ def _path(plan: Plan, columns: Sequence[str], count: int) -> dict[str, Any]:
 
 def learned(page: LiveState) -> dict[str, Any]:
     """Page data that change rarely: parameters with their history, terrain, stops, proposal."""
-    stops = [
-        {
-            **{name: _rounded(getattr(stop, name)) for name in _STOP_NUMBERS},
-            "surface": stop.surface,
-            "outcome": stop.outcome,
-            "version": version,
-            "at": at,
-        }
-        for stop, version, at in page.stops()
-    ]
-    ground = page.ground
     return {
+        # Read first, so that what arrives meanwhile is loaded once more, and not missed.
         "changes": page.changes,
-        "groups": [_group(changes) for changes in page.groups()],
-        "ground": ground
-        and {"name": ground[0], "probability": _rounded(ground[1]), "at": ground[2]},
-        "stops": stops,
+        "groups": [_group(changes) for changes in page.groups.values()],
+        "ground": page.ground and _ground(*page.ground),
+        "stops": [
+            {
+                **{name: _rounded(getattr(stop, name)) for name in _STOP_NUMBERS},
+                "surface": stop.surface,
+                "outcome": stop.outcome,
+                "version": version,
+                "at": at,
+            }
+            for stop, version, at in page.stops
+        ],
         "finding": page.proposal and _finding(page.proposal),
     }
+
+
+def _ground(name: str, probability: float, at: float) -> dict[str, Any]:
+    return {"name": name, "probability": _rounded(probability), "at": at}
 
 
 def _finding(entry: ProposalEntry) -> dict[str, Any]:

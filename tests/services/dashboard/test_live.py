@@ -236,8 +236,8 @@ def test_memory_of_the_page_is_bounded(page: LiveState) -> None:
     for k in range(2000):
         page.add_stop(stop_of(1.0, 1.0), k)
         page.add_change(msgspec.structs.replace(entry, group=f"g{k}"))
-    assert len(page.stops()) == 400
-    assert len(page.groups()) == 64
+    assert len(page.stops) == 400
+    assert len(page.groups) == 64
 
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "prometheus"
