@@ -18,14 +18,13 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.services.io import geotiff
 from slopewise.services.io.geotiff import GeotiffWindows
-from slopewise.services.io.map_grid import Extent, MapInfo
+from slopewise.services.io.map_grid import MapInfo
 from slopewise.services.io.no_data import NoData
 
 SHARED_CELLS = 1_000_000  # Cells up to which paths share a window: 8 MB of heights
 MAX_CELLS = 8_000_000  # Cells that a single path may need: 64 MB of heights, 2.8 km x 2.8 km at 1 m
 _BLOCK_CACHE = 64  # Decoded tiles [MB]; GDAL's default is a share of the machine's memory
 _SORTING_SQUARE = 256  # Edge of the squares by which paths are sorted, in cells
-_NOWHERE = (math.inf, -math.inf, math.inf, -math.inf)  # Extent of no path [m]
 
 Cells = tuple[slice, slice]
 """Rows and columns of a window."""
@@ -48,20 +47,31 @@ def map_windows(
     All paths begin on the map and need ``margin`` metres around them. Without cells are those that
     would need too many.
     """
-    around = [_around(path, margin) for path in paths]
-    edge = _SORTING_SQUARE * info.resolution
-    order = sorted(range(len(paths)), key=lambda i: (around[i][2] // edge, around[i][0] // edge, i))
+    low = np.array([path.points.min(axis=0) for path in paths]) - margin
+    high = np.array([path.points.max(axis=0) for path in paths]) + margin
+    boxes = np.hstack((low, -high))  # so that the box around several is the least of each number
+    squares = low // (_SORTING_SQUARE * info.resolution)
     members: list[int] = []
-    union = _NOWHERE
-    for i in order:
-        wider = _union(union, around[i])
-        if members and _size(info, wider) > SHARED_CELLS:
-            yield members, _cells(union, info)
-            members, wider = [], around[i]
+    window = np.full(4, np.inf)
+    for i in np.lexsort(squares.T).tolist():
+        wider = np.minimum(window, boxes[i])
+        if members and _size(_cells(wider, info)) > SHARED_CELLS:
+            yield members, _cells(window, info, MAX_CELLS)
+            members, wider = [], boxes[i]
         members.append(i)
-        union = wider
-    if members:
-        yield members, _cells(union, info)
+        window = wider
+    yield members, _cells(window, info, MAX_CELLS)
+
+
+def _cells(box: Floats, info: MapInfo, max_count: float = math.inf) -> Cells | None:
+    """Cells that hold the ground of a box; None if these would be more than ``max_count``."""
+    x_min, y_min, x_max, y_max = *box[:2], *-box[2:]
+    cells = info.cells_around((x_min, x_max, y_min, y_max))
+    return cells if _size(cells) <= max_count else None
+
+
+def _size(cells: Cells | None) -> int:
+    return 0 if cells is None else math.prod(part.stop - part.start for part in cells)
 
 
 def ground_in(ground: GeotiffWindows, cells: Cells) -> ElevationMap:
@@ -69,7 +79,9 @@ def ground_in(ground: GeotiffWindows, cells: Cells) -> ElevationMap:
     part = ground.info.part(*cells)
     heights = ground.read(*cells)
     if not np.isfinite(heights).any():
-        heights = _with_a_known_cell(heights)
+        # A map requires a known cell: behind the window, where no wheel reaches.
+        heights = np.pad(heights, ((0, 2), (0, 0)), constant_values=np.nan)
+        heights[-1, -1] = 0.0
     return ElevationMap(
         elevation=heights,
         resolution=part.resolution,
@@ -77,31 +89,3 @@ def ground_in(ground: GeotiffWindows, cells: Cells) -> ElevationMap:
         height_std=ground.height_std,
         height_std_is_assumed=ground.stated_std is None,
     )
-
-
-def _with_a_known_cell(heights: Floats) -> Floats:
-    """Add a known cell, which a map requires, behind the window, where no wheel reaches."""
-    beyond = np.full((2, heights.shape[1]), np.nan)
-    beyond[-1, -1] = 0.0
-    return np.concatenate((heights, beyond))
-
-
-def _around(path: CandidatePath, margin: float) -> Extent:
-    (x_min, y_min), (x_max, y_max) = path.points.min(axis=0), path.points.max(axis=0)
-    return x_min - margin, x_max + margin, y_min - margin, y_max + margin
-
-
-def _union(a: Extent, b: Extent) -> Extent:
-    return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])
-
-
-def _size(info: MapInfo, around: Extent) -> int:
-    cells = info.cells_around(around)
-    if cells is None:
-        return 0
-    rows, columns = cells
-    return int((rows.stop - rows.start) * (columns.stop - columns.start))
-
-
-def _cells(around: Extent, info: MapInfo) -> Cells | None:
-    return info.cells_around(around) if 0 < _size(info, around) <= MAX_CELLS else None

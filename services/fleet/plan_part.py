@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ import numpy as np
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.errors import ParameterError
-from slopewise.planner.followed_line import LineLimits, line_limits
+from slopewise.planner.followed_line import line_limits
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.path import EvenPath, resample
 from slopewise.planner.pipeline.candidates import CandidatePlanner
@@ -120,14 +120,12 @@ def plan_part(task: PlanTask) -> int:
     with opened(request.map_file, request.nodata) as ground:
         margin = footprint_margin(planner.model.vehicle, ground.info)
         for members, cells in map_windows(task.paths, ground.info, margin):
-            paths = [task.paths[i] for i in members]
             if cells is None:
                 message = f"expected a path on at most {MAX_CELLS} cells of the map, got more"
-                for i, path in zip(members, paths, strict=True):
-                    answers[i] = RejectedCandidate(path.name, message)
+                answers |= {i: RejectedCandidate(task.paths[i].name, message) for i in members}
             else:
-                planned = _plan(planner, ground_in(ground, cells), paths, request)
-                answers |= zip(members, planned, strict=True)
+                paths = {i: task.paths[i] for i in members}
+                answers |= _plan(planner, ground_in(ground, cells), paths, request)
     ordered = [answers[i] for i in range(len(task.paths))]
     write_part(request.out, name.file, name.source.name, ordered)
     return len(ordered)
@@ -136,23 +134,19 @@ def plan_part(task: PlanTask) -> int:
 def _plan(
     planner: CandidatePlanner,
     ground: ElevationMap,
-    paths: list[CandidatePath],
+    paths: Mapping[int, CandidatePath],
     request: FleetPlanRequest,
-) -> list[SpeedPlan | RejectedCandidate]:
+) -> dict[int, SpeedPlan | RejectedCandidate]:
+    """Plan paths by their number; one that cannot be used does not prevent the others."""
     spacing = planner.settings.spacing_on(ground.resolution)
     limits = line_limits(planner.model)
-    resampled = [_resample(path, spacing, limits) for path in paths]
-    usable = [path for path in resampled if isinstance(path, EvenPath)]
+    even: dict[int, EvenPath] = {}
+    rejected: dict[int, SpeedPlan | RejectedCandidate] = {}
+    for i, path in paths.items():
+        try:
+            even[i] = resample(path, spacing, limits)
+        except ParameterError as error:
+            rejected[i] = RejectedCandidate(path.name, str(error))
+    usable = list(even.values())
     plans = planner.plan(ground, usable, start_speed=request.start_speed, clear=request.clear)
-    remaining = iter(plans)
-    return [path if isinstance(path, RejectedCandidate) else next(remaining) for path in resampled]
-
-
-def _resample(
-    path: CandidatePath, spacing: float, limits: LineLimits
-) -> EvenPath | RejectedCandidate:
-    """Resample, or reject: one path that cannot be used must not prevent planning of the others."""
-    try:
-        return resample(path, spacing, limits)
-    except ParameterError as error:
-        return RejectedCandidate(path.name, f"{error.field}: expected {error.expected}")
+    return rejected | dict(zip(even, plans, strict=True))
