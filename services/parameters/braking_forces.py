@@ -84,13 +84,9 @@ class BrakingForces:
 
     def copy(self) -> BrakingForces:
         """A copy that learns separately from the same prior."""
-        clone = copy.copy(self)
-        clone._online = copy.deepcopy(self._online, {id(self._start): self._start})
-        clone._updated, clone._rejections = dict(self._updated), dict(self._rejections)
-        clone._last_stop = dict(self._last_stop)
-        clone.dead_times = copy.copy(self.dead_times)
-        clone._changed()
-        return clone
+        self._changed()
+        shared = self.prior, self._start, self._settings, self._map_surfaces
+        return copy.deepcopy(self, {id(each): each for each in shared})
 
     # ------------------------------------------------------------------ learning
 

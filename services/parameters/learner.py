@@ -168,14 +168,6 @@ class Learner:
 
     # ------------------------------------------------------------------ planning
 
-    def restrict_to_file(self) -> set[str]:
-        """Plan nowhere faster than the model file until stops arrive; the groups that changed."""
-        return {name for kind in self.state.kinds() for name in kind.restrict_to_file()}
-
-    def assume_untrained(self) -> set[str]:
-        """Plan as on ground without stops where nothing is known; the groups that changed."""
-        return set() if self.state.unsupported_reason else self.state.braking.assume_untrained()
-
     def flags(self) -> list[str]:
         """Warnings about learned parameters and about the senders of stops."""
         flags = [*self.state.braking.forces.flags(), *self._warnings.active()]

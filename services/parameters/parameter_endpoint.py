@@ -213,85 +213,64 @@ class ParameterEndpoint:
         kind, query = received
         if not isinstance(query, zenoh.Query):
             return
-        reply: msgspec.Struct
-        if kind in KINDS:
-            base, reply, default = f"obs/{kind}", self._failed(reason), Format.MESSAGEPACK
-        else:
-            base, reply, default = kind, self._error(reason), Format.JSON
-        key, written = str(query.key_expr), codec.format_of(str(query.encoding or ""), default)
-        payload = codec.payload_of(reply, written)
+        key, handler = str(query.key_expr), self._handler(kind)
+        written = codec.format_of(str(query.encoding or ""), handler.reply_format)
+        payload = codec.payload_of(handler.failure(reason), written)
         with query:
-            self._endpoint.send(query, self._config.key(base) if "*" in key else key, payload)
+            self._endpoint.send(query, self._key_of(kind) if "*" in key else key, payload)
 
-    def _failed(self, reason: str) -> observations.ObservationAck:
-        return self._service.receipt("error", reason)
-
-    def _error(self, reason: str) -> messages.ParameterReply:
-        return replies.reply_of(self._service, "error", reason)
+    def _key_of(self, kind: str) -> str:
+        return self._config.key(f"obs/{kind}" if kind in KINDS else kind)
 
     def _process(self, kind: str, item: Any, arrived: float) -> None:
         with item if isinstance(item, zenoh.Query) else nullcontext():
-            if kind in KINDS:
-                self._observe(kind, item, arrived)
-            elif kind == DISCREPANCY:
-                kind_of, key = messages.DiscrepancyQuestion, self._config.key(DISCREPANCY)
-                self._answer(item, key, kind_of, replies.findings, kind_of())
-            else:
-                self._answer_parameters(item)
+            if kind == PARAMS:
+                for key, name in self._names_by_key(item.key_expr).items():
+                    self._endpoint.answer(item, key, self._handler(kind, name))
+                return
+            key = self._key_of(kind)
+            reply = self._endpoint.answer(item, key, self._handler(kind, key, arrived))
+            if kind in KINDS and reply.status in (REFUSED, "error"):
+                _log.info("%s: %s", key, reply.reason)
 
-    def _observe(self, kind: str, item: Any, arrived: float) -> None:
-        key = self._config.key(f"obs/{kind}")
-        observation = Handler(
-            KINDS[kind],
-            handle=lambda message: self._service.observe(kind, message, key, arrived),
-            failure=self._failed,
-            name=kind,
-            describe=lambda message: f"{kind} {message.sequence} of {message.source}",
-        )
-        receipt = self._endpoint.answer(item, key, observation)
-        if receipt.status in (REFUSED, "error"):
-            _log.info("%s: %s", key, receipt.reason)
+    def _names_by_key(self, requested: zenoh.KeyExpr) -> dict[str, str]:
+        """Keys to reply on, each with its change or group; a pattern of groups has several."""
+        key, base = str(requested), self._config.key(PARAMS)
+        if "*" not in key:
+            return {key: key.removeprefix(base).removeprefix("/")}
+        if requested.intersects(base):
+            return {base: ""}
+        keys = {f"{base}/{group}": group for group in self._service.learner.state.names()}
+        return {key: group for key, group in keys.items() if requested.intersects(key)}
 
-    def _answer_parameters(self, query: zenoh.Query) -> None:
-        requested, base = str(query.key_expr), self._config.key(PARAMS)
-        name = requested.removeprefix(base).removeprefix("/")
-        if name in CHANGES:
-            self._answer(query, requested, CHANGES[name], replies.change)
-        elif "*" not in requested:
-            self._read(query, requested, name)
-        elif query.key_expr.intersects(base):
-            self._read(query, base, "")
-        else:
-            # A pattern of groups: one reply per group, with its key.
-            for group in self._service.learner.state.names():
-                if query.key_expr.intersects(f"{base}/{group}"):
-                    self._read(query, f"{base}/{group}", group)
+    def _handler(self, kind: str, name: str = "", arrived: float = 0.0) -> Handler[Any, Any]:
+        """How a kind is answered; ``name``: key of an observation, or a change or group.
 
-    def _read(self, query: zenoh.Query, key: str, group: str) -> None:
-        def read(service: ParameterService, request: messages.ParameterQuestion) -> Any:
-            request = msgspec.structs.replace(request, group=group or request.group)
-            return replies.read(service, request)
-
-        self._answer(query, key, messages.ParameterQuestion, read, messages.ParameterQuestion())
-
-    def _answer(
-        self,
-        query: zenoh.Query,
-        key: str,
-        kind: type[Any],
-        handle: Callable[..., messages.ParameterReply],
-        default: msgspec.Struct | None = None,
-    ) -> None:
-        """Reply about parameters, in JSON unless the encoding names MessagePack."""
-        handler = Handler(
-            kind,
-            handle=partial(handle, self._service),
-            failure=self._error,
+        Replies about parameters are in JSON unless the encoding names MessagePack.
+        """
+        service = self._service
+        if kind in KINDS:
+            return Handler(
+                KINDS[kind],
+                handle=lambda message: service.observe(kind, message, name, arrived),
+                failure=partial(service.receipt, "error"),
+                name=kind,
+                describe=lambda message: f"{kind} {message.sequence} of {message.source}",
+            )
+        default: msgspec.Struct | None = None
+        handle: Callable[..., messages.ParameterReply] = replies.change
+        if kind == DISCREPANCY:
+            handle, default = replies.findings, messages.DiscrepancyQuestion()
+        elif name not in CHANGES:
+            handle, default = partial(replies.read, group=name), messages.ParameterQuestion()
+        return Handler(
+            CHANGES[name] if default is None else type(default),
+            handle=partial(handle, service),
+            failure=partial(replies.reply_of, service, "error"),
             name=PARAMS,
             default=default,
             reply_format=Format.JSON,
         )
-        self._endpoint.answer(query, key, handler)
 
     def _report_fault(self, what: str) -> str:
         """Count and flag a fault of the service with one message; the reason for its sender."""

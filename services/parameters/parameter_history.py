@@ -37,6 +37,12 @@ class StoreCopy(msgspec.Struct, frozen=True):
     changes: list[StoredChange]
     seen: dict[str, int]
 
+    def newest(self, fingerprint: str, group: str, _: int | None) -> Iterator[StoredChange]:
+        return (c for c in self.changes if (c.group, c.fingerprint) == (group, fingerprint))
+
+    def groups(self, fingerprint: str) -> list[str]:
+        return sorted({c.group for c in self.changes if c.fingerprint == fingerprint})
+
 
 def copy_path(store: Path) -> Path:
     return store.with_name(store.name + "-last")
@@ -97,7 +103,7 @@ class ParameterHistory:
         self._copied = -_COPY_INTERVAL
         self._copy_due = False
         self._fault = self._copy_fault = ""
-        self._unsaved: dict[str, StoredChange] = {}
+        self.unsaved: dict[str, StoredChange] = {}  # groups whose last change is not on disk
         self._unsaved_sources: dict[str, int] = {}
         self._tried = time.monotonic()
         if settings.path:
@@ -152,7 +158,7 @@ class ParameterHistory:
     @property
     def durable(self) -> bool:
         """True if all changes are on disk."""
-        return self.is_open and not self._unsaved and not self._unsaved_sources
+        return self.is_open and not self.unsaved and not self._unsaved_sources
 
     @property
     def is_open(self) -> bool:
@@ -162,7 +168,7 @@ class ParameterHistory:
     def flags(self) -> list[str]:
         """Warnings about the store."""
         flags = list(self.notes)
-        if self._fault or self._unsaved or self._unsaved_sources:
+        if self._fault or self.unsaved or self._unsaved_sources:
             flags.append(f"parameters are not kept: {self._fault or 'there is no store'}")
         if self._copy_fault:
             flags.append(f"parameters are kept once only: {self._copy_fault}")
@@ -177,11 +183,6 @@ class ParameterHistory:
         except StoreError as error:
             self._fail(error)
             return {}
-
-    @property
-    def unsaved(self) -> set[str]:
-        """Groups whose last change is not on disk."""
-        return set(self._unsaved)
 
     # ------------------------------------------------------------------ writing
 
@@ -205,7 +206,7 @@ class ParameterHistory:
         for group, state in states.items():
             data = json.dumps(state, allow_nan=False).encode()
             moment = (moments or {}).get(group, now)
-            self._unsaved[group] = StoredChange(
+            self.unsaved[group] = StoredChange(
                 self.version, group, self._fingerprint, cause, who, moment, data, learned
             )
             self.last[group] = LastChange(self.version, cause, who)
@@ -219,14 +220,14 @@ class ParameterHistory:
             if self._store is None:
                 return
             try:
-                self._store.write(list(self._unsaved.values()), self._unsaved_sources)
+                self._store.write(list(self.unsaved.values()), self._unsaved_sources)
             except StoreError as error:
                 self._fail(error)
                 return
             self._fault = ""
-            self._newest_of.update({(c.fingerprint, c.group): c for c in self._unsaved.values()})
+            self._newest_of.update({(c.fingerprint, c.group): c for c in self.unsaved.values()})
             self._copy_due = True
-        self._unsaved.clear()
+        self.unsaved.clear()
         self._unsaved_sources.clear()
         self._write_copy()
 
@@ -256,11 +257,11 @@ class ParameterHistory:
                 return False
             # Versions that another process wrote meanwhile stay unique.
             self.version += 1
-            self._unsaved = {
+            self.unsaved = {
                 group: replace(change, version=self.version)
-                for group, change in self._unsaved.items()
+                for group, change in self.unsaved.items()
             }
-        if self._unsaved or self._unsaved_sources or self._fault:
+        if self.unsaved or self._unsaved_sources or self._fault:
             self._save()
         return opened
 
@@ -277,10 +278,7 @@ class ParameterHistory:
 
     def groups(self) -> list[str]:
         """Groups of this vehicle that were ever changed."""
-        if self._substitute is not None:
-            changes = self._substitute.changes
-            return sorted({c.group for c in changes if c.fingerprint == self._fingerprint})
-        return self._opened().groups(self._fingerprint)
+        return (self._substitute or self.opened()).groups(self._fingerprint)
 
     @property
     def damaged(self) -> set[str]:
@@ -291,12 +289,8 @@ class ParameterHistory:
         self, group: str, up_to: int | None = None
     ) -> Iterator[tuple[StoredChange, State | None]]:
         """Changes of a group with their states, newest first; unreadable ones are skipped."""
-        if self._substitute is None:
-            changes = self._opened().newest(self._fingerprint, group, up_to)
-        else:
-            known = (group, self._fingerprint)
-            changes = (c for c in self._substitute.changes if (c.group, c.fingerprint) == known)
-        for change in changes:
+        source = self._substitute or self.opened()
+        for change in source.newest(self._fingerprint, group, up_to):
             try:
                 state = json.loads(change.state)
             except ValueError:
@@ -306,13 +300,10 @@ class ParameterHistory:
 
     def knows(self, version: int) -> bool:
         """Return True if the version is a stored change of this vehicle, or the model file."""
-        return self._opened().has(self._fingerprint, version) or version == 1
+        return self.opened().has(self._fingerprint, version) or version == 1
 
-    def entries(self, group: str, count: int) -> list[StoredChange]:
-        """Last changes of a group, or of all, newest first."""
-        return self._opened().history(group, count)
-
-    def _opened(self) -> Store:
+    def opened(self) -> Store:
+        """The store; a StoreError while it is not open."""
         if self._store is None:
             raise StoreError(self._fault or "there is no store")
         return self._store

@@ -65,7 +65,7 @@ class ParameterService:
         self.rejected = ("", "")  # proposal last refused to be adopted: its id, and the reason
         self._filter = ObservationFilter(settings.early, self.history.seen())
         self.active = ActiveParameters(prior)  # to plan with
-        self._restore(set())
+        self._restore(())
         self._publish()
         self.changed = set(self.learner.state.names())
 
@@ -288,7 +288,7 @@ class ParameterService:
         )
         self._apply(self.active)
 
-    def _restore(self, done: set[str]) -> None:
+    def _restore(self, done: Collection[str]) -> None:
         try:
             careful = self._restorer.restore_newest(done)
         except StoreError as error:

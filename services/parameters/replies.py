@@ -43,13 +43,15 @@ def group_message(service: ParameterService, group: str) -> ParameterGroup:
     return ParameterGroup(group=group, fingerprint=vehicle, **last, **known)
 
 
-def read(service: ParameterService, request: ParameterQuestion) -> ParameterReply:
+def read(service: ParameterService, request: ParameterQuestion, group: str = "") -> ParameterReply:
+    """Groups and their history; ``group``: the one of the key, before that of the request."""
+    group = group or request.group
     try:
-        names = [request.group] if request.group else service.learner.state.names()
-        groups = [group_message(service, group) for group in names]
+        names = [group] if group else service.learner.state.names()
+        groups = [group_message(service, name) for name in names]
         history: list[HistoryEntry] = []
         if request.history:
-            changes = service.history.entries(request.group, request.history)
+            changes = service.history.opened().history(group, request.history)
             history = [entry for entry in map(_entry, changes) if entry is not None]
     except (ParameterError, StoreError) as error:
         return reply_of(service, "error", str(error))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.parameters.braking_forces import MAX_LISTED
@@ -32,7 +32,7 @@ class ParameterRestorer:
     def __init__(self, learner: Learner, history: ParameterHistory, oldest: float) -> None:
         self._learner, self._history, self._oldest = learner, history, oldest
 
-    def restore_newest(self, done: set[str]) -> dict[str, str]:
+    def restore_newest(self, done: Collection[str]) -> dict[str, str]:
         """Restore the newest usable state of each group, except of groups that are done.
 
         Returns groups that plans use more carefully than they were stored, with the cause.
@@ -45,12 +45,14 @@ class ParameterRestorer:
             if memory is Memory.STORE:
                 raise
         if memory is Memory.COPY or outdated:
-            careful |= dict.fromkeys(self._learner.restrict_to_file(), HELD)
-        if memory is Memory.LOST or any(group.startswith(BASE) for group in outdated):
-            careful |= dict.fromkeys(self._learner.assume_untrained(), LOST)
+            kinds = self._learner.state.kinds()
+            careful = {name: HELD for kind in kinds for name in kind.restrict_to_file()}
+        is_lost = memory is Memory.LOST or any(group.startswith(BASE) for group in outdated)
+        if is_lost and not self._learner.state.unsupported_reason:
+            careful |= dict.fromkeys(self._learner.state.braking.assume_untrained(), LOST)
         return careful
 
-    def _restore_groups(self, done: set[str]) -> list[str]:
+    def _restore_groups(self, done: Collection[str]) -> list[str]:
         """Groups of which the newest state could not be used; an older one is, or none."""
         # Braking is learned on top of an adopted finding.
         groups = sorted(self._history.groups(), key=lambda name: (name != EFFECTS, name))
