@@ -6,8 +6,7 @@ from slopewise.planner.ground.braking_ground import BrakingGround
 from slopewise.planner.ground.surfaces import SurfaceCache
 from slopewise.planner.ground.terrain_profile import BodyRows, TerrainProfile
 from slopewise.planner.planning_limits import PlanningLimits
-from slopewise.planner.profile.smoothing_problem import SmoothingProblem
-from slopewise.planner.profile.time_optimal import ProfileProblem
+from slopewise.planner.profile.problems import ProfileProblem, SmoothingProblem
 from slopewise.planner.swept.hazards import Hazards
 
 DIGEST: str
@@ -66,9 +65,7 @@ class BroadPhase:
         spacing: float,
         across: Floats | None,
         code_of_kind: Ints,
-        code: Ints,
-        found: Floats,
-    ) -> int: ...
+    ) -> tuple[Ints, Floats, int]: ...
     def suspect_all(self) -> None: ...
 
 def roughness_speeds(

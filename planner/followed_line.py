@@ -48,7 +48,7 @@ _NARROWEST = 0.02  # [m] half width
 _PLANNED = 0.85  # of that half width [1], planned on: stations cut the peaks of curvature
 _PLANNED_ON_GRID = 0.7  # the same where bends swing from step to step [1]
 _STATIONS = 0.25  # of the half width from one to the next [1]: its curvature rises within it
-_MIN_STATIONS = 3  # stations that curvature needs [1]
+MIN_STATIONS = 3  # stations that curvature needs [1]
 
 
 class LineLimits(NamedTuple):
@@ -80,7 +80,11 @@ def line_limits(model: Model) -> LineLimits:
     sharpest, limits = model.steering_geometry.max_curvature, model.limits
     shape = model.vehicle.shape
     if model.vehicle.drive == "skid_steer":
-        sharpest = min(sharpest, _sharpest_by_thrust(model))
+        # On level ground the wheels have force for that turn, by the law of the bound `traction`:
+        # motion resistance and turning resistance together.
+        scalars = planning_limits(model)
+        force = _THRUST_SHARE * scalars.specific_force - scalars.resistance
+        sharpest = min(sharpest, max(force, 0.0) / max(scalars.turning_drag, 1e-9))
     return LineLimits(
         model.max_path_deviation,
         model.vehicle.wheelbase,
@@ -89,16 +93,6 @@ def line_limits(model: Model) -> LineLimits:
         limits.speed,
         max(max(shape.front, shape.rear) - 0.5 * model.vehicle.wheelbase, 0.0),
     )
-
-
-def _sharpest_by_thrust(model: Model) -> float:
-    """Turn on level ground for which the wheels of a skid-steer vehicle have force enough [1/m].
-
-    Source: the law of the bound ``traction``, motion resistance and turning resistance together.
-    """
-    scalars = planning_limits(model)
-    force = _THRUST_SHARE * scalars.specific_force - scalars.resistance
-    return max(force, 0.0) / max(scalars.turning_drag, 1e-9)
 
 
 class FollowedLine(NamedTuple):
@@ -168,7 +162,7 @@ class GivenPoints:
         """The mean over a half width [m] on at most ``max_count`` even stations."""
         mean = core.FollowedLine(self._points, half)
         count = int(np.ceil(mean.length / min(self._spacing, _STATIONS * half) - 1e-6)) + 1
-        even, place = mean.stations(min(max(count, _MIN_STATIONS), max_count))
+        even, place = mean.stations(min(max(count, MIN_STATIONS), max_count))
         return FollowedLine(even, np.minimum(place / place[-1], 1.0), mean.sharpest)
 
     def speed_limit(self, near: float, half: float, place: Floats) -> Floats | None:

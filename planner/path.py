@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import splprep
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.candidate_path import CandidatePath
@@ -21,6 +22,7 @@ from slopewise.models.errors import ParameterError
 from slopewise.models.parameters import Model
 from slopewise.planner.compiled_core import core
 from slopewise.planner.followed_line import (
+    MIN_STATIONS,
     FollowedLine,
     GivenPoints,
     LineLimits,
@@ -29,13 +31,9 @@ from slopewise.planner.followed_line import (
 )
 from slopewise.planner.path_deviation import GivenPolyline, follower_offset
 from slopewise.planner.raw_polyline import arc, clean, first_cusp, without_noise
-from slopewise.planner.smooth_path import smooth
 
 MAX_STATIONS = 200_000
 """Stations of one candidate: 20 km at 0.1 m. More is a mistake in units."""
-
-_FEWEST = 3
-"""Stations that curvature needs [1]."""
 
 _THINNED = 0.2
 """Share of the distance of stations within which given points are averaged [1]."""
@@ -43,6 +41,8 @@ _THINNED = 0.2
 _LEFT_NOISE = 1.2
 """Distance of a smooth curve from noisy points, in their estimated noise [1]: the estimate is off
 by some percent, and a curve that follows some of the noise bends several times as much."""
+
+_INVALID = 10  # FITPACK's word for input that it does not take
 
 _ANY_LINE = LineLimits()
 
@@ -225,7 +225,7 @@ def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, fl
     points, along, stray = without_noise(points, along)
     length = float(along[-1])
     # A length that is a whole number of spacings except for rounding gets no station more.
-    count = max(int(np.ceil(length / spacing - 1e-6)) + 1, _FEWEST)
+    count = max(int(np.ceil(length / spacing - 1e-6)) + 1, MIN_STATIONS)
     if count > MAX_STATIONS:
         raise ParameterError(
             "points", f"a path of at most {MAX_STATIONS} stations, got {length:.0f} m"
@@ -233,7 +233,18 @@ def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, fl
     if len(points) == 2:
         wanted = np.linspace(0.0, length, count)
         return points[0] + (wanted / length)[:, None] * (points[1] - points[0]), length
-    return smooth(points, along, count, _LEFT_NOISE * stray), length
+    # A parametric smoothing spline (FITPACK's), as stiff as the noise asks for and as close to
+    # corners as their distance says that they are meant.
+    n, dense_along, dense, weights = core.dense_places(points, along, _LEFT_NOISE * stray)
+    degree = min(3, n - 1)
+    # Asked for all it knows FITPACK does not warn where it cannot use all of its freedom.
+    ((knots, (x, y), _), _), _, fault, words = splprep(
+        dense[:n].T, w=weights[:n], u=dense_along[:n], s=n, k=degree, full_output=True
+    )
+    if fault >= _INVALID:
+        raise ParameterError("points", f"a polyline that a spline can follow: {words}")
+    ends = along[-1], points[0], points[-1]
+    return core.spline_stations(knots, x, y, degree, *ends, count), length
 
 
 def _followed(given: GivenPoints, raw: Floats, limits: LineLimits) -> _Laid:

@@ -6,7 +6,7 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.planner.compiled_core import core
-from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.profile.problems import SmoothingProblem
 
 _STANDSTILL_SQ = 1e-6  # Below this v² the vehicle stands and no limit applies [m²/s²]
 

@@ -1,7 +1,7 @@
 """Offline optimum of the time-optimal problem by CasADi and IPOPT.
 
 A program over the speeds at the stations with exactly the discrete constraints of
-:mod:`slopewise.planner.profile.time_optimal`.
+:mod:`slopewise.planner.profile.problems`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.profile import reference
+from slopewise.planner.profile.problems import ProfileProblem
 from slopewise.planner.profile.reference import FREE, Reference, idle_segments, symbols
-from slopewise.planner.profile.time_optimal import ProfileProblem
 
 _COLUMNS = ProfileProblem._fields.index("start_sq")
 """Fields with a number at each station come before the start [1]."""

@@ -22,7 +22,7 @@ from slopewise.planner.ground.braking_ground import ground_along
 from slopewise.planner.ground.terrain_profile import TerrainProfile, terrain_profile
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, solve
 from slopewise.planner.planning_limits import planning_limits
-from slopewise.planner.profile.time_optimal import profile_problem
+from slopewise.planner.profile.problems import profile_problem
 from slopewise.planner.swept.hazards import swept_hazards
 
 from ..common.campaign import Result

@@ -21,9 +21,9 @@ from slopewise.models.parameters import Model
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
+from slopewise.planner.profile.problems import SmoothingProblem
 from slopewise.planner.profile.reference import JerkLimitedReference
 from slopewise.planner.profile.smoothing import smooth
-from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 
 from ..common.campaign import BenchmarkRequest, Progress, Result, tracked
 from ..common.profile_quality import smooth_excess, stations_of, travel_time

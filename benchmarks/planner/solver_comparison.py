@@ -24,13 +24,11 @@ from slopewise.planner.ground.braking_ground import StopErrors
 from slopewise.planner.pipeline.candidates import finished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch
 from slopewise.planner.planning_limits import planning_limits
+from slopewise.planner.profile.problems import ProfileProblem, SmoothingProblem, profile_problem
 from slopewise.planner.profile.reference import JerkLimitedReference
 from slopewise.planner.profile.smoothing import smooth
-from slopewise.planner.profile.smoothing_problem import SmoothingProblem
-from slopewise.planner.profile.time_optimal import ProfileProblem, profile_problem
 from slopewise.planner.verify.terms import terms_of
-from slopewise.planner.verify.track import track_of
-from slopewise.planner.verify.verifier import check
+from slopewise.planner.verify.verifier import check, track_of
 
 from ..common.campaign import Result
 from ..common.profile_quality import excess, smooth_excess, stations_of, travel_time

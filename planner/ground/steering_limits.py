@@ -44,7 +44,7 @@ def steering_limits(profile: TerrainProfile, steering: SteeringGeometry) -> Stee
         return None
     curvature, offset = profile.curvature, steering.centre_offset
     if offset > 0.0:
-        body = profile.body_rows
+        body = profile.body
         sine = body.heading_x * profile.heading_y - body.heading_y * profile.heading_x
         curvature = sine / offset
     blocked = np.abs(curvature) > (1.0 + _CURVATURE_TOLERANCE) * steering.max_curvature

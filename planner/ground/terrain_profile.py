@@ -54,7 +54,7 @@ class TerrainProfile:
             plane of the others [m], float32; NaN where unknown.
         front: (N, 2, M) surface under the front wheels, left and right, above z of the first
             station [m], float32; what is unknown repeats the last known, or 0.
-        body: pose of the body, None where it is that of the path.
+        body: pose of the body.
         follower_offset: (N, M) distance from the path, to either side, of a vehicle that follows
             what was given for it [m], None where that is the path itself.
     """
@@ -75,14 +75,9 @@ class TerrainProfile:
     surfaces: Ints
     twist: Singles
     front: Singles
+    body: BodyRows
     height_std: float = 0.0
-    body: BodyRows | None = None
     follower_offset: Floats | None = None
-
-    @property
-    def body_rows(self) -> BodyRows:
-        """Pose of the body."""
-        return self.body or BodyRows(self.x, self.y, self.heading_x, self.heading_y)
 
     @property
     def roll(self) -> Floats:
@@ -112,14 +107,14 @@ def terrain_profile(
         x, y, count, steering.centre_offset, steering.body_offset, length, width
     )
     z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll, crests = rows[:9]
-    body = BodyRows(*rows[9:]) if len(rows) > 9 else None
+    body = BodyRows(*rows[9:]) if len(rows) > 9 else BodyRows(x, y, heading_x, heading_y)
     surfaces: Ints = np.broadcast_to(np.int64(1), x.shape)
     if elevation_map.terrain_class is not None:
         surfaces = core.surface_bits(
             elevation_map.terrain_class,
             *elevation_map.origin,
             1.0 / elevation_map.resolution,
-            *(body or BodyRows(x, y, heading_x, heading_y)),
+            *body,
             0.5 * length,
             0.5 * width,
         )
@@ -140,8 +135,8 @@ def terrain_profile(
         surfaces,
         twist,
         front,
-        elevation_map.height_std,
         body,
+        elevation_map.height_std,
     )
 
 

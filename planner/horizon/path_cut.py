@@ -8,12 +8,10 @@ from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.vehicle import Vehicle
 from slopewise.planner.compiled_core import core
+from slopewise.planner.followed_line import MIN_STATIONS
 from slopewise.planner.ground.terrain_profile import stations_along
 from slopewise.planner.horizon.path_projection import PathProjection
 from slopewise.planner.path import PathBatch
-
-MIN_STATIONS = 3
-"""Stations that a path needs, so that it has a curvature."""
 
 _HERE = 1e-4
 """A path that begins this close to the vehicle begins at it [m]."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.planner.compiled_core import core
+from slopewise.planner.followed_line import MIN_STATIONS
 from slopewise.planner.horizon.answer import HorizonSettings, PlanarState, Ranked
-from slopewise.planner.horizon.path_cut import MIN_STATIONS
 from slopewise.planner.horizon.path_projection import PathProjection, locate
 from slopewise.planner.path import PathBatch
 from slopewise.planner.path_deviation import PathDeviation, path_deviation

@@ -18,11 +18,10 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.momentum import momentum_over
 from slopewise.planner.pipeline.time_optimal_batch import ROUNDING, TimeOptimalBatch
 from slopewise.planner.plan import Momentum, Obstacle
-from slopewise.planner.profile.time_optimal import ProfileProblem
+from slopewise.planner.profile.problems import ProfileProblem
 from slopewise.planner.verify.ground import GroundFinding, first_blocked
 from slopewise.planner.verify.terms import terms_of
-from slopewise.planner.verify.track import track_of
-from slopewise.planner.verify.verifier import Verification, check
+from slopewise.planner.verify.verifier import Verification, check, track_of
 
 _CHANGES = (Limiting.ACCEL, Limiting.DECEL)
 

@@ -16,7 +16,7 @@ from slopewise.models.arrays import Floats
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.plan import Momentum
 from slopewise.planner.planning_limits import PlanningLimits
-from slopewise.planner.verify.track import Track
+from slopewise.planner.verify.verifier import Track
 
 _CRAWL = 1e-3
 """Below this speed power is no matter [m/s]."""

@@ -16,8 +16,8 @@ from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.full_braking import Verified, brake_hard, emergency_stop
 from slopewise.planner.pipeline.standing import standing, stop_reason
 from slopewise.planner.plan import SpeedPlan, Status
+from slopewise.planner.profile.problems import SmoothingProblem
 from slopewise.planner.profile.smoothing import smooth
-from slopewise.planner.profile.smoothing_problem import SmoothingProblem
 from slopewise.planner.settings import Solver
 from slopewise.planner.verify.verifier import Verification
 

@@ -2,7 +2,7 @@
 
 All weights are those of :class:`slopewise.planner.settings.PlannerSettings`. A time-optimal profile
 has no margin yet, so a batch is ordered by
-:func:`slopewise.planner.profile.time_optimal.travel_cost` alone, which is :func:`travel_cost` of
+`travel_cost` of the core alone, which is :func:`travel_cost` of
 this module before the plan is finished.
 """
 

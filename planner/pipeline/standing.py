@@ -47,7 +47,10 @@ def stop_reason(
     k = min(int(moving[-1]) + 1, len(station) - 1) if len(moving) else 0
     if status is Status.OK:
         short = float(station[-1] - station[k])
-        if short <= _free_ahead(column, k) + _SHORT_BY_LITTLE:
+        # Even the slowest stop keeps its offset free, and errors of map and place.
+        braking, errors = column.full_braking(k, 0.0), column.errors
+        fall = GRAVITY * errors.height / braking if braking > 0.0 else 0.0
+        if short <= column.offset + errors.along_track + fall + _SHORT_BY_LITTLE:
             return status, cause
         cause = Limiting(int(column.label[k])).label
         if column.at_side[k]:
@@ -56,13 +59,6 @@ def stop_reason(
         return status, cause
     # As many digits as the table of candidates has.
     return Status.BLOCKED, f"stops at {station[k]:.1f} m of {station[-1]:.1f} m: {cause}"
-
-
-def _free_ahead(column: CandidateColumn, k: int) -> float:
-    """Distance that even the slowest stop keeps free: its offset, errors of map and place [m]."""
-    braking = column.full_braking(k, 0.0)
-    fall = GRAVITY * column.errors.height / braking if braking > 0.0 else 0.0
-    return column.offset + column.errors.along_track + fall
 
 
 def _reason_blocked(column: CandidateColumn, k: int) -> str:

@@ -21,7 +21,7 @@ from slopewise.planner.ground.uncertainty import Uncertainty, survived_errors
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.band_bounds import BandGround
 from slopewise.planner.planning_limits import PlanningLimits, planning_limits
-from slopewise.planner.profile.time_optimal import profile_problem
+from slopewise.planner.profile.problems import profile_problem
 from slopewise.planner.settings import PlannerSettings, Solver
 from slopewise.planner.swept.convergence import Departure
 from slopewise.planner.swept.hazards import Hazards, swept_hazards

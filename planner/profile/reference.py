@@ -20,7 +20,7 @@ import numpy as np
 
 from slopewise.models.arrays import Bools, Floats
 from slopewise.planner.compiled_core import core
-from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.profile.problems import SmoothingProblem
 
 _SLOWEST_GUESS = 0.05
 """Where the solver may start at the slowest [m/s]: at rest the time has no derivative."""

@@ -19,7 +19,7 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.planner.compiled_core import core
 from slopewise.planner.profile.osqp_nearest import nearest_by_osqp
-from slopewise.planner.profile.smoothing_problem import SmoothingProblem
+from slopewise.planner.profile.problems import SmoothingProblem
 from slopewise.planner.settings import Solver
 
 

@@ -169,7 +169,7 @@ def _heading_error(profile: TerrainProfile, departure: Departure) -> Floats:
     Along a segment the line has any heading between those at its ends: stations are not drawn more
     exactly.
     """
-    body, lanes = profile.body_rows, np.arange(len(departure.segment))
+    body, lanes = profile.body, np.arange(len(departure.segment))
     ends = np.stack([departure.segment, departure.segment + 1])
     planned = np.arctan2(body.heading_y[ends, lanes], body.heading_x[ends, lanes])
     errors = np.remainder(departure.heading - planned + np.pi, 2.0 * np.pi) - np.pi
@@ -229,7 +229,7 @@ def _moved(
     """Poses of the body off the line and turned from it."""
     rows = len(lateral)
     line_x, line_y = profile.heading_x[:rows], profile.heading_y[:rows]
-    planned_x, planned_y = (values[:rows] for values in profile.body_rows[2:])
+    planned_x, planned_y = (values[:rows] for values in profile.body[2:])
     cosine, sine = np.cos(turned), np.sin(turned)
     heading_x = planned_x * cosine - planned_y * sine
     heading_y = planned_y * cosine + planned_x * sine

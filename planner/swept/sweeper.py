@@ -94,7 +94,7 @@ class Sweeper:
 
     def sweep(self, profile: TerrainProfile, converging: Convergence | None = None) -> SweptPoses:
         """Bars along the lines, or on the way to them."""
-        sizes, body, added_band = self.sizes, profile.body_rows, None
+        sizes, body, added_band = self.sizes, profile.body, None
         if converging is not None:
             body, added_band = converging.body, converging.across
             # In steps, so that the broad phase serves the next poses as well.
@@ -102,57 +102,49 @@ class Sweeper:
             sizes = sizes._replace(front=sizes.front + longer, rear=sizes.rear + longer)
         stations, candidates = body.x.shape
         code, found = np.empty((stations, candidates), np.int64), np.zeros((candidates, 4))
-        swept = SweptPoses(code, found, body, ("",) * candidates, 0)
-        if profile.follower_offset is None:
-            return self._swept(sizes, profile, swept, added_band)
+        searched, leads_away = 0, np.zeros(candidates, bool)
+        if profile.follower_offset is not None:
+            leads_away = profile.follower_offset[:stations].max(axis=0) > 0.0
         # The line of one candidate has nothing to do with what was given for another.
-        offset = profile.follower_offset[:stations]
-        leads_away = offset.max(axis=0) > 0.0
         for lanes in (np.flatnonzero(~leads_away), np.flatnonzero(leads_away)):
             if len(lanes) == 0:
                 continue
-            part = SweptPoses(
-                np.empty((stations, len(lanes)), np.int64),
-                np.zeros((len(lanes), 4)),
-                BodyRows(*_columns(body, lanes)),
-                ("",) * len(lanes),
-                0,
-            )
             added = None if added_band is None else added_band[:, lanes]
-            if leads_away[lanes[0]]:
-                added = offset[:, lanes] if added is None else added + offset[:, lanes]
-            part = self._swept(sizes, _only(profile, lanes), part, added)
-            code[:, lanes], found[lanes] = part.code, part.found
-            swept = replace(swept, searched=swept.searched + part.searched)
-        return swept
+            if profile.follower_offset is not None and leads_away[lanes[0]]:
+                offset = profile.follower_offset[:stations, lanes]
+                added = offset if added is None else added + offset
+            poses = BodyRows(*_columns(body, lanes))
+            code[:, lanes], found[lanes], count = self._swept(
+                sizes, _only(profile, lanes), poses, added
+            )
+            searched += count
+        return SweptPoses(code, found, body, ("",) * candidates, searched)
 
     def _swept(
         self,
         sizes: SweptSizes,
         profile: TerrainProfile,
-        poses: SweptPoses,
+        body: BodyRows,
         added_band: Floats | None,
-    ) -> SweptPoses:
-        """Poses, with what blocks them.
+    ) -> tuple[Ints, Floats, int]:
+        """Codes (N, M) of what blocks poses, findings (M, 4), and how many poses were searched.
 
         Args:
             sizes: vehicle sizes on this map.
-            profile: M candidates of at least as many stations as poses.
-            poses: of them, nothing noted yet. added_band: to that of tracking errors, (N, M) [m].
+            profile: M candidates of at least as many stations as poses. body: N poses of each.
+            added_band: to that of tracking errors, (N, M) [m].
         """
         across = band = None
         if added_band is not None or self.errors.has_band:
-            across = self.errors.across(profile.curvature[: len(poses.code)])
+            across = self.errors.across(profile.curvature[: len(body.x)])
             step = _CELL_SHARE * self.elevation_map.resolution
             if added_band is not None:
                 across, step = across + added_band, max(step, _COARSE)
             widest = step * math.ceil(float(across.max()) / step)
             ahead = self.model.steering_geometry.body_offset
             band = BandWidth(widest, math.sin(self.errors.heading), ahead)
-        body, (code, found) = poses.body, (poses.code, poses.found)
         grid = broad_phase_for(self.elevation_map, sizes, band, body.x, body.y)
-        searched = grid.sweep(body, profile, self.spacing, across, self.blocks, code, found)
-        return replace(poses, searched=searched)
+        return grid.sweep(body, profile, self.spacing, across, self.blocks)
 
     def with_convergence(
         self, line: SweptPoses, profile: TerrainProfile, departure: Departure
@@ -188,22 +180,16 @@ class Sweeper:
 
 def _only(profile: TerrainProfile, lanes: Ints) -> TerrainProfile:
     """Some candidates, by their indices, with what is swept."""
-    station, known, twist, curvature = _columns(
-        (profile.station, profile.known, profile.twist, profile.curvature), lanes
-    )
-    return replace(
-        profile,
-        count=profile.count[lanes],
-        station=station,
-        known=known,
-        twist=twist,
-        curvature=curvature,
-    )
+    names = ("station", "known", "twist", "curvature")
+    rows = _columns((getattr(profile, name) for name in names), lanes)
+    return replace(profile, count=profile.count[lanes], **dict(zip(names, rows, strict=True)))
 
 
 def _columns(rows: Iterable[Any], lanes: Ints) -> list[Any]:
-    """Columns of arrays (N, M), each of them contiguous."""
-    return [np.ascontiguousarray(row[:, lanes]) for row in rows]
+    """Columns of arrays (N, M), each of them contiguous; as they are where they are all."""
+    return [
+        row if len(lanes) == row.shape[1] else np.ascontiguousarray(row[:, lanes]) for row in rows
+    ]
 
 
 def broad_phase_for(

@@ -9,8 +9,7 @@ import numpy as np
 
 from slopewise.planner.compiled_core import core
 from slopewise.planner.planning_limits import PlanningLimits, planning_limits
-from slopewise.planner.profile.smoothing_problem import SmoothingProblem
-from slopewise.planner.profile.time_optimal import ProfileProblem
+from slopewise.planner.profile.problems import ProfileProblem, SmoothingProblem
 from tests.world.vehicles import G, model_of, tables_with
 
 BIG = 1e9

@@ -15,7 +15,6 @@ namespace slopewise {
 namespace {
 
 using Floats3 = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Codes2 = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 template <class T>
 T number(nb::handle object, const char* name) {
@@ -79,13 +78,15 @@ const T* beginning_of(const nb::handle& profile, const char* name, Index station
 }
 
 // Of `BodyRows` along a `TerrainProfile`.
-Index sweep_paths(const MapBroadPhase& self, const nb::handle& body, const nb::handle& profile,
-                  double spacing, const std::optional<Input2>& across,
-                  const Counts1& code_of_kind, const Codes2& code, const Output2& found) {
-  const auto n = static_cast<Index>(code.shape(0)), m = static_cast<Index>(code.shape(1));
+std::tuple<Made<std::int64_t>, Made<double>, Index> sweep_paths(
+    const MapBroadPhase& self, const nb::handle& body, const nb::handle& profile, double spacing,
+    const std::optional<Input2>& across, const Counts1& code_of_kind) {
+  const auto x = member_array<Input2>(body, "x");
+  const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
+  const auto code = make_rows<std::int64_t>(n, m);
+  const auto found = make_array(m, 4);
   const auto rows = [&](const char* name) { return member_rows<double>(body, name, n, m).at(0); };
   expect_shape("code_of_kind", code_of_kind, {hazard_kinds});
-  expect_shape("found", found, {m, 4});
   if (across.has_value() != self.grid.band().any()) {
     throw nb::value_error("across: expected an array where the broad phase has a band, else None");
   }
@@ -99,7 +100,9 @@ Index sweep_paths(const MapBroadPhase& self, const nb::handle& body, const nb::h
   double* memory =
       Workspace::of_thread().reserve(NarrowPhase::memory_size(self.grid, spacing));
   const nb::gil_scoped_release release;
-  return sweep(self.grid, paths, {code_of_kind.data(), code.data(), found.data()}, memory);
+  const Index searched =
+      sweep(self.grid, paths, {code_of_kind.data(), code.data(), found.data()}, memory);
+  return {code, found, searched};
 }
 
 // `limits` are those of a ride, in the order of RideLimits.
@@ -110,7 +113,7 @@ Made<double> roughness_speeds(const MapGrid& map, const nb::handle& profile, con
   expect_shape("spacing", spacing, {m});
   expect_shape("front", front, {n, 2, m});
   if (n * m == 0) throw nb::value_error("front: expected stations, got none");
-  const nb::object body = profile.attr("body_rows");
+  const nb::object body = profile.attr("body");
   const auto first = [&](const nb::handle& owner, const char* name) {
     return member_rows<double>(owner, name, n, m).at(0);
   };
@@ -144,7 +147,7 @@ void bind_swept(nb::module_& m) {
            "resolution"_a, "sizes"_a, "band"_a.none(), "x"_a, "y"_a, "beside"_a)
       .def("covers", &covers, "x"_a, "y"_a)
       .def("sweep", &sweep_paths, "body"_a, "profile"_a, "spacing"_a, "across"_a.none(),
-           "code_of_kind"_a, "code"_a.noconvert(), "found"_a.noconvert())
+           "code_of_kind"_a)
       .def("suspect_all", &suspect_all);
   m.def("roughness_speeds", &roughness_speeds);
 }

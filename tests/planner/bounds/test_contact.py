@@ -22,7 +22,7 @@ from slopewise.models.laws import (
 from slopewise.models.parameters import Model
 from slopewise.planner.bounds.speed_bounds import HOLDING, SpeedBounds, speed_bounds
 from slopewise.planner.ground.braking_ground import BrakingGround, ground_along
-from slopewise.planner.ground.terrain_profile import TerrainProfile
+from slopewise.planner.ground.terrain_profile import BodyRows, TerrainProfile
 from slopewise.planner.limiting import Limiting
 from tests.world.vehicles import G, model_of, tables_with
 
@@ -77,6 +77,7 @@ def profile_of(scene: dict[str, Floats]) -> TerrainProfile:
         zero.astype(np.int64) + 1,
         zero.astype(np.float32),
         np.zeros((STATIONS, 2, SCENES), np.float32),
+        BodyRows(station, zero, zero + 1.0, zero),
     )
 
 

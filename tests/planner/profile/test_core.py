@@ -10,11 +10,8 @@ import pytest
 
 from slopewise.planner.compiled_core import core
 from slopewise.planner.profile.osqp_nearest import matrix_of
+from slopewise.planner.profile.problems import ProfileProblem, SmoothingProblem
 from slopewise.planner.profile.smoothing import smooth
-from slopewise.planner.profile.smoothing_problem import SmoothingProblem
-from slopewise.planner.profile.time_optimal import (
-    ProfileProblem,
-)
 from tests.planner.profile import reference_profile as reference
 from tests.world.roads import problem_of, wavy
 

@@ -21,10 +21,9 @@ from slopewise.planner.path import batch
 from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.pipeline.time_optimal_batch import time_optimal_batch
 from slopewise.planner.profile import smoothing
+from slopewise.planner.profile.problems import ProfileProblem, SmoothingProblem
 from slopewise.planner.profile.reference import JerkLimitedReference
 from slopewise.planner.profile.smoothing import smooth
-from slopewise.planner.profile.smoothing_problem import SmoothingProblem
-from slopewise.planner.profile.time_optimal import ProfileProblem
 from slopewise.planner.settings import Solver
 from tests.world.ground import arc, ground_map, hills
 from tests.world.roads import BIG, Road, assert_exact, problem_of, road, travel_time, wavy

@@ -21,8 +21,7 @@ from slopewise.planner.pipeline.candidates import finished
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.plan import Status
 from slopewise.planner.verify.terms import terms_of
-from slopewise.planner.verify.track import track_of
-from slopewise.planner.verify.verifier import Violations, check, screen
+from slopewise.planner.verify.verifier import Violations, check, screen, track_of
 from tests.world import generated
 from tests.world.generated import between
 from tests.world.ground import Height, arc, ground_map, plane, straight

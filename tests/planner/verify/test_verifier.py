@@ -13,8 +13,7 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.path import batch
 from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
 from slopewise.planner.verify.terms import terms_of
-from slopewise.planner.verify.track import Track, track_of
-from slopewise.planner.verify.verifier import Verification, check
+from slopewise.planner.verify.verifier import Track, Verification, check, track_of
 from tests.world.formulas import DECELERATION, SAMPLES
 from tests.world.ground import arc, ground_map, hills, plane, straight
 from tests.world.plans import min_loads, plan_one, stop_on

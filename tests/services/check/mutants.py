@@ -30,8 +30,8 @@ from slopewise.planner.pipeline.candidates import CandidatePlanner
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 from slopewise.planner.verify.terms import terms_of
-from slopewise.planner.verify.track import track_of
 from slopewise.planner.verify.verifier import check as verify
+from slopewise.planner.verify.verifier import track_of
 from slopewise.services.check.external_plan import ExternalPlan
 from slopewise.services.io.model_file import read_model, shipped_models
 from tests.planner.test_real_terrain import PLACES, candidates, ground_of

@@ -1,10 +1,11 @@
-"""Time-optimal speed profile of all candidates: one backward and one forward pass over v².
+"""Problems that the core solves: the fastest profiles of all candidates, and one of limited jerk.
 
-The passes are those of `planner/core/profile/time_optimal.hpp`.
+The passes over v² are those of `planner/core/profile/time_optimal.hpp`.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from slopewise.models.arrays import Floats
@@ -69,3 +70,23 @@ def profile_problem(
         bounds.lift,
         bounds.lift_per_speed_sq,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothingProblem:
+    """One candidate; N stations.
+
+    Attributes:
+        ds: (N − 1,) segment lengths [m], > 0.
+        speed_sq_max: (N,) bound [m²/s²]; the time-optimal profile, above which nothing is feasible.
+        accel_max, decel_max: (N − 1,) [m/s²], >= 0, each valid for every v² up to the bound.
+        jerk: [m/s³].
+        start_accel: acceleration before the first segment [m/s²], None if it does not matter.
+    """
+
+    ds: Floats
+    speed_sq_max: Floats
+    accel_max: Floats
+    decel_max: Floats
+    jerk: float
+    start_accel: float | None = None
