@@ -18,16 +18,17 @@ from slopewise.planner.profile import reference
 from slopewise.planner.profile.problems import ProfileProblem
 from slopewise.planner.profile.reference import FREE, Reference, idle_segments, symbols
 
-_COLUMNS = ProfileProblem._fields.index("start_sq")
-"""Fields with a number at each station come before the start [1]."""
+_OF_ALL = ("start_sq", "decel", "specific_power")
+"""Fields without a number for each station."""
 
 
 def with_columns(
     problem: ProfileProblem, change: Callable[[Floats], Floats], start_sq: Floats
 ) -> ProfileProblem:
     """A problem with other stations or candidates, from the same start or another."""
-    columns = [np.ascontiguousarray(change(np.asarray(v))) for v in problem[:_COLUMNS]]
-    return ProfileProblem._make([*columns, start_sq, problem.decel, problem.specific_power])
+    given = {n: v for n, v in problem._asdict().items() if n not in _OF_ALL and v is not None}
+    columns = {name: np.ascontiguousarray(change(np.asarray(v))) for name, v in given.items()}
+    return ProfileProblem(**(problem._asdict() | columns | {"start_sq": start_sq}))
 
 
 def problem_of_one(batch: ProfileProblem, candidate: int, count: int) -> ProfileProblem:
