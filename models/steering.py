@@ -47,8 +47,9 @@ class Steering:
     max_rate: float | None = positive(
         "rad/s",
         "Greatest rate of the steering angle; not limited by default.",
-        (0.01, 50.0),
+        (0.01, 10.0),  # a fast servo turns 60° in 0.1 s
         default=None,
+        at_most=10.0,
     )
 
     def __post_init__(self) -> None:
