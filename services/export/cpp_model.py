@@ -50,25 +50,13 @@ def write_cpp(
     uncertainty = Uncertainty(quantile=quantile)
     name = re.sub(r"\W", "_", model.name) or "model"
     planned = within_sight(uncertainty.cautious(model), flat, PlannerSettings().unseen_steps)
-    lines = [f"  .{key} = {_text(value)}," for key, value in _numbers(planned, flat, uncertainty)]
-    head = (
+    numbers = _numbers(planned, flat, uncertainty)
+    members = "".join(f"  .{key} = {_text(value)},\n" for key, value in numbers)
+    text = (
         f"// The vehicle {model.name!r} for maps of {resolution:g} m whose heights are known to\n"
         f"// {height_std:g} m, at the quantile {quantile:g}: written by slopewise export --cpp. SI."
-    )
-    text = "\n".join(
-        [
-            head,
-            "#pragma once",
-            "",
-            "#include <limits>",
-            "",
-            "#include <slopewise/core.hpp>",
-            "",
-            f"inline const slopewise::PlanningModel {name}{{",
-            *lines,
-            "};",
-            "",
-        ]
+        "\n#pragma once\n\n#include <limits>\n\n#include <slopewise/core.hpp>\n\n"
+        f"inline const slopewise::PlanningModel {name}{{\n{members}}};\n"
     )
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{name}.hpp"
