@@ -39,8 +39,8 @@ class MessageCollector:
         header = getattr(message, "header", None)
         if header is not None:
             traffic.stamps.append(header.stamp.sec + _NANO * header.stamp.nanosec)
-            if header.frame_id:
-                traffic.frames.add(header.frame_id.lstrip("/"))
+            if frame := header.frame_id.lstrip("/"):
+                traffic.frames.add(frame)
         if kind == ODOMETRY:
             place, speed = message.pose.pose.position, message.twist.twist.linear.x
             if all(map(math.isfinite, (place.x, place.y, speed))):

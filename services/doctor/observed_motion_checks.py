@@ -86,7 +86,7 @@ def check_rates(facts: RobotFacts) -> Iterator[ConfigIssue]:
         (facts.topics.speed_limit, _MIN_LIMIT_RATE, "a limit would have to hold for long"),
     ):
         topic = facts.traffic(name)
-        if topic is not None and len(topic.at) > 4 and topic.rate < min_rate:
+        if len(topic.at) > 4 and topic.rate < min_rate:
             yield error(
                 "rate",
                 f"{name} comes {topic.rate:.1f} times a second: {reason}",
@@ -127,14 +127,14 @@ def check_map(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Age of the map."""
     seen, name = facts.seen, facts.full_name(facts.topics.map)
     topic = facts.traffic(name)
-    if topic is None:
+    if not topic.at:
         if facts.edge is not None and seen.span > _OLD_MAP:
             yield error(
                 "map",
                 f"no map came on {name} in {seen.span:.0f} s",
                 "set topics.map, and see that the map is published again and again",
             )
-    elif topic.stamps and topic.at and topic.delay > _OLD_MAP:
+    elif topic.stamps and topic.delay > _OLD_MAP:
         yield error(
             "map",
             f"maps on {name} are {topic.delay:.0f} s old when they come",
@@ -144,32 +144,23 @@ def check_map(facts: RobotFacts) -> Iterator[ConfigIssue]:
 
 def check_frames(facts: RobotFacts) -> Iterator[ConfigIssue]:
     """Frames of map, paths and odometry."""
-    topics, ground = facts.topics, _frame(facts, facts.topics.map)
+    topics, grounds = facts.topics, facts.traffic(facts.topics.map).frames
+    ground = min(grounds, default="")
     for name in topics.paths:
-        path = _frame(facts, name)
-        shared = ground and path and _frames(facts, topics.map) & _frames(facts, name)
-        if ground and path and not shared:
+        frames = facts.traffic(name).frames
+        if grounds and frames and not grounds & frames:
             yield error(
                 "frames",
-                f"map and {name} are in {ground} and {path}: they have to be in one frame",
+                f"map and {name} are in {ground} and {min(frames)}: they have to be in one frame",
                 "publish both in one frame",
             )
-    odometry = _frame(facts, topics.odometry)
+    odometry = min(facts.traffic(topics.odometry).frames, default="")
     if ground and odometry and not _above(facts.seen, odometry) & _above(facts.seen, ground):
         yield error(
             "frames",
             f"odometry is in {odometry}, the map in {ground}, and /tf does not connect them",
             "publish the transform, or take odometry in the frame of the map",
         )
-
-
-def _frames(facts: RobotFacts, name: str) -> set[str]:
-    topic = facts.traffic(name)
-    return set() if topic is None else topic.frames
-
-
-def _frame(facts: RobotFacts, name: str) -> str:
-    return min(_frames(facts, name), default="")
 
 
 def _above(seen: ObservedTraffic, frame: str) -> set[str]:

@@ -114,9 +114,9 @@ class RobotFacts:
         """Topics of the edge, else the default ones."""
         return Topics() if self.edge is None else self.edge.topics
 
-    def traffic(self, topic: str) -> TopicTraffic | None:
-        """Messages of a topic of the edge, None if it was not seen."""
-        return self.seen.topics.get(self.full_name(topic))
+    def traffic(self, topic: str) -> TopicTraffic:
+        """Messages of a topic of the edge, without any if it was not seen."""
+        return self.seen.topics.get(self.full_name(topic), TopicTraffic(""))
 
     def full_name(self, topic: str) -> str:
         """Topic with the namespace of the edge."""
