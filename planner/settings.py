@@ -47,12 +47,9 @@ class PlannerSettings:
 
     def __post_init__(self) -> None:
         validate_quantities(self)
-        if self.solver not in get_args(Solver):
-            expected = f"one of {', '.join(get_args(Solver))}, got {self.solver!r}"
-            raise ParameterError("solver", expected)
-        if self.unseen_steps not in get_args(UnseenSteps):
-            expected = f"one of {', '.join(get_args(UnseenSteps))}, got {self.unseen_steps!r}"
-            raise ParameterError("unseen_steps", expected)
+        for name, kinds in (("solver", get_args(Solver)), ("unseen_steps", get_args(UnseenSteps))):
+            if (value := getattr(self, name)) not in kinds:
+                raise ParameterError(name, f"one of {', '.join(kinds)}, got {value!r}")
 
     def spacing_on(self, resolution: float) -> float:
         """Spacing on a map: a wheel sees two cells abreast, and steps over none even in a turn."""

@@ -37,14 +37,6 @@ def _braking_known(assumptions: Assumptions) -> Assumptions:
     return replace(assumptions, model=model, uncertainty=fresh)
 
 
-def _dead_time_known(assumptions: Assumptions) -> Assumptions:
-    return replace(assumptions, model=_everywhere(assumptions.model, dead_time_std=0.0))
-
-
-def _no_offset(assumptions: Assumptions) -> Assumptions:
-    return replace(assumptions, model=_everywhere(assumptions.model, distance_offset=0.0))
-
-
 def _slopes_known(assumptions: Assumptions) -> Assumptions:
     uncertainty = assumptions.uncertainty
     exact = None if uncertainty is None else replace(uncertainty, slope_std=0.0)
@@ -67,10 +59,12 @@ MEASURABLE = (
     Measurable(
         "dead_time",
         "a dead time that is the same in every stop and known exactly",
-        _dead_time_known,
+        lambda q: replace(q, model=_everywhere(q.model, dead_time_std=0.0)),
     ),
     Measurable(
-        "stop_offset", "predicted stops that need no safety offset on their distance", _no_offset
+        "stop_offset",
+        "predicted stops that need no safety offset on their distance",
+        lambda q: replace(q, model=_everywhere(q.model, distance_offset=0.0)),
     ),
     Measurable(
         "clear_distance",

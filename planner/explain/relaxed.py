@@ -64,15 +64,6 @@ def _as_fast_as_trained(model: Model) -> Model:
     return replace(model, limits=replace(model.limits, speed=max(model.limits.speed, top)))
 
 
-def _far_axles(model: Model) -> Model:
-    return _stretched(model, _FAR, model.vehicle.cg_z)
-
-
-def _far_sides(model: Model) -> Model:
-    """A low centre of gravity, and axles nearer in the same proportion, so that they count on."""
-    return _stretched(model, 1.0 / _FAR, model.vehicle.cg_z / _FAR)
-
-
 def _any_friction(model: Model) -> Model:
     """Ground of unknown friction, which bounds nothing."""
     base = model.braking
@@ -111,6 +102,7 @@ _RELAXATIONS: Mapping[str, Callable[[Model], Model]] = {
     "as_fast_as_trained": _as_fast_as_trained,
     "any_friction": _any_friction,
     "any_turn": _any_turn,
-    "far_axles": _far_axles,
-    "far_sides": _far_sides,
+    "far_axles": lambda m: _stretched(m, _FAR, m.vehicle.cg_z),
+    # A low centre of gravity, and axles nearer in the same proportion, so that they count on.
+    "far_sides": lambda m: _stretched(m, 1.0 / _FAR, m.vehicle.cg_z / _FAR),
 }

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from slopewise.models.arrays import Floats
 from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
@@ -121,7 +120,8 @@ class WhatIf:
             profile = replace(profile, vertical_curvature=flat)
         classes = self._classes
         if assumptions.surfaces_known:
-            classes = tuple(_learned_surface(model, name) for name in classes)
+            # What the class is certain to be, else the ground that the model learned on.
+            classes = tuple(resolve_class(model.braking.terrain, name) or "" for name in classes)
         ground = ground_along(profile, model, classes, uncertainty=uncertainty)
         if assumptions.stops_at_once:
             ground = _stopping_at_once(ground)
@@ -147,25 +147,16 @@ class WhatIf:
         return finished(solved, 0, self._name, smooth=self._settings.smooth and assumptions.smooth)
 
 
-def _learned_surface(model: Model, name: str) -> str:
-    """The surface that the class is certain to be, else the ground that the model learned on."""
-    return resolve_class(model.braking.terrain, name) or ""
-
-
 def _stopping_at_once(ground: BrakingGround) -> BrakingGround:
     """Ground on which stops take no distance.
 
     The upper bound of the force, which decides loads, is kept.
     """
-
-    def nothing(array: Floats) -> Floats:
-        return np.zeros_like(array)
-
     return replace(
         ground,
-        lower_slope=nothing(ground.lower_slope),
+        lower_slope=np.zeros_like(ground.lower_slope),
         lower_intercept=np.full_like(ground.lower_intercept, _AT_ONCE),
-        dead_time=nothing(ground.dead_time),
-        distance_offset=nothing(ground.distance_offset),
+        dead_time=np.zeros_like(ground.dead_time),
+        distance_offset=np.zeros_like(ground.distance_offset),
         errors=ground.errors._replace(along_track=0.0, latency=0.0),
     )

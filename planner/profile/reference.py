@@ -61,7 +61,17 @@ class JerkLimitedReference:
             stations: N, at least 3.
             max_iterations: of IPOPT before it gives up.
         """
-        self._solver = _jerk_limited_solver(stations, max_iterations)
+        v = ca.SX.sym("v", stations)
+        p = symbols(stations - 1, "ds", "moving", "accel", "decel")
+        p |= symbols(stations - 2, "jerk")
+        gained = (v[1:] ** 2 - v[:-1] ** 2) / (2.0 * p["ds"])
+        times = times_of(v, p)
+        allowed = p["jerk"] * 0.5 * (times[:-1] + times[1:])
+        change = gained[1:] - gained[:-1]
+        constraints = ca.vertcat(
+            gained - p["accel"], -gained - p["decel"], change - allowed, -change - allowed
+        )
+        self._solver = program_of(v, p, constraints, max_iterations)
 
     def solve(self, problem: SmoothingProblem) -> Reference:
         """Solve one candidate; its first station keeps its speed, as when smoothing."""
@@ -112,20 +122,6 @@ def jerk_limited_of_any_length(problem: SmoothingProblem) -> Reference:
 @lru_cache(maxsize=8)
 def _program(stations: int) -> JerkLimitedReference:
     return JerkLimitedReference(stations)
-
-
-def _jerk_limited_solver(stations: int, max_iterations: int) -> Any:
-    v = ca.SX.sym("v", stations)
-    p = symbols(stations - 1, "ds", "moving", "accel", "decel")
-    p |= symbols(stations - 2, "jerk")
-    gained = (v[1:] ** 2 - v[:-1] ** 2) / (2.0 * p["ds"])
-    times = times_of(v, p)
-    allowed = p["jerk"] * 0.5 * (times[:-1] + times[1:])
-    change = gained[1:] - gained[:-1]
-    constraints = ca.vertcat(
-        gained - p["accel"], -gained - p["decel"], change - allowed, -change - allowed
-    )
-    return program_of(v, p, constraints, max_iterations)
 
 
 def symbols(size: int, *names: str) -> dict[str, Any]:
