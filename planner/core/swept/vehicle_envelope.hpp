@@ -80,7 +80,7 @@ inline Place wheel_at(int wheel, const VehicleEnvelope& sizes) noexcept {
           wheel % 2 == 0 ? sizes.half_width : -sizes.half_width};
 }
 
-// As planner/swept/findings.py names them.
+// As planner/swept/sentences.py names them.
 enum class HazardKind : std::int64_t {
   none, unknown_ground, rise, drop, twist, underside, front, rear, side
 };
