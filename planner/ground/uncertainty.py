@@ -2,7 +2,8 @@
 
 Braking coefficients come with a covariance, stops scatter around them, maps are noisy, and what was
 learned ages. All of it becomes a margin on the braking force, on the dead time and on the
-loads, at a quantile that the user chooses; nothing of it ever makes a plan faster.
+loads, at a quantile that the user chooses. None raises a bound of the same station; where loads
+slow a plan on a crest, stops from before it keep more of their brakes.
 """
 
 from __future__ import annotations

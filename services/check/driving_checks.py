@@ -122,7 +122,7 @@ class DrivingChecks(NamedTuple):
         sentence = "{0:.3f} m/s where {1:.3f} m/s is the highest"
         log.add("speed_limit", speed - allowed, sentence, speed, allowed, where=free)
         turn = speed**2 * np.abs(pose.turn)
-        outward = GRAVITY * pose.cross_slope_ratio * np.sign(line.curvature)
+        outward = GRAVITY * pose.cross_slope_ratio * np.sign(line.curvature) * ~self._assumed
         lateral, limit = turn + outward, limits.lateral_accel
         beyond = np.minimum(lateral / limit - 1.0, turn / limit - _TINY_TURN)
         sentence = "lateral acceleration of {0:.2f} m/s², {1:.2f} of it by the bank"
@@ -152,14 +152,17 @@ class DrivingChecks(NamedTuple):
     def brakes_at(self, accel: Floats) -> None:
         """Force of the brakes, and the limit of deceleration."""
         given, sentence = self.braking_deceleration(), "slows down at {0:.2f} m/s²"
-        line = self.drive.line
-        # How the vehicle is turned at its first row, and so the grade up to there, is assumed.
-        assumed = (line.row == 0) & (line.share < 0.5)
-        slows = self.motion.moving & (accel < 0.0) & ~assumed
+        slows = self.motion.moving & (accel < 0.0) & ~self._assumed
         by_brakes = f"{sentence}, the brakes give {{1:.2f}} m/s²"
         self.log.add("decel", -accel - given, by_brakes, -accel, given, where=slows)
         excess = -accel - self.drive.model.limits.decel
         self.log.add("decel", excess, sentence, -accel, where=self.free)
+
+    @property
+    def _assumed(self) -> Bools:
+        """(M,) samples by the first row: how the vehicle is turned there is assumed."""
+        assumed: Bools = (self.drive.line.row == 0) & (self.drive.line.share < 0.5)
+        return assumed
 
     def friction(self, accel: Floats) -> None:
         """Friction under slope, turn and drive or brakes."""

@@ -32,6 +32,7 @@ _STATUSES = ("ok", "blocked", "degraded", "infeasible")
 def check_columns(log: ViolationLog, drive: CheckedDrive) -> None:
     """Note where stations, heights, slopes, turns, accelerations and times contradict the rest.
 
+    Slopes count up to the clear distance: those beyond may be next to unknown ground.
     Sizes are shares of what is allowed, see :data:`slopewise.services.check.tolerances.TOLERANCES`.
     """
     plan, line, ground = drive.plan, drive.line, drive.ground
@@ -63,11 +64,11 @@ def check_columns(log: ViolationLog, drive: CheckedDrive) -> None:
     compare("station", plan.station, station, allowed + chord)
     compare("z", plan.z, ground.z[rows], 0.02, known)
     slopes = np.deg2rad(0.6) + _TURNED * line.body.start_error[rows]
-    compare("grade", plan.grade, ground.grade[rows], slopes, known & even)
-    compare("roll", plan.roll, ground.roll[rows], slopes, known & even)
-    curvature = line.curvature[rows]
-    allowed = CURVATURE + CURVATURE_SHARE * np.abs(curvature)
-    compare("curvature", plan.curvature, curvature, allowed, even)
+    level = known & even & (plan.clear_distance is None or station <= plan.clear_distance)
+    compare("grade", plan.grade, ground.grade[rows], slopes, level)
+    compare("roll", plan.roll, ground.roll[rows], slopes, level)
+    allowed = CURVATURE + CURVATURE_SHARE * np.abs(line.curvature[rows])
+    compare("curvature", plan.curvature, line.curvature[rows], allowed, even)
     step = np.diff(station)
     accel = 0.5 * np.diff(plan.speed**2) / step
     compare("accel", plan.accel, accel, 0.03 + 0.03 * np.abs(accel))

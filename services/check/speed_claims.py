@@ -119,6 +119,8 @@ def check_limiting(
         return
     names = np.array(plan.limiting)
     moves = motion.moving[rows] & drive.ground.known[rows]
+    # A bound of the row before or behind holds on the way there as well.
+    wider = [set().union(*far[max(k - 1, 0) : k + 2]) for k in range(len(far))]
     slower, faster, steady = _against_motion(drive, motion)
     # A line that rounds the corners of its path may slow down for who follows the path itself.
     leaves = plan.path_deviation is not None and plan.path_deviation.max() > ON_LINE
@@ -129,7 +131,7 @@ def check_limiting(
         if name in RULES and name not in MOTION and not (own_limit and name == "speed_limit"):
             named = RULES[name]
             slack = np.array(
-                [bool(n - named) and not f & named for n, f in zip(near, far, strict=True)]
+                [bool(n - named) and not f & named for n, f in zip(near, wider, strict=True)]
             )
             _false(log, here & slack, sentence, _FAR * speed + _FAR_SPEED, rows)
         elif name not in (*RULES, *MOTION, *UNTRIED):

@@ -280,6 +280,18 @@ def test_a_roll_at_the_side_of_the_path_counts_as_one_on_it(share: float) -> Non
         assert "next to the path, within the band of tracking errors" in band.reason
 
 
+def test_a_plan_short_of_its_end_for_ground_next_to_it_is_blocked() -> None:
+    """However near the end: a plan that is ok rests for nothing but its stop."""
+    model = model_of(ATV)
+    ground = trough(model, 1.1)
+    x = ground.origin[0] + CELL * np.arange(ground.elevation.shape[1])
+    rising = replace(ground, elevation=ground.elevation * np.clip((x - 17.5) / 2.2, 0.0, 1.0))
+    plan = plan_on(rising, tracked(model))
+    assert 0.3 < plan.station[-1] - plan.progress < 1.1
+    assert plan.status is Status.BLOCKED
+    assert "next to the path, within the band of tracking errors" in plan.reason
+
+
 def test_a_vehicle_too_fast_for_ground_next_to_its_path_brakes() -> None:
     model = model_of(ATV)
     plan = plan_on(trough(model, 1.1), tracked(model), start_speed=2.0)
