@@ -137,19 +137,16 @@ class StopCost:
 
 @dataclass(frozen=True, slots=True)
 class AxisResidual:
-    """Force that is missing, as a share of the weight, against one axis.
+    """An axis that residuals are shown against.
 
     Attributes:
         name, unit: as of the axis. value: (S, 3) at begin, middle and end of the braking.
-        before, after: (S, 3) force of the vehicle less that of the model there.
-        p_value: its significance, before.
+        p_value: significance of the residual before.
     """
 
     name: str
     unit: str
     value: Floats
-    before: Floats
-    after: Floats
     p_value: float
 
 
@@ -158,7 +155,9 @@ class Evidence:
     """Of all stops.
 
     Attributes:
-        axes: the strongest first. x, y: (S,) where each stop began [m], None without places.
+        axes: the strongest first. before, after: (S, 3) force of the vehicle less that of the
+            model at begin, middle and end of the braking, refitted and with what was found, as a
+            share of the weight. x, y: (S,) where each stop began [m], None without places.
         distance: (S,) measured [m]; configured, found: (S,) simulated, the same where the model
             stays as configured.
         time, speed: (T,) of the stop that changes most, or is missed most where none does,
@@ -167,6 +166,8 @@ class Evidence:
     """
 
     axes: tuple[AxisResidual, ...]
+    before: Floats
+    after: Floats
     x: Floats | None
     y: Floats | None
     distance: Floats

@@ -93,7 +93,7 @@ def investigate(
         noise = decision.explanation.whitener
         decision, gaps = held_to_account(table, base, decision, located, seen, settings, decided)
         better, added = revised(table, decision, gaps.held_out, source)
-        above = gaps.refit_square - gaps.speed.noise_floor**2
+        above = gaps.speed.refit**2 - gaps.speed.noise_floor**2
         findings = Findings(
             decision.verdict,
             summary(table, decision, gaps.distance, gaps.ends),

@@ -183,25 +183,26 @@ def _draw_axes(figure: Any, evidence: Evidence) -> None:
     shown = [a for a in evidence.axes if a.name != "place"][:_AXES]
     for i, axis in enumerate(shown):
         axes = figure.add_subplot(2, (_AXES + 1) // 2, i + 1)
-        _draw_residual(axes, axis, evidence.scatter)
+        _draw_residual(axes, axis, evidence)
         if i == 0:
             axes.legend(fontsize=8, loc="best")
 
 
-def _draw_residual(axes: Any, axis: AxisResidual, scatter: float) -> None:
+def _draw_residual(axes: Any, axis: AxisResidual, evidence: Evidence) -> None:
+    scatter = evidence.scatter
     factor, unit = _shown_unit(axis.unit)
     value = factor * axis.value
     axes.axhspan(-scatter, scatter, color=FAINT, alpha=0.22, lw=0)
     axes.axhline(0.0, color=INK, lw=0.8)
     for residual, colour, label in (
-        (axis.before, SECOND, "refitted"),
-        (axis.after, FIRST, "with what was found"),
+        (evidence.before, SECOND, "refitted"),
+        (evidence.after, FIRST, "with what was found"),
     ):
         axes.plot(value, residual, ".", ms=1.6, color=colour, alpha=0.25)
         middle, mean, band = _binned_means(value.ravel(), residual.ravel())
         axes.fill_between(middle, mean - band, mean + band, color=colour, alpha=0.25, lw=0)
         axes.plot(middle, mean, color=colour, lw=1.5, label=label)
-    low, high = np.nanquantile(axis.before, [0.02, 0.98])
+    low, high = np.nanquantile(evidence.before, [0.02, 0.98])
     reach = max(-low, high, 3.0 * scatter)
     label = axis.name.replace("_", " ") + (f" [{unit}]" if unit else "")
     axes.set(xlabel=label, ylabel="missing force / weight", ylim=(-reach, reach))
@@ -223,7 +224,7 @@ def _binned_means(value: Any, residual: Any) -> tuple[Any, Any, Any]:
 def _draw_map(figure: Any, evidence: Evidence) -> None:
     if not evidence.axes:
         return
-    before, after = (_row_means(r) for r in (evidence.axes[0].before, evidence.axes[0].after))
+    before, after = (_row_means(r) for r in (evidence.before, evidence.after))
     reach = max(float(np.nanquantile(np.abs(before), 0.95)), 1e-6)
     for i, (residual, title) in enumerate(((before, "refitted"), (after, "with what was found"))):
         axes = figure.add_subplot(1, 2, i + 1)

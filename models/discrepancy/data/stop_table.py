@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from slopewise.models.stop_logs.find_stops import StopWindow
 from slopewise.models.stop_logs.stop_record import StopRecord
 
 _CHANNELS = ("roll", "yaw", "yaw_rate", "x", "y", "vertical_curvature")
+GROUND = ("grade", *_CHANNELS)
 _MEANINGFUL = {*_CHANNELS, "run", "terrain", "t", "v", "v_cmd", "pitch", "z", "brake"}
 _MEANINGFUL |= {f"{name}_{side}" for name in ("v", "current") for side in ("left", "right")}
 """Columns that are no further explanation: their meaning is known."""
@@ -35,8 +36,14 @@ _MIN_PULL = 0.05  # share of the weight that a stop is taken to slow with at lea
 _LATEST_CLOCK = 1e6  # from which a log counts since some epoch, not its session [s]
 
 
-class StopGround(NamedTuple):
-    """Ground and motion along each stop, (S, M) each; zero for channels that are not logged."""
+@dataclass(frozen=True, slots=True)
+class StopGround:
+    """Ground and motion along each stop, (S, M) each; zero for channels that are not logged.
+
+    Attributes:
+        grade, roll, yaw, yaw_rate: [rad], [rad/s]. x, y: [m].
+        vertical_curvature: change of grade along the ground [1/m]; that of `grade` if not logged.
+    """
 
     grade: Floats
     roll: Floats
@@ -48,15 +55,12 @@ class StopGround(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class StopTable:
-    """S stops on M times each, K bins.
+class StopTable(StopGround):
+    """S stops on M times each, K bins, with the ground as the measured vehicle met it.
 
     Attributes:
         time: (S, M) since the stop command [s], even steps in each stop.
         speed: (S, M) measured, smoothed [m/s]. station: (S, M) distance since the command [m].
-        grade, roll, yaw, yaw_rate: (S, M) [rad], [rad/s]. x, y: (S, M) [m].
-        vertical_curvature: (S, M) change of grade along the ground [1/m]; that of `grade` if not
-            logged. The other channels are zero then.
         logged: channels that the log has.
         average: (S, K, M) means of each bin over grid values. binned: (S, K) measured [m/s].
         spread: (S, K) variance of a bin's mean for white noise of one; 0 for unused bins.
@@ -75,13 +79,6 @@ class StopTable:
     time: Floats
     speed: Floats
     station: Floats
-    grade: Floats
-    roll: Floats
-    yaw: Floats
-    yaw_rate: Floats
-    x: Floats
-    y: Floats
-    vertical_curvature: Floats
     logged: frozenset[str]
     average: Floats
     binned: Floats
@@ -99,11 +96,6 @@ class StopTable:
     further: Mapping[str, Floats]
     cooled: tuple[tuple[float, float], ...] = ()
     warmed: tuple[tuple[tuple[float, float], ...], ...] | None = None
-
-    @property
-    def ground(self) -> StopGround:
-        """As the measured vehicle met it."""
-        return StopGround(*(getattr(self, name) for name in StopGround._fields))
 
     @property
     def session_time(self) -> Floats:
@@ -153,7 +145,7 @@ def tabulate(
     rows = [_row(columns, record, logged) for record in records]
     grid: dict[str, Any] = {
         name: np.stack([row[name] for row in rows])
-        for name in ("time", "speed", "station", "grade", *_CHANNELS)
+        for name in ("time", "speed", "station", *GROUND)
     }
     bins_count = max(len(row["binned"]) for row in rows)
     bins: dict[str, Any] = {

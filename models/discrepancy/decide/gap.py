@@ -59,7 +59,6 @@ class Gaps:
 
     Attributes:
         speed, distance: as reported. held_out: (S,) distances by fits that had not seen their stop.
-        refit_square: mean squared speed error of the refitted base, held out [m²/s²].
         ends: how much longer than configured stops are, the least and the most; negative where
             they are shorter [m].
     """
@@ -67,7 +66,6 @@ class Gaps:
     speed: Gap
     distance: Gap
     held_out: Floats
-    refit_square: float
     ends: tuple[float, float]
 
     @property
@@ -105,7 +103,7 @@ def compared(
     distance = _gap("stopping distance, rms", "m", np.stack([*lengths, floor]), draws)
     longer = table.distance - before[1]
     ends = float(longer.min()), float(longer.max())
-    return Gaps(speed, distance, after[1], float(squares[1].mean()), ends)
+    return Gaps(speed, distance, after[1], ends)
 
 
 def held_out(table: StopTable, parts: list[Bools], start: Refit) -> tuple[Floats, Floats]:

@@ -62,7 +62,7 @@ def held_to_account(
         note = "new coefficients predict stops held out no better than those configured, which stay"
         if is_drift:
             is_none = not is_certain
-            decision = replace(decision, verdict=Verdict.NONE, absorbed=()) if is_none else unknown
+            decision = replace(decision, verdict=Verdict.NONE, absorbed={}) if is_none else unknown
         decision = replace(decision, notes=(*decision.notes, note), unchanged=True)
     return decision, _as_configured(gaps) if decision.keeps_model else gaps
 

@@ -19,7 +19,7 @@ from slopewise.models.discrepancy.likelihood.answer import Answer
 from slopewise.models.discrepancy.likelihood.posterior import LAG
 from slopewise.models.discrepancy.likelihood.refit import Refit, refitted
 from slopewise.models.discrepancy.likelihood.residual_axes import ResidualAxis, mainly_along
-from slopewise.models.discrepancy.likelihood.resolvable import CHANGED_STOPS, Absorbed, Resolvable
+from slopewise.models.discrepancy.likelihood.resolvable import CHANGED_STOPS, Resolvable
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 
 WILD_SCATTER = 0.12  # of the force, from which stops differ as much as some effects do [1]
@@ -45,7 +45,7 @@ class Decision:
     alternatives: tuple[Refit, ...] = ()
     confidence: tuple[float, ...] = ()
     axis: ResidualAxis | None = None
-    absorbed: tuple[Absorbed, ...] = ()
+    absorbed: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     unchanged: bool = False
     named: tuple[int, ...] = ()

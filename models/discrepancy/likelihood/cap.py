@@ -35,19 +35,14 @@ class Cap:
     upright: Floats
 
 
-def place_of(chosen: tuple[Candidate, ...]) -> int | None:
-    """Index of the cap among the columns of an explanation; None without."""
+def cap_of(chosen: tuple[Candidate, ...]) -> tuple[int, float] | None:
+    """Index of the cap among the columns of an explanation, and its friction; None without."""
     place = 0
     for c in chosen:
         if c.named and LAWS[c.name].enters is Enters.CAP:
-            return place
+            return place, c.inner["mu"]
         place += c.count
     return None
-
-
-def chosen_friction(chosen: tuple[Candidate, ...]) -> float:
-    """Friction of the cap among them [1]."""
-    return next(c.inner["mu"] for c in chosen if "mu" in c.inner)
 
 
 def free_force(trace: Trace, extra: Integrated, mean: Floats, cap: int) -> Floats:

@@ -15,13 +15,7 @@ from scipy.optimize import minimize
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
-from slopewise.models.discrepancy.likelihood.cap import (
-    Cap,
-    chosen_friction,
-    free_force,
-    place_of,
-    under_cap,
-)
+from slopewise.models.discrepancy.likelihood.cap import Cap, cap_of, free_force, under_cap
 from slopewise.models.discrepancy.likelihood.dictionary import Candidate, Dictionary
 from slopewise.models.discrepancy.likelihood.gaussian import Grams, Solved
 from slopewise.models.discrepancy.likelihood.marginal import (
@@ -63,18 +57,25 @@ class Fit:
 
     Attributes:
         trace: columns of the log under the friction cap. extra: columns of `chosen`.
-        chosen: candidates in it. taus: (T,) [s]. onsets: state at each. noise: (6,) of the stops.
+        chosen: candidates in it. onsets: (T,) state at each. noise: (6,) of the stops.
         evidence: (T,) ln of the marginal likelihood. solutions: (T,) all columns, solved.
+        log_prior: ln of the prior of its names, grids and signs. settled: the onset is its own.
     """
 
     trace: Trace
     extra: Integrated
     chosen: tuple[Candidate, ...]
-    taus: Floats
     onsets: tuple[Onset, ...]
     noise: Floats
     evidence: Floats
     solutions: tuple[Solved, ...]
+    log_prior: float
+    settled: bool
+
+    @property
+    def log_weight(self) -> float:
+        """Tempered, at its best build-up."""
+        return self.log_prior + prior.TEMPER * float(self.evidence.max())
 
     @property
     def best(self) -> int:
@@ -172,9 +173,13 @@ class Problem:
 
 
 def fit(
-    trace: Trace, book: Dictionary, chosen: Sequence[Candidate], starts: Sequence[Fit] = ()
+    trace: Trace,
+    book: Dictionary,
+    chosen: Sequence[Candidate],
+    log_prior: float = 0.0,
+    starts: Sequence[Fit] = (),
 ) -> Fit:
-    """Fit onset and noise under an explanation."""
+    """Fit onset and noise under an explanation, from those of others where there are any."""
     problem = Problem(trace, book.columns.take([i for c in chosen for i in c.index]), chosen)
     if starts:
         states = [(s.onsets[s.best], s.noise) for s in starts]
@@ -182,10 +187,12 @@ def fit(
         problem = _with_cap(trace, problem.extra, problem.chosen, onset, noise)
     else:
         onset, noise = _first(problem)
-    return _followed(problem, *_converged(problem, onset, noise))
+    return _followed(problem, log_prior, *_converged(problem, onset, noise))
 
 
-def quick_fit(trace: Trace, book: Dictionary, chosen: Sequence[Candidate], near: Fit) -> Fit:
+def quick_fit(
+    trace: Trace, book: Dictionary, chosen: Sequence[Candidate], log_prior: float, near: Fit
+) -> Fit:
     """As :func:`fit`, at the onset of another explanation: only the noise is its own."""
     extra = book.columns.take([i for c in chosen for i in c.index])
     onset = near.onsets[near.best]
@@ -200,7 +207,9 @@ def quick_fit(trace: Trace, book: Dictionary, chosen: Sequence[Candidate], near:
         chosen=problem.chosen,
         noise=noise,
         evidence=near.evidence + gain,
-        solutions=(solution,) * len(near.taus),
+        solutions=(solution,) * len(near.onsets),
+        log_prior=log_prior,
+        settled=False,
     )
 
 
@@ -260,14 +269,14 @@ def _with_cap(
     Where nearly all stops slide, coefficients fitted to them carry no information on the brakes:
     it begins with those of the file, too.
     """
-    cap = place_of(chosen)
-    if cap is None:
+    found = cap_of(chosen)
+    if found is None:
         return Problem(trace, extra, chosen)
-    place = trace.table.ground
-    upright = np.cos(place.grade) * np.cos(place.roll)
+    cap, first = found
+    upright = np.cos(trace.table.grade) * np.cos(trace.table.roll)
     sliding = trace.table.force / upright[:, -1]
     starts = [
-        (chosen_friction(chosen), Problem(trace, extra, chosen).at(onset, noise).mean),
+        (first, Problem(trace, extra, chosen).at(onset, noise).mean),
         (float(np.quantile(sliding, _SLIDING)), None),
     ]
     tried = []
@@ -288,7 +297,7 @@ def _with_cap(
     return max(tried, key=lambda t: t[0])[1]
 
 
-def _followed(problem: Problem, best: Onset, noise: Floats) -> Fit:
+def _followed(problem: Problem, log_prior: float, best: Onset, noise: Floats) -> Fit:
     """Over all build-ups, outward from the best one, the dead time relinearised at each."""
     taus = np.unique(np.append(BUILD_UPS, best.build_up))
     middle = int(np.searchsorted(taus, best.build_up))
@@ -308,9 +317,10 @@ def _followed(problem: Problem, best: Onset, noise: Floats) -> Fit:
         problem.trace,
         problem.extra,
         problem.chosen,
-        taus[known],
         tuple(found[i][0] for i in known),
         noise,
         np.array([found[i][1].evidence for i in known]) + of_noise(noise),
         tuple(found[i][1] for i in known),
+        log_prior,
+        settled=True,
     )

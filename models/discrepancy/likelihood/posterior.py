@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,20 +37,20 @@ class Explanation:
     at: int
 
 
-def explanations(fits: list[tuple[Fit, float]], dead_time: float, odds: float) -> list[Explanation]:
+def explanations(fits: Iterable[Fit], dead_time: float, odds: float) -> list[Explanation]:
     """Answers of refitted sets.
 
     Args:
-        fits: each with what its grids add to ln of its prior.
-        dead_time: in the model file [s]. odds: prior odds of causes, over those of :mod:`.prior`.
+        fits: refitted sets. dead_time: in the model file [s].
+        odds: prior odds of causes, over those of :mod:`.prior`.
     """
     found = []
-    for fit, log_prior in fits:
+    for fit in fits:
         late = np.array([o.dead_time for o in fit.onsets])
         # A model has one lag: where there is one, what the onset lacks is dead time.
         has_lag = any(effect.name == LAG for effect in fit.trace.model.effect)
         for lag in (False,) if has_lag else (False, True):
-            own = log_prior + (np.log(odds * prior.NAME) if lag else 0.0)
+            own = fit.log_prior + (np.log(odds * prior.NAME) if lag else 0.0)
             own += np.log(prior.FURTHER) if lag and fit.chosen else 0.0
             weight, at = _over_build_up(fit, late - dead_time, lag)
             names = frozenset(c.name for c in fit.chosen if c.named) | ({LAG} if lag else set())
@@ -60,9 +61,10 @@ def explanations(fits: list[tuple[Fit, float]], dead_time: float, odds: float) -
 
 def _over_build_up(fit: Fit, late: Floats, lag: bool) -> tuple[float, int]:
     """Logarithm of the integral over ln τ, and the index of its largest term."""
-    log_tau, evidence = np.log(fit.taus), fit.evidence
+    taus, evidence = np.array([o.build_up for o in fit.onsets]), fit.evidence
+    log_tau = np.log(taus)
     # A calibration took the usual build-up for dead time, and a lag that came later did not.
-    off = late + (np.minimum(fit.taus, prior.BUILD_UP) if lag else fit.taus)
+    off = late + (np.minimum(taus, prior.BUILD_UP) if lag else taus)
     usual = -0.5 * (off / prior.DEAD_TIME) ** 2
     fine = np.linspace(np.log(prior.SLOW[1]), np.log(prior.LAG[1]), _FINE)
     density = prior.of_lag(fine) if lag else prior.of_build_up(fine)

@@ -8,7 +8,7 @@ single such cause explains the log as well as new coefficients, the log cannot d
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -41,31 +41,19 @@ _BIAS_TEST = (
 
 
 @dataclass(frozen=True, slots=True)
-class Absorbed:
-    """A cause that new coefficients would hide.
-
-    Attributes:
-        name: effect, or :data:`GRADE_BIAS`.
-        test: test that distinguishes it from new coefficients, as a sentence.
-    """
-
-    name: str
-    test: str
-
-
-@dataclass(frozen=True, slots=True)
 class Resolvable:
     """Of each effect, by name.
 
     Attributes:
         visible: change of a stop, beyond new coefficients, from which five logs of six like this
             one name it [m]. hidden: columns of candidates that new coefficients absorb.
-        absorbed: causes that explain the log as well as new coefficients do.
+        absorbed: causes that explain the log as well as new coefficients do: effects, or
+            :data:`GRADE_BIAS`; each with a test that distinguishes it from them, as a sentence.
     """
 
     visible: Mapping[str, float]
     hidden: frozenset[int]
-    absorbed: tuple[Absorbed, ...]
+    absorbed: Mapping[str, str]
 
 
 def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
@@ -83,7 +71,7 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
             never_seen.add(name)
     stops = len(fit.trace.table)
     limit = log.base_chi_square() + float(chi2.isf(LOCATED, 4)) * stops / max(stops - 5, 1)
-    causes = {}
+    causes: dict[str, str] = {}
     chi_square, bias, std = log.cause_chi_square(len(named))
     if chi_square < limit and abs(bias) - _BIAS_STDS * std <= _MAX_BIAS:
         causes[GRADE_BIAS] = _BIAS_TEST
@@ -94,7 +82,7 @@ def resolvable(fit: Fit, at: int, book: Dictionary) -> Resolvable:
             if able and chi_square < limit:
                 causes.setdefault(c.name, LAWS[c.name].experiment)
     hidden = frozenset(named[i].first for i in np.flatnonzero(share >= _ABSORBED))
-    return Resolvable(visible, hidden, tuple(map(Absorbed, causes, causes.values())))
+    return Resolvable(visible, hidden, causes)
 
 
 class _Normal:
@@ -175,9 +163,8 @@ def _fitted(inner: Floats, std: Floats, pull: Floats) -> tuple[float, float, flo
 
 def _bias(trace: Trace) -> Integrated:
     """(…, 2) change of gravity and of the force of the brakes by an angle of all grades."""
-    table, configured = trace.table, Hypothesis.configured(trace.model)
-    place, step = table.ground, 1e-3
-    moved = place._replace(grade=place.grade + step)
-    force = demanded_force(table, configured, moved) - demanded_force(table, configured, place)
-    shares = np.stack([np.cos(place.grade), force / step], axis=2)
+    table, configured, step = trace.table, Hypothesis.configured(trace.model), 1e-3
+    moved = replace(table, grade=table.grade + step)
+    force = demanded_force(table, configured, moved) - demanded_force(table, configured, table)
+    shares = np.stack([np.cos(table.grade), force / step], axis=2)
     return Integrated.of(table, shares, np.array([False, True]))

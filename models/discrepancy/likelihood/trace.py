@@ -131,10 +131,9 @@ def trace_of(table: StopTable, model: Model, spikes: tuple[Floats, Floats], sess
 def _expected(table: StopTable, model: Model) -> Integrated:
     """Force of the brakes by the model file; gravity and its terms of motion."""
     configured = Hypothesis.configured(model)
-    place, terms = table.ground, motion_of(configured)
-    force = demanded_force(table, configured, place)
-    given = brought_force(table, configured, force, table.speed, place, table.time).given
-    moved = np.sin(place.grade) + moved_share(table.speed, place, terms)
+    force = demanded_force(table, configured, table)
+    given = brought_force(table, configured, force, table.speed, table, table.time).given
+    moved = np.sin(table.grade) + moved_share(table.speed, table, motion_of(configured))
     return Integrated.of(table, np.stack([given, moved], axis=2), np.array([True, False]))
 
 

@@ -53,20 +53,6 @@ class Weights:
     book: Dictionary
 
 
-@dataclass(frozen=True, slots=True)
-class _Weighed:
-    """A fit, ln of its prior, and whether its onset is its own."""
-
-    fit: Fit
-    log_prior: float
-    converged: bool = False
-
-    @property
-    def log_weight(self) -> float:
-        """Tempered, at its best build-up."""
-        return self.log_prior + prior.TEMPER * float(self.fit.evidence.max())
-
-
 def weighed(
     table: StopTable,
     model: Model,
@@ -83,13 +69,12 @@ def weighed(
     """
     trace = trace_of(table, model, spikes_of(table, model), session)
     book = dictionary_of(table, model, trace.used, trace.force, odds)
-    base = fit(trace, book, ())
-    advance(0.3)
     nothing = frozenset[str]()
-    known = {nothing: _Weighed(base, 0.0, converged=True)}
+    known = {nothing: fit(trace, book, ())}
+    advance(0.3)
     leader = nothing
     for turn in range(_ROUNDS):
-        at = known[leader].fit
+        at = known[leader]
         # What is missing is taken for scatter, which hides it: also searched at usual scatter.
         quiet = replace(at, noise=np.minimum(at.noise, prior.NOISE))
         book = _with_place(book, quiet)
@@ -98,25 +83,24 @@ def weighed(
             matches += searched(trace, book, quiet, at.best)[:_TRIED]
         _try(known, matches, trace, book, at)
         before, leader = leader, max(known, key=lambda n: known[n].log_weight)
-        if not known[leader].converged:
-            known[leader] = _converged(trace, book, known[leader], at)
+        if not known[leader].settled:
+            known[leader] = _settled(trace, book, known[leader], at)
             leader = max(known, key=lambda n: known[n].log_weight)
         advance(1.0 - 0.7 * 0.5 ** (turn + 1))
         if leader == before:
             break
     ranked = sorted(known, key=lambda n: -known[n].log_weight)
     for names in {*ranked[:LEADERS], nothing} - {leader}:
-        known[names] = _converged(trace, book, known[names], known[leader].fit)
+        known[names] = _settled(trace, book, known[names], known[leader])
     _try_named(known, ranked[:LEADERS], trace, book)
-    fits = [(w.fit, w.log_prior) for w in known.values()]
-    every = explanations(fits, model.braking.dead_time, odds)
+    every = explanations(known.values(), model.braking.dead_time, odds)
     advance(1.0)
-    calm = known[nothing].fit
+    calm = known[nothing]
     solution = calm.solutions[calm.best]
     return Weights(tuple(every), change_of_stops(trace, calm), solution.changed, book)
 
 
-_Known = dict[frozenset[str], _Weighed]
+_Known = dict[frozenset[str], Fit]
 
 
 def _try(
@@ -126,7 +110,7 @@ def _try(
     for match in matches:
         same = known.get(match.names)
         if match.names and (same is None or _moved(match, same)):
-            tried = _Weighed(quick_fit(trace, book, match.chosen, near), match.log_prior)
+            tried = quick_fit(trace, book, match.chosen, match.log_prior, near)
             if same is None or tried.log_weight > same.log_weight:
                 known[match.names] = tried
 
@@ -136,13 +120,12 @@ def _try_named(
 ) -> None:
     """Add leaders without their causes that have no name: names next to them, and alone."""
     for leader in [known[names] for names in leaders]:
-        chosen = leader.fit.chosen
+        chosen = leader.chosen
         named, unnamed = ([c for c in chosen if c.named is is_named] for is_named in (True, False))
         names = frozenset(c.name for c in named)
         if unnamed and names not in known:
             price = sum(c.log_prior + float(np.log(prior.FURTHER)) for c in unnamed)
-            alone = quick_fit(trace, book, named, leader.fit)
-            known[names] = _Weighed(alone, leader.log_prior - price)
+            known[names] = quick_fit(trace, book, named, leader.log_prior - price, leader)
 
 
 def _with_place(book: Dictionary, fit: Fit) -> Dictionary:
@@ -154,15 +137,13 @@ def _with_place(book: Dictionary, fit: Fit) -> Dictionary:
     return book
 
 
-def _moved(match: Found, known: _Weighed) -> bool:
+def _moved(match: Found, known: Fit) -> bool:
     """Whether an explanation has the same names and an effect in another place."""
-    before = {c.name: c.inner for c in known.fit.chosen}
+    before = {c.name: c.inner for c in known.chosen}
     return any(before[c.name] != c.inner for c in match.chosen if "radius" in c.inner)
 
 
-def _converged(trace: Trace, book: Dictionary, explanation: _Weighed, near: Fit) -> _Weighed:
+def _settled(trace: Trace, book: Dictionary, known: Fit, near: Fit) -> Fit:
     """With a separate onset, from that of another explanation or from its present one."""
-    again = fit(trace, book, explanation.fit.chosen, (near, explanation.fit))
-    if explanation.converged and explanation.fit.evidence.max() >= again.evidence.max():
-        return explanation
-    return _Weighed(again, explanation.log_prior, converged=True)
+    again = fit(trace, book, known.chosen, known.log_prior, (near, known))
+    return known if known.settled and known.log_weight >= again.log_weight else again

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from slopewise.models.arrays import Elementwise, Floats
-from slopewise.models.discrepancy.data.stop_table import StopGround, StopTable
+from slopewise.models.discrepancy.data.stop_table import GROUND, StopGround, StopTable
 from slopewise.models.discrepancy.model.brakes import brought_force, heat, motion_of
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.effects import registry
@@ -43,7 +43,7 @@ def predict(
     """
     v = table.speed if speed is None else np.maximum(speed, 0.0)
     t = table.time if time is None else time
-    place = table.ground if ground is None else ground
+    place: StopGround = table if ground is None else ground
     terms = motion_of(hypothesis)
     demanded = demanded_force(table, hypothesis, place)
     step = t[:, 1:2] - t[:, :1]
@@ -179,21 +179,20 @@ def _along(table: StopTable, way: Floats) -> StopGround:
         there: Floats = first + share * (np.take_along_axis(channel, behind + 1, axis=1) - first)
         return there
 
-    return StopGround(*map(at_stations, table.ground))
+    return StopGround(*(at_stations(getattr(table, name)) for name in GROUND))
 
 
 def stops_seen(table: StopTable, hypothesis: Hypothesis) -> StopsSeen:
     """Stops as effects see them, at the forces of a hypothesis."""
-    place = table.ground
-    demanded = demanded_force(table, hypothesis, place)
-    brought = brought_force(table, hypothesis, demanded, table.speed, place, table.time)
+    demanded = demanded_force(table, hypothesis, table)
+    brought = brought_force(table, hypothesis, demanded, table.speed, table, table.time)
 
     def heat_of(tau: float) -> Floats:
         return heat(table, tau, table.speed, table.time, hypothesis.dead_time)
 
     return StopsSeen(
         speed=table.speed,
-        **table.ground._asdict(),
+        **{name: getattr(table, name) for name in GROUND},
         clock=table.session_time,
         run=table.run,
         demanded=demanded,

@@ -22,12 +22,8 @@ def evidence_of(
     """Residuals of the model as refitted (before) and with what was found (after)."""
     best = decision.explanation.hypothesis
     configured = Hypothesis.configured(best.model)
-    before = missing_force(table, base.hypothesis)
-    after = missing_force(table, best)
     axes = tuple(
-        AxisResidual(
-            f.axis.name, f.axis.unit, _thirds(table, best, f.axis.values), before, after, f.p_value
-        )
+        AxisResidual(f.axis.name, f.axis.unit, _thirds(table, best, f.axis.values), f.p_value)
         for f in located
     )
     written = configured if decision.keeps_model else best
@@ -43,6 +39,8 @@ def evidence_of(
     placed = {"x", "y"} <= table.logged
     return Evidence(
         axes,
+        missing_force(table, base.hypothesis),
+        missing_force(table, best),
         table.x[:, 0] if placed else None,
         table.y[:, 0] if placed else None,
         table.distance,

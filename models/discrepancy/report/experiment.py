@@ -56,7 +56,7 @@ def next_experiment(table: StopTable, decision: Decision, beyond: float) -> Expe
         case Verdict.MISSING_EFFECT:
             return sharpening(table, decision.explanation, beyond)
         case Verdict.UNIDENTIFIABLE:
-            return Experiment("; ".join(f"for {a.name}: {a.test}" for a in decision.absorbed))
+            return Experiment("; ".join(f"for {n}: {t}" for n, t in decision.absorbed.items()))
         case Verdict.UNKNOWN:
             return Experiment(_along(decision.axis))
         case Verdict.TOO_NOISY:

@@ -121,7 +121,7 @@ def summary(table: StopTable, decision: Decision, distance: Gap, ends: tuple[flo
             text = f"The model most likely leaves out: {names}; "
             text += f"{alternatives} would fit nearly as well."
         case Verdict.UNIDENTIFIABLE:
-            causes = " or ".join(a.name for a in decision.absorbed)
+            causes = " or ".join(decision.absorbed)
             text = f"New coefficients fit, but so does {causes}: this log cannot tell which it is."
         case Verdict.UNKNOWN:
             axis = decision.axis.axis.name if decision.axis else "no single axis"

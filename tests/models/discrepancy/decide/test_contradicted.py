@@ -43,7 +43,7 @@ def accounted(stops: StopTable, base: Refit, follower: Decision, p_value: float)
 
     shapes = np.sin(stops.grade)[:, :, None]
     axis = ResidualAxis(Axis("grade", "rad", stops.grade, (shapes,)), p_value, 20.0, shapes, 0.01)
-    seen, settings = Resolvable({}, frozenset(), ()), DiscrepancySettings()
+    seen, settings = Resolvable({}, frozenset(), {}), DiscrepancySettings()
     wrong = wrong_for_certain(stops)
     return held_to_account(stops, base, wrong, [axis], seen, settings, next_to)[0]
 
@@ -76,5 +76,5 @@ def test_a_name_is_contradicted_by_speeds_and_by_distances(
     in_speed, in_distance = (
         Gap("", "", before, refit, after, floor, None, None, -5.0) for after in (speed, distance)
     )
-    gaps = Gaps(in_speed, in_distance, np.empty(0), refit**2, (0.0, 0.0))
+    gaps = Gaps(in_speed, in_distance, np.empty(0), (0.0, 0.0))
     assert gaps.harmful is harmful

@@ -88,7 +88,7 @@ FADE = Effect(name="brake_fade", parameters={"k": 0.03, "tau": 60.0})
 def test_brakes_that_fade_within_a_stop_heat_less_from_then_on() -> None:
     stops = replace(table("clean"), warmed=((),) * len(table("clean")))
     hypothesis = BASIS.plus(FADE)
-    demanded = demanded_force(stops, hypothesis, stops.ground)
+    demanded = demanded_force(stops, hypothesis, stops)
     k, tau = FADE.parameters["k"], FADE.parameters["tau"]
     onset = hypothesis.dead_time
     given = []
@@ -105,8 +105,7 @@ def test_brakes_that_fade_within_a_stop_heat_less_from_then_on() -> None:
         given.append(demanded[i, after] / (1.0 + k * q))
     # The mean force is the stop's own, here that of the integrator.
     stops = replace(stops, force=np.array([float(np.mean(g)) for g in given]))
-    met = stops.ground
-    delivered = brought_force(stops, hypothesis, demanded, stops.speed, met, stops.time).given
+    delivered = brought_force(stops, hypothesis, demanded, stops.speed, stops, stops.time).given
     for i, true in enumerate(given):
         lost = 1.0 - true[-1] / demanded[i, -1]
         assert lost > 0.005
