@@ -15,7 +15,6 @@ from scipy.optimize import minimize
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
-from slopewise.models.discrepancy.likelihood.cap import Cap, cap_of, free_force, under_cap
 from slopewise.models.discrepancy.likelihood.dictionary import Candidate, Dictionary
 from slopewise.models.discrepancy.likelihood.gaussian import Grams, Solved
 from slopewise.models.discrepancy.likelihood.marginal import (
@@ -46,9 +45,6 @@ _TYPICAL = Onset(0.0, 1.0)
 _BODY_SPREAD = 0.5  # of ln of frequency and damping of the body about the typical ones
 _SCATTERS = (0.02, 0.5)  # of the force, that a fit starts from [1]
 _TURNS, _GAIN = 5, 0.5  # of a fit at most; evidence below which it has converged
-_SLIDING = 0.6  # quantile of the forces of stops that slide
-_LEAST_FRICTION = 0.02  # half of wet ice [1]
-_CAPPINGS = 3  # times that the stops which friction caps are found again
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +52,7 @@ class Fit:
     """An explanation at every build-up.
 
     Attributes:
-        trace: columns of the log under the friction cap. extra: columns of `chosen`.
+        trace: columns of the log. extra: columns of `chosen`.
         chosen: candidates in it. onsets: (T,) state at each. noise: (6,) of the stops.
         evidence: (T,) ln of the marginal likelihood. solutions: (T,) all columns, solved.
         log_prior: ln of the prior of its names, grids and signs. settled: the onset is its own.
@@ -184,7 +180,6 @@ def fit(
     if starts:
         states = [(s.onsets[s.best], s.noise) for s in starts]
         onset, noise = max(states, key=lambda s: problem.at(*s).evidence)
-        problem = _with_cap(trace, problem.extra, problem.chosen, onset, noise)
     else:
         onset, noise = _first(problem)
     return _followed(problem, log_prior, *_converged(problem, onset, noise))
@@ -194,15 +189,13 @@ def quick_fit(
     trace: Trace, book: Dictionary, chosen: Sequence[Candidate], log_prior: float, near: Fit
 ) -> Fit:
     """As :func:`fit`, at the onset of another explanation: only the noise is its own."""
-    extra = book.columns.take([i for c in chosen for i in c.index])
+    problem = Problem(trace, book.columns.take([i for c in chosen for i in c.index]), chosen)
     onset = near.onsets[near.best]
-    problem = _with_cap(trace, extra, tuple(chosen), onset, near.noise)
     noise = problem.noise(onset, near.noise, _NOISES)
     solution = problem.at(onset, noise)
     gain = solution.evidence + of_noise(noise) - float(near.evidence.max())
     return replace(
         near,
-        trace=problem.trace,
         extra=problem.extra,
         chosen=problem.chosen,
         noise=noise,
@@ -259,42 +252,6 @@ def _converged(problem: Problem, onset: Onset, noise: Floats) -> tuple[Onset, Fl
         if most < before + _GAIN:
             break
     return best
-
-
-def _with_cap(
-    trace: Trace, extra: Integrated, chosen: tuple[Candidate, ...], onset: Onset, noise: Floats
-) -> Problem:
-    """The problem, linear about the stops that friction caps if the explanation has a cap.
-
-    Where nearly all stops slide, coefficients fitted to them carry no information on the brakes:
-    it begins with those of the file, too.
-    """
-    found = cap_of(chosen)
-    if found is None:
-        return Problem(trace, extra, chosen)
-    cap, first = found
-    upright = np.cos(trace.table.grade) * np.cos(trace.table.roll)
-    sliding = trace.table.force / upright[:, -1]
-    starts = [
-        (first, Problem(trace, extra, chosen).at(onset, noise).mean),
-        (float(np.quantile(sliding, _SLIDING)), None),
-    ]
-    tried = []
-    for friction, mean in starts:
-        for turn in range(_CAPPINGS):
-            if turn > 0 and mean is not None:
-                moved = friction + float(mean[len(mean) - extra.shares.shape[2] + cap])
-                friction = max(moved, _LEAST_FRICTION)
-            free = trace.expected.shares[:, :, 0]
-            free = free if mean is None else free_force(trace, extra, mean, cap)
-            held = (free > friction * upright).astype(np.float64)
-            problem = Problem(
-                *under_cap(trace, extra, chosen, cap, Cap(held, free, friction, upright))
-            )
-            solution = problem.at(onset, noise)
-            mean = solution.mean
-        tried.append((solution.evidence, problem))
-    return max(tried, key=lambda t: t[0])[1]
 
 
 def _followed(problem: Problem, log_prior: float, best: Onset, noise: Floats) -> Fit:

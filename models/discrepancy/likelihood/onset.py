@@ -113,14 +113,14 @@ class Moment:
     missing: Floats
 
     @classmethod
-    def of(cls, samples: Samples, onset: Onset, quicker: Floats) -> Moment:
+    def of(cls, samples: Samples, onset: Onset) -> Moment:
         """Of an onset."""
         u = samples.time - onset.each[:, None, None]
         return cls(
             u,
             (u[:, :, :1] >= 0.0),
             samples.mean(np.maximum(u, 0.0))[:, :, None],
-            (quicker * samples.mean(onset.missing(u / quicker[:, :, None])))[:, :, None],
+            samples.mean(onset.missing(u))[:, :, None],
         )
 
 

@@ -76,7 +76,7 @@ class _Gains:
         grams = Grams.of(self.every, self.own, self.trace.table.spread)
         solutions = solved_both(grams, std, noise, self.trace.calibrated, centre)
         self.best = max(solutions, key=lambda s: s.evidence)
-        self.moment = Moment.of(self.trace.samples, self.onset, self.trace.quicker)
+        self.moment = Moment.of(self.trace.samples, self.onset)
 
     def of(self, shares: Floats) -> Floats:
         """(Q,) tempered gains of shares (S, M, Q) that brakes bring."""

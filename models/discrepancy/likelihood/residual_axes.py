@@ -88,8 +88,7 @@ def mainly_along(located: list[ResidualAxis]) -> ResidualAxis | None:
 def _columns(trace: Trace, fit: Refit, shares: Floats) -> Floats:
     """(S, K, Q) fall of the speed by shares of the weight (S, M, Q) from the onset on."""
     onset = fit.whitener.onset
-    moment = Moment.of(trace.samples, onset, trace.quicker)
-    count = shares.shape[2]
+    moment, count = Moment.of(trace.samples, onset), shares.shape[2]
     return Integrated.of(trace.table, shares, np.zeros(count, bool)).fallen(
         trace.table, onset, moment
     )

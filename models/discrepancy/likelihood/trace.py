@@ -6,7 +6,7 @@ small version of every smooth effect (spike), since nothing is exactly zero in n
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -49,7 +49,6 @@ class Trace:
         sessions: number of columns that sessions have, the first ones of `always` after the waves
             of the onset.
         used: (S, M) whether a grid time lies in the stop after the onset.
-        quicker: (S, 1) build-up of each stop over that of the brakes, or of all.
     """
 
     table: StopTable
@@ -65,7 +64,6 @@ class Trace:
     calibrated: Floats
     sessions: int
     used: Floats
-    quicker: Floats = field(default_factory=lambda: np.ones((1, 1)))
 
 
 def base_shares(table: StopTable) -> Floats:
@@ -182,7 +180,7 @@ def columns_at(
         trace: of the log. onset: its state. extra: (…, Q) shares of further columns.
     """
     table, samples = trace.table, trace.samples
-    moment = Moment.of(samples, onset, trace.quicker)
+    moment = Moment.of(samples, onset)
     always, stds = _nuisances(trace, onset, moment)
     early = samples.mean(np.minimum(moment.u, 0.0))
     expected = trace.expected.fallen(table, onset, moment).sum(axis=2)
@@ -206,7 +204,7 @@ def _nuisances(trace: Trace, onset: Onset, moment: Moment) -> tuple[list[Floats]
     ]
     t = trace.samples.time
     early = -GRAVITY * mean(np.clip(t, 0.0, np.maximum(onset.each, 0.0)[:, None, None]))
-    built = pull * mean(onset.built(u / trace.quicker[:, :, None]))
+    built = pull * mean(onset.built(u))
     stds = [prior.DEAD_TIME_STEP, prior.SLIP, prior.EARLY]
     stds += [prior.OSCILLATION, prior.OSCILLATION_SHIFT, prior.DIVE]
     columns = [built, -trace.speed * built / GRAVITY, early, pull * rates, pull * changes]

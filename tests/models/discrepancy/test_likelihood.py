@@ -96,7 +96,7 @@ def test_columns_are_integrated_motion(build_up: float) -> None:
     stops = table("clean")
     onset = Onset(0.3137, build_up)
     samples = Samples.of(stops)
-    moment = Moment.of(samples, onset, np.ones((1, 1)))
+    moment = Moment.of(samples, onset)
     share = 0.4 + 0.05 * stops.time
     columns = Integrated.of(stops, np.stack([share, share], axis=2), np.array([True, False]))
     fall = columns.fallen(stops, onset, moment)
