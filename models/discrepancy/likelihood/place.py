@@ -38,9 +38,6 @@ _MUTATION, _RECOMBINATION = (0.3, 0.6), 0.9  # of differential evolution [1]
 _PAD = 0.1  # of the smallest circle, by which it may leave those that it begins with [1]
 _FINEST = 0.01  # share of the field, or of the radii, that a place is known to at best [1]
 _HELD_NONE = -1e3  # gain of a circle that cannot be seen
-_TRIED = 48  # circles in each round that follows their extent
-_ROUNDS = 18  # in which the extent is followed: three to each side of each number
-_FARTHER = (0.1, 0.3, 0.05, 0.2)  # how far they reach in turn, share of the radius [1]
 _COMPARED = 64  # likely patches that the exact law chooses from
 _NORMAL_95 = 1.96  # of a normal distribution, 95 % [std]
 _CHANGE_95 = 0.5 * _NORMAL_95**2  # difference of ln likelihood, 95 % of a chi square of one number
@@ -173,20 +170,9 @@ def placed(
 def _patch(explanation: Explanation, candidate: Candidate) -> tuple[list[dict[str, float]], Extent]:
     fit = explanation.fit
     gains = _Gains(fit, explanation.at, candidate.name, fit.noise)
-    table, rng = fit.trace.table, np.random.default_rng(0)
     start = [[candidate.inner[name] for name in _NUMBERS]]
-    grid = [[at[name] for name in _NUMBERS] for at, _ in circles(table)]
+    grid = [[at[name] for name in _NUMBERS] for at, _ in circles(fit.trace.table)]
     tried, gain = _climbed(gains, np.array(start + grid))
-    for turn in range(_ROUNDS):
-        # From where the region reaches farthest, to each side in turn.
-        likely = tried[gain > gain.max() - _JUMP_95]
-        along, side = likely[:, turn % 3], 1.0 if turn % 2 else -1.0
-        start, reach = likely[np.argmax(side * along)], _FARTHER[turn % len(_FARTHER)]
-        steps = reach * rng.standard_normal((_TRIED, 3))
-        near = start + steps * start[2]
-        near[:, 2] = start[2] * np.exp(steps[:, 2])
-        tried = np.concatenate((tried, near))
-        gain = np.append(gain, gains.of_circles(near))
     order = np.argsort(-gain)
     likely = tried[order[gain[order] > gain.max() - _JUMP_95]]
     off = np.abs(likely - likely[0]).max(axis=0)
