@@ -26,7 +26,7 @@ _MEANINGFUL |= {f"{name}_{side}" for name in ("v", "current") for side in ("left
 """Columns that are no further explanation: their meaning is known."""
 NODES = 121  # grid times of a stop: 10 ms or so
 _BINS = 40  # means of speed per stop: as many as its slow waves need, and eight times that
-_HELD_BEFORE = 0.3  # held speed that belongs to a stop, for its level [s]
+HELD_BEFORE = 0.3  # held speed that belongs to a stop, for its level [s]
 _LAST_SHARE = 0.95  # of a stop: what comes after is rocking, not braking [1]
 _ABOVE_NOISE = 2.5  # speed below which noise decides what is a standstill [std]
 _SMOOTHING = 0.08  # of measured speeds and grades, for products: below a half wave of the body [s]
@@ -211,7 +211,7 @@ def _row(
     s = record.samples
     part = slice(s.window.begin, s.window.end)
     last = min(int(np.searchsorted(s.time, _end_of_fall(record))), s.at_standstill)
-    first = int(np.searchsorted(s.time, -_HELD_BEFORE - 1e-9))
+    first = int(np.searchsorted(s.time, -HELD_BEFORE - 1e-9))
     time = np.linspace(s.time[first], s.time[last], NODES)
 
     def at_grid(values: Floats) -> Floats:

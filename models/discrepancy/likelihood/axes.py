@@ -12,11 +12,11 @@ import numpy as np
 
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.likelihood.trace import WAVES
 from slopewise.models.discrepancy.model.brakes import heat
 
-CURVE = 5  # cosines along an axis: a shape with two turns
 _WAVES = np.geomspace(0.8, 12.0, 36)  # lengths of periodic ground [m]
-_COOLING = 60.0  # time constant of a brake of which nothing is known [s]
+COOLING = 150.0  # time constant of a brake of which nothing is known [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ def axes_of(table: StopTable, dead_time: float) -> list[Axis]:
     curves = {
         ("abs_grade", "rad"): np.abs(table.grade),
         ("time_since_onset", "s"): np.maximum(table.time - dead_time, 0.0),
-        ("brake_heat", "J/kg"): heat(table, _COOLING, table.speed, table.time, dead_time),
+        ("brake_heat", "J/kg"): heat(table, COOLING, table.speed, table.time, dead_time),
         ("run", "1"): _order(table)[:, None] * one,
     }
     if "vertical_curvature" in table.logged:
@@ -88,7 +88,7 @@ def unit_range(values: Floats) -> Floats:
 
 def _curve(name: str, unit: str, values: Floats) -> Axis:
     z = 0.5 * (unit_range(values) + 1.0)
-    waves = [np.cos(np.pi * j * z) for j in range(1, CURVE + 1)]
+    waves = [np.cos(np.pi * j * z) for j in range(1, WAVES + 1)]
     return Axis(name, unit, values, (np.stack(waves, axis=2),))
 
 

@@ -12,9 +12,15 @@ import numpy as np
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.data.stop_table import StopTable
 from slopewise.models.discrepancy.likelihood import prior
-from slopewise.models.discrepancy.likelihood.axes import CURVE, causes_of, unit_range
+from slopewise.models.discrepancy.likelihood.axes import COOLING, causes_of, unit_range
 from slopewise.models.discrepancy.likelihood.onset import Integrated
-from slopewise.models.discrepancy.likelihood.trace import base_shares, projected, size_of, spread_of
+from slopewise.models.discrepancy.likelihood.trace import (
+    WAVES,
+    base_shares,
+    projected,
+    size_of,
+    spread_of,
+)
 from slopewise.models.discrepancy.model.hypothesis import Hypothesis
 from slopewise.models.discrepancy.model.prediction import stops_seen
 from slopewise.models.effects.effect_law import Enters
@@ -24,7 +30,6 @@ from slopewise.models.parameters import Model
 
 _NEAREST = (4, 6, 9, 13, 18, 26)
 """Stops that circles around one of them hold: from a small place to nearly half of a log."""
-_SLOW_FADE = 150.0  # time constant of the fade among the spikes [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +92,7 @@ def spikes_of(table: StopTable, model: Model) -> tuple[Floats, Floats]:
     v, one = table.speed, np.ones_like(table.speed)
     clock = table.session_time[:, None] * one
     brakes = [np.fmax(table.grade, 0.0), table.grade * np.abs(table.grade), np.abs(table.roll)]
-    brakes += [clock, seen.built * seen.heat(_SLOW_FADE)]
+    brakes += [clock, seen.built * seen.heat(COOLING)]
     brakes += [np.cos(table.yaw), np.sin(table.yaw), np.cos(2 * table.yaw), np.sin(2 * table.yaw)]
     upright = np.cos(table.grade)
     brakes += [np.maximum(seen.given - np.quantile(seen.given, 0.7) * upright, 0.0)]
@@ -152,7 +157,7 @@ def _causes(
         for shapes in axis.shapes:
             flat = projected(shapes, base, used)
             sizes, count = np.maximum(size_of(flat, used), 1e-3), shapes.shape[2]
-            falling = 1.0 / np.arange(1.0, count + 1.0) if count == CURVE else np.ones(count)
+            falling = 1.0 / np.arange(1.0, count + 1.0) if count == WAVES else np.ones(count)
             std = prior.SLAB * force * falling / sizes / np.sqrt(np.sum(falling**2))
             cause = Candidate(axis.name, False, 0, count, std, log_prior=log_prior)
             yield cause, flat, axis.name != "speed"

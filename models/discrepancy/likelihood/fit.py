@@ -29,21 +29,15 @@ from slopewise.models.discrepancy.likelihood.trace import Trace, grams_at
 
 BUILD_UPS = np.array([0.005, 0.012, 0.025, 0.045, 0.075, 0.12, 0.18, 0.27, 0.4, 0.6])
 """Time constants at which the evidence is computed [s]."""
-_STARTS = (0.02, 0.2)  # build-ups that the first fit starts from [s]
 _OSCILLATIONS = (1.5, 3.0, 5.0)  # natural frequencies that it starts from [Hz]
 _SCALE = np.array([0.004, 0.15, 0.08, 0.15])  # of dead time [s], and logarithms of the others [1]
-_STEP, _FARTHEST = 0.05, 25.0  # of derivatives, and of a fit, in these scales
-_FIRST, _AGAIN = 45, 25  # evidences that a fit of the onset takes at most
-_NOISES = 20  # the same of the noise
-_NOISIER = 3.0  # logarithm by which a fit moves the noise at most
+_STEP = 0.05  # of derivatives, in these scales
+_EVALUATIONS = 25  # of the evidence that a fit of the onset or of the noise takes at most
 _SETTLING = 2  # steps of the dead time
-_LATEST = 0.06  # by which the dead time of a stop differs at most [s]
 HOPELESS = 60.0  # evidence by which a build-up is too much worse to be followed further
-_SHORTEST = -0.05  # dead time [s]
+_MOST = 0.05  # by which a dead time is negative, differs in a stop, or moves in a step [s]
 _TYPICAL = Onset(0.0, 1.0)
 """Of which only the body counts."""
-_BODY_SPREAD = 0.5  # of ln of frequency and damping of the body about the typical ones
-_SCATTERS = (0.02, 0.5)  # of the force, that a fit starts from [1]
 _TURNS, _GAIN = 5, 0.5  # of a fit at most; evidence below which it has converged
 
 
@@ -111,8 +105,8 @@ class Problem:
         """With the dead time where it belongs."""
         best = onset, self.at(onset, noise)
         for _ in range(_SETTLING):
-            step = float(np.clip(best[1].mean[0], -0.05, 0.05))
-            moved = replace(onset, dead_time=max(best[0].dead_time + step, _SHORTEST))
+            step = float(np.clip(best[1].mean[0], -_MOST, _MOST))
+            moved = replace(onset, dead_time=max(best[0].dead_time + step, -_MOST))
             now = self.at(moved, noise)
             if now.evidence < best[1].evidence:
                 break
@@ -125,16 +119,16 @@ class Problem:
         mean = self.solve(grams, std, noise).mean
         variance = prior.own_variance(noise, grams.square.shape[1])
         late = grams.own_means(noise[0], variance, mean)[:, prior.LEVELS]
-        return replace(onset, late=np.clip(late, -_LATEST, _LATEST))
+        return replace(onset, late=np.clip(late, -_MOST, _MOST))
 
-    def onset(self, start: Onset, noise: Floats, steps: int) -> Onset:
+    def onset(self, start: Onset, noise: Floats) -> Onset:
         """Of largest evidence near a start."""
 
         def at(x: Floats) -> Onset:
             tau, oscillation, damping = np.exp(np.clip(x[1:], np.log(3e-3), np.log(8.0)))
             return replace(
                 start,
-                dead_time=max(float(x[0]), _SHORTEST),
+                dead_time=max(float(x[0]), -_MOST),
                 build_up=float(min(tau, 0.8)),
                 oscillation=float(oscillation),
                 damping=float(min(damping, 1.0)),
@@ -142,17 +136,16 @@ class Problem:
 
         def loss(z: Floats) -> float:
             y = x + _SCALE * z
-            off = (y[2:] - typical) / _BODY_SPREAD
+            off = (y[2:] - typical) / prior.LOG_SPREAD
             return float(0.5 * (off @ off) - self.at(at(y), noise).evidence)
 
         typical = np.log([_TYPICAL.oscillation, _TYPICAL.damping])
         x = np.array([start.dead_time, *np.log([start.build_up, start.oscillation, start.damping])])
-        options = {"maxfun": steps, "ftol": 1e-5, "maxls": 6, "eps": _STEP}
-        bounds = [(-_FARTHEST, _FARTHEST)] * 4
-        best = minimize(loss, np.zeros(4), method="L-BFGS-B", options=options, bounds=bounds)
+        options = {"maxfun": _EVALUATIONS, "ftol": 1e-5, "maxls": 6, "eps": _STEP}
+        best = minimize(loss, np.zeros(4), method="L-BFGS-B", options=options)
         return at(x + _SCALE * best.x)
 
-    def noise(self, onset: Onset, start: Floats, steps: int) -> Floats:
+    def noise(self, onset: Onset, start: Floats) -> Floats:
         """(6,) noise of largest evidence."""
         grams, std = self.grams(onset)
         centre = self._centre(std)
@@ -162,9 +155,8 @@ class Problem:
             return -value, -slope
 
         first = np.log(start)
-        bounds = [(x - _NOISIER, x + _NOISIER) for x in first]
-        options = {"maxfun": steps, "ftol": 1e-6, "maxls": 8}
-        best = minimize(loss, first, method="L-BFGS-B", jac=True, bounds=bounds, options=options)
+        options = {"maxfun": _EVALUATIONS, "ftol": 1e-6, "maxls": 8}
+        best = minimize(loss, first, method="L-BFGS-B", jac=True, options=options)
         return np.asarray(np.exp(best.x), np.float64)
 
 
@@ -191,7 +183,7 @@ def quick_fit(
     """As :func:`fit`, at the onset of another explanation: only the noise is its own."""
     problem = Problem(trace, book.columns.take([i for c in chosen for i in c.index]), chosen)
     onset = near.onsets[near.best]
-    noise = problem.noise(onset, near.noise, _NOISES)
+    noise = problem.noise(onset, near.noise)
     solution = problem.at(onset, noise)
     gain = solution.evidence + of_noise(noise) - float(near.evidence.max())
     return replace(
@@ -212,7 +204,7 @@ def _first(problem: Problem) -> tuple[Onset, Floats]:
     total = table.onset + prior.BUILD_UP
     # Wild stops would hide in waves and axes before their scatter was found.
     off = np.median(np.abs(table.force - np.median(table.force))) / max(problem.trace.force, 0.05)
-    noise[1] = np.clip(off, *_SCATTERS)
+    noise[1] = max(float(off), noise[1])
     tried = [
         max(
             (
@@ -221,12 +213,12 @@ def _first(problem: Problem) -> tuple[Onset, Floats]:
             ),
             key=lambda t: t[1].evidence,
         )[0]
-        for tau in _STARTS
+        for tau in (prior.BUILD_UP, prior.LAG[0])
     ]
     near = [problem.at(onset, noise).evidence for onset in tried]
     min_evidence = max(near) - HOPELESS
     fitted = [
-        problem.onset(onset, noise, _FIRST)
+        problem.onset(onset, noise)
         for onset, evidence in zip(tried, near, strict=True)
         if evidence > min_evidence
     ]
@@ -239,13 +231,13 @@ def _converged(problem: Problem, onset: Onset, noise: Floats) -> tuple[Onset, Fl
     def evidence(state: tuple[Onset, Floats]) -> float:
         return problem.at(*state).evidence + of_noise(state[1])
 
-    best = (onset, problem.noise(onset, noise, _NOISES))
+    best = (onset, problem.noise(onset, noise))
     most = evidence(best)
     for _ in range(_TURNS):
         before = most
-        for moved in (lambda o, n: problem.onset(o, n, _AGAIN), problem.each):
+        for moved in (problem.onset, problem.each):
             onset = moved(*best)
-            state = (onset, problem.noise(onset, best[1], _NOISES))
+            state = (onset, problem.noise(onset, best[1]))
             now = evidence(state)
             if now > most:
                 best, most = state, now
@@ -264,7 +256,7 @@ def _followed(problem: Problem, log_prior: float, best: Onset, noise: Floats) ->
         for i in order:
             # What the build-up delays, the dead time gives back.
             moved = near.dead_time - 0.8 * (taus[i] - near.build_up)
-            at = replace(near, dead_time=max(float(moved), _SHORTEST), build_up=float(taus[i]))
+            at = replace(near, dead_time=max(float(moved), -_MOST), build_up=float(taus[i]))
             found[i] = (at, problem.at(at, noise)) if i == middle else problem.settled(at, noise)
             near = found[i][0]
             if found[i][1].evidence < found[middle][1].evidence - HOPELESS:

@@ -17,7 +17,7 @@ from scipy.optimize import differential_evolution
 from slopewise.models.arrays import Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.dictionary import Candidate, circles
-from slopewise.models.discrepancy.likelihood.fit import Fit
+from slopewise.models.discrepancy.likelihood.fit import HOPELESS, Fit
 from slopewise.models.discrepancy.likelihood.gaussian import Grams
 from slopewise.models.discrepancy.likelihood.marginal import solved_both
 from slopewise.models.discrepancy.likelihood.onset import Integrated, Moment
@@ -33,11 +33,8 @@ Extent = dict[str, float]
 """Standard deviations of such numbers, by name."""
 
 _NUMBERS = ("x", "y", "radius")
-_POPULATION, _GENERATIONS = 32, 12  # of circles: enough for three numbers from any seed
-_MUTATION, _RECOMBINATION = (0.3, 0.6), 0.9  # of differential evolution [1]
-_PAD = 0.1  # of the smallest circle, by which it may leave those that it begins with [1]
+_POPULATION, _GENERATIONS = 48, 12  # of circles: enough for three numbers from any seed
 _FINEST = 0.01  # share of the field, or of the radii, that a place is known to at best [1]
-_HELD_NONE = -1e3  # gain of a circle that cannot be seen
 _COMPARED = 64  # likely patches that the exact law chooses from
 _NORMAL_95 = 1.96  # of a normal distribution, 95 % [std]
 _CHANGE_95 = 0.5 * _NORMAL_95**2  # difference of ln likelihood, 95 % of a chi square of one number
@@ -96,7 +93,7 @@ class _Gains:
         table = self.trace.table
         shares = [share_inside(table.x, table.y, *circle) for circle in circles]
         held = np.array([holds_stops(inside) for inside in shares])
-        gain = np.full(len(circles), _HELD_NONE)
+        gain = np.full(len(circles), -HOPELESS)
         if held.any():
             inside = [share for share, usable in zip(shares, held, strict=True) if usable]
             gain[held] = self.of(np.stack(inside, axis=2))
@@ -119,14 +116,12 @@ def _climbed(gains: _Gains, circles: Floats) -> tuple[Floats, Floats]:
         return -gain[-1]
 
     low, high = first.min(axis=0), first.max(axis=0)
-    pad = 0.5 * (high - low) + _PAD * np.array([*[np.exp(low[2])] * 2, 1.0])
+    pad = 0.5 * (high - low)
     differential_evolution(
         loss,
         np.column_stack((low - pad, high + pad)),
         init=first,
         maxiter=_GENERATIONS,
-        mutation=_MUTATION,
-        recombination=_RECOMBINATION,
         tol=0.0,
         rng=0,
         polish=False,

@@ -9,11 +9,9 @@ from slopewise.models.quantity import Matrix
 
 # Nuisances, one standard deviation each: what vehicles and sensors are usually like.
 DEAD_TIME_STEP = 0.02  # [s] that a step of the linear fit may move the dead time
-SLIP = 0.02  # slip of the tyres per share of the weight [1]
-EARLY = 0.04  # resistance before the brakes take hold, share of the weight [1]
-OSCILLATION = 0.005  # that a point of the body moves per deceleration [m per m/s²]
-OSCILLATION_SHIFT = 0.00015  # the same within 30 ms of delay [m s per m/s²]
-DIVE = 0.006  # pitch of the body per deceleration, seen in the grade [rad per m/s²]
+AT_ONSET = 0.03  # slip of the tyres, and resistance before the brakes, per share of the weight [1]
+BODY = 0.005  # that a point of the body moves, and that it pitches, per deceleration [m, rad s²/m]
+BODY_SHIFT = 0.00015  # the same within 30 ms of delay [m s per m/s²]
 SESSION = 0.03  # force of a session, share of the force [1]
 SPIKE = 0.005  # force of every smooth effect, share of the force [1]
 
@@ -27,7 +25,7 @@ WAVE, ONSET_TIME, ONSET_FORCE = 3, 4, 5  # places of the last three
 NOISE_SPREAD = np.array([0.7, 1.0, 0.7, 0.7, 1.0, 1.2])  # of their logarithms [1]
 
 BUILD_UP = 0.018  # usual time constant of brakes [s]
-BUILD_UP_SPREAD = 0.45  # of its logarithm [1]
+LOG_SPREAD = 0.45  # of its logarithm, and of those of the body's frequency and damping [1]
 LAG = (0.1, 0.8)
 """Time constants of a lag, evenly in the logarithm [s]: shorter ones are build-ups.
 
@@ -82,8 +80,8 @@ def own_variance(noise: Floats, count: int) -> Floats:
 
 def of_build_up(log_tau: Floats) -> Floats:
     """Density over ln τ of brakes without a lag."""
-    z = (log_tau - np.log(BUILD_UP)) / BUILD_UP_SPREAD
-    typical = np.exp(-0.5 * z**2) / (BUILD_UP_SPREAD * np.sqrt(2.0 * np.pi))
+    z = (log_tau - np.log(BUILD_UP)) / LOG_SPREAD
+    typical = np.exp(-0.5 * z**2) / (LOG_SPREAD * np.sqrt(2.0 * np.pi))
     share, shortest = SLOW
     low, high = np.log(shortest), np.log(LAG[0])
     slow = np.where((log_tau >= low) & (log_tau <= high), 1.0 / (high - low), 0.0)

@@ -16,8 +16,8 @@ from slopewise.models.discrepancy.likelihood.gaussian import Solved
 from slopewise.models.discrepancy.likelihood.marginal import mixed, solved_both
 from slopewise.models.discrepancy.likelihood.trace import Trace, grams_at
 
-_DEPTH, _WIDTH = 3, 6
-"""Effects in a set, and sets that are continued: more changed nothing on simulated worlds."""
+_DEPTH, WIDTH = 3, 6
+"""Effects in a set, and sets that are continued and fitted: more change nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ def searched(trace: Trace, book: Dictionary, fit: Fit, at: int) -> list[Found]:
             if grown.names not in found or grown.log_weight > found[grown.names].log_weight:
                 found[grown.names] = grown
         deep = [f for names, f in found.items() if len(names) == depth + 1]
-        beam = sorted(deep, key=lambda f: -f.log_weight)[:_WIDTH]
+        beam = sorted(deep, key=lambda f: -f.log_weight)[:WIDTH]
     return sorted((nothing, *found.values()), key=lambda f: -f.log_weight)
 
 

@@ -23,7 +23,7 @@ from slopewise.models.quantity import GRAVITY
 
 HATS = (0.0, 0.05, 0.11, 0.19, 0.29, 0.42)
 """Middles of the hats over the onset, since it [s]: denser where the brakes take hold."""
-ONSET, WAVES = 0.6, 5  # in which brakes and body settle [s]; waves of their force in it
+ONSET, WAVES = 0.6, 5  # in which brakes and body settle [s]; waves of a force, there and along axes
 OSCILLATION_PLACES = slice(3, 5)
 """Where the swing of the body is among the columns that are always there."""
 HAT_PLACES = slice(6, 6 + len(HATS))
@@ -205,8 +205,8 @@ def _nuisances(trace: Trace, onset: Onset, moment: Moment) -> tuple[list[Floats]
     t = trace.samples.time
     early = -GRAVITY * mean(np.clip(t, 0.0, np.maximum(onset.each, 0.0)[:, None, None]))
     built = pull * mean(onset.built(u))
-    stds = [prior.DEAD_TIME_STEP, prior.SLIP, prior.EARLY]
-    stds += [prior.OSCILLATION, prior.OSCILLATION_SHIFT, prior.DIVE]
+    stds = [prior.DEAD_TIME_STEP, prior.AT_ONSET, prior.AT_ONSET]
+    stds += [prior.BODY, prior.BODY_SHIFT, prior.BODY]
     columns = [built, -trace.speed * built / GRAVITY, early, pull * rates, pull * changes]
     columns += [GRAVITY * pull * behind, *hats]
     return columns, np.array([*stds, *[1.0] * len(HATS)])

@@ -26,12 +26,11 @@ from slopewise.models.discrepancy.likelihood.posterior import (
     change_of_stops,
     explanations,
 )
-from slopewise.models.discrepancy.likelihood.search import Found, searched
+from slopewise.models.discrepancy.likelihood.search import WIDTH, Found, searched
 from slopewise.models.discrepancy.likelihood.trace import Trace, trace_of
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Model
 
-_TRIED = 8  # sets that each round fits
 _ROUNDS = 4  # of the search: a fourth changed no leader
 _HIDES = 1.5  # scatter over the usual one from which effects may hide in it [1]
 LEADERS = 3  # sets that are followed to the end: onset fitted, compared on stops held out
@@ -78,9 +77,9 @@ def weighed(
         # What is missing is taken for scatter, which hides it: also searched at usual scatter.
         quiet = replace(at, noise=np.minimum(at.noise, prior.NOISE))
         book = _with_place(book, quiet)
-        matches = searched(trace, book, at, at.best)[:_TRIED]
+        matches = searched(trace, book, at, at.best)[:WIDTH]
         if np.any(at.noise > _HIDES * prior.NOISE):
-            matches += searched(trace, book, quiet, at.best)[:_TRIED]
+            matches += searched(trace, book, quiet, at.best)[:WIDTH]
         _try(known, matches, trace, book, at)
         before, leader = leader, max(known, key=lambda n: known[n].log_weight)
         if not known[leader].settled:
@@ -145,5 +144,4 @@ def _moved(match: Found, known: Fit) -> bool:
 
 def _settled(trace: Trace, book: Dictionary, known: Fit, near: Fit) -> Fit:
     """With a separate onset, from that of another explanation or from its present one."""
-    again = fit(trace, book, known.chosen, known.log_prior, (near, known))
-    return known if known.settled and known.log_weight >= again.log_weight else again
+    return fit(trace, book, known.chosen, known.log_prior, (near, known))

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from slopewise.models.arrays import Floats
-from slopewise.models.discrepancy.data.stop_table import StopTable
+from slopewise.models.discrepancy.data.stop_table import HELD_BEFORE, StopTable
 from slopewise.models.discrepancy.decide.verdict import Decision
 from slopewise.models.discrepancy.findings import Experiment, PlannedStop, Verdict
 from slopewise.models.discrepancy.likelihood.refit import Refit, jacobian
@@ -35,7 +35,6 @@ _STOPS = 6  # of a proposed design: half a dozen are driven in ten minutes
 _PAUSES = (5.0, 60.0, 900.0)  # before a proposed stop, warm to cold [s]
 _WARMING = 6  # stops that are driven before one after the shortest pause
 _SHARPER = 0.9  # of its std, to which a number has to shrink for stops to be proposed [1]
-_NODES, _BINS = 61, 20  # grid times and bins of a proposed stop: smooth, without noise
 
 _QUIETER = (
     "repeat one stop ten times, everything the same: if they still differ, mend the speed or the "
@@ -224,19 +223,19 @@ def _needs_pauses(name: str) -> bool:
 
 def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Refit) -> StopTable:
     """Stops that were not driven, on ground of constant grade, as a table."""
-    count = len(plans)
     speed = np.array([p.speed for p in plans])
     force = float(np.median(table.force))
     grade = np.array([p.grade for p in plans])
     pull = GRAVITY * np.maximum(force + np.sin(grade), 0.1)
     end = best.hypothesis.dead_time + 0.93 * speed / pull
-    time = -0.3 + np.linspace(0.0, 1.0, _NODES) * (end + 0.3)[:, None]
+    count, nodes = table.binned.shape[1], table.time.shape[1]
+    time = -HELD_BEFORE + np.linspace(0.0, 1.0, nodes) * (end + HELD_BEFORE)[:, None]
     since = np.maximum(time - best.hypothesis.dead_time, 0.0)
     v = np.maximum(speed[:, None] - pull[:, None] * since, 0.02)
-    owner = np.arange(_NODES) * _BINS // _NODES
-    average = (owner == np.arange(_BINS)[:, None]) / np.bincount(owner)[:, None]
-    rate = float(np.median(table.spread[table.spread > 0.0])) * np.median(np.diff(table.time))
-    spread = rate * table.binned.shape[1] / _BINS / np.median(np.diff(time))
+    owner = np.arange(nodes) * count // nodes
+    average = (owner == np.arange(count)[:, None]) / np.bincount(owner)[:, None]
+    spread = float(np.median(table.spread[table.spread > 0.0]))
+    spread *= float(np.median(np.diff(table.time)) / np.median(np.diff(time)))
     one = np.ones_like(time)
     pauses = np.array([p.pause or _PAUSES[-1] for p in plans])
 
@@ -263,15 +262,15 @@ def sheet_of(table: StopTable, plans: Sequence[PlannedStop], best: Refit) -> Sto
         x=column("x"),
         y=column("y"),
         vertical_curvature=0.0 * one,
-        average=np.repeat(average[None], count, axis=0),
-        binned=np.zeros((count, _BINS)),
-        spread=np.full((count, _BINS), float(spread)),
+        average=np.repeat(average[None], len(plans), axis=0),
+        binned=np.zeros((len(plans), count)),
+        spread=np.full((len(plans), count), spread),
         held=speed,
         clock=clock,
-        run=np.full(count, int(table.run.max()) + 1),
-        run_names=("",) * count,
-        terrain=("",) * count,
-        distance=np.zeros(count),
+        run=np.full(len(plans), int(table.run.max()) + 1),
+        run_names=("",) * len(plans),
+        terrain=("",) * len(plans),
+        distance=np.zeros(len(plans)),
         standstill_time=end,
         force=pull / GRAVITY - np.sin(grade),
         further={},
