@@ -107,6 +107,8 @@ class InputFeed(Generic[T]):
             self.counters[f"{self.name} lost"] += sequence - last - 1
         if self.has_messages and sender != self._sender and is_recent:
             self._conflicts(sender, now)
+        if is_old:
+            recent.clear()  # it counts from the start again
         if sequence is not None:
             recent[sequence] = content
             if len(recent) > _REMEMBERED:
