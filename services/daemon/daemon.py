@@ -173,13 +173,19 @@ class Service:
     # ------------------------------------------------------------------ zenoh's threads
 
     def _on_status(self, sample: zenoh.Sample) -> None:
-        """Detect another service with this id by its status; other statuses are ignored."""
+        """Detect another service in this namespace by its status."""
         with contextlib.suppress(InputError):
             status = codec.decode(
                 ServiceStatus, sample.payload, str(sample.encoding), "status", _MAX_STATUS_BYTES
             )
-            if status.service == self.config.id and status.instance != self._instance:
+            if status.instance == self._instance:
+                return
+            if status.service == self.config.id:
                 self._note_duplicate_id()
+            else:
+                self._warn_clients(
+                    f'another service, "{status.service}", answers requests in this namespace'
+                )
 
     # ------------------------------------------------------------------ own threads
 
@@ -230,7 +236,14 @@ class Service:
 
     def _note_duplicate_id(self) -> None:
         shown = f'duplicate service id "{self.config.id}" in this namespace'
-        self._warn("another service has this id", f"{shown}; give each service its own id")
+        text = f"{shown}; give each service its own id and namespace"
+        self._warn_clients("another service has this id", text)
+
+    def _warn_clients(self, flag: str, text: str = "") -> None:
+        """Warn in the replies as well: a client gets the plan of either service, or vehicle."""
+        self._warn(flag, text)
+        if flag not in self.plans.notices:
+            self.plans.notices.append(flag)
 
     def _warn(self, flag: str, text: str = "") -> None:
         """Flag a warning in the status, and log it, once."""

@@ -87,6 +87,7 @@ class PlanService:
         """Plan with these parameters until :meth:`learn` replaces them."""
         self.config = config
         self.parameters = parameters
+        self.notices: list[str] = []  # about the service, as flags of every reply
         self._uncertainty = config.planning.uncertainty()
         self._clients: OrderedDict[str, _Client] = OrderedDict()
         self._lock = threading.Lock()
@@ -254,7 +255,7 @@ class PlanService:
             map_id="" if snapshot is None else snapshot.id,
             map_hash="" if snapshot is None else snapshot.digest,
             ranking=[*result.ranking, *(rejected or [])],
-            flags=[*parameters.flags, *self.warnings(snapshot)],
+            flags=[*self.notices, *parameters.flags, *self.warnings(snapshot)],
             seconds=result.seconds | (seconds or {}),
         )
 

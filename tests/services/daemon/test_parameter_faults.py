@@ -115,7 +115,16 @@ def test_a_disk_that_is_full_stops_nothing_and_is_flagged(tmp_path: Path) -> Non
         assert robot.group()["values"] == pytest.approx(values, rel=1e-3)
 
 
-def test_two_services_with_one_id_flag_each_other_and_one_keeps(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "warning"),
+    [
+        ("planner", "another service has this id"),
+        ("other", 'another service, "planner", answers requests in this namespace'),
+    ],
+)
+def test_two_services_on_the_same_keys_flag_each_other_and_one_keeps(
+    tmp_path: Path, name: str, warning: str
+) -> None:
     port = free_port()
     with running(tmp_path, planning=STORE, port=port) as first:
         shared = tmp_path / "second"
@@ -125,7 +134,8 @@ def test_two_services_with_one_id_flag_each_other_and_one_keeps(tmp_path: Path) 
         text = (tmp_path / f"service-{port}.toml").read_text()
         text = text.replace(first.endpoint, f"tcp/127.0.0.1:{port_of_second}")
         text = text.replace("[zenoh]\n", f'[zenoh]\nconnect = ["{first.endpoint}"]\n')
-        second.write_text(text.replace('"p.sqlite"', '"../p.sqlite"'))
+        text = text.replace('"p.sqlite"', '"../p.sqlite"')
+        second.write_text(f'id = "{name}"\n{text}')
         duplicate = WarmProcess(["serve", "--config", str(second)], os.environ)
         try:
             assert "answers" in duplicate.stdout.readline()
@@ -138,11 +148,14 @@ def test_two_services_with_one_id_flag_each_other_and_one_keeps(tmp_path: Path) 
                     statuses[status["instance"]] = status
 
                 with session.declare_subscriber(first.key("status"), receive):
-                    warning = "another service has this id"
-                    until(lambda: sum(warning in s["flags"] for s in statuses.values()) == 2)
+                    warnings = {warning, warning.replace('"planner"', '"other"')}
+                    until(
+                        lambda: sum(bool(warnings & {*s["flags"]}) for s in statuses.values()) == 2
+                    )
                 stored = [any("not kept" in f for f in s["flags"]) for s in statuses.values()]
                 assert sorted(stored) == [False, True], "only one of them may write"
                 reply = robot.plan()
+                assert warnings & {*reply["flags"]}
                 assert reply["status"] == "degraded"
                 assert reply["command"]["stop"], "there is no map yet"
         finally:
