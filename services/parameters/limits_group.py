@@ -62,11 +62,9 @@ class LimitsGroup(ValueGroup):
             values[name] = min(max(value, low), high)
         self._replace(values, age)
 
-    def set(self, group: str, values: Mapping[str, float]) -> None:
-        """Apply an operator's values, if they fit together."""
-        self._check(values)
-        self._with({**self._values, **values})
-        super().set(group, values)
+    def _check(self, values: Mapping[str, float]) -> None:
+        super()._check(values)
+        self._with({**self._values, **values})  # they fit together
 
     def _range(self, name: str) -> tuple[float, float]:
         """Smallest and largest value that may be set: nowhere wider than the model file."""

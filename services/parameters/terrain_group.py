@@ -50,9 +50,10 @@ class TerrainGroup(ValueGroup):
 
     def drive(self, samples: DriveUpdate) -> set[str]:
         ground = samples.ground
-        changed = ground.changed and self.forget_faster()
-        learned = ground.features is not None and self.learn(ground.features)
-        return {self.name} if changed or learned else set()
+        changed = self.restrict_to_file() if ground.changed else set()
+        if ground.features is not None and self.learn(ground.features):
+            return {self.name}
+        return changed
 
     def learn(self, features: tuple[tuple[float, float], ...]) -> bool:
         """Learn (value, standard deviation) of each parameter, NaN unknown; True if one changed."""
@@ -78,14 +79,11 @@ class TerrainGroup(ValueGroup):
         return changed
 
     def restrict_to_file(self) -> set[str]:
-        return {self.name} if self.forget_faster() else set()
-
-    def forget_faster(self) -> bool:
-        """Return to the model file where it is slower, as on other terrain; True if one changed."""
+        """Return to the model file where it is slower, as on other terrain."""
         slower = {n: max(v, getattr(self._prior.terrain, n)) for n, v in self._values.items()}
         changed = slower != self._values
         self._values = slower
-        return changed
+        return {self.name} if changed else set()
 
     def _current(self) -> dict[str, float]:
         age = time.monotonic() - self._updated

@@ -203,14 +203,14 @@ def test_terrain_parameters_get_slower_immediately_and_faster_by_a_share() -> No
     assert values["motion_resistance"] == pytest.approx(upper - 0.2 * 0.27)
     assert not group.learn(((9.0, 0.0), (-1.0, 0.0), (99.0, 0.0)))  # type: ignore[attr-defined]
     assert group.describe("terrain").values == pytest.approx(values)
-    assert not group.forget_faster()  # type: ignore[attr-defined]
+    assert not group.restrict_to_file()
     for _ in range(20):
         group.learn(((0.03, 0.01), nan, nan))  # type: ignore[attr-defined]
     assert group.describe("terrain").values["motion_resistance"] == 0.13
     group.set("terrain", {"motion_resistance": 0.05})
     assert not group.learn(((0.04, 0.001), nan, nan))  # type: ignore[attr-defined]
     assert group.describe("terrain").values["motion_resistance"] == pytest.approx(0.05, abs=1e-4)
-    assert group.forget_faster()  # type: ignore[attr-defined]
+    assert group.restrict_to_file()
     assert group.describe("terrain").values["motion_resistance"] == 0.13
     state = group.state("terrain")
     again = learner().state.group("terrain")
