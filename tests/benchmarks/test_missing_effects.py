@@ -71,10 +71,10 @@ def by_night(*case: object) -> Any:
 @pytest.mark.parametrize(
     ("names", "seed"),
     [
-        ("brake_lag+cross_slope", 11),
+        ("cross_slope", 3),
+        by_night("brake_lag+cross_slope", 11),
         by_night("brake_lag", 1),
         by_night("aerodynamic_drag", 2),
-        by_night("cross_slope", 3),
         by_night("step_change", 4),
         by_night("surface_patch", 5),
         by_night("directional_surface", 6),

@@ -18,7 +18,7 @@ from slopewise.models.candidate_path import CandidatePath
 from slopewise.services.io.model_file import read_model, shipped_models
 
 MODELS = {name: read_model(shipped_models()[name]) for name in ("atv", "husky")}
-CASES = 128
+CASES = 64
 QUAD = MODELS["atv"].vehicle
 
 
