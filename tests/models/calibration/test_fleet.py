@@ -22,6 +22,7 @@ from slopewise.models.force_design import design
 from slopewise.models.parameters import Braking
 from slopewise.models.stop_logs.stop_record import StopRecord
 from tests.models.calibration.plant import Plant, Truth, allowed, drive, predicted
+from tests.world.shared import once
 
 KNOWN = Braking(
     m_m=0.0,
@@ -45,20 +46,24 @@ def plant(seed: int) -> Plant:
     )
 
 
+def stops_of(name: str, true: Plant, count: int, seed: int) -> VehicleStops:
+    columns, runs, _ = drive(true, count, seed)
+    # The pitch of the plant is the ground's: mounted straight, without dive.
+    log = measure_log(columns, runs, KNOWN, ground=-columns["pitch"], min_stops=2)
+    return vehicle_stops(name, log, mapped=True)
+
+
 @pytest.fixture(scope="module")
 def vehicles() -> list[VehicleStops]:
-    share = []
-    for i in range(VEHICLES):
-        columns, runs, _ = drive(plant(i), 6 if i in THIN else 60, i)
-        # The pitch of the plant is the ground's: mounted straight, without dive.
-        log = measure_log(columns, runs, KNOWN, ground=-columns["pitch"], min_stops=2)
-        share.append(vehicle_stops(f"v{i}", log, mapped=True))
-    return [*share, VehicleStops("new", note="no stops")]
+    def measured() -> list[VehicleStops]:
+        return [stops_of(f"v{i}", plant(i), 6 if i in THIN else 60, i) for i in range(VEHICLES)]
+
+    return [*once("fleet-stops", measured), VehicleStops("new", note="no stops")]
 
 
 @pytest.fixture(scope="module")
 def learned(vehicles: list[VehicleStops]) -> FleetCalibration:
-    return learn_fleet(vehicles, KNOWN)
+    return once("fleet-learned", lambda: learn_fleet(vehicles, KNOWN))
 
 
 def test_no_unseen_stop_of_any_vehicle_is_longer_than_predicted(learned: FleetCalibration) -> None:
@@ -93,12 +98,6 @@ def test_few_stops_make_a_longer_margin_and_none_the_longest(learned: FleetCalib
     assert min(thin) > np.median(rest)
     assert margins["new"] > max(thin)
     assert learned.braking["new"].dead_time > learned.dead_time.value
-
-
-def stops_of(name: str, true: Plant, count: int, seed: int) -> VehicleStops:
-    columns, runs, _ = drive(true, count, seed)
-    log = measure_log(columns, runs, KNOWN, ground=-columns["pitch"], min_stops=2)
-    return vehicle_stops(name, log, mapped=True)
 
 
 def test_a_vehicle_that_contradicts_the_others_is_named_and_never_planned_faster() -> None:

@@ -23,6 +23,7 @@ from slopewise.services.jobs.coverage import coverage
 from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.provenance import calibration_digests
 from slopewise.services.jobs.simulate import simulate
+from slopewise.services.report.brake_sheet import write_calibration_sheet
 from tests.models.calibration.plant import FREE_ROLLING, Plant, drive
 from tests.services.cli.conftest import write_log
 from tests.services.command_line import here, one_line_of
@@ -85,14 +86,13 @@ def test_the_command_writes_model_stops_and_page(world: Path, clean: job.Calibra
     assert "24 of 24 stops" in html
 
 
-def test_the_brake_sheet_is_one_page_with_digests(world: Path) -> None:
-    arguments = ("--model", "atv", "--out", "m.toml", "--json", "--sheet", "sheet.html")
-    done = here("calibrate", "stops.csv", *arguments)
-    assert done.returncode == 0, done.stderr
-    html = (world / "sheet.html").read_text()
+def test_the_brake_sheet_is_one_page_with_digests(world: Path, clean: job.CalibrateResult) -> None:
+    logs, out, sheet = [world / "stops.csv"] * 8, world / "m.toml", world / "sheet.html"
+    write_model(clean.model, out)
+    sheet_json = write_calibration_sheet(sheet, clean, LogInput(logs), "atv", out, quantile=0.999)
+    html = sheet.read_text()
     assert html.count("data:image/svg+xml") == 1
     assert "both are unsafe there" in html
-    sheet_json = json.loads(done.stdout)["sheet"]
     allowed, mean = (np.array(sheet_json[f"{n}_distance"]) for n in ("allowed", "mean"))
     assert allowed.shape == (len(sheet_json["speeds"]), len(sheet_json["grades"]))
     assert (allowed > mean).all()
@@ -100,7 +100,6 @@ def test_the_brake_sheet_is_one_page_with_digests(world: Path) -> None:
     at_rest = sheet_json["brake_ratio"]["at_rest"]
     assert at_rest["least"] < at_rest["mean"]
     assert sheet_json["rule_short_below_grade"] == pytest.approx(0.0, abs=2e-3)
-    logs, out = [world / "stops.csv"] * 8, world / "m.toml"
     lines = "\n".join(calibration_digests(LogInput(logs), "atv", read_model(out), out))
     for path in (logs[0], out, find_model("atv")):
         assert f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}" in lines
