@@ -21,8 +21,8 @@ from tests.services.parameter_client import robot_on_ground, speeds_of
 from tests.services.service_process import Running, free_port, resident
 
 LONG = "SLOPEWISE_ATTACK" in os.environ
-SECONDS = float(os.environ.get("SLOPEWISE_ATTACK", "6"))
-WARM, ALONE = (30.0, 10.0) if LONG else (3.0, 3.0)
+SECONDS = float(os.environ.get("SLOPEWISE_ATTACK", "4"))
+WARM, ALONE = (30.0, 10.0) if LONG else (2.0, 2.0)
 IN_TIME = 0.1
 SHARE = 0.99 if LONG else 0.4
 """Of what the robot is answered alone, at least. The long form has a whole machine. With
@@ -31,7 +31,7 @@ a robot that is starved, as without a separate share, is answered "busy" nearly 
 """
 MORE_MEMORY = 25.0 if LONG else 250.0
 """[MB] than in the first seconds under attack, medians: large messages wait on busy machines."""
-LOADING = 6.0 if LONG else 4.0
+LOADING = 6.0 if LONG else 3.0
 """[s] of attack before memory is measured: requests of every kind load modules."""
 
 
