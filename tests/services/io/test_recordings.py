@@ -52,7 +52,7 @@ def test_stops_are_found_as_an_eye_finds_them(
     assert learned.braking.level_force(0.5 * (low + high)) > 0.03
 
 
-@pytest.mark.parametrize("name", ["Warthog", "Husky"])
+@pytest.mark.parametrize("name", ["Warthog", pytest.param("Husky", marks=pytest.mark.nightly)])
 def test_stops_of_sessions_left_out_keep_their_promise(name: str) -> None:
     """At most what a binomial count of the promised share exceeds once in a hundred recordings."""
     by_name = {n: (log, sessions) for n, log, sessions in recordings(real_data("."))}
