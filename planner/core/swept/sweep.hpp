@@ -112,17 +112,27 @@ class NarrowPhase {
     return body;
   }
 
-  // Do the wheels stand too even for a twist, by bounds of their heights?
+  // Do the wheels stand too even for a twist? By bounds of their heights, then by those themselves,
+  // one after the other while that is not certain; above the level of the facets [m].
   [[nodiscard]] bool cannot_twist(const Pose2d& pose) const noexcept {
-    std::array<double, wheel_count> low, high;
-    for (std::size_t wheel = 0; wheel < wheel_count; ++wheel) {
-      const Place at = wheel_at(static_cast<int>(wheel), sizes_);
-      low[wheel] = height_under_axle(grid_.facets(), pose, at, sizes_, rim_.strides);
-      high[wheel] = grid_.stands_below(pose.at(at.x, at.y));
+    auto low = heights_under_axles(grid_.facets(), pose, sizes_, rim_.strides);
+    std::array<double, wheel_count> high;
+    for (int wheel = 0; wheel < wheel_count; ++wheel) {
+      const Place at = wheel_at(wheel, sizes_);
+      high[static_cast<std::size_t>(wheel)] = grid_.stands_below(pose.at(at.x, at.y));
     }
     const auto travel = static_cast<double>(grid_.limits().travel);
-    return high[0] + high[3] - low[1] - low[2] <= travel &&
-           high[1] + high[2] - low[0] - low[3] <= travel;
+    const auto is_even = [&] {
+      return high[0] + high[3] - low[1] - low[2] <= travel &&
+             high[1] + high[2] - low[0] - low[3] <= travel;
+    };
+    for (int wheel = 0; wheel < wheel_count && !is_even(); ++wheel) {
+      const double height = standing_height(grid_.facets(), pose, wheel_at(wheel, sizes_), sizes_,
+                                            rim_, blocks(HazardKind::unknown_ground));
+      const auto n = static_cast<std::size_t>(wheel);
+      low[n] = high[n] = height - grid_.facets().level;
+    }
+    return is_even();
   }
 
   // Heights of the wheels, NaN where they do not matter. On a map coarser than a wheel it stands on

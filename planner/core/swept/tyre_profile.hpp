@@ -48,8 +48,8 @@ class SampleRun {
         last_row_(static_cast<std::int32_t>(ground.rows - 1)), last_column_(columns_ - 1) {
     const Place at = pose.at(begin.x, begin.y);
     const double u = ground.u(at.x), v = ground.v(at.y);
-    const double column = std::nearbyint(std::clamp(u, -farthest, farthest));
-    const double row = std::nearbyint(std::clamp(v, -farthest, farthest));
+    const double column = std::nearbyint(min_of(max_of(u, -farthest), farthest));
+    const double row = std::nearbyint(min_of(max_of(v, -farthest), farthest));
     column_ = static_cast<std::int32_t>(column);
     row_ = static_cast<std::int32_t>(row);
     u_ = static_cast<float>(u - column);
@@ -128,16 +128,24 @@ struct Rim {
   }
 };
 
-// A height above the level that a wheel stands on at least: the highest known ground under its axle,
+// Heights above the level that wheels stand on at least: the highest known ground under their axles,
 // where standing_height looks for it, too [m]; unknown_height where nothing is known.
-inline double height_under_axle(const FacetGrid& ground, const Pose2d& pose, Place wheel,
-                                const VehicleEnvelope& sizes, Index strides) noexcept {
-  const double begin = wheel.x - static_cast<double>(strides) * sizes.stride;
-  double highest = unknown_height;
+inline std::array<double, wheel_count> heights_under_axles(const FacetGrid& ground,
+                                                           const Pose2d& pose,
+                                                           const VehicleEnvelope& sizes,
+                                                           Index strides) noexcept {
+  const double back = static_cast<double>(strides) * sizes.stride;
+  std::array<double, wheel_count> highest;
+  highest.fill(unknown_height);
   for (Index tyre = 0; tyre < sizes.tyres; ++tyre) {
-    const SampleRun run(ground, pose, {begin, wheel.y + tyre_offset(tyre, sizes)}, sizes.stride);
-    const float height = run.height(static_cast<std::int32_t>(strides));
-    highest = max_of(highest, static_cast<double>(height));
+    const double off = tyre_offset(tyre, sizes);
+    SLOPEWISE_INDEPENDENT
+    for (std::size_t wheel = 0; wheel < wheel_count; ++wheel) {
+      const Place at = wheel_at(static_cast<int>(wheel), sizes);
+      const SampleRun run(ground, pose, {at.x - back, at.y + off}, sizes.stride);
+      const auto height = static_cast<double>(run.height(static_cast<std::int32_t>(strides)));
+      highest[wheel] = max_of(highest[wheel], height);
+    }
   }
   return highest;
 }
