@@ -102,7 +102,7 @@ struct Paths {
   [[nodiscard]] SweptPaths swept(bool has_band) const {
     return {stations,     candidates,   row[0].get(), row[1].get(), row[2].get(),
             row[3].get(), row[4].get(), count.get(),  known.get(),  twist.get(),
-            spacing,      true,         has_band ? row[5].get() : nullptr};
+            spacing,      has_band ? row[5].get() : nullptr};
   }
 };
 
@@ -166,7 +166,6 @@ void sweep_batch() {
                          known.get(),
                          twist.data(),
                          paths.spacing,
-                         true,
                          has_band ? rows[5].data() : nullptr};
   expect(swept_codes(grid, alone) == column(codes.data(), n, m, j),
          "a code does not depend on the candidates next to it");
