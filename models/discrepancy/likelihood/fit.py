@@ -47,7 +47,7 @@ class Fit:
 
     Attributes:
         trace: columns of the log. extra: columns of `chosen`.
-        chosen: candidates in it. onsets: (T,) state at each. noise: (5,) of the stops.
+        chosen: candidates in it. onsets: (T,) state at each. noise: (6,) of the stops.
         evidence: (T,) ln of the marginal likelihood. solutions: (T,) all columns, solved.
         log_prior: ln of the prior of its names, grids and signs. settled: the onset is its own.
     """
@@ -146,7 +146,7 @@ class Problem:
         return at(x + _SCALE * best.x)
 
     def noise(self, onset: Onset, start: Floats) -> Floats:
-        """(5,) noise of largest evidence."""
+        """(6,) noise of largest evidence."""
         grams, std = self.grams(onset)
         centre = self._centre(std)
 

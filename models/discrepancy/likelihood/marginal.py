@@ -7,7 +7,7 @@ import numpy as np
 from slopewise.models.arrays import Elementwise, Floats
 from slopewise.models.discrepancy.likelihood import prior
 from slopewise.models.discrepancy.likelihood.gaussian import Grams, Solved, by_variances, solved
-from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, EARLY_PLACES
+from slopewise.models.discrepancy.likelihood.trace import BASE_PLACES, EARLY_PLACES, HAT_PLACES
 
 
 def of_noise(noise: Floats) -> float:
@@ -34,7 +34,7 @@ def solved_both(
 def by_noise(
     grams: Grams, std: Floats, noise: Floats, calibrated: Floats, centre: Floats
 ) -> tuple[float, Floats]:
-    """Evidence and prior of the noise, and (5,) derivatives by its logarithms."""
+    """Evidence and prior of the noise, and (6,) derivatives by its logarithms."""
     variance = prior.own_variance(noise, grams.square.shape[1])
     weighed, log_det, solutions, inverse = grams.whitened(noise[0], variance)
     evidences, slopes = [], []
@@ -47,8 +47,8 @@ def by_noise(
         square = float(left @ weighed @ left) + float(np.sum(covariance * weighed[:-1, :-1]))
         # What scales all bins scales samples and own effects together.
         white = square - grams.rows - float(per_stop.sum())
-        at_onset = columns[EARLY_PLACES].sum()
-        slopes.append([white, per_stop[3], per_stop[2], per_stop[4:].sum(), at_onset])
+        at_onset = [columns[places].sum() for places in (HAT_PLACES, EARLY_PLACES)]
+        slopes.append([white, per_stop[3], per_stop[2], per_stop[4:].sum(), *at_onset])
         evidences.append(solution.evidence)
     evidence = mixed(*evidences)
     changed = share_changed(evidences[1], evidence)
@@ -68,6 +68,7 @@ def _both_stds(std: Floats, noise: Floats, calibrated: Floats) -> tuple[Floats, 
 def with_onset(std: Floats, noise: Floats) -> Floats:
     """(P,) deviations with what the noise leaves at the onset."""
     scaled = std.copy()
+    scaled[HAT_PLACES] *= noise[prior.ONSET_TIME]
     scaled[EARLY_PLACES] *= noise[prior.ONSET_FORCE]
     return scaled
 

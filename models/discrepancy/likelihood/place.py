@@ -140,7 +140,7 @@ def placed(
 
     Args:
         fit, at: the explanation to which it is added, without an earlier place of the same name.
-        noise: (5,) at which it is likeliest: a patch that is missing is taken for scatter.
+        noise: (6,) at which it is likeliest: a patch that is missing is taken for scatter.
         group: the grid.
     """
     gains = _Gains(fit, at, group[0].name, noise)

@@ -18,11 +18,11 @@ SPIKE = 0.005  # force of every smooth effect, share of the force [1]
 LEVEL = 10.0  # speed of each stop: unknown [m/s]
 RAMP = 0.3  # acceleration before the onset [m/s²]
 LEVELS = 2  # own effects of a stop that are these two; the next is its dead time
-NOISE = np.array([0.03, 0.02, 0.012, 0.02, 0.01])
+NOISE = np.array([0.03, 0.02, 0.012, 0.02, 0.006, 0.01])
 """Usual noise [m/s], scatter of the force [1], of the dead time [s], slow wave of the force [1],
-and residual at the onset [1]."""
-WAVE, ONSET_FORCE = 3, 4  # places of the last two
-NOISE_SPREAD = np.array([0.7, 1.0, 0.7, 0.7, 1.2])  # of their logarithms [1]
+and residual at the onset, as time [s] and as a share of the force [1]."""
+WAVE, ONSET_TIME, ONSET_FORCE = 3, 4, 5  # places of the last three
+NOISE_SPREAD = np.array([0.7, 1.0, 0.7, 0.7, 1.0, 1.2])  # of their logarithms [1]
 
 BUILD_UP = 0.018  # usual time constant of brakes [s]
 LOG_SPREAD = 0.45  # of its logarithm, and of those of the body's frequency and damping [1]

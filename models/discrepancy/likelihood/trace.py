@@ -21,12 +21,16 @@ from slopewise.models.discrepancy.model.prediction import demanded_force, moved_
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 
+HATS = (0.0, 0.05, 0.11, 0.19, 0.29, 0.42)
+"""Middles of the hats over the onset, since it [s]: denser where the brakes take hold."""
 ONSET, WAVES = 0.6, 5  # in which brakes and body settle [s]; waves of a force, there and along axes
 OSCILLATION_PLACES = slice(3, 5)
 """Where the swing of the body is among the columns that are always there."""
-BASE_PLACES = slice(6, 10)
+HAT_PLACES = slice(6, 6 + len(HATS))
+"""Where the hats are."""
+BASE_PLACES = slice(HAT_PLACES.stop, HAT_PLACES.stop + 4)
 """Where the coefficients are."""
-EARLY_PLACES = slice(BASE_PLACES.stop, BASE_PLACES.stop + WAVES)
+EARLY_PLACES = slice(HAT_PLACES.stop + 4, HAT_PLACES.stop + 4 + WAVES)
 """Where the waves of the force after the onset are."""
 
 
@@ -159,7 +163,7 @@ def _always(
 
 
 def grams_at(trace: Trace, onset: Onset, extra: Integrated) -> tuple[Grams, Floats]:
-    """Products of :func:`columns_at`, and (P,) deviations of those always there."""
+    """Products of :func:`columns_at`, and (P,) deviations of those always there, hats as 1."""
     every, own, std = columns_at(trace, onset, extra)
     return Grams.of(every, own, trace.table.spread), std
 
@@ -194,10 +198,15 @@ def _nuisances(trace: Trace, onset: Onset, moment: Moment) -> tuple[list[Floats]
     """(S, K) each of the onset, the first one of the dead time, and (N,) their deviations."""
     u, mean, pull = moment.u, trace.samples.mean, trace.pull
     rates, changes, behind = (mean(x) for x in onset.oscillated(u))
+    hats = [
+        pull * mean(np.maximum(1.0 - np.abs(u - middle) / width, 0.0))
+        for middle, width in zip(HATS, np.diff(HATS, prepend=-HATS[1]), strict=True)
+    ]
     t = trace.samples.time
     early = -GRAVITY * mean(np.clip(t, 0.0, np.maximum(onset.each, 0.0)[:, None, None]))
     built = pull * mean(onset.built(u))
     stds = [prior.DEAD_TIME_STEP, prior.AT_ONSET, prior.AT_ONSET]
     stds += [prior.BODY, prior.BODY_SHIFT, prior.BODY]
     columns = [built, -trace.speed * built / GRAVITY, early, pull * rates, pull * changes]
-    return [*columns, GRAVITY * pull * behind], np.array(stds)
+    columns += [GRAVITY * pull * behind, *hats]
+    return columns, np.array([*stds, *[1.0] * len(HATS)])

@@ -32,6 +32,7 @@ from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Model
 
 _ROUNDS = 4  # of the search: a fourth changed no leader
+_HIDES = 1.5  # scatter over the usual one from which effects may hide in it [1]
 LEADERS = 3  # sets that are followed to the end: onset fitted, compared on stops held out
 
 
@@ -41,12 +42,13 @@ class Weights:
 
     Attributes:
         explanations: the heaviest first. change: root mean square change of stopping distances by
-            new coefficients alone [1].
+            new coefficients alone [1]. changed: probability of such, if nothing else is missing.
         book: columns of all that was tried.
     """
 
     explanations: tuple[Explanation, ...]
     change: float
+    changed: float
     book: Dictionary
 
 
@@ -66,33 +68,35 @@ def weighed(
     """
     trace = trace_of(table, model, spikes_of(table, model), session)
     book = dictionary_of(table, model, trace.used, trace.force, odds)
-
-    def settled(known: Fit, near: Fit) -> Fit:
-        """With a separate onset, from that of another explanation or from its present one."""
-        return fit(trace, book, known.chosen, known.log_prior, (near, known))
-
     nothing = frozenset[str]()
     known = {nothing: fit(trace, book, ())}
     advance(0.3)
     leader = nothing
     for turn in range(_ROUNDS):
         at = known[leader]
-        # A patch that is missing is taken for scatter, which hides it.
-        book = _with_place(book, replace(at, noise=np.minimum(at.noise, prior.NOISE)))
-        _try(known, searched(trace, book, at, at.best)[:WIDTH], trace, book, at)
+        # What is missing is taken for scatter, which hides it: also searched at usual scatter.
+        quiet = replace(at, noise=np.minimum(at.noise, prior.NOISE))
+        book = _with_place(book, quiet)
+        matches = searched(trace, book, at, at.best)[:WIDTH]
+        if np.any(at.noise > _HIDES * prior.NOISE):
+            matches += searched(trace, book, quiet, at.best)[:WIDTH]
+        _try(known, matches, trace, book, at)
         before, leader = leader, max(known, key=lambda n: known[n].log_weight)
         if not known[leader].settled:
-            known[leader] = settled(known[leader], at)
+            known[leader] = _settled(trace, book, known[leader], at)
             leader = max(known, key=lambda n: known[n].log_weight)
         advance(1.0 - 0.7 * 0.5 ** (turn + 1))
         if leader == before:
             break
     ranked = sorted(known, key=lambda n: -known[n].log_weight)
     for names in {*ranked[:LEADERS], nothing} - {leader}:
-        known[names] = settled(known[names], known[leader])
+        known[names] = _settled(trace, book, known[names], known[leader])
+    _try_named(known, ranked[:LEADERS], trace, book)
     every = explanations(known.values(), model.braking.dead_time, odds)
     advance(1.0)
-    return Weights(tuple(every), change_of_stops(trace, known[nothing]), book)
+    calm = known[nothing]
+    solution = calm.solutions[calm.best]
+    return Weights(tuple(every), change_of_stops(trace, calm), solution.changed, book)
 
 
 _Known = dict[frozenset[str], Fit]
@@ -110,6 +114,19 @@ def _try(
                 known[match.names] = tried
 
 
+def _try_named(
+    known: _Known, leaders: Sequence[frozenset[str]], trace: Trace, book: Dictionary
+) -> None:
+    """Add leaders without their causes that have no name: names next to them, and alone."""
+    for leader in [known[names] for names in leaders]:
+        chosen = leader.chosen
+        named, unnamed = ([c for c in chosen if c.named is is_named] for is_named in (True, False))
+        names = frozenset(c.name for c in named)
+        if unnamed and names not in known:
+            price = sum(c.log_prior + float(np.log(prior.FURTHER)) for c in unnamed)
+            known[names] = quick_fit(trace, book, named, leader.log_prior - price, leader)
+
+
 def _with_place(book: Dictionary, fit: Fit) -> Dictionary:
     """With the likeliest place of each effect that has one, next to the others of a fit."""
     for candidates in [book.candidates[group] for group in book.groups]:
@@ -123,3 +140,8 @@ def _moved(match: Found, known: Fit) -> bool:
     """Whether an explanation has the same names and an effect in another place."""
     before = {c.name: c.inner for c in known.chosen}
     return any(before[c.name] != c.inner for c in match.chosen if "radius" in c.inner)
+
+
+def _settled(trace: Trace, book: Dictionary, known: Fit, near: Fit) -> Fit:
+    """With a separate onset, from that of another explanation or from its present one."""
+    return fit(trace, book, known.chosen, known.log_prior, (near, known))

@@ -17,6 +17,7 @@ from slopewise.models.discrepancy.likelihood.marginal import with_onset
 from slopewise.models.discrepancy.likelihood.onset import Onset
 from slopewise.models.discrepancy.likelihood.trace import (
     EARLY_PLACES,
+    HAT_PLACES,
     OSCILLATION_PLACES,
     Trace,
     columns_at,
@@ -54,7 +55,7 @@ class Whitener:
         """Of a log.
 
         Args:
-            trace: columns of the log. onset: its state. noise: (5,) as in the prior.
+            trace: columns of the log. onset: its state. noise: (6,) as in the prior.
             lagging: the model has the build-up of the brakes; else it is a later onset there, and
                 the difference between both is a nuisance.
         """
@@ -70,7 +71,7 @@ class Whitener:
         root = np.linalg.inv(np.linalg.cholesky(covariance)) * used[:, None, :]
         # Coefficients have to absorb all other unmodelled effects: predictions have nothing else.
         sessions = slice(EARLY_PLACES.stop, EARLY_PLACES.stop + trace.sessions)
-        places = np.r_[OSCILLATION_PLACES, EARLY_PLACES, sessions]
+        places = np.r_[OSCILLATION_PLACES, HAT_PLACES, EARLY_PLACES, sessions]
         spikes = slice(sessions.stop, len(std))
         columns = [every[:, :, places] * scaled[places]]
         if not lagging:

@@ -80,13 +80,13 @@ def test_derivatives_by_the_noise_are_those_of_the_evidence() -> None:
     grams = Grams.of(columns, rng.standard_normal((6, 40, 7)), np.full((6, 40), 0.2))
     std, centre = rng.uniform(0.3, 2.0, places), np.zeros(places)
     centre[-1] = 0.8
-    log_noise = np.log([0.9, 0.3, 0.4, 0.5, 0.6])
+    log_noise = np.log([0.9, 0.3, 0.4, 0.5, 0.2, 0.6])
 
     def evidence(x: Floats) -> float:
         return by_noise(grams, std, np.exp(x), CALIBRATED, centre)[0]
 
     _, slope = by_noise(grams, std, np.exp(log_noise), CALIBRATED, centre)
-    steps = 1e-5 * np.eye(5)
+    steps = 1e-5 * np.eye(6)
     expected = [(evidence(log_noise + h) - evidence(log_noise - h)) / 2e-5 for h in steps]
     np.testing.assert_allclose(slope, expected, rtol=1e-5, atol=1e-5)
 
