@@ -52,10 +52,10 @@ class EvenPath:
     """One candidate on even stations, made once by :func:`resample`.
 
     Attributes:
-        name: of the candidate.
+        name: identifier of the candidate.
         points: (N, 2) stations, N >= 3, the first and last of them those of the polyline [m].
-        speed_limit: (N,) the lowest of the polyline's limits around each station [m/s], None if
-            there is none.
+        speed_limit: (N,) the lowest of the polyline's limits around each station [m/s], or
+            None.
         given: the polyline itself; None if the stations are what was given.
         follower_offset: (N,) distance of a vehicle that follows the polyline [m], None without any.
     """
@@ -73,7 +73,7 @@ class PathBatch:
 
     Attributes:
         names: (M,) of the candidates.
-        rows: (4, N, M) x and y [m]; speed limit, inf where there is none [m/s]; distance of a
+        rows: (4, N, M) x and y [m]; speed limit, else inf [m/s]; distance of a
             vehicle that follows the polyline, 0 without one [m].
         count: (M,) stations of each candidate.
         given: (M,) the polylines, None for those whose stations are what was given; empty if all
@@ -127,13 +127,13 @@ class PathBatch:
         return np.ascontiguousarray(self.rows[:2, : self.count[j], j].T)
 
 
-def joined(paths: PathBatch, other: PathBatch) -> PathBatch:
-    """Two batches in one, (max N, M + M'), the other's candidates last, as stations alone."""
-    parts = (paths, other)
+def joined(paths: PathBatch, last: PathBatch) -> PathBatch:
+    """Two batches in one, (max N, M + M'), candidates of ``last`` at the end, stations alone."""
+    parts = (paths, last)
     steps = np.arange(max(len(part.x) for part in parts))
     padded = [part.rows.take(np.minimum(steps, len(part.x) - 1), axis=1) for part in parts]
     count = np.concatenate([part.count for part in parts])
-    return PathBatch(paths.names + other.names, np.concatenate(padded, axis=2), count)
+    return PathBatch(paths.names + last.names, np.concatenate(padded, axis=2), count)
 
 
 def resample(
@@ -143,7 +143,7 @@ def resample(
 
     Args:
         path: polyline.
-        spacing: wanted distance between stations in the plan view [m].
+        spacing: requested distance between stations in the plan view [m].
         limits: how far the line may be from the polyline, and who follows it.
 
     Returns:
@@ -160,16 +160,16 @@ def resample(
         return path
     reach = _THINNED * spacing
     points, limit, raw, ends = clean(path.points, path.speed_limit, path.yaw, reach)
-    drawn = arc(points)
-    laid = _line_along(raw, points, drawn, spacing, limits)
+    along = arc(points)
+    laid = _line_along(raw, points, along, spacing, limits)
     if limit is not None:
-        limit = _lowest_around(laid.place, drawn / drawn[-1], limit)
+        limit = _lowest_around(laid.place, along / along[-1], limit)
     if laid.speed_limit is not None:
         limit = laid.speed_limit if limit is None else np.minimum(limit, laid.speed_limit)
     given = GivenPolyline(raw, float(laid.deviation.max()), ends)
     offset = None
     if len(points) > 2:
-        share = drawn / drawn[-1]
+        share = along / along[-1]
         matched = np.stack([np.interp(laid.place, share, axis) for axis in points.T], axis=1)
         size = limits.wheelbase, limits.overhang
         offset = follower_offset(laid.deviation, laid.points, matched, *size)
@@ -222,7 +222,7 @@ def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, fl
         points: (n, 2) of the polyline; along: (n,) arc of them [m].
         spacing: of stations [m].
     """
-    points, along, stray = without_noise(points, along)
+    points, along, noise = without_noise(points, along)
     length = float(along[-1])
     # A length that is a whole number of spacings except for rounding gets no station more.
     count = max(int(np.ceil(length / spacing - 1e-6)) + 1, MIN_STATIONS)
@@ -231,18 +231,18 @@ def _smoothed(points: Floats, along: Floats, spacing: float) -> tuple[Floats, fl
             "points", f"a path of at most {MAX_STATIONS} stations, got {length:.0f} m"
         )
     if len(points) == 2:
-        wanted = np.linspace(0.0, length, count)
-        return points[0] + (wanted / length)[:, None] * (points[1] - points[0]), length
+        along_line = np.linspace(0.0, length, count)
+        return points[0] + (along_line / length)[:, None] * (points[1] - points[0]), length
     # A parametric smoothing spline (FITPACK's), as stiff as the noise asks for and as close to
     # corners as their distance says that they are meant.
-    n, dense_along, dense, weights = core.dense_places(points, along, _LEFT_NOISE * stray)
+    n, dense_along, dense, weights = core.dense_places(points, along, _LEFT_NOISE * noise)
     degree = min(3, n - 1)
     # Asked for all it knows FITPACK does not warn where it cannot use all of its freedom.
-    ((knots, (x, y), _), _), _, fault, words = splprep(
+    ((knots, (x, y), _), _), _, fault, message = splprep(
         dense[:n].T, w=weights[:n], u=dense_along[:n], s=n, k=degree, full_output=True
     )
     if fault >= _INVALID:
-        raise ParameterError("points", f"a polyline that a spline can follow: {words}")
+        raise ParameterError("points", f"a polyline that a spline can follow: {message}")
     ends = along[-1], points[0], points[-1]
     return core.spline_stations(knots, x, y, degree, *ends, count), length
 
@@ -316,7 +316,7 @@ def side_by_side(paths: Sequence[EvenPath]) -> PathBatch:
     return PathBatch(tuple(path.name for path in paths), rows, count, tuple(p.given for p in paths))
 
 
-def _lowest_around(wanted: Floats, along: Floats, limit: Floats) -> Floats:
+def _lowest_around(places: Floats, along: Floats, limit: Floats) -> Floats:
     """The lowest limit between the neighbours of each station, (N,).
 
     A limit holds from its point to the next and from the one before; a plan that is linear in v²
@@ -324,8 +324,8 @@ def _lowest_around(wanted: Floats, along: Floats, limit: Floats) -> Floats:
     """
     piece = np.append(np.minimum(limit[1:], limit[:-1]), np.inf)
     last = len(along) - 2
-    before = np.concatenate((wanted[:1], wanted[:-1]))
-    after = np.concatenate((wanted[1:], wanted[-1:]))
+    before = np.concatenate((places[:1], places[:-1]))
+    after = np.concatenate((places[1:], places[-1:]))
     first = np.clip(np.searchsorted(along, before, side="right") - 1, 0, last)
     end = np.clip(np.searchsorted(along, after, side="left"), first + 1, last + 1)
     lowest: Floats = np.minimum.reduceat(piece, np.stack((first, end), axis=1).ravel())[::2]
@@ -336,7 +336,7 @@ def behind_the_front(clear: float | Floats, model: Model) -> Floats:
     """Station up to which the reference point may come: the vehicle's front stays on the free way.
 
     Args:
-        clear: station up to which the way is known free, any shape; below 0 nothing is [m].
+        clear: station up to which the path is known to be free, any shape; below 0 nothing is [m].
         model: with the front of its vehicle, ahead of the reference point.
     """
     free = np.asarray(clear, np.float64)

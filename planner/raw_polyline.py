@@ -18,7 +18,7 @@ from slopewise.planner.compiled_core import core
 _DUPLICATE = 1e-3  # [m] points closer than that are one
 _CUSP = math.radians(120.0)  # a sharper turn is a cusp: the vehicle turns round
 _CUSP_COSINE = -0.4  # of a turn that may be one: somewhat less than a cusp is
-STRAY = 0.25  # [m] noise up to which a polyline is still a path
+MAX_NOISE = 0.25  # [m] noise up to which a polyline is still a path
 _DENSE = 2.0  # points in a group on average from which on they are averaged [1]
 _CROWD = 8  # points in a group from which on they are averaged: a vehicle stood there [1]
 _GROUP_NOISE = 3.0  # length of a group at least, in the noise of its points [1]
@@ -91,7 +91,7 @@ def clean(points: Floats, limit: Floats | None, yaw: Floats | None, reach: float
 
 def _groups(points: Floats, reach: float) -> Ints:
     """First points of groups that are averaged, (m,); (n,) all points where they are not dense."""
-    length = _GROUP_NOISE * min(noise(points), STRAY)
+    length = _GROUP_NOISE * min(noise(points), MAX_NOISE)
     length = reach if length <= reach or is_on_grid(points) else length
     count, first = core.group_points(points, length)
     dense = _DENSE * count <= len(points) or np.diff(first[:count]).max() >= _CROWD
@@ -186,12 +186,12 @@ def without_noise(
     Returns:
         Points, their distance along, and the noise that is left in them [m].
     """
-    stray = noise(points)
-    while len(points) > 16 and stray > 0.1 * (step := core.usual_step(along)):
+    left = noise(points)
+    while len(points) > 16 and left > 0.1 * (step := core.usual_step(along)):
         if step >= coarsest:
             break
         inner = points[1 : 1 + (len(points) - 2) // 2 * 2]
         points = np.concatenate((points[:1], 0.5 * (inner[::2] + inner[1::2]), points[-1:]))
         along = arc(points)
-        stray = max(stray / np.sqrt(2.0), noise(points))
-    return points, along, min(stray, STRAY)
+        left = max(left / np.sqrt(2.0), noise(points))
+    return points, along, min(left, MAX_NOISE)

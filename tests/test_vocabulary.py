@@ -29,8 +29,8 @@ ANY = {
 }
 MARKER = "words: ok"
 CEILINGS: dict[str, int] = {
-    "models/discrepancy": 73,
-    "planner": 48,
+    "models/discrepancy": 66,
+    "planner": 10,
 }
 """Matches in folders that are not at zero yet."""
 FOLDERS = ("models", "planner", "services", "slopewise", "benchmarks", "tests", "docs", "examples")

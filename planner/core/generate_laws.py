@@ -119,16 +119,16 @@ def operations(recorded: casadi.Function, arguments: tuple[str, ...]) -> list[st
     """
     steps = range(recorded.n_instructions())
     # A place of the working memory serves many values: each is known by the step that made it.
-    made: dict[int, int] = {}
+    step_of: dict[int, int] = {}
     operands: dict[int, list[int]] = {}
     uses: Counter[int] = Counter()
     for k in steps:
         kind = recorded.instruction_id(k)
         places = [] if kind in (casadi.OP_CONST, casadi.OP_INPUT) else recorded.instruction_input(k)
-        operands[k] = [made[place] for place in places]
+        operands[k] = [step_of[place] for place in places]
         uses.update(operands[k])
         if kind != casadi.OP_OUTPUT:
-            made[recorded.instruction_output(k)[0]] = k
+            step_of[recorded.instruction_output(k)[0]] = k
     text: dict[int, str] = {}
     lines = []
     for k in steps:

@@ -33,10 +33,10 @@ from slopewise.planner.ground.uncertainty import Uncertainty
     FASTEST,
     STEEPEST_DOWN,
     STEEPEST_UP,
-    LEAST_SIN_ROLL,
-    MOST_SIN_ROLL,
+    MIN_SIN_ROLL,
+    MAX_SIN_ROLL,
     FRICTION,
-    MOST_FRICTION,
+    MAX_FRICTION,
     COLUMNS,
 ) = range(17)
 """Columns of the table."""

@@ -65,12 +65,12 @@ def answer(
     ranking: tuple[Ranked, ...],
     lead: float,
     deficit: Deficit | None = None,
-    kept: bool = False,
+    unchanged: bool = False,
 ) -> tuple[CycleAnswer, PreviousPlan | None]:
     """The answer that drives a plan; and that plan, None if it must not be driven.
 
     Args:
-        best: plan to drive. plans, ranking, deficit, kept: as in the answer.
+        best: plan to drive. plans, ranking, deficit: as in the answer; unchanged: its ``kept``.
         lead: how much later than measured, by its plan, the vehicle is by now [s].
     """
     plan, state = best.plan, planner.state
@@ -89,4 +89,4 @@ def answer(
     late += 0.0 if tracking is None else tracking.latency
     command = command_of(plan, measured + lead, measured + late, planner.settings.period)
     best = replace(best, measured=measured, lead=lead)
-    return CycleAnswer(plan.status, reason, plan, command, plans, ranking, deficit, kept), best
+    return CycleAnswer(plan.status, reason, plan, command, plans, ranking, deficit, unchanged), best

@@ -1,4 +1,4 @@
-"""The previous plan in this cycle: continued, kept unchanged, or braked to a stop.
+"""The previous plan in this cycle: continued, left unchanged, or braked to a stop.
 
 All of it happens on the stations of that plan. Its remainder is one of the profiles that are
 possible now; if nothing got worse, the verifier can have no objection (docs/decisions/0008).
@@ -159,14 +159,14 @@ class Continuation:
         i, plan = self._segment, self.previous.plan
         ahead, column = self._column(extended=False)
         speed_sq = plan.speed[i:] ** 2
-        kept = keep(column, plan.candidate, speed_sq)
-        if kept is not None:
+        retained = keep(column, plan.candidate, speed_sq)
+        if retained is not None:
             if plan.status is Status.DEGRADED:
                 # Where it stops is stated by present knowledge.
                 fallback, _, _ = plan.reason.partition("; ")
-                reason = "; ".join(filter(None, (fallback, kept.reason)))
-                kept = replace(kept, status=plan.status, reason=reason)
-            return PreviousPlan.on(ahead.path, ahead.first, kept), None
+                reason = "; ".join(filter(None, (fallback, retained.reason)))
+                retained = replace(retained, status=plan.status, reason=reason)
+            return PreviousPlan.on(ahead.path, ahead.first, retained), None
         if plan.status is Status.DEGRADED:
             return None, None
         verdict = column.verify(speed_sq)
@@ -176,7 +176,7 @@ class Continuation:
         name = Violations._fields[kind]
         return None, Deficit(float(verdict.violation[kind]), max(distance, 0.0), name)
 
-    def stop(self, why: str) -> PreviousPlan | None:
+    def stop(self, reason: str) -> PreviousPlan | None:
         """Service braking on this path, None if that breaches anything."""
         i, plan = self._segment, self.previous.plan
         ahead, column = self._column(extended=False)
@@ -189,7 +189,7 @@ class Continuation:
         stop = keep(column, plan.candidate, speed_sq)
         if stop is None:
             return None
-        reason = f"{why}: stops on the path driven so far"
+        reason = f"{reason}: stops on the path driven so far"
         deviation = plan.path_deviation
         if deviation is not None:
             deviation = deviation.from_row(i, stop.x, stop.y, stop.station)

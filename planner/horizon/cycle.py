@@ -95,7 +95,7 @@ class Cycle:
         batch = CycleBatch.verified(rest, solved)
         self._time("judge")
         ranking, order = batch.ranked(index, gain)
-        continued, deficit, kept = self._continue(batch, index)
+        continued, deficit, unchanged = self._continue(batch, index)
         plans = [] if continued is None else [continued]
         # The previous plan and the best other candidate are finished at any time.
         rest_of_order = [j for j in order if j != index]
@@ -106,11 +106,11 @@ class Cycle:
         self._time("smooth")
         previous = "" if index is None else rest.names[index]
         plans = best_first(planner, plans, continued, previous, gain)
-        kept = kept and plans[0] is continued
-        plans = [self._with_deviation(one, candidates) for one in plans]
-        finished = tuple(one.plan for one in plans)
+        unchanged = unchanged and plans[0] is continued
+        plans = [self._with_deviation(plan, candidates) for plan in plans]
+        finished = tuple(plan.plan for plan in plans)
         chosen = answer(
-            planner, plans[0], finished, (*ranking, *refused), self._lead, deficit, kept
+            planner, plans[0], finished, (*ranking, *refused), self._lead, deficit, unchanged
         )
         self._time("choose")
         return chosen
@@ -151,19 +151,19 @@ class Cycle:
         limit = self._planner.model.max_path_deviation
         return candidates.deviation(j, x, y, x, limit).largest > limit
 
-    def _with_deviation(self, one: PreviousPlan, candidates: Drivable) -> PreviousPlan:
+    def _with_deviation(self, previous: PreviousPlan, candidates: Drivable) -> PreviousPlan:
         """The same, with how far it leads from what is given of its path."""
-        plan, limit = one.plan, self._planner.model.max_path_deviation
+        plan, limit = previous.plan, self._planner.model.max_path_deviation
         j = candidates.paths.names.index(plan.candidate)
         deviation = candidates.deviation(j, plan.x, plan.y, plan.station, limit)
         given = candidates.paths.given[j] if candidates.paths.given else None
         reason = plan.reason or ("" if given is None else given.ends)
-        return replace(one, plan=replace(plan, path_deviation=deviation, reason=reason))
+        return replace(previous, plan=replace(plan, path_deviation=deviation, reason=reason))
 
     def _continue(
         self, batch: CycleBatch, index: int | None
     ) -> tuple[PreviousPlan | None, Deficit | None, bool]:
-        """The previous plan in this cycle; what it lacks; is it kept unchanged?
+        """The previous plan in this cycle; what it lacks; is it unchanged?
 
         Args:
             batch: the candidates. index: the candidate that is its path, if any.
@@ -251,14 +251,14 @@ class Cycle:
     # ------------------------------------------------------------------ answers
 
     def _stop(
-        self, why: str, ranking: tuple[Ranked, ...]
+        self, reason: str, ranking: tuple[Ranked, ...]
     ) -> tuple[CycleAnswer, PreviousPlan | None]:
         """No candidate: braking on the previous plan's path, fully where that is not enough."""
-        reason = f"{why}: full braking"
+        reason = f"{reason}: full braking"
         full = CycleAnswer(Status.DEGRADED, reason, None, FULL_STOP, ranking=ranking)
         if self._continuation is None:
             return full, None
-        stop = self._continuation.stop(why)
+        stop = self._continuation.stop(reason)
         if stop is None:
             return full, None
         return answer(self._planner, stop, (stop.plan,), ranking, self._lead)

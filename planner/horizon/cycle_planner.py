@@ -84,13 +84,13 @@ class CyclePlanner:
             column: makes it alone; twice, if smoothing has to be given up.
             profile: the time-optimal one.
         """
-        why = ""
+        unsmoothed = ""
         if self.planning.smooth and self.late():
-            why = f"not smoothed within {1e3 * self.settings.budget:g} ms"
+            unsmoothed = f"not smoothed within {1e3 * self.settings.budget:g} ms"
         elif self.planning.smooth:
             try:
                 return finish(column(), name, profile)
             except Exception as error:  # noqa: BLE001
                 # Any fault of a solver: the plan does not need it, and is labelled.
-                why = f"not smoothed: {type(error).__name__}: {error}"
-        return finish(column(), name, profile, smoothed=False, unsmoothed=why)
+                unsmoothed = f"not smoothed: {type(error).__name__}: {error}"
+        return finish(column(), name, profile, smoothed=False, unsmoothed=unsmoothed)

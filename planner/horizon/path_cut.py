@@ -32,31 +32,31 @@ def cut(paths: PathBatch, projection: PathProjection, at: tuple[float, float]) -
     ahead = projection.along < 0.0
     start = np.where(ahead, at[0], projection.x), np.where(ahead, at[1], projection.y)
     behind = np.where(ahead, -1, projection.segment)
-    rest, kept, near, count = core.cut_paths(
+    rest, first, near, count = core.cut_paths(
         paths.x, paths.y, paths.count, behind, *start, MIN_STATIONS
     )
     longest = int(count.max())
     limit, closeness = (
-        _cut_limits(row, paths.count, kept, near | ahead, longest)
+        _cut_limits(row, paths.count, first, near | ahead, longest)
         for row in (paths.rows[2], -paths.rows[3])
     )
     return PathBatch(paths.names, np.stack((*rest[:, :longest], limit, -closeness)), count)
 
 
-def _cut_limits(limit: Floats, count: Ints, kept: Ints, own: Bools, rows: int) -> Floats:
+def _cut_limits(limit: Floats, count: Ints, first: Ints, holds: Bools, rows: int) -> Floats:
     """Limits at the new stations, (rows, M) [m/s].
 
     Between two stations either one's limit holds; of an omitted one, and ahead of a path, its own.
 
     Args:
         limit: (N, M) of the paths [m/s]; count: (M,) their stations.
-        kept: (M,) first station that is kept; own: (M,) the limit before it holds up to it.
+        first: (M,) first station that stays; holds: (M,) the limit before it holds up to it.
     """
-    lanes = np.arange(len(kept))
-    before = limit[np.maximum(kept - 1, 0), lanes]
-    first = np.where(own, before, np.maximum(before, limit[kept, lanes]))
-    further = np.minimum(kept + np.arange(rows - 1)[:, None], count - 1)
-    return np.concatenate((first[None], limit[further, lanes]))
+    lanes = np.arange(len(first))
+    before = limit[np.maximum(first - 1, 0), lanes]
+    start = np.where(holds, before, np.maximum(before, limit[first, lanes]))
+    further = np.minimum(first + np.arange(rows - 1)[:, None], count - 1)
+    return np.concatenate((start[None], limit[further, lanes]))
 
 
 def passed_stations(

@@ -71,7 +71,7 @@ def station_of(
     return float(station[k] + min(max(u, 0.0), 1.0) * (station[k + 1] - station[k]))
 
 
-def limits_along(path: Polyline, first: int, other: Polyline, limit: Floats) -> Floats:
+def limits_along(path: Polyline, first: int, limited: Polyline, limit: Floats) -> Floats:
     """Limits of another path at the stations of one that runs along it, (N,) [m/s].
 
     Between two stations of the other path the lower limit counts; up to station ``first``, where
@@ -79,9 +79,9 @@ def limits_along(path: Polyline, first: int, other: Polyline, limit: Floats) -> 
 
     Args:
         path: N stations; first: index of the one behind the vehicle.
-        other: n stations; limit: (n,) at them [m/s].
+        limited: n stations; limit: (n,) at them [m/s].
     """
-    k, u, _ = other.foot(path)
+    k, u, _ = limited.foot(path)
     lower, higher = np.minimum(limit[k], limit[k + 1]), np.maximum(limit[k], limit[k + 1])
     between = np.where(np.arange(len(k)) <= first, higher, lower)
     here: Floats = np.where(u >= 1.0 - AT_END, limit[k + 1], between)

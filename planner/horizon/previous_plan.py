@@ -240,10 +240,10 @@ def vehicle_on(
     if state.invalid_field():
         return None
     projection = previous.locate((state.x, state.y), state.heading)
-    beside, turned, along = (
+    lateral, turned, along = (
         float(values[0]) for values in (projection.beside, projection.turned, projection.along)
     )
-    near = beside <= settings.beside and along >= -settings.ahead
+    near = lateral <= settings.beside and along >= -settings.ahead
     if not (near and turned <= settings.turned):
         return None
     planned, _ = previous.speed_at(projection)

@@ -65,21 +65,23 @@ def drivable_of(
         max_deviation: how far stations may be from the path that was given [m].
     """
     reasons = malformed(paths, clear, max_deviation)
-    sound = np.flatnonzero([not why for why in reasons])
+    sound = np.flatnonzero([not reason for reason in reasons])
     drivable = None
     if len(sound) > 0:
         part = paths.only(sound) if len(sound) < len(reasons) else paths
         projection = locate(part.x, part.y, part.count, (state.x, state.y), state.heading)
-        for j, why in zip(sound, out_of_reach(projection, settings), strict=True):
-            reasons[j] = why
-        usable = np.flatnonzero([not why for why in reasons])
+        for j, reason in zip(sound, out_of_reach(projection, settings), strict=True):
+            reasons[j] = reason
+        usable = np.flatnonzero([not reason for reason in reasons])
         if len(usable) == len(reasons):
             drivable = Drivable(paths, projection, clear)
         elif len(usable) > 0:
             projection = projection.only(np.searchsorted(sound, usable))
             drivable = Drivable(paths.only(usable), projection, clear[usable])
     refused = zip(paths.names, reasons, strict=True)
-    return drivable, tuple(Ranked(name, np.inf, False, why) for name, why in refused if why)
+    return drivable, tuple(
+        Ranked(name, np.inf, False, reason) for name, reason in refused if reason
+    )
 
 
 def malformed(paths: PathBatch, clear: Floats, max_deviation: float) -> list[str]:
@@ -116,17 +118,17 @@ def out_of_reach(projection: PathProjection, limits: HorizonSettings) -> list[st
     near = (projection.beside <= limits.beside) & (-projection.along <= limits.ahead)
     drivable = near & (projection.turned <= limits.turned) & (projection.remaining > _ENDS)
     reasons = [""] * len(drivable)
-    beside, along, turned = (
+    lateral, along, turned = (
         values.tolist() for values in (projection.beside, projection.along, projection.turned)
     )
     for j in np.flatnonzero(~drivable).tolist():
-        reasons[j] = _refusal(beside[j], -along[j], turned[j], limits)
+        reasons[j] = _refusal(lateral[j], -along[j], turned[j], limits)
     return reasons
 
 
-def _refusal(beside: float, gap: float, turned: float, limits: HorizonSettings) -> str:
-    if beside > limits.beside:
-        return f"the path lies {beside:.2f} m beside the vehicle, {limits.beside:g} m at most"
+def _refusal(lateral: float, gap: float, turned: float, limits: HorizonSettings) -> str:
+    if lateral > limits.beside:
+        return f"the path lies {lateral:.2f} m beside the vehicle, {limits.beside:g} m at most"
     if gap > limits.ahead:
         return f"the path begins {gap:.2f} m ahead of the vehicle, {limits.ahead:g} m at most"
     if turned > limits.turned:

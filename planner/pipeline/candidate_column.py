@@ -1,4 +1,4 @@
-"""One candidate of a batch, alone: what bounds its plan, and what its profiles are judged by.
+"""One candidate of a batch, alone: what bounds its plan, and what its profiles are verified by.
 
 The stopping of a vehicle that starts too fast may move a station, and repair lowers the bound: a
 column belongs to one plan.
@@ -104,9 +104,9 @@ class CandidateColumn:
             return
         clear, ground = float(bounds.clear_distance[j]), bounds.even_ground
         seen = around.elevation_map, around.errors
-        found = first_blocked(*seen, profile, ground, self.model, j, (first, clear))
-        if found is not None:
-            self._stop_before(found._replace(station=found.station - profile.station[first, j]))
+        finding = first_blocked(*seen, profile, ground, self.model, j, (first, clear))
+        if finding is not None:
+            self._stop_before(finding._replace(station=finding.station - profile.station[first, j]))
         if around.has_band:
             speed_sq, limiting = around.bounds(profile, self.model, j, clear)
             self.at_side = self._lower(speed_sq[first:], limiting[first:])
@@ -195,10 +195,10 @@ class CandidateColumn:
         drivable = self.known & (self.track.grade >= low) & (self.track.grade <= high)
         ends = np.flatnonzero(~(self.known if braking.extrapolate else drivable)[k:])
         reach = k + int(ends[0]) if len(ends) else len(self.track.station)
-        found = momentum_over(self.track, max(k - 1, 0), reach, self.scalars)
+        run_up = momentum_over(self.track, max(k - 1, 0), reach, self.scalars)
         # How the hill continues on unknown ground is not known.
-        ends_there = found is not None and found.until >= self.track.station[reach - 1]
-        return None if ends_there and len(ends) else found
+        ends_there = run_up is not None and run_up.until >= self.track.station[reach - 1]
+        return None if ends_there and len(ends) else run_up
 
     def verify(
         self, speed_sq: Floats, *, decel: float | None = None, stations_only: bool = False
@@ -294,5 +294,5 @@ class CandidateColumn:
         Its bound, or how fast the speed may change around it; what neither holds back is jerk.
         """
         limits = self.segment_limits(speed_sq)
-        most = self.scalars.accel
-        return core.labels(speed_sq, accel, self.bound, self.label, *limits, most, smoothed)
+        max_accel = self.scalars.accel
+        return core.labels(speed_sq, accel, self.bound, self.label, *limits, max_accel, smoothed)

@@ -1,7 +1,7 @@
 """From candidate paths to verified plans.
 
 Candidates travel as one batch through terrain, bounds and the time-optimal profile; what is emitted
-is smoothed and judged one by one (:mod:`slopewise.planner.pipeline.plan_finalizer`).
+is smoothed and verified one by one (:mod:`slopewise.planner.pipeline.plan_finalizer`).
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ class CandidatePlanner:
 
 
 def finished(solved: TimeOptimalBatch, j: int, name: str, *, smooth: bool) -> SpeedPlan:
-    """Candidate j of a batch smoothed, judged and explained."""
+    """Candidate j of a batch smoothed, verified and explained."""
     profile = Unfinished(solved.profile_of(j), reachable=bool(solved.reachable[j]))
     column = CandidateColumn(solved, j, solved.start_sq[j : j + 1])
     return finish(column, name, profile, smoothed=smooth)

@@ -34,16 +34,16 @@ def momentum_over(track: Track, foot: int, reach: int, limits: PlanningLimits) -
     min_speed_sq = _min_speed_sq(track.station[:reach], demand, limits)
     if not min_speed_sq[foot] > 0.0:
         return None
-    least = np.zeros_like(track.station)
-    least[:reach] = np.sqrt(min_speed_sq)
+    slowest = np.zeros_like(track.station)
+    slowest[:reach] = np.sqrt(min_speed_sq)
     over = np.flatnonzero(min_speed_sq[foot:] <= 0.0)
     allowed = np.minimum(track.speed_limit[:reach], limits.speed)
     return Momentum(
         station=float(track.station[foot]),
-        speed=float(least[foot]),
+        speed=float(slowest[foot]),
         until=float(track.station[foot + int(over[0])]),
-        allowed=bool((least[:reach] <= allowed).all()),
-        least_speed=least,
+        allowed=bool((slowest[:reach] <= allowed).all()),
+        least_speed=slowest,
     )
 
 

@@ -89,12 +89,12 @@ def finish(
             reason = "; ".join(filter(None, (unsmoothed, plan.reason)))
             return replace(plan, status=Status.DEGRADED, reason=reason)
         if to_smooth and verdict.valid:
-            answer, judged, why = _smooth(column, speed_sq, profile.start_accel)
-            if answer is not None and judged is not None:
-                speed_sq, verdict, is_smooth = answer, judged, True
+            answer, verified, refusal = _smooth(column, speed_sq, profile.start_accel)
+            if answer is not None and verified is not None:
+                speed_sq, verdict, is_smooth = answer, verified, True
             else:
                 status = Status.DEGRADED
-                reason = f"not smoothed, so faster changes of acceleration than allowed: {why}"
+                reason = f"not smoothed, so faster changes of acceleration than allowed: {refusal}"
     else:
         speed_sq, verdict, status, reason = brake_hard(column, status, reason)
     return _plan(column, name, Verified(speed_sq, verdict, status, reason), smoothed=is_smooth)

@@ -50,10 +50,10 @@ def stop_reason(
         # Even the slowest stop keeps its offset free, and errors of map and place.
         braking, errors = column.full_braking(k, 0.0), column.errors
         fall = GRAVITY * errors.height / braking if braking > 0.0 else 0.0
-        kept_free = column.offset + errors.along_track + fall
+        free_ahead = column.offset + errors.along_track + fall
         # Where brakes cannot hold, say, it rests for that, however near the end.
         blocking = (column.bound[k:-1] <= 0.0) & (column.label[k:-1] != Limiting.STOPPING_PATH)
-        if short <= kept_free + _SHORT_BY_LITTLE and not blocking.any():
+        if short <= free_ahead + _SHORT_BY_LITTLE and not blocking.any():
             return status, cause
         cause = Limiting(int(column.label[k])).label
         if column.at_side[k]:

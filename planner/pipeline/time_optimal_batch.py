@@ -32,7 +32,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class TimeOptimalBatch:
-    """Time-optimal profiles of M candidates, not judged yet; arrays are (N, M).
+    """Time-optimal profiles of M candidates, not verified yet; arrays are (N, M).
 
     Attributes:
         model, scalars: vehicle, braking, limits; and its numbers.

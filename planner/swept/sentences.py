@@ -57,19 +57,19 @@ def obstacle_of(
     """Finding of the core that blocks a pose, as text.
 
     Args:
-        finding: (4,) :class:`Kind`, height of what is met, and where, ahead and aside of the pose
+        finding: (4,) :class:`Kind`, height of what is met, and where, ahead and left of the pose
             [m].
         pose: middle of the wheelbase [m], unit vector of travel.
         sizes: vehicle sizes on this map.
         departure: where the vehicle comes from, empty where that did not matter.
     """
-    (code, height, ahead, aside), (at_x, at_y, heading_x, heading_y) = finding.tolist(), pose
-    x = at_x + ahead * heading_x - aside * heading_y
-    y = at_y + ahead * heading_y + aside * heading_x
+    (code, height, ahead, left), (at_x, at_y, heading_x, heading_y) = finding.tolist(), pose
+    x = at_x + ahead * heading_x - left * heading_y
+    y = at_y + ahead * heading_y + left * heading_x
     kind, where = Kind(int(code)), f"at x {x:.2f} m, y {y:.2f} m"
     text = f"unknown ground under the body {where}"
     if kind is not Kind.UNKNOWN:
-        side = "left" if aside > 0.0 else "right"
+        side = "left" if left > 0.0 else "right"
         wheel = f"{'front' if ahead > 0.0 else 'rear'} {side}"
         what = _WHAT[kind].format(height=height, wheel=wheel, side=side)
         text = f"{what} {where}, {_limit(kind, sizes)}"

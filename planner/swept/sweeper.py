@@ -186,7 +186,7 @@ def _only(profile: TerrainProfile, lanes: Ints) -> TerrainProfile:
 
 
 def _columns(rows: Iterable[Any], lanes: Ints) -> list[Any]:
-    """Columns of arrays (N, M), each of them contiguous; as they are where they are all."""
+    """Columns of arrays (N, M), each of them contiguous; unchanged where all are asked for."""
     return [
         row if len(lanes) == row.shape[1] else np.ascontiguousarray(row[:, lanes]) for row in rows
     ]
