@@ -26,8 +26,13 @@ candidates of a cycle and of the next ones."""
 _COARSE = 0.05
 """Sizes that change with each pose are rounded up to that [m], for the same reason."""
 
-_CACHED = 4
-"""Broad phases that are cached [1]: one in use, the next, and those of two comparisons."""
+_CACHED = 8
+"""Broad phases that are cached [1], those used last: of lines and of ways to them, whose bands and
+lengths change from cycle to cycle."""
+
+_WIDER = 0.25
+"""By how much wider a band a broad phase may be for it to serve another one [m]: it then clears
+fewer poses, and those that it does not clear are checked exactly."""
 
 _MARGIN = 0.1
 """Share of the extent of all candidates by which more is covered of a map that stays: later ones
@@ -205,12 +210,21 @@ def broad_phase_for(
     """
     global _recent
     margin = 0.0
-    for (ground, *vehicle), grid in _recent:
-        if ground is elevation_map and vehicle == [sizes, band]:
+    for entry in _recent:
+        (ground, vehicle, swept_band), grid = entry
+        if ground is elevation_map and vehicle == sizes and _serves(swept_band, band):
             if grid.covers(x, y):
+                _recent = (entry, *(e for e in _recent if e is not entry))
                 return grid
             margin = _MARGIN
     heights, resolution = elevation_map.elevation, elevation_map.resolution
     grid = core.BroadPhase(heights, *elevation_map.origin, resolution, sizes, band, x, y, margin)
     _recent = (((elevation_map, sizes, band), grid), *_recent[: _CACHED - 1])
     return grid
+
+
+def _serves(swept: BandWidth | None, band: BandWidth | None) -> bool:
+    """Return True if a broad phase for one band is sound for another that is not much narrower."""
+    if swept is None or band is None:
+        return swept is band
+    return swept[1:] == band[1:] and 0.0 <= swept[0] - band[0] <= _WIDER
