@@ -111,8 +111,8 @@ def _edges(
     """(M,) highest edge along the path within the band of a wheel [m].
 
     Ground that rises counts where all of it is within the band, ground that falls where its middle
-    is: with its own middle beyond an edge a wheel no longer stands on it. A gap along
-    the way that a tyre bridges has no edges.
+    is: with its own middle beyond an edge a wheel no longer stands on it. A gap that a tyre bridges
+    along the path has no edges.
     """
     window, band = _window(heights, vehicle), body.band(wheel[0])
     count = _PARTS * math.ceil(float(band.max()) / window + 1.5)

@@ -88,14 +88,9 @@ class InputFeed(Generic[T]):
         content = 0 if sequence is None else hash((value, time))
         is_old = sequence is not None and last is not None and sequence <= last
         is_recent = now - self._at <= self.deadline
+        if sequence is not None and is_old and is_recent and known.is_another(sequence, content):
+            self._conflicts(sender, now)
         try:
-            if (
-                is_old
-                and is_recent
-                and sequence is not None
-                and known.is_another(sequence, content)
-            ):
-                self._conflicts(sender, now)
             if (is_old and is_recent) or not lateness.take(time, now, sequence):
                 self.counters[f"{self.name} repeated or late"] += 1
                 return False

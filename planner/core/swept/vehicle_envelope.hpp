@@ -66,10 +66,6 @@ struct Pose2d {
   [[nodiscard]] Place at(double ahead, double aside) const noexcept {
     return {x + ahead * heading_x - aside * heading_y, y + ahead * heading_y + aside * heading_x};
   }
-  [[nodiscard]] Pose2d shifted(double aside) const noexcept {
-    const Place to = at(0.0, aside);
-    return {to.x, to.y, heading_x, heading_y};
-  }
 };
 
 inline constexpr int wheel_count = 4;
