@@ -89,17 +89,22 @@ def feed(
     it.commands.take((BaseCommand(requested, 0.0), sequence), now, "p", sequence, stamp)
 
 
-def braking_group(**values: float) -> ParameterGroup:
+def parameter_group(name: str, **values: float) -> ParameterGroup:
     return ParameterGroup(
-        group="braking",
+        group=name,
         version=2,
         valid=True,
         age=0.0,
         fingerprint="f",
         cause="c",
         who="w",
-        values={"m_m": -0.03, "b_m": -0.35, "m_b": 0.015, "b_b": 0.40} | values,
+        values=values,
     )
+
+
+def braking_group(**values: float) -> ParameterGroup:
+    braking = {"m_m": -0.03, "b_m": -0.35, "m_b": 0.015, "b_b": 0.40}
+    return parameter_group("braking", **braking | values)
 
 
 def map_update(sequence: int = 1, **changes: Any) -> MapUpdate:

@@ -16,23 +16,14 @@ from slopewise.services.guard.parameter_request import WAITING, ParameterMemory
 from slopewise.services.wire import codec
 from slopewise.services.wire.codec import Format
 from slopewise.services.wire.parameter_messages import ParameterGroup, ParameterReply
-from tests.services.guard.guard_fixtures import braking_group
+from tests.services.guard.guard_fixtures import braking_group, parameter_group
 from tests.services.guard.guard_process import SPACE, GuardProcess, GuardRobot, flat
 
 LIMIT = 0.4  # speed limit of the service: that of the model file is 4 m/s [m/s]
 
 
 def limits(speed: float = LIMIT) -> ParameterGroup:
-    return ParameterGroup(
-        group="limits",
-        version=2,
-        valid=True,
-        age=0.0,
-        fingerprint="f",
-        cause="c",
-        who="w",
-        values={"speed": speed},
-    )
+    return parameter_group("limits", speed=speed)
 
 
 @contextlib.contextmanager
