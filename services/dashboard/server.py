@@ -49,8 +49,12 @@ class PageServer:
 
     def close(self) -> None:
         """Stop listening; requests being answered are completed."""
-        # In the server's thread, which waits on these sockets.
-        self._server.trigger.pull_trigger(self._server.close)
+        # In the server's thread, which waits on these sockets; that may be awake already, and must
+        # not close the trigger before it is pulled.
+        trigger = self._server.trigger
+        with trigger.lock:
+            trigger.thunks.append(self._server.close)
+            trigger.pull_trigger()
 
 
 def allowed_hosts(host: str) -> frozenset[str]:

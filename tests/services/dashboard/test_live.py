@@ -298,6 +298,20 @@ def test_a_different_text_is_no_token(shown: str) -> None:
     assert has_valid_token({"HTTP_COOKIE": cookie("right").partition(";")[0]}, "right")
 
 
+def test_a_server_that_is_awake_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    server = PageServer(PageSettings(enabled=True, port=free_port()), lambda *_: [])
+    trigger = server._server.trigger
+    pull = trigger._physical_pull
+
+    def pull_late() -> None:
+        pull()  # as a reply does that was just finished
+        time.sleep(0.2)
+        pull()
+
+    monkeypatch.setattr(trigger, "_physical_pull", pull_late)
+    server.close()
+
+
 def test_files_for_prometheus_and_grafana_name_metrics_that_exist() -> None:
     with served(LiveState(), map_version=1, map_age=1.0, counters={"queries": 1}) as url:
         text = get(f"{url}/metrics")[2]
