@@ -234,6 +234,9 @@ def test_a_silent_hour_makes_the_limit_expire(
         edge_here(endpoint, service, lambda: time.monotonic() + ahead[0]) as peer,
     ):
         assert drive_until(peer, stops=False) > 0.1
+        # A message in transit while the clocks are put forward is an hour late, and so are all
+        # after it.
+        until(lambda: peer.stops[-1])
         ahead[0] = 3600.0
         put_forward = time.monotonic()
 
