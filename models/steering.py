@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -91,6 +92,7 @@ class SteeringGeometry(NamedTuple):
     assumed: str = ""
 
 
+@lru_cache(maxsize=64)
 def steering_geometry(
     steering: Steering | None, drive: Literal["skid_steer", "ackermann"], wheelbase: float
 ) -> SteeringGeometry:

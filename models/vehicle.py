@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 from slopewise.models.errors import ParameterError
@@ -132,29 +133,7 @@ class Vehicle:
     @property
     def shape(self) -> Shape:
         """The sizes of body and wheels; missing ones follow the wheel radius."""
-        radius = self.wheel_radius
-        wheel_width = _WHEEL_WIDTH * radius if self.wheel_width is None else self.wheel_width
-        defaults = {
-            "width": self.track_width + wheel_width,
-            "front_overhang": radius,
-            "rear_overhang": radius,
-            "ground_clearance": _CLEARANCE * radius,
-            "max_step": _STEP * radius,
-            "wheel_travel": _STEP * radius,
-        }
-        given = {name: getattr(self, name) for name in defaults}
-        size = {n: defaults[n] if v is None else float(v) for n, v in given.items()}
-        half = 0.5 * self.wheelbase
-        return Shape(
-            size["width"],
-            half + size["front_overhang"],
-            half + size["rear_overhang"],
-            size["ground_clearance"],
-            size["max_step"],
-            size["wheel_travel"],
-            wheel_width,
-            tuple(n for n, v in given.items() if v is None),
-        )
+        return _shape_of(self)
 
     @property
     def brake_share(self) -> float | None:
@@ -162,3 +141,30 @@ class Vehicle:
         if self.front_brake_share is None and self.drive == "ackermann":
             return self.cg_x / self.wheelbase
         return self.front_brake_share
+
+
+@lru_cache(maxsize=64)
+def _shape_of(vehicle: Vehicle) -> Shape:
+    radius = vehicle.wheel_radius
+    wheel_width = _WHEEL_WIDTH * radius if vehicle.wheel_width is None else vehicle.wheel_width
+    defaults = {
+        "width": vehicle.track_width + wheel_width,
+        "front_overhang": radius,
+        "rear_overhang": radius,
+        "ground_clearance": _CLEARANCE * radius,
+        "max_step": _STEP * radius,
+        "wheel_travel": _STEP * radius,
+    }
+    given = {name: getattr(vehicle, name) for name in defaults}
+    size = {n: defaults[n] if v is None else float(v) for n, v in given.items()}
+    half = 0.5 * vehicle.wheelbase
+    return Shape(
+        size["width"],
+        half + size["front_overhang"],
+        half + size["rear_overhang"],
+        size["ground_clearance"],
+        size["max_step"],
+        size["wheel_travel"],
+        wheel_width,
+        tuple(n for n, v in given.items() if v is None),
+    )

@@ -57,6 +57,7 @@ class BroadPhase:
         y: Floats,
         beside: float,
     ) -> None: ...
+    def widened(self, sizes: object, band: tuple[float, float, float]) -> BroadPhase: ...
     def covers(self, x: Floats, y: Floats) -> bool: ...
     def sweep(
         self,
@@ -151,6 +152,7 @@ def verify_batch(
     speed_sq: Floats,
     clear_distance: Floats,
     terms: object,
+    lanes: Ints,
 ) -> Floats: ...
 def first_blocked(
     elevation: Floats,

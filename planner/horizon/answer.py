@@ -135,7 +135,8 @@ class Ranked:
 
     Attributes:
         candidate: name.
-        cost: travel time and what is missed [s], inf where it was not planned.
+        cost: travel time and what is missed [s], inf where it was not planned. The way of a vehicle
+            off its line counts where the candidate is among the best.
         valid: the verifier has no objection to its time-optimal profile.
         reason: why it was not planned, or what the verifier objects to.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from time import perf_counter
 
@@ -11,7 +12,7 @@ from slopewise.models.arrays import Floats
 from slopewise.planner.horizon.answer import FULL_STOP, CycleAnswer, Deficit, Ranked
 from slopewise.planner.horizon.choice import SAFE, answer, best_first
 from slopewise.planner.horizon.continuation import Continuation, PathAhead
-from slopewise.planner.horizon.cycle_batch import CycleBatch
+from slopewise.planner.horizon.cycle_batch import BestCandidates, CycleBatch
 from slopewise.planner.horizon.cycle_planner import CyclePlanner
 from slopewise.planner.horizon.path_cut import cut, passed_stations
 from slopewise.planner.horizon.previous_plan import (
@@ -35,8 +36,11 @@ smoothing itself may cost less, and a plan that is ok may rest that far before i
 class Cycle:
     """One cycle: made, run once, discarded."""
 
-    def __init__(self, planner: CyclePlanner, previous: PreviousPlan | None) -> None:
-        """Find the vehicle on the plan that it drives."""
+    def __init__(
+        self, planner: CyclePlanner, previous: PreviousPlan | None, best: Collection[str] = ()
+    ) -> None:
+        """Find the vehicle on the plan that it drives; `best` names candidates of before."""
+        self._best_before = best
         self._planner, self._settings, self._state = planner, planner.settings, planner.state
         self._lap = planner.started
         self.seconds: dict[str, float] = {}
@@ -90,16 +94,16 @@ class Cycle:
             # One more candidate costs next to nothing, solved alone as much as twenty.
             together = joined(rest, self._ahead.path)
             free, starts = np.append(free, self._ahead.clear), np.append(starts, self._ahead.start)
-        solved = planner.solve(together, free, starts)
+        count = max(self._settings.smoothed, 1)
+        best = BestCandidates(rest, len(starts), index, gain, count, self._best_before)
+        planner.solve(together, free, starts, best)
         self._time("plan")
-        batch = CycleBatch.verified(rest, solved)
-        self._time("judge")
-        ranking, order = batch.ranked(index, gain)
+        batch, order = best.batch, best.order
         continued, deficit, unchanged = self._continue(batch, index)
         plans = [] if continued is None else [continued]
         # The previous plan and the best other candidate are finished at any time.
         rest_of_order = [j for j in order if j != index]
-        for n, j in enumerate(rest_of_order[: max(self._settings.smoothed - len(plans), 1)]):
+        for n, j in enumerate(rest_of_order[: max(count - len(plans), 1)]):
             if n > 0 and planner.late():
                 break
             plans.append(self._begin(batch, j))
@@ -109,9 +113,8 @@ class Cycle:
         unchanged = unchanged and plans[0] is continued
         plans = [self._with_deviation(plan, candidates) for plan in plans]
         finished = tuple(plan.plan for plan in plans)
-        chosen = answer(
-            planner, plans[0], finished, (*ranking, *refused), self._lead, deficit, unchanged
-        )
+        ranking = (*batch.ranked(order), *refused)
+        chosen = answer(planner, plans[0], finished, ranking, self._lead, deficit, unchanged)
         self._time("choose")
         return chosen
 

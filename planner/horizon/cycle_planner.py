@@ -19,7 +19,11 @@ from slopewise.planner.horizon.path_projection import departure_of
 from slopewise.planner.path import PathBatch
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.pipeline.plan_finalizer import Unfinished, finish
-from slopewise.planner.pipeline.time_optimal_batch import TimeOptimalBatch, time_optimal_batch
+from slopewise.planner.pipeline.time_optimal_batch import (
+    Finalists,
+    TimeOptimalBatch,
+    time_optimal_batch,
+)
 from slopewise.planner.plan import SpeedPlan
 from slopewise.planner.settings import PlannerSettings
 
@@ -54,13 +58,20 @@ class CyclePlanner:
         vehicle = self.model.vehicle
         return stations_along(self.elevation_map, path.x, path.y, path.count, vehicle)[:, 0]
 
-    def solve(self, paths: PathBatch, clear: Floats, start: float | Floats) -> TimeOptimalBatch:
+    def solve(
+        self,
+        paths: PathBatch,
+        clear: Floats,
+        start: float | Floats,
+        finalists: Finalists | None = None,
+    ) -> TimeOptimalBatch:
         """Time-optimal profiles of M candidates.
 
         Args:
             paths: on even stations.
             clear: (M,) station up to which each is known to be free; below 0 nothing is [m].
             start: speed at the first station, one for all or (M,) [m/s].
+            finalists: see `time_optimal_batch`.
         """
         return time_optimal_batch(
             self.elevation_map,
@@ -72,6 +83,7 @@ class CyclePlanner:
             conditions=self.conditions,
             uncertainty=self.uncertainty,
             departure=departure_of(paths, self.state),
+            finalists=finalists,
         )
 
     def finish(

@@ -52,6 +52,7 @@ class Horizon:
         self.planner = planner or PlannerSettings()
         self.uncertainty = uncertainty or Uncertainty()
         self._previous: PreviousPlan | None = None
+        self._best: frozenset[str] = frozenset()
         self._ages: deque[float] = deque(maxlen=_AGES)
         self.learn(model)
 
@@ -115,8 +116,11 @@ class Horizon:
             started,
             state,
         )
-        cycle = Cycle(planner, self._previous)
+        cycle = Cycle(planner, self._previous, self._best)
         answer, self._previous = cycle.run(offered, behind_the_front(free, self.model))
+        # The best of a cycle are likely to be the best of the next one.
+        best = answer.ranking[: self.settings.smoothed]
+        self._best = frozenset(ranked.candidate for ranked in best)
         return replace(answer, seconds=cycle.seconds)
 
 

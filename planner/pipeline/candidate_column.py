@@ -209,7 +209,7 @@ class CandidateColumn:
         """
         terms = self._terms
         if stations_only:
-            terms = terms._replace(between=0, changes=False)
+            terms = terms._replace(between=0, changes=False, all_loads=False)
         if decel is not None:
             terms = terms._replace(limits=terms.limits._replace(decel=decel))
         barrier = None if self.blocked is None else self.barrier

@@ -7,10 +7,11 @@ from here; the second half is :mod:`slopewise.planner.pipeline.plan_finalizer`.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
-from slopewise.models.arrays import Bools, Floats
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.parameters import Model
 from slopewise.planner.bounds.speed_bounds import SpeedBounds, speed_bounds
@@ -23,8 +24,9 @@ from slopewise.planner.pipeline.band_bounds import BandGround
 from slopewise.planner.planning_limits import PlanningLimits, planning_limits
 from slopewise.planner.profile.problems import profile_problem
 from slopewise.planner.settings import PlannerSettings, Solver
-from slopewise.planner.swept.convergence import Departure
-from slopewise.planner.swept.hazards import Hazards, swept_hazards
+from slopewise.planner.swept.convergence import Departure, is_off_line
+from slopewise.planner.swept.hazards import Hazards, HazardSearch
+from slopewise.planner.swept.sweeper import SweptPoses
 
 ROUNDING = 1e-9
 """Excess of v² at the start over what service braking can bring down [m²/s²]."""
@@ -72,6 +74,20 @@ class TimeOptimalBatch:
         return np.ascontiguousarray(self.speed_sq[: self.profile.count[j], j])
 
 
+class Finalists(Protocol):
+    """Candidates of a batch that plans may be made from.
+
+    Attributes:
+        expected: indices of the likely ones.
+    """
+
+    expected: Ints
+
+    def of(self, solved: TimeOptimalBatch) -> Ints:
+        """Their indices; profiles of others ignore the way to them, and are no slower for that."""
+        ...
+
+
 def time_optimal_batch(
     elevation_map: ElevationMap,
     paths: PathBatch,
@@ -83,6 +99,7 @@ def time_optimal_batch(
     conditions: GroundConditions | None = None,
     uncertainty: Uncertainty | None = None,
     departure: Departure | None = None,
+    finalists: Finalists | None = None,
 ) -> TimeOptimalBatch:
     """Time-optimal profiles along candidates that are on even stations already.
 
@@ -96,6 +113,7 @@ def time_optimal_batch(
         conditions: those of this moment.
         uncertainty: what the plans are to survive; then ``model`` is its cautious one already.
         departure: vehicle pose relative to the candidates; None: it is on all of them.
+        finalists: candidates to which the way of the vehicle is swept; None: all.
     """
     profile = terrain_profile(
         elevation_map, paths.x, paths.y, paths.count, model.vehicle, model.steering_geometry
@@ -103,18 +121,36 @@ def time_optimal_batch(
     profile = replace(profile, follower_offset=paths.follower_offset)
     ground = ground_along(profile, model, elevation_map.class_names, conditions, uncertainty)
     errors = survived_errors(model, uncertainty)
-    solved = solve(
-        profile,
-        ground,
-        model,
-        start_speed=start_speed,
-        clear=clear,
-        speed_limit=paths.speed_limit,
-        settings=settings,
-        hazards=swept_hazards(elevation_map, profile, model, errors=errors, departure=departure),
-    )
+    search = HazardSearch.along(elevation_map, profile, model, errors)
+
     around = BandGround(elevation_map, errors, conditions, uncertainty)
-    return replace(solved, around=around)
+
+    def solved_with(swept: SweptPoses) -> TimeOptimalBatch:
+        solved = solve(
+            profile,
+            ground,
+            model,
+            start_speed=start_speed,
+            clear=clear,
+            speed_limit=paths.speed_limit,
+            settings=settings,
+            hazards=search.hazards(swept),
+        )
+        return replace(solved, around=around)
+
+    if departure is None:
+        return solved_with(search.line)
+    swept, unswept = search.line, is_off_line(profile, departure, model)
+    lanes = np.arange(len(unswept)) if finalists is None else finalists.expected
+    while True:
+        lanes = lanes[unswept[lanes]]
+        if len(lanes) > 0:
+            unswept[lanes] = False
+            swept = search.sweeper.with_convergence(swept, profile, departure, lanes)
+        solved = solved_with(swept)
+        lanes = np.flatnonzero(unswept) if finalists is None else finalists.of(solved)
+        if not unswept[lanes].any():
+            return solved
 
 
 def solve(

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slopewise.models.arrays import Floats, Ints
+from slopewise.models.arrays import Bools, Floats, Ints
 from slopewise.models.parameters import Model
 from slopewise.models.quantity import GRAVITY
 from slopewise.planner.ground.terrain_profile import BodyRows, TerrainProfile
@@ -62,6 +62,12 @@ class Departure(NamedTuple):
     speed: float
     age: float
 
+    def only(self, lanes: Ints) -> Departure:
+        """The vehicle relative to some of the lines, by their indices."""
+        return self._replace(
+            segment=self.segment[lanes], along=self.along[lanes], offset=self.offset[lanes]
+        )
+
 
 class Convergence(NamedTuple):
     """Poses of the body on the way to M lines, at their first K stations, (K, M) each.
@@ -69,7 +75,7 @@ class Convergence(NamedTuple):
     Attributes:
         body: middle of all courses. across: what they differ by, to either side [m].
         longer: what the body is longer by, ahead and behind, where headings differ [m].
-        offset, turned: (M,) offset [m] and heading error [rad] of the vehicle, 0 on the line.
+        turned: (M,) heading error of the vehicle [rad].
         speed: highest one at which the sharpest course keeps to the lateral limits, inf up to the
             station ahead of the vehicle [m/s].
     """
@@ -77,27 +83,33 @@ class Convergence(NamedTuple):
     body: BodyRows
     across: Floats
     longer: float
-    offset: Floats
     turned: Floats
     speed: Floats
 
 
+def is_off_line(profile: TerrainProfile, departure: Departure, model: Model) -> Bools:
+    """Return True for each of M lines that the vehicle is not on, so that it has a way to it."""
+    turned = _heading_error(profile, departure)
+    away: Bools = np.abs(departure.offset) + _arm(model) * np.abs(np.sin(turned)) > _ON_LINE
+    return away
+
+
+def _arm(model: Model) -> float:
+    """Distance from the reference point to the farther end of the body [m]."""
+    shape = model.vehicle.shape
+    return max(shape.front, shape.rear) + model.steering_geometry.body_offset
+
+
 def convergence(
     profile: TerrainProfile, departure: Departure, model: Model, latency: float
-) -> Convergence | None:
-    """The way of the vehicle to its lines; None where it is on all of them.
+) -> Convergence:
+    """The way of the vehicle to lines that it is off.
 
     Args:
         profile: M candidates. departure: vehicle pose relative to them.
         model: vehicle and limits. latency: from the measured state to its use, at most [s].
     """
-    shape = model.vehicle.shape
-    arm = max(shape.front, shape.rear) + model.steering_geometry.body_offset
-    offset, turned = departure.offset, _heading_error(profile, departure)
-    is_off_line = np.abs(offset) + arm * np.abs(np.sin(turned)) > _ON_LINE
-    if not is_off_line.any():
-        return None
-    offset, turned = np.where(is_off_line, offset, 0.0), np.where(is_off_line, turned, 0.0)
+    arm, offset, turned = _arm(model), departure.offset, _heading_error(profile, departure)
     late = max(departure.speed, 0.0) * latency
     shortest, longest = _lookaheads(model, departure.speed, offset, turned)
     amplitude = 4.0 * np.abs(offset) + 2.0 * (late + longest + arm) * np.abs(turned)
@@ -110,8 +122,7 @@ def convergence(
     return Convergence(
         _moved(profile, lateral[0], error[0], model.steering_geometry.body_offset),
         lateral[1] + arm * np.sin(error[1]),
-        0.5 * shape.width * math.sin(float(error[1].max())),
-        offset,
+        0.5 * model.vehicle.shape.width * math.sin(float(error[1].max())),
         turned,
         _highest_speed(profile, departure, model, distance, curvature),
     )

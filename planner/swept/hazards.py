@@ -18,7 +18,6 @@ from slopewise.planner.ground.steering_limits import SteeringLimits, steering_li
 from slopewise.planner.ground.terrain_profile import TerrainProfile
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.plan import Obstacle
-from slopewise.planner.swept.convergence import Departure
 from slopewise.planner.swept.sentences import LIMITING_OF_KIND, Kind, obstacle_of, too_tight
 from slopewise.planner.swept.sizes import SweptSizes, swept_sizes
 from slopewise.planner.swept.sweeper import Sweeper, SweptPoses
@@ -54,6 +53,74 @@ class Hazards:
     searched: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class HazardSearch:
+    """Hazards of lines; those of the way of a vehicle to some of them are searched for separately.
+
+    Attributes:
+        profile: M candidates of up to N stations.
+        sweeper: of body and wheels. line: what it found along the candidates.
+        steering: turns that cannot be made, None where the steering makes all.
+        rough_speed: (N, M) highest speed that the ground's roughness allows [m/s].
+    """
+
+    profile: TerrainProfile
+    sweeper: Sweeper
+    line: SweptPoses
+    steering: SteeringLimits | None
+    rough_speed: Floats
+
+    @classmethod
+    def along(
+        cls,
+        elevation_map: ElevationMap,
+        profile: TerrainProfile,
+        model: Model,
+        errors: InputErrors = _NO_ERRORS,
+        lifted: Collection[Limiting] = (),
+    ) -> HazardSearch:
+        """Search the lines; arguments as of `swept_hazards`."""
+        sizes = swept_sizes(model.vehicle, elevation_map.resolution)
+        # The first station may be next to the second one, where a vehicle is on its previous plan.
+        steps = np.hypot(np.diff(profile.x[:3], axis=0), np.diff(profile.y[:3], axis=0))
+        spacing = np.maximum(steps.max(axis=0), _MIN_SPACING)
+        blocks = np.where(np.isin(_LIMITING_OF_KIND, list(lifted)), 0, _LIMITING_OF_KIND)
+        sweeper = Sweeper(elevation_map, model, sizes, errors, blocks, float(spacing.max()))
+        return cls(
+            profile,
+            sweeper,
+            sweeper.sweep(profile),
+            steering_limits(profile, model.steering_geometry),
+            rough_speeds(elevation_map, profile, model, sizes, spacing),
+        )
+
+    def hazards(self, swept: SweptPoses) -> Hazards:
+        """Hazards by what is swept: the lines, and the way to some of them."""
+        steering, code, speed = self.steering, swept.code, swept.speed
+        if steering is not None:
+            code = np.where(steering.blocked & (code == 0), _STEERING, code)
+            speed = steering.speed if speed is None else np.minimum(steering.speed, speed)
+        return Hazards(code, self.rough_speed, speed, self._obstacles(swept, code), swept.searched)
+
+    def _obstacles(self, swept: SweptPoses, code: Ints) -> Callable[[int, int], Obstacle | None]:
+        """Obstacles at stations of candidates, by the codes and findings of the sweep."""
+        profile, steering, sizes = self.profile, self.steering, self.sweeper.sizes
+        max_curvature = self.sweeper.model.steering_geometry.max_curvature
+
+        def obstacle(j: int, k: int) -> Obstacle | None:
+            if code[k, j] == 0:
+                return None
+            if code[k, j] == _STEERING and steering is not None:
+                x, y = float(profile.x[k, j]), float(profile.y[k, j])
+                curvature = max(abs(profile.curvature[k, j]), abs(steering.curvature[k, j]))
+                message = too_tight(x, y, float(curvature), max_curvature)
+                return Obstacle(Limiting.STEERING, x, y, 0.0, message)
+            pose = tuple(float(row[k, j]) for row in swept.body)
+            return obstacle_of(swept.found[j], pose, sizes, swept.departures[j])
+
+        return obstacle
+
+
 def swept_hazards(
     elevation_map: ElevationMap,
     profile: TerrainProfile,
@@ -61,7 +128,6 @@ def swept_hazards(
     *,
     errors: InputErrors = _NO_ERRORS,
     lifted: Collection[Limiting] = (),
-    departure: Departure | None = None,
 ) -> Hazards:
     """Hazards of wheels and body along candidates, and how fast rough ground may be driven.
 
@@ -74,34 +140,9 @@ def swept_hazards(
         model: vehicle and limits.
         errors: of tracking, at the quantile of the plan.
         lifted: bounds that do not count, for what-if questions.
-        departure: vehicle pose relative to the candidates; None: it is on all of them.
     """
-    vehicle, geometry = model.vehicle, model.steering_geometry
-    sizes = swept_sizes(vehicle, elevation_map.resolution)
-    # The first station may be next to the second one, where a vehicle is on its previous plan.
-    steps = np.hypot(np.diff(profile.x[:3], axis=0), np.diff(profile.y[:3], axis=0))
-    spacing = np.maximum(steps.max(axis=0), _MIN_SPACING)
-    blocks = np.where(np.isin(_LIMITING_OF_KIND, list(lifted)), 0, _LIMITING_OF_KIND)
-    sweeper = Sweeper(elevation_map, model, sizes, errors, blocks, float(spacing.max()))
-    swept = sweeper.sweep(profile)
-    if departure is not None:
-        swept = sweeper.with_convergence(swept, profile, departure)
-    steering, steering_speed = steering_limits(profile, geometry), None
-    if steering is not None:
-        swept.code[steering.blocked & (swept.code == 0)] = _STEERING
-        steering_speed = steering.speed
-    if swept.speed is not None:
-        if steering_speed is None:
-            steering_speed = np.full(profile.x.shape, np.inf)
-        part = steering_speed[: len(swept.speed)]
-        np.minimum(part, swept.speed, out=part)
-    return Hazards(
-        swept.code,
-        rough_speeds(elevation_map, profile, model, sizes, spacing),
-        steering_speed,
-        _obstacles(profile, swept, sizes, steering, geometry.max_curvature),
-        swept.searched,
-    )
+    search = HazardSearch.along(elevation_map, profile, model, errors, lifted)
+    return search.hazards(search.line)
 
 
 def rough_speeds(
@@ -127,26 +168,3 @@ def rough_speeds(
     ride = *bounce, limits.vertical_accel, limits.speed, noise, elevation_map.resolution
     grid = height_grid(elevation_map, vehicle)
     return core.roughness_speeds(grid, profile, spacing, sizes, ride)
-
-
-def _obstacles(
-    profile: TerrainProfile,
-    swept: SweptPoses,
-    sizes: SweptSizes,
-    steering: SteeringLimits | None,
-    max_curvature: float,
-) -> Callable[[int, int], Obstacle | None]:
-    """Obstacles at stations of candidates, by the codes and findings of the sweep."""
-
-    def obstacle(j: int, k: int) -> Obstacle | None:
-        if swept.code[k, j] == 0:
-            return None
-        if swept.code[k, j] == _STEERING and steering is not None:
-            x, y = float(profile.x[k, j]), float(profile.y[k, j])
-            curvature = max(abs(profile.curvature[k, j]), abs(steering.curvature[k, j]))
-            message = too_tight(x, y, float(curvature), max_curvature)
-            return Obstacle(Limiting.STEERING, x, y, 0.0, message)
-        pose = tuple(float(row[k, j]) for row in swept.body)
-        return obstacle_of(swept.found[j], pose, sizes, swept.departures[j])
-
-    return obstacle

@@ -23,12 +23,8 @@ _CELL_SHARE = 0.5
 """Bands of one map are rounded up to this share of a cell [1], so that its broad phase serves all
 candidates of a cycle and of the next ones."""
 
-_COARSE = 0.05
-"""Sizes that change with each pose are rounded up to that [m], for the same reason."""
-
-_CACHED = 8
-"""Broad phases that are cached [1], those used last: of lines and of ways to them, whose bands and
-lengths change from cycle to cycle."""
+_CACHED = 4
+"""Broad phases that are cached [1], those used last."""
 
 _WIDER = 0.25
 """By how much wider a band a broad phase may be for it to serve another one [m]: it then clears
@@ -53,6 +49,11 @@ class BandWidth(NamedTuple):
     body_offset: float
 
 
+_SWEPT_ROWS = (
+    *("x", "y", "station", "heading_x", "heading_y"),
+    *("curvature", "sin_roll", "known", "twist"),
+)
+
 _Key = tuple[ElevationMap, SweptSizes, BandWidth | None]
 _recent: tuple[tuple[_Key, core.BroadPhase], ...] = ()
 """Replaced as a whole, never changed: threads need no lock."""
@@ -67,7 +68,7 @@ class SweptPoses:
         body: (N, M) poses that were swept.
         departures: (M,) sentences on where the vehicle comes from, where that decided.
         searched: poses that the screen of the map did not clear.
-        speed: highest speeds of the turn back to the lines, (K, M) [m/s]; None on them.
+        speed: highest speeds of the turns back to the lines, (N, M) [m/s]; None without any.
     """
 
     code: Ints
@@ -101,9 +102,7 @@ class Sweeper:
         """Bars along the lines, or on the way to them."""
         sizes, body, added_band = self.sizes, profile.body, None
         if converging is not None:
-            body, added_band = converging.body, converging.across
-            # In steps, so that the broad phase serves the next poses as well.
-            longer = _COARSE * math.ceil(converging.longer / _COARSE)
+            body, added_band, longer = converging.body, converging.across, converging.longer
             sizes = sizes._replace(front=sizes.front + longer, rear=sizes.rear + longer)
         stations, candidates = body.x.shape
         code, found = np.empty((stations, candidates), np.int64), np.zeros((candidates, 4))
@@ -139,55 +138,65 @@ class Sweeper:
             profile: M candidates of at least as many stations as poses. body: N poses of each.
             added_band: to that of tracking errors, (N, M) [m].
         """
-        across = band = None
+        across, band, elevation_map = None, None, self.elevation_map
+        ahead, turned = self.model.steering_geometry.body_offset, math.sin(self.errors.heading)
         if added_band is not None or self.errors.has_band:
             across = self.errors.across(profile.curvature[: len(body.x)])
-            step = _CELL_SHARE * self.elevation_map.resolution
-            if added_band is not None:
-                across, step = across + added_band, max(step, _COARSE)
-            widest = step * math.ceil(float(across.max()) / step)
-            ahead = self.model.steering_geometry.body_offset
-            band = BandWidth(widest, math.sin(self.errors.heading), ahead)
-        grid = broad_phase_for(self.elevation_map, sizes, band, body.x, body.y)
+            step = _CELL_SHARE * elevation_map.resolution
+            band = BandWidth(step * math.ceil(float(across.max()) / step), turned, ahead)
+        if across is None or added_band is None:
+            grid = broad_phase_for(elevation_map, sizes, band, body.x, body.y)
+            return grid.sweep(body, profile, self.spacing, across, self.blocks)
+        across = across + added_band
+        band = BandWidth(float(across.max()), turned, ahead)
+        grid = broad_phase_for(elevation_map, self.sizes, None, body.x, body.y, any_band=True)
+        grid = grid.widened(sizes, band)
+        if not grid.covers(body.x, body.y):
+            grid = broad_phase_for(elevation_map, sizes, band, body.x, body.y)
         return grid.sweep(body, profile, self.spacing, across, self.blocks)
 
     def with_convergence(
-        self, line: SweptPoses, profile: TerrainProfile, departure: Departure
+        self, swept: SweptPoses, profile: TerrainProfile, departure: Departure, lanes: Ints
     ) -> SweptPoses:
-        """The first obstacle of each line, and of the vehicle before it has converged to it."""
+        """The same with the way of the vehicle to some lines, by their indices: what is met first.
+
+        Args:
+            swept: what was found before.
+            profile: M candidates. departure: vehicle pose relative to them.
+            lanes: candidates that the vehicle is off, and to which no way was swept before.
+        """
+        if len(lanes) == 0:
+            return swept
+        part = _only(profile, lanes)
         late = self.errors.latency + departure.age
-        converging = convergence(profile, departure, self.model, late)
-        if converging is None:
-            return line
-        way = self.sweep(profile, converging)
-        departures, body = list(line.departures), [rows.copy() for rows in line.body]
-        n = len(way.code)
-        for j in np.flatnonzero(way.code.any(axis=0)):
-            k = int(np.argmax(way.code[:, j] > 0))
-            if line.code[: k + 1, j].any():
+        converging = convergence(part, departure.only(lanes), self.model, late)
+        way = self.sweep(part, converging)
+        code, found, body = swept.code.copy(), swept.found.copy(), [a.copy() for a in swept.body]
+        departures, n = list(swept.departures), len(way.code)
+        for i in np.flatnonzero(way.code.any(axis=0)):
+            j, k = lanes[i], int(np.argmax(way.code[:, i] > 0))
+            if code[: k + 1, j].any():
                 continue
-            line.code[:, j] = 0
-            line.code[:n, j], line.found[j] = way.code[:, j], way.found[j]
+            code[:, j] = 0
+            code[:n, j], found[j] = way.code[:, i], way.found[i]
             for rows, moved in zip(body, way.body, strict=True):
-                rows[:n, j] = moved[:, j]
-            departures[j] = departure_sentence(
-                float(converging.offset[j]), float(converging.turned[j])
-            )
-        body_rows = BodyRows(*body)
-        return replace(
-            line,
-            body=body_rows,
-            departures=tuple(departures),
-            searched=line.searched + way.searched,
-            speed=converging.speed,
-        )
+                rows[:n, j] = moved[:, i]
+            departures[j] = departure_sentence(departure.offset[j], float(converging.turned[i]))
+        speed = np.full(profile.x.shape, np.inf) if swept.speed is None else swept.speed.copy()
+        speed[:n, lanes] = converging.speed
+        searched = swept.searched + way.searched
+        return SweptPoses(code, found, BodyRows(*body), tuple(departures), searched, speed)
 
 
 def _only(profile: TerrainProfile, lanes: Ints) -> TerrainProfile:
     """Some candidates, by their indices, with what is swept."""
-    names = ("station", "known", "twist", "curvature")
-    rows = _columns((getattr(profile, name) for name in names), lanes)
-    return replace(profile, count=profile.count[lanes], **dict(zip(names, rows, strict=True)))
+    if len(lanes) == len(profile.count):
+        return profile
+    body, offset = BodyRows(*_columns(profile.body, lanes)), profile.follower_offset
+    rows = _columns((getattr(profile, name) for name in _SWEPT_ROWS), lanes)
+    part = replace(profile, count=profile.count[lanes], body=body)
+    part = replace(part, follower_offset=None if offset is None else offset[:, lanes])
+    return replace(part, **dict(zip(_SWEPT_ROWS, rows, strict=True)))
 
 
 def _columns(rows: Iterable[Any], lanes: Ints) -> list[Any]:
@@ -198,7 +207,13 @@ def _columns(rows: Iterable[Any], lanes: Ints) -> list[Any]:
 
 
 def broad_phase_for(
-    elevation_map: ElevationMap, sizes: SweptSizes, band: BandWidth | None, x: Floats, y: Floats
+    elevation_map: ElevationMap,
+    sizes: SweptSizes,
+    band: BandWidth | None,
+    x: Floats,
+    y: Floats,
+    *,
+    any_band: bool = False,
 ) -> core.BroadPhase:
     """The broad phase of the part of a map, which never changes, around positions.
 
@@ -207,19 +222,20 @@ def broad_phase_for(
         sizes: vehicle sizes on it.
         band: how far the vehicle may be off its line, None if it is exactly on it.
         x, y: (N, M) middles of the wheelbase [m]; those beyond the map are taken as on its edge.
+        any_band: one for another band will do as well.
     """
     global _recent
-    margin = 0.0
+    key, margin = (elevation_map, sizes, band), 0.0
     for entry in _recent:
         (ground, vehicle, swept_band), grid = entry
-        if ground is elevation_map and vehicle == sizes and _serves(swept_band, band):
+        if ground is elevation_map and vehicle == sizes and (any_band or _serves(swept_band, band)):
             if grid.covers(x, y):
                 _recent = (entry, *(e for e in _recent if e is not entry))
                 return grid
             margin = _MARGIN
     heights, resolution = elevation_map.elevation, elevation_map.resolution
     grid = core.BroadPhase(heights, *elevation_map.origin, resolution, sizes, band, x, y, margin)
-    _recent = (((elevation_map, sizes, band), grid), *_recent[: _CACHED - 1])
+    _recent = ((key, grid), *_recent[: _CACHED - 1])
     return grid
 
 

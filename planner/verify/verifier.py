@@ -182,6 +182,7 @@ def screen(
     model: Model,
     speed_limit: Floats | None = None,
     rough_speed: Floats | None = None,
+    lanes: Ints | None = None,
 ) -> Floats:
     """Verify M profiles of up to N stations, without the columns of a plan file.
 
@@ -191,6 +192,7 @@ def screen(
         model: vehicle and limits.
         speed_limit: (N, M) limits of the paths themselves [m/s].
         rough_speed: (N, M) limits of rough ground [m/s].
+        lanes: indices of those that are verified; None: all.
 
     Returns:
         (M, 19) worst breaches in the order of :class:`Violations`, 0 without one.
@@ -199,4 +201,5 @@ def screen(
     for bound in (speed_limit, rough_speed):
         limit = limit if bound is None else np.minimum(limit, bound)
     terms = terms_of(model, ground.motion, ground.errors, all_loads=False)
-    return core.verify_batch(profile, ground, limit, speed_sq, bounds.clear_distance, terms)
+    lanes = np.arange(len(profile.count)) if lanes is None else lanes
+    return core.verify_batch(profile, ground, limit, speed_sq, bounds.clear_distance, terms, lanes)

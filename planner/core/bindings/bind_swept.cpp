@@ -60,6 +60,13 @@ void make_broad_phase(MapBroadPhase* self, const Input2& elevation, double origi
   new (self) MapBroadPhase{std::move(kept), std::move(grid)};
 }
 
+MapBroadPhase widened(const MapBroadPhase& self, nb::handle sizes,
+                      const std::array<double, 3>& band) {
+  const VehicleEnvelope envelope = envelope_of(sizes);
+  const nb::gil_scoped_release release;
+  return {self.elevation, self.grid.widened(envelope, {band[0], band[1], band[2]})};
+}
+
 bool covers(const MapBroadPhase& self, const Input2& x, const Input2& y) {
   return self.grid.covers(positions_of(x, y));
 }
@@ -145,6 +152,7 @@ void bind_swept(nb::module_& m) {
   nb::class_<MapBroadPhase>(m, "BroadPhase")
       .def("__init__", &make_broad_phase, "elevation"_a.noconvert(), "origin_x"_a, "origin_y"_a,
            "resolution"_a, "sizes"_a, "band"_a.none(), "x"_a, "y"_a, "beside"_a)
+      .def("widened", &widened, "sizes"_a, "band"_a)
       .def("covers", &covers, "x"_a, "y"_a)
       .def("sweep", &sweep_paths, "body"_a, "profile"_a, "spacing"_a, "across"_a.none(),
            "code_of_kind"_a)

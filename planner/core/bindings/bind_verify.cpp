@@ -101,16 +101,22 @@ std::tuple<Made<double>, Made<double>, Made<Label>> verify_one(
 
 Made<double> verify_all(const nb::handle& profile, const nb::handle& ground,
                         const Input2& speed_limit, const Input2& speed_sq,
-                        const Input1& clear_distance, const nb::handle& terms) {
+                        const Input1& clear_distance, const nb::handle& terms,
+                        const Counts1& lanes) {
   const TrackRows source = track_rows_of(profile, ground, speed_limit);
   const Index n = source.terrain.stations, m = source.terrain.candidates;
   expect_shape("speed_sq", speed_sq, {n, m});
   expect_shape("clear_distance", clear_distance, {m});
-  const auto worst = make_array(m, breach_count);
+  const auto count = static_cast<Index>(lanes.shape(0));
+  for (Index i = 0; i < count; ++i) stations_of(source.terrain, lanes.data()[i]);
+  const auto worst = make_array(count, breach_count);
   const VerifyTerms by = terms_of(terms);
-  double* memory = Workspace::of_thread().reserve(verify_batch_memory(n));
+  double* memory = Workspace::of_thread().reserve(verify_lane_memory(n));
   const nb::gil_scoped_release release;
-  verify_batch(source, {speed_sq.data(), m}, clear_distance.data(), by, memory, worst.data());
+  for (Index i = 0; i < count; ++i) {
+    verify_lane(source, lanes.data()[i], {speed_sq.data(), m}, clear_distance.data(), by, memory,
+                worst.data() + i * static_cast<Index>(breach_count));
+  }
   return worst;
 }
 

@@ -9,6 +9,7 @@
 // it, for what a map does not show (`cleared` of VehicleEnvelope).
 #pragma once
 
+#include <memory>
 #include <optional>
 
 #include "swept/map_blocks.hpp"
@@ -28,12 +29,11 @@ struct ScreenedBlocks {
   // the ground around a wheel in the block [1]. Distance from any point of a block within which all
   // is known, at most the reach of the body [m].
   std::vector<float> relief, lift, stand, east, north, seen;
-  std::vector<float> relief_beside;  // highest relief within the band of a wheel, else inf
 
   ScreenedBlocks(Index block_rows, Index block_columns)
       : rows(block_rows), columns(block_columns), bits(count(), check_unknown | check_body),
         relief(count(), infinity), lift(count(), infinity), stand(count(), infinity),
-        east(count()), north(count()), seen(count()), relief_beside(count(), infinity) {}
+        east(count()), north(count()), seen(count()) {}
 
  private:
   static constexpr float infinity = std::numeric_limits<float>::infinity();
@@ -52,7 +52,7 @@ class BroadPhase {
         band_(width, vehicle, resolution, 1.0 / layout_.per_metre),
         sizes_(band_.widest_area(vehicle)),
         window_(map, layout_, sizes_, at, beside), limits_(sizes_, layout_.cells, resolution),
-        blocks_(window_.rows.size(), window_.columns.size()),
+        blocks_(std::make_shared<ScreenedBlocks>(window_.rows.size(), window_.columns.size())),
         origin_x_(map.origin_x + corner(window_.columns) * resolution),
         origin_y_(map.origin_y + corner(window_.rows) * resolution) {
     const ScreenOffsets offsets(sizes_, layout_.cells, resolution);
@@ -60,11 +60,23 @@ class BroadPhase {
     const Index pad = 2 + std::max(offsets.widest, 2 * limits_.fit + 1);
     MapBlocks ground(map, resolution, (window_.rows.first - pad) * layout_.cells,
                      (window_.columns.first - pad) * layout_.cells, layout_.cells,
-                     blocks_.rows + 2 * pad, blocks_.columns + 2 * pad,
+                     blocks_->rows + 2 * pad, blocks_->columns + 2 * pad,
                      static_cast<int>(limits_.fit) + 1);
-    for (Index row = 0; row < blocks_.rows; ++row) screen(ground, offsets, pad, row);
-    facets_ = std::move(ground.facets);
-    if (band_.any()) blocks_.relief_beside = highest_around(blocks_.relief, band_.blocks);
+    for (Index row = 0; row < blocks_->rows; ++row) screen(ground, offsets, pad, row);
+    facets_ = std::make_shared<const FacetGrid>(std::move(ground.facets));
+    if (band_.any()) relief_beside_ = highest_around(blocks_->relief, band_.blocks);
+  }
+
+  // The same ground for a vehicle that is longer or may be farther off its line: wheels feel what
+  // they feel, and no body is cleared.
+  [[nodiscard]] BroadPhase widened(const VehicleEnvelope& vehicle, BandWidth width) const {
+    BroadPhase out = *this;
+    out.vehicle_ = vehicle;
+    out.band_ = TrackingBand(width, vehicle, 1.0 / map_.per_metre, 1.0 / layout_.per_metre);
+    out.sizes_ = out.band_.widest_area(vehicle);
+    out.clears_bodies_ = false;
+    out.relief_beside_ = highest_around(blocks_->relief, out.band_.blocks);
+    return out;
   }
 
   // Are all blocks screened that poses at such positions ask about?
@@ -77,33 +89,40 @@ class BroadPhase {
   [[nodiscard]] const TrackingBand& band() const noexcept { return band_; }
   // Of the vehicle, as wide as its band is anywhere.
   [[nodiscard]] const VehicleEnvelope& sizes() const noexcept { return sizes_; }
-  [[nodiscard]] const FacetGrid& facets() const noexcept { return facets_; }
+  [[nodiscard]] const FacetGrid& facets() const noexcept { return *facets_; }
   [[nodiscard]] const BlockWindow& window() const noexcept { return window_; }
   [[nodiscard]] const ScreenLimits& limits() const noexcept { return limits_; }
-  [[nodiscard]] const ScreenedBlocks& blocks() const noexcept { return blocks_; }
-  [[nodiscard]] ScreenedBlocks& blocks() noexcept { return blocks_; }
+  [[nodiscard]] const ScreenedBlocks& blocks() const noexcept { return *blocks_; }
+  [[nodiscard]] ScreenedBlocks& blocks() noexcept { return *blocks_; }
+  // Highest relief within the band of a wheel, of each block [m].
+  [[nodiscard]] const std::vector<float>& relief_beside() const noexcept { return relief_beside_; }
+  // What a pose may meet with its middle in a block, apart from wheels.
+  [[nodiscard]] std::int32_t bits_of(std::int32_t block) const noexcept {
+    return clears_bodies_ ? blocks_->bits[static_cast<std::size_t>(block)]
+                          : check_unknown | check_body;
+  }
 
   // Block at a place, in rows laid one behind the other; the nearest where it is beyond.
   [[nodiscard]] std::int32_t block_at(double x, double y) const noexcept {
-    const auto rows = static_cast<double>(blocks_.rows - 1);
-    const auto columns = static_cast<double>(blocks_.columns - 1);
+    const auto rows = static_cast<double>(blocks_->rows - 1);
+    const auto columns = static_cast<double>(blocks_->columns - 1);
     const double u = min_of(max_of(0.0, (x - origin_x_) * layout_.per_metre), columns);
     const double v = min_of(max_of(0.0, (y - origin_y_) * layout_.per_metre), rows);
-    return static_cast<std::int32_t>(v) * static_cast<std::int32_t>(blocks_.columns) +
+    return static_cast<std::int32_t>(v) * static_cast<std::int32_t>(blocks_->columns) +
            static_cast<std::int32_t>(u);
   }
 
   // Height below which a wheel with its middle there stands, above the level of the facets [m].
   [[nodiscard]] double stands_below(const Place& at) const noexcept {
     const std::int32_t n = block_at(at.x, at.y);
-    const auto columns = static_cast<std::int32_t>(blocks_.columns), row = n / columns;
+    const auto columns = static_cast<std::int32_t>(blocks_->columns), row = n / columns;
     const auto block = static_cast<std::size_t>(n);
     const double edge = 1.0 / layout_.per_metre;
     const double x = at.x - origin_x_ - (static_cast<double>(n - row * columns) + 0.5) * edge;
     const double y = at.y - origin_y_ - (static_cast<double>(row) + 0.5) * edge;
-    return static_cast<double>(blocks_.stand[block]) +
-           static_cast<double>(blocks_.east[block]) * x +
-           static_cast<double>(blocks_.north[block]) * y;
+    return static_cast<double>(blocks_->stand[block]) +
+           static_cast<double>(blocks_->east[block]) * x +
+           static_cast<double>(blocks_->north[block]) * y;
   }
 
  private:
@@ -116,7 +135,7 @@ class BroadPhase {
   [[nodiscard]] std::vector<float> highest_around(const std::vector<float>& from,
                                                   Index far) const {
     std::vector<float> in_row = from, out;
-    const Index rows = blocks_.rows, columns = blocks_.columns;
+    const Index rows = blocks_->rows, columns = blocks_->columns;
     const auto take_in = [](std::vector<float>& into, const std::vector<float>& of, Index first,
                             Index end, Index away) {
       float* highest = into.data();
@@ -143,21 +162,21 @@ class BroadPhase {
     const BlockSpan span = window_.screened[static_cast<std::size_t>(row)];
     for (Index first = span.first; first < span.end; first += wide) {
       const Index lanes = std::min<Index>(wide, span.end - first);
-      const Index out = row * blocks_.columns + first;
+      const Index out = row * blocks_->columns + first;
       ResidualGround residual(ground, (row + pad) * ground.columns + pad + first, lanes, limits_);
       residual.visit_body(offsets.body);
-      residual.judge_body(blocks_.bits.data() + out);
-      residual.give_slopes(blocks_.east.data() + out, blocks_.north.data() + out);
+      residual.judge_body(blocks_->bits.data() + out);
+      residual.give_slopes(blocks_->east.data() + out, blocks_->north.data() + out);
       if (offsets.wheel.empty()) {
-        std::fill_n(blocks_.relief.data() + out, lanes, 0.0F);
-        std::fill_n(blocks_.lift.data() + out, lanes, 0.0F);
+        std::fill_n(blocks_->relief.data() + out, lanes, 0.0F);
+        std::fill_n(blocks_->lift.data() + out, lanes, 0.0F);
       } else {
         residual.visit_wheel(offsets.wheel);
-        residual.judge_wheel(blocks_.relief.data() + out, blocks_.lift.data() + out,
-                             blocks_.stand.data() + out);
+        residual.judge_wheel(blocks_->relief.data() + out, blocks_->lift.data() + out,
+                             blocks_->stand.data() + out);
       }
       residual.find_unknown(offsets.sight, static_cast<float>(sizes_.sight()),
-                            blocks_.seen.data() + out, blocks_.bits.data() + out);
+                            blocks_->seen.data() + out, blocks_->bits.data() + out);
     }
   }
 
@@ -168,9 +187,11 @@ class BroadPhase {
   VehicleEnvelope sizes_;
   BlockWindow window_;
   ScreenLimits limits_;
-  ScreenedBlocks blocks_;
+  std::shared_ptr<ScreenedBlocks> blocks_;
   double origin_x_, origin_y_;  // corner of block [0, 0] [m]
-  FacetGrid facets_;
+  std::shared_ptr<const FacetGrid> facets_;
+  std::vector<float> relief_beside_;
+  bool clears_bodies_ = true;
 };
 
 }  // namespace slopewise

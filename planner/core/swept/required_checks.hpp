@@ -52,7 +52,7 @@ inline void require_wheel_beside(const PoseRow& row, const BroadPhase& grid, int
                                  Checks& required) noexcept {
   const float cleared = grid.limits().cleared;
   Checks near{}, lanes, beside{};
-  require_wheel(grid.blocks().relief_beside, cleared, wheel, blocks, row.lanes, open, near);
+  require_wheel(grid.relief_beside(), cleared, wheel, blocks, row.lanes, open, near);
   std::array<double, wide> x, y, heading_x, heading_y, side, stride;
   Index count = 0, most = 0;
   for (Index j = 0; j < row.lanes; ++j) {
@@ -98,11 +98,10 @@ inline void require_body(const PoseRow& row, const BroadPhase& grid, const bool*
   for (Index j = 0; j < row.lanes; ++j) {
     blocks[static_cast<std::size_t>(j)] = grid.block_at(row.x[j], row.y[j]);
   }
-  const std::uint8_t* bits = grid.blocks().bits.data();
   for (Index j = 0; j < row.lanes; ++j) {
     const auto n = static_cast<std::size_t>(j);
     open[n] = known[j] ? open[n] : 0;
-    required[n] = bits[blocks[n]] & open[n];
+    required[n] = grid.bits_of(blocks[n]) & open[n];
   }
 }
 

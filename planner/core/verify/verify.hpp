@@ -317,31 +317,26 @@ inline void verify_plan(const VerifiedPlan& plan, const VerifyTerms& terms, cons
   detail::Verifier(plan, terms, notes, memory).run();
 }
 
-[[nodiscard]] inline Index verify_batch_memory(Index stations) noexcept {
+[[nodiscard]] inline Index verify_lane_memory(Index stations) noexcept {
   return (track_columns + 4) * stations + verify_memory(stations);
 }
 
-// The same verifier on time-optimal profiles v² (N, M) [m²/s²] of a batch, without what a plan tells;
-// `clear_distance` (M,) [m], `worst` receives (M, breach_count).
-inline void verify_batch(const TrackRows& rows, const Numbers& speed_sq,
-                         const double* clear_distance, const VerifyTerms& terms, double* memory,
-                         double* worst) noexcept {
+// The same verifier on one of the time-optimal profiles v² (N, M) [m²/s²] of a batch, without what a
+// plan tells; `clear_distance` (M,) [m], `worst` receives (breach_count,).
+inline void verify_lane(const TrackRows& rows, Index j, const Numbers& speed_sq,
+                        const double* clear_distance, const VerifyTerms& terms, double* memory,
+                        double* worst) noexcept {
   const Index stride = rows.terrain.stations;
   double *profile = memory + track_columns * stride, *told = profile + stride;
   std::array<const double*, track_columns> column{};
   for (std::size_t c = 0; c < column.size(); ++c) column[c] = memory + static_cast<Index>(c) * stride;
-  for (Index j = 0; j < rows.terrain.candidates; ++j) {
-    const auto count = static_cast<Index>(rows.terrain.counts[j]);
-    copy_columns(rows, j, 0, terms.motion.moves, memory, stride);
-    for (Index k = 0; k < count; ++k) profile[k] = speed_sq.at(k)[j];
-    const Track track = track_at(count, column);
-    const VerifiedPlan plan{track, track, profile, clear_distance[j],
-                            rows.forces.distance_offset[j]};
-    verify_plan(plan, terms,
-                {told, told + stride, told + 2 * stride,
-                 worst + j * static_cast<Index>(breach_count), nullptr},
-                told + 3 * stride);
-  }
+  const auto count = static_cast<Index>(rows.terrain.counts[j]);
+  copy_columns(rows, j, 0, terms.motion.moves, memory, stride);
+  for (Index k = 0; k < count; ++k) profile[k] = speed_sq.at(k)[j];
+  const Track track = track_at(count, column);
+  const VerifiedPlan plan{track, track, profile, clear_distance[j], rows.forces.distance_offset[j]};
+  verify_plan(plan, terms, {told, told + stride, told + 2 * stride, worst, nullptr},
+              told + 3 * stride);
 }
 
 }  // namespace slopewise::verify

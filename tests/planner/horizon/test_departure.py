@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.elevation_map import ElevationMap
 from slopewise.models.input_errors import Tracking
 from slopewise.planner.ground.uncertainty import Uncertainty
 from slopewise.planner.horizon.answer import CycleAnswer, HorizonSettings, PlanarState
 from slopewise.planner.horizon.horizon import Horizon
-from slopewise.planner.plan import Status
+from slopewise.planner.horizon.path_projection import departure_of
+from slopewise.planner.pipeline.candidates import CandidatePlanner
+from slopewise.planner.plan import SpeedPlan, Status
 from slopewise.planner.settings import PlannerSettings
 from tests.world.ground import arc, plane, straight
 from tests.world.vehicles import ATV, G, model_of
@@ -155,3 +159,35 @@ def test_the_distance_driven_since_an_old_pose_stays_free(age: float) -> None:
     left = (plan.clear_distance - plan.station - way)[v > 0.0]
     assert left.min() >= -1e-6
     assert left.min() <= 0.1
+
+
+def test_a_finished_candidate_knows_the_way_to_it_as_if_it_were_the_only_one() -> None:
+    """Courses to the best candidates alone are swept; what blocks one makes another the best."""
+    rng, changed = np.random.default_rng(15), 0
+    settings = HorizonSettings(budget=60.0, smoothed=2)
+
+    def planned(state: PlanarState, lines: list[CandidatePath]) -> CycleAnswer:
+        return Horizon(MODEL, settings, PlannerSettings(), MEAN).step(state, lines, ground)
+
+    def alone_with(state: PlanarState, line: list[CandidatePath]) -> list[SpeedPlan]:
+        departs = partial(departure_of, state=state)
+        planner = CandidatePlanner(MODEL, uncertainty=MEAN)
+        return planner.plan(ground, line, start_speed=state.speed, departs=departs)
+
+    lines = [
+        CandidatePath(f"{y:g}", np.array([[0.0, y], [14.0, y]])) for y in np.linspace(-0.4, 0.4, 9)
+    ]
+    for _ in range(30):
+        ground = with_block((rng.uniform(1.8, 3.5), rng.uniform(-1.3, 1.3)), EDGE)
+        turned, speed = rng.uniform(-0.25, 0.25), rng.uniform(0.0, 1.0)
+        state = PlanarState(x=0.0, y=rng.uniform(-0.2, 0.2), heading=turned, speed=speed)
+        on_line = planned(replace(state, y=0.0, heading=0.0), lines)
+        together = planned(state, lines)
+        assert len(together.plans) == 2
+        for plan in together.plans:
+            line = [line for line in lines if line.name == plan.candidate]
+            (alone,) = alone_with(state, line)
+            assert plan.clear_distance <= alone.clear_distance + 1e-9, plan.candidate
+            assert (plan.speed <= alone.speed_bound + 1e-9).all()
+        changed += together.ranking[0].candidate != on_line.ranking[0].candidate
+    assert changed > 5

@@ -71,8 +71,11 @@ void plans() {
   if (sometimes(0.1)) speed_sq[static_cast<std::size_t>(whole(0, n * m - 1))] = std::nan("");
   const auto clear = numbers(m, 0, 20);
   std::vector<double> worst(static_cast<std::size_t>(m) * breach_count),
-      memory(static_cast<std::size_t>(verify_batch_memory(n)));
-  verify_batch(rows, {speed_sq.data(), m}, clear.data(), by, memory.data(), worst.data());
+      memory(static_cast<std::size_t>(verify_lane_memory(n)));
+  for (Index j = 0; j < m; ++j) {
+    verify_lane(rows, j, {speed_sq.data(), m}, clear.data(), by, memory.data(),
+                worst.data() + j * static_cast<Index>(breach_count));
+  }
   for (const double each : worst) expect(each >= 0.0, "breaches are not negative");
   const Index j = whole(0, m - 1), stations = static_cast<Index>(batch.count[static_cast<std::size_t>(j)]);
   std::vector<double> columns(static_cast<std::size_t>(track_columns * stations));
