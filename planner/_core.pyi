@@ -145,6 +145,16 @@ def verify(
     beyond: int,
     terms: object,
 ) -> tuple[Floats, Floats, Ints]: ...
+def raise_held(
+    track: tuple[Floats, ...],
+    speed_sq: Floats,
+    bound: Floats,
+    clear_distance: float,
+    distance_offset: float,
+    beyond: int,
+    steps: int,
+    terms: object,
+) -> tuple[Floats, Ints]: ...
 def verify_batch(
     profile: TerrainProfile,
     ground: BrakingGround,

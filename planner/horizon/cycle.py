@@ -94,7 +94,7 @@ class Cycle:
             # One more candidate costs next to nothing, solved alone as much as twenty.
             together = joined(rest, self._ahead.path)
             free, starts = np.append(free, self._ahead.clear), np.append(starts, self._ahead.start)
-        count = max(self._settings.smoothed, 1)
+        count = max(self._settings.smoothed - (index is not None), 1)
         best = BestCandidates(rest, len(starts), index, gain, count, self._best_before)
         planner.solve(together, free, starts, best)
         self._time("plan")
@@ -103,7 +103,7 @@ class Cycle:
         plans = [] if continued is None else [continued]
         # The previous plan and the best other candidate are finished at any time.
         rest_of_order = [j for j in order if j != index]
-        for n, j in enumerate(rest_of_order[: max(count - len(plans), 1)]):
+        for n, j in enumerate(rest_of_order[:count]):
             if n > 0 and planner.late():
                 break
             plans.append(self._begin(batch, j))

@@ -21,7 +21,7 @@ from slopewise.planner.plan import Momentum, Obstacle
 from slopewise.planner.profile.problems import ProfileProblem
 from slopewise.planner.verify.ground import GroundFinding, first_blocked
 from slopewise.planner.verify.terms import terms_of
-from slopewise.planner.verify.verifier import Verification, check, track_of
+from slopewise.planner.verify.verifier import Verification, beyond_of, check, track_of
 
 _CHANGES = (Limiting.ACCEL, Limiting.DECEL)
 
@@ -158,19 +158,17 @@ class CandidateColumn:
         Bounds take a stop by chords and tangents, and do not know every turn that one from a higher
         speed than planned comes to; from a still higher one it may brake behind the turn.
         """
-        above = np.maximum(self.speed_sq_max - speed_sq, 0.0)
-        highest, label, passes = speed_sq, label.copy(), above > 0.0
-        for n in range(1, _TRIED + 1):
-            if not passes.any():
-                break
-            tried = speed_sq + np.where(passes, n / _TRIED, 0.0) * above
-            verdict = self.verify(tried, stations_only=True)
-            if n == 1:
-                first = passes[verdict.where] & (verdict.broken != Limiting.SPEED_LIMIT)
-                label[verdict.where[first]] = verdict.broken[first]
-            passes[verdict.where] = False
-            highest = np.where(passes, tried, highest)
-        return highest, label
+        beyond, terms = beyond_of(self._barrier), self._terms
+        highest, broken = core.raise_held(
+            self.track, speed_sq, self.speed_sq_max, self.clear, self.offset, beyond, _TRIED, terms
+        )
+        names_it = (broken >= 0) & (broken != Limiting.SPEED_LIMIT)
+        return highest, np.where(names_it, broken, label)
+
+    @property
+    def _barrier(self) -> Limiting | None:
+        """Bound of the ground before which the verifier alone ends the clear distance."""
+        return None if self.blocked is None else self.barrier
 
     @property
     def obstacle(self) -> Obstacle | None:
@@ -200,20 +198,13 @@ class CandidateColumn:
         ends_there = run_up is not None and run_up.until >= self.track.station[reach - 1]
         return None if ends_there and len(ends) else run_up
 
-    def verify(
-        self, speed_sq: Floats, *, decel: float | None = None, stations_only: bool = False
-    ) -> Verification:
-        """Exact constraints of a profile (N,); see :func:`slopewise.planner.verify.verifier.check`.
-
-        Changes of speed and what is between stations do not count for ``stations_only``.
-        """
+    def verify(self, speed_sq: Floats, *, decel: float | None = None) -> Verification:
+        """Verify a profile (N,) exactly; see :func:`slopewise.planner.verify.verifier.check`."""
         terms = self._terms
-        if stations_only:
-            terms = terms._replace(between=0, changes=False, all_loads=False)
         if decel is not None:
             terms = terms._replace(limits=terms.limits._replace(decel=decel))
-        barrier = None if self.blocked is None else self.barrier
-        return check(self.track, speed_sq, self.clear, self.offset, terms, self.even, barrier)
+        track, clear, even = self.track, self.clear, self.even
+        return check(track, speed_sq, clear, self.offset, terms, even, self._barrier)
 
     def fastest(self) -> tuple[Floats, bool]:
         """The fastest profile with the fixed prefix; and does service braking get it there?"""

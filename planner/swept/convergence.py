@@ -212,25 +212,20 @@ def _hull(
     late: float,
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats], Floats]:
     """Offsets [m] and headings [rad] of all courses: middle and half the range; curvature [1/m]."""
-    courses, curvature = [], np.zeros_like(distance)
-    for lookahead in (shortest, np.sqrt(shortest * longest), longest):
-        for begin in (0.0, late) if late > 0.0 else (0.0,):
-            course = offset_and_heading(
-                distance - begin, offset + begin * turned, turned, lookahead
-            )
-            courses.append(course)
-            turn_back = np.abs(course[0] / lookahead + course[1]) * (2.0 / lookahead)
-            np.maximum(curvature, np.where(distance > begin, turn_back, 0.0), out=curvature)
+    begin = np.array([0.0, late] if late > 0.0 else [0.0])[:, None, None, None]
+    lookahead = np.stack([np.full_like(longest, shortest), np.sqrt(shortest * longest), longest])
+    ahead = distance - begin
+    # All courses at once: (begins, lookaheads, K, M).
+    lateral, error = offset_and_heading(ahead, offset + begin * turned, turned, lookahead[:, None])
+    turn_back = np.abs(lateral / lookahead[:, None] + error) * (2.0 / lookahead[:, None])
+    curvature = np.where(ahead > 0.0, turn_back, 0.0).max(axis=(0, 1))
     bounds = []
-    for values in zip(*courses, strict=True):
-        low, high = np.minimum.reduce(values), np.maximum.reduce(values)
+    for values in (lateral, error):
         # Behind the vehicle nothing is swept but the line.
-        bounds.append(
-            (
-                np.where(distance > 0.0, 0.5 * (low + high), 0.0),
-                np.where(distance > 0.0, 0.5 * (high - low), 0.0),
-            )
+        low, high = (
+            np.where(distance > 0.0, f(values, axis=(0, 1)), 0.0) for f in (np.min, np.max)
         )
+        bounds.append((0.5 * (low + high), 0.5 * (high - low)))
     return bounds[0], bounds[1], curvature
 
 

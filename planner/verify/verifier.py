@@ -165,13 +165,18 @@ def check(
 
     Nothing raises: what is not a number, or does not stop, is a breach by infinity.
     """
-    beyond = Violations._fields.index("overrun" if barrier is None else barrier.label)
+    beyond = beyond_of(barrier)
     (stop_distance, rear_load, side_load), worst, broken = core.verify(
         track, even or track, speed_sq, clear_distance, distance_offset, beyond, terms
     )
     violations = Violations(*worst.tolist())
     where = np.flatnonzero(broken >= 0)
     return Verification(stop_distance, rear_load, side_load, violations, where, broken[where])
+
+
+def beyond_of(barrier: Limiting | None) -> int:
+    """Index of the violation that a stop beyond the clear distance is; see `check`."""
+    return Violations._fields.index("overrun" if barrier is None else barrier.label)
 
 
 def screen(

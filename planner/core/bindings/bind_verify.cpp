@@ -7,7 +7,7 @@
 #include "bindings/bind_rows.hpp"
 #include "bindings/bind_vehicle.hpp"
 #include "verify/labels.hpp"
-#include "verify/verify.hpp"
+#include "verify/verify_lane.hpp"
 #include "verify/verify_ground.hpp"
 
 namespace slopewise {
@@ -41,6 +41,13 @@ Track track_of(const Columns& columns) {
     column[c] = columns[c].data();
   }
   return track_at(n, column);
+}
+
+Breach breach_at(Index kind) {
+  if (kind < 0 || kind >= static_cast<Index>(breach_count)) {
+    throw nb::value_error("beyond: expected a kind of violation");
+  }
+  return static_cast<Breach>(kind);
 }
 
 // Stations of a candidate, at least two.
@@ -83,11 +90,8 @@ std::tuple<Made<double>, Made<double>, Made<Label>> verify_one(
   if (on_even.stations != n) throw nb::value_error("even: expected the stations of the track");
   expect_shape("speed_sq", speed_sq, {n});
   const VerifyTerms by = terms_of(terms);
-  if (beyond < 0 || beyond >= static_cast<Index>(breach_count)) {
-    throw nb::value_error("beyond: expected a kind of violation");
-  }
   const VerifiedPlan plan{on,       on_even, speed_sq.data(), clear_distance, distance_offset,
-                          static_cast<Breach>(beyond)};
+                          breach_at(beyond)};
   const auto told = make_array(3, n), worst = make_array(breach_count);
   const auto bad = make_rows<Label>(n - 1);
   std::fill_n(bad.data(), n - 1, limiting::none);
@@ -97,6 +101,30 @@ std::tuple<Made<double>, Made<double>, Made<Label>> verify_one(
   const nb::gil_scoped_release release;
   verify_plan(plan, by, notes, memory);
   return {told, worst, bad};
+}
+
+// Highest held v² in steps from those of a plan to its bounds, and what breaks the first of each.
+std::tuple<Made<double>, Made<Label>> raise_held(
+    const Columns& track, const Input1& speed_sq, const Input1& bound, double clear_distance,
+    double distance_offset, Index beyond, Index steps, const nb::handle& terms) {
+  const Track on = track_of(track);
+  const Index n = on.stations;
+  expect_shape("speed_sq", speed_sq, {n});
+  expect_shape("bound", bound, {n});
+  VerifyTerms by = terms_of(terms);
+  by.all_loads = false;
+  const auto highest = make_array(n);
+  const auto bad = make_rows<Label>(n);
+  std::fill_n(bad.data(), n, limiting::none);
+  std::array<double, breach_count> worst{};
+  double* memory = Workspace::of_thread().reserve(verify_memory(n) + n);
+  double* profile = memory + verify_memory(n);
+  std::copy_n(bound.data(), n, profile);
+  const VerifiedPlan plan{on, on, profile, clear_distance, distance_offset, breach_at(beyond)};
+  const nb::gil_scoped_release release;
+  raise_speeds(plan, by, {nullptr, nullptr, nullptr, worst.data(), bad.data()}, speed_sq.data(),
+               bound.data(), steps, profile, highest.data(), memory);
+  return {highest, bad};
 }
 
 Made<double> verify_all(const nb::handle& profile, const nb::handle& ground,
@@ -216,6 +244,7 @@ void bind_verify(nb::module_& m) {
   m.def("copy_track", &copy_track);
   m.def("verify", &verify_one);
   m.def("verify_batch", &verify_all);
+  m.def("raise_held", &raise_held);
   m.def("first_blocked", &blocked);
   m.def("segment_limits", &segment_limits);
   m.def("motion", &motion);

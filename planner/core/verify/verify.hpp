@@ -66,6 +66,25 @@ class Verifier {
     }
   }
 
+  // From the v² of the plan (N,) to the highest up to which held speeds pass, in so many steps up to
+  // `bound`; `profile` holds the v² that are tried. What breaks the first step is in `bad`, of
+  // stations.
+  void raise(const double* speed_sq, const double* bound, Index steps, double* profile,
+             double* highest) noexcept {
+    for (Index k = 0; k < n_; ++k) {
+      const Index i = std::min(k, n_ - 2);
+      highest[k] = speed_sq[k];
+      const double above = bound[k] - speed_sq[k];
+      for (Index step = 1; above > 0.0 && step <= steps; ++step) {
+        profile[k] = speed_sq[k] + static_cast<double>(step) / static_cast<double>(steps) * above;
+        const bool is_broken = try_stop(k, i, static_cast<double>(k - i), false);
+        if (is_broken && step == 1) mark(k);
+        if (is_broken) break;
+        highest[k] = profile[k];
+      }
+    }
+  }
+
  private:
   // Note a breach; what is not a number is one as well.
   bool breaks(Breach kind, double breach) noexcept {
@@ -317,26 +336,13 @@ inline void verify_plan(const VerifiedPlan& plan, const VerifyTerms& terms, cons
   detail::Verifier(plan, terms, notes, memory).run();
 }
 
-[[nodiscard]] inline Index verify_lane_memory(Index stations) noexcept {
-  return (track_columns + 4) * stations + verify_memory(stations);
-}
-
-// The same verifier on one of the time-optimal profiles v² (N, M) [m²/s²] of a batch, without what a
-// plan tells; `clear_distance` (M,) [m], `worst` receives (breach_count,).
-inline void verify_lane(const TrackRows& rows, Index j, const Numbers& speed_sq,
-                        const double* clear_distance, const VerifyTerms& terms, double* memory,
-                        double* worst) noexcept {
-  const Index stride = rows.terrain.stations;
-  double *profile = memory + track_columns * stride, *told = profile + stride;
-  std::array<const double*, track_columns> column{};
-  for (std::size_t c = 0; c < column.size(); ++c) column[c] = memory + static_cast<Index>(c) * stride;
-  const auto count = static_cast<Index>(rows.terrain.counts[j]);
-  copy_columns(rows, j, 0, terms.motion.moves, memory, stride);
-  for (Index k = 0; k < count; ++k) profile[k] = speed_sq.at(k)[j];
-  const Track track = track_at(count, column);
-  const VerifiedPlan plan{track, track, profile, clear_distance[j], rows.forces.distance_offset[j]};
-  verify_plan(plan, terms, {told, told + stride, told + 2 * stride, worst, nullptr},
-              told + 3 * stride);
+// Highest held speeds (N,) from those of a plan on; `plan.speed_sq` is `profile`, at first the bounds.
+// See Verifier::raise; `memory` is verify_memory(N).
+inline void raise_speeds(const VerifiedPlan& plan, const VerifyTerms& terms,
+                         const VerifyNotes& notes, const double* speed_sq, const double* bound,
+                         Index steps, double* profile, double* highest, double* memory) noexcept {
+  detail::Verifier(plan, terms, notes, memory)
+      .raise(speed_sq, bound, steps, profile, highest);
 }
 
 }  // namespace slopewise::verify

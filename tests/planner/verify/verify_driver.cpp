@@ -6,7 +6,7 @@
 #include "../driver.hpp"
 #include "verify/labels.hpp"
 #include "path/polyline.hpp"
-#include "verify/verify.hpp"
+#include "verify/verify_lane.hpp"
 #include "verify/verify_ground.hpp"
 
 using namespace slopewise;
