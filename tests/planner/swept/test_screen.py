@@ -33,6 +33,14 @@ def all_suspect(
     return grid
 
 
+def widened(
+    scene: ElevationMap, sizes: SweptSizes, band: BandWidth, x: np.ndarray, y: np.ndarray
+) -> core.BroadPhase:
+    """A broad phase of a vehicle that is exactly on its line, for one that may be off it."""
+    at = scene.elevation, *scene.origin, scene.resolution
+    return core.BroadPhase(*at, sizes, None, x, y, 0.2).widened(sizes, band)
+
+
 BAND = InputErrors(cross_track=0.2, heading=0.03)
 
 
@@ -57,9 +65,11 @@ def test_it_clears_no_blocked_station(
     screened = Met(swept_hazards(scene, profile, model, errors=errors), profile)
     searched = searched_everywhere(scene, screened, model, errors, swept_sizes)
     beyond = searched_everywhere(scene, screened, model, errors, _only_what_is_not_cleared)
-    assert first_blocked(searched) <= first_blocked(screened) <= first_blocked(beyond), (
-        beyond.reason
-    )
+    wider = screened
+    if errors is BAND:
+        wider = searched_everywhere(scene, screened, model, errors, swept_sizes, widened)
+    for met in (screened, wider):
+        assert first_blocked(searched) <= first_blocked(met) <= first_blocked(beyond), met.reason
     if first_blocked(screened) == first_blocked(searched):
         assert screened.hazards.searched <= searched.hazards.searched
 
@@ -71,11 +81,16 @@ def _only_what_is_not_cleared(vehicle: Vehicle, resolution: float) -> SweptSizes
 
 
 def searched_everywhere(
-    scene: ElevationMap, met: Met, model: Model, errors: InputErrors, sizes: object
+    scene: ElevationMap,
+    met: Met,
+    model: Model,
+    errors: InputErrors,
+    sizes: object,
+    broad_phase: object = all_suspect,
 ) -> Met:
-    """Hazards without a broad phase."""
+    """Hazards without a broad phase, or with this one."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sweeper, "broad_phase_for", all_suspect)
+        patch.setattr(sweeper, "broad_phase_for", broad_phase)
         patch.setattr(hazards, "swept_sizes", sizes)
         return Met(swept_hazards(scene, met.profile, model, errors=errors), met.profile)
 
