@@ -126,7 +126,7 @@ def time_optimal_batch(
     around = BandGround(elevation_map, errors, conditions, uncertainty)
 
     def solved_with(swept: SweptPoses) -> TimeOptimalBatch:
-        solved = solve(
+        return solve(
             profile,
             ground,
             model,
@@ -135,8 +135,8 @@ def time_optimal_batch(
             speed_limit=paths.speed_limit,
             settings=settings,
             hazards=search.hazards(swept),
+            around=around,
         )
-        return replace(solved, around=around)
 
     if departure is None:
         return solved_with(search.line)
@@ -164,6 +164,7 @@ def solve(
     settings: PlannerSettings | None = None,
     hazards: Hazards | None = None,
     holds_anywhere: bool = False,
+    around: BandGround | None = None,
 ) -> TimeOptimalBatch:
     """Time-optimal profiles on ground that was sampled before.
 
@@ -176,6 +177,7 @@ def solve(
         settings: weights of the ranking.
         hazards: what body and wheels meet; none if omitted.
         holds_anywhere: for what-if questions: a vehicle at rest is held on any slope.
+        around: see the batch.
     """
     candidates = len(profile.count)
     scalars = planning_limits(model)
@@ -209,4 +211,5 @@ def solve(
         cost,
         hazards or Hazards(),
         settings.solver,
+        around,
     )

@@ -192,11 +192,15 @@ def _only(profile: TerrainProfile, lanes: Ints) -> TerrainProfile:
     """Some candidates, by their indices, with what is swept."""
     if len(lanes) == len(profile.count):
         return profile
-    body, offset = BodyRows(*_columns(profile.body, lanes)), profile.follower_offset
+    offset = profile.follower_offset
     rows = _columns((getattr(profile, name) for name in _SWEPT_ROWS), lanes)
-    part = replace(profile, count=profile.count[lanes], body=body)
-    part = replace(part, follower_offset=None if offset is None else offset[:, lanes])
-    return replace(part, **dict(zip(_SWEPT_ROWS, rows, strict=True)))
+    return replace(
+        profile,
+        count=profile.count[lanes],
+        body=BodyRows(*_columns(profile.body, lanes)),
+        follower_offset=None if offset is None else offset[:, lanes],
+        **dict(zip(_SWEPT_ROWS, rows, strict=True)),
+    )
 
 
 def _columns(rows: Iterable[Any], lanes: Ints) -> list[Any]:
