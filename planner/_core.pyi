@@ -41,6 +41,7 @@ class HeightGrid:
         body_offset: float,
         length: float,
         width: float,
+        heading: tuple[Floats, Floats] | None = None,
     ) -> tuple[Floats, Bools, Singles, Singles]: ...
     def stations(self, x: Floats, y: Floats, count: Ints) -> Floats: ...
 

@@ -92,6 +92,7 @@ def terrain_profile(
     count: Ints,
     vehicle: Vehicle,
     steering: SteeringGeometry = _NEVER_OFF,
+    heading: tuple[Floats, Floats] | None = None,
 ) -> TerrainProfile:
     """Sample an elevation map under the wheels along candidate paths.
 
@@ -101,10 +102,12 @@ def terrain_profile(
         count: (M,) number of stations of each candidate, at least 3.
         vehicle: with the sizes of its wheels.
         steering: how body and path belong together.
+        heading: unit vector of the body's heading where it does not follow from the path, (N, M)
+            each, C-contiguous.
     """
     length, width = vehicle.wheelbase, vehicle.track_width
     rows, known, twist, front = height_grid(elevation_map, vehicle).sample_ground(
-        x, y, count, steering.centre_offset, steering.body_offset, length, width
+        x, y, count, steering.centre_offset, steering.body_offset, length, width, heading
     )
     z, station, heading_x, heading_y, curvature, grade, sin_grade, sin_roll, crests = rows[:9]
     body = BodyRows(*rows[9:]) if len(rows) > 9 else BodyRows(x, y, heading_x, heading_y)

@@ -54,15 +54,24 @@ class BandGround(NamedTuple):
 
         curvature = twice(profile.curvature)
         left = self.errors.across(curvature) * np.array(_SIDES)
+        # The offset varies along a bend: the body stays parallel to that on the planned line.
+        heading = twice(profile.body.heading_x), twice(profile.body.heading_y)
         lateral = terrain_profile(
             self.elevation_map,
-            twice(profile.x) - left * twice(profile.heading_y),
-            twice(profile.y) + left * twice(profile.heading_x),
+            twice(profile.x) - left * heading[1],
+            twice(profile.y) + left * heading[0],
             np.full(sides, n, np.int64),
             model.vehicle,
             model.steering_geometry,
+            heading,
         )
-        lateral = replace(lateral, station=twice(profile.station), curvature=curvature)
+        lateral = replace(
+            lateral,
+            station=twice(profile.station),
+            curvature=curvature,
+            heading_x=twice(profile.heading_x),
+            heading_y=twice(profile.heading_y),
+        )
         ground = ground_along(
             lateral, model, self.elevation_map.class_names, self.conditions, self.uncertainty
         )

@@ -176,3 +176,17 @@ def test_passes_with_errors_touch_no_more_often_than_promised(kind: str) -> None
     assert draws >= 9 * count
     assert touched <= (1.0 - quantile) * draws
     assert ignorant > 2 * touched + 50
+
+
+def test_off_a_line_over_a_plane_the_ground_is_as_on_it() -> None:
+    """However the band varies with curvature: the body stays parallel to its line."""
+    x, y = np.meshgrid(np.arange(-5.0, 26.0, 0.25), np.arange(-5.0, 6.0, 0.25))
+    ground = ElevationMap(elevation=0.08 * x + 0.15 * y, resolution=0.25, origin=(-5.0, -5.0))
+    s = np.linspace(0.0, 20.0, 81)
+    path = CandidatePath("winding", np.column_stack((s, 0.25 * np.sin(2.0 * s))))
+    band = Tracking(cross_track_std=0.1, cross_track_per_curvature=0.1)
+    exact, wide = (
+        planned(replace(ATV, tracking=tracking), ground, path) for tracking in (None, band)
+    )
+    assert exact.progress > 15.0
+    assert wide.speed == pytest.approx(exact.speed, abs=1e-3)

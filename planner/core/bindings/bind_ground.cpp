@@ -1,5 +1,9 @@
 // Ground below paths.
 #include <mutex>
+#include <optional>
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 
 #include "ground/averaged_heights.hpp"
 #include "bindings/bind_rows.hpp"
@@ -64,19 +68,28 @@ void expect_paths(const Input2& x, const Input2& y, const Counts1& count) {
   if (stations < 2) throw nb::value_error("x: expected two stations at least");
 }
 
-// Nine rows of the ground, and four of the body where its pose is not that of the path.
+// Nine rows of the ground, and four of the body where its pose is not that of the path. `heading` is
+// that of the body, where it does not follow from the path.
 std::tuple<Made<double>, Made<bool>, Made<float>, Made<float>> ground_along(
     MapGrid& map, const Input2& x, const Input2& y, const Counts1& count, double rod,
-    double body_offset, double length, double width) {
+    double body_offset, double length, double width,
+    const std::optional<std::pair<Input2, Input2>>& heading) {
   expect_paths(x, y, count);
   const auto n = static_cast<Index>(x.shape(0)), m = static_cast<Index>(x.shape(1));
-  const bool has_body = rod > 0.0 || body_offset > 0.0;
+  const double *heading_x = nullptr, *heading_y = nullptr;
+  if (heading) {
+    expect_shape("heading x", heading->first, {n, m});
+    expect_shape("heading y", heading->second, {n, m});
+    heading_x = heading->first.data();
+    heading_y = heading->second.data();
+  }
+  const bool has_body = heading || rod > 0.0 || body_offset > 0.0;
   const auto rows = make_rows(has_body ? 13 : 9, n, m);
   const auto known = make_rows<bool>(n, m);
   const auto twist = make_rows<float>(n, m), front = make_rows<float>(n, 2, m);
   const auto row = [&](Index r) { return rows.data() + r * n * m; };
-  const TerrainTable table{n, m, x.data(), y.data(), count.data(), nullptr, nullptr, body_offset,
-                           row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7), row(8),
+  const TerrainTable table{n, m, x.data(), y.data(), count.data(), heading_x, heading_y,
+                           body_offset, row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7), row(8),
                            known.data(), twist.data(), front.data()};
   const BodyTable body = has_body ? BodyTable{row(9), row(10), row(11), row(12)} : BodyTable{};
   const nb::gil_scoped_release release;
@@ -124,7 +137,8 @@ void bind_ground(nb::module_& m) {
       })
       .def("tyre_lifts", &tyre_lifts)
       .def("stations", &stations)
-      .def("sample_ground", &ground_along);
+      .def("sample_ground", &ground_along, "x"_a, "y"_a, "count"_a, "centre_offset"_a,
+           "body_offset"_a, "length"_a, "width"_a, "heading"_a = nb::none());
 }
 
 }  // namespace slopewise
