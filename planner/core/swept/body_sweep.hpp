@@ -36,8 +36,7 @@ class BodySweep {
   }
 
  private:
-  // Points of the outline to a cell [1]: between two the ground is higher by a twentieth of the
-  // difference of two cells at most.
+  // Points of the outline to a cell [1], its corners among them.
   static constexpr double points_per_cell = 10.0;
 
   // Lowest and highest coordinate of the body [m], with this coordinate of the vectors ahead and to
@@ -135,14 +134,14 @@ class BodySweep {
     const double length = sizes_.front + sizes_.rear, width = 2.0 * sizes_.side;
     const auto along = static_cast<Index>(std::ceil(length / step));
     const auto across = static_cast<Index>(std::ceil(width / step));
-    for (Index n = 0; n < along; ++n) {
-      const double share = (static_cast<double>(n) + 0.5) * length / static_cast<double>(along);
+    for (Index n = 0; n <= along; ++n) {
+      const double share = static_cast<double>(n) * length / static_cast<double>(along);
       for (const double aside : {sizes_.side, -sizes_.side}) {
         take_in_between(share - sizes_.rear, aside);
       }
     }
-    for (Index n = 0; n < across; ++n) {
-      const double share = (static_cast<double>(n) + 0.5) * width / static_cast<double>(across);
+    for (Index n = 1; n < across; ++n) {
+      const double share = static_cast<double>(n) * width / static_cast<double>(across);
       for (const double ahead : {sizes_.front, -sizes_.rear}) {
         take_in_between(ahead, share - sizes_.side);
       }

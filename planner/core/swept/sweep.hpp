@@ -5,22 +5,11 @@
 
 #include "swept/body_sweep.hpp"
 #include "swept/required_checks.hpp"
+#include "swept/swept_paths.hpp"
 #include "swept/wheel_band.hpp"
 #include "swept/wheel_sweep.hpp"
 
 namespace slopewise {
-
-// M candidates of up to N stations; arrays are (N, M) unless stated otherwise.
-struct SweptPaths {
-  Index stations, candidates;
-  const double *x, *y, *heading_x, *heading_y;  // middle of the wheelbase [m], heading of the body
-  const double* station;                        // [m]
-  const std::int64_t* count;                    // (M,) stations of each
-  const bool* known;                            // the ground under path and wheels is
-  const float* twist;                           // of the ground under the wheels [m]
-  double spacing;                               // largest distance between two poses [m]
-  const double* across;  // by how far the reference point may be off the line [m]; null: by nothing
-};
 
 // What blocks them.
 struct HazardTable {
@@ -40,7 +29,8 @@ class NarrowPhase {
   // Of poses at most so far apart [m].
   NarrowPhase(const BroadPhase& grid, double spacing, const std::int64_t* code_of_kind,
               double* memory) noexcept
-      : grid_(grid), sizes_(grid.vehicle()), band_(grid.band()), code_of_kind_(code_of_kind),
+      : grid_(grid), sizes_(grid.vehicle()), middle_(sizes_.middle_of_tyre()), band_(grid.band()),
+        code_of_kind_(code_of_kind),
         buffers_{memory, nullptr, WheelBuffers::samples_of(sizes_, spacing)} {
     buffers_.path = memory + buffers_.samples + lanes_abreast;
     double* rim = buffers_.path + buffers_.samples + lanes_abreast;
@@ -67,9 +57,28 @@ class NarrowPhase {
     if (only_twist && cannot_twist(pose)) required &= ~check_twist;
     if (required == 0) return {};
     ++checked_;
-    Hazard found = check_line(pose, back, required, across);
-    if (!blocks(found.kind)) found = check_beside(pose, back, required, band_.of_wheels(across));
-    return found;
+    const Hazard found = check_line(pose, back, required, across);
+    if (found.before > 0.0) return found;
+    const Hazard beside = check_beside(pose, back, required, band_.of_wheels(across));
+    return !blocks(found.kind) || beside.before > 0.0 ? beside : found;
+  }
+
+  // A drop ahead of the last pose, which is as far ahead of any pose that it blocks as others are.
+  Hazard check_beyond(const Pose2d& last, double step, double across) noexcept {
+    for (double ahead = step; step > 0.0 && ahead < sizes_.radius + step; ahead += step) {
+      const Place at = last.at(ahead, 0.0);
+      const Pose2d pose{at.x, at.y, last.heading_x, last.heading_y};
+      std::int32_t uneven = 0;
+      for (int wheel = 0; wheel < wheel_count; ++wheel) {
+        if (!is_even(pose, wheel_at(wheel, sizes_))) uneven |= check_wheel << wheel;
+      }
+      Hazard found = check(pose, step, uneven, across);
+      if (found.before <= ahead) continue;
+      found.before -= ahead;
+      found.ahead += ahead;
+      return found;
+    }
+    return {};
   }
 
   // What bars the way from the pose in which the vehicle rests: a step that a wheel touches.
@@ -94,17 +103,18 @@ class NarrowPhase {
                     double across) noexcept {
     const bool unknown_blocks = blocks(HazardKind::unknown_ground);
     const auto contact = contact_heights(pose, required, unknown_blocks);
-    Hazard body;
+    Hazard body, found;
     if (required & (check_unknown | check_body)) {
       const VehicleEnvelope area = band_.area(sizes_, across);
       body = BodySweep(grid_.map(), pose, contact, area).find(unknown_blocks);
-      if (body.kind == HazardKind::unknown_ground) return body;
+      if (body.kind == HazardKind::unknown_ground) found = body;
     }
     for (int wheel = 0; wheel < wheel_count; ++wheel) {
       if (!(required & (check_wheel << wheel))) continue;
       const Hazard step = find_step(pose, wheel_at(wheel, sizes_), back);
-      if (step.any()) return step;
+      if (blocks(step.kind)) found = earlier_of(found, step);
     }
+    if (found.any()) return found;
     if (required & check_twist) {
       const Hazard twist = find_twist(contact, sizes_);
       if (twist.any()) return twist;
@@ -152,9 +162,17 @@ class NarrowPhase {
     return out;
   }
 
+  // A tyre narrower than a cell has no support on the cells next to its middle: a ditch may be wider
+  // than its cells by as much.
+  [[nodiscard]] bool is_narrow() const noexcept { return sizes_.half_tyre < sizes_.margin; }
+
   // On the line of a wheel, unless the ground around it is cleared.
   Hazard find_step(const Pose2d& pose, Place wheel, double back) const noexcept {
-    return is_even(pose, wheel) ? Hazard{} : way_of(pose, wheel, back).find_step();
+    if (is_even(pose, wheel)) return {};
+    const Hazard step = way_of(pose, wheel, back).find_step();
+    if (step.any() || !is_narrow()) return step;
+    return WheelWay{grid_.facets(), pose, wheel, back, middle_, slopes_around(pose, wheel), buffers_}
+        .find_step();
   }
 
   // Is the ground around a wheel cleared?
@@ -163,8 +181,11 @@ class NarrowPhase {
   }
 
   [[nodiscard]] WheelWay way_of(const Pose2d& pose, Place wheel, double back) const noexcept {
-    const WheelSlopes slopes = slopes_in(block_under(pose, wheel, grid_), pose, grid_);
-    return {grid_.facets(), pose, wheel, back, sizes_, slopes, buffers_};
+    return {grid_.facets(), pose, wheel, back, sizes_, slopes_around(pose, wheel), buffers_};
+  }
+
+  [[nodiscard]] WheelSlopes slopes_around(const Pose2d& pose, Place wheel) const noexcept {
+    return slopes_in(block_under(pose, wheel, grid_), pose, grid_);
   }
 
   // Steps on the lines of the wheels within the band, without the planned one, and edges next to
@@ -172,31 +193,30 @@ class NarrowPhase {
   Hazard check_beside(const Pose2d& pose, double back, std::int32_t required,
                       double band) const noexcept {
     const BandLines lines(band, band_.stride);
+    Hazard found;
     for (int wheel = 0; wheel < wheel_count; ++wheel) {
       if (!(required & (check_wheel << wheel))) continue;
       const Place at = wheel_at(wheel, sizes_);
       for (Index line = -lines.side; line <= lines.side; ++line) {
-        if (line == 0) continue;
-        const Hazard step = find_step(pose, lines.move(at, line), back);
-        if (step.any()) return step;
+        if (line != 0) found = earlier_of(found, find_step(pose, lines.move(at, line), back));
       }
-      const Hazard edge = check_edges({pose, at, band, sizes_});
-      if (edge.any()) return edge;
+      found = earlier_of(found, check_edges({pose, at, band, sizes_}));
     }
-    return {};
+    return found;
   }
 
   Hazard check_edges(const WheelBand& of) const noexcept {
     const std::size_t block = block_under(of.pose, of.wheel, grid_);
     const double slope = explained_slope(slopes_in(block, of.pose, grid_).across);
     // Half a tyre beyond the band, too, and half a cell, in which an edge may be anywhere.
-    const BandLines lines(of.band + band_.beyond, band_.stride);
+    const BandLines lines(of.band, band_.stride, band_.beyond);
+    const VehicleEnvelope& tyre = is_narrow() ? middle_ : sizes_;
     for (Index line = -lines.side; line <= lines.side; ++line) {
       const Place at = lines.move(of.wheel, line);
       heights_[line + lines.side] =
           has_no_edge(of.pose, at, slope)
               ? std::numeric_limits<double>::quiet_NaN()
-              : standing_height(grid_.facets(), of.pose, at, sizes_, rim_, true);
+              : standing_height(grid_.facets(), of.pose, at, tyre, rim_, true);
     }
     return find_edge(of, lines, slope, heights_);
   }
@@ -213,6 +233,7 @@ class NarrowPhase {
 
   const BroadPhase& grid_;
   const VehicleEnvelope& sizes_;
+  const VehicleEnvelope middle_;
   const TrackingBand& band_;
   const std::int64_t* code_of_kind_;
   WheelBuffers buffers_;
@@ -223,26 +244,7 @@ class NarrowPhase {
 
 namespace detail {
 
-// Across, within which a rear wheel meets the ground that the front one met [m].
-constexpr double same_track = 0.01;
-
-// Stations at which the front wheels of up to `wide` candidates were where their rear ones are.
-using FrontStations = std::array<Index, wide>;
-
-// Do the rear wheels of a pose roll where the front ones did at an earlier one? Not at the first of
-// the way, and not in a turn whose centre is beside one of the axles. Axles are told apart across
-// the mean of both headings, along which they move on an arc.
-inline bool follows_front(const SweptPaths& paths, Index at, Index before,
-                          const VehicleEnvelope& sizes) noexcept {
-  const double half = sizes.half_length;
-  const double along_x = paths.heading_x[at] + paths.heading_x[before];
-  const double along_y = paths.heading_y[at] + paths.heading_y[before];
-  const double dx = paths.x[at] - paths.x[before] - half * along_x;
-  const double dy = paths.y[at] - paths.y[before] - half * along_y;
-  const double across = 0.5 * (along_x * dy - along_y * dx);
-  const double wider = paths.across != nullptr ? paths.across[at] - paths.across[before] : 0.0;
-  return max_of(std::abs(across), wider) <= same_track;
-}
+constexpr std::int32_t all_wheels = check_wheel * ((1 << wheel_count) - 1);
 
 // The checks that up to `wide` poses of station k require.
 inline void require_checks(const BroadPhase& grid, const SweptPaths& paths, Index k, Index first,
@@ -276,20 +278,9 @@ inline void require_checks(const BroadPhase& grid, const SweptPaths& paths, Inde
 // The exact check of one pose.
 inline Hazard check_pose(NarrowPhase& narrow_phase, const SweptPaths& paths, Index k, Index j,
                          std::int32_t required) noexcept {
-  const Index at = k * paths.candidates + j, before = at - paths.candidates;
-  const Pose2d pose{paths.x[at], paths.y[at], paths.heading_x[at], paths.heading_y[at]};
-  const double across = paths.across != nullptr ? paths.across[at] : 0.0;
-  if (k == 0) return narrow_phase.check_start(pose, required, across);
-  const double dx = paths.x[at] - paths.x[before], dy = paths.y[at] - paths.y[before];
-  return narrow_phase.check(pose, std::sqrt(dx * dx + dy * dy), required, across);
-}
-
-// The last station so far before station k [m], or the first after where the vehicle stands.
-inline Index station_before(const SweptPaths& paths, Index k, Index j, double length) noexcept {
-  if (k == 0) return 1;
-  const double end = paths.station[k * paths.candidates + j] - length;
-  while (k > 1 && paths.station[k * paths.candidates + j] > end) --k;
-  return k;
+  const PoseOnPath at(paths, k, j);
+  if (k == 0) return narrow_phase.check_start(at.pose, required, at.across);
+  return narrow_phase.check(at.pose, at.back, required, at.across);
 }
 
 }  // namespace detail
@@ -305,26 +296,43 @@ inline Index sweep(const BroadPhase& grid, const SweptPaths& paths, const Hazard
     const Index lanes = std::min<Index>(wide, paths.candidates - first);
     Checks required, open;
     open.fill(255);
-    detail::FrontStations front{};
+    detail::FrontStations front{}, blocked;
+    blocked.fill(paths.stations);
+    std::array<double, wide> last;
+    last.fill(std::numeric_limits<double>::infinity());
+    const auto note = [&](Index k, Index j, const Hazard& found) {
+      const auto n = static_cast<std::size_t>(j - first);
+      if (!narrow_phase.blocks(found.kind)) return;
+      const Index at = detail::station_before(paths, k, j, found.before);
+      if (at >= blocked[n]) return;
+      // A drop ahead blocks poses before it: it may block one before what was found first.
+      if (blocked[n] < paths.stations) out.code[blocked[n] * paths.candidates + j] = 0;
+      const double here = paths.station[k * paths.candidates + j];
+      if (open[n] > detail::all_wheels) last[n] = here + grid.vehicle().radius;
+      open[n] &= detail::all_wheels;
+      blocked[n] = at;
+      const double back = here - paths.station[at * paths.candidates + j];
+      out.code[at * paths.candidates + j] = out.code_of_kind[static_cast<Index>(found.kind)];
+      const std::array<double, 4> numbers{static_cast<double>(found.kind), found.height,
+                                          found.ahead + back, found.aside};
+      std::copy_n(numbers.begin(), 4, out.found + 4 * j);
+    };
     for (Index k = 0; k < paths.stations; ++k) {
       Checks at_start = open;  // unknown ground under a standing vehicle ends no candidate
       detail::require_checks(grid, paths, k, first, front, k == 0 ? at_start : open, required);
       for (Index lane = 0; lane < lanes; ++lane) {
         const auto n = static_cast<std::size_t>(lane);
         const Index j = first + lane;
-        if (required[n] == 0 || std::max<Index>(k, 1) >= static_cast<Index>(paths.count[j])) {
-          continue;
+        const auto count = static_cast<Index>(paths.count[j]);
+        if (std::max<Index>(k, 1) >= count) continue;
+        if (paths.station[k * paths.candidates + j] > last[n]) open[n] = 0;
+        if (const std::int32_t checks = required[n] & open[n]; checks != 0) {
+          note(k, j, detail::check_pose(narrow_phase, paths, k, j, checks));
         }
-        const Hazard found = detail::check_pose(narrow_phase, paths, k, j, required[n]);
-        if (!narrow_phase.blocks(found.kind)) continue;
-        const Index blocked = detail::station_before(paths, k, j, found.before);
-        const double back = paths.station[k * paths.candidates + j] -
-                            paths.station[blocked * paths.candidates + j];
-        out.code[blocked * paths.candidates + j] = out.code_of_kind[static_cast<Index>(found.kind)];
-        open[n] = 0;
-        const std::array<double, 4> numbers{static_cast<double>(found.kind), found.height,
-                                            found.ahead + back, found.aside};
-        std::copy_n(numbers.begin(), 4, out.found + 4 * j);
+        if (k > 0 && k + 1 == count && open[n] != 0 && grid.sizes().fine) {
+          const detail::PoseOnPath end(paths, k, j);
+          note(k, j, narrow_phase.check_beyond(end.pose, end.back, end.across));
+        }
       }
     }
   }

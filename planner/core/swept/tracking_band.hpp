@@ -19,17 +19,25 @@ struct BandWidth {
   double body_offset;  // from the reference point ahead to the middle of the wheelbase [m]
 };
 
-// Lines of a wheel within a width to either side, the planned one in the middle is number 0.
+// Lines of a wheel within a width to either side, the planned one in the middle is number 0, and
+// beyond it; the width itself is one of them.
 struct BandLines {
-  Index side;     // to either side [1]
-  double stride;  // between two [m]
+  Index within, side;     // to either side [1]
+  double stride, beyond;  // between two, within and beyond the width [m]
 
-  BandLines(double width, double max_stride) noexcept
-      : side(static_cast<Index>(std::ceil(width / max_stride))),
-        stride(width / static_cast<double>(std::max<Index>(side, 1))) {}
+  BandLines(double width, double max_stride, double further = 0.0) noexcept
+      : within(static_cast<Index>(std::ceil(width / max_stride))),
+        side(within + static_cast<Index>(std::ceil(further / max_stride))),
+        stride(width / static_cast<double>(std::max<Index>(within, 1))),
+        beyond(further / static_cast<double>(std::max<Index>(side - within, 1))) {}
 
+  // How far it is to the left of the planned one [m].
+  [[nodiscard]] double offset(Index line) const noexcept {
+    const Index inner = std::clamp(line, -within, within);
+    return static_cast<double>(inner) * stride + static_cast<double>(line - inner) * beyond;
+  }
   [[nodiscard]] Place move(Place wheel, Index line) const noexcept {
-    return {wheel.x, wheel.y + static_cast<double>(line) * stride};
+    return {wheel.x, wheel.y + offset(line)};
   }
 };
 
@@ -53,7 +61,7 @@ struct TrackingBand {
       blocks = static_cast<Index>(of_wheels(widest) / block_edge) + 1;
     }
     beyond = sizes.half_tyre + 0.5 * resolution;
-    lines = 2 * BandLines(of_wheels(widest) + beyond, stride).side + 1;
+    lines = 2 * BandLines(of_wheels(widest), stride, beyond).side + 1;
   }
 
   [[nodiscard]] bool any() const noexcept { return blocks > 0; }

@@ -44,6 +44,12 @@ struct VehicleEnvelope {
   [[nodiscard]] double wheel_look() const noexcept {
     return 2.0 * trend + 3.0 * radius + chord;
   }
+  // Of a vehicle on tyres without width.
+  [[nodiscard]] VehicleEnvelope middle_of_tyre() const noexcept {
+    VehicleEnvelope out = *this;
+    out.half_tyre = 0.0;
+    return out;
+  }
   // Of the area in which the body may be: wider by a band [m], longer as its corners turn [1].
   [[nodiscard]] VehicleEnvelope widened(double band, double turned) const noexcept {
     VehicleEnvelope out = *this;
@@ -90,6 +96,11 @@ struct Hazard {
 
   [[nodiscard]] bool any() const noexcept { return kind != HazardKind::none; }
 };
+
+// Of two hazards of a pose the one that blocks the most poses before it.
+inline const Hazard& earlier_of(const Hazard& one, const Hazard& other) noexcept {
+  return other.any() && (!one.any() || other.before > one.before) ? other : one;
+}
 
 // A map in the memory of the caller: centre of cell [0, 0] [m], cells a metre.
 struct MapView {

@@ -20,29 +20,24 @@ inline double explained_slope(double across) noexcept {
   return (is_known ? min_of(std::abs(across), steepest_ground) : 0.0) + slope_margin;
 }
 
-// An edge along the way that the wheel would cross sideways within the band, from what it stands on
-// on each line, NaN where none is. That may rise or fall from line to line as the slope around does;
-// within the chord that distinguishes a step from a ramp, what remains is at most a step. On lines
-// beyond the band only ground that falls from a line within counts: with its middle beyond an edge a
-// wheel no longer stands safely on it.
+// An edge along the way that the wheel would cross sideways, from what it stands on on each line,
+// NaN where none is. That may fall from line to line as the slope around does; within the chord that
+// distinguishes a step from a ramp, what remains is at most a step. From lines beyond the band the
+// ground may fall: with its middle beyond an edge, though, a wheel no longer stands safely on it.
 inline Hazard find_edge(const WheelBand& of, const BandLines& lines, double slope,
                         const double* heights) noexcept {
-  constexpr double same_line = 1e-9;  // rounding of distances between lines [m]
   const VehicleEnvelope& sizes = of.sizes;
-  const double widest = of.band + same_line, end = static_cast<double>(lines.side) * lines.stride;
-  const double length = max_of(sizes.chord, end - of.band + lines.stride);
-  const auto window = static_cast<Index>(std::ceil(length / lines.stride));
-  for (Index i = -lines.side; i <= lines.side; ++i) {
-    for (Index k = i + 1; k <= std::min(i + window, lines.side); ++k) {
-      const double change = heights[k + lines.side] - heights[i + lines.side];
-      const double explained = slope * static_cast<double>(k - i) * lines.stride;
+  const Index side = lines.side, beyond = lines.side - lines.within;
+  const double length = max_of(sizes.chord, static_cast<double>(beyond + 1) * lines.beyond);
+  for (Index i = -side; i <= side; ++i) {
+    for (Index k = i + 1; k <= side && lines.offset(k - 1) - lines.offset(i) < length; ++k) {
+      const double change = heights[k + side] - heights[i + side];
+      const double explained = slope * (lines.offset(k) - lines.offset(i));
       if (!(std::abs(change) - explained > sizes.max_step)) continue;
-      const Index outer = k + i >= 0 ? k : i, inner = k + i - outer;
-      const bool rises = outer == k ? change > 0.0 : change < 0.0;
-      const Index within = rises ? outer : inner;
-      if (static_cast<double>(std::abs(within)) * lines.stride > widest) continue;
-      return hazard_of_edge(rises ? HazardKind::rise : HazardKind::drop, std::abs(change),
-                            lines.move(of.wheel, outer), sizes);
+      const Index higher = change > 0.0 ? k : i;
+      if (std::abs(higher) > lines.within) continue;
+      return hazard_of_edge(HazardKind::drop, std::abs(change),
+                            lines.move(of.wheel, i + k - higher), sizes);
     }
   }
   return {};

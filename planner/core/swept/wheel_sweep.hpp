@@ -65,7 +65,7 @@ class WheelWay {
     line_ = {begin, wheel.y, certain_part(explaining(slopes.across))};
   }
 
-  // The first step or drop on it.
+  // The first drop on it, else the first step up.
   Hazard find_step() noexcept {
     sample(first_ - rim_, last_ + chord_ + rim_ + 1);
     if (is_even()) return {};
@@ -83,12 +83,11 @@ class WheelWay {
     sample(0, first_ - rim_);
     sample(last_ + chord_ + rim_ + 1, end + 1);
     roll(rim_, end - rim_);
-    for (Index n = first_; n <= last_; ++n) {
-      if (const Hazard found = step_at(n); found.any()) {
-        return edge_of(found, n);
-      }
+    Hazard found;
+    for (Index n = first_; n <= last_ && found.kind != HazardKind::drop; ++n) {
+      if (const Hazard step = step_at(n); step.any()) found = earlier_of(found, edge_of(step, n));
     }
-    return {};
+    return found;
   }
 
   // The step up that the wheel touches already where it stands, at the end of its way: it climbs as

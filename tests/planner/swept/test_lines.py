@@ -22,7 +22,8 @@ from slopewise.planner.swept.convergence import Departure, convergence
 from slopewise.planner.swept.hazards import Hazards, swept_hazards
 from slopewise.services.check.external_plan import plan_of_columns
 from slopewise.services.check.plan_checker import check_plan_on_map
-from tests.world.hazards import MODELS, rough_ground
+from tests.world.ground import ground_map, straight
+from tests.world.hazards import MODELS, met, rough_ground
 from tests.world.stages import profile_of
 from tests.world.vehicles import ATV, model_of
 
@@ -130,6 +131,53 @@ def test_a_step_on_any_line_of_the_band_blocks_the_band(resolution: float) -> No
         freely += not first_blocked(band)[1]
     assert blocked >= 5
     assert freely >= 5
+
+
+def test_a_drop_right_behind_another_hazard_or_the_end_of_the_path_blocks_poses_before_it() -> None:
+    """A front wheel has its edge under its middle at 5.15 m: it stays a radius before."""
+    last, radius = 5.15 - MODELS[0].vehicle.wheel_radius, MODELS[0].vehicle.wheel_radius
+
+    def drop(x: Floats, y: Floats) -> Floats:
+        return np.where(x > 5.75, -0.4, 0.0)
+
+    def hole(x: Floats, y: Floats) -> Floats:
+        return (x > 6.0) & (np.abs(y) < 0.25)  # between the wheels: the body touches it at 5.1 m
+
+    for unknown, length in ((hole, 9.0), (None, 9.0), (None, 5.15 - 0.4 * radius)):
+        hazards = met(ground_map(drop, resolution=CELL, unknown=unknown), straight(length))
+        assert hazards.bar > 0
+        assert hazards.profile.station[hazards.station, 0] <= last + CELL
+
+
+def test_a_tyre_narrower_than_a_cell_falls_into_a_ditch_that_it_follows() -> None:
+    """On cells as wide as the tyre it may be wider than its one row of cells by as much."""
+    for heading in (0.3, 0.42, 0.6):
+        along = np.linspace(-4.0, 4.0, 81)[:, None] * (np.cos(heading), np.sin(heading))
+        path = CandidatePath("oblique", np.array([6.0, 0.0]) + along)
+        ditch = ground_map(lambda x, y: np.where(np.abs(y) < 0.1, -0.4, 0.0), resolution=0.25)
+        assert met(ditch, path).bar > 0, heading
+
+
+def test_no_corner_of_a_body_is_in_the_ground_between_coarse_cells() -> None:
+    model, blocked = MODELS[0], 0
+    shape = model.vehicle.shape
+    for y in np.linspace(0.4, 1.9, 16):
+        ground = ground_map(lambda x, y: 3.0 * ((x == 10.0) & (y == 2.0)), resolution=1.0)
+        path = CandidatePath("past", np.array([[2.0, y - 1.6], [18.0, y + 1.6]]))
+        hazards = met(ground, path)
+        body, k = hazards.profile.body, hazards.station
+        blocked += k > 0
+        corners = [(a, b) for a in (shape.front, -shape.rear) for b in (0.5, -0.5)]
+        for a, b in corners:
+            ahead = body.heading_x[:k, 0], body.heading_y[:k, 0]
+            x = body.x[:k, 0] + a * ahead[0] - b * shape.width * ahead[1]
+            y_corner = body.y[:k, 0] + a * ahead[1] + b * shape.width * ahead[0]
+            wheels = np.maximum(1.0 - np.abs(x - 10.0), 0.0) * np.maximum(
+                1.0 - np.abs(y_corner - 2.0), 0.0
+            )
+            level = hazards.profile.z[:k, 0]
+            assert np.all(3.0 * wheels - level <= shape.clearance + 0.02), (y, a, b)
+    assert blocked >= 5
 
 
 MODEL = model_of(ATV)
