@@ -40,8 +40,8 @@ class BandGround(NamedTuple):
 
     def bounds(
         self, profile: TerrainProfile, model: Model, j: int, clear: float
-    ) -> tuple[Floats, Ints]:
-        """Lowest v² of both sides, and which bound it is, (N,) each [m²/s²].
+    ) -> tuple[Floats, Ints, float]:
+        """Lowest v² of both sides, and which bound it is, (N,) each [m²/s²]; clear distance [m].
 
         Args:
             profile: a batch. model: that of its plans. j: index of the candidate.
@@ -77,5 +77,6 @@ class BandGround(NamedTuple):
         )
         bounds = speed_bounds(lateral, ground, model, np.full(sides, clear))
         side = bounds.speed_sq_max.argmin(axis=1)
-        row = np.arange(n)
-        return bounds.speed_sq_max[row, side], bounds.limiting[row, side]
+        at_rows = np.arange(n), side
+        lowest, limiting = bounds.speed_sq_max[at_rows], bounds.limiting[at_rows]
+        return lowest, limiting, float(bounds.clear_distance.min())

@@ -58,6 +58,7 @@ class CandidateColumn:
             found; the clear distance ends there.
         known: the ground under path and wheels is.
         at_side: ground next to the path, within the band of tracking, holds the bound.
+        clear_at_side: station up to which that ground may be driven and rested on [m].
     """
 
     def __init__(
@@ -99,8 +100,8 @@ class CandidateColumn:
         self._terms = terms_of(self.model, ground.motion, self.errors)
         self._sine = np.sin(self.track.grade)
         self.blocked: GroundFinding | None = None
-        self.at_side, around = np.zeros(n - first, bool), solved.around
-        if around is None:
+        self.at_side, self.clear_at_side = np.zeros(n - first, bool), np.inf
+        if (around := solved.around) is None:
             return
         clear, ground = float(bounds.clear_distance[j]), bounds.even_ground
         seen = around.elevation_map, around.errors
@@ -108,7 +109,8 @@ class CandidateColumn:
         if finding is not None:
             self._stop_before(finding._replace(station=finding.station - profile.station[first, j]))
         if around.has_band:
-            speed_sq, limiting = around.bounds(profile, self.model, j, clear)
+            speed_sq, limiting, free = around.bounds(profile, self.model, j, clear)
+            self.clear_at_side = free - float(profile.station[first, j])
             self.at_side = self._lower(speed_sq[first:], limiting[first:])
             np.minimum(self.track.speed_limit, np.sqrt(self.bound), out=self.track.speed_limit)
 

@@ -11,7 +11,7 @@ from slopewise.planner.compiled_core import core
 from slopewise.planner.ground.braking_ground import StopErrors
 from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
-from slopewise.planner.pipeline.standing import standing, stop_reason
+from slopewise.planner.pipeline.standing import AT_SIDE, standing, stop_reason
 from slopewise.planner.plan import Status
 from slopewise.planner.verify.verifier import Verification
 
@@ -46,6 +46,8 @@ def brake_hard(column: CandidateColumn, status: Status, reason: str) -> Verified
                 column.rest_at(float(station[k] + 0.5 * answer[k] / braking), k + 1)
             break
         answer[k + 1] = after
+    # Bounds of the sides, by which service braking stops in time on them, do not hold here.
+    column.clear = min(column.clear, column.clear_at_side)
     verdict = column.verify(answer, decel=np.inf)
     breach = verdict.violation
     loads = max(breach.axle_load, breach.side_load, breach.wheel_load)
@@ -99,6 +101,8 @@ def emergency_stop(column: CandidateColumn, unloaded: float = 0.0) -> Verified:
 
 def _blocked_by(column: CandidateColumn) -> str:
     """Cause of a clear distance that ends before the path does."""
+    if column.clear == column.clear_at_side:
+        return f": {AT_SIDE}"
     status, cause = standing(column)
     return f": {cause}" if status is Status.BLOCKED else ""
 

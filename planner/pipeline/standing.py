@@ -14,6 +14,8 @@ from slopewise.planner.limiting import Limiting
 from slopewise.planner.pipeline.candidate_column import CandidateColumn
 from slopewise.planner.plan import Status
 
+AT_SIDE = "next to the path, within the band of tracking errors"
+
 _SHORT_BY_LITTLE = 1.0
 """Distance from the end of its path at which a plan may rest, besides what stops keep free [m]."""
 
@@ -57,7 +59,7 @@ def stop_reason(
             return status, cause
         cause = Limiting(int(column.label[k])).label
         if column.at_side[k]:
-            cause += ", next to the path, within the band of tracking errors"
+            cause += f", {AT_SIDE}"
     elif status is not Status.BLOCKED:
         return status, cause
     # As many digits as the table of candidates has.

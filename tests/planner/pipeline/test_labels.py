@@ -295,7 +295,8 @@ def test_a_plan_short_of_its_end_for_ground_next_to_it_is_blocked() -> None:
 def test_a_vehicle_too_fast_for_ground_next_to_its_path_brakes() -> None:
     model = model_of(ATV)
     plan = plan_on(trough(model, 1.1), tracked(model), start_speed=2.0)
-    assert plan.status is Status.DEGRADED
+    assert plan.status is Status.INFEASIBLE  # it cannot stop before that ground
+    assert "next to the path, within the band of tracking errors" in plan.reason
     assert np.all(np.diff(plan.speed) <= 0.0)
 
 
