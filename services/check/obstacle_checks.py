@@ -112,7 +112,8 @@ def _edges(
 
     Ground that rises counts where all of it is within the band, ground that falls where its middle
     is: with its own middle beyond an edge a wheel no longer stands on it. A gap that a tyre bridges
-    along the path has no edges.
+    along the path has no edges; nor does one count that the wheel stands on at first, until it has
+    left it or turned by two radii.
     """
     window, band = _window(heights, vehicle), body.band(wheel[0])
     count = _PARTS * math.ceil(float(band.max()) / window + 1.5)
@@ -128,6 +129,11 @@ def _edges(
     is_under = np.minimum(halves[:-_HALF], halves[_HALF:]) >= _QUARTER * np.abs(rise)
     counts = (np.abs(middle) <= within) & (is_under | (band > 0.0))
     edges = np.where(counts, np.abs(rise), 0.0)
+    touched = np.abs(middle) <= band + 0.5 * (window + vehicle.shape.wheel_width)
+    is_on_edge = np.where(touched, np.abs(rise), 0.0).max(axis=0) > vehicle.shape.max_step
+    driven = np.hypot(body.x - body.x[0], body.y - body.y[0])
+    is_there = np.logical_and.accumulate(is_on_edge) & (driven < 2.0 * vehicle.wheel_radius)
+    edges = np.where(is_there, 0.0, edges)
     steep = np.flatnonzero(edges.max(axis=0) > vehicle.shape.max_step)
     if len(steep):
         climb = _climb_across(heights, body.only(steep), wheel, vehicle, across)
@@ -200,23 +206,22 @@ def _steps(
 def _largest_climb(at_rest: Floats, window: float, vehicle: Vehicle) -> Floats:
     """(S,) largest climb or fall of a tyre around places a part of a window apart [m].
 
-    Its centre climbs a step over √(R² − (R − h)²); where too little is known there is no limit.
+    Its centre climbs a step over √(R² − (R − h)²). What is unknown is as high as what is next to
+    it: only what is known makes it climb.
     """
-    length = _climb_parts(window, vehicle)
-    rise = at_rest[length:] - at_rest[:-length]
-    sign, count = np.sign(rise), len(rise)
-    if count <= 0:
+    length, places = _climb_parts(window, vehicle), np.arange(len(at_rest))
+    known = np.isfinite(at_rest)
+    if not known.any():
         return np.full(len(at_rest), np.inf)
-    padded = np.pad(np.nan_to_num(rise, nan=0.0), length)
-    before, after = padded[:count], padded[2 * length :]
+    held = np.interp(np.arange(len(at_rest) + length), places[known], at_rest[known])
+    rise = held[length:] - held[:-length]
+    padded = np.pad(rise, length)
     # A slope on both sides continues below the step, be it with it or against it.
-    slopes = sign * np.array([before, after])
+    slopes = np.sign(rise) * np.array([padded[: len(rise)], padded[2 * length :]])
     with_it, against_it = np.maximum(slopes.max(axis=0), 0.0), np.maximum(-slopes.min(axis=0), 0.0)
     change = np.maximum(np.abs(rise) - with_it + against_it, 0.0)
-    beyond = np.where(np.isfinite(rise), change, np.inf)
     # Windows that hold a place begin up to their length and that of a step before it.
-    ends = np.full(length, np.inf)
-    largest = maximum_filter1d(np.concatenate((beyond, ends)), 2 * length + 1, mode="nearest")
+    largest = maximum_filter1d(change, 2 * length + 1, mode="nearest")
     return np.asarray(largest)
 
 

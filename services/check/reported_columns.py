@@ -88,9 +88,14 @@ def check_reported_stops(
     """
     plan, rows = drive.plan, drive.line.at_row
     used = moving[rows] & (plan.speed > 0.0)
-    distance, (shortest, rear, side) = plan.stop_distance, stops.nominal
-    longest, lightest_rear, lightest_side = stops.worst
-    longest, uneven = longest * (1.0 + _MORE) + _MORE_DISTANCE, _UNEVEN * shortest
+    nominal, worst, gone = stops.nominal, stops.worst, 0.0
+    if plan.status == "infeasible":  # It brakes already: the remainder of the stop from its start.
+        gone, used = drive.ground.station[rows] - drive.ground.station[0], used & used[0]
+        nominal, worst = (np.repeat(of[:, :1], len(rows), axis=1) for of in (nominal, worst))
+    distance, (shortest, rear, side) = plan.stop_distance, nominal
+    longest, lightest_rear, lightest_side = worst
+    uneven = _UNEVEN * shortest
+    shortest, longest = shortest - gone, longest * (1.0 + _MORE) + _MORE_DISTANCE - gone
     for kind, reported, min_value, max_value, slack in (
         ("stop_distance", distance, shortest, longest, uneven),
         ("rear_load", plan.rear_load, lightest_rear - _MORE_LOAD, rear, 0.0),

@@ -76,6 +76,42 @@ def test_gaps_and_edges_oblique_to_the_path(vehicle: str, cell: float) -> None:
     assert refused(vehicle, cell, edge, 0.0, 1.3)
 
 
+def test_a_gap_before_unknown_ground_is_bridged_and_an_edge_is_not() -> None:
+    def gap(ahead: Floats) -> Floats:
+        return np.where(np.abs(ahead) < 0.06, -0.25, np.where(ahead > 0.4, np.nan, 0.0))
+
+    def edge(ahead: Floats) -> Floats:
+        return np.where(ahead > 0.4, np.nan, np.where(ahead > 0.0, -0.25, 0.0))
+
+    assert not refused("atv", 0.05, gap, 0.0)
+    assert refused("atv", 0.05, edge, 0.0)
+
+
+@pytest.mark.parametrize(("heading", "is_refused"), [(0.35, False), (0.0, True), (-0.35, True)])
+def test_a_vehicle_may_leave_the_edge_under_a_wheel(heading: float, is_refused: bool) -> None:
+    """At first the middle of its rear right wheel is beyond the middle of an edge of 1 m."""
+    model, cell = slopewise.read_model("atv"), 0.05
+    car = model.vehicle
+    edge = -0.5 * (car.wheelbase * math.sin(heading) + car.track_width * math.cos(heading))
+    south = edge - 60.4 * cell
+    _, north = np.meshgrid(-3.0 + cell * np.arange(180), south + cell * np.arange(160))
+    ground = slopewise.ElevationMap(
+        elevation=np.where(north > edge, 0.0, -1.0),
+        resolution=cell,
+        origin=(-3.0, south),
+        height_std=0.0,
+    )
+    s = np.linspace(0.0, 3.0, 61)
+    plan = slopewise.GivenPlan(
+        name="leaving",
+        x=s * math.cos(heading),
+        y=s * math.sin(heading),
+        speed=np.where(s < s[-1], 0.3, 0.0),
+    )
+    report = slopewise.check_plan(plan, model, ground, quantile=0.5)
+    assert ("step" in {violation.kind for violation in report.violations}) is is_refused
+
+
 @pytest.mark.parametrize(("vehicle", "cell"), CASES)
 @pytest.mark.parametrize("turn", [0.0, 0.5])
 def test_steps_up_and_down_count_on_any_slope(vehicle: str, cell: float, turn: float) -> None:

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import slopewise
+from slopewise.models.candidate_path import CandidatePath
 from slopewise.models.errors import ParameterError
 from slopewise.services.check.external_plan import ExternalPlan, plan_of_columns
 from slopewise.services.check.plan_checker import check_plan_on_map
@@ -93,6 +95,19 @@ def test_a_status_switches_no_rule_off() -> None:
         report = check_plan_on_map(straight(s, v, status=status), model_with(), ground(), clear=1.0)
         assert "stopping_path" in {x.kind for x in report.violations}, status
         assert ("decel" in {x.kind for x in report.violations}) is (status != "degraded")
+
+
+def test_an_infeasible_plan_reports_the_remainder_of_its_one_stop() -> None:
+    """It brakes from its first row on: from no other one does a stop begin with a dead time."""
+    path = CandidatePath("short", np.array([[0.0, 0.0], [20.0, 0.0]]))
+    (plan,) = slopewise.plan(model_with(), ground(), [path], start_speed=3.0, clear=1.5)
+    assert plan.status.value == "infeasible"
+    shorter = replace(plan, stop_distance=0.8 * plan.stop_distance)
+    for given, is_false in ((plan, False), (shorter, True)):
+        kinds = {v.kind for v in slopewise.check_plan(given, model_with(), ground()).violations}
+        assert "status" in kinds
+        assert ("stop_distance" in kinds) is is_false
+        assert not {"rear_load", "side_load"} & kinds
 
 
 def test_a_degraded_plan_that_brakes_too_little_is_not_excused() -> None:
