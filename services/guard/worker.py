@@ -1,7 +1,7 @@
 """The deciding process. :mod:`slopewise.services.guard.watchdog` starts and watches it.
 
 One thread takes inputs and answers commands immediately; another reads maps and parameters, see
-:mod:`slopewise.services.guard.map_updates`. Run as ``python -m slopewise.services.guard.worker
+:mod:`slopewise.services.guard.service_updates`. Run as ``python -m slopewise.services.guard.worker
 SETTINGS FD FD``.
 """
 
@@ -27,8 +27,8 @@ from slopewise.services.guard.guard_map import read_guard_map
 from slopewise.services.guard.guard_model import read_guard_model
 from slopewise.services.guard.guard_session import Heartbeat, running
 from slopewise.services.guard.input_feed import InputFeed
-from slopewise.services.guard.map_updates import MapUpdates
 from slopewise.services.guard.parameter_request import ParameterMemory
+from slopewise.services.guard.service_updates import ServiceUpdates
 from slopewise.services.guard.settings import GuardSettings, read_guard_settings
 from slopewise.services.guard.zenoh_transport import GuardStatus, ZenohTransport
 from slopewise.services.io.model_file import find_model
@@ -73,7 +73,7 @@ class Worker:
         self._transport = _transport(settings, session)
         self._begun = self._reported = time.monotonic()
         space = settings.zenoh.namespace
-        self._updates = MapUpdates(session, space, known, model.vehicle, memory)
+        self._updates = ServiceUpdates(session, space, known, model.vehicle, memory)
         self._status = session.declare_publisher(
             f"{space}/v1/guard/status", congestion_control=zenoh.CongestionControl.DROP
         )

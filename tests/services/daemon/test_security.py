@@ -14,7 +14,7 @@ import zenoh
 
 from slopewise.models.errors import InputError
 from slopewise.services.client import PlanClient
-from slopewise.services.guard.map_updates import MapUpdates
+from slopewise.services.guard.service_updates import ServiceUpdates
 from slopewise.services.guard.zenoh_transport import ZenohTransport
 from slopewise.services.ros.inbox import Inbox
 from slopewise.services.wire import codec
@@ -312,7 +312,7 @@ def test_a_guard_receives_what_it_needs_and_the_base_only_its_output(
     names = ("guard", "base", "navigation", "mapping", "estimator", "operator", "stranger")
     with contextlib.ExitStack() as stack:
         by = {name: stack.enter_context(as_(folder, service, name)) for name in names}
-        updates = MapUpdates(by["guard"], NAMESPACE, None, MODEL.vehicle)
+        updates = ServiceUpdates(by["guard"], NAMESPACE, None, MODEL.vehicle)
         transport = ZenohTransport(by["guard"], NAMESPACE, inbox)
         updates.open()
         # A session receives its own messages without a router.

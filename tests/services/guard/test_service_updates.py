@@ -11,7 +11,7 @@ import zenoh
 
 from slopewise.models.errors import ParameterError
 from slopewise.services.guard.core import Guard
-from slopewise.services.guard.map_updates import LOST, MAX_WAITING, KnownMap, MapUpdates
+from slopewise.services.guard.service_updates import LOST, MAX_WAITING, KnownMap, ServiceUpdates
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from slopewise.services.wire import codec
@@ -92,7 +92,7 @@ def put(session: zenoh.Session, key: str, message: MapUpdate | ParameterGroup) -
     session.put(f"{SPACE}/v1/{key}", codec.encode(message, Format.MESSAGEPACK), encoding=encoding)
 
 
-def hand_over(updates: MapUpdates, it: Guard, reason: str) -> None:
+def hand_over(updates: ServiceUpdates, it: Guard, reason: str) -> None:
     """Until the map is missing for a reason; "": until it is there."""
     until = time.monotonic() + 10.0
     while (missing := it.maps.missing(time.monotonic())) != reason:
@@ -105,7 +105,7 @@ def test_overflowing_queue_is_reported_and_parameters_are_not_crowded_out(
     session: zenoh.Session,
 ) -> None:
     it = guard(known=None)
-    updates = MapUpdates(session, SPACE, None, MODEL.vehicle)
+    updates = ServiceUpdates(session, SPACE, None, MODEL.vehicle)
     put(session, "map", map_update(1))
     put(session, "params/braking", braking_group(b_b=0.2))
     for k in range(2, MAX_WAITING + 10):

@@ -73,7 +73,7 @@ class KnownMap:
             self.map = apply_update(update, self.map)
 
 
-class MapUpdates:
+class ServiceUpdates:
     """Subscriptions to maps and parameters, and their hand-over to the guard."""
 
     def __init__(
