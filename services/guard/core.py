@@ -154,6 +154,14 @@ class Guard:
             self._jumps.update(motion, now, newest.late, margin, turning)
         return is_new
 
+    def confirm(self, pose: Pose2d, now: float, sender: str, *_: float | None) -> bool:
+        """Continue after a jump from the pose that an operator confirms, of a base at rest."""
+        objection = self.motions.missing(now) or self.motions.conflict(now)
+        objection = objection or self._jumps.confirm(pose, now)
+        outcome = f"was refused: {objection}" if objection else "is the reference now"
+        self.motions.record("confirmed pose", now, f"the pose confirmed by {sender} {outcome}")
+        return not objection
+
     def decision(self, now: float, fault: str = "") -> GuardDecision:
         """Decision for the base; ``fault``: of the process itself, as text."""
         command, number = self.commands.fresh(now) or (None, 0)

@@ -96,7 +96,7 @@ class InputFeed(Generic[T]):
                 return False
         except ParameterError as error:
             self.drop(f"{self.name} rejected: stamp: expected {error.expected}", now)
-            self._record("refused stamp", now, self.rejection)
+            self.record("refused stamp", now, self.rejection)
             return False
         if sequence is not None and last is not None and sequence > last + 1:
             self.counters[f"{self.name} lost"] += sequence - last - 1
@@ -119,19 +119,20 @@ class InputFeed(Generic[T]):
         senders = " and ".join(sorted((self._sender, sender)))
         self._conflict = f"{self.name} comes from two senders, {senders}"
         self._conflict_at = now
-        self._record("two senders", now, self._conflict)
+        self.record("two senders", now, self._conflict)
 
     def _check_clocks(self, lateness: Lateness, now: float) -> None:
         if lateness.repeated:
-            self._record("repeated stamp", now, f"stamps of {self.name} are repeated")
+            self.record("repeated stamp", now, f"stamps of {self.name} are repeated")
         if lateness.stepped == now:
-            self._record("clock step", now, f"the clock that stamps {self.name} was set")
+            self.record("clock step", now, f"the clock that stamps {self.name} was set")
         if self.wall is not None and self.wall.is_recovering(now):
-            self._record("wall clock step", now, "the clock of this machine was set")
+            self.record("wall clock step", now, "the clock of this machine was set")
         if lateness.late > _LATE * self.deadline:
-            self._record("late", now, f"{self.name} arrives {lateness.late:.2f} s late")
+            self.record("late", now, f"{self.name} arrives {lateness.late:.2f} s late")
 
-    def _record(self, kind: str, now: float, text: str) -> None:
+    def record(self, kind: str, now: float, text: str) -> None:
+        """Count an event, and show it among the warnings for :data:`RECOVERY`."""
         self._events[kind] = now, text
         self.counters[f"{self.name}: {kind}"] += 1
 

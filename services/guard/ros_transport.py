@@ -17,10 +17,20 @@ from slopewise.services.guard.settings import GuardRos
 from slopewise.services.guard.stop_courses import Pose2d
 from slopewise.services.guard.zenoh_transport import GuardInput
 from slopewise.services.io.bags import read_cdr, typestore
-from slopewise.services.ros.conversions import BOOL, ODOMETRY, flag, header, motion_of, stamp_of
+from slopewise.services.ros.conversions import (
+    BOOL,
+    ODOMETRY,
+    angles_of,
+    flag,
+    header,
+    motion_of,
+    stamp_of,
+)
 from slopewise.services.ros.inbox import Received
 from slopewise.services.ros.naming import read_attachment
 from slopewise.services.ros.node import Node
+
+_POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
 
 class RosOutput:
@@ -53,18 +63,21 @@ class RosOutput:
 
 
 class RosTransport(RosOutput):
-    """Commands and odometry in."""
+    """Commands, odometry and confirmed poses in."""
 
     def __init__(self, session: zenoh.Session, settings: GuardRos) -> None:
         super().__init__(session, settings, settings.node)
-        self._frame, self.inbox = settings.frame.lstrip("/"), self.node.inbox
+        self._frame = self._used_frame = settings.frame.lstrip("/")
+        self.inbox = self.node.inbox
         odometry = self.node.subscribe(settings.odometry, ODOMETRY)
         command = self.node.subscribe(settings.command, self._kind)
+        confirmed = self.node.subscribe(settings.confirm, _POSE)
         self._inputs: dict[str, tuple[str, Callable[[Any, int], Any]]] = {
             odometry: (ODOMETRY, self._motion_of),
             command: (self._kind, _command_of),
+            confirmed: (_POSE, self._confirmed_of),
         }
-        self.topics: dict[str, str] = {odometry: "motion", command: "command"}
+        self.topics: dict[str, str] = {odometry: "motion", command: "command", confirmed: "confirm"}
         self.inbox.all_of |= self.topics.keys()  # senders that alternate are seen by all messages
 
     def read(self, topic: str, item: Received) -> GuardInput:
@@ -75,13 +88,24 @@ class RosTransport(RosOutput):
         return value_of(message, sequence or 0), sender, sequence, _stamp_of(message)
 
     def _motion_of(self, message: Any, _: int) -> VehicleMotion:
-        frame = message.header.frame_id.lstrip("/")
-        if self._frame and frame != self._frame:
-            raise ParameterError("header.frame_id", f"{self._frame}, got {frame}")
+        frame = _frame_of(message, self._frame)
         motion = motion_of(message)
-        self.stamp = motion.stamp
+        self.stamp, self._used_frame = motion.stamp, frame
         pose = Pose2d(motion.x, motion.y, motion.heading)
         return VehicleMotion(pose, motion.speed, message.twist.twist.angular.z)
+
+    def _confirmed_of(self, message: Any, _: int) -> Pose2d:
+        _frame_of(message, self._used_frame)
+        pose = message.pose.pose
+        return Pose2d(pose.position.x, pose.position.y, angles_of(pose.orientation)[2])
+
+
+def _frame_of(message: Any, required: str) -> str:
+    """Frame of a message, which has to be the required one if there is one."""
+    frame: str = message.header.frame_id.lstrip("/")
+    if required and frame != required:
+        raise ParameterError("header.frame_id", f"{required}, got {frame}")
+    return frame
 
 
 def _command_of(message: Any, number: int) -> tuple[BaseCommand, int]:

@@ -41,6 +41,7 @@ class GuardRos:
     output: str = "cmd_vel"
     odometry: str = "odom"  # in the frame of the map
     stop: str = "guard_stop"  # std_msgs/Bool, true: brake and hold
+    confirm: str = "guard_pose"  # PoseWithCovarianceStamped of an operator, in that frame
     frame: str = ""  # required frame of odometry; empty: any
 
     def __post_init__(self) -> None:

@@ -141,10 +141,11 @@ def hand_over(
 ) -> bool:
     """Read messages for the guard, a command with the newest motion; True if one is new."""
     commanded = False
-    takers: dict[str, tuple[InputFeed[Any], Callable[..., bool]]] = {
+    takers: dict[str, tuple[InputFeed[Any] | None, Callable[..., bool]]] = {
         "motion": (guard.motions, guard.move),
         "clear": (guard.clears, guard.clear),
         "command": (guard.commands, guard.commands.take),
+        "confirm": (None, guard.confirm),
     }
     for topic, kind in transport.topics.items():
         feed, take = takers[kind]
@@ -154,7 +155,8 @@ def hand_over(
                 commanded |= take(value, item.at, *stamp) and kind == "command"
             except (InputError, ParameterError) as error:
                 # An unreadable message makes the one before it void.
-                feed.drop(at=item.at)
+                if feed is not None:
+                    feed.drop(at=item.at)
                 transport.inbox.refuse(topic, str(error))
     return commanded
 

@@ -53,6 +53,16 @@ class GuardClear(Message, frozen=True):
     time: float | None = None
 
 
+class GuardConfirm(Message, frozen=True):
+    """Pose of the middle of the wheelbase that an operator confirms after a jump [m], [rad]."""
+
+    source: Name
+    sequence: Number
+    x: float
+    y: float
+    heading: float
+
+
 class GuardOutput(Message, frozen=True):
     """Command to the base."""
 
@@ -91,6 +101,7 @@ _KINDS: dict[str, type[Message]] = {
     "motion": GuardMotion,
     "clear": GuardClear,
     "command": GuardCommand,
+    "confirm": GuardConfirm,
 }
 """Inputs in the order in which they are used: a command with the newest motion."""
 
@@ -123,7 +134,7 @@ class ZenohOutput:
 
 
 class ZenohTransport(ZenohOutput):
-    """Commands, motion and clear distance in."""
+    """Commands, motion, clear distance and confirmed poses in."""
 
     def __init__(self, session: zenoh.Session, namespace: str, inbox: Inbox) -> None:
         super().__init__(session, namespace, "guard")
@@ -148,10 +159,11 @@ class ZenohTransport(ZenohOutput):
         value: Any = message.distance if topic == "clear" else None
         if topic == "command":
             value = BaseCommand(message.speed, message.yaw_rate), message.sequence
-        elif topic == "motion":
-            pose = Pose2d(message.x, message.y, message.heading)
-            value = VehicleMotion(pose, message.speed, message.yaw_rate)
-        return value, message.source, message.sequence, message.time
+        elif topic != "clear":
+            value = Pose2d(message.x, message.y, message.heading)
+        if topic == "motion":
+            value = VehicleMotion(value, message.speed, message.yaw_rate)
+        return value, message.source, message.sequence, getattr(message, "time", None)
 
     def close(self) -> None:
         """Unsubscribe."""

@@ -327,7 +327,7 @@ def test_a_guard_receives_what_it_needs_and_the_base_only_its_output(
         send_map(by["mapping"], service)
         blocking = zenoh.CongestionControl.BLOCK  # else a busy machine may drop one
         for name, session in by.items():
-            for key in ("output", "status", "command", "motion", "clear"):
+            for key in ("output", "status", "command", "motion", "clear", "confirm"):
                 session.put(service.key(f"guard/{key}"), name, congestion_control=blocking)
         time.sleep(_SETTLED)
         updates.take(it)
@@ -337,7 +337,12 @@ def test_a_guard_receives_what_it_needs_and_the_base_only_its_output(
     senders = {
         kind: {item.raw.decode() for item in items} - {"guard"} for kind, items in received.items()
     }
-    assert senders == {"command": {"navigation"}, "motion": {"estimator"}, "clear": {"mapping"}}
+    assert senders == {
+        "command": {"navigation"},
+        "motion": {"estimator"},
+        "clear": {"mapping"},
+        "confirm": {"operator"},
+    }
     assert [sample.payload.to_string() for sample in outputs + states] == ["guard", "guard"]
     assert it.learned.waits == it.learned.silence == ""
     assert {"braking", "limits"} <= it.learned.groups.keys()

@@ -14,12 +14,13 @@ pytest.importorskip("rosbags", reason="the ros extra is not installed")
 from slopewise.services.guard.core import Guard
 from slopewise.services.guard.ros_transport import RosTransport
 from slopewise.services.guard.settings import GuardRos, GuardSettings, GuardTiming
+from slopewise.services.guard.stop_courses import Pose2d
 from slopewise.services.guard.worker import hand_over
 from slopewise.services.ros.node import Node
 from slopewise.services.settings.service_settings import ZenohSettings
 from slopewise.services.settings.zenoh_session import zenoh_config
 from tests.services.guard.guard_fixtures import FLAT, MODEL
-from tests.services.ros.ros_messages import command, odometry
+from tests.services.ros.ros_messages import command, odometry, pose_of
 
 
 @pytest.mark.parametrize("late", [0.0, 2.0])
@@ -48,3 +49,25 @@ def test_header_stamps_are_read(late: float) -> None:
     assert late < guard.motions.newest.age(now) < late + 1.0
     if late:
         assert "s old (stamp), limit 0.2 s" in guard.motions.missing(now)
+
+
+def test_confirmed_pose_is_in_the_frame_of_odometry() -> None:
+    """The tool of RViz sends one; a pose of another frame is refused, and voids nothing."""
+    guard, confirmed = Guard(GuardSettings(model="atv"), MODEL, FLAT), []
+    with zenoh.open(zenoh_config(ZenohSettings(mode="peer", listen=()))) as session:
+        transport = RosTransport(session, GuardRos(enabled=True))
+        guard.confirm = lambda pose, *_: bool(confirmed.append(pose))  # type: ignore[method-assign]
+        with Node(session, 0, "/", "robot") as node:
+            odom = node.publisher("odom", "nav_msgs/msg/Odometry")
+            rviz = node.publisher("guard_pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+            time.sleep(0.2)
+            odom.send(odometry(0.0, x=3.0, frame="map"))
+            for frame in ("odom", "map"):
+                rviz.send(pose_of(3.1, 0.2, frame))
+            time.sleep(0.2)
+            inbox = transport.inbox
+            hand_over(guard, transport, inbox.take(tuple(transport.topics), time.monotonic() + 5.0))
+        transport.close()
+    assert confirmed == [Pose2d(pytest.approx(3.1), 0.0, pytest.approx(0.2))]
+    assert inbox.refused["/guard_pose"].endswith("expected map, got odom")
+    assert (guard.motions.has_messages, guard.motions.rejection) == (True, "")

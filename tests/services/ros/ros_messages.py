@@ -40,6 +40,12 @@ def odometry(speed: float, x: float = 0.0, stamp: float = 5.0, frame: str = "odo
     return TYPES[ros.ODOMETRY](header(frame, stamp), "base_link", pose, moving)
 
 
+def pose_of(x: float, yaw: float, frame: str) -> Any:
+    """Pose as the tools of RViz publish it."""
+    pose = TYPES["geometry_msgs/msg/PoseWithCovariance"](grid_maps.pose(x, yaw=yaw), np.zeros(36))
+    return TYPES["geometry_msgs/msg/PoseWithCovarianceStamped"](header(frame), pose)
+
+
 def imu(pitch: float, rate: float) -> Any:
     q = TYPES["geometry_msgs/msg/Quaternion"](0.0, np.sin(pitch / 2), 0.0, np.cos(pitch / 2))
     nine = np.zeros(9)
