@@ -18,7 +18,7 @@ from slopewise.models.arrays import Elementwise
 from slopewise.models.errors import ParameterError
 from slopewise.models.quantity import positive, validate_quantities
 
-Kind = Literal["skid_steer", "ackermann", "double_ackermann", "articulated"]
+Kind = Literal["skid_steer", "ackermann", "double_ackermann"]
 
 _DEFAULT_MAX_ANGLE = 0.6
 """Greatest steering angle of wheels whose model file has none [rad]: 34°, the lower end of what
@@ -55,12 +55,6 @@ class Steering:
 
     def __post_init__(self) -> None:
         validate_quantities(self)
-        if self.kind == "articulated":
-            raise ParameterError(
-                "kind",
-                "one of 'skid_steer', 'ackermann', 'double_ackermann': the swept area of "
-                "articulated vehicles is not modelled, got 'articulated'",
-            )
         if self.reference == "rear_axle" and self.kind != "ackermann":
             raise ParameterError("reference", f"'mid' for the kind '{self.kind}', got 'rear_axle'")
         if self.max_angle is not None and self.min_radius is not None:

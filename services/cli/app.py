@@ -33,7 +33,7 @@ from slopewise.services.cli import (
     simulate,
     terrain,
 )
-from slopewise.services.cli.command import ExitStatus
+from slopewise.services.cli.command import ExitStatus, echo, with_own_files
 
 # Recent versions of typer include a copy of click, so its classes are taken from typer.
 _UsageError: Any = typer.BadParameter.__base__
@@ -74,7 +74,7 @@ for _command in (
     params.params,
     replay.replay,
 ):
-    app.command()(_command)
+    app.command()(with_own_files(_command))
 app.command(context_settings=bench.CONTEXT)(bench.bench)
 fleet_app.command("plan")(fleet.fleet_plan)
 fleet_app.command("calibrate")(fleet.fleet_calibrate)
@@ -89,7 +89,7 @@ def _root(
     if version:
         from importlib.metadata import version as installed
 
-        typer.echo(f"slopewise {installed('slopewise')}")
+        echo(f"slopewise {installed('slopewise')}")
         raise typer.Exit
 
 

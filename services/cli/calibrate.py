@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result, provenance_of, schema_of
-from slopewise.services.cli.options import option
+from slopewise.services.cli.options import option, output
 from slopewise.services.cli.tables import line, notes, table
 from slopewise.services.jobs.plural import plural
 
@@ -22,11 +22,11 @@ _SUSPECTS = 20  # excluded stretches that are listed; --json has all
 def calibrate(
     logs: options.LogFiles,
     model: options.ModelFile,
-    out: Annotated[Path | None, option("Write the model with what was learned.", "M2.toml")] = None,
-    stops: Annotated[Path | None, option("Write one row per stop.", "stops.csv")] = None,
+    out: Annotated[Path | None, output("Write the model with what was learned.", "M2.toml")] = None,
+    stops: Annotated[Path | None, output("Write one row per stop.", "stops.csv")] = None,
     report: options.Report = None,
     sheet: Annotated[
-        Path | None, option("Write the brake sheet, one page to file: .pdf or .html.", "sheet.pdf")
+        Path | None, output("Write the brake sheet, one page to file: .pdf or .html.", "sheet.pdf")
     ] = None,
     map_file: options.GroundMap = None,
     nodata: options.NoDataValue = None,

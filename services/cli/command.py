@@ -7,14 +7,19 @@ A command is a typer function that returns an :class:`ExitStatus`, or None for 0
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+import os
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime
 from enum import IntEnum
+from functools import wraps
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import typer
+
+from slopewise.models.errors import InputError
 
 
 class ExitStatus(IntEnum):
@@ -37,7 +42,7 @@ def schema_of(summary: str) -> Any:
 
             module, _, kind = summary.rpartition(".")
             summary_type = getattr(import_module(f"slopewise.services.{module}"), kind)
-            typer.echo(json.dumps(msgspec.json.schema(summary_type), indent=1))
+            echo(json.dumps(msgspec.json.schema(summary_type), indent=1))
             raise typer.Exit
 
     return typer.Option(
@@ -52,15 +57,51 @@ def print_result(
     if as_json:
         from slopewise.services.jobs.summary import to_json
 
-        typer.echo(to_json(summary))
+        echo(to_json(summary))
         return
     from rich.console import Console
 
     console = Console()
-    for part in tables:
-        console.print(part)
-    for file in filter(None, files):
-        typer.echo(f"wrote {file}")
+    with console.capture() as shown:
+        for part in tables:
+            console.print(part)
+    written = (f"wrote {file}\n" for file in files if file is not None)
+    echo(shown.get() + "".join(written), ends_line=False)
+
+
+def echo(text: str, *, ends_line: bool = True) -> None:
+    """Print to standard output, whose reader, such as `head`, may have enough before the end."""
+    try:
+        typer.echo(text, nl=ends_line)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def with_own_files(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command; InputError for a file to write that it reads, or writes twice.
+
+    Only a model file may replace the model: `calibrate --model m.toml --out m.toml`.
+    """
+
+    @wraps(command)
+    def run(**values: Any) -> Any:
+        used: dict[Path, str] = {}
+        hints = get_type_hints(command, include_extras=True)
+        infos = {name: hints[name].__metadata__[0] for name in values}
+        written = {name for name, info in infos.items() if info.writable}
+        for name in sorted(values, key=written.__contains__):
+            given = values[name] if isinstance(values[name], list) else [values[name]]
+            for file in (Path(f) for f in given if isinstance(f, Path) or (name == "model" and f)):
+                if file.exists() and not file.is_file():
+                    continue  # a folder, a pipe, /dev/null
+                earlier = used.setdefault(file.resolve(), name)
+                is_model = earlier == "model" and infos[name].metavar.endswith(".toml")
+                if name in written and earlier != name and not is_model:
+                    expected = f"expected another file than that of {earlier.removesuffix('_file')}"
+                    raise InputError(str(file), f"--{name}", expected)
+        return command(**values)
+
+    return run
 
 
 def print_ready(as_json: bool, message: str, facts: dict[str, object]) -> None:

@@ -6,10 +6,8 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from slopewise.services.cli import options
-from slopewise.services.cli.command import print_result, schema_of
+from slopewise.services.cli.command import echo, print_result, schema_of
 from slopewise.services.cli.options import option
 from slopewise.services.cli.plan import tables as plan_tables
 
@@ -32,4 +30,4 @@ def demo(
     write_job_page(page, result, map_file, path_file, MODEL, START_SPEED, math.inf)
     print_result(as_json, summarise(result, page) if as_json else None, plan_tables(result))
     if not as_json:
-        typer.echo(f"\nOpen {page} in a browser to see them")
+        echo(f"\nOpen {page} in a browser to see them")

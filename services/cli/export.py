@@ -6,11 +6,9 @@ import json
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from slopewise.models.errors import InputError
 from slopewise.services.cli import options
-from slopewise.services.cli.command import print_result
+from slopewise.services.cli.command import echo, print_result
 from slopewise.services.cli.options import argument, option
 from slopewise.services.cli.tables import table
 
@@ -39,7 +37,7 @@ def export(
     if json_schema:
         from slopewise.services.export.schema import model_schema
 
-        typer.echo(json.dumps(model_schema(), indent=1))
+        echo(json.dumps(model_schema(), indent=1))
         return
     from slopewise.services.io.model_file import find_model, read_model
 

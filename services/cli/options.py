@@ -13,6 +13,11 @@ def option(text: str, metavar: str | None = None, *names: str) -> Any:
     return typer.Option(*names, metavar=metavar, help=text)
 
 
+def output(text: str, metavar: str) -> Any:
+    """An option that names a file to write, which must be none that the command reads."""
+    return typer.Option(metavar=metavar, help=text, writable=True)
+
+
 def argument(text: str, metavar: str | None = None) -> Any:
     """An argument: its help, and what it is called."""
     return typer.Argument(metavar=metavar, help=text)
@@ -94,7 +99,7 @@ FalseAlarm = Annotated[
     float, option("Accepted share of logs without a missing effect that name one.")
 ]
 Seed = Annotated[int, option("Seed of the random numbers; the same one gives the same result.")]
-Report = Annotated[Path | None, option("Write a page with charts.", "out.html")]
+Report = Annotated[Path | None, output("Write a page with charts.", "out.html")]
 Timeout = Annotated[float, option("Longest wait for the reply.", "SECONDS")]
 AsJson = Annotated[
     bool,

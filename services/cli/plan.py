@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from slopewise.services.cli import options
 from slopewise.services.cli.command import ExitStatus, print_result, schema_of
-from slopewise.services.cli.options import option
+from slopewise.services.cli.options import option, output
 from slopewise.services.cli.tables import LISTED, line, table
 from slopewise.services.jobs.plural import plural
 
@@ -47,7 +47,7 @@ def plan(
     nodata: options.NoDataValue = None,
     out: Annotated[
         Path | None,
-        option(
+        output(
             "Write all plans, one row per station; .mcap for Foxglove, .rrd for rerun.", "plan.csv"
         ),
     ] = None,

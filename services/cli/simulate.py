@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result, schema_of
-from slopewise.services.cli.options import option
+from slopewise.services.cli.options import output
 from slopewise.services.cli.tables import notes, table
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def simulate(
     logs: options.LogFiles,
     model: options.ModelFile,
     out: Annotated[
-        Path | None, option("Write run,t,v_measured,v_simulated,residual.", "sim.csv")
+        Path | None, output("Write run,t,v_measured,v_simulated,residual.", "sim.csv")
     ] = None,
     topics: options.Topics = None,
     columns: options.Columns = "",

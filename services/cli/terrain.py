@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from slopewise.services.cli import options
 from slopewise.services.cli.command import print_result, schema_of
-from slopewise.services.cli.options import option
+from slopewise.services.cli.options import option, output
 from slopewise.services.cli.tables import LISTED, line, table
 from slopewise.services.jobs.plural import plural
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 def terrain(
     logs: options.LogFiles,
     model: options.ModelFile,
-    out: Annotated[Path | None, option("Write one row per stretch.", "terrain.csv")] = None,
+    out: Annotated[Path | None, output("Write one row per stretch.", "terrain.csv")] = None,
     report: options.Report = None,
     update: Annotated[
-        Path | None, option("Write the model with the ground driven now.", "M2.toml")
+        Path | None, output("Write the model with the ground driven now.", "M2.toml")
     ] = None,
     terrains: Annotated[
         str | None, option("Known classes and settings: file, or a shipped name.", "T.toml")
     ] = None,
     learn: Annotated[
         Path | None,
-        option(
+        output(
             "Write classes and thresholds learned from the columns terrain and session.", "T2.toml"
         ),
     ] = None,

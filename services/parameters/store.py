@@ -40,6 +40,16 @@ CREATE TABLE IF NOT EXISTS source (
 );
 """
 
+_ROW = int, str, str, str, str, float, str, float, bytes, int, int
+"""Types of a change's columns, state before learned: SQLite stores any type in any of them."""
+
+_UNTYPED = """
+SELECT 1 FROM change
+WHERE (typeof(version), typeof(grp), typeof(fingerprint)) <> ('integer', 'text', 'text')
+UNION SELECT 1 FROM source
+WHERE (typeof(name), typeof(sequence), typeof(version)) <> ('text', 'integer', 'integer')
+"""
+
 
 class StoreError(Exception):
     """The store cannot be used now; the message is the short reason."""
@@ -137,7 +147,8 @@ class Store:
             connection.executescript(
                 f"BEGIN IMMEDIATE;{_SCHEMA}PRAGMA user_version = {_SCHEMA_VERSION};COMMIT;"
             )
-            connection.execute("SELECT version, state, crc FROM change LIMIT 1").fetchall()
+            if connection.execute(_UNTYPED).fetchone():
+                raise sqlite3.DatabaseError("a number or a name has another type")
         except BaseException:
             connection.close()
             raise
@@ -262,10 +273,9 @@ class Store:
             "SELECT version, grp, fingerprint, cause, who, at, boot, uptime, state, learned, crc"
             f" FROM change {where}"
         )
-        for version, grp, vehicle, cause, who, at, boot, uptime, state, learned, crc in self._rows(
-            query, *given
-        ):
-            if zlib.crc32(state) != crc:
+        for row in self._rows(query, *given):
+            version, grp, vehicle, cause, who, at, boot, uptime, state, learned, crc = row
+            if tuple(map(type, row)) != _ROW or zlib.crc32(state) != crc:
                 self.damaged.add(grp)
                 continue
             moment = BootTime(at, boot, uptime)

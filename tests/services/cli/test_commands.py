@@ -56,6 +56,19 @@ def test_a_fault_of_the_program_is_status_1(monkeypatch: pytest.MonkeyPatch) -> 
     assert "RuntimeError: planted" in done.stderr
 
 
+@pytest.mark.parametrize("options", [(), ("--json",), ("--json-schema",)])
+def test_a_reader_that_has_enough_is_no_fault(world: Path, options: tuple[str, ...]) -> None:
+    """As `slopewise plan … | head -1`: the files are written, the status is that of the plan."""
+    arguments = ["plan", "map.npz", "paths.csv", "-m", "atv", "--out", "plan.csv", *options]
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "slopewise.services.cli", *arguments]
+    done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (world / "plan.csv").exists() is (options != ("--json-schema",))
+
+
 def test_a_running_command_prints_that_it_is_ready(tmp_path: Path) -> None:
     config = tmp_path / "service.toml"
     endpoint = f"tcp/127.0.0.1:{free_port()}"

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import contextlib
 import resource
 import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,6 +28,18 @@ def change(version: int, group: str = "braking", **more: object) -> StoredChange
         "state": f"state {version}".encode(),
     }
     return StoredChange(**(fields | more))  # type: ignore[arg-type]
+
+
+@contextlib.contextmanager
+def edited(path: Path) -> Iterator[sqlite3.Connection]:
+    """A store of two changes of one source, to be written to by another program."""
+    store = Store(path)
+    store.write([change(1)])
+    store.write([change(2)], {"stop:robot": 7})
+    store.close()
+    with sqlite3.connect(path) as raw:
+        yield raw
+    raw.close()
 
 
 @pytest.fixture
@@ -128,15 +142,40 @@ def test_attempts_on_a_full_disk_replace_no_corrupt_file_with_data(path: Path) -
     again.close()
 
 
-def test_a_row_that_changed_on_disk_is_skipped(path: Path) -> None:
-    store = Store(path)
-    store.write([change(1)])
-    store.write([change(2)])
-    store.close()
-    with sqlite3.connect(path) as raw:
-        raw.execute("UPDATE change SET state = ? WHERE version = 2", (b"statf 2",))
-    raw.close()
-    assert [c.version for c in Store(path).newest("f", "braking")] == [1]
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("state", b"statf 2"),
+        ("state", "state 2"),
+        ("cause", b"stop 2"),
+        ("who", b"robot"),
+        ("at", "yesterday"),
+        ("boot", b"boot"),
+        ("uptime", "long"),
+        ("crc", "none"),
+    ],
+)
+def test_a_row_that_changed_on_disk_is_skipped(path: Path, column: str, value: object) -> None:
+    with edited(path) as raw:
+        raw.execute(f"UPDATE change SET {column} = ? WHERE version = 2", (value,))
+    again = Store(path)
+    assert [c.version for c in again.newest("f", "braking")] == [1]
+    assert again.damaged == {"braking"}
+    again.close()
+
+
+@pytest.mark.parametrize(
+    ("table", "column"), [("change", "version"), ("change", "grp"), ("source", "sequence")]
+)
+def test_a_file_whose_keys_have_another_type_is_quarantined(
+    path: Path, table: str, column: str
+) -> None:
+    with edited(path) as raw:
+        raw.execute(f"UPDATE {table} SET {column} = ? WHERE version = 2", (b"x",))
+    again = Store(path)
+    assert again.last_version() == 0
+    assert "has another type" in again.lost
+    again.close()
 
 
 def test_old_changes_are_deleted_and_the_newest_of_each_vehicle_stays(path: Path) -> None:
