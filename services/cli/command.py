@@ -85,6 +85,8 @@ def with_own_files(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def run(**values: Any) -> Any:
+        from slopewise.services.io.files import real_path
+
         used: dict[Path, str] = {}
         hints = get_type_hints(command, include_extras=True)
         infos = {name: hints[name].__metadata__[0] for name in values}
@@ -94,7 +96,7 @@ def with_own_files(command: Callable[..., Any]) -> Callable[..., Any]:
             for file in (Path(f) for f in given if isinstance(f, Path) or (name == "model" and f)):
                 if file.exists() and not file.is_file():
                     continue  # a folder, a pipe, /dev/null
-                earlier = used.setdefault(file.resolve(), name)
+                earlier = used.setdefault(real_path(file), name)
                 is_model = earlier == "model" and infos[name].metavar.endswith(".toml")
                 if name in written and earlier != name and not is_model:
                     expected = f"expected another file than that of {earlier.removesuffix('_file')}"

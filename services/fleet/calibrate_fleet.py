@@ -28,7 +28,7 @@ from slopewise.models.stop_logs.measured_log import is_mapped
 from slopewise.services.fleet.result_folder import make_folder, vehicles_of
 from slopewise.services.fleet.scheduler import Task, Workers, check_installed, each_done
 from slopewise.services.io.files import fault
-from slopewise.services.io.log_checks import refuse_too_fast, refuse_unit, refuse_wrong_units
+from slopewise.services.io.log_checks import refuse_unit
 from slopewise.services.io.model_file import (
     find_model,
     model_from_dict,
@@ -61,9 +61,7 @@ def measure_vehicle(task: LogTask) -> VehicleStops | UnusableLog:
     """Measure its stops; none, with the reason, where there are too few."""
     model = model_from_dict(task.model, "model")
     try:
-        log = task.logs.read()
-        refuse_wrong_units(log)
-        refuse_too_fast(log, model)
+        log = task.logs.read_for(model)
         ground = task.logs.grade(log, model.vehicle)
     except InputError as error:
         return UnusableLog(task.vehicle, str(error))

@@ -11,7 +11,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from slopewise.services.io.files import check_file, fault, read_text, reason, write_atomic
+from slopewise.services.io.files import (
+    check_file,
+    fault,
+    read_text,
+    real_path,
+    reason,
+    write_atomic,
+)
 
 _RUN = "fleet.json"
 _END_BYTES = 1 << 16  # Bytes at either end of a map that its digest covers
@@ -21,10 +28,11 @@ def vehicles_of(logs: Sequence[Path], by_folder: bool) -> dict[str, list[Path]]:
     """Logs of each vehicle in the order given: those of a folder, or each file."""
     grouped: dict[str, list[Path]] = {}
     for log in logs:
-        name = log.resolve().parent.name if by_folder else log.stem
+        folder = real_path(log).parent
+        name = folder.name if by_folder else log.stem
         logs_of_name = grouped.setdefault(name, [])
         first = logs_of_name[0] if logs_of_name else None
-        if first and (not by_folder or first.resolve().parent != log.resolve().parent):
+        if first and (not by_folder or real_path(first).parent != folder):
             message = f"expected a unique name of the vehicle, got another {name} in {first}"
             hint = "" if by_folder else "; --by-folder takes the logs of a folder together"
             raise fault(log, "", message + hint)

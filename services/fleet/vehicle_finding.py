@@ -121,7 +121,8 @@ def finished(task: VehicleTask) -> Row | None:
 
 
 def _examine(task: VehicleTask) -> Row:
-    model, log, settings = model_from_dict(task.model, "model"), task.logs.read(), task.settings
+    model, settings = model_from_dict(task.model, "model"), task.settings
+    log = task.logs.read_for(model)
     ground = task.logs.grade(log, model.vehicle)
     findings = investigate(
         log.columns, log.runs, model, ground=ground, settings=settings, source=task.source

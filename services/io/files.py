@@ -64,6 +64,11 @@ def reason(error: BaseException) -> str:
     return str(text)
 
 
+def real_path(path: Path) -> Path:
+    """Absolute path without symbolic links; `Path.resolve` fails with those of a loop."""
+    return Path(os.path.realpath(path))
+
+
 def check_file(path: Path) -> None:
     """Raise InputError unless ``path`` is an existing file."""
     try:
@@ -129,7 +134,7 @@ def write_atomic(path: Path, content: bytes) -> None:
         if path.exists() and not path.is_file():  # a pipe or /dev/stdout; a directory fails here
             path.write_bytes(content)
             return
-        target = path.resolve()
+        target = real_path(path)
         temporary = target.with_name(f".{target.name[:80]}.{secrets.token_hex(6)}.tmp")
         with temporary.open("xb") as file:
             file.write(content)

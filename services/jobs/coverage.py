@@ -8,7 +8,7 @@ import numpy as np
 from slopewise.models.arrays import Bools, Floats
 from slopewise.models.calibration.coverage import MIN_STOPS, Coverage, covered
 from slopewise.services.io.files import fault
-from slopewise.services.io.log_checks import refuse_wrong_units, unseen_channels
+from slopewise.services.io.log_checks import unseen_channels
 from slopewise.services.io.model_file import find_model, read_model
 from slopewise.services.jobs.log_input import LogInput
 from slopewise.services.jobs.progress import progress_bar
@@ -70,8 +70,7 @@ def coverage(logs: LogInput, model_file: str, *, quantile: float) -> CoverageSum
         raise fault("--quantile", "", f"expected a share in [0.5, 0.9999], got {quantile:g}")
     model = read_model(find_model(model_file))
     with progress_bar("comparing stops with the model", 2) as advance:
-        log = logs.read()
-        refuse_wrong_units(log)
+        log = logs.read_for(model)
         ground = logs.grade(log, model.vehicle)
         advance(1)
         with input_errors(logs.names):

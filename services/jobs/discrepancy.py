@@ -23,7 +23,7 @@ def discrepancy(
     model_path = find_model(model_file)
     model = read_model(model_path)
     with progress_bar("comparing", HUNDREDTHS + 1) as advance:
-        log = logs.read()
+        log = logs.read_for(model)
         ground = logs.grade(log, model.vehicle)
         advance(1)
         with input_errors(logs.names):

@@ -7,9 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from slopewise.models.arrays import Floats
+from slopewise.models.parameters import Model
 from slopewise.models.vehicle import Vehicle
 from slopewise.services.io.columns import in_own_units, parse_names
 from slopewise.services.io.drive_log import DriveLog, read_logs
+from slopewise.services.io.files import real_path
+from slopewise.services.io.log_checks import refuse_too_fast, refuse_wrong_units
 from slopewise.services.io.no_data import NoData
 from slopewise.services.io.track_grade import grade_by_map
 
@@ -35,13 +38,20 @@ class LogInput:
 
     def resolved(self, files: Sequence[Path]) -> LogInput:
         """Other files read likewise, by absolute paths: a worker may run elsewhere."""
-        map_file, topics = (p if p is None else p.resolve() for p in (self.map_file, self.topics))
-        files = tuple(file.resolve() for file in files)
+        map_file, topics = (p and real_path(p) for p in (self.map_file, self.topics))
+        files = tuple(map(real_path, files))
         return replace(self, files=files, map_file=map_file, topics=topics)
 
     def read(self) -> DriveLog:
         """Read all files as one log."""
         return read_logs(self.files, self.topics, self.columns)
+
+    def read_for(self, model: Model) -> DriveLog:
+        """Read all files as one log; InputError where its units, or its speeds, look wrong."""
+        log = self.read()
+        refuse_wrong_units(log)
+        refuse_too_fast(log, model)
+        return log
 
     def grade(self, log: DriveLog, vehicle: Vehicle) -> Floats | None:
         """Grade of the ground at each sample [rad], None without a map."""

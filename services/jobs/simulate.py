@@ -59,7 +59,7 @@ class SimulateResult:
 def simulate(logs: LogInput, model_file: str) -> SimulateResult:
     """Read logs and drive the model from each stop command on."""
     model = read_model(find_model(model_file))
-    log = logs.read()
+    log = logs.read_for(model)
     measured = log.columns["v"]
     simulated = np.empty_like(measured)
     runs = []

@@ -64,6 +64,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     husky = find_model("husky").read_text().replace("# idle_current: not", idle)
     (folder / "husky.toml").write_text(husky)
     (folder / "topics.toml").write_text("")
+    (folder / "loop.csv").symlink_to("loop.csv")
     return folder
 
 

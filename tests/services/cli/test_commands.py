@@ -23,6 +23,8 @@ import typer
 from slopewise.services.cli import app
 from slopewise.services.io.table import read_csv
 from slopewise.services.jobs import calibrate, demo, discrepancy
+from tests.models.calibration.plant import Plant, drive
+from tests.services.cli.conftest import write_log
 from tests.services.command_line import here, one_line_of, slopewise
 from tests.services.faults import real_data
 from tests.services.service_process import free_port
@@ -67,6 +69,17 @@ def test_a_reader_that_has_enough_is_no_fault(world: Path, options: tuple[str, .
     os.close(writing)
     assert (done.returncode, done.stderr) == (0, "")
     assert (world / "plan.csv").exists() is (options != ("--json-schema",))
+
+
+@pytest.mark.parametrize("command", ["discrepancy", "simulate", "coverage"])
+@pytest.mark.parametrize(("columns", "factor"), [(["t"], 1e3), (["v", "v_cmd"], 3.6)])
+def test_logs_in_other_units_are_refused_by_every_command(
+    world: Path, command: str, columns: list[str], factor: float
+) -> None:
+    log = drive(Plant(), 24, 0)[0]
+    write_log({n: factor * v if n in columns else v for n, v in log.items()}, world / "unit.csv")
+    done = here(command, "unit.csv", "-m", "atv", *(("--out", "o") if command[0] == "d" else ()))
+    one_line_of(done, f"column {columns[0]}", "which looks like", "ms" if factor > 4.0 else "km/h")
 
 
 def test_a_running_command_prints_that_it_is_ready(tmp_path: Path) -> None:
