@@ -115,10 +115,12 @@ class Guard:
         """Use the parameters in :attr:`learned`."""
         self._model = self.learned.in_use()
 
-    def forget(self) -> None:
-        """Discard all inputs: they may be older than they seem."""
+    def forget(self, held_up: float) -> None:
+        """Discard all inputs: they may be older than they seem by a time [s]."""
         for feed in self._feeds():
             feed.drop()
+        if held_up > self.maps.deadline:
+            self.maps.drop("the map is from before this machine was held up")
 
     def clear(
         self,

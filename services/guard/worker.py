@@ -82,17 +82,17 @@ class Worker:
         """Decide until an event, or until the watchdog has been gone for some time."""
         self._updates.open()
         timing, due = self._settings.timing, time.monotonic()
-        last, ignored_until, orphaned = due, 0.0, math.inf
+        last, ignored_until, orphaned = _time_since_boot(), 0.0, math.inf
         while not ended.is_set():
             received = self._transport.inbox.take(tuple(self._transport.topics), due)
             begun, now = time.perf_counter(), time.monotonic()
-            if now - last > timing.stall:
-                # The process was held up: what comes now may have waited as long, and looks new.
-                self.guard.forget()
+            if (held_up := _time_since_boot() - last) > timing.stall:
+                # What comes now may have waited as long, and looks new.
+                self.guard.forget(held_up)
                 ignored_until = now + _DRAINING
             commanded = now >= ignored_until and hand_over(self.guard, self._transport, received)
             self._updates.take(self.guard)
-            now = last = time.monotonic()
+            now, last = time.monotonic(), _time_since_boot()
             is_silent = self._heartbeat.is_silent()
             if commanded or now >= due:
                 due = now + timing.period
@@ -134,6 +134,11 @@ class Worker:
             stamps=self.guard.stamps(),
         )
         self._status.put(**codec.payload_of(status, Format.JSON))
+
+
+def _time_since_boot() -> float:
+    """Time since the machine was started [s]; unlike the monotonic clock, while it sleeps too."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def hand_over(

@@ -45,6 +45,14 @@ def top(reply: PlanReply) -> float:
     return float(max(plan.column("speed").max() for plan in reply.plans))
 
 
+def test_a_map_ages_while_the_machine_sleeps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """CLOCK_MONOTONIC stands then."""
+    known, read = of_age(1.0), time.clock_gettime
+    monkeypatch.setattr(time, "clock_gettime", lambda clock: read(clock) + 3600.0)
+    assert known.age() == pytest.approx(3601.0, abs=0.1)
+    assert "twice max_map_age" in ask(service(), known).reason
+
+
 @pytest.mark.parametrize("client", ["", "robot"])
 def test_up_to_max_map_age_plans_are_as_they_were(client: str) -> None:
     plans = service()
