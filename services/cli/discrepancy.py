@@ -63,21 +63,14 @@ def discrepancy(
 
 def _tables(findings: Findings) -> Iterator[Any]:
     """Verdict, named effects, gap, and the next stops to drive."""
-    from slopewise.models.discrepancy.report.words import answers, closed_words, sure_words
+    from slopewise.models.discrepancy.report.words import answers, closed_words
+    from slopewise.services.report.discrepancy_page import effect_cells
 
     summary = f" – {findings.summary}" if findings.summary else ""
     yield line(f"{findings.verdict.value}{summary}", "bold")
-    rows = []
-    for effect in findings.effects:
-        values = ", ".join(
-            f"{n} = {p.value:.4g} ± {p.std:.2g} {'' if p.unit == '1' else p.unit}".rstrip()
-            for n, p in effect.parameters.items()
-        )
-        confidence, names = sure_words(effect.confidence), ", ".join(effect.alternatives)
-        rows.append((effect.name, values, confidence, names, effect.where))
-    if rows:
+    if findings.effects:
         columns = ("effect", "parameters", "confidence", "or", "where")
-        yield from table(columns, rows, left=columns)
+        yield from table(columns, map(effect_cells, findings.effects), left=columns)
     for gap in (findings.gap, findings.stop_distance):
         yield line(
             f"{gap.metric}: {gap.before:.3f} {gap.unit} as configured, {gap.refit:.3f} refitted, "

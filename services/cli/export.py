@@ -9,13 +9,13 @@ from typing import Annotated
 from slopewise.models.errors import InputError
 from slopewise.services.cli import options
 from slopewise.services.cli.command import echo, print_result
-from slopewise.services.cli.options import argument, option
+from slopewise.services.cli.options import argument, option, output
 from slopewise.services.cli.tables import table
 
 
 def export(
     model: Annotated[str, argument("Model file, or shipped vehicle.", "M.toml")] = "",
-    casadi: Annotated[Path | None, option("All functions, for CasADi to read.", "FILE")] = None,
+    casadi: Annotated[Path | None, output("All functions, for CasADi to read.", "FILE")] = None,
     c: Annotated[Path | None, option("C code, header, test vectors.", "FOLDER", "--c")] = None,
     cpp: Annotated[Path | None, option("Header for slopewise::core.", "FOLDER", "--cpp")] = None,
     resolution: Annotated[

@@ -35,6 +35,7 @@ VERDICT_LABELS = {
 }
 """Label of each verdict, and its style."""
 
+_CONFIDENT = 0.9  # from which a name stands without a word on what it may be instead [1]
 STYLES = ("page.css", "calibration.css", "discrepancy.css")
 _AXES = 6
 """Axes of the residual that are drawn."""
@@ -67,7 +68,10 @@ def write_discrepancy_page(
             **provenance,
         },
         "notices": findings.notes,
-        "effects": [_effect_cells(effect) for effect in findings.effects],
+        "effects": [
+            (effect.name, LAWS[effect.name].missing, *effect_cells(effect)[1:])
+            for effect in findings.effects
+        ],
         "closed": _closed(findings.gap),
         "located": [_axis_cells(axis) for axis in findings.located] or [("no axis", "", "", "")],
         "pictures": _figures(findings),
@@ -81,19 +85,20 @@ def _closed(gap: Gap) -> str:
     return f"Of the closable gap {closed_words(gap)}."
 
 
-def _effect_cells(effect: NamedEffect) -> tuple[str, ...]:
-    parameters = "; ".join(
+def effect_cells(effect: NamedEffect) -> tuple[str, str, str, str, str]:
+    """Name, parameters, confidence, what it may be instead, and where.
+
+    Where no alternative explains the log nearly as well, all other effects have the remainder.
+    """
+    parameters = ", ".join(
         f"{name} = {p.value:.4g} ± {p.std:.2g} {p.unit if p.unit != '1' else ''}".rstrip()
         for name, p in effect.parameters.items()
     )
-    return (
-        effect.name,
-        LAWS[effect.name].missing,
-        parameters,
-        sure_words(effect.confidence),
-        ", ".join(effect.alternatives) or "–",
-        effect.where,
+    remainder = (
+        f"any other: {1.0 - effect.confidence:.0%}" if effect.confidence < _CONFIDENT else "–"
     )
+    alternatives = ", ".join(effect.alternatives) or remainder
+    return effect.name, parameters, sure_words(effect.confidence), alternatives, effect.where
 
 
 def _axis_cells(axis: LocatedAxis) -> tuple[str, ...]:
