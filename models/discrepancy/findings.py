@@ -40,7 +40,7 @@ class NamedEffect:
     Attributes:
         name: of :data:`slopewise.models.effects.registry.LAWS`. parameters: by name.
         confidence: 0 … 1, that this name and not another one of the library is right.
-        alternatives: names that explain the log nearly as well.
+        alternatives: other names, of explanations that the log does not rule out.
         where: axis and part of it, as text.
     """
 
@@ -49,6 +49,18 @@ class NamedEffect:
     confidence: float
     alternatives: tuple[str, ...] = ()
     where: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LikelyExplanation:
+    """Names of effects, or none, and axes of causes without one that a log does not rule out.
+
+    Its weight is its probability among all explanations that were tried.
+    """
+
+    names: tuple[str, ...]
+    axes: tuple[str, ...]
+    weight: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +203,8 @@ class Findings:
 
     Attributes:
         verdict: one word. summary: one or two sentences.
-        effects: named ones, the leading one first.
+        effects: named ones, the leading one first. explanations: those that are not ruled out, the
+            heaviest first, before stops held out had a say.
         located: axes that the refitted base disagrees along, the strongest first.
         gap: in speed. stop_distance: in metres. next_experiment: what to drive.
         model: to plan with from now on. added: effects in it that were not there before.
@@ -205,6 +218,7 @@ class Findings:
     verdict: Verdict
     summary: str
     effects: tuple[NamedEffect, ...]
+    explanations: tuple[LikelyExplanation, ...]
     located: tuple[LocatedAxis, ...]
     gap: Gap
     stop_distance: Gap

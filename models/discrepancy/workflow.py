@@ -21,7 +21,7 @@ from slopewise.models.discrepancy.decide.no_harm import held_to_account
 from slopewise.models.discrepancy.decide.revised import revised
 from slopewise.models.discrepancy.decide.verdict import WILD_SCATTER, Decision, decide
 from slopewise.models.discrepancy.findings import Findings
-from slopewise.models.discrepancy.likelihood.answer import answered
+from slopewise.models.discrepancy.likelihood.answer import answered, likely
 from slopewise.models.discrepancy.likelihood.refit import refitted
 from slopewise.models.discrepancy.likelihood.residual_axes import residual_axes
 from slopewise.models.discrepancy.likelihood.resolvable import resolvable
@@ -98,6 +98,7 @@ def investigate(
             decision.verdict,
             summary(table, decision, gaps.distance, gaps.ends),
             named_effects(decision, located),
+            likely(weights),
             located_axes(decision, located, above, settings.structure),
             gaps.speed,
             gaps.distance,

@@ -37,6 +37,7 @@ def findings_as_json(f: Findings) -> dict[str, Any]:
         "verdict": f.verdict.value,
         "summary": f.summary,
         "effects": [asdict(e) | {"alternatives": list(e.alternatives)} for e in f.effects],
+        "explanations": [asdict(e) for e in f.explanations],
         "located": [
             {
                 "axis": a.axis,

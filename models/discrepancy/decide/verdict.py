@@ -32,7 +32,7 @@ class Decision:
 
     Attributes:
         verdict: one word. explanation: effects and coefficients that go with it.
-        alternatives: explanations that are nearly as good, for `ambiguous`.
+        alternatives: explanations that the log does not rule out next to the names.
         confidence: one for each added effect, in their order.
         axis: that an unknown follows. absorbed: for `unidentifiable`. notes: warnings.
         unchanged: the model stays as configured.
@@ -143,9 +143,10 @@ def _named(
         )
     if not named:
         return replace(nothing, notes=tuple(small))
-    alternatives: tuple[Refit, ...] = ()
+    plain = nothing.explanation
+    alternatives = tuple(refitted(e) if e.names else plain for e in answer.alternatives)
     if answer.verdict is Verdict.AMBIGUOUS:
-        alternatives = tuple(map(refitted, answer.alternatives)) or (nothing.explanation,)
+        alternatives = alternatives or (plain,)
     return replace(
         nothing,
         verdict=answer.verdict,

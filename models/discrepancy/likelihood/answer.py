@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.findings import LikelyExplanation, Verdict
 from slopewise.models.discrepancy.likelihood.posterior import LAG, Explanation
 from slopewise.models.discrepancy.likelihood.prior import ONSET_FORCE, WAVE
 from slopewise.models.discrepancy.likelihood.weigh import Weights
@@ -34,7 +34,8 @@ class Answer:
         calm: the explanation without any cause.
         axis: that the heaviest causes without a name follow, "" without. probability: that
             the answer is right. of_names: probability of each name.
-        alternatives: alternatives with other names that are not ruled out, the heaviest first.
+        alternatives: explanations without some of its names that are not ruled out, the heaviest
+            first.
     """
 
     verdict: Verdict
@@ -72,16 +73,35 @@ def answered(weights: Weights, without: Sequence[frozenset[str]] = ()) -> Answer
     first = max(of_names, key=lambda n: of_names[n], default="")
     if of_names.get(first, 0.0) >= _ANSWERED:
         leader = _with([e for kind, e, _ in each if kind == _NAMED], first, of_names)
-        return Answer(Verdict.MISSING_EFFECT, leader, calm, axis, of_names[first], of_names)
+        alternatives = _alternatives(every, leader)
+        return Answer(
+            Verdict.MISSING_EFFECT, leader, calm, axis, of_names[first], of_names, alternatives
+        )
     named = [e for e in every if e.names and not e.axes]
     near = every[0].log_weight + np.log(_RULED_OUT)
     if axis and (not named or named[0].log_weight < near):
         return Answer(Verdict.UNKNOWN, every[0], calm, axis, along, of_names)
     leader = named[0] if named else every[0]
-    near = leader.log_weight + np.log(_RULED_OUT)
-    near_ones = [e for e in named[1:] if not e.names >= leader.names and e.log_weight > near]
     of_all = _summed((n, s) for _, e, s in each for n in e.names)
-    return Answer(Verdict.AMBIGUOUS, leader, calm, axis, max(share), of_all, tuple(near_ones[:3]))
+    alternatives = _alternatives(every, leader)
+    return Answer(Verdict.AMBIGUOUS, leader, calm, axis, max(share), of_all, alternatives)
+
+
+def likely(weights: Weights) -> tuple[LikelyExplanation, ...]:
+    """Explanations that are not ruled out, the heaviest first."""
+    share = _shares(weights.explanations)
+    return tuple(
+        LikelyExplanation(tuple(sorted(e.names)), tuple(sorted(e.axes)), s)
+        for e, s in zip(weights.explanations, share, strict=True)
+        if s > _RULED_OUT * share[0]
+    )
+
+
+def _alternatives(every: Sequence[Explanation], leader: Explanation) -> tuple[Explanation, ...]:
+    """The three heaviest that have no axis and lack a name of the leader."""
+    near = leader.log_weight + np.log(_RULED_OUT)
+    different = [e for e in every if not e.axes and not e.names >= leader.names]
+    return tuple([e for e in different if e.log_weight > near][:3])
 
 
 def _with(named: Sequence[Explanation], first: str, of_names: Mapping[str, float]) -> Explanation:

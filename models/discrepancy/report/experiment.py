@@ -50,7 +50,7 @@ def next_experiment(table: StopTable, decision: Decision, beyond: float) -> Expe
         beyond: by which stops end later than that predicts, 0 if no more than by chance [m].
     """
     match decision.verdict:
-        case Verdict.AMBIGUOUS:
+        case Verdict.AMBIGUOUS | Verdict.MISSING_EFFECT if decision.alternatives:
             return between(table, decision.explanation, decision.alternatives)
         case Verdict.MISSING_EFFECT:
             return sharpening(table, decision.explanation, beyond)

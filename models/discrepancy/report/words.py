@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from slopewise.models.discrepancy.findings import Findings, Gap, StopCost, Verdict
+from slopewise.models.discrepancy.findings import (
+    Findings,
+    Gap,
+    LikelyExplanation,
+    StopCost,
+    Verdict,
+)
 from slopewise.models.effects.registry import LAWS
 
 UNSEEN = 0.005  # change of a stop that two decimals do not show [m]
@@ -15,6 +21,12 @@ def sure_words(confidence: float) -> str:
     """Nothing is quite certain."""
     more = "more than " if confidence > _MAX_CONFIDENCE else ""
     return f"{more}{min(confidence, _MAX_CONFIDENCE):.0%}"
+
+
+def _weighed(explanation: LikelyExplanation) -> str:
+    """Names or axes of an explanation, and its weight."""
+    causes = [*explanation.names, *(f"an unknown along {axis}" for axis in explanation.axes)]
+    return f"{' and '.join(causes) or 'none of them'} ({explanation.weight:.0%})"
 
 
 def closed_words(gap: Gap) -> str:
@@ -47,10 +59,11 @@ def answers(f: Findings) -> dict[str, str]:
     nothing = "nothing that this log could show"
     if f.verdict in (Verdict.UNKNOWN, Verdict.TOO_NOISY, Verdict.UNIDENTIFIABLE):
         nothing = "nothing that could be named"
-    alternatives = [name for e in f.effects for name in e.alternatives]
     confidences = ", ".join(sure_words(e.confidence) for e in f.effects)
+    named = {e.name for e in f.effects}
+    alternatives = [e for e in f.explanations if e.axes or {*e.names} != named]
     if alternatives:
-        confidences += f"; or it is {' or '.join(dict.fromkeys(alternatives))}"
+        confidences += f"; or it is {', '.join(map(_weighed, alternatives))}"
     replies = {"what is missing": missing or nothing}
     if f.verdict not in (Verdict.UNKNOWN, Verdict.TOO_NOISY):
         replies["what it costs"] = cost_words(f.cost)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from slopewise.models.discrepancy.findings import Verdict
+from slopewise.models.discrepancy.report.words import answers
 from slopewise.models.discrepancy.settings import DiscrepancySettings
 from slopewise.models.discrepancy.workflow import investigate
 from slopewise.models.errors import ParameterError
@@ -169,15 +170,25 @@ def test_drag_that_costs_a_centimetre_has_no_name() -> None:
     assert findings_of("slow_drag").effects == ()
 
 
-def test_drag_in_slow_stops_is_ambiguous_and_an_experiment_is_proposed() -> None:
-    finer = DiscrepancySettings(false_alarm=0.02, practical_share=0.0, practical_length=0.0)
+@pytest.mark.parametrize(
+    ("false_alarm", "verdict"), [(0.02, Verdict.AMBIGUOUS), (0.08, Verdict.MISSING_EFFECT)]
+)
+def test_a_name_has_its_alternatives_and_an_experiment_is_proposed(
+    false_alarm: float, verdict: Verdict
+) -> None:
+    finer = DiscrepancySettings(false_alarm=false_alarm, practical_share=0.0, practical_length=0.0)
     f = investigate(*log("slow_drag"), BASE, settings=finer)
-    assert f.verdict is Verdict.AMBIGUOUS
-    names = {f.effects[0].name, *f.effects[0].alternatives}
-    assert {"aerodynamic_drag", "viscous_resistance"} <= names
+    assert f.verdict is verdict
+    assert f.effects[0].name == "aerodynamic_drag"
+    assert f.effects[0].alternatives == ("viscous_resistance",)
+    weights = {e.names: e.weight for e in f.explanations}
+    assert weights["aerodynamic_drag",] > weights["viscous_resistance",] > 0.2
+    assert 0.9 < sum(weights.values()) <= 1.0 + 1e-9
+    alternative = f"viscous_resistance ({weights['viscous_resistance',]:.0%})"
+    assert any(alternative in reply for reply in answers(f).values())
+    assert "aerodynamic_drag or viscous_resistance" in f.next_experiment.text
     speeds = [stop.speed for stop in f.next_experiment.stops]
-    columns, _ = log("slow_drag")
-    assert max(speeds) > 0.9 * np.max(columns["v_cmd"])
+    assert max(speeds) > 0.9 * np.max(log("slow_drag")[0]["v_cmd"])
 
 
 @pytest.mark.parametrize("name", ["cross", pytest.param("lag", marks=pytest.mark.nightly)])
