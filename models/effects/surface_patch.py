@@ -90,9 +90,10 @@ EFFECT = EffectLaw(
     law=force_term,
     parameters={
         "delta": Parameter(unit="1", plausible=(-1.5, 1.5), step=0.01),
-        "x": Parameter(unit="m", step=0.5),
-        "y": Parameter(unit="m", step=0.5),
-        "radius": Parameter(unit="m", bounds=POSITIVE, step=0.5),
+        # Found by trying: at an edge only stops that cross it would pull, and empty the circle.
+        "x": Parameter(unit="m", step=0.5, fitted=False),
+        "y": Parameter(unit="m", step=0.5, fitted=False),
+        "radius": Parameter(unit="m", bounds=POSITIVE, step=0.5, fitted=False),
     },
     depends_on=frozenset(("place",)),
     axis="place",

@@ -71,6 +71,7 @@ def test_a_tutorial_does_what_it_says(tutorial: Path, boxes: int | None, tmp_pat
         assert findings["effects"]
         for effect in findings["effects"]:
             assert f"\n  {effect['name']} " in page
+            assert all(number["std"] > 0.0 for number in effect["parameters"].values())
 
 
 def test_there_are_tutorials_whose_commands_stand_in_boxes() -> None:

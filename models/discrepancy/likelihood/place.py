@@ -167,8 +167,13 @@ def _patch(explanation: Explanation, candidate: Candidate) -> tuple[list[dict[st
     gains = _Gains(fit, explanation.at, candidate.name, fit.noise)
     start = [[candidate.inner[name] for name in _NUMBERS]]
     grid = [[at[name] for name in _NUMBERS] for at, _ in circles(fit.trace.table)]
-    tried, gain = _climbed(gains, np.array(start + grid))
-    order = np.argsort(-gain)
+    tried, max_gain = np.array(start + grid), -np.inf
+    while True:  # from the best circles again, until nothing is gained: few are tried near the top
+        tried, gain = _climbed(gains, tried)
+        order = np.argsort(-gain)
+        if gain.max() < max_gain + _CHANGE_95:
+            break
+        tried, max_gain = tried[order[:_POPULATION]], float(gain.max())
     likely = tried[order[gain[order] > gain.max() - _JUMP_95]]
     off = np.abs(likely - likely[0]).max(axis=0)
     extent = {name: float(std) for name, std in zip(_NUMBERS, off / _NORMAL_95, strict=True)}

@@ -1,7 +1,7 @@
 """A hypothesis: a base model with shifted coefficients, a dead time and further effects.
 
 A hypothesis is a vector of free numbers: shifts of m_m, b_m, m_b, b_b, the dead time, then the free
-parameters of each effect. Parameters that no derivative reaches (a run's number) stay
+parameters of each effect. Parameters that no derivative reaches (a run's number, a place) stay
 unchanged in a fit.
 """
 

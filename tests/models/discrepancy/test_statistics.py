@@ -19,7 +19,14 @@ from slopewise.models.discrepancy.model.prediction import predict
 from slopewise.models.discrepancy.workflow import HUNDREDTHS
 from slopewise.models.effects.registry import validate
 from slopewise.models.parameters import Effect
-from tests.world.logs import findings_of, investigated, known_little, table, whitener_of
+from tests.world.logs import (
+    findings_of,
+    investigated,
+    known_little,
+    refit_of,
+    table,
+    whitener_of,
+)
 from tests.world.vehicles import BASE
 
 BASIS = Hypothesis.configured(BASE)
@@ -82,6 +89,15 @@ def test_brakes_never_push(strength: float, scale: float) -> None:
     """A line through the stops may ask for less than no force; there is no such effect."""
     effect = effect_of("step_change", {"delta": 0.0, "run": 3.0}, np.array([strength]))
     assert validate(effect)["scale"] == pytest.approx(scale)
+
+
+def test_a_fit_leaves_a_patch_where_it_is() -> None:
+    """Derivatives by its edge would be those of the few stops that cross it."""
+    place = {"x": 20.5, "y": 19.0, "radius": 11.5}
+    patch = Effect(name="surface_patch", parameters={"delta": -0.02, **place})
+    fitted = refit_of(table("patch"), patch).hypothesis.added[0].parameters
+    assert {name: fitted[name] for name in place} == place
+    assert fitted["delta"] == pytest.approx(-0.1, abs=0.03)
 
 
 def test_an_axis_is_followed_only_where_it_matters() -> None:
