@@ -1,7 +1,8 @@
 """How large an installation is, with and without each extra: measured where all are installed.
 
 The table stands in docs/quickstart.md between two comments. `python docs/site/sizes.py` measures
-and writes it; a distribution's size is that of all files that its installation wrote.
+and writes it; a distribution's size is that of all its files, without what Python compiles of them:
+pip does so immediately, other installers as modules are imported.
 """
 
 from __future__ import annotations
@@ -75,7 +76,8 @@ def size(name: str) -> float:
 
 def _size(package: Distribution) -> float:
     files = [Path(str(file.locate())) for file in package.files or ()]
-    return sum(file.stat().st_size for file in files if file.is_file()) / 1e6
+    counted = [file for file in files if file.suffix != ".pyc" and file.is_file()]
+    return sum(file.stat().st_size for file in counted) / 1e6
 
 
 def table() -> str:
