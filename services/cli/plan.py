@@ -47,9 +47,7 @@ def plan(
     nodata: options.NoDataValue = None,
     out: Annotated[
         Path | None,
-        output(
-            "Write all plans, one row per station; .mcap for Foxglove, .rrd for rerun.", "plan.csv"
-        ),
+        output("Write all plans, one row per station; .mcap for Foxglove.", "plan.csv"),
     ] = None,
     report: options.Report = None,
     as_json: options.AsJson = False,

@@ -1,4 +1,4 @@
-"""Write plans as a table, or as a scene for Foxglove or rerun."""
+"""Write plans as a table, or as a scene for Foxglove."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from slopewise.models.errors import InputError
 from slopewise.services.io.plan_file import TEXT, driven, write_plan_csv
 from slopewise.services.jobs.plan import PlanResult
 
-SCENES = (".mcap", ".rrd")
-"""Endings of scenes; everything else is a CSV table."""
+_SCENE = ".mcap"
+"""Ending of a scene; everything else is a CSV table."""
 
 _NO_CSV = (".xlsx", ".xls", ".ods", ".parquet", ".json", ".npz", ".tif", ".toml", ".html", ".pdf")
 """Endings of other formats, which a reader would not open as a table of text."""
@@ -20,23 +20,17 @@ _NO_CSV = (".xlsx", ".xls", ".ods", ".parquet", ".json", ".npz", ".tif", ".toml"
 
 def check_plan_name(path: Path | None) -> None:
     """Raise InputError for a name with the ending of another format."""
-    if path is not None and path.suffix.lower() in _NO_CSV:
-        expected = f"expected a name that ends in .csv, {' or '.join(SCENES)}, got {path.suffix}"
+    if path is not None and path.suffix.lower() in (*_NO_CSV, ".rrd"):  # of rerun
+        expected = f"expected a name that ends in .csv or {_SCENE}, got {path.suffix}"
         raise InputError(str(path), "", expected)
 
 
 def write_plans(result: PlanResult, path: Path) -> None:
     """Write all plans, best first, in the format of the file's ending."""
-    suffix = path.suffix.lower()
-    scene = (path, result.elevation_map, result.plans, result.model.vehicle)
-    if suffix == ".mcap":
+    if path.suffix.lower() == _SCENE:
         from slopewise.services.scene.foxglove_file import write_mcap
 
-        write_mcap(*scene)
-    elif suffix == ".rrd":
-        from slopewise.services.scene.rerun_file import write_rrd
-
-        write_rrd(*scene)
+        write_mcap(path, result.elevation_map, result.plans, result.model.vehicle)
     else:
         parts = [driven(plan) for plan in result.plans]
         columns: dict[str, Any] = {

@@ -1,1 +1,1 @@
-"""Plans in three dimensions, as files for the viewers of robotics: MCAP for Foxglove, rerun."""
+"""Plans in three dimensions, as MCAP for Foxglove."""

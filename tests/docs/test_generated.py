@@ -87,7 +87,6 @@ IMPORTED_AS = {
     "eclipse-zenoh": "zenoh",
     "pillow": "PIL",
     "foxglove-sdk": "foxglove",
-    "rerun-sdk": "rerun",
     "dask": "distributed",
     "mkdocs-material": "",
     "commonroad-vehicle-models": "vehiclemodels",

@@ -33,7 +33,7 @@ SECTIONS = sorted(
     }
 )
 NEEDS = {
-    "viz": ("foxglove", "rerun"),
+    "viz": ("foxglove",),
     "fleet": ("distributed", "pyarrow"),
     "ros": ("rosbags",),
     "service": ("waitress",),

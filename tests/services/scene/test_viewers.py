@@ -1,10 +1,8 @@
-"""Plans for viewers: MCAP read by mcap and protobuf alone, rerun's file by rerun's own tool."""
+"""Plans for viewers: MCAP read by mcap and protobuf alone."""
 
 from __future__ import annotations
 
 import json
-import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -128,26 +126,3 @@ def test_mcap_holds_what_was_planned(planned: Any, tmp_path: Path) -> None:
     (triangles,) = map_scene.entities[0].triangles
     assert len(triangles.points) == np.isfinite(ground.elevation).sum()
     assert max(triangles.indices) == len(triangles.points) - 1
-
-
-def test_rerun_reads_its_file(planned: Any, tmp_path: Path) -> None:
-    pytest.importorskip("rerun", reason="the viz extra is not installed")
-    from slopewise.services.scene.rerun_file import write_rrd
-
-    ground, plans, model = planned
-    file = tmp_path / "plan.rrd"
-    write_rrd(file, ground, plans, model.vehicle)
-    tool = shutil.which("rerun")
-    if tool is None:
-        pytest.skip("the command rerun is not on the path")
-    for arguments in (["verify"], ["stats"]):
-        done = subprocess.run(
-            [tool, "rrd", *arguments, str(file)],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=True,
-        )
-    for entity in ("/map/ground", "/map/candidates/1", "/map/vehicle", "/plan/speed_m_s"):
-        assert f"{entity}: " in done.stdout
