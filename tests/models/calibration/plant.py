@@ -15,7 +15,7 @@ from slopewise.models.parameters import Braking
 from slopewise.models.stop_promise import promised_braking
 
 G = 9.80665
-STEP = 0.002  # [s]
+STEP = 0.005  # [s]
 
 
 @dataclass(frozen=True)
