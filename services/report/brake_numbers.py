@@ -34,10 +34,6 @@ _HEADINGS = 16
 """Headings at which wind and directional effects are evaluated [1]: every 22.5°."""
 _MAX_GRADE, _GRADE_STEP = np.deg2rad(45.0), np.deg2rad(0.05)
 """Steepest slope that is searched, and resolution of the result [rad]."""
-_DISTANCE_TOLERANCE = 1e-3
-"""Differences of integrated distances below it are ignored: 1 mm [m]."""
-_HALVINGS = 12
-"""Bisections of the trained grades: to 1/4096 of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,30 +141,10 @@ class BrakeNumbers:
         deceleration = max(self.level_deceleration(speed), 1e-9)
         return float(rss.rule_distance(speed, 0.0, 0.0, deceleration))
 
-    def rule_distance(self, speed: float, acceleration: float = 0.0) -> float:
-        """Rule of responsibility-sensitive safety [m], accelerating in the dead time [m/s²]."""
+    def rule_distance(self, speed: float) -> float:
+        """Rule of responsibility-sensitive safety [m], at a constant speed in the dead time."""
         deceleration = max(self.level_deceleration(speed), 1e-9)
-        return float(rss.rule_distance(speed, self.dead_time, acceleration, deceleration))
-
-    def rule_is_short_below(self, speed: float, acceleration: float = 0.0) -> float | None:
-        """Grade below which :meth:`rule_distance` is less than the allowed distance without offset.
-
-        In radians; None where that holds on no trained grade.
-        """
-        rule = self.rule_distance(speed, acceleration)
-        low, high = self.tables[0].grade_range[0], 0.0
-
-        def is_short(grade: float) -> bool:
-            return rule < self.allowed_distance(speed, grade) - self.offset - _DISTANCE_TOLERANCE
-
-        if not is_short(low):
-            return None
-        if is_short(high):  # speed error, drag or lag: on level ground already
-            return high
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if is_short(middle) else (low, middle)
-        return low
+        return float(rss.rule_distance(speed, self.dead_time, 0.0, deceleration))
 
     def holds(self, sign: float) -> SteepestSlope:
         """Steepest slope, uphill (+1) or downhill (−1), on which brakes and friction hold."""

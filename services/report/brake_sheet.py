@@ -25,7 +25,6 @@ from slopewise.services.report.brake_numbers import BrakeNumbers, SteepestSlope
 from slopewise.services.report.figures import (
     COLOURS,
     FAINT,
-    INK,
     SECOND,
     SHORT,
     figure_style,
@@ -42,8 +41,6 @@ _LEFT, _RIGHT, _MIDDLE, _LINE = 0.07, 0.93, 0.51, 0.0152
 _SOFT = "#4d5358"
 _MAX_SURFACES, _NAME_LENGTH = 2, 14
 """Other surfaces on the sheet, and letters of their names."""
-_LEVEL = np.deg2rad(0.1)
-"""Grade above which a descent is called level [rad]."""
 
 
 def check_name(path: Path) -> None:
@@ -128,7 +125,6 @@ def sheet_json(numbers: BrakeNumbers) -> dict[str, Any]:
         "allowed_distance": _finite(table.allowed),
         "plain_distance": table.plain.tolist(),
         "rule_distance": table.rule.tolist(),
-        "rule_short_below_grade": numbers.rule_is_short_below(top),
     }
 
 
@@ -214,26 +210,6 @@ def slope_rows(numbers: BrakeNumbers) -> dict[str, str]:
     }
 
 
-def rule_notes(numbers: BrakeNumbers) -> str:
-    """Lines below the table of rules: what is compared."""
-    top, accel = float(numbers.sheet_table.speeds[-1]), numbers.model.limits.accel
-
-    def below(grade: float | None) -> str:
-        if grade is None:
-            return "on no trained grade"
-        return "on every descent" if grade > -_LEVEL else f"below {_degrees(grade)}"
-
-    return (
-        "All with the level deceleration and the dead time at\n"
-        "the quantile, none with the offset. RSS: v ρ + v²/2b.\n"
-        f"It is too short {below(numbers.rule_is_short_below(top))};\n"
-        f"with its acceleration of {accel:g} m/s² through ρ,\n"
-        f"{below(numbers.rule_is_short_below(top, accel))}. v²/2a omits ρ as well.\n"
-        "On level ground RSS and the model are the same, except\n"
-        "for speed errors and effects that act on the motion."
-    )
-
-
 def _degrees(grade: float) -> str:
     return f"{np.rad2deg(grade):.1f}°".replace("-", "−")
 
@@ -265,8 +241,7 @@ def _draw(
     warning = unsafe_rule_warning(numbers)
     figure.text(_LEFT, y - 0.009, warning, fontsize=7.8, va="top", color=SHORT)
     low = 0.225
-    _draw_chart(figure.add_axes((0.115, low, 0.425, y - 0.035 - low)), numbers)
-    _draw_rules(figure, y - 0.045, numbers)
+    _draw_chart(figure.add_axes((0.115, low, _RIGHT - 0.115, y - 0.035 - low)), numbers)
     figure.text(_LEFT, 0.175, "Traceability", fontsize=10.5, weight="bold")
     figure.text(_LEFT, 0.167, trace, fontsize=6.1, va="top", family="monospace", linespacing=1.35)
 
@@ -325,26 +300,4 @@ def _draw_chart(axes: Any, numbers: BrakeNumbers) -> None:
         axes.axhline(rule, color=colour, lw=0.9, ls="--")
         axes.fill_between(x, rule, needed, where=needed > rule, color=SECOND, alpha=0.18, lw=0)
     axes.set(xlabel="grade, ° (uphill positive)", ylabel="stop at the quantile, m", ylim=(0, None))
-    axes.legend(fontsize=7.5, title="dashed: RSS", title_fontsize=7.5)
-
-
-def _draw_rules(figure: Any, y: float, numbers: BrakeNumbers) -> None:
-    """The steepest descent, speed by speed, and by how much RSS is too short there."""
-    table, x = numbers.sheet_table, 0.585
-    columns = (x, *np.linspace(x + 0.115, _RIGHT, 4))
-    figure.text(x, y, f"On {_degrees(float(table.grades[0]))}, m", fontsize=8, weight="bold")
-    y -= 1.1 * _LINE
-    for at, name in zip(columns, ("v, m/s", "model", "RSS", "lacks", "v²/2a"), strict=True):
-        figure.text(at, y, name, fontsize=8, ha="left" if at == x else "right", color=_SOFT)
-    for speed, allowed, rule, plain in zip(
-        table.speeds, table.allowed[:, 0], table.rule, table.plain, strict=True
-    ):
-        y -= _LINE
-        needed = float(allowed) - numbers.offset
-        figure.text(x, y, f"{speed:.2f}", fontsize=8)
-        for at, value in zip(columns[1:], (needed, rule, needed - rule, plain), strict=True):
-            is_short = at == columns[3] and value > 5e-3
-            colour = SHORT if is_short else INK
-            figure.text(at, y, _metres(value), fontsize=8, ha="right", color=colour)
-    notes = rule_notes(numbers)
-    figure.text(x, y - 1.3 * _LINE, notes, fontsize=7.2, va="top", color=_SOFT, linespacing=1.4)
+    axes.legend(fontsize=7.5, title="without offset; dashed: RSS, v ρ + v²/2b", title_fontsize=7.5)

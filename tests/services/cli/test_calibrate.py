@@ -99,7 +99,6 @@ def test_the_brake_sheet_is_one_page_with_digests(world: Path, clean: job.Calibr
     assert (np.diff(allowed, axis=1) < 0.0).all()
     at_rest = sheet_json["brake_ratio"]["at_rest"]
     assert at_rest["least"] < at_rest["mean"]
-    assert sheet_json["rule_short_below_grade"] == pytest.approx(0.0, abs=2e-3)
     lines = "\n".join(calibration_digests(LogInput(logs), "atv", read_model(out), out))
     for path in (logs[0], out, find_model("atv")):
         assert f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}" in lines
