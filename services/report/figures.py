@@ -56,8 +56,11 @@ def draw_figures(**drawings: Drawing) -> dict[str, str]:
 
 
 def svg_uri(figure: Any) -> str:
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    # `savefig` draws a figure with a layout twice; the layout is applied in either draw.
+    FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None})
     return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
