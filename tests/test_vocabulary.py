@@ -7,7 +7,6 @@ come have a ceiling, which may only fall.
 
 from __future__ import annotations
 
-import ast
 import io
 import re
 import tokenize
@@ -17,7 +16,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.world.sources import FOLDERS, ROOT, sources
+
 LISTS: dict[str, dict[str, str]] = tomllib.loads((ROOT / "tests" / "vocabulary.toml").read_text())
 AVOIDED = {
     scope: [(re.compile(pattern, re.IGNORECASE), instead) for pattern, instead in table.items()]
@@ -33,8 +33,6 @@ CEILINGS: dict[str, int] = {
     "planner": 10,
 }
 """Matches in folders that are not at zero yet."""
-FOLDERS = ("models", "planner", "services", "slopewise", "benchmarks", "tests", "docs", "examples")
-DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 def split_name(name: str) -> str:
@@ -43,30 +41,13 @@ def split_name(name: str) -> str:
     return re.sub(r"[\s_-]+", " ", spaced).strip().lower()
 
 
-def defined_name(node: ast.AST) -> str | None:
-    if isinstance(node, ast.arg):
-        return node.arg
-    if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-        return node.name
-    if isinstance(getattr(node, "ctx", None), ast.Store):
-        return getattr(node, "id", None) or getattr(node, "attr", None)
-    return None
-
-
 def python_items(file: Path, source: str) -> Iterator[tuple[str, int, int, str]]:
     """Yield scope, first line, last line and text of all names and prose."""
+    surveyed = sources()[file.relative_to(ROOT).as_posix()]
     names = {split_name(file.stem): 1}
-    for node in ast.walk(ast.parse(source)):
-        if name := defined_name(node):
-            names.setdefault(split_name(name), getattr(node, "lineno", 1))
-        if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False):
-            first = node.body[0]
-            text = first.value.value.strip().split("\n")[0]  # type: ignore[attr-defined]
-            yield "first_line", first.lineno, first.end_lineno or first.lineno, text
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
-            end = node.end_lineno or node.lineno
-            for i, line in enumerate(node.value.split("\n")):
-                yield "prose", min(node.lineno + i, end), end, line
+    for name, line in surveyed.names.items():
+        names.setdefault(split_name(name), line)
+    yield from surveyed.texts
     # Tokens take longest: only where what follows a # in some line would match.
     if any(ANY["prose"].search(line) for line in re.findall("#.*", source)):
         for token in tokenize.generate_tokens(io.StringIO(source).readline):

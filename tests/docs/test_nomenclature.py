@@ -7,15 +7,14 @@ import dataclasses
 import re
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 
 import pytest
 
 from slopewise.models.effects.registry import LAWS
 from slopewise.models.parameters import Braking, Limits, Terrain
 from slopewise.models.vehicle import Vehicle
+from tests.world.sources import ROOT, sources
 
-ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "nomenclature.md").read_text()
 RETIRED = "Words that are retired"
 SPELLED = "alpha beta delta d epsilon theta kappa mu sigma tau phi psi omega 0 _sq"
@@ -58,10 +57,9 @@ def retired() -> dict[str, tuple[str, set[str]]]:
     }
 
 
-@cache
-def trees(*folders: str) -> list[tuple[str, ast.Module]]:
-    files = [file for folder in folders for file in sorted((ROOT / folder).rglob("*.py"))]
-    return [(str(file.relative_to(ROOT)), ast.parse(file.read_text())) for file in files]
+def trees(*folders: str) -> Iterator[tuple[str, ast.Module]]:
+    for file in (file for folder in folders for file in sorted((ROOT / folder).rglob("*.py"))):
+        yield str(file.relative_to(ROOT)), ast.parse(file.read_text())
 
 
 def compiled(function: ast.FunctionDef) -> bool:
@@ -87,16 +85,13 @@ def public_parameters() -> Iterator[tuple[str, str]]:
 @cache
 def defined() -> frozenset[tuple[str, str]]:
     """Every name that product code gives to something, and where."""
-    names = set()
-    for file, tree in trees("slopewise", "models", "planner", "services"):
-        for node in ast.walk(tree):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-                names.add((file, node.name))
-            elif isinstance(node, ast.arg):
-                names.add((file, node.arg))
-            elif isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Store):
-                names.add((file, node.id if isinstance(node, ast.Name) else node.attr))
-    return frozenset(names)
+    folders = ("slopewise/", "models/", "planner/", "services/")
+    return frozenset(
+        (file, name)
+        for file, source in sources().items()
+        if file.startswith(folders)
+        for name in source.names
+    )
 
 
 @cache

@@ -195,31 +195,6 @@ def test_a_missing_name_of_an_effect_is_what_is_reported(tmp_path: Path) -> None
         read_model(file)
 
 
-def test_a_map_without_coordinate_system_says_what_it_is_taken_for(tmp_path: Path) -> None:
-    import rasterio
-    from rasterio.transform import from_origin
-
-    from slopewise.services.io.map_file import read_map
-
-    for crs, message in ((None, "taken to be in metres"), ("EPSG:32632", "")):
-        file = tmp_path / "g.tif"
-        with rasterio.open(
-            file,
-            "w",
-            driver="GTiff",
-            width=9,
-            height=9,
-            count=1,
-            dtype="float64",
-            crs=crs,
-            transform=from_origin(0.0, 9.0, 1.0, 1.0),
-        ) as raster:
-            raster.write(np.zeros((9, 9)), 1)
-        assumed = read_map(file).assumed
-        assert message in " ".join(assumed)
-        assert bool(assumed) is (crs is None)
-
-
 @pytest.mark.parametrize("name", ["plan.xlsx", "plan.parquet", "PLAN.XLS"])
 def test_a_table_under_a_name_of_another_kind_is_refused(tmp_path: Path, name: str) -> None:
     np.savez(

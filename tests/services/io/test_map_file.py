@@ -70,9 +70,6 @@ def same(a: ElevationMap, b: ElevationMap) -> bool:
     )
 
 
-# GeoTIFF: where the cells lie
-
-
 @pytest.mark.parametrize("name", ["giswqs_dem.tif", "TM1_564_146.tif"])
 def test_every_sampled_point_has_the_height_of_rasterio(name: str) -> None:
     path = real_data(f"dem/{name}")
@@ -174,9 +171,6 @@ def test_around_off_the_map(tmp_path: Path) -> None:
             read_map(path, around=around)
 
 
-# GeoTIFF: which cells are known
-
-
 def test_nodata_nan_and_inf_are_unknown(tmp_path: Path) -> None:
     heights = HEIGHTS.copy()
     heights[0, :5] = (-9999.0, np.nan, np.inf, -np.inf, -3.4e38)
@@ -218,9 +212,6 @@ def test_an_empty_map(tmp_path: Path) -> None:
 def test_the_first_of_many_bands_is_the_elevation(tmp_path: Path) -> None:
     path = geotiff(tmp_path / "m.tif", np.stack((HEIGHTS, 0 * HEIGHTS)))
     np.testing.assert_array_equal(read_map(path).elevation, HEIGHTS[::-1])
-
-
-# GeoTIFF: what is refused
 
 
 @pytest.mark.parametrize(
@@ -286,7 +277,10 @@ def test_bands_by_their_descriptions(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("crs", [UTM, "EPSG:26915+5703", 'LOCAL_CS["site",UNIT["metre",1]]', None])
 def test_coordinates_in_metres(tmp_path: Path, crs: str | None) -> None:
-    assert map_info(geotiff(tmp_path / "m.tif", crs=crs)).resolution == 0.5
+    path = geotiff(tmp_path / "m.tif", crs=crs)
+    assert map_info(path).resolution == 0.5
+    assumed = " ".join(read_map(path).assumed)
+    assert "taken to be in metres" in assumed if crs is None else assumed == ""
 
 
 def test_degrees_without_a_coordinate_system(tmp_path: Path) -> None:

@@ -1,5 +1,3 @@
-""""""
-
 from __future__ import annotations
 
 import json
@@ -35,9 +33,6 @@ def same(a: CandidatePath, b: CandidatePath) -> bool:
 
     pairs = ((a.points, b.points), (a.speed_limit, b.speed_limit), (a.yaw, b.yaw))
     return a.name == b.name and all(equal(*pair) for pair in pairs)
-
-
-# CSV
 
 
 def test_one_candidate_is_called_as_the_file(tmp_path: Path) -> None:
@@ -99,28 +94,22 @@ def test_what_is_written_is_read_again(tmp_path_factory: Any, paths: list[Candid
     assert all(same(a, b) for a, b in zip(read, paths, strict=True))
 
 
-# GeoJSON
-
-
 def feature(geometry: Any = None, **more: Any) -> dict[str, Any]:
     geometry = {"type": "LineString", "coordinates": LINE} if geometry is None else geometry
     return {"type": "Feature", "geometry": geometry, "properties": None} | more
 
 
-def collection(*features: Any, **more: Any) -> dict[str, Any]:
-    return {"type": "FeatureCollection", "features": list(features)} | more
-
-
 def test_geojson_names_and_limits(tmp_path: Path) -> None:
     three_dimensional = {"type": "LineString", "coordinates": [[*p, 7.0] for p in LINE]}
     parts = {"type": "MultiLineString", "coordinates": [LINE, LINE[::-1]]}
-    data = collection(
+    features = [
         feature(properties={"candidate": "a", "name": "b", "speed_limit": 2}),
         feature(properties={"name": "c"}),
         feature(three_dimensional, id=17),
         feature(),
         feature(parts, properties={"name": "d"}),
-    )
+    ]
+    data = {"type": "FeatureCollection", "features": features}
     paths = read_paths(written(tmp_path / "p.geojson", data))
     assert [path.name for path in paths] == ["a", "c", "17", "3", "d-1", "d-2"]
     assert paths[0].speed_limit.tolist() == [2.0] * 3
@@ -135,11 +124,6 @@ def test_a_geojson_feature_or_geometry_alone(tmp_path: Path) -> None:
         assert path.name == "0"
         assert path.points.tolist() == LINE
 
-
-CRS84 = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
-
-
-# On the map
 
 EXTENT = (429_252.8, 429_651.8, 5_150_485.9, 5_150_884.9)
 
