@@ -89,7 +89,7 @@ def with_block(at: tuple[float, float], half: float) -> ElevationMap:
     return replace(flat, elevation=np.where(inside, 1.0, 0.0))
 
 
-@pytest.mark.parametrize("draws", [50, pytest.param(300, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("draws", [25, pytest.param(300, marks=pytest.mark.nightly)])
 def test_until_it_is_on_its_line_a_vehicle_strikes_nothing(draws: int) -> None:
     """Blocks that only a vehicle off the line strikes are seen; those far off are not."""
     rng, hidden, false, free = np.random.default_rng(8), 0, 0, 0

@@ -93,7 +93,7 @@ def driven(drive: Drive, cycles: int) -> int:
     return moved
 
 
-@by_day_and_night(9, 250)
+@by_day_and_night(5, 250)
 @given(drives(), st.sampled_from([0.0, 0.08]))
 def test_what_is_safe_stays_safe_without_a_jump(drive: Drive, noise: float) -> None:
     """Tracked exactly, or with noise."""
