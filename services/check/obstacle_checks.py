@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+from numpy.lib.stride_tricks import sliding_window_view
 
 from slopewise.models.arrays import Floats, Ints
 from slopewise.models.elevation_map import ElevationMap
@@ -209,20 +209,20 @@ def _largest_climb(at_rest: Floats, window: float, vehicle: Vehicle) -> Floats:
     Its centre climbs a step over √(R² − (R − h)²). What is unknown is as high as what is next to
     it: only what is known makes it climb.
     """
-    length, places = _climb_parts(window, vehicle), np.arange(len(at_rest))
-    known = np.isfinite(at_rest)
-    if not known.any():
+    length, known = _climb_parts(window, vehicle), np.flatnonzero(np.isfinite(at_rest))
+    if len(known) == 0:
         return np.full(len(at_rest), np.inf)
-    held = np.interp(np.arange(len(at_rest) + length), places[known], at_rest[known])
-    rise = held[length:] - held[:-length]
+    filled = np.interp(np.arange(len(at_rest) + length), known, at_rest[known])
+    rise = filled[length:] - filled[:-length]
     padded = np.pad(rise, length)
     # A slope on both sides continues below the step, be it with it or against it.
     slopes = np.sign(rise) * np.array([padded[: len(rise)], padded[2 * length :]])
     with_it, against_it = np.maximum(slopes.max(axis=0), 0.0), np.maximum(-slopes.min(axis=0), 0.0)
     change = np.maximum(np.abs(rise) - with_it + against_it, 0.0)
-    # Windows that hold a place begin up to their length and that of a step before it.
-    largest = maximum_filter1d(change, 2 * length + 1, mode="nearest")
-    return np.asarray(largest)
+    # Stretches that hold all of a step begin before it by no more than they are longer.
+    more = length - _PARTS
+    largest: Floats = sliding_window_view(np.pad(change, (more, 0), mode="edge"), more + 1).max(-1)
+    return largest
 
 
 def _climb_parts(window: float, vehicle: Vehicle) -> int:

@@ -20,16 +20,22 @@ def refused(
     heights: Callable[[Floats], Floats],
     turn: float,
     crossing: float = 0.0,
+    cliff: float = np.inf,
 ) -> bool:
     """The checker refuses a slow plan over heights by the distance from their middle [m].
 
-    ``crossing`` is the angle of the path to the direction in which the heights change [rad].
+    ``crossing`` is the angle of the path to the direction in which the heights change [rad];
+    ``cliff`` the distance of a drop of 1 m to the right of the path [m].
     """
     along = np.arange(0.0, 14.0, cell)
     east, north = np.meshgrid(along, along)
     ahead = (east - 7.0) * math.cos(turn) + (north - 7.0) * math.sin(turn)
+    right = (east - 7.0) * math.sin(turn + crossing) - (north - 7.0) * math.cos(turn + crossing)
     ground = slopewise.ElevationMap(
-        elevation=heights(ahead), resolution=cell, origin=(0.0, 0.0), height_std=0.0
+        elevation=heights(ahead) - (right > cliff),
+        resolution=cell,
+        origin=(0.0, 0.0),
+        height_std=0.0,
     )
     s = np.linspace(-4.0, 4.0, 81)
     plan = slopewise.GivenPlan(
@@ -74,6 +80,14 @@ def test_gaps_and_edges_oblique_to_the_path(vehicle: str, cell: float) -> None:
         assert not refused(vehicle, cell, gap, 0.0, crossing), crossing
         assert refused(vehicle, cell, edge, 0.0, crossing), crossing
     assert refused(vehicle, cell, edge, 0.0, 1.3)
+
+
+def test_a_cliff_next_to_the_path_is_no_edge_of_a_gap_that_is_bridged() -> None:
+    def gap(ahead: Floats) -> Floats:
+        return np.where(np.abs(ahead) < 0.06, -0.25, 0.0)
+
+    assert not refused("atv", 0.05, gap, 0.0, 0.9, 1.35)
+    assert refused("atv", 0.05, gap, 0.0, 0.9, 0.5)
 
 
 def test_a_gap_before_unknown_ground_is_bridged_and_an_edge_is_not() -> None:
